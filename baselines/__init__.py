@@ -1,0 +1,1 @@
+"""Methods that reconstruct a scene from its views, behind one contract."""

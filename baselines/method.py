@@ -1,0 +1,104 @@
+"""The contract every method meets, and how a method is found by name."""
+
+import importlib
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any, ClassVar, Literal, Self
+
+from hydroviews.cameras import Camera
+from hydroviews.errors import InputError
+from hydroviews.images import Image
+from hydroviews.scenes import Scene
+
+ENTRY_POINTS = "hydroviews.methods"
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """What a trained model is and cost; None where a number could not be had."""
+
+    train_seconds: float  # training alone, summed over resumed sessions
+    n_primitives: int | None  # Gaussians, for methods that have them
+    model_mb: float | None  # the saved model, in 10^6 bytes
+    device: str  # "cpu" or the GPU's name
+
+
+class Method(ABC):
+    """Learns a scene from its training views, then renders any camera.
+
+    A method is made with `Method(method.configuration(profile), seed)`, taught with `fit`, saved and loaded.
+    The same configuration, seed and scene give the same model.
+    """
+
+    trains_on: ClassVar[Literal["rainy", "clean"]] = "rainy"  # which photographs it is shown
+
+    def __init__(self, config: Any, seed: int) -> None:
+        self.config = config
+        self.seed = seed
+
+    @classmethod
+    @abstractmethod
+    def configuration(cls, profile: str) -> Any:
+        """The dataclass of settings for profile demo, quick or paper; it is printed into `config.json`."""
+
+    @abstractmethod
+    def fit(self, scene: Scene, folder: Path) -> None:
+        """Learn from `scene.train_views` alone, showing progress.
+
+        Checkpoints go to `folder`; if it holds one of this configuration and seed, training goes on from it
+        and ends as if it had never been interrupted.
+
+        Raises:
+            InputError: a view that cannot be read, or a checkpoint of another configuration or scene.
+        """
+
+    @abstractmethod
+    def render(self, camera: Camera) -> Image:
+        """The learned scene without rain: float32 [H, W, 3], sRGB-encoded, [0, 1]."""
+
+    @abstractmethod
+    def save(self, folder: Path) -> None:
+        """Write all that `load` needs."""
+
+    @classmethod
+    @abstractmethod
+    def load(cls, config: Any, seed: int, folder: Path) -> Self:
+        """The model `save` wrote to `folder`; it renders the same pixels.
+
+        Raises:
+            InputError: no model there.
+        """
+
+    @abstractmethod
+    def statistics(self) -> Statistics:
+        """Time and size of the trained model."""
+
+
+def known_methods() -> list[str]:
+    """Names of the registered methods, sorted."""
+    return sorted(point.name for point in entry_points(group=ENTRY_POINTS))
+
+
+def find_method(name: str) -> type[Method]:
+    """The method class of a registered name, or of `package.module:Class`.
+
+    Raises:
+        InputError: no such method.
+    """
+    registered = {point.name: point.value for point in entry_points(group=ENTRY_POINTS)}
+    target = registered.get(name, name)
+    module_name, _, class_name = target.partition(":")
+    if not class_name:
+        raise InputError(
+            f"METHOD={name}: no such method",
+            expected=f"one of {', '.join(sorted(registered))}, or package.module:Class for your own",
+        )
+    try:
+        found = getattr(importlib.import_module(module_name), class_name)
+    except (ImportError, AttributeError) as error:
+        raise InputError(f"METHOD={name}: cannot import {target}", found=error) from error
+    if not (isinstance(found, type) and issubclass(found, Method)):
+        raise InputError(f"METHOD={name}: {target} is not a method", expected="a subclass of baselines.method.Method")
+    return found

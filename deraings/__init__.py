@@ -1,0 +1,1 @@
+"""DeRainGS, the method the benchmark is named after. Nothing is registered here yet."""

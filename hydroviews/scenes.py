@@ -1,0 +1,148 @@
+"""A scene is what every method gets: named views with cameras and images, points, and a split."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydroviews.cameras import Camera, fitted_size
+from hydroviews.errors import InputError
+from hydroviews.images import Image, read_image, resize_area
+
+TEST_EVERY = 8
+
+
+@dataclass(frozen=True)
+class View:
+    """A photograph and its camera. `name` is the file name without folder and suffix, unique in its scene."""
+
+    name: str
+    camera: Camera
+    path: Path
+
+    def image(self) -> Image:
+        """Read the picture: float32 [H, W, 3], sRGB-encoded, [0, 1], at the camera's size.
+
+        Raises:
+            InputError: missing, unreadable, or of another shape than the camera says.
+        """
+        image = read_image(self.path)
+        height, width = image.shape[:2]
+        if (width, height) == (self.camera.width, self.camera.height):
+            return image
+        # A capture may be read at a smaller size than its files have: same shape, fewer pixels.
+        if fitted_size(width, height, max(self.camera.width, self.camera.height)) == (
+            self.camera.width,
+            self.camera.height,
+        ):
+            return resize_area(image, self.camera.width, self.camera.height)
+        raise InputError(
+            f"{self.path}: image and camera differ in size",
+            found=f"{width}x{height} pixels",
+            expected=f"{self.camera.width}x{self.camera.height}, or a larger image of the same shape",
+            fix="use the images that the cameras were estimated from",
+        )
+
+
+@dataclass(frozen=True)
+class Points:
+    """Sparse scene points: positions [N, 3] in world units, colours [N, 3] uint8."""
+
+    positions: NDArray[np.float64]
+    colours: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+
+def no_points() -> Points:
+    """An empty cloud."""
+    return Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
+
+
+@dataclass(frozen=True)
+class Split:
+    """Names of the training and the held-out views."""
+
+    train: tuple[str, ...]
+    test: tuple[str, ...]
+
+
+def every_eighth(names: Sequence[str]) -> Split:
+    """Every 8th view by name, starting with the first, is held out (the split of Mip-NeRF 360)."""
+    ordered = sorted(names)
+    test = tuple(ordered[::TEST_EVERY])
+    return Split(tuple(n for n in ordered if n not in set(test)), test)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Views in order of their names, points, a split, and what a reader should know about the capture."""
+
+    name: str
+    views: tuple[View, ...]
+    points: Points
+    split: Split
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def train_views(self) -> tuple[View, ...]:
+        """The views a method may learn from."""
+        return self._select(self.split.train)
+
+    @property
+    def test_views(self) -> tuple[View, ...]:
+        """The held-out views."""
+        return self._select(self.split.test)
+
+    def _select(self, names: Sequence[str]) -> tuple[View, ...]:
+        by_name = {view.name: view for view in self.views}
+        return tuple(by_name[name] for name in names)
+
+    def resized(self, long_side: int | None) -> "Scene":
+        """The scene with cameras fitted to `long_side` pixels; images are area-averaged when they are read."""
+        views = tuple(replace(v, camera=v.camera.resized(*_fitted(v.camera, long_side))) for v in self.views)
+        return replace(self, views=views)
+
+
+def _fitted(camera: Camera, long_side: int | None) -> tuple[int, int]:
+    return fitted_size(camera.width, camera.height, long_side)
+
+
+def make_scene(
+    name: str,
+    views: Sequence[View],
+    points: Points,
+    split: Split | None = None,
+    notes: Sequence[str] = (),
+) -> Scene:
+    """A checked scene: views sorted by name, the split drawn if none is given.
+
+    Raises:
+        InputError: no views, two of one name, fewer than two to train on, or a split naming absent views.
+    """
+    ordered = tuple(sorted(views, key=lambda view: view.name))
+    names = [view.name for view in ordered]
+    if not names:
+        raise InputError(f"{name}: no view with a camera", expected="at least three registered images")
+    twice = sorted({n for n in names if names.count(n) > 1}) if len(set(names)) < len(names) else []
+    if twice:
+        raise InputError(f"{name}: several images share a name", found=", ".join(twice[:5]), fix="rename them")
+    split = split or every_eighth(names)
+    absent = sorted(set(split.train + split.test) - set(names))
+    if absent:
+        raise InputError(
+            f"{name}: the split names views that are not there",
+            found=", ".join(absent[:5]),
+            fix="correct split.json, or remove it to have it drawn again",
+        )
+    if len(split.train) < 2 or not split.test:
+        raise InputError(
+            f"{name}: too few views",
+            found=f"{len(split.train)} to train on, {len(split.test)} held out",
+            expected="at least two to train on and one held out (every 8th by name), so at least three images",
+            fix="add photographs, or estimate the poses again so that more of them register",
+        )
+    return Scene(name, ordered, points, split, tuple(notes))
