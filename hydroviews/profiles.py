@@ -1,0 +1,36 @@
+"""Three sizes of the same benchmark: as data, so that a record can say which one it belongs to."""
+
+from dataclasses import dataclass
+
+from hydroviews.errors import InputError
+
+
+@dataclass(frozen=True)
+class Profile:
+    """How large scenes are built and how many patterns of each effect."""
+
+    name: str
+    long_side: int  # pixels; a capture is never enlarged
+    patterns: int  # of each effect
+    embedded_views: int  # of an embedded Blender scene, 4:3 at `long_side`
+
+
+PROFILES = {
+    profile.name: profile
+    for profile in (
+        Profile("demo", long_side=320, patterns=1, embedded_views=40),  # minutes on two cores
+        Profile("quick", long_side=400, patterns=3, embedded_views=100),  # what a laptop can sweep
+        Profile("paper", long_side=1600, patterns=3, embedded_views=200),  # for a GPU
+    )
+}
+
+
+def find_profile(name: str) -> Profile:
+    """The profile of that name.
+
+    Raises:
+        InputError: there is none.
+    """
+    if name not in PROFILES:
+        raise InputError(f"PROFILE={name}: no such profile", expected=f"one of {', '.join(PROFILES)}")
+    return PROFILES[name]
