@@ -105,7 +105,7 @@ class _ArrayUnpickler(pickle.Unpickler):
     def find_class(self, module: str, name: str) -> Any:
         if (module, name) in {("numpy", "ndarray"), ("numpy", "dtype")}:
             return getattr(np, name)
-        if (module, name) == ("numpy.core.multiarray", "_reconstruct"):
-            # Its home moved in numpy 2; __reduce__ names it in both.
+        if name == "_reconstruct" and module in ("numpy.core.multiarray", "numpy._core.multiarray"):
+            # Its home moved in numpy 2: taken from where this version has it.
             return np.zeros(0).__reduce__()[0]
         raise pickle.UnpicklingError(f"{module}.{name} is not a numpy array")

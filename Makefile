@@ -1,0 +1,48 @@
+# Two commands do everything: `make eval METHOD=3dgs` and `make test`.
+PYTHON  ?= python3.11
+VENV    ?= .venv
+METHOD  ?= 3dgs
+SCENE   ?= courtyard
+PROFILE ?= demo
+SEED    ?= 0
+PATTERNS ?=
+DATA    ?= data
+RESULTS ?= results
+EXTRAS  ?= blender,dev
+
+BIN      := $(VENV)/bin
+READY    := $(VENV)/.ready
+comma    := ,
+names    := $(subst $(comma), ,$(PATTERNS))
+patterns := $(if $(strip $(names)),--patterns $(names))
+overwrite := $(if $(OVERWRITE),--overwrite)
+
+.PHONY: setup dataset eval leaderboard bench test lint
+
+setup: $(READY)  ## everything into .venv, at the versions of constraints.txt
+
+$(READY): pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --upgrade --constraint constraints.txt pip setuptools
+	$(BIN)/python -m pip install --constraint constraints.txt --editable '.[$(EXTRAS)]'
+	touch $(READY)
+
+dataset: $(READY)  ## a capture, its clean views, cameras and rainy variants
+	$(BIN)/python -m hydroviews build --scene '$(SCENE)' --profile $(PROFILE) --out '$(DATA)/$(PROFILE)' --seed $(SEED) $(patterns) $(overwrite)
+
+eval: $(READY)  ## build what is missing, run the method and the reference rows, print the table
+	$(BIN)/python -m leaderboard evaluate --method '$(METHOD)' --scene '$(SCENE)' --profile $(PROFILE) --seed $(SEED) --data '$(DATA)' --results '$(RESULTS)' $(patterns) $(overwrite)
+
+leaderboard: $(READY)  ## gather all records into results/leaderboard.csv and tables.md
+	$(BIN)/python -m leaderboard table --results '$(RESULTS)'
+
+bench: $(READY)  ## speed against error of the splatting core
+	$(BIN)/python -m benchmarks.splatting
+
+test: $(READY)
+	$(BIN)/python -m pytest
+
+lint: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy

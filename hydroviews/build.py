@@ -1,0 +1,191 @@
+"""A capture and rain patterns become a data set on disk; an interrupted build goes on where it stopped.
+
+    <out>/<scene>/clean/*.png                 the ground truth
+    <out>/<scene>/sparse/0, transforms.json   cameras and points for COLMAP and nerfstudio readers
+    <out>/<scene>/split.json                  training and held-out views
+    <out>/<scene>/<pattern>/images/*.png      rainy views; layers/*.exr what was added; pattern.json every parameter
+    <out>/manifest.json                       SHA-256 of every file of the finished scenes
+
+Every file is written whole or not at all, so a file that exists is finished. What a scene was asked to be is
+kept in its `request.json`: another request for the same folder is refused.
+"""
+
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from hydroviews.errors import InputError
+from hydroviews.files import read_json, write_json
+from hydroviews.images import read_image, write_png
+from hydroviews.manifest import GENERATOR, read_manifest, record_scene
+from hydroviews.poses import triangulate
+from hydroviews.rain import effects
+from hydroviews.rain.layers import write_layers
+from hydroviews.rain.patterns import Pattern
+from hydroviews.scenes import Scene, Split, View
+from hydroviews.writers import write_colmap, write_nerfstudio
+
+CLEAN = "clean"
+
+
+@dataclass(frozen=True)
+class Request:
+    """What fixes the pixels of a built scene, beside the patterns."""
+
+    source: str  # the name or folder it was built from, for people
+    capture: str  # fingerprint of the capture's cameras
+    long_side: int | None
+    seed: int
+    generator: str = GENERATOR
+
+
+def build(
+    scene: Scene,
+    out: Path,
+    *,
+    patterns: Sequence[Pattern],
+    long_side: int | None = None,
+    seed: int = 0,
+    source: str = "",
+    overwrite: bool = False,
+) -> Path:
+    """Build a scene's clean views and rainy variants under `out`; what is finished is kept.
+
+    Args:
+        scene: the capture at its own size.
+        out: the data folder; the scene goes to `out/<scene.name>`.
+        patterns: which rains; none builds the clean views and cameras alone.
+        long_side: pixels of the built views' longer side; never larger than the capture.
+        seed: of everything that is drawn.
+        source: what the user called the capture.
+        overwrite: drop a scene that was built from another request.
+
+    Returns:
+        The scene's folder.
+
+    Raises:
+        InputError: the folder holds a scene built otherwise, an image is unreadable, or the disk is full.
+    """
+    folder = out / scene.name
+    request = Request(source or scene.name, _fingerprint(scene), long_side, seed)
+    _claim(folder, request, overwrite)
+    built = read_manifest(out)["scenes"].get(scene.name, {}).get("patterns")
+    if built is not None and {p.name for p in patterns} <= set(built):
+        return folder
+    clean = _write_clean(scene.resized(long_side), folder)
+    _write_cameras(clean, folder)
+    for pattern in patterns:
+        _write_variant(clean, folder, pattern, seed)
+    names = sorted({p.name for p in patterns} | set(built or ()))
+    facts = {"seed": seed, "long_side": long_side, "source": request.source, "views": len(clean.views)}
+    record_scene(out, scene.name, {**facts, "notes": list(scene.notes), "patterns": names})
+    return folder
+
+
+def _fingerprint(scene: Scene) -> str:
+    """Changes when the capture's views, cameras or image files do."""
+    facts = []
+    for view in scene.views:
+        camera = view.camera
+        pose = [round(x, 9) for x in camera.world_to_camera.ravel().tolist()]
+        size = view.path.stat().st_size if view.path.is_file() else 0
+        facts.append([view.name, camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, pose, size])
+    return hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]
+
+
+def _claim(folder: Path, request: Request, overwrite: bool) -> None:
+    path = folder / "request.json"
+    wanted = vars(request)
+    if path.is_file():
+        earlier = read_json(path)
+        changed = {k: (earlier.get(k), v) for k, v in wanted.items() if k != "source" and earlier.get(k) != v}
+        if not changed:
+            return
+        if not overwrite:
+            raise InputError(
+                f"{folder}: this scene was built from another request",
+                found="; ".join(f"{key} {old}" for key, (old, _) in changed.items()),
+                expected="; ".join(f"{key} {new}" for key, (_, new) in changed.items()),
+                fix="choose another --out, or add --overwrite to build it anew",
+            )
+    if folder.exists() and overwrite:
+        shutil.rmtree(folder)
+    write_json(path, wanted)
+
+
+def _write_clean(scene: Scene, folder: Path) -> Scene:
+    """Write the clean views at their final size; returns the scene that reads from them."""
+    views = []
+    for view in tqdm(scene.views, desc=f"{scene.name}: clean views", unit="view"):
+        path = folder / CLEAN / f"{view.name}.png"
+        if not path.is_file():
+            write_png(path, view.image())
+        views.append(View(view.name, view.camera, path))
+    return replace(scene, views=tuple(views))
+
+
+def _write_cameras(scene: Scene, folder: Path) -> None:
+    if not (folder / "sparse" / "0").is_dir():
+        points = scene.points if len(scene.points) else triangulate(scene, folder / ".triangulation")
+        write_colmap(replace(scene, points=points), folder / "sparse" / "0")
+    shutil.rmtree(folder / ".triangulation", ignore_errors=True)
+    write_nerfstudio(scene, folder / "transforms.json", CLEAN)
+    split = {"train": list(scene.split.train), "test": list(scene.split.test)}
+    write_json(folder / "split.json", split)
+
+
+def _write_variant(scene: Scene, folder: Path, pattern: Pattern, seed: int) -> None:
+    variant = folder / pattern.name
+    prepared: dict[tuple[int, int], effects.Effect] = {}
+    parameters: dict[str, Any] = {}
+    for view in tqdm(scene.views, desc=f"{scene.name}: {pattern.name}", unit="view"):
+        camera = view.camera
+        size = (camera.width, camera.height)
+        if size not in prepared:  # one lens for every image size of the capture
+            prepared[size] = effects.prepare(pattern, scene.name, seed, camera, variant / "lens")
+            parameters = prepared[size].parameters
+        _write_rainy(view, variant, pattern.effect, prepared[size])
+    _link_sparse(variant)
+    write_nerfstudio(scene, variant / "transforms.json", "images")
+    facts = {"effect": pattern.effect, "index": pattern.index, "seed": seed, "generator": GENERATOR}
+    write_json(variant / "pattern.json", {**facts, "parameters": parameters})
+
+
+def _write_rainy(view: View, variant: Path, effect: str, prepared: effects.Effect) -> None:
+    image, layer = variant / "images" / f"{view.name}.png", variant / "layers" / f"{view.name}.exr"
+    if image.is_file() and layer.is_file():
+        return
+    clean = read_image(view.path)
+    layers = prepared.layers(clean, view.name)
+    write_layers(layer, layers)
+    write_png(image, effects.composite(effect, prepared.parameters, clean, layers))
+
+
+def _link_sparse(variant: Path) -> None:
+    link = variant / "sparse"
+    if link.exists() or link.is_symlink():
+        return
+    try:
+        os.symlink(os.path.join("..", "sparse"), link)
+    except OSError:  # a file system without links
+        shutil.copytree(variant.parent / "sparse", link)
+
+
+def read_split(folder: Path) -> Split:
+    """The split of a built scene.
+
+    Raises:
+        InputError: missing or malformed.
+    """
+    value = read_json(folder / "split.json")
+    try:
+        return Split(tuple(value["train"]), tuple(value["test"]))
+    except (KeyError, TypeError):
+        raise InputError(f"{folder / 'split.json'}: not a split", expected='{"train": [...], "test": [...]}') from None

@@ -1,0 +1,73 @@
+"""python -m leaderboard evaluate | table | score | predict."""
+
+import sys
+from pathlib import Path
+
+import tyro
+
+from hydroviews.commands import run_command
+from hydroviews.errors import InputError
+from hydroviews.files import write_json
+from leaderboard.evaluate import FAILURE, Evaluation, evaluate
+from leaderboard.predict import predict
+from leaderboard.records import write_leaderboard
+from leaderboard.runs import Run
+from leaderboard.score import score
+from leaderboard.tables import print_scene, write_tables
+
+
+def evaluate_command(request: tyro.conf.OmitArgPrefixes[Evaluation]) -> None:
+    """Run a method and the reference rows on a scene, building what is missing; print and write the tables."""
+    records = evaluate(request)
+    if any(record.status != "done" for record in records):
+        sys.exit(1)
+
+
+def table_command(results: Path = Path("results")) -> None:
+    """Gather all records into leaderboard.csv and tables.md, and print them.
+
+    Args:
+        results: the results folder.
+    """
+    table = write_leaderboard(results)
+    if table.empty:
+        raise InputError(f"{results}: no finished run", fix="run `make eval METHOD=3dgs` first")
+    write_tables(table, results)
+    for (profile, scene), _ in table.groupby(["profile", "scene"]):
+        print_scene(table, scene, profile)
+    print(f"\nall runs: {results / 'leaderboard.csv'}")
+
+
+def score_command(run: Run) -> None:
+    """Score a run again from its renders, without the model."""
+    score(run)
+
+
+def predict_command(run: Run) -> None:
+    """Train one run and render its held-out views; `evaluate` starts this for every run."""
+    try:
+        predict(run)
+    except Exception as error:
+        kind = "input" if isinstance(error, InputError) else "method"
+        reason = str(error) if kind == "input" else f"{type(error).__name__}: {error}"
+        write_json(run.folder / FAILURE, {"kind": kind, "reason": reason})
+        if kind == "input":
+            sys.exit(2)  # the parent tells the reason
+        raise
+
+
+def main() -> None:
+    """Entry point."""
+    run_command(
+        {
+            "evaluate": evaluate_command,
+            "table": table_command,
+            "score": score_command,
+            "predict": predict_command,
+        },
+        prog="leaderboard",
+    )
+
+
+if __name__ == "__main__":
+    main()

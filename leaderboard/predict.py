@@ -1,0 +1,64 @@
+"""The first half of a run, in a process of its own: train, save, render the held-out views to disk."""
+
+import resource
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from baselines.method import Method, find_method
+from hydroviews.files import write_json
+from hydroviews.images import write_png
+from hydroviews.scenes import Scene
+from leaderboard.runs import Run
+
+PREDICTION = "prediction.json"
+
+
+def predict(run: Run) -> None:
+    """Train the run's method, or go on from its checkpoint, and write `renders/` and `prediction.json`.
+
+    Raises:
+        InputError: data or checkpoint that cannot be used.
+    """
+    scene = run.training_scene()
+    for note in scene.notes:
+        print(f"{scene.name}: {note}", file=sys.stderr)
+    kind = find_method(run.method)
+    method = kind(kind.configuration(run.profile), run.seed)
+    method.fit(scene, run.folder)
+    method.save(run.folder)
+    seconds = render_views(method, scene, run.folder / "renders")
+    statistics = method.statistics()
+    write_json(
+        run.folder / PREDICTION,
+        {
+            "train_s": round(statistics.train_seconds, 1),
+            "render_fps": round(1 / float(np.median(seconds)), 2),
+            "peak_mem_mb": round(_peak_memory_mb(), 1),
+            "n_primitives": statistics.n_primitives,
+            "model_mb": statistics.model_mb,
+            "device": statistics.device,
+        },
+    )
+
+
+def render_views(method: Method, scene: Scene, folder: Path) -> list[float]:
+    """Render the held-out views as 8-bit PNGs; returns the seconds each took."""
+    seconds = []
+    for view in tqdm(scene.test_views, desc="rendering", unit="view"):
+        start = time.perf_counter()
+        image = method.render(view.camera)
+        seconds.append(time.perf_counter() - start)
+        expected = (view.camera.height, view.camera.width, 3)
+        if image.shape != expected or not np.isfinite(image).all():
+            raise ValueError(f"{view.name}: rendered {image.shape}, expected finite values of shape {expected}")
+        write_png(folder / f"{view.name}.png", image)
+    return seconds
+
+
+def _peak_memory_mb() -> float:
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6

@@ -1,0 +1,45 @@
+"""One picture a run, for people who would rather look than read: input, render, truth, error."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from hydroviews.build import CLEAN
+from hydroviews.images import Image, read_image, write_png
+from hydroviews.scenes import Scene
+from hydroviews.variants import open_variant
+from leaderboard.runs import Run
+
+ROWS = 3
+ERROR_SCALE = 4.0  # an error of a quarter of the range is the top of the colour map
+CAPTION = 20  # pixels
+
+
+def write_preview(run: Run, clean: Scene) -> None:
+    """Write `preview.png`: for a few held-out views the rainy view, the render, the clean view, the error."""
+    names = clean.split.test
+    chosen = [names[i] for i in np.unique(np.linspace(0, len(names) - 1, ROWS).round().astype(int))]
+    truth = {view.name: view for view in clean.test_views}
+    rainy = {} if run.pattern == CLEAN else {v.name: v for v in open_variant(run.data / run.scene, run.pattern).views}
+    rows = []
+    for name in chosen:
+        render, target = read_image(run.folder / "renders" / f"{name}.png"), truth[name].image()
+        panels = {"render": render, "clean view": target, "error x4": error_map(render, target)}
+        if name in rainy:
+            panels = {"rainy view": rainy[name].image(), **panels}
+        rows.append(np.concatenate([_captioned(image, text) for text, image in panels.items()], axis=1))
+    width = min(row.shape[1] for row in rows)  # views of different sizes: crop to the narrowest row
+    write_png(run.folder / "preview.png", np.concatenate([row[:, :width] for row in rows]))
+
+
+def error_map(image: Image, target: Image) -> Image:
+    """Mean absolute error over the channels as a heat map [H, W, 3]: black none, bright a quarter of the range."""
+    error = np.clip(np.abs(image - target).mean(axis=2) * ERROR_SCALE, 0, 1)
+    heat = cv2.applyColorMap((error * 255).astype(np.uint8), cv2.COLORMAP_INFERNO)
+    return heat[..., ::-1].astype(np.float32) / 255
+
+
+def _captioned(image: NDArray, text: str) -> Image:
+    bar = np.full((CAPTION, image.shape[1], 3), 255, np.uint8)
+    cv2.putText(bar, text, (4, CAPTION - 6), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (0, 0, 0), 1, cv2.LINE_AA)
+    return np.concatenate([bar.astype(np.float32) / 255, image.astype(np.float32)])

@@ -1,0 +1,94 @@
+"""The one schema of a result: a record a run, a row a record."""
+
+import dataclasses
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+import hydroviews
+from hydroviews.errors import InputError
+from hydroviews.files import read_json, replacing, write_json
+
+RECORD = "record.json"
+LEADERBOARD = "leaderboard.csv"
+
+
+@dataclass(frozen=True)
+class Record:
+    """One run. A number that could not be had is None, with the reason; never zero, never invented."""
+
+    method: str
+    scene: str
+    effect: str  # raindrop, streak, or clean
+    pattern: str
+    seed: int
+    track: str  # given-poses: cameras of the clean capture
+    status: str  # done or failed
+    reason: str  # why a number is missing
+    n_train: int
+    n_test: int
+    width: int
+    height: int
+    psnr: float | None = None  # dB, mean over held-out views
+    ssim: float | None = None
+    lpips_alex: float | None = None
+    lpips_vgg: float | None = None
+    train_s: float | None = None
+    render_fps: float | None = None
+    peak_mem_mb: float | None = None  # resident memory of the run's process, 10^6 bytes
+    n_primitives: int | None = None
+    model_mb: float | None = None
+    device: str = ""
+    profile: str = ""
+    version: str = ""
+    data_sha256: str = ""
+
+
+COLUMNS = [field.name for field in dataclasses.fields(Record)]
+
+
+def write_record(folder: Path, record: Record) -> None:
+    """Write a run's record."""
+    write_json(folder / RECORD, dataclasses.asdict(record))
+
+
+def read_record(path: Path) -> Record:
+    """Read a record.
+
+    Raises:
+        InputError: missing fields or unknown ones.
+    """
+    value = read_json(path)
+    try:
+        return Record(**value)
+    except TypeError as error:
+        raise InputError(
+            f"{path}: not a record of this version", found=error, fix="delete the run and evaluate again"
+        ) from None
+
+
+def collect(results: Path) -> pd.DataFrame:
+    """All records below a results folder, one row each, in the order of `COLUMNS`."""
+    records = [dataclasses.asdict(read_record(path)) for path in sorted(results.rglob(RECORD))]
+    table = pd.DataFrame(records, columns=COLUMNS)
+    return table.sort_values(["profile", "scene", "effect", "pattern", "method", "seed"], ignore_index=True)
+
+
+def write_leaderboard(results: Path) -> pd.DataFrame:
+    """Gather every record into `results/leaderboard.csv`; numbers that are missing stay empty."""
+    table = collect(results)
+    with replacing(results / LEADERBOARD) as temporary:
+        table.to_csv(temporary, index=False)
+    return table
+
+
+def code_version() -> str:
+    """The package version, with the commit where it runs from a checkout."""
+    command = ["git", "-C", str(Path(hydroviews.__file__).parent), "rev-parse", "--short", "HEAD"]
+    try:
+        commit = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return hydroviews.__version__
+    return f"{hydroviews.__version__}+{commit}"

@@ -1,0 +1,125 @@
+"""Where a run keeps its files, and the settings that make it that run.
+
+<results>/<profile>/<method>/<scene>/<pattern>/seed-<n>/
+    config.json      settings, data hash
+    renders/*.png    held-out views, written before any metric is computed
+    prediction.json  time, memory, size
+    per_view.csv, record.json, preview.png
+    and what the method saves: model, checkpoint, splats.ply
+"""
+
+import dataclasses
+import hashlib
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from baselines.method import find_method
+from hydroviews.build import CLEAN
+from hydroviews.errors import InputError
+from hydroviews.files import read_json, write_json
+from hydroviews.manifest import read_manifest
+from hydroviews.scenes import Scene
+from hydroviews.variants import open_clean, open_variant
+
+TRACK = "given-poses"
+
+
+@dataclass(frozen=True)
+class Run:
+    """One method on one variant of one scene."""
+
+    method: str
+    profile: str
+    seed: int
+    data: Path  # the folder with the manifest
+    scene: str
+    pattern: str  # a variant's name, or "clean"
+    results: Path
+
+    @property
+    def folder(self) -> Path:
+        """Where the run's files go; `package.module:Class` becomes a plain folder name."""
+        method = self.method.replace(":", ".")
+        return self.results / self.profile / method / self.scene / self.pattern / f"seed-{self.seed}"
+
+    @property
+    def effect(self) -> str:
+        """raindrop, streak or clean."""
+        return self.pattern.rpartition("-")[0] or self.pattern
+
+    def __str__(self) -> str:
+        return f"{self.method} on {self.scene}/{self.pattern}, seed {self.seed}"
+
+    def training_scene(self) -> Scene:
+        """The scene whose training photographs the method is shown."""
+        folder = self.data / self.scene
+        return open_clean(folder) if self.pattern == CLEAN else open_variant(folder, self.pattern)
+
+    def settings(self) -> dict[str, Any]:
+        """Everything that fixes the result; a run with other settings is another run."""
+        method = find_method(self.method)
+        return {
+            "method": self.method,
+            "scene": self.scene,
+            "pattern": self.pattern,
+            "seed": self.seed,
+            "profile": self.profile,
+            "track": TRACK,
+            "data_sha256": data_hash(self.data, self.scene, self.pattern),
+            "config": _plain(dataclasses.asdict(method.configuration(self.profile))),
+        }
+
+
+def claim(run: Run, overwrite: bool) -> None:
+    """Make the run's folder its own.
+
+    Raises:
+        InputError: it holds a run with other settings and `overwrite` is not asked for.
+    """
+    path, settings = run.folder / "config.json", run.settings()
+    if overwrite:
+        shutil.rmtree(run.folder, ignore_errors=True)
+    if path.is_file():
+        earlier = read_json(path)
+        changed = [key for key in settings if earlier.get(key) != settings[key]]
+        if changed:
+            raise InputError(
+                f"{run.folder}: holds a run with other settings",
+                found="; ".join(f"{key} {_brief(earlier.get(key), settings[key])}" for key in changed),
+                expected="; ".join(f"{key} {_brief(settings[key], earlier.get(key))}" for key in changed),
+                fix="add --overwrite (make eval OVERWRITE=1) to run it anew, or choose another results folder",
+            )
+    else:
+        write_json(path, settings)
+
+
+def data_hash(data: Path, scene: str, pattern: str) -> str:
+    """SHA-256 over the hashes of what a run sees: clean views, cameras, split and the variant's images.
+
+    Raises:
+        InputError: the manifest does not list the scene.
+    """
+    scenes = read_manifest(data)["scenes"]
+    if scene not in scenes:
+        raise InputError(f"{data}: no finished scene {scene}", found=", ".join(scenes) or "none", fix="build it first")
+    seen = ("clean/", "sparse/", "split.json", f"{pattern}/images/")
+    lines = sorted(f"{digest} {name}" for name, digest in scenes[scene]["files"].items() if name.startswith(seen))
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    """Tuples become lists and paths strings, as JSON gives them back."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return str(value) if isinstance(value, Path) else value
+
+
+def _brief(value: Any, other: Any) -> Any:
+    """Of two nested settings only what differs."""
+    if isinstance(value, dict) and isinstance(other, dict):
+        return {key: item for key, item in value.items() if other.get(key) != item}
+    return value

@@ -1,0 +1,102 @@
+"""The second half of a run: what was rendered against the clean views, from files alone.
+
+Protocol `hydroviews`: held-out views, clean ground truth, both 8-bit, full image; PSNR an image then the mean;
+SSIM 11x11, sigma 1.5, valid window; LPIPS v0.1 on [-1, 1] with AlexNet and VGG.
+"""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from tqdm import tqdm
+
+from hydroviews import metrics
+from hydroviews.errors import InputError
+from hydroviews.files import read_json, replacing
+from hydroviews.images import read_image
+from hydroviews.scenes import Scene
+from hydroviews.variants import open_clean
+from leaderboard.predict import PREDICTION
+from leaderboard.previews import write_preview
+from leaderboard.records import Record, code_version, write_record
+from leaderboard.runs import TRACK, Run
+
+PER_VIEW = "per_view.csv"
+METRICS: dict[str, Callable] = {
+    "psnr": metrics.psnr,
+    "ssim": metrics.ssim,
+    "lpips_alex": partial(metrics.lpips, net="alex"),
+    "lpips_vgg": partial(metrics.lpips, net="vgg"),
+}
+
+
+def score(run: Run) -> Record:
+    """Score the renders of a run: writes `per_view.csv`, `preview.png` and `record.json`.
+
+    A metric that cannot be had (images too small for it, no network weights) stays empty, with the reason.
+
+    Raises:
+        InputError: a render is missing, or of another size than its clean view.
+    """
+    clean = open_clean(run.data / run.scene)
+    pairs = {view.name: (run.folder / "renders" / f"{view.name}.png", view.path) for view in clean.test_views}
+    reasons: dict[str, str] = {}
+    rows = [
+        {"view": name, **score_view(*paths, reasons)}
+        for name, paths in tqdm(pairs.items(), desc="scoring", unit="view")
+    ]
+    views = pd.DataFrame(rows, columns=["view", *METRICS])
+    with replacing(run.folder / PER_VIEW) as temporary:
+        views.to_csv(temporary, index=False)
+    write_preview(run, clean)
+    means = {name: None if name in reasons else round(float(views[name].mean()), 5) for name in METRICS}
+    reason = "; ".join(f"{name}: {why}" for name, why in reasons.items())
+    numbers = {**means, **read_json(run.folder / PREDICTION)}
+    record = describe(run, clean, status="done", reason=reason, numbers=numbers)
+    write_record(run.folder, record)
+    return record
+
+
+def score_view(render: Path, clean: Path, reasons: dict[str, str]) -> dict[str, float | None]:
+    """All metrics of one view, from two pictures on disk; what cannot be had goes to `reasons`."""
+    image, target = read_image(render), read_image(clean)
+    if image.shape != target.shape:
+        raise InputError(
+            f"{render}: another size than the clean view",
+            found=f"{image.shape[1]}x{image.shape[0]}",
+            expected=f"{target.shape[1]}x{target.shape[0]}",
+            fix="delete the run and evaluate again",
+        )
+    scores: dict[str, float | None] = {}
+    for name, metric in METRICS.items():
+        try:
+            scores[name] = None if name in reasons else metric(image, target)
+        except (InputError, ValueError) as error:
+            scores[name], reasons[name] = None, str(error).splitlines()[0]
+    return scores
+
+
+def describe(run: Run, scene: Scene, *, status: str, reason: str, numbers: Mapping[str, Any]) -> Record:
+    """The record of a run with the numbers that could be had."""
+    settings = read_json(run.folder / "config.json")
+    camera = scene.test_views[0].camera
+    return Record(
+        method=run.method,
+        scene=run.scene,
+        effect=run.effect,
+        pattern=run.pattern,
+        seed=run.seed,
+        track=TRACK,
+        status=status,
+        reason=reason,
+        n_train=len(scene.split.train),
+        n_test=len(scene.split.test),
+        width=camera.width,
+        height=camera.height,
+        profile=run.profile,
+        version=code_version(),
+        data_sha256=settings["data_sha256"],
+        **numbers,
+    )

@@ -1,0 +1,81 @@
+"""Records as tables people read: one a scene, methods down, effects across."""
+
+from pathlib import Path
+
+import pandas as pd
+
+from hydroviews.build import CLEAN
+from hydroviews.files import write_bytes
+
+CEILING, FLOOR = "3dgs-clean", "3dgs"
+TABLES = "tables.md"
+METRICS = {"psnr": "PSNR", "ssim": "SSIM", "lpips_alex": "LPIPS", "lpips_vgg": "LPIPS-VGG"}
+DECIMALS = {"psnr": 2, "ssim": 4, "lpips_alex": 4, "lpips_vgg": 4}
+
+
+def scene_table(table: pd.DataFrame, scene: str, profile: str) -> pd.DataFrame:
+    """One scene's means over patterns and seeds: a row a method, columns (effect, metric).
+
+    The ceiling, trained once on clean views, stands under every effect. `gap` is the share of the way from
+    floor to ceiling in PSNR; `runs` is done/all where some failed.
+    """
+    rows = table[(table.scene == scene) & (table.profile == profile)]
+    effects = sorted(set(rows.effect) - {CLEAN}) or [CLEAN]
+    blocks = {effect: _effect_block(rows[rows.effect.isin([effect, CLEAN])]) for effect in effects}
+    joined = pd.concat(blocks, axis=1)
+    order = sorted(joined.index, key=lambda m: (m != CEILING, m != FLOOR, m))
+    return joined.loc[order]
+
+
+def _effect_block(rows: pd.DataFrame) -> pd.DataFrame:
+    done = rows[rows.status == "done"]
+    numbers = done.groupby("method")[list(METRICS)].mean().astype(float)
+    block = numbers.reindex(sorted(set(rows.method)))
+    block["gap"] = _share_of_gap(block["psnr"])
+    block["train_s"] = done.groupby("method")["train_s"].mean().astype(float)
+    counts = rows.groupby("method")["status"].agg(lambda s: f"{(s == 'done').sum()}/{len(s)}")
+    block["runs"] = counts
+    return block
+
+
+def _share_of_gap(psnr: pd.Series) -> pd.Series:
+    """(PSNR - floor) / (ceiling - floor); empty where a reference row is missing or they are equal."""
+    ceiling, floor = psnr.get(CEILING), psnr.get(FLOOR)
+    if ceiling is None or floor is None or not ceiling - floor > 0:
+        return pd.Series(float("nan"), psnr.index)
+    return (psnr - floor) / (ceiling - floor)
+
+
+def to_markdown(table: pd.DataFrame) -> str:
+    """A scene's table as Markdown, the effects one below the other."""
+    parts = []
+    for effect in dict.fromkeys(table.columns.get_level_values(0)):
+        heads = ["method", *METRICS.values(), "share of gap", "train s", "runs"]
+        lines = [f"| {effect} | " + " | ".join(heads[1:]) + " |", "|---" * len(heads) + "|"]
+        for method, row in table[effect].iterrows():
+            cells = [_number(row[name], DECIMALS[name]) for name in METRICS]
+            cells += [_percent(row["gap"]), _number(row["train_s"], 0), "" if pd.isna(row["runs"]) else row["runs"]]
+            lines.append(f"| {method} | " + " | ".join(cells) + " |")
+        parts.append("\n".join(lines))
+    return "\n\n".join(parts) + "\n"
+
+
+def _number(value: float, decimals: int) -> str:
+    return "" if pd.isna(value) else f"{value:.{decimals}f}"
+
+
+def _percent(value: float) -> str:
+    return "" if pd.isna(value) else f"{100 * value:.0f} %"
+
+
+def print_scene(table: pd.DataFrame, scene: str, profile: str) -> None:
+    """Print one scene's table."""
+    print(f"\n{scene} ({profile})\n\n{to_markdown(scene_table(table, scene, profile))}", end="")
+
+
+def write_tables(table: pd.DataFrame, results: Path) -> None:
+    """Write `tables.md`: every scene of every profile."""
+    parts = []
+    for (profile, scene), _ in table.groupby(["profile", "scene"]):
+        parts.append(f"## {scene} ({profile})\n\n{to_markdown(scene_table(table, scene, profile))}")
+    write_bytes(results / TABLES, "\n".join(parts).encode())

@@ -1,0 +1,29 @@
+import errno
+
+import pytest
+
+from hydroviews.errors import InputError
+from hydroviews.files import read_json, replacing, write_json
+
+
+def test_a_failed_write_leaves_the_old_file_and_no_trace(tmp_path):
+    path = tmp_path / "a.json"
+    write_json(path, {"old": 1})
+    with pytest.raises(RuntimeError), replacing(path) as temporary:
+        temporary.write_text("half")
+        raise RuntimeError
+    assert read_json(path) == {"old": 1}
+    assert [p.name for p in tmp_path.iterdir()] == ["a.json"]
+
+
+def test_full_disk_is_told_plainly(tmp_path):
+    with pytest.raises(InputError, match="no space left"), replacing(tmp_path / "a"):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_broken_json(tmp_path):
+    (tmp_path / "a.json").write_text('{"cut": ')
+    with pytest.raises(InputError, match="not valid JSON"):
+        read_json(tmp_path / "a.json")
+    with pytest.raises(InputError, match="no such file"):
+        read_json(tmp_path / "b.json")
