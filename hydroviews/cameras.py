@@ -62,3 +62,13 @@ def fitted_size(width: int, height: int, long_side: int | None) -> tuple[int, in
         return width, height
     factor = long_side / longest
     return max(1, int(width * factor + 0.5)), max(1, int(height * factor + 0.5))
+
+
+def same_shape(size: tuple[int, int], other: tuple[int, int]) -> bool:
+    """Whether one (width, height) is the other, or the other scaled and rounded up or down to whole pixels."""
+    if size[0] == other[0] or size[1] == other[1]:
+        return size == other
+    (width, height), (larger_width, larger_height) = sorted((size, other))
+    # Rounded widths and heights each are less than one pixel from the exact ones.
+    lowest, highest = (width - 1) / larger_width, (width + 1) / larger_width
+    return (height + 1) / larger_height > lowest and (height - 1) / larger_height < highest

@@ -1,6 +1,7 @@
 """Pictures in and out: sRGB-encoded float32 [H, W, 3] in [0, 1] everywhere, unless a name says linear."""
 
 from pathlib import Path
+from typing import BinaryIO
 
 import cv2
 import numpy as np
@@ -42,6 +43,37 @@ def read_image(path: Path) -> Image:
     return _to_rgb(path, pixels)
 
 
+def image_size(path: Path) -> tuple[int, int]:
+    """Width and height of a picture in pixels, from its header alone where that is PNG or JPEG.
+
+    Raises:
+        InputError: the file is missing, or is not a picture.
+    """
+    if not path.is_file():
+        read_image(path)  # raises the error
+    with path.open("rb") as file:
+        head = file.read(24)
+        if head[:8] == b"\x89PNG\r\n\x1a\n" and len(head) == 24:
+            return int.from_bytes(head[16:20]), int.from_bytes(head[20:24])
+        if head[:2] == b"\xff\xd8":
+            file.seek(2)
+            size = _jpeg_size(file)
+            if size:
+                return size
+    height, width = read_image(path).shape[:2]
+    return width, height
+
+
+def _jpeg_size(file: BinaryIO) -> tuple[int, int] | None:
+    """Walk a JPEG's segments to its frame header; None where there is none."""
+    while len(marker := file.read(4)) == 4 and marker[0] == 0xFF:
+        if 0xC0 <= marker[1] <= 0xCF and marker[1] not in (0xC4, 0xC8, 0xCC):
+            frame = file.read(5)
+            return (int.from_bytes(frame[3:5]), int.from_bytes(frame[1:3])) if len(frame) == 5 else None
+        file.seek(int.from_bytes(marker[2:4]) - 2, 1)
+    return None
+
+
 def _to_rgb(path: Path, pixels: NDArray) -> Image:
     if pixels.dtype not in (np.uint8, np.uint16):
         raise InputError(f"{path}: unsupported pixel type", found=pixels.dtype, expected="8 or 16 bits a channel")
@@ -80,7 +112,7 @@ def resize_area(image: Image, width: int, height: int) -> Image:
         return image
     if width > old_width or height > old_height:
         raise ValueError(f"cannot enlarge {old_width}x{old_height} to {width}x{height}")
-    return cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.float32)
 
 
 def to_linear(image: NDArray) -> Image:

@@ -7,43 +7,53 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.cameras import Camera, fitted_size
+from hydroviews.cameras import Camera, fitted_size, same_shape
 from hydroviews.errors import InputError
 from hydroviews.images import Image, read_image, resize_area
+from hydroviews.lenses import Lens
 
 TEST_EVERY = 8
 
 
 @dataclass(frozen=True)
 class View:
-    """A photograph and its camera. `name` is the file name without folder and suffix, unique in its scene."""
+    """A photograph and its camera. `name` is the file name without folder and suffix, unique in its scene.
+
+    `lens` is what the photograph was taken with, None where that is a pinhole already; `camera` is always the
+    pinhole camera of what `image` returns.
+    """
 
     name: str
     camera: Camera
     path: Path
+    lens: Lens | None = None
 
     def image(self) -> Image:
-        """Read the picture: float32 [H, W, 3], sRGB-encoded, [0, 1], at the camera's size.
+        """Read the picture, undistorted: float32 [H, W, 3], sRGB-encoded, [0, 1], at the camera's size.
 
         Raises:
-            InputError: missing, unreadable, or of another shape than the camera says.
+            InputError: missing, unreadable, smaller than the camera, or of another shape.
         """
         image = read_image(self.path)
         height, width = image.shape[:2]
-        if (width, height) == (self.camera.width, self.camera.height):
-            return image
-        # A capture may be read at a smaller size than its files have: same shape, fewer pixels.
-        if fitted_size(width, height, max(self.camera.width, self.camera.height)) == (
-            self.camera.width,
-            self.camera.height,
-        ):
-            return resize_area(image, self.camera.width, self.camera.height)
-        raise InputError(
-            f"{self.path}: image and camera differ in size",
-            found=f"{width}x{height} pixels",
-            expected=f"{self.camera.width}x{self.camera.height}, or a larger image of the same shape",
-            fix="use the images that the cameras were estimated from",
-        )
+        if self.lens is not None:
+            if not same_shape((width, height), (self.lens.width, self.lens.height)):
+                raise wrong_size(self.path, (width, height), (self.lens.width, self.lens.height))
+            image = self.lens.undistort(image)
+        size, wanted = (image.shape[1], image.shape[0]), (self.camera.width, self.camera.height)
+        if not same_shape(size, wanted) or size < wanted:
+            raise wrong_size(self.path, (width, height), wanted)
+        return resize_area(image, *wanted)
+
+
+def wrong_size(path: Path, found: tuple[int, int], expected: tuple[int, int]) -> InputError:
+    """The error for a photograph that its camera was not estimated from."""
+    return InputError(
+        f"{path}: image and camera differ in size",
+        found=f"{found[0]}x{found[1]} pixels",
+        expected=f"{expected[0]}x{expected[1]}, or a larger image of the same shape",
+        fix="use the images that the cameras were estimated from, all resized alike",
+    )
 
 
 @dataclass(frozen=True)

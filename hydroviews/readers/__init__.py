@@ -1,0 +1,43 @@
+"""Captures on disk, in any of the usual forms, as scenes."""
+
+from pathlib import Path
+
+from hydroviews.errors import InputError
+from hydroviews.readers import llff, nerfstudio
+from hydroviews.readers.colmap import find_models, read_colmap
+from hydroviews.readers.llff import read_llff
+from hydroviews.readers.nerfstudio import read_nerfstudio
+from hydroviews.readers.photographs import photographs_below
+from hydroviews.scenes import Scene
+
+
+def read_scene(folder: Path, name: str | None = None, images: str | None = None) -> Scene:
+    """Read a capture, its cameras from a COLMAP model, else `transforms.json`, else `poses_bounds.npy`.
+
+    The split is the folder's `split.json`, else every 8th view by name is held out. `Scene.notes` says which
+    cameras were taken, how many images they cover, and which of them look wrong.
+
+    Args:
+        folder: the capture, or a built scene or one of its rainy variants.
+        name: of the scene; the folder's own by default.
+        images: the photographs' folder inside it, for COLMAP and LLFF captures that have several sizes.
+
+    Raises:
+        InputError: there are no cameras, or something is wrong with them or with the photographs.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder")
+    name = name or folder.resolve().name
+    if find_models(folder):
+        return read_colmap(folder, name, images)
+    if (folder / nerfstudio.CAMERA_FILE).is_file():
+        return read_nerfstudio(folder, name)
+    if (folder / llff.CAMERA_FILE).is_file():
+        return read_llff(folder, name, images)
+    count = len(photographs_below(folder))
+    raise InputError(
+        f"{folder}: no cameras",
+        found=f"{count} photographs and no camera file" if count else "neither cameras nor photographs",
+        expected=f"sparse/0, {nerfstudio.CAMERA_FILE} or {llff.CAMERA_FILE}",
+        fix="estimate the poses: python -m hydroviews poses IMAGES" if count else "check the path",
+    )
