@@ -1,0 +1,162 @@
+"""The gradient of blending, back to front.
+
+Going backwards, T_i = T_{i+1} / (1 - alpha_i) and one number a pixel, S_i = sum_{j>i} (colour_j . g) alpha_j T_j with
+the background as the last term, give dloss/dalpha_i = T_i (colour_i . g) - S_i / (1 - alpha_i).
+Each (tile, splat) pair gets one row of moments of its own, so threads never add to the same number.
+"""
+
+import numpy as np
+from llvmlite import ir
+from numba import prange
+from numba.core import types
+from numba.extending import intrinsic
+
+from baselines.splatting.blending import row_blocks
+from baselines.splatting.constants import LOG2_MIN_ALPHA, MAX_ALPHA
+from baselines.splatting.jit import inlined, kernel
+from baselines.splatting.projection import BLUE, CUTOFF, GREEN, HALF_HEIGHT, L11, L21, L22, LOG2_OPACITY, RED, X, Y
+from baselines.splatting.projection_gradient import MOMENTS
+from baselines.splatting.vectors import BLOCK_BYTES, INT64, LANES, Lanes
+
+# Planes of a block of pixels, and of a block of column sums.
+TRANSMITTANCE, SUFFIX, LAST, GRAD_RED, GRAD_GREEN, GRAD_BLUE = range(6)
+W, W_DY, W_DY2, TO_RED, TO_GREEN, TO_BLUE = range(6)
+PLANES = 6
+
+
+@intrinsic
+def blend_row_gradient(
+    typingctx, table, address, sums, blocks, l11, u, power, log2_opacity, red, green, blue, number, dy
+):
+    """Take one splat off `blocks` blocks of a row and add its derivatives to the column sums."""
+    signature = types.void(*([types.int64] * 4), *([types.float32] * 9))
+
+    def generate(context, builder, _, arguments):
+        lanes = Lanes(builder, arguments[0])
+        address, sums, blocks = arguments[1:4]
+        l11, u, power, log2_opacity, red, green, blue, number, dy = (lanes.splat(a) for a in arguments[4:])
+        zero, one, max_alpha = lanes.constant(0), lanes.constant(1), lanes.constant(MAX_ALPHA)
+
+        def accumulate(sums, plane, a, b):
+            lanes.store(lanes.fma(a, b, lanes.load(sums, plane)), sums, plane)
+
+        def turn(address, sums, u):
+            exponent = lanes.minimum(lanes.fma(lanes.negate(u), u, power), log2_opacity)
+            touched = lanes.at_least(exponent, lanes.constant(LOG2_MIN_ALPHA))
+            taken = lanes.both(touched, lanes.at_least(lanes.load(address, LAST), number))
+            raw = lanes.exp2(exponent)
+            alpha = lanes.select(taken, lanes.minimum(raw, max_alpha), zero)
+            inverse = lanes.divide(one, lanes.subtract(one, alpha))
+            transmittance = lanes.multiply(lanes.load(address, TRANSMITTANCE), inverse)
+            lanes.store(transmittance, address, TRANSMITTANCE)
+            visible = lanes.multiply(alpha, transmittance)
+            g_red, g_green, g_blue = (lanes.load(address, plane) for plane in (GRAD_RED, GRAD_GREEN, GRAD_BLUE))
+            toward = lanes.fma(red, g_red, lanes.fma(green, g_green, lanes.multiply(blue, g_blue)))
+            suffix = lanes.load(address, SUFFIX)
+            g_alpha = lanes.fma(lanes.negate(suffix), inverse, lanes.multiply(transmittance, toward))
+            lanes.store(lanes.fma(toward, visible, suffix), address, SUFFIX)
+            # an alpha held at its maximum does not move with the exponent
+            moves = lanes.both(taken, lanes.at_least(max_alpha, raw))
+            w = lanes.select(moves, lanes.negate(lanes.multiply(raw, g_alpha)), zero)
+            lanes.store(lanes.add(lanes.load(sums, W), w), sums, W)
+            w_dy = lanes.multiply(w, dy)
+            lanes.store(lanes.add(lanes.load(sums, W_DY), w_dy), sums, W_DY)
+            accumulate(sums, W_DY2, w_dy, dy)
+            accumulate(sums, TO_RED, visible, g_red)
+            accumulate(sums, TO_GREEN, visible, g_green)
+            accumulate(sums, TO_BLUE, visible, g_blue)
+
+        starts = lanes.fma(l11, lanes.lane_numbers(), u)
+        step = lanes.multiply(l11, lanes.constant(LANES))
+        stride = ir.Constant(INT64, PLANES * BLOCK_BYTES)
+        lanes.loop(blocks, [(address, stride), (sums, stride), (starts, step)], turn)
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+@inlined
+def load_tile(scratch, tile_size, x0, y0, columns, rows, background, grad_image, transmittance, last):
+    """Start a tile where the forward pass ended."""
+    blocks_in_row = tile_size // LANES
+    scratch[:] = np.float32(0)
+    for row in range(rows):
+        for column in range(columns):
+            pixel = (row * blocks_in_row + column // LANES) * PLANES * LANES + column % LANES
+            red, green = grad_image[y0 + row, x0 + column, 0], grad_image[y0 + row, x0 + column, 1]
+            blue, remaining = grad_image[y0 + row, x0 + column, 2], transmittance[y0 + row, x0 + column]
+            behind = (background[0] * red + background[1] * green + background[2] * blue) * remaining
+            scratch[pixel + TRANSMITTANCE * LANES] = remaining
+            scratch[pixel + SUFFIX * LANES] = behind
+            scratch[pixel + LAST * LANES] = last[y0 + row, x0 + column]
+            scratch[pixel + GRAD_RED * LANES] = red
+            scratch[pixel + GRAD_GREEN * LANES] = green
+            scratch[pixel + GRAD_BLUE * LANES] = blue
+
+
+@inlined
+def fold_columns(sums, tile_size, left, moments):
+    """Column sums to the nine moments of a pair."""
+    w = w_dx = w_dy = w_dx2 = w_dxdy = w_dy2 = red = green = blue = np.float32(0)
+    for column in range(tile_size):
+        at = column // LANES * (PLANES * LANES) + column % LANES
+        dx = np.float32(column) + left
+        here, here_dy = sums[at + W * LANES], sums[at + W_DY * LANES]
+        w += here
+        w_dx += here * dx
+        w_dy += here_dy
+        w_dx2 += here * dx * dx
+        w_dxdy += here_dy * dx
+        w_dy2 += sums[at + W_DY2 * LANES]
+        red += sums[at + TO_RED * LANES]
+        green += sums[at + TO_GREEN * LANES]
+        blue += sums[at + TO_BLUE * LANES]
+    moments[0], moments[1], moments[2] = w, w_dx, w_dy
+    moments[3], moments[4], moments[5] = w_dx2, w_dxdy, w_dy2
+    moments[6], moments[7], moments[8] = red, green, blue
+
+
+@kernel
+def blend_gradient(
+    packed, tile_start, tile_splats, tile_order, tile_shift, background, workers, table,
+    transmittance, last, taken, grad_image, pair_moments,
+):  # fmt: skip
+    """Fill the moments [pairs, 9] of every (tile, splat) pair; the other arguments are those of `blend`."""
+    height, width = grad_image.shape[0], grad_image.shape[1]
+    tile_size = 1 << tile_shift
+    tiles_x = (width + tile_size - 1) >> tile_shift
+    block_bytes = PLANES * BLOCK_BYTES
+    row_bytes = tile_size // LANES * block_bytes
+    for worker in prange(workers):
+        scratch = np.empty(tile_size * tile_size * PLANES, np.float32)
+        sums = np.empty(tile_size * PLANES, np.float32)
+        address, sums_address = np.int64(scratch.ctypes.data), np.int64(sums.ctypes.data)
+        for turn in range(worker, tile_order.shape[0], workers):
+            tile = tile_order[turn]
+            x0, y0 = (tile % tiles_x) << tile_shift, (tile // tiles_x) << tile_shift
+            columns, rows = min(tile_size, width - x0), min(tile_size, height - y0)
+            load_tile(scratch, tile_size, x0, y0, columns, rows, background, grad_image, transmittance, last)
+            start = tile_start[tile]
+            for position in range(start + taken[tile], tile_start[tile + 1]):
+                for k in range(MOMENTS):
+                    pair_moments[position, k] = np.float32(0)
+            for position in range(start + taken[tile] - 1, start - 1, -1):
+                splat = packed[tile_splats[position]]
+                left = np.float32(x0) + np.float32(0.5) - splat[X]
+                centre = splat[Y] - np.float32(y0) - np.float32(0.5)
+                first_row = np.int64(max(centre - splat[HALF_HEIGHT], np.float32(0)))
+                last_row = np.int64(min(centre + splat[HALF_HEIGHT], np.float32(rows - 1)))
+                number = np.float32(position - start + 1)
+                sums[:] = np.float32(0)
+                for row in range(first_row, last_row + 1):
+                    dy = np.float32(np.float32(row) - centre)
+                    block, blocks, u, power = row_blocks(
+                        splat[L11], splat[L21], splat[L22], splat[CUTOFF], splat[LOG2_OPACITY], left, dy, tile_size
+                    )
+                    if blocks > 0:
+                        blend_row_gradient(
+                            table, address + row * row_bytes + block * block_bytes, sums_address + block * block_bytes,
+                            blocks, splat[L11], u, power, splat[LOG2_OPACITY],
+                            splat[RED], splat[GREEN], splat[BLUE], number, dy,
+                        )  # fmt: skip
+                fold_columns(sums, tile_size, left, pair_moments[position])

@@ -1,0 +1,15 @@
+"""The cut-offs of the renderer, those of Kerbl et al. 2023; every kernel and the float64 reference share them."""
+
+import math
+
+LOW_PASS = 0.3  # added to the diagonal of every screen-space covariance, in pixels^2
+MAX_ALPHA = 0.99  # what one Gaussian covers of a pixel at most
+MIN_ALPHA = 1 / 255  # below this a Gaussian leaves a pixel untouched
+MIN_TRANSMITTANCE = 1e-4  # a pixel is finished before its transmittance would fall below this
+FRUSTUM_MARGIN = 0.15  # the projection is linearised no further outside the image than this share of its size
+NEAR = 0.01  # Gaussians with nearer centres are left out, in world units
+FAR = 1e10
+
+LOG2_E = 1.4426950408889634
+LOG2_MIN_ALPHA = math.log2(MIN_ALPHA)
+CONIC_SCALE = 0.5 * LOG2_E  # exp(-x / 2) = 2^(-CONIC_SCALE x)

@@ -1,0 +1,75 @@
+"""The parameters of a splatted scene."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.splatting.spherical_harmonics import degree_of
+
+FIELDS = ("means", "quaternions", "log_scales", "opacity_logits", "sh")
+
+
+@dataclass(frozen=True)
+class Gaussians:
+    """N Gaussians as they are optimised: unconstrained, float32, C-contiguous.
+
+    The world position of a Gaussian is `origin + means`: float32 alone would shake a scene that lies far from zero.
+    """
+
+    means: NDArray[np.float32]  # [N, 3], relative to origin
+    quaternions: NDArray[np.float32]  # [N, 4], w x y z, of any length
+    log_scales: NDArray[np.float32]  # [N, 3], natural logarithm of the standard deviations
+    opacity_logits: NDArray[np.float32]  # [N], opacity = sigmoid
+    sh: NDArray[np.float32]  # [N, K, 3], K = 1, 4, 9 or 16; colour = 0.5 + sh . basis(direction), not below 0
+    origin: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+
+    def __post_init__(self) -> None:
+        n = len(self.means)
+        expected = {"means": (n, 3), "quaternions": (n, 4), "log_scales": (n, 3), "opacity_logits": (n,)}
+        expected["sh"] = (n, *self.sh.shape[1:2], 3)
+        for name, shape in expected.items():
+            value = getattr(self, name)
+            if value.shape != shape or value.dtype != np.float32 or not value.flags.c_contiguous:
+                raise ValueError(
+                    f"Gaussians.{name}: {value.dtype} of shape {value.shape}, expected contiguous float32 {shape}"
+                )
+        degree_of(self.sh.shape[1])
+
+    def __len__(self) -> int:
+        return len(self.means)
+
+    @property
+    def sh_degree(self) -> int:
+        """The highest spherical-harmonic degree there are coefficients for."""
+        return degree_of(self.sh.shape[1])
+
+    def arrays(self) -> dict[str, NDArray[np.float32]]:
+        """The parameters by name, in the order of FIELDS."""
+        return {name: getattr(self, name) for name in FIELDS}
+
+    def map(self, function: Callable[[NDArray], NDArray]) -> "Gaussians":
+        """The same function applied to every parameter array."""
+        changed = {name: np.ascontiguousarray(function(value)) for name, value in self.arrays().items()}
+        return replace(self, **changed)
+
+    def select(self, which: NDArray) -> "Gaussians":
+        """Those that a mask [N] or an index array picks, copied."""
+        return self.map(lambda value: value[which])
+
+    def zeros(self) -> "Gaussians":
+        """As many, with every parameter zero: a place for gradients or moments."""
+        return self.map(np.zeros_like)
+
+
+def concatenate(first: Gaussians, second: Gaussians) -> Gaussians:
+    """Both, in order; the origins must be the same.
+
+    Raises:
+        ValueError: different origins.
+    """
+    if not np.array_equal(first.origin, second.origin):
+        raise ValueError(f"Gaussians with origins {first.origin} and {second.origin} cannot be joined")
+    joined = {name: np.concatenate([value, getattr(second, name)]) for name, value in first.arrays().items()}
+    return Gaussians(**joined, origin=first.origin)
