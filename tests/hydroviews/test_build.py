@@ -1,0 +1,168 @@
+import errno
+import json
+from pathlib import Path
+
+import numpy as np
+import pycolmap
+import pytest
+from synthetic import capture_in
+
+from hydroviews import build as build_module
+from hydroviews.build import build
+from hydroviews.errors import InputError
+from hydroviews.images import read_image, write_png
+from hydroviews.manifest import read_manifest, scene_files
+from hydroviews.rain.patterns import Pattern, choose_patterns
+from hydroviews.variants import open_clean, open_variant
+from hydroviews.verify import verify
+
+STREAK = Pattern("streak", 0)
+
+
+@pytest.fixture
+def scene(tmp_path):
+    return capture_in(tmp_path / "capture" / "yard")
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in scene_files(folder)}
+
+
+def test_a_build_holds_what_the_layout_promises(scene, tmp_path):
+    folder = build(scene, tmp_path / "data", patterns=[STREAK], seed=3)
+    names = [view.name for view in scene.views]
+    for part, suffix in (("clean", "png"), ("streak-0/images", "png"), ("streak-0/layers", "exr")):
+        assert sorted(p.name for p in (folder / part).iterdir()) == [f"{n}.{suffix}" for n in names]
+    facts = json.loads((folder / "streak-0" / "pattern.json").read_text())
+    assert facts["seed"] == 3
+    assert set(facts["parameters"]) == {"n", "length", "angle", "width", "brightness"}
+    split = json.loads((folder / "split.json").read_text())
+    assert split["test"] == names[::8]
+    assert verify(tmp_path / "data", every_view=True) == []
+
+
+def test_a_variant_opens_in_other_software(scene, tmp_path):
+    folder = build(scene, tmp_path / "data", patterns=[STREAK])
+    model = pycolmap.Reconstruction(folder / "streak-0" / "sparse" / "0")
+    transforms = json.loads((folder / "streak-0" / "transforms.json").read_text())
+    assert model.num_reg_images() == len(scene.views) == len(transforms["frames"])
+    flip = np.diag([1.0, -1, -1, 1])
+    frames = {Path(f["file_path"]).name: np.array(f["transform_matrix"]) @ flip for f in transforms["frames"]}
+    for image in model.images.values():
+        pose = np.eye(4)
+        pose[:3] = image.cam_from_world().matrix()
+        assert np.allclose(np.linalg.inv(frames[image.name]), pose, atol=1e-9)
+        assert (folder / "streak-0" / "images" / image.name).is_file()
+        assert image.camera.model.name == "PINHOLE"
+
+
+def test_opened_scenes_have_the_cameras_and_split_of_the_capture(scene, tmp_path):
+    folder = build(scene, tmp_path / "data", patterns=[STREAK])
+    for opened in (open_clean(folder), open_variant(folder, "streak-0")):
+        assert opened.split == scene.split
+        assert len(opened.points) == len(scene.points)
+        for ours, given in zip(opened.views, scene.views, strict=True):
+            assert np.allclose(ours.camera.world_to_camera, given.camera.world_to_camera, atol=1e-9)
+            assert ours.camera.fx == given.camera.fx
+    assert np.array_equal(open_clean(folder).views[0].image(), scene.views[0].image())
+    assert not np.array_equal(open_variant(folder, "streak-0").views[0].image(), scene.views[0].image())
+
+
+def test_seeds(scene, tmp_path):
+    first, again, other = (
+        contents(build(scene, tmp_path / out, patterns=[STREAK], seed=seed))
+        for out, seed in (("a", 0), ("b", 0), ("c", 1))
+    )
+    assert first == again
+    assert first["streak-0/images/view-00.png"] != other["streak-0/images/view-00.png"]
+    assert first["streak-0/images/view-00.png"] != first["streak-0/images/view-01.png"]
+
+
+def test_rain_is_fresh_in_every_view_and_other_in_every_pattern(scene, tmp_path):
+    folder = build(scene, tmp_path / "data", patterns=choose_patterns(["streak-0", "streak-1"], 0))
+    rain = {
+        (p, v): (folder / p / "layers" / f"{v}.exr").read_bytes()
+        for p in ("streak-0", "streak-1")
+        for v in ("view-00", "view-01")
+    }
+    assert len(set(rain.values())) == 4
+    parameters = [json.loads((folder / p / "pattern.json").read_text())["parameters"] for p in ("streak-0", "streak-1")]
+    assert parameters[0] != parameters[1]
+
+
+def test_full_disk_then_resume(scene, tmp_path, monkeypatch):
+    whole = contents(build(scene, tmp_path / "whole", patterns=[STREAK]))
+    monkeypatch.setattr("hydroviews.files.os.replace", _full_after(15))
+    with pytest.raises(InputError, match="no space left"):
+        build(scene, tmp_path / "data", patterns=[STREAK])
+    assert "yard" not in read_manifest(tmp_path / "data")["scenes"]
+    monkeypatch.undo()
+    assert contents(build(scene, tmp_path / "data", patterns=[STREAK])) == whole
+    assert verify(tmp_path / "data") == []
+
+
+def _full_after(writes: int):
+    """os.replace on a disk that is full after some files."""
+    import os
+
+    done = []
+    real = os.replace
+
+    def replace(source, target):
+        done.append(target)
+        if len(done) > writes:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        real(source, target)
+
+    return replace
+
+
+def test_another_request_is_refused_and_overwrite_builds_it(scene, tmp_path):
+    build(scene, tmp_path / "data", patterns=[STREAK], long_side=32)
+    with pytest.raises(InputError, match="another request") as refusal:
+        build(scene, tmp_path / "data", patterns=[STREAK], long_side=24)
+    assert "long_side 32" in str(refusal.value)
+    folder = build(scene, tmp_path / "data", patterns=[STREAK], long_side=24, overwrite=True)
+    assert read_image(folder / "clean" / "view-00.png").shape == (18, 24, 3)
+    assert verify(tmp_path / "data") == []
+
+
+def test_patterns_can_be_added_later(scene, tmp_path):
+    build(scene, tmp_path / "data", patterns=[])
+    folder = build(scene, tmp_path / "data", patterns=[STREAK])
+    together = build(scene, tmp_path / "other", patterns=[STREAK])
+    assert contents(folder) == contents(together)
+    assert read_manifest(tmp_path / "data")["scenes"]["yard"]["patterns"] == ["streak-0"]
+
+
+def test_a_finished_build_is_not_touched(scene, tmp_path, monkeypatch):
+    build(scene, tmp_path / "data", patterns=[STREAK])
+    monkeypatch.setattr(build_module, "_write_clean", None)
+    build(scene, tmp_path / "data", patterns=[STREAK])
+
+
+def test_verify_names_what_changed(scene, tmp_path):
+    folder = build(scene, tmp_path / "data", patterns=[STREAK])
+    image = folder / "streak-0" / "images" / "view-00.png"
+    write_png(image, read_image(image) * 0.5)
+    (folder / "clean" / "view-05.png").unlink()
+    (folder / "stray.txt").write_text("")
+    layer = folder / "streak-0" / "layers" / "view-01.exr"
+    layer.write_bytes(layer.read_bytes()[:100])
+    problems = "\n".join(verify(tmp_path / "data", every_view=True))
+    assert "view-00.png: changed" in problems
+    assert "view-00.png: differs by" in problems
+    assert "view-05.png: missing" in problems
+    assert "stray.txt: not in the manifest" in problems
+    assert "view-01.exr: not a readable EXR" in problems
+
+
+def test_verify_needs_a_manifest(tmp_path):
+    with pytest.raises(InputError, match=r"no manifest\.json"):
+        verify(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["rain-0", "streak", "streak-x", "streak--1", ""])
+def test_unknown_patterns_are_refused(name):
+    with pytest.raises(InputError, match="no such rain pattern"):
+        choose_patterns([name], 1)

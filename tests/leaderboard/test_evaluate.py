@@ -1,0 +1,155 @@
+import json
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from synthetic import capture_in
+
+from hydroviews import metrics
+from hydroviews.errors import InputError
+from hydroviews.images import read_image
+from hydroviews.writers import write_colmap
+from leaderboard import evaluate as evaluate_module
+from leaderboard import tables
+from leaderboard.evaluate import Evaluation, evaluate
+from leaderboard.records import COLUMNS
+from leaderboard.score import score
+
+
+@pytest.fixture(autouse=True)
+def toys(monkeypatch):
+    """The toy methods importable here and in the processes started, and as reference rows."""
+    folder = str(Path(__file__).parent)
+    monkeypatch.setenv("PYTHONPATH", folder)
+    monkeypatch.syspath_prepend(folder)
+    for module in (evaluate_module, tables):
+        monkeypatch.setattr(module, "CEILING", "toy_methods:MeanColourClean")
+        monkeypatch.setattr(module, "FLOOR", "toy_methods:MeanColour")
+    yield
+    sys.modules.pop("toy_methods", None)
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """A capture on disk and its built clean views and streaks, copied by each test."""
+    folder = tmp_path_factory.mktemp("capture") / "yard"
+    scene = capture_in(folder)
+    write_colmap(scene, folder / "sparse" / "0")
+    return folder
+
+
+def request(built: Path, tmp_path: Path, method: str, **changes) -> Evaluation:
+    settings = {
+        "scene": str(built),
+        "patterns": ("streak-0",),
+        "data": tmp_path / "data",
+        "results": tmp_path / "results",
+    }
+    return Evaluation(method=f"toy_methods:{method}", **{**settings, **changes})
+
+
+def leaderboard(tmp_path: Path) -> pd.DataFrame:
+    return pd.read_csv(tmp_path / "results" / "leaderboard.csv")
+
+
+def test_rows_renders_and_scores(built, tmp_path, capsys):
+    (record,) = evaluate(request(built, tmp_path, "MeanColour"))
+    table = leaderboard(tmp_path)
+    assert list(table.columns) == COLUMNS
+    assert list(table.method) == ["toy_methods:MeanColourClean", "toy_methods:MeanColour"]
+    assert list(table.effect) == ["clean", "streak"]
+    assert list(table.n_test) == [2, 2]
+    run = tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0"
+    clean = tmp_path / "data/demo/yard/clean"
+    expected = np.mean([metrics.psnr(read_image(p), read_image(clean / p.name)) for p in (run / "renders").iterdir()])
+    assert record.psnr == pytest.approx(expected, abs=1e-4)
+    assert record.train_s == 0.5
+    assert record.n_primitives is None
+    assert record.peak_mem_mb > 10
+    assert (run / "preview.png").is_file()
+    assert "share of gap" in capsys.readouterr().out
+
+
+def test_second_call_keeps_records_and_rescoring_gives_the_same(built, tmp_path, capsys):
+    (record,) = evaluate(request(built, tmp_path, "MeanColour"))
+    run = next(r for r in _runs(built, tmp_path))
+    stamp = (run.folder / "record.json").stat().st_mtime_ns
+    (again,) = evaluate(request(built, tmp_path, "MeanColour"))
+    assert (run.folder / "record.json").stat().st_mtime_ns == stamp
+    assert "kept" in capsys.readouterr().out
+    assert again == record
+    assert score(run) == record
+
+
+def _runs(built, tmp_path):
+    from hydroviews.profiles import find_profile
+
+    wanted = request(built, tmp_path, "MeanColour")
+    plan = evaluate_module.plan(wanted, find_profile("demo"), tmp_path / "data/demo", "yard", ["streak-0"])
+    return [run for run in plan if run.pattern == "streak-0"]
+
+
+def test_a_method_that_sees_clean_views_needs_no_rain(built, tmp_path):
+    evaluate(request(built, tmp_path, "MeanColourClean"))
+    assert list(leaderboard(tmp_path).method) == ["toy_methods:MeanColourClean"]
+    assert not (tmp_path / "data/demo/yard/streak-0").exists()
+
+
+@pytest.mark.parametrize(
+    ("method", "reason"),
+    [
+        ("Raises", "ArithmeticError: diverged at step 7"),
+        ("Killed", "ended by SIGKILL"),
+        ("RendersNan", "finite values"),
+    ],
+)
+def test_a_failed_run_is_a_row_without_numbers(built, tmp_path, method, reason):
+    (record,) = evaluate(request(built, tmp_path, method))
+    assert record.status == "failed"
+    row = leaderboard(tmp_path).set_index("method").loc[f"toy_methods:{method}"]
+    assert reason in row.reason
+    assert row[["psnr", "ssim", "lpips_alex", "train_s", "model_mb"]].isna().all()
+    assert (leaderboard(tmp_path).status == "done").sum() == 2
+
+
+def test_bad_input_ends_the_command(built, tmp_path):
+    with pytest.raises(InputError, match="no scene for me"):
+        evaluate(request(built, tmp_path, "Refuses"))
+
+
+def test_other_settings_are_refused_unless_overwritten(built, tmp_path, monkeypatch):
+    evaluate(request(built, tmp_path, "MeanColour"))
+    monkeypatch.setenv("TOY_SHIFT", "0.1")
+    sys.modules.pop("toy_methods")
+    with pytest.raises(InputError, match=r"other settings[\s\S]*--overwrite"):
+        evaluate(request(built, tmp_path, "MeanColour"))
+    shutil.rmtree(tmp_path / "results")
+    (record,) = evaluate(request(built, tmp_path, "MeanColour", overwrite=True))
+    config = json.loads((tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0/config.json").read_text())
+    assert config["config"] == {"shift": 0.1}
+    assert record.status == "done"
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"profile": "huge"}, "no such profile"),
+        ({"scene": "/nowhere"}, "no such capture"),
+        ({"patterns": ("hail-0",)}, "no such rain pattern"),
+    ],
+)
+def test_unknown_names(built, tmp_path, changes, message):
+    with pytest.raises(InputError, match=message):
+        evaluate(request(built, tmp_path, "MeanColour", **changes))
+
+
+@pytest.mark.parametrize(
+    ("method", "message"),
+    [("nerf-x", "no such method"), ("json:JSONDecoder", "is not a method"), ("no.module:Class", "cannot import")],
+)
+def test_unknown_methods(method, message, tmp_path):
+    with pytest.raises(InputError, match=message):
+        evaluate(Evaluation(method=method, data=tmp_path, results=tmp_path))

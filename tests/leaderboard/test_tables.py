@@ -1,0 +1,62 @@
+import pandas as pd
+import pytest
+
+from leaderboard.records import COLUMNS
+from leaderboard.tables import scene_table, to_markdown
+
+
+def rows(*values: tuple) -> pd.DataFrame:
+    records = [
+        dict.fromkeys(COLUMNS)
+        | {
+            "method": method,
+            "effect": effect,
+            "status": status,
+            "psnr": psnr,
+            "ssim": 0.5,
+            "scene": "yard",
+            "profile": "demo",
+        }
+        for method, effect, status, psnr in values
+    ]
+    return pd.DataFrame(records)
+
+
+def test_means_share_of_gap_and_order():
+    table = rows(
+        ("ours", "streak", "done", 24.0),
+        ("ours", "streak", "done", 26.0),
+        ("3dgs", "streak", "done", 20.0),
+        ("3dgs-clean", "clean", "done", 30.0),
+    )
+    summary = scene_table(table, "yard", "demo")["streak"]
+    assert list(summary.index) == ["3dgs-clean", "3dgs", "ours"]
+    assert summary.loc["ours", "psnr"] == 25
+    assert summary.loc["ours", "gap"] == pytest.approx(0.5)
+    assert summary.loc["3dgs", "gap"] == 0
+    assert summary.loc["3dgs-clean", "gap"] == 1
+
+
+def test_failed_runs_are_counted_and_left_out_of_the_mean():
+    table = rows(
+        ("ours", "streak", "done", 24.0),
+        ("ours", "streak", "failed", None),
+        ("theirs", "streak", "failed", None),
+        ("3dgs-clean", "clean", "done", 30.0),
+    )
+    summary = scene_table(table, "yard", "demo")["streak"]
+    assert summary.loc["ours", "psnr"] == 24
+    assert summary.loc["ours", "runs"] == "1/2"
+    assert pd.isna(summary.loc["theirs", "psnr"])
+    text = to_markdown(scene_table(table, "yard", "demo"))
+    assert "| ours | 24.00 | 0.5000 |  |  |  |  | 1/2 |" in text
+    assert "| theirs |  |" in text
+
+
+def test_the_ceiling_stands_under_every_effect():
+    table = rows(
+        ("3dgs", "streak", "done", 20.0), ("3dgs", "raindrop", "done", 22.0), ("3dgs-clean", "clean", "done", 30.0)
+    )
+    summary = scene_table(table, "yard", "demo")
+    assert summary.loc["3dgs-clean", ("streak", "psnr")] == 30
+    assert summary.loc["3dgs-clean", ("raindrop", "psnr")] == 30

@@ -1,0 +1,72 @@
+"""Methods that train in no time, to test the harness with."""
+
+import os
+import signal
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from baselines.method import Method, Statistics
+from hydroviews.cameras import Camera
+from hydroviews.errors import InputError
+from hydroviews.files import read_json, write_json
+from hydroviews.images import Image
+from hydroviews.scenes import Scene
+
+
+@dataclass(frozen=True)
+class Config:
+    shift: float = float(os.environ.get("TOY_SHIFT", "0"))
+
+
+class MeanColour(Method):
+    """Renders the mean colour of what it was shown."""
+
+    colour = np.zeros(3)
+
+    @classmethod
+    def configuration(cls, profile: str) -> Config:
+        return Config()
+
+    def fit(self, scene: Scene, folder: Path) -> None:
+        self.colour = np.mean([view.image().mean(axis=(0, 1)) for view in scene.train_views], axis=0)
+
+    def render(self, camera: Camera) -> Image:
+        return np.full((camera.height, camera.width, 3), self.colour + self.config.shift, np.float32)
+
+    def save(self, folder: Path) -> None:
+        write_json(folder / "colour.json", self.colour.tolist())
+
+    @classmethod
+    def load(cls, config: Config, seed: int, folder: Path) -> "MeanColour":
+        method = cls(config, seed)
+        method.colour = np.array(read_json(folder / "colour.json"))
+        return method
+
+    def statistics(self) -> Statistics:
+        return Statistics(train_seconds=0.5, n_primitives=None, model_mb=0.001, device="cpu")
+
+
+class MeanColourClean(MeanColour):
+    trains_on = "clean"
+
+
+class Raises(MeanColour):
+    def fit(self, scene: Scene, folder: Path) -> None:
+        raise ArithmeticError("diverged at step 7")
+
+
+class Killed(MeanColour):
+    def fit(self, scene: Scene, folder: Path) -> None:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+class Refuses(MeanColour):
+    def fit(self, scene: Scene, folder: Path) -> None:
+        raise InputError("camera.bin: this is no scene for me")
+
+
+class RendersNan(MeanColour):
+    def render(self, camera: Camera) -> Image:
+        return super().render(camera) * np.float32("nan")
