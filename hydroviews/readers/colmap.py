@@ -36,7 +36,7 @@ def find_models(folder: Path) -> list[Path]:
     candidates = [folder]
     for name in MODEL_FOLDERS:
         if (folder / name).is_dir():
-            candidates += [folder / name, *sorted(p for p in (folder / name).iterdir() if p.is_dir())]
+            candidates += [folder / name, *sorted(p for p in (folder / name).glob("[!.]*") if p.is_dir())]
     return [path for path in candidates if model_suffix(path)]
 
 

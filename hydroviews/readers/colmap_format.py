@@ -75,14 +75,14 @@ def read_images(folder: Path) -> list[RegisteredImage]:
 
 
 def read_points(folder: Path) -> SparsePoints:
-    """The points of the model in `folder`; none where the file is missing.
+    """The points of the model in `folder` in order of their ids; none where the file is missing.
 
     Raises:
         InputError: damaged or cut short.
     """
     path = folder / f"points3D{model_suffix(folder)}"
     rows = list(_records(path, _binary_points, _text_points)) if path.is_file() else []
-    table = np.array(rows, np.float64).reshape(-1, 8)
+    table = np.array(sorted(rows), np.float64).reshape(-1, 9)[:, 1:]
     return SparsePoints(table[:, :3], table[:, 3:6].astype(np.uint8), table[:, 6], table[:, 7].astype(np.int64))
 
 
@@ -162,9 +162,9 @@ def _binary_images(cursor: _Cursor) -> Iterator[tuple]:
 
 def _binary_points(cursor: _Cursor) -> Iterator[tuple]:
     for _ in range(cursor.take("Q")[0]):
-        _, *point, length = cursor.take("Q3d3BdQ")
-        cursor.skip(8 * length)  # track
-        yield *point, length
+        values = cursor.take("Q3d3BdQ")
+        cursor.skip(8 * values[-1])  # track
+        yield values
 
 
 def _data_lines(lines: list[str]) -> Iterator[list[str]]:
@@ -192,4 +192,4 @@ def _text_points(lines: list[str]) -> Iterator[tuple]:
     for values in _data_lines(lines):
         if len(values) < 8 or len(values) % 2:
             raise ValueError(f"not a point: {' '.join(values)[:80]!r}")
-        yield *map(float, values[1:8]), (len(values) - 8) // 2
+        yield int(values[0]), *map(float, values[1:8]), (len(values) - 8) // 2

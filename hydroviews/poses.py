@@ -1,0 +1,211 @@
+"""Cameras for a folder of photographs, and points for cameras that come without, estimated with pycolmap."""
+
+import os
+import shutil
+from functools import partial
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pycolmap
+from tqdm import tqdm
+
+from hydroviews import features
+from hydroviews.errors import InputError
+from hydroviews.files import read_json, write_json
+from hydroviews.images import image_size, write_png
+from hydroviews.readers import read_scene
+from hydroviews.readers.colmap import reliable
+from hydroviews.readers.colmap_format import SparsePoints
+from hydroviews.readers.photographs import photographs_below, some, view_names
+from hydroviews.scenes import Points, Scene
+from hydroviews.writers import to_colmap_camera
+
+Matcher = Literal["auto", "exhaustive", "sequential"]
+
+MINIMUM = 3  # registered views that make a scene
+SETTINGS = "poses.json"
+DATABASE = "database.db"
+
+ADVICE = (
+    "take more photographs, each sharing at least two thirds of what it shows with the next and taken from "
+    "another place; blurred ones, bare walls and mirrors do not register"
+)
+
+
+def estimate_poses(
+    images: Path,
+    out: Path,
+    camera_model: str = "SIMPLE_RADIAL",
+    matcher: Matcher = "auto",
+    seed: int = 0,
+) -> Scene:
+    """Estimate a camera for each photograph in `images` and write the capture `out`.
+
+    Features, matches and then incremental mapping, all on the CPU. Finished work is kept in `out`: the same
+    call goes on after an interruption (mapping starts again) and returns at once when all is done.
+
+    Args:
+        images: the photographs, in folders or not.
+        out: gets `images` (links, or copies where links cannot be made), `sparse/0` (the largest model, others
+            after it), `database.db` and `poses.json`.
+        camera_model: COLMAP's name; one camera is shared by photographs of one size.
+        matcher: all pairs, or neighbours in the order of names with loops closed; auto takes the first for up
+            to `features.EXHAUSTIVE_LIMIT` photographs.
+        seed: of the random sampling. Mapping runs in several threads, so the last digits may still differ.
+
+    Returns:
+        The scene that `read_scene(out)` gives, with the number of registered photographs in its notes.
+
+    Raises:
+        InputError: fewer than three photographs, fewer than three registered, or `out` was made otherwise.
+    """
+    sources = photographs_below(images) if images.is_dir() else []
+    if len(sources) < MINIMUM:
+        raise InputError(f"{images}: {len(sources)} photographs", expected=f"at least {MINIMUM}", fix=ADVICE)
+    links = _link_names(images, sources)
+    exhaustive = matcher == "exhaustive" or (matcher == "auto" and len(sources) <= features.EXHAUSTIVE_LIMIT)
+    settings = {"camera_model": camera_model, "exhaustive": exhaustive, "seed": seed, "images": sorted(links)}
+    _claim(out, settings)
+    if not (out / "sparse").is_dir():
+        _link(links, out / "images")
+        names = sorted(links)
+        same_size = len({image_size(path) for path in sources}) == 1
+        mode = pycolmap.CameraMode.SINGLE if same_size else pycolmap.CameraMode.AUTO
+        features.extract(out / DATABASE, out / "images", names, mode, camera_model)
+        pairs = features.all_pairs(len(names)) if exhaustive else features.sequence_pairs(len(names))
+        features.match(out / DATABASE, names, pairs, seed)
+        _map(out, len(names), seed)
+    return read_scene(out)
+
+
+def _link_names(images: Path, sources: list[Path]) -> dict[str, Path]:
+    """Flat file names without blanks, unique without their suffixes, and the photographs they stand for."""
+    relative = [path.relative_to(images).as_posix() for path in sources]
+    stems = [stem.replace(" ", "_") for stem in view_names(relative)]
+    if len(set(stems)) < len(stems):
+        twice = sorted({stem for stem in stems if stems.count(stem) > 1})
+        raise InputError(f"{images}: several images share a name", found=some(twice), fix="rename them")
+    return {stem + path.suffix: path for stem, path in zip(stems, sources, strict=True)}
+
+
+def _claim(out: Path, settings: dict) -> None:
+    """Take `out` for these settings; refuse it if it was begun with others."""
+    path = out / SETTINGS
+    if not path.is_file():
+        write_json(path, settings)
+        return
+    begun = read_json(path)
+    changed = [key for key in settings if begun.get(key) != settings[key]]
+    if changed:
+        raise InputError(
+            f"{out}: holds poses that were estimated otherwise",
+            found=f"another value of {', '.join(changed)} in {SETTINGS}",
+            fix="choose another folder, or remove this one",
+        )
+
+
+def _link(links: dict[str, Path], folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, source in links.items():
+        target = folder / name
+        if target.exists():
+            continue
+        try:
+            target.symlink_to(source.resolve())
+        except OSError:  # no links on this file system
+            shutil.copy2(source, target)
+
+
+def _map(out: Path, count: int, seed: int) -> None:
+    """Incremental mapping; the models are moved to `out/sparse`, the largest first, once all are written."""
+    scratch = out / "mapping"
+    shutil.rmtree(scratch, ignore_errors=True)
+    scratch.mkdir()
+    options = pycolmap.IncrementalPipelineOptions(min_model_size=MINIMUM, random_seed=seed)
+    with tqdm(total=count, desc="registered", unit="image") as bar:
+        call = partial(
+            pycolmap.incremental_mapping,
+            out / DATABASE,
+            out / "images",
+            scratch,
+            options,
+            initial_image_pair_callback=lambda: bar.update(2),
+            next_image_callback=lambda: bar.update(1),
+        )
+        models = features.interruptible(call, bar.refresh)
+    ordered = sorted(models.values(), key=lambda model: -model.num_reg_images())
+    best = ordered[0].num_reg_images() if ordered else 0
+    if best < MINIMUM:
+        raise InputError(
+            f"{out / 'images'}: only {best} of {count} photographs could be registered",
+            expected=f"at least {MINIMUM}",
+            fix=ADVICE,
+        )
+    finished = out / "sparse.partial"
+    shutil.rmtree(finished, ignore_errors=True)
+    for i, model in enumerate(ordered):
+        (finished / str(i)).mkdir(parents=True)
+        model.write_binary(finished / str(i))
+    os.replace(finished, out / "sparse")
+    shutil.rmtree(scratch)
+
+
+def triangulate(scene: Scene, workspace: Path, seed: int = 0) -> Points:
+    """Points of a scene whose poses are known, for captures that come without any.
+
+    SIFT features of the undistorted photographs are matched between views near each other and triangulated;
+    poses and intrinsics stay. Interrupted work is taken up again from `workspace`, which serves one scene.
+
+    Args:
+        scene: with correct cameras.
+        workspace: gets the undistorted photographs and the database.
+        seed: of the verification's random sampling.
+
+    Returns:
+        Points seen by three views within two pixels; there may be none, if poses or photographs do not fit.
+    """
+    scene = scene.resized(features.MAX_IMAGE_SIZE)
+    names = [f"{view.name.replace(' ', '_')}.png" for view in scene.views]
+    for name, view in zip(names, tqdm(scene.views, desc="photographs"), strict=True):
+        if not (workspace / "images" / name).is_file():
+            write_png(workspace / "images" / name, view.image())
+    database = workspace / DATABASE
+    features.extract(database, workspace / "images", names, pycolmap.CameraMode.PER_IMAGE, "PINHOLE")
+    features.match(
+        database, names, features.pose_pairs(np.stack([view.camera.world_to_camera for view in scene.views])), seed
+    )
+    model = _posed_model(scene, names, database)
+    options = pycolmap.IncrementalPipelineOptions(random_seed=seed)
+    (workspace / "points").mkdir(exist_ok=True)
+    model = pycolmap.triangulate_points(model, database, workspace / "images", workspace / "points", options=options)
+    return _points(model)
+
+
+def _posed_model(scene: Scene, names: list[str], database: Path) -> pycolmap.Reconstruction:
+    """The scene's cameras under the ids that the database gave its images, which get the same intrinsics."""
+    model = pycolmap.Reconstruction()
+    with pycolmap.Database.open(database) as opened:
+        for name, view in zip(names, scene.views, strict=True):
+            stored = opened.read_image_with_name(name)
+            if stored is None:
+                raise InputError(f"{database}: made for other images", found=f"no {name}", fix="remove its folder")
+            camera = to_colmap_camera(view.camera, stored.camera_id)
+            opened.update_camera(camera)
+            model.add_camera_with_trivial_rig(camera)
+            image = pycolmap.Image(name=name, camera_id=stored.camera_id, image_id=stored.image_id)
+            model.add_image_with_trivial_frame(image, pycolmap.Rigid3d(view.camera.world_to_camera[:3]))
+    return model
+
+
+def _points(model: pycolmap.Reconstruction) -> Points:
+    model.update_point_3d_errors()
+    points = [model.points3D[i] for i in sorted(model.points3D)]
+    return reliable(
+        SparsePoints(
+            np.array([point.xyz for point in points]).reshape(-1, 3),
+            np.array([point.color for point in points], np.uint8).reshape(-1, 3),
+            np.array([point.error for point in points]),
+            np.array([point.track.length() for point in points], np.int64),
+        )
+    )
