@@ -1,3 +1,5 @@
+# Numba infers the types of kernels.
+# mypy: allow-untyped-defs
 """Adam (Kingma and Ba 2015) on float32 arrays in place."""
 
 import math

@@ -1,3 +1,5 @@
+# Numba infers the types of kernels.
+# mypy: allow-untyped-defs
 """Which splats touch which tile, front to back.
 
 The visible Gaussians are sorted by depth once; a stable counting sort then deals them out to the tiles, so every tile's

@@ -1,3 +1,5 @@
+# Numba infers the types of kernels.
+# mypy: allow-untyped-defs
 """Splats to pixels, front to back: colour = sum_i colour_i alpha_i T_i with T_i = prod_{j<i} (1 - alpha_j).
 
 One tile at a time in a scratch buffer that stays in the first-level cache, 8 pixels of a row at a time. The buffer is
@@ -180,7 +182,7 @@ def blend(
                         left, np.float32(row) - centre, tile_size,
                     )  # fmt: skip
                     if blocks > 0:
-                        blend_row(
+                        blend_row(  # type: ignore[call-arg]  # Numba fills the typing context in
                             table, address + row * row_bytes + block * (PLANES * BLOCK_BYTES), blocks, splat[L11], u,
                             power, splat[LOG2_OPACITY], splat[RED], splat[GREEN], splat[BLUE], number,
                         )  # fmt: skip

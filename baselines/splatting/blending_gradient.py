@@ -1,3 +1,5 @@
+# Numba infers the types of kernels.
+# mypy: allow-untyped-defs
 """The gradient of blending, back to front.
 
 Going backwards, T_i = T_{i+1} / (1 - alpha_i) and one number a pixel, S_i = sum_{j>i} (colour_j . g) alpha_j T_j with
@@ -154,7 +156,7 @@ def blend_gradient(
                         splat[L11], splat[L21], splat[L22], splat[CUTOFF], splat[LOG2_OPACITY], left, dy, tile_size
                     )
                     if blocks > 0:
-                        blend_row_gradient(
+                        blend_row_gradient(  # type: ignore[call-arg]  # as for blend_row
                             table, address + row * row_bytes + block * block_bytes, sums_address + block * block_bytes,
                             blocks, splat[L11], u, power, splat[LOG2_OPACITY],
                             splat[RED], splat[GREEN], splat[BLUE], number, dy,

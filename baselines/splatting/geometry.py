@@ -1,3 +1,5 @@
+# Numba infers the types of kernels.
+# mypy: allow-untyped-defs
 """From a Gaussian's parameters to its ellipse on the image, in float64 scalars; shared by projection and its gradient.
 
 The screen-space covariance is J W R S S R^T W^T J^T + 0.3 I (EWA splatting, Zwicker et al. 2001; Kerbl et al. 2023).

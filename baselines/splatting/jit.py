@@ -13,6 +13,7 @@ from typing import Any
 import numba
 
 HERE = Path(__file__).parent
+CONFIG: Any = numba.config  # its settings are made at run time
 SHARED_SOURCES = (
     "constants.py",
     "jit.py",
@@ -30,8 +31,8 @@ EXACT = {"contract"}
 
 def _cache_folder() -> str:
     digest = hashlib.sha256(b"".join((HERE / name).read_bytes() for name in SHARED_SOURCES)).hexdigest()[:12]
-    if numba.config.CACHE_DIR:
-        parent = Path(numba.config.CACHE_DIR)
+    if CONFIG.CACHE_DIR:
+        parent = Path(CONFIG.CACHE_DIR)
     elif os.access(HERE, os.W_OK):
         parent = HERE / "__pycache__"
     else:
@@ -43,12 +44,12 @@ FOLDER = _cache_folder()
 
 
 def _compile(function: Callable, **options: Any) -> Callable:
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = FOLDER  # read when the decorator runs, so other packages' caches stay where they are
+    before = CONFIG.CACHE_DIR
+    CONFIG.CACHE_DIR = FOLDER  # read when the decorator runs, so other packages' caches stay where they are
     try:
         return numba.njit(cache=True, error_model="numpy", **options)(function)
     finally:
-        numba.config.CACHE_DIR = before
+        CONFIG.CACHE_DIR = before
 
 
 def kernel(function: Callable) -> Callable:

@@ -1,3 +1,5 @@
+# Numba infers the types of kernels.
+# mypy: allow-untyped-defs
 """The photometric loss (1 - lambda) L1 + lambda (1 - SSIM) and its gradient, fused (Kerbl et al. 2023, eq. 7).
 
 SSIM after Wang et al. 2004: an 11x11 Gaussian window of sigma 1.5, zero outside the image, per channel, constants for
@@ -140,7 +142,7 @@ def compare(x, y, mean_y, mean_yy, weights, share, planes, out_planes, sums, gra
             row_total = np.float32(0)
             for i in range(n):
                 row_total += loss[i]
-            total += row_total
+            total += np.float64(row_total)
             filter_row(by_mean, n, out_planes[0, row])
             filter_row(by_square, n, out_planes[1, row])
             filter_row(by_product, n, out_planes[2, row])

@@ -1,3 +1,5 @@
+# Numba infers the types of kernels.
+# mypy: allow-untyped-defs
 """Gaussians to splats: position, shape, opacity and colour on the image, or culled.
 
 A splat is twelve float32 numbers. Its shape is the Cholesky factor of the inverse covariance, scaled so that

@@ -1,3 +1,5 @@
+# Numba infers the types of kernels.
+# mypy: allow-untyped-defs
 """The gradient of projection: from moments per splat back to every parameter of every Gaussian."""
 
 import math

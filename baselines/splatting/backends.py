@@ -1,0 +1,131 @@
+"""Where the steps are calculated: on the CPU with our kernels, or on an NVIDIA GPU with gsplat."""
+
+import importlib.util
+import os
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.splatting.adam import adam_step
+from baselines.splatting.densification import TrainingState, observe
+from baselines.splatting.gaussians import Gaussians
+from baselines.splatting.objective import Objective
+from baselines.splatting.rasterizer import Workspace, backward, render
+from hydroviews.cameras import Camera
+from hydroviews.errors import InputError
+from hydroviews.images import Image
+
+DEVICES = ("auto", "cpu", "cuda")
+Rates = dict[str, float | NDArray[np.float32]]
+
+
+class Backend(Protocol):
+    """One place to calculate. The trainer owns the loop, the schedule and the densification."""
+
+    device: str  # "cpu", or the GPU's name
+
+    def put(self, state: TrainingState) -> None:
+        """Take over a state to go on from; call it again after every refinement."""
+
+    def get(self, iteration: int, seconds: float) -> TrainingState:
+        """The state as numpy arrays, valid until the next step."""
+
+    def step(self, camera: Camera, view: int, iteration: int, degree: int, rates: Rates, watch: bool) -> float:
+        """Render a training view, compare, and take one step of Adam; returns the loss.
+
+        Args:
+            camera: of the view.
+            view: its index, for the objective.
+            iteration: from 0.
+            degree: spherical-harmonic degree in use.
+            rates: from `schedule.rates_at`.
+            watch: collect the gradient statistics for densification.
+        """
+
+    def render(self, gaussians: Gaussians, camera: Camera) -> Image:
+        """An image, for looking at."""
+
+
+class CpuBackend:
+    """Our kernels."""
+
+    device = "cpu"
+
+    def __init__(self, objective: Objective, background: NDArray[np.float32], near: float):
+        self._objective = objective
+        self._background = background
+        self._near = near
+        self._workspace = Workspace()
+        self._state: TrainingState | None = None
+
+    def put(self, state: TrainingState) -> None:
+        """Keep the arrays; steps change them in place."""
+        self._state = state
+
+    def get(self, iteration: int, seconds: float) -> TrainingState:
+        """The same arrays."""
+        assert self._state is not None
+        parts = {name: getattr(self._state, name) for name in ("gaussians", "first", "second", "gradient_sum", "seen")}
+        return TrainingState(**parts, iteration=iteration, seconds=seconds)
+
+    def step(self, camera: Camera, view: int, iteration: int, degree: int, rates: Rates, watch: bool) -> float:
+        """See Backend."""
+        state, workspace = self._state, self._workspace
+        assert state is not None
+        image, rendering = render(
+            state.gaussians, camera, self._background, degree, near=self._near, workspace=workspace
+        )
+        loss, grad_image = self._objective(image, view, iteration, workspace)
+        gradients = backward(rendering, grad_image)
+        if watch:
+            observe(state, rendering.rank, gradients.means2d, (camera.width, camera.height))
+        moments = zip(state.first.arrays().values(), state.second.arrays().values(), strict=True)
+        for (name, values), (first, second) in zip(state.gaussians.arrays().items(), moments, strict=True):
+            adam_step(values, getattr(gradients.parameters, name), first, second, iteration + 1, rates[name])
+        return loss
+
+    def render(self, gaussians: Gaussians, camera: Camera) -> Image:
+        """See Backend; the image is a buffer that the next call overwrites."""
+        return render(gaussians, camera, self._background, near=self._near, workspace=self._workspace)[0]
+
+
+def make_backend(device: str, objective: Objective, background: NDArray[np.float32], near: float) -> Backend:
+    """The backend for a device; $HYDROVIEWS_DEVICE, where it is set, comes before the configuration.
+
+    Raises:
+        InputError: an unknown device, or "cuda" without a GPU or without gsplat.
+    """
+    if chosen_device(device) == "cuda":
+        from baselines.splatting.cuda import CudaBackend
+
+        return CudaBackend(objective, background, near)
+    return CpuBackend(objective, background, near)
+
+
+def chosen_device(device: str) -> str:
+    """ "cpu" or "cuda" for "auto", "cpu" or "cuda".
+
+    Raises:
+        InputError: see `make_backend`.
+    """
+    device = os.environ.get("HYDROVIEWS_DEVICE") or device
+    if device not in DEVICES:
+        raise InputError(f"device {device}: unknown", expected=", ".join(DEVICES), fix="correct HYDROVIEWS_DEVICE")
+    if device == "cpu":
+        return "cpu"
+    lacking = missing_for_cuda()
+    if lacking and device == "cuda":
+        raise InputError("device cuda: not available", found=lacking, fix="install hydroviews[cuda], or use cpu")
+    return "cpu" if lacking else "cuda"
+
+
+def missing_for_cuda() -> str | None:
+    """Why the GPU cannot be used, or None if it can."""
+    import torch
+
+    if not torch.cuda.is_available():
+        return "torch finds no CUDA device"
+    if importlib.util.find_spec("gsplat") is None:
+        return "gsplat is not installed"
+    return None

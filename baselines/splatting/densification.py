@@ -1,0 +1,172 @@
+# Numba infers the types of kernels.
+# mypy: allow-untyped-defs
+"""Adaptive density control (Kerbl et al. 2023, section 5): grow where the image gradient asks for it, up to a budget.
+
+A strategy in three hooks: `observe` after every step, `refine` and `reset_opacity` when `due` says so.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numba import prange
+from numpy.typing import NDArray
+
+from baselines.splatting.gaussians import Gaussians, concatenate
+from baselines.splatting.jit import kernel
+
+SPLIT_INTO = 2
+SHRINK = 1.6  # a split Gaussian's parts are smaller by this factor
+CHUNKS = 16
+
+
+@dataclass(frozen=True)
+class Densification:
+    """When and where to grow. Iterations count from 0; lengths are shares of the scene extent."""
+
+    start: int = 500  # no refinement before
+    stop: int = 15_000  # nor from here on
+    every: int = 100  # iterations between two refinements
+    budget: int = 5_000_000  # never more Gaussians than this
+    growth: float = 10.0  # one refinement adds at most this share of the present number
+    gradient: float = 2e-4  # mean gradient by the normalised image position above which a Gaussian is too coarse
+    split_size: float = 0.01  # larger Gaussians are split, smaller ones doubled
+    least_opacity: float = 0.005  # less opaque ones are removed
+    largest: float = 0.1  # larger ones are removed
+    reset_every: int | None = 3000  # iterations between two opacity resets; None for never
+    reset_to: float = 0.01  # highest opacity after a reset
+
+
+@dataclass(frozen=True)
+class TrainingState:
+    """Everything that a step of training changes; a checkpoint is this and nothing else."""
+
+    gaussians: Gaussians
+    first: Gaussians  # Adam's first moments
+    second: Gaussians  # and second
+    gradient_sum: NDArray[np.float32]  # [N], norms of the position gradient since the last refinement
+    seen: NDArray[np.float32]  # [N], views that showed the Gaussian since then
+    iteration: int = 0  # steps done
+    seconds: float = 0.0  # time spent on them, over all sessions
+
+
+def fresh_state(gaussians: Gaussians) -> TrainingState:
+    """The state before the first step."""
+    n = len(gaussians)
+    nothing = np.zeros((2, n), np.float32)
+    return TrainingState(gaussians, gaussians.zeros(), gaussians.zeros(), nothing[0].copy(), nothing[1].copy())
+
+
+@kernel
+def _observe(rank, means2d, half_width, half_height, gradient_sum, seen):
+    n = rank.shape[0]
+    for chunk in prange(CHUNKS):
+        for i in range(chunk * n // CHUNKS, (chunk + 1) * n // CHUNKS):
+            if rank[i] >= 0:
+                x, y = means2d[i, 0] * half_width, means2d[i, 1] * half_height
+                gradient_sum[i] += np.sqrt(x * x + y * y)
+                seen[i] += np.float32(1)
+
+
+def observe(state: TrainingState, rank: NDArray[np.int32], means2d: NDArray[np.float32], size: tuple[int, int]) -> None:
+    """Add one view's position gradients, in place.
+
+    Args:
+        state: being trained.
+        rank: [N], negative where the view does not show the Gaussian.
+        means2d: dloss/d(position on the image in pixels) [N, 2].
+        size: width and height of the image; gradients are by position in units of half of it, as in the paper.
+    """
+    _observe(rank, means2d, np.float32(size[0] / 2), np.float32(size[1] / 2), state.gradient_sum, state.seen)
+
+
+def due(strategy: Densification, iteration: int) -> bool:
+    """Whether to refine after step `iteration` (from 0)."""
+    done = iteration + 1
+    return strategy.start <= done < strategy.stop and done % strategy.every == 0
+
+
+def reset_due(strategy: Densification, iteration: int) -> bool:
+    """Whether to reset opacities after step `iteration`; never once growth has stopped."""
+    done = iteration + 1
+    return strategy.reset_every is not None and done < strategy.stop and done % strategy.reset_every == 0
+
+
+def refine(
+    state: TrainingState, strategy: Densification, extent: float, generator: np.random.Generator
+) -> TrainingState:
+    """Remove what is transparent, oversized or not finite; split or double those with the largest gradients.
+
+    Args:
+        state: trained so far.
+        strategy: the settings.
+        extent: of the scene, in world units.
+        generator: for the positions of split Gaussians.
+
+    Returns:
+        A new state with its statistics at zero; new Gaussians start with zero moments.
+    """
+    gaussians = state.gaussians
+    size = np.exp(gaussians.log_scales).max(axis=1)
+    opacity = 1 / (1 + np.exp(-gaussians.opacity_logits))
+    # written so that NaN is removed
+    keep = (opacity >= strategy.least_opacity) & (size <= strategy.largest * extent) & _finite(gaussians)
+    gradient = np.where(keep, state.gradient_sum / np.maximum(state.seen, 1), 0)
+
+    kept = int(keep.sum())
+    room = max(0, min(strategy.budget - kept, int(strategy.growth * kept)))
+    chosen = np.flatnonzero(gradient > strategy.gradient)
+    chosen = chosen[np.argsort(-gradient[chosen], kind="stable")[:room]]
+    large = size[chosen] > strategy.split_size * extent
+    doubled, split = np.sort(chosen[~large]), np.sort(chosen[large])
+    keep[split] = False
+    added = concatenate(gaussians.select(doubled), split_up(gaussians.select(split), generator))
+    return _replace(state, keep, added)
+
+
+def split_up(gaussians: Gaussians, generator: np.random.Generator) -> Gaussians:
+    """Two smaller Gaussians for each, at positions drawn from it."""
+    parts = gaussians.map(lambda value: np.concatenate([value] * SPLIT_INTO))
+    offsets = generator.standard_normal((len(parts), 3)) * np.exp(parts.log_scales.astype(np.float64))
+    moved = parts.means + np.einsum("nij,nj->ni", rotation_matrices(parts.quaternions), offsets)
+    shrunk = parts.log_scales - np.float32(np.log(SHRINK))
+    return replace(parts, means=moved.astype(np.float32), log_scales=shrunk)
+
+
+def rotation_matrices(quaternions: NDArray) -> NDArray[np.float64]:
+    """Matrices [N, 3, 3] of quaternions of any length."""
+    q = quaternions.astype(np.float64)
+    w, x, y, z = (q / np.maximum(np.linalg.norm(q, axis=1, keepdims=True), 1e-12)).T
+    rows = [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)]
+    rows += [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)]
+    rows += [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]
+    return np.stack(rows, axis=1).reshape(-1, 3, 3)
+
+
+def reset_opacity(state: TrainingState, strategy: Densification) -> TrainingState:
+    """Make everything nearly transparent, so that only what the views ask for comes back; clears those moments."""
+    ceiling = np.float32(np.log(strategy.reset_to / (1 - strategy.reset_to)))
+    lowered = np.minimum(state.gaussians.opacity_logits, ceiling)
+    none = np.zeros_like(lowered)
+    return replace(
+        state,
+        gaussians=replace(state.gaussians, opacity_logits=lowered),
+        first=replace(state.first, opacity_logits=none),
+        second=replace(state.second, opacity_logits=none.copy()),
+    )
+
+
+def _finite(gaussians: Gaussians) -> NDArray[np.bool_]:
+    checks = [np.isfinite(v).reshape(len(gaussians), -1).all(axis=1) for v in gaussians.arrays().values()]
+    return np.logical_and.reduce(checks)
+
+
+def _replace(state: TrainingState, keep: NDArray[np.bool_], added: Gaussians) -> TrainingState:
+    total = int(keep.sum()) + len(added)
+    return replace(
+        state,
+        gaussians=concatenate(state.gaussians.select(keep), added),
+        first=concatenate(state.first.select(keep), added.zeros()),
+        second=concatenate(state.second.select(keep), added.zeros()),
+        gradient_sum=np.zeros(total, np.float32),
+        seen=np.zeros(total, np.float32),
+    )

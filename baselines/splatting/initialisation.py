@@ -1,0 +1,74 @@
+"""The Gaussians that training starts from."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from baselines.splatting.gaussians import Gaussians
+from baselines.splatting.spherical_harmonics import coefficients, from_colour
+from hydroviews.cameras import Camera
+from hydroviews.scenes import Points
+
+INITIAL_OPACITY = 0.1
+NEIGHBOURS = 3
+FEWEST_POINTS = 100  # with fewer scene points, random ones are added
+RANDOM_POINTS = 10_000
+LARGEST = 0.05  # of the extent: no Gaussian starts larger, however lonely its point
+STRAY = 2.0  # a camera this many times as far away as nine tenths of the others is taken for misplaced
+FAR_ORIGIN = 100.0  # extents from zero beyond which float32 positions would cost accuracy
+
+
+def scene_extent(cameras: Sequence[Camera]) -> tuple[NDArray[np.float64], float]:
+    """Mean camera position [3] and 1.1 times the largest distance from it, the length unit of learning rates.
+
+    Cameras that lie far from all others, misplaced by the pose estimation, are left out.
+    """
+    centres = np.stack([camera.centre for camera in cameras])
+    distances = np.linalg.norm(centres - np.median(centres, axis=0), axis=1)
+    kept = centres[distances <= STRAY * np.quantile(distances, 0.9)]
+    middle = kept.mean(axis=0)
+    radius = 1.1 * float(np.linalg.norm(kept - middle, axis=1).max())
+    return middle, radius if radius > 0 else 1.0
+
+
+def initialise(points: Points, cameras: Sequence[Camera], sh_degree: int, seed: int) -> Gaussians:
+    """One Gaussian a scene point: round, as large as the distance to its neighbours, its colour the point's.
+
+    Where the capture has fewer than 100 points, 10,000 grey ones are drawn in the cube around the cameras.
+    """
+    middle, extent = scene_extent(cameras)
+    origin = middle if float(np.linalg.norm(middle)) > FAR_ORIGIN * extent else np.zeros(3)
+    positions, colours = np.asarray(points.positions, np.float64), np.asarray(points.colours) / 255.0
+    finite = np.isfinite(positions).all(axis=1)
+    positions, colours = positions[finite], colours[finite]
+    if len(positions) < FEWEST_POINTS:
+        generator = np.random.default_rng(seed)
+        random = middle + extent * generator.uniform(-1, 1, (RANDOM_POINTS, 3))
+        positions = np.concatenate([positions, random])
+        colours = np.concatenate([colours, np.full((RANDOM_POINTS, 3), 0.5)])
+
+    spread = np.clip(neighbour_distance(positions - origin), 1e-7 * extent, LARGEST * extent)
+    n = len(positions)
+    sh = np.zeros((n, coefficients(sh_degree), 3), np.float32)
+    sh[:, 0] = from_colour(colours)
+    quaternions = np.zeros((n, 4), np.float32)
+    quaternions[:, 0] = 1
+    return Gaussians(
+        means=np.ascontiguousarray(positions - origin, np.float32),
+        quaternions=quaternions,
+        log_scales=np.repeat(np.log(spread)[:, None], 3, axis=1).astype(np.float32),
+        opacity_logits=np.full(n, np.log(INITIAL_OPACITY / (1 - INITIAL_OPACITY)), np.float32),
+        sh=sh,
+        origin=origin,
+    )
+
+
+def neighbour_distance(positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Root mean square distance [N] to the three nearest others."""
+    k = min(NEIGHBOURS, len(positions) - 1)
+    if k < 1:
+        return np.ones(len(positions))
+    distances = cKDTree(positions).query(positions, k + 1)[0][:, 1:]
+    return np.sqrt((distances**2).mean(axis=1))

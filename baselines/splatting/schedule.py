@@ -1,0 +1,59 @@
+"""What is a function of the iteration alone: view order, learning rates, spherical-harmonic degree.
+
+Nothing here keeps state, so training that is taken up at iteration i goes on exactly as it would have.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+VIEW_ORDER, SPLITTING = 1, 2  # random streams
+
+
+@dataclass(frozen=True)
+class LearningRates:
+    """Adam's rates, those of Kerbl et al. 2023 by default."""
+
+    means: float = 1.6e-4  # at the start, in scene extents
+    means_final: float = 1.6e-6  # at the end; exponential in between
+    sh: float = 2.5e-3  # of the degree-0 coefficients
+    sh_rest: float = 2.5e-3 / 20  # of the others
+    opacity: float = 0.05
+    scales: float = 5e-3
+    quaternions: float = 1e-3
+    final: float = 1.0  # what all but the means' rates have fallen to at the end, as a factor
+
+
+def random_stream(seed: int, purpose: int, index: int) -> np.random.Generator:
+    """The generator for one purpose at one point of the training."""
+    return np.random.default_rng((seed, purpose, index))
+
+
+def view_at(iteration: int, n_views: int, seed: int) -> int:
+    """Which view a step learns from: every view once an epoch, in a new random order each time."""
+    epoch, position = divmod(iteration, n_views)
+    return int(random_stream(seed, VIEW_ORDER, epoch).permutation(n_views)[position])
+
+
+def sh_degree_at(iteration: int, raise_every: int, highest: int) -> int:
+    """Degree 0 first, one more every `raise_every` iterations."""
+    return min(highest, iteration // raise_every)
+
+
+def rates_at(
+    iteration: int, iterations: int, rates: LearningRates, extent: float, n_coefficients: int
+) -> dict[str, float | NDArray[np.float32]]:
+    """Learning rates by parameter; for sh one for each coefficient [K, 3]."""
+    progress = iteration / max(iterations, 1)
+    decay = math.exp(progress * math.log(rates.final))
+    sh = np.full((n_coefficients, 3), rates.sh_rest * decay, np.float32)
+    sh[0] = rates.sh * decay
+    return {
+        "means": extent * math.exp((1 - progress) * math.log(rates.means) + progress * math.log(rates.means_final)),
+        "quaternions": rates.quaternions * decay,
+        "log_scales": rates.scales * decay,
+        "opacity_logits": rates.opacity * decay,
+        "sh": sh,
+    }

@@ -1,0 +1,215 @@
+"""The training loop: schedule, steps, densification, checkpoints. What a step does is the backend's business."""
+
+import hashlib
+import json
+import signal
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from baselines.splatting import schedule
+from baselines.splatting.backends import Backend, CpuBackend, make_backend
+from baselines.splatting.checkpoints import read_checkpoint, write_checkpoint
+from baselines.splatting.densification import (
+    Densification,
+    TrainingState,
+    due,
+    fresh_state,
+    refine,
+    reset_due,
+    reset_opacity,
+)
+from baselines.splatting.gaussians import Gaussians
+from baselines.splatting.initialisation import initialise, scene_extent
+from baselines.splatting.objective import Objective, TrainingImages
+from baselines.splatting.photometric import photometric_loss, prepare
+from baselines.splatting.rasterizer import Workspace
+from baselines.splatting.schedule import LearningRates
+from hydroviews.cameras import Camera
+from hydroviews.scenes import Scene, no_points
+
+CHECKPOINT = "checkpoint.safetensors"
+
+
+@dataclass(frozen=True)
+class TrainerConfig:
+    """How to train; the defaults are those of Kerbl et al. 2023."""
+
+    iterations: int = 30_000
+    sh_degree: int = 3
+    sh_every: int = 1000  # iterations between two rises of the spherical-harmonic degree
+    ssim_share: float = 0.2  # lambda in (1 - lambda) L1 + lambda (1 - SSIM)
+    rates: LearningRates = field(default_factory=LearningRates)
+    densification: Densification = field(default_factory=Densification)
+    background: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    near: float = 0.01  # nothing nearer to a camera is shown; a share of the scene extent
+    device: str = "auto"  # auto, cpu or cuda; $HYDROVIEWS_DEVICE comes first
+    checkpoint_seconds: float = 30.0  # of training between two checkpoints
+
+
+@dataclass(frozen=True)
+class Trained:
+    """A trained scene."""
+
+    gaussians: Gaussians
+    near: float  # in world units
+    seconds: float  # of training alone, over all sessions
+    compile_seconds: float  # spent on loading or compiling kernels, in this session
+    device: str
+    extent: float
+
+
+def train(scene: Scene, config: TrainerConfig, seed: int, folder: Path, objective: Objective | None = None) -> Trained:
+    """Learn the scene's training views, or go on from the checkpoint in `folder`.
+
+    A run that was interrupted and taken up again ends with the same bits as one that was not.
+
+    Args:
+        scene: training views and points.
+        config: settings.
+        seed: of everything random.
+        folder: where the checkpoint is kept.
+        objective: what to compare with; the photographs themselves by default.
+
+    Raises:
+        InputError: an image that cannot be read; a checkpoint of another configuration, seed or scene; no such device.
+        KeyboardInterrupt, SystemExit: on Ctrl-C and SIGTERM, after a checkpoint was written.
+    """
+    views = scene.train_views
+    cameras = [view.camera for view in views]
+    objective = objective or Objective(TrainingImages(views), config.ssim_share)
+    extent = scene_extent(cameras)[1]
+    near = config.near * extent
+    backend = make_backend(config.device, objective, np.asarray(config.background, np.float32), near)
+    compile_seconds = warm_up(config.sh_degree) if backend.device == "cpu" else 0.0
+
+    checkpoint = folder / CHECKPOINT
+    fingerprint = fingerprint_of(config, seed, scene, objective)
+    fingerprint["device"] = backend.device
+    if checkpoint.exists():
+        state, learnt = read_checkpoint(checkpoint, fingerprint)
+        objective.restore(learnt)
+    else:
+        state = fresh_state(initialise(scene.points, cameras, config.sh_degree, seed))
+    state = _loop(state, backend, objective, cameras, extent, config, seed, checkpoint, fingerprint)
+    return Trained(state.gaussians, near, state.seconds, compile_seconds, backend.device, extent)
+
+
+def _loop(
+    state: TrainingState,
+    backend: Backend,
+    objective: Objective,
+    cameras: Sequence[Camera],
+    extent: float,
+    config: TrainerConfig,
+    seed: int,
+    checkpoint: Path,
+    fingerprint: dict[str, Any],
+) -> TrainingState:
+    backend.put(state)
+    start, before = time.perf_counter(), state.seconds
+    saved, smooth = before, 0.0
+    strategy, n_coefficients = config.densification, state.gaussians.sh.shape[1]
+    with (
+        _stop_signals() as stopped,
+        tqdm(total=config.iterations, initial=state.iteration, desc="training", unit="it", mininterval=1.0) as bar,
+    ):
+        for iteration in range(state.iteration, config.iterations):
+            view = schedule.view_at(iteration, len(cameras), seed)
+            degree = schedule.sh_degree_at(iteration, config.sh_every, config.sh_degree)
+            rates = schedule.rates_at(iteration, config.iterations, config.rates, extent, n_coefficients)
+            watch = iteration + 1 < strategy.stop
+            loss = backend.step(cameras[view], view, iteration, degree, rates, watch)
+            smooth = loss if smooth == 0 else 0.98 * smooth + 0.02 * loss
+            seconds = before + time.perf_counter() - start
+            if due(strategy, iteration) or reset_due(strategy, iteration):
+                state = _densify(backend.get(iteration + 1, seconds), strategy, extent, iteration, seed)
+                backend.put(state)
+            if stopped or seconds - saved > config.checkpoint_seconds:
+                write_checkpoint(checkpoint, backend.get(iteration + 1, seconds), objective.arrays(), fingerprint)
+                saved = seconds
+            if stopped:
+                bar.close()
+                raise KeyboardInterrupt if stopped[0] == signal.SIGINT else SystemExit(128 + stopped[0])
+            bar.set_postfix_str(f"loss {smooth:.4f}, {len(state.gaussians)} Gaussians", refresh=False)
+            bar.update()
+    state = backend.get(config.iterations, before + time.perf_counter() - start)
+    write_checkpoint(checkpoint, state, objective.arrays(), fingerprint)
+    return state
+
+
+def _densify(state: TrainingState, strategy: Densification, extent: float, iteration: int, seed: int) -> TrainingState:
+    if due(strategy, iteration):
+        generator = schedule.random_stream(seed, schedule.SPLITTING, iteration)
+        state = refine(state, strategy, extent, generator)
+    if reset_due(strategy, iteration):
+        state = reset_opacity(state, strategy)
+    return state
+
+
+@contextmanager
+def _stop_signals() -> Iterator[list[int]]:
+    """Collects SIGINT and SIGTERM, so that a step is never cut in half; only the main thread may."""
+    received: list[int] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield received
+        return
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = {n: signal.signal(n, lambda number, _: received.append(number)) for n in numbers}
+    try:
+        yield received
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def fingerprint_of(config: TrainerConfig, seed: int, scene: Scene, objective: Objective) -> dict[str, Any]:
+    """What a checkpoint must agree with: anything that would lead to another result."""
+    settings = asdict(config)
+    for name in ("checkpoint_seconds", "device"):
+        del settings[name]
+    digest = hashlib.sha256()
+    for view in scene.train_views:
+        camera = view.camera
+        numbers = [camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy]
+        digest.update(json.dumps([view.name, numbers]).encode() + camera.world_to_camera.tobytes())
+    digest.update(np.ascontiguousarray(scene.points.positions, np.float64).tobytes())
+    digest.update(np.ascontiguousarray(scene.points.colours).tobytes())
+    return {
+        "configuration": settings,
+        "objective": objective.about(),
+        "seed": seed,
+        "cameras or points": digest.hexdigest(),
+        "images": objective.images.digest(),
+    }
+
+
+def warm_up(sh_degree: int) -> float:
+    """Load or compile every kernel on a scene of a few Gaussians, so that training time is training; seconds."""
+    start = time.perf_counter()
+    camera = Camera(16, 16, 16.0, 16.0, 8.0, 8.0, np.diag([1.0, 1, 1, 1]))
+    gaussians = initialise(no_points(), [camera], sh_degree, 0).select(np.arange(8))
+    gaussians = replace(gaussians, means=gaussians.means + np.array([0, 0, 3], np.float32))
+    images = _OneImage()
+    backend = CpuBackend(Objective(images), np.zeros(3, np.float32), 0.01)
+    backend.put(fresh_state(gaussians))
+    rates = schedule.rates_at(0, 1, LearningRates(), 1.0, gaussians.sh.shape[1])
+    backend.step(camera, 0, 0, sh_degree, rates, True)
+    photometric_loss(np.zeros((16, 16, 3), np.float32), images.target(0), weights=np.ones((16, 16), np.float32),
+                     workspace=Workspace())  # fmt: skip
+    return time.perf_counter() - start
+
+
+class _OneImage(TrainingImages):
+    """A grey picture for warming up."""
+
+    def __init__(self) -> None:
+        self._pixels = [np.full((16, 16, 3), 128, np.uint8)]
+        self._targets = [prepare(self._pixels[0])]
