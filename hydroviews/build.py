@@ -24,12 +24,12 @@ from tqdm import tqdm
 from hydroviews.errors import InputError
 from hydroviews.files import read_json, write_json
 from hydroviews.images import read_image, write_png
-from hydroviews.manifest import GENERATOR, read_manifest, record_scene
+from hydroviews.manifest import GENERATOR, forget_scene, read_manifest, record_scene
 from hydroviews.poses import triangulate
 from hydroviews.rain import effects
 from hydroviews.rain.layers import write_layers
 from hydroviews.rain.patterns import Pattern
-from hydroviews.scenes import Scene, Split, View
+from hydroviews.scenes import Scene, View
 from hydroviews.writers import write_colmap, write_nerfstudio
 
 CLEAN = "clean"
@@ -75,7 +75,7 @@ def build(
     """
     folder = out / scene.name
     request = Request(source or scene.name, _fingerprint(scene), long_side, seed)
-    _claim(folder, request, overwrite)
+    _claim(out, folder, request, overwrite)
     built = read_manifest(out)["scenes"].get(scene.name, {}).get("patterns")
     if built is not None and {p.name for p in patterns} <= set(built):
         return folder
@@ -100,7 +100,8 @@ def _fingerprint(scene: Scene) -> str:
     return hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]
 
 
-def _claim(folder: Path, request: Request, overwrite: bool) -> None:
+def _claim(out: Path, folder: Path, request: Request, overwrite: bool) -> None:
+    """Take the folder for this request; what another request left there is refused, or dropped to overwrite it."""
     path = folder / "request.json"
     wanted = vars(request)
     if path.is_file():
@@ -115,8 +116,9 @@ def _claim(folder: Path, request: Request, overwrite: bool) -> None:
                 expected="; ".join(f"{key} {new}" for key, (_, new) in changed.items()),
                 fix="choose another --out, or add --overwrite to build it anew",
             )
-    if folder.exists() and overwrite:
-        shutil.rmtree(folder)
+    if overwrite:
+        forget_scene(out, folder.name)
+        shutil.rmtree(folder, ignore_errors=True)
     write_json(path, wanted)
 
 
@@ -149,7 +151,7 @@ def _write_variant(scene: Scene, folder: Path, pattern: Pattern, seed: int) -> N
         camera = view.camera
         size = (camera.width, camera.height)
         if size not in prepared:  # one lens for every image size of the capture
-            prepared[size] = effects.prepare(pattern, scene.name, seed, camera, variant / "lens")
+            prepared[size] = effects.prepare(pattern, scene.name, seed, camera, variant / ".lens")
             parameters = prepared[size].parameters
         _write_rainy(view, variant, pattern.effect, prepared[size])
     _link_sparse(variant)
@@ -176,16 +178,3 @@ def _link_sparse(variant: Path) -> None:
         os.symlink(os.path.join("..", "sparse"), link)
     except OSError:  # a file system without links
         shutil.copytree(variant.parent / "sparse", link)
-
-
-def read_split(folder: Path) -> Split:
-    """The split of a built scene.
-
-    Raises:
-        InputError: missing or malformed.
-    """
-    value = read_json(folder / "split.json")
-    try:
-        return Split(tuple(value["train"]), tuple(value["test"]))
-    except (KeyError, TypeError):
-        raise InputError(f"{folder / 'split.json'}: not a split", expected='{"train": [...], "test": [...]}') from None

@@ -7,7 +7,7 @@ from typing import Any
 from tqdm import tqdm
 
 import hydroviews
-from hydroviews.files import PARTIAL, read_json, sha256, write_json
+from hydroviews.files import read_json, sha256, write_json
 
 MANIFEST = "manifest.json"
 GENERATOR = f"hydroviews {hydroviews.__version__}"
@@ -31,12 +31,22 @@ def record_scene(data: Path, scene: str, facts: Mapping[str, Any]) -> None:
     write_json(data / MANIFEST, manifest)
 
 
+def forget_scene(data: Path, scene: str) -> None:
+    """Take a scene out of the manifest, before its files are."""
+    manifest = read_manifest(data)
+    if manifest["scenes"].pop(scene, None):
+        write_json(data / MANIFEST, manifest)
+
+
 def scene_files(folder: Path) -> list[Path]:
-    """Every finished file of a scene; links (each variant's `sparse`) and partial files are left out."""
-    found = []
-    for path in sorted(folder.rglob("*")):
-        inside = path.relative_to(folder).parts
-        linked = any((folder / Path(*inside[: i + 1])).is_symlink() for i in range(len(inside)))
-        if path.is_file() and not linked and not path.name.startswith(PARTIAL):
-            found.append(path)
-    return found
+    """Every finished file of a scene, sorted.
+
+    Links (each variant's `sparse`) and hidden names (partial files, baked lenses) are left out.
+    """
+    return [path for path in sorted(folder.rglob("*")) if path.is_file() and not _hidden_or_linked(path, folder)]
+
+
+def _hidden_or_linked(path: Path, folder: Path) -> bool:
+    inside = [path, *path.parents]
+    inside = inside[: inside.index(folder)]
+    return any(part.name.startswith(".") or part.is_symlink() for part in inside)

@@ -24,8 +24,6 @@ def predict(run: Run) -> None:
         InputError: data or checkpoint that cannot be used.
     """
     scene = run.training_scene()
-    for note in scene.notes:
-        print(f"{scene.name}: {note}", file=sys.stderr)
     kind = find_method(run.method)
     method = kind(kind.configuration(run.profile), run.seed)
     method.fit(scene, run.folder)
