@@ -1,4 +1,5 @@
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
+# Not tests/ itself: it has folders named like the packages.
+sys.path.insert(0, str(Path(__file__).parent / "helpers"))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(os.environ.get("HYDROVIEWS_CAPTURES") or Path(__file__).parents[2] / "shared" / "data")
+ROOT = Path(os.environ.get("HYDROVIEWS_CAPTURES") or Path(__file__).parents[3] / "shared" / "data")
 
 
 def capture(name: str) -> Path:
