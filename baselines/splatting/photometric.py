@@ -139,10 +139,7 @@ def compare(x, y, mean_y, mean_yy, weights, share, planes, out_planes, sums, gra
                 sign = ONE if difference > 0 else (-ONE if difference < 0 else np.float32(0))
                 g_row[i] = w * l1_share * inverse_count * sign
                 loss[i] = w * (l1_share * abs(difference) + ssim_share * (ONE - ssim))
-            row_total = np.float32(0)
-            for i in range(n):
-                row_total += loss[i]
-            total += np.float64(row_total)
+            total += loss.sum()
             filter_row(by_mean, n, out_planes[0, row])
             filter_row(by_square, n, out_planes[1, row])
             filter_row(by_product, n, out_planes[2, row])

@@ -1,4 +1,4 @@
-"""The renderer once more in float64 torch, sorted and untiled, slow and plain: what the kernels are tested against."""
+"""The renderer and the loss once more in torch, sorted and untiled, slow and plain: the kernels' yardstick."""
 
 import torch
 from torch import Tensor
@@ -52,6 +52,21 @@ def rotations(quaternions: Tensor) -> Tensor:
     rows += [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)]
     rows += [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]
     return torch.stack(rows, 1).reshape(-1, 3, 3)
+
+
+def photometric_loss(image: Tensor, target: Tensor, ssim_share: float) -> Tensor:
+    """(1 - lambda) L1 + lambda (1 - SSIM) as in `photometric`, of images [H, W, 3] in any precision, on any device."""
+    x, y = image.permute(2, 0, 1), target.permute(2, 0, 1).to(image.dtype)
+    taps = torch.exp(-(torch.arange(-5, 6, dtype=image.dtype, device=image.device) ** 2) / (2 * 1.5**2))
+    taps = taps / taps.sum()
+    planes = torch.cat([x, y, x * x, y * y, x * y])[:, None]
+    planes = torch.nn.functional.conv2d(planes, taps.view(1, 1, 1, -1), padding=(0, 5))
+    planes = torch.nn.functional.conv2d(planes, taps.view(1, 1, -1, 1), padding=(5, 0))[:, 0]
+    mean_x, mean_y, xx, yy, xy = planes.split(3)
+    c1, c2 = 0.01**2, 0.03**2
+    ssim = (2 * mean_x * mean_y + c1) * (2 * (xy - mean_x * mean_y) + c2)
+    ssim = ssim / ((mean_x**2 + mean_y**2 + c1) * (xx - mean_x**2 + yy - mean_y**2 + c2))
+    return (1 - ssim_share) * (x - y).abs().mean() + ssim_share * (1 - ssim.mean())
 
 
 def _covariances(p: dict[str, Tensor], local: Tensor, camera: Camera) -> Tensor:

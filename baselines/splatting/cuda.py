@@ -1,0 +1,155 @@
+"""The same training steps on an NVIDIA GPU with gsplat (Ye et al. 2024), written against its version 1.5.3.
+
+Steps stay on the GPU; densification, every hundred steps, is the CPU's: the state is copied over and back. gsplat lets
+a Gaussian cover 0.999 of a pixel where we stop at 0.99, so renders of very opaque scenes differ a little.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from gsplat import rasterization
+from numpy.typing import NDArray
+from torch import Tensor
+
+from baselines.splatting.adam import BETA1, BETA2, EPSILON
+from baselines.splatting.constants import LOW_PASS
+from baselines.splatting.densification import TrainingState
+from baselines.splatting.gaussians import FIELDS, Gaussians
+from baselines.splatting.objective import Objective
+from baselines.splatting.rasterizer import Workspace
+from baselines.splatting.reference import photometric_loss
+from hydroviews.cameras import Camera
+from hydroviews.images import Image
+
+
+@dataclass
+class _DeviceState:
+    """A TrainingState in GPU memory."""
+
+    parameters: dict[str, Tensor]
+    first: dict[str, Tensor]
+    second: dict[str, Tensor]
+    gradient_sum: Tensor
+    seen: Tensor
+    origin: NDArray[np.float64]
+
+
+class CudaBackend:
+    """gsplat's kernels; see backends.Backend."""
+
+    def __init__(self, objective: Objective, background: NDArray[np.float32], near: float):
+        self.device = torch.cuda.get_device_name()
+        self._objective = objective
+        self._background = torch.from_numpy(background).cuda()
+        self._near = near
+        self._workspace = Workspace()
+        self._state: _DeviceState | None = None
+        self._targets: dict[int, Tensor] = {}
+
+    def put(self, state: TrainingState) -> None:
+        """Copy to the GPU."""
+        self._state = _DeviceState(
+            parameters=_upload(state.gaussians),
+            first=_upload(state.first),
+            second=_upload(state.second),
+            gradient_sum=torch.from_numpy(state.gradient_sum).cuda(),
+            seen=torch.from_numpy(state.seen).cuda(),
+            origin=state.gaussians.origin,
+        )
+
+    def get(self, iteration: int, seconds: float) -> TrainingState:
+        """Copy from the GPU."""
+        state = self._current()
+        return TrainingState(
+            gaussians=_download(state.parameters, state.origin),
+            first=_download(state.first, state.origin),
+            second=_download(state.second, state.origin),
+            gradient_sum=state.gradient_sum.cpu().numpy(),
+            seen=state.seen.cpu().numpy(),
+            iteration=iteration,
+            seconds=seconds,
+        )
+
+    def step(self, camera: Camera, view: int, iteration: int, degree: int, rates: dict[str, Any], watch: bool) -> float:
+        """See Backend."""
+        state = self._current()
+        leaves = {name: value.detach().requires_grad_() for name, value in state.parameters.items()}
+        image, details = self._rasterize(leaves, state.origin, camera, degree)
+        if watch:
+            details["means2d"].retain_grad()
+        loss = self._backward(image, view, iteration)
+        with torch.no_grad():
+            if watch:
+                half_size = torch.tensor([camera.width / 2, camera.height / 2], device="cuda")
+                shown = (details["radii"][0] > 0).all(dim=-1)
+                state.gradient_sum += (details["means2d"].grad[0] * half_size).norm(dim=-1) * shown
+                state.seen += shown
+            for name in FIELDS:
+                gradient = leaves[name].grad
+                if gradient is not None:
+                    _adam(state, name, gradient, iteration + 1, rates[name])
+        return loss
+
+    def render(self, gaussians: Gaussians, camera: Camera) -> Image:
+        """See Backend."""
+        with torch.no_grad():
+            image, _ = self._rasterize(_upload(gaussians), gaussians.origin, camera, gaussians.sh_degree)
+        return image.cpu().numpy()
+
+    def _current(self) -> _DeviceState:
+        assert self._state is not None
+        return self._state
+
+    def _rasterize(
+        self, parameters: dict[str, Tensor], origin: NDArray[np.float64], camera: Camera, degree: int
+    ) -> tuple[Tensor, dict[str, Any]]:
+        pose = camera.world_to_camera.copy()
+        pose[:3, 3] += pose[:3, :3] @ origin
+        images, _, details = rasterization(
+            parameters["means"],
+            parameters["quaternions"],
+            parameters["log_scales"].exp(),
+            parameters["opacity_logits"].sigmoid(),
+            parameters["sh"],
+            torch.from_numpy(pose).float().cuda()[None],
+            torch.from_numpy(camera.matrix).float().cuda()[None],
+            camera.width,
+            camera.height,
+            near_plane=self._near,
+            eps2d=LOW_PASS,
+            sh_degree=degree,
+            packed=False,
+            backgrounds=self._background[None],
+        )
+        return images[0], details
+
+    def _backward(self, image: Tensor, view: int, iteration: int) -> float:
+        """Backpropagate the objective: the plain one on the GPU, a method's own one through its numpy gradient."""
+        if type(self._objective) is Objective:
+            if view not in self._targets:
+                self._targets[view] = torch.from_numpy(self._objective.images.pixels(view)).cuda()
+            loss = photometric_loss(image, self._targets[view] / 255, self._objective.ssim_share)
+            loss.backward()
+            return float(loss.detach())
+        value, gradient = self._objective(image.detach().cpu().numpy(), view, iteration, self._workspace)
+        image.backward(torch.from_numpy(np.ascontiguousarray(gradient)).cuda())
+        return value
+
+
+def _adam(state: _DeviceState, name: str, gradient: Tensor, step: int, rates: float | NDArray[np.float32]) -> None:
+    first, second = state.first[name], state.second[name]
+    first.mul_(BETA1).add_(gradient, alpha=1 - BETA1)
+    second.mul_(BETA2).addcmul_(gradient, gradient, value=1 - BETA2)
+    move = first / (second.sqrt() / (1 - BETA2**step) ** 0.5 + EPSILON)
+    rate = torch.from_numpy(np.asarray(rates, np.float32)).cuda() / (1 - BETA1**step)
+    state.parameters[name] -= rate * move
+
+
+def _upload(gaussians: Gaussians) -> dict[str, Tensor]:
+    return {name: torch.from_numpy(value).cuda() for name, value in gaussians.arrays().items()}
+
+
+def _download(tensors: dict[str, Tensor], origin: NDArray[np.float64]) -> Gaussians:
+    return Gaussians(**{name: value.cpu().numpy() for name, value in tensors.items()}, origin=origin)
