@@ -24,20 +24,32 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises:
         InputError: the disk is full.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(PARTIAL + path.name)
+    with plain_full_disk(path):
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            yield temporary
+            os.replace(temporary, path)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def plain_full_disk(path: Path) -> Iterator[None]:
+    """Turns a full disk, however a library tells it, into an error that says what to do.
+
+    Raises:
+        InputError: the disk is full.
+    """
     try:
-        yield temporary
-        os.replace(temporary, path)
-    except OSError as error:
-        if error.errno == errno.ENOSPC:
+        yield
+    except Exception as error:
+        if (isinstance(error, OSError) and error.errno == errno.ENOSPC) or os.strerror(errno.ENOSPC) in str(error):
             raise InputError(
                 f"{path}: no space left on the disk",
                 fix="free some space and run the same command again; finished files are kept",
             ) from error
         raise
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def write_bytes(path: Path, content: bytes) -> None:

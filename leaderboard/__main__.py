@@ -34,7 +34,7 @@ def table_command(results: Path = Path("results")) -> None:
         raise InputError(f"{results}: no finished run", fix="run `make eval METHOD=3dgs` first")
     write_tables(table, results)
     for (profile, scene), _ in table.groupby(["profile", "scene"]):
-        print_scene(table, scene, profile)
+        print_scene(table, str(scene), str(profile))
     print(f"\nall runs: {results / 'leaderboard.csv'}")
 
 

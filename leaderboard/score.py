@@ -44,8 +44,8 @@ def score(run: Run) -> Record:
     pairs = {view.name: (run.folder / "renders" / f"{view.name}.png", view.path) for view in clean.test_views}
     reasons: dict[str, str] = {}
     rows = [
-        {"view": name, **score_view(*paths, reasons)}
-        for name, paths in tqdm(pairs.items(), desc="scoring", unit="view")
+        {"view": name, **score_view(render, path, reasons)}
+        for name, (render, path) in tqdm(pairs.items(), desc="scoring", unit="view")
     ]
     views = pd.DataFrame(rows, columns=["view", *METRICS])
     with replacing(run.folder / PER_VIEW) as temporary:

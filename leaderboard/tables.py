@@ -77,5 +77,5 @@ def write_tables(table: pd.DataFrame, results: Path) -> None:
     """Write `tables.md`: every scene of every profile."""
     parts = []
     for (profile, scene), _ in table.groupby(["profile", "scene"]):
-        parts.append(f"## {scene} ({profile})\n\n{to_markdown(scene_table(table, scene, profile))}")
+        parts.append(f"## {scene} ({profile})\n\n{to_markdown(scene_table(table, str(scene), str(profile)))}")
     write_bytes(results / TABLES, "\n".join(parts).encode())

@@ -65,7 +65,7 @@ def kernel(length: int, angle: float, width: int) -> NDArray[np.float32]:
     # An image diagonal runs down to the right: it stands upright after a turn of -45 degrees.
     turn = cv2.getRotationMatrix2D((length / 2, length / 2), angle - 90 - 45, 1 - length / 100)
     line = cv2.warpAffine(np.eye(length, dtype=np.float32), turn, (length, length))
-    return cv2.GaussianBlur(line, (width, width), 0)
+    return np.asarray(cv2.GaussianBlur(line, (width, width), 0), np.float32)
 
 
 def streak_layer(pattern: StreakPattern, width: int, height: int, rng: np.random.Generator) -> NDArray[np.float32]:
@@ -75,7 +75,7 @@ def streak_layer(pattern: StreakPattern, width: int, height: int, rng: np.random
     rain = cv2.filter2D(seeds, -1, kernel(pattern.length, pattern.angle, pattern.width))
     low, high = float(rain.min()), float(rain.max())
     rain = (rain - low) / (high - low) if high > low else np.zeros_like(rain)
-    return cv2.resize(rain, (width, height), interpolation=cv2.INTER_AREA) if factor > 1 else rain
+    return np.asarray(cv2.resize(rain, (width, height), interpolation=cv2.INTER_AREA), np.float32)
 
 
 def composite(background: Image, layer: NDArray, brightness: float) -> Image:

@@ -16,9 +16,12 @@ def test_a_failed_write_leaves_the_old_file_and_no_trace(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["a.json"]
 
 
-def test_full_disk_is_told_plainly(tmp_path):
-    with pytest.raises(InputError, match="no space left"), replacing(tmp_path / "a"):
-        raise OSError(errno.ENOSPC, "No space left on device")
+@pytest.mark.parametrize(
+    "error", [OSError(errno.ENOSPC, "full"), RuntimeError('cannot write "a.exr". No space left on device.')]
+)
+def test_full_disk_is_told_plainly(tmp_path, error):
+    with pytest.raises(InputError, match="no space left on the disk"), replacing(tmp_path / "a"):
+        raise error
 
 
 def test_broken_json(tmp_path):
