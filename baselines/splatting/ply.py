@@ -25,7 +25,8 @@ def write_ply(path: Path, gaussians: Gaussians) -> None:
 
     A far origin stays out of the positions, which are float32, and is kept as a comment in the header.
     """
-    rest = gaussians.sh[:, 1:].transpose(0, 2, 1).reshape(len(gaussians), -1)
+    n, k = gaussians.sh.shape[:2]
+    rest = gaussians.sh[:, 1:].transpose(0, 2, 1).reshape(n, 3 * (k - 1))
     rest_names = tuple(f"f_rest_{i}" for i in range(rest.shape[1]))
     names = (*MEANS, *NORMALS, *DC, *rest_names, "opacity", *SCALES, *QUATERNION)
     table = np.zeros(len(gaussians), [(name, "<f4") for name in names])
@@ -67,7 +68,7 @@ def read_ply(path: Path) -> Gaussians:
     rest_names = tuple(f"f_rest_{i}" for i in range(sum(name.startswith("f_rest_") for name in names)))
     try:
         degree_of(1 + len(rest_names) // 3)
-        rest = _take(vertices, rest_names).reshape(len(vertices.data), 3, -1).transpose(0, 2, 1)
+        rest = _take(vertices, rest_names).reshape(len(vertices.data), 3, len(rest_names) // 3).transpose(0, 2, 1)
     except (ValueError, KeyError):
         raise InputError(
             f"{path}: cannot make spherical harmonics", found=f"{len(rest_names)} f_rest properties",

@@ -15,9 +15,17 @@ def tensors(gaussians: Gaussians) -> dict[str, Tensor]:
 
 
 def render(
-    parameters: dict[str, Tensor], camera: Camera, background: Tensor, degree: int, near: float = constants.NEAR
+    parameters: dict[str, Tensor],
+    camera: Camera,
+    background: Tensor,
+    degree: int,
+    near: float = constants.NEAR,
+    shift: Tensor | None = None,
 ) -> Tensor:
-    """The image [H, W, 3] of parameters as `tensors` gives them, differentiable; the cut-offs are the kernels'."""
+    """The image [H, W, 3] of parameters as `tensors` gives them, differentiable; the cut-offs are the kernels'.
+
+    `shift` [N, 2] moves the splats on the image, in pixels: its gradient is the one by their positions.
+    """
     pose = torch.from_numpy(camera.world_to_camera)
     local = parameters["means"] @ pose[:3, :3].T + pose[:3, 3]
     shown = torch.nonzero(local[:, 2].detach() > near)[:, 0]
@@ -26,6 +34,8 @@ def render(
     local = local[shown]
 
     centres = local[:, :2] / local[:, 2:] * torch.tensor([camera.fx, camera.fy]) + torch.tensor([camera.cx, camera.cy])
+    if shift is not None:
+        centres = centres + shift[shown]
     directions = p["means"] + pose[:3, :3].T @ pose[:3, 3]
     directions = directions / directions.norm(dim=1, keepdim=True)
     colours = (basis(degree, directions)[:, :, None] * p["sh"][:, : (degree + 1) ** 2]).sum(1) + 0.5

@@ -1,0 +1,57 @@
+"""The GPU's steps against the CPU's."""
+
+import numpy as np
+import pytest
+from splats import camera, cloud, photographed
+
+from baselines.splatting.backends import CpuBackend, missing_for_cuda
+from baselines.splatting.densification import fresh_state
+from baselines.splatting.gaussians import FIELDS
+from baselines.splatting.objective import Objective, TrainingImages
+from baselines.splatting.schedule import LearningRates, rates_at
+
+LACKING = missing_for_cuda()
+pytestmark = pytest.mark.skipif(LACKING is not None, reason=f"needs an NVIDIA GPU and gsplat: {LACKING}")
+
+
+def backends(tmp_path):
+    from baselines.splatting.cuda import CudaBackend
+
+    scene = photographed(tmp_path)
+    objective = Objective(TrainingImages(scene.train_views))
+    background = np.array([0.1, 0.2, 0.3], np.float32)
+    return scene, [kind(objective, background, 0.01) for kind in (CpuBackend, CudaBackend)]
+
+
+def translucent(n):
+    """Below gsplat's and our largest alpha, which differ."""
+    gaussians = cloud(n, 3)
+    np.clip(gaussians.opacity_logits, None, 1.5, out=gaussians.opacity_logits)
+    return gaussians
+
+
+def test_both_render_the_same(tmp_path):
+    _, (cpu, gpu) = backends(tmp_path)
+    gaussians = translucent(300)
+    ours, theirs = cpu.render(gaussians, camera(120, 90)), gpu.render(gaussians, camera(120, 90))
+    assert np.abs(ours - theirs).mean() < 1e-4
+    assert np.abs(ours - theirs).max() < 2e-2  # cut-offs at 1/255 may fall on either side
+
+
+def test_both_take_the_same_steps(tmp_path):
+    scene, both = backends(tmp_path)
+    states = []
+    for backend in both:
+        backend.put(fresh_state(translucent(300)))
+        losses = []
+        for iteration in range(5):
+            rates = rates_at(iteration, 100, LearningRates(), 4.0, 16)
+            view = iteration % len(scene.train_views)
+            losses.append(backend.step(scene.train_views[view].camera, view, iteration, 3, rates, True))
+        states.append((backend.get(5, 0.0), losses))
+    (ours, our_losses), (theirs, their_losses) = states
+    assert our_losses == pytest.approx(their_losses, rel=1e-2)
+    assert np.median(np.abs(ours.gradient_sum - theirs.gradient_sum)) < 1e-2 * np.median(ours.gradient_sum)
+    for name in FIELDS:
+        one, two = getattr(ours.gaussians, name), getattr(theirs.gaussians, name)
+        assert np.median(np.abs(one - two)) < 1e-4, name

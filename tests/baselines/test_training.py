@@ -1,0 +1,219 @@
+"""Training: what it must reach, and that interruptions leave no trace."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from splats import camera, photographed
+
+from baselines.gaussian_splatting import GaussianSplatting, GaussianSplattingClean
+from baselines.method import find_method
+from baselines.splatting.backends import chosen_device, missing_for_cuda
+from baselines.splatting.densification import Densification
+from baselines.splatting.gaussians import FIELDS
+from baselines.splatting.objective import Objective, TrainingImages
+from baselines.splatting.ply import read_ply
+from baselines.splatting.trainer import CHECKPOINT, TrainerConfig, train
+from hydroviews.errors import InputError
+from hydroviews.images import write_png
+
+DENSIFY = Densification(start=20, stop=150, every=20, budget=150, reset_every=60, gradient=5e-5, largest=1.0)
+CONFIG = TrainerConfig(iterations=200, sh_degree=1, sh_every=60, densification=DENSIFY, device="cpu")
+
+
+class Interrupted(Objective):
+    """Does something at one iteration."""
+
+    def __init__(self, images, iteration, action):
+        super().__init__(images)
+        self._when, self._action = iteration, action
+
+    def about(self):
+        return {"name": "Objective", "ssim_share": 0.2}
+
+    def __call__(self, image, view, iteration, workspace):
+        if iteration == self._when:
+            self._action()
+        return super().__call__(image, view, iteration, workspace)
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    return photographed(tmp_path_factory.mktemp("scene"))
+
+
+@pytest.fixture(scope="module")
+def undisturbed(scene, tmp_path_factory):
+    return train(scene, CONFIG, 0, tmp_path_factory.mktemp("run"))
+
+
+def assert_identical(one, two):
+    for name in FIELDS:
+        assert getattr(one.gaussians, name).tobytes() == getattr(two.gaussians, name).tobytes(), name
+
+
+def psnr(method, views):
+    errors = [((method.render(view.camera) - view.image()) ** 2).mean() for view in views]
+    return float(np.mean(-10 * np.log10(errors)))
+
+
+def test_a_synthetic_scene_is_learnt(scene, tmp_path):
+    method = GaussianSplatting(replace(CONFIG, iterations=500), 0)
+    method.fit(scene, tmp_path)
+    assert psnr(method, scene.train_views) > 30
+    assert psnr(method, scene.test_views) > 26
+
+
+def test_the_same_seed_gives_the_same_bits(scene, undisturbed, tmp_path):
+    assert_identical(undisturbed, train(scene, CONFIG, 0, tmp_path / "same"))
+    other = train(scene, CONFIG, 1, tmp_path / "other")
+    assert not np.array_equal(other.gaussians.means[:5], undisturbed.gaussians.means[:5])
+
+
+@pytest.mark.parametrize("iteration", [0, 19, 20, 61, 137])
+def test_a_crash_leaves_no_trace(scene, undisturbed, tmp_path, iteration):
+    def crash():
+        raise RuntimeError("power cut")
+
+    config = replace(CONFIG, checkpoint_seconds=0.0 if iteration != 61 else 0.05)
+    images = TrainingImages(scene.train_views)
+    with pytest.raises(RuntimeError, match="power cut"):
+        train(scene, config, 0, tmp_path, Interrupted(images, iteration, crash))
+    assert_identical(undisturbed, train(scene, config, 0, tmp_path))
+
+
+@pytest.mark.parametrize(("number", "error"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit)])
+def test_signals_end_the_run_after_a_checkpoint(scene, undisturbed, tmp_path, number, error):
+    handler = signal.getsignal(number)
+    objective = Interrupted(TrainingImages(scene.train_views), 90, lambda: os.kill(os.getpid(), number))
+    with pytest.raises(error):
+        train(scene, CONFIG, 0, tmp_path, objective)
+    assert signal.getsignal(number) is handler
+    first = train(scene, replace(CONFIG, checkpoint_seconds=1e9), 0, tmp_path)
+    assert_identical(undisturbed, first)
+
+
+KILLED = """
+import sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[1])
+from splats import photographed
+from test_training import CONFIG, train
+from dataclasses import replace
+folder = Path(sys.argv[2])
+train(photographed(folder / "scene"), replace(CONFIG, checkpoint_seconds=0.0), 0, folder / "run")
+"""
+
+
+def test_a_killed_process_leaves_no_trace(scene, undisturbed, tmp_path):
+    command = [sys.executable, "-c", KILLED, str(Path(__file__).parent), str(tmp_path)]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    checkpoint = tmp_path / "run" / CHECKPOINT
+    deadline = time.monotonic() + 90
+    while not checkpoint.exists() and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.02)
+    process.kill()
+    process.wait()
+    assert checkpoint.exists()
+    assert_identical(undisturbed, train(scene, CONFIG, 0, tmp_path / "run"))
+
+
+def test_time_adds_up_over_sessions(scene, tmp_path):
+    objective = Interrupted(TrainingImages(scene.train_views), 100, lambda: os.kill(os.getpid(), signal.SIGINT))
+    with pytest.raises(KeyboardInterrupt):
+        train(scene, CONFIG, 0, tmp_path, objective)
+    whole = train(scene, CONFIG, 0, tmp_path)
+    again = train(scene, CONFIG, 0, tmp_path)  # nothing left to do
+    assert_identical(whole, again)
+    assert 0 < whole.seconds <= again.seconds < whole.seconds + 1
+
+
+@pytest.mark.parametrize("change", ["configuration", "seed", "images", "cameras"])
+def test_a_checkpoint_of_another_run_is_refused(scene, tmp_path, change):
+    config = replace(CONFIG, iterations=3)
+    train(scene, config, 0, tmp_path)
+    seed = 0
+    if change == "configuration":
+        config = replace(config, rates=replace(config.rates, opacity=0.1))
+    elif change == "seed":
+        seed = 1
+    elif change == "images":
+        view = scene.train_views[0]
+        altered = tmp_path / view.path.name
+        write_png(altered, 1 - view.image())
+        views = tuple(replace(v, path=altered) if v is view else v for v in scene.views)
+        scene = replace(scene, views=views)
+    else:
+        views = tuple(replace(v, camera=replace(v.camera, fx=v.camera.fx + 1)) for v in scene.views)
+        scene = replace(scene, views=views)
+    with pytest.raises(InputError, match=change):
+        train(scene, config, seed, tmp_path)
+
+
+def test_a_damaged_checkpoint_is_refused(scene, tmp_path):
+    config = replace(CONFIG, iterations=3)
+    train(scene, config, 0, tmp_path)
+    path = tmp_path / CHECKPOINT
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(InputError, match=r"checkpoint\.safetensors: damaged"):
+        train(scene, config, 0, tmp_path)
+
+
+def test_a_saved_model_renders_the_same_pixels(scene, tmp_path):
+    config = replace(CONFIG, iterations=30)
+    method = GaussianSplattingClean(config, 0)
+    method.fit(scene, tmp_path)
+    method.save(tmp_path)
+    again = GaussianSplattingClean.load(config, 0, tmp_path)
+    view = camera(50, 40, 1.0)
+    assert method.render(view).tobytes() == again.render(view).tobytes()
+    assert method.statistics() == again.statistics()
+    statistics = method.statistics()
+    assert statistics.n_primitives == len(read_ply(tmp_path / "splats.ply"))
+    assert statistics.train_seconds > 0
+    assert statistics.device == "cpu"
+    assert statistics.model_mb == pytest.approx((tmp_path / "model.safetensors").stat().st_size / 1e6)
+
+
+def test_a_render_is_the_callers_to_keep(scene, tmp_path):
+    method = GaussianSplatting(replace(CONFIG, iterations=3), 0)
+    method.fit(scene, tmp_path)
+    first = method.render(camera(30, 20, 0.0))
+    kept = first.copy()
+    method.render(camera(30, 20, 2.0))
+    assert np.array_equal(first, kept)
+
+
+def test_methods_are_registered_and_profiles_known(tmp_path):
+    assert find_method("3dgs") is GaussianSplatting
+    assert find_method("3dgs-clean").trains_on == "clean"
+    paper = GaussianSplatting.configuration("paper")
+    assert paper.iterations == 30_000
+    assert paper.rates.scales == 5e-3
+    with pytest.raises(InputError, match="PROFILE=fast"):
+        GaussianSplatting.configuration("fast")
+    with pytest.raises(InputError, match="not trained"):
+        GaussianSplatting(paper, 0).statistics()
+    with pytest.raises(InputError, match="no such file"):
+        GaussianSplatting.load(paper, 0, tmp_path)
+
+
+def test_devices(monkeypatch):
+    monkeypatch.delenv("HYDROVIEWS_DEVICE", raising=False)
+    assert chosen_device("cpu") == "cpu"
+    with pytest.raises(InputError, match="device tpu"):
+        chosen_device("tpu")
+    monkeypatch.setenv("HYDROVIEWS_DEVICE", "cpu")
+    assert chosen_device("cuda") == "cpu"
+    monkeypatch.setenv("HYDROVIEWS_DEVICE", "cuda")
+    if missing_for_cuda():
+        with pytest.raises(InputError, match="not available"):
+            chosen_device("cpu")
+    else:
+        assert chosen_device("cpu") == "cuda"
