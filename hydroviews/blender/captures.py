@@ -80,7 +80,9 @@ def ring_cameras(n_views: int, width: int, height: int, seed: int) -> list[Camer
     step = 2 * np.pi / n_train if whole else STEP
     # In steps along the ring: training views at whole numbers, held-out ones half a step further on.
     place = np.cumsum(~held_out) - 1.0
-    place[held_out] += 0.5 if whole else 1.5
+    place[held_out] += 0.5
+    if not whole:  # an arc has ends, and held-out views stay off them
+        place[held_out] = np.clip(place[held_out] + 1, 0.5, n_train - 1.5)
     wobble = np.random.default_rng(seed).uniform(-1, 1, (n_train, 4))
     cameras = []
     for at in place:

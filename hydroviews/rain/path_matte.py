@@ -1,5 +1,7 @@
 """What drops on a lens do to any picture behind them: a mask, and a sparse matrix of light paths."""
 
+import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -71,7 +73,7 @@ class PathMatte:
             paths = csr_array((parts["weights"], parts["columns"], parts["row_starts"]), shape=shape)
             matte = cls(parts["mask"], parts["ambient"], parts["pixels"], paths, float(parts["disk"]))
             return matte, str(parts["key"])
-        except (OSError, ValueError, KeyError, EOFError) as error:
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
             raise InputError(
                 f"{path}: cannot be read as a path matte", found=error, fix="remove the file; it is baked again"
             ) from error

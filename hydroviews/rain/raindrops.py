@@ -134,7 +134,7 @@ def draw_drops(pattern: RaindropPattern, camera: Camera) -> list[Drop]:
     for i in np.flatnonzero(placed):
         x, y = (places[i] * _side(camera) - centre) / focal
         radius = radii[i] * _side(camera) / np.sqrt(camera.fx * camera.fy)
-        drops.append(_draw_drop(pattern, rng, (float(x), float(y), float(radius)), heavy=i < len(large)))
+        drops.append(_draw_drop(pattern, rng, (float(x), float(y)), float(radius), heavy=i < len(large)))
     return drops
 
 
@@ -150,11 +150,12 @@ def _radii(pattern: RaindropPattern, rng: np.random.Generator) -> NDArray[np.flo
 
 
 def _draw_drop(
-    pattern: RaindropPattern, rng: np.random.Generator, place_and_size: tuple[float, float, float], heavy: bool
+    pattern: RaindropPattern, rng: np.random.Generator, at: tuple[float, float], radius: float, heavy: bool
 ) -> Drop:
     pull = pattern.sag if heavy else 0.2 * pattern.sag
     stretch = 1 + (LONGEST - 1) * pull * rng.uniform(0.3, 1)
     waves = 0.06 * rng.standard_normal(4) / np.arange(1, 5) ** 1.3
     angle = np.radians(rng.uniform(pattern.contact_angle_min, pattern.contact_angle_max))
     outline = tuple(zip(waves.tolist(), rng.uniform(0, 2 * np.pi, 4).tolist(), strict=True))
-    return Drop(*place_and_size, float(angle), float(stretch), float(0.6 * (stretch - 1)), outline)
+    # A stretched drop keeps its area.
+    return Drop(*at, radius / np.sqrt(stretch), float(angle), float(stretch), float(0.6 * (stretch - 1)), outline)

@@ -1,0 +1,302 @@
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hydroviews.blender import captures, textures
+from hydroviews.blender.captures import read_courtyard, render_courtyard, ring_cameras
+from hydroviews.blender.courtyard import make_courtyard
+from hydroviews.blender.drop_shapes import Drop, drop_meshes
+from hydroviews.blender.meshes import Mesh, annulus, box, gable, joined, knot, lathe, lumpy, moved, sphere
+from hydroviews.blender.process import run_blender
+from hydroviews.errors import InputError
+from hydroviews.scenes import TEST_EVERY
+
+SIZE = (64, 48)
+VIEWS = 3
+
+needs_bpy = pytest.mark.skipif(
+    find_spec("bpy") is None, reason="bpy is not installed: pip install 'hydroviews[blender]'"
+)
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(0)
+
+
+@pytest.fixture
+def fake_bpy(tmp_path, monkeypatch):
+    """Puts a module of the given text in bpy's place, for processes started from here."""
+
+    def install(text: str) -> None:
+        folder = tmp_path / "modules"
+        folder.mkdir()
+        (folder / "bpy.py").write_text(textwrap.dedent(text))
+        monkeypatch.setenv("PYTHONPATH", str(folder))
+
+    return install
+
+
+# Processes
+
+
+def test_a_python_without_bpy_is_told_which_one_has_it(fake_bpy, tmp_path):
+    fake_bpy("raise ModuleNotFoundError(\"No module named 'bpy'\", name='bpy')")
+    with pytest.raises(InputError, match=r"(?s)bpy is not installed.*3\.11.*make setup"):
+        run_blender("bake_drops", {}, tmp_path / "log", "test")
+
+
+def test_missing_system_libraries_are_named_as_packages(fake_bpy, tmp_path):
+    fake_bpy("raise ImportError('libXrender.so.1: cannot open shared object file: No such file or directory')")
+    with pytest.raises(InputError, match=r"(?s)libXrender\.so\.1.*apt-get install.*libxrender1"):
+        run_blender("bake_drops", {}, tmp_path / "log", "test")
+
+
+def test_a_process_that_dies_is_reported_with_the_end_of_its_log(fake_bpy, tmp_path):
+    fake_bpy("""
+        import os, signal
+        os.write(1, b"terminate called\\n")
+        os.kill(os.getpid(), signal.SIGABRT)
+    """)
+    with pytest.raises(InputError, match=r"(?s)SIGABRT.*terminate called.*run the same command again"):
+        run_blender("bake_drops", {}, tmp_path / "log", "test")
+    assert "terminate called" in (tmp_path / "log").read_text()
+
+
+def test_a_process_that_fails_is_reported_with_its_traceback(fake_bpy, tmp_path):
+    fake_bpy("")
+    with pytest.raises(InputError, match=r"(?s)status 1.*no_such_module"):
+        run_blender("no_such_module", {}, tmp_path / "log", "test")
+
+
+def test_an_interrupted_call_ends_its_process(fake_bpy, tmp_path):
+    fake_bpy(f"""
+        import os, signal, time
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        with open({str(tmp_path / "pid")!r}, "w") as file:
+            file.write(str(os.getpid()) + " ")
+        time.sleep(60)
+    """)
+    call = f"from pathlib import Path; from hydroviews.blender.process import run_blender; \
+        run_blender('bake_drops', {{}}, Path({str(tmp_path / 'log')!r}), 'test')"
+    caller = subprocess.Popen([sys.executable, "-c", call], stderr=subprocess.PIPE)
+    pid = int(_wait_for(tmp_path / "pid"))
+    caller.send_signal(signal.SIGINT)
+    assert caller.wait(20) != 0
+    caller.stderr.close()
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
+
+
+def _wait_for(path: Path) -> str:
+    for _ in range(400):
+        if path.exists() and path.read_text().endswith(" "):
+            return path.read_text()
+        time.sleep(0.05)
+    raise TimeoutError(path)
+
+
+# Cameras
+
+
+@pytest.mark.parametrize("n_views", [3, 8, 9, 17, 24, 40, 100])
+def test_held_out_views_lie_between_two_training_views(n_views):
+    centres = np.array([camera.centre for camera in ring_cameras(n_views, 64, 48, 0)])
+    held_out = np.arange(n_views) % TEST_EVERY == 0
+    train = centres[~held_out]
+    for centre in centres[held_out]:
+        near, second = train[np.argsort(np.linalg.norm(train - centre, axis=1))[:2]]
+        chord = np.linalg.norm(near - second)
+        # Nearly on the line between them: within the ring's curvature.
+        assert np.linalg.norm(centre - (near + second) / 2) < 0.15 * chord + 0.01
+    assert len(np.unique(centres.round(6), axis=0)) == n_views
+
+
+def test_cameras_look_at_the_courtyard_upright():
+    for camera in ring_cameras(40, 64, 48, 3):
+        pixel, depth = camera.project([[0.0, 0.0, 1.15], [0.0, 0.0, 2.15]])
+        assert np.all(depth > 4)
+        assert np.all(np.abs(pixel[0] - (32, 24)) < 8)
+        assert pixel[1, 1] < pixel[0, 1]
+        np.testing.assert_allclose(camera.rotation @ camera.rotation.T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(camera.rotation) > 0
+
+
+# Shapes and textures
+
+
+def edges(mesh: Mesh) -> list[tuple[int, int]]:
+    return [(face[i - 1], face[i]) for face in mesh.faces for i in range(len(face))]
+
+
+def volume(mesh: Mesh) -> float:
+    """By the divergence theorem, faces cut into triangles."""
+    corners = [(f[0], f[i], f[i + 1]) for f in mesh.faces for i in range(1, len(f) - 1)]
+    return float(np.linalg.det(mesh.vertices[np.array(corners)]).sum() / 6)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "expected"),
+    [
+        (box(1, 2, 3), 6),
+        (moved(box(1, 2, 3), (4, 5, 6), 0.7, 0.2), 6),
+        (joined(box(1, 1, 1), moved(box(2, 1, 1), (5, 0, 0))), 3),
+        (gable(2, 3, 1), 3),
+        (sphere(1.5), 4 / 3 * np.pi * 1.5**3),
+        (lathe([(1, 0), (1, 2)], 90), 2 * np.pi),
+        (lathe([(1, 0), (2, 0), (2, 1), (1, 1)], 90, closed=True), 3 * np.pi),
+    ],
+)
+def test_solids_are_closed_and_face_outwards(mesh, expected):
+    assert volume(mesh) == pytest.approx(expected, rel=0.02)
+    assert sorted(edges(mesh)) == sorted((b, a) for a, b in edges(mesh))
+
+
+def test_lumps_and_knots_are_closed_and_face_outwards(rng):
+    for mesh in (lumpy(sphere(1), rng, 0.1, 2.0), knot(1.0, 0.2)):
+        assert volume(mesh) > 1
+        assert sorted(edges(mesh)) == sorted((b, a) for a, b in edges(mesh))
+
+
+def test_ground_faces_up():
+    mesh = annulus([1, 2, 3], np.zeros((3, 8)))
+    a, b, c = (mesh.vertices[[face[i] for face in mesh.faces]] for i in range(3))
+    assert np.all(np.cross(b - a, c - a)[:, 2] > 0)
+
+
+def test_a_drop_is_closed_by_its_base_and_faces_outwards():
+    angle, radius = np.radians(60), 0.1
+    caps, bases = drop_meshes([Drop(0.1, 0.2, radius, angle, 1.0, 0.0, ())])
+    height = radius * (1 - np.cos(angle)) / np.sin(angle)
+    expected = np.pi * height * (3 * radius**2 + height**2) / 6
+    assert volume(joined(caps, bases)) == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    "pattern",
+    [
+        textures.bricks(8, 4),
+        textures.stones(60),
+        textures.planks(5),
+        textures.shingles(8, 8),
+        textures.checks(6),
+        textures.stripes(5),
+        textures.rough(),
+    ],
+)
+def test_textures_tile_and_use_their_colours(pattern, rng):
+    texture = pattern(rng, np.array([0.2, 0.1, 0.05]), np.array([0.9, 0.6, 0.3]))
+    for values in (texture.colour, texture.height):
+        assert values.min() >= 0
+        assert values.max() <= 1
+        for axis in (0, 1):
+            steps = np.abs(np.diff(values, axis=axis, append=np.take(values, [0], axis)))
+            means = steps.mean(axis=tuple(i for i in range(values.ndim) if i != axis))
+            assert means[-1] <= means[:-1].max() * 1.1 + 1e-9  # the seam is no stronger than the pattern's own edges
+    assert texture.colour.std() > 0.03
+
+
+def test_the_same_seed_builds_the_same_courtyard():
+    first, second, other = (make_courtyard(np.random.default_rng(seed)) for seed in (1, 1, 2))
+    assert [piece.name for piece in first] == [piece.name for piece in second]
+    assert len({piece.name for piece in first}) == len(first)
+    for one, two in zip(first, second, strict=True):
+        assert np.array_equal(one.mesh.vertices, two.mesh.vertices)
+        assert (one.position, one.turn, one.material) == (two.position, two.turn, two.material)
+    assert any(not np.array_equal(a.mesh.vertices, b.mesh.vertices) for a, b in zip(first, other, strict=False))
+
+
+def test_no_camera_is_inside_anything():
+    eyes = np.concatenate([[c.centre for c in ring_cameras(60, 64, 48, seed)] for seed in range(3)])
+    for piece in make_courtyard(np.random.default_rng(0)):
+        if piece.name in ("cobbles", "lawn", "hills", "paving"):
+            continue
+        vertices = moved(piece.mesh, piece.position, piece.turn).vertices
+        inside = np.all((eyes > vertices.min(axis=0) - 0.2) & (eyes < vertices.max(axis=0) + 0.2), axis=1)
+        assert not inside.any(), piece.name
+
+
+# The capture
+
+
+@pytest.fixture(scope="module")
+def courtyard(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("courtyard")
+    render_courtyard(folder, VIEWS, *SIZE, seed=5)
+    return folder
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file() and p.suffix != ".log"}
+
+
+@pytest.mark.blender
+@needs_bpy
+def test_points_project_to_the_pixels_they_were_taken_from(courtyard):
+    scene = read_courtyard(courtyard)
+    assert [view.name for view in scene.views] == ["000", "001", "002"]
+    assert scene.split.test == ("000",)
+    assert len(scene.points) > 4000
+    error = np.full(len(scene.points), np.inf)
+    for view in scene.views:
+        image = np.round(view.image() * 255)
+        pixel, depth = view.camera.project(scene.points.positions)
+        column, row = np.clip(np.floor(pixel).astype(int), 0, np.array(SIZE) - 1).T
+        same = np.all(image[row, column] == scene.points.colours, axis=1) & (depth > 0)
+        away = np.linalg.norm(pixel - np.stack([column, row], -1) - 0.5, axis=1)
+        error = np.where(same, np.minimum(error, away), error)
+    assert error.mean() < 0.002
+    assert error.max() < 0.02
+
+
+@pytest.mark.blender
+@needs_bpy
+def test_pictures_are_well_exposed_and_full_of_texture(courtyard):
+    for view in read_courtyard(courtyard).views:
+        image = view.image()
+        assert 0.3 < image.mean() < 0.6
+        assert (image >= 1).all(axis=2).mean() < 0.02
+        assert np.abs(np.diff(image, axis=1)).mean() > 0.03
+
+
+@pytest.mark.blender
+@needs_bpy
+def test_an_interrupted_capture_is_unfinished_and_resumes_to_the_same_bytes(courtyard):
+    whole = files(courtyard)
+    kept = (courtyard / "images" / "000.png").stat().st_mtime_ns
+    for name in ("images/001.png", "points.npz", "cameras.json"):
+        (courtyard / name).unlink()
+    with pytest.raises(InputError, match=r"no cameras\.json"):
+        read_courtyard(courtyard)
+    render_courtyard(courtyard, VIEWS, *SIZE, seed=5)  # in another process, in another order
+    assert files(courtyard) == whole
+    assert (courtyard / "images" / "000.png").stat().st_mtime_ns == kept
+
+
+@pytest.mark.blender
+@needs_bpy
+def test_a_finished_capture_is_left_alone_and_another_request_starts_over(courtyard, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr(captures, "run_blender", pytest.fail)
+        render_courtyard(courtyard, VIEWS, *SIZE, seed=5)
+    before = files(courtyard)
+    asked = []
+    monkeypatch.setattr(captures, "run_blender", lambda module, request, log, label: asked.append(files(courtyard)))
+    render_courtyard(courtyard, VIEWS, *SIZE, seed=6)
+    assert not [name for name in asked[0] if name.startswith("images/") or name in ("points.npz", "cameras.json")]
+    for name, content in before.items():  # what later tests find
+        (courtyard / name).write_bytes(content)
+
+
+@pytest.mark.parametrize("request_", [(2, 64, 48), (3, 0, 48), (3, 64, 0)])
+def test_a_capture_needs_three_views_and_a_pixel(tmp_path, request_):
+    with pytest.raises(InputError, match="at least three views"):
+        render_courtyard(tmp_path, *request_, seed=0)
