@@ -78,7 +78,8 @@ def room(n: int, camera: Camera, seed: int = 0) -> Gaussians:
         low, high = (low, middle) if cover(middle) > COVER else (middle, high)
     quaternions = generator.normal(size=(n, 4))
     values = dict(zip(FIELDS, (means, quaternions, shapes + low, logits, sh), strict=True))
-    return Gaussians(**{name: np.ascontiguousarray(value, np.float32) for name, value in values.items()})
+    arrays = {name: np.ascontiguousarray(value, np.float32) for name, value in values.items()}
+    return Gaussians(**arrays, origin=np.zeros(3))
 
 
 def view(width: int, height: int) -> Camera:
