@@ -60,7 +60,9 @@ class Lens:
     @property
     def is_pinhole(self) -> bool:
         """Whether photographs taken with it can be used as they are."""
-        return bool(self.colmap().is_undistorted())
+        camera = self.colmap()
+        # Without coefficients, pycolmap calls a fisheye undistorted as well.
+        return bool(camera.is_undistorted() and camera.is_perspective() and not camera.is_perspective_fisheye())
 
     def colmap(self) -> pycolmap.Camera:
         """The same camera as pycolmap's object."""
@@ -117,7 +119,7 @@ def _model_names() -> list[str]:
 @lru_cache(maxsize=256)
 def _pinhole(lens: Lens) -> Pinhole:
     camera = lens.colmap()
-    if not camera.is_undistorted():
+    if not lens.is_pinhole:
         try:
             camera = pycolmap.undistort_camera(pycolmap.UndistortCameraOptions(blank_pixels=BLANK_PIXELS), camera)
         except ValueError as error:
