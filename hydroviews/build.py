@@ -80,7 +80,7 @@ def build(
     if built is not None and {p.name for p in patterns} <= set(built):
         return folder
     clean = _write_clean(scene.resized(long_side), folder)
-    _write_cameras(clean, folder)
+    _write_cameras(clean, folder, scene)
     for pattern in patterns:
         _write_variant(clean, folder, pattern, seed)
     names = sorted({p.name for p in patterns} | set(built or ()))
@@ -133,9 +133,10 @@ def _write_clean(scene: Scene, folder: Path) -> Scene:
     return replace(scene, views=tuple(views))
 
 
-def _write_cameras(scene: Scene, folder: Path) -> None:
+def _write_cameras(scene: Scene, folder: Path, capture: Scene) -> None:
+    """Write cameras, points and split; a capture without points gets some from its full-size photographs."""
     if not (folder / "sparse" / "0").is_dir():
-        points = scene.points if len(scene.points) else triangulate(scene, folder / ".triangulation")
+        points = scene.points if len(scene.points) else triangulate(capture, folder / ".triangulation")
         write_colmap(replace(scene, points=points), folder / "sparse" / "0")
     shutil.rmtree(folder / ".triangulation", ignore_errors=True)
     write_nerfstudio(scene, folder / "transforms.json", CLEAN)
