@@ -127,7 +127,7 @@ def speed(n: int, camera: Camera, repeats: int) -> dict[str, Any]:
     backend = backends.CpuBackend(Objective(NoisePicture(camera)), np.zeros(3, np.float32), 0.01)
     backend.put(fresh_state(room(n, camera)))
     rates = rates_at(0, 1, LearningRates(means=1e-12, means_final=1e-12, sh=0, sh_rest=0, opacity=0, scales=0,
-                                         quaternions=0), 1.0, 16)  # fmt: skip
+                                         quaternions=0), 1.0, 3)  # fmt: skip
     turns = []
     for iteration in range(repeats + 3):
         with timed() as seconds:

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.splatting.spherical_harmonics import coefficients
+
 VIEW_ORDER, SPLITTING = 1, 2  # random streams
 
 
@@ -43,12 +45,12 @@ def sh_degree_at(iteration: int, raise_every: int, highest: int) -> int:
 
 
 def rates_at(
-    iteration: int, iterations: int, rates: LearningRates, extent: float, n_coefficients: int
+    iteration: int, iterations: int, rates: LearningRates, extent: float, sh_degree: int
 ) -> dict[str, float | NDArray[np.float32]]:
     """Learning rates by parameter; for sh one for each coefficient [K, 3]."""
     progress = iteration / max(iterations, 1)
     decay = math.exp(progress * math.log(rates.final))
-    sh = np.full((n_coefficients, 3), rates.sh_rest * decay, np.float32)
+    sh = np.full((coefficients(sh_degree), 3), rates.sh_rest * decay, np.float32)
     sh[0] = rates.sh * decay
     return {
         "means": extent * math.exp((1 - progress) * math.log(rates.means) + progress * math.log(rates.means_final)),

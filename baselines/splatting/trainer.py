@@ -5,7 +5,7 @@ import json
 import signal
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -82,76 +82,94 @@ def train(scene: Scene, config: TrainerConfig, seed: int, folder: Path, objectiv
         InputError: an image that cannot be read; a checkpoint of another configuration, seed or scene; no such device.
         KeyboardInterrupt, SystemExit: on Ctrl-C and SIGTERM, after a checkpoint was written.
     """
-    views = scene.train_views
-    cameras = [view.camera for view in views]
-    objective = objective or Objective(TrainingImages(views), config.ssim_share)
+    cameras = tuple(view.camera for view in scene.train_views)
+    objective = objective or Objective(TrainingImages(scene.train_views), config.ssim_share)
     extent = scene_extent(cameras)[1]
     near = config.near * extent
     backend = make_backend(config.device, objective, np.asarray(config.background, np.float32), near)
     compile_seconds = warm_up(config.sh_degree) if backend.device == "cpu" else 0.0
 
-    checkpoint = folder / CHECKPOINT
-    fingerprint = fingerprint_of(config, seed, scene, objective)
-    fingerprint["device"] = backend.device
-    if checkpoint.exists():
-        state, learnt = read_checkpoint(checkpoint, fingerprint)
+    fingerprint = {**fingerprint_of(config, seed, scene, objective), "device": backend.device}
+    run = _Run(config, seed, cameras, extent, backend, objective, folder / CHECKPOINT, fingerprint)
+    if run.checkpoint.exists():
+        state, learnt = read_checkpoint(run.checkpoint, fingerprint)
         objective.restore(learnt)
     else:
         state = fresh_state(initialise(scene.points, cameras, config.sh_degree, seed))
-    state = _loop(state, backend, objective, cameras, extent, config, seed, checkpoint, fingerprint)
+    state = run.finish(state)
     return Trained(state.gaussians, near, state.seconds, compile_seconds, backend.device, extent)
 
 
-def _loop(
-    state: TrainingState,
-    backend: Backend,
-    objective: Objective,
-    cameras: Sequence[Camera],
-    extent: float,
-    config: TrainerConfig,
-    seed: int,
-    checkpoint: Path,
-    fingerprint: dict[str, Any],
-) -> TrainingState:
-    backend.put(state)
-    start, before = time.perf_counter(), state.seconds
-    saved, smooth = before, 0.0
-    strategy, n_coefficients = config.densification, state.gaussians.sh.shape[1]
-    with (
-        _stop_signals() as stopped,
-        tqdm(total=config.iterations, initial=state.iteration, desc="training", unit="it", mininterval=1.0) as bar,
-    ):
-        for iteration in range(state.iteration, config.iterations):
-            view = schedule.view_at(iteration, len(cameras), seed)
-            degree = schedule.sh_degree_at(iteration, config.sh_every, config.sh_degree)
-            rates = schedule.rates_at(iteration, config.iterations, config.rates, extent, n_coefficients)
-            watch = iteration + 1 < strategy.stop
-            loss = backend.step(cameras[view], view, iteration, degree, rates, watch)
-            smooth = loss if smooth == 0 else 0.98 * smooth + 0.02 * loss
-            seconds = before + time.perf_counter() - start
-            if due(strategy, iteration) or reset_due(strategy, iteration):
-                state = _densify(backend.get(iteration + 1, seconds), strategy, extent, iteration, seed)
-                backend.put(state)
-            if stopped or seconds - saved > config.checkpoint_seconds:
-                write_checkpoint(checkpoint, backend.get(iteration + 1, seconds), objective.arrays(), fingerprint)
-                saved = seconds
-            if stopped:
-                bar.close()
-                raise KeyboardInterrupt if stopped[0] == signal.SIGINT else SystemExit(128 + stopped[0])
-            bar.set_postfix_str(f"loss {smooth:.4f}, {len(state.gaussians)} Gaussians", refresh=False)
-            bar.update()
-    state = backend.get(config.iterations, before + time.perf_counter() - start)
-    write_checkpoint(checkpoint, state, objective.arrays(), fingerprint)
-    return state
+@dataclass(frozen=True)
+class _Run:
+    """What stays the same from the first step to the last."""
+
+    config: TrainerConfig
+    seed: int
+    cameras: tuple[Camera, ...]
+    extent: float
+    backend: Backend
+    objective: Objective
+    checkpoint: Path
+    fingerprint: dict[str, Any]
+
+    def finish(self, state: TrainingState) -> TrainingState:
+        """All steps that are left, with a checkpoint now and then and at the end."""
+        backend, total = self.backend, self.config.iterations
+        backend.put(state)
+        clock = _Clock(state.seconds)
+        saved, smooth, n = clock.seconds, 0.0, len(state.gaussians)
+        bar = tqdm(total=total, initial=state.iteration, desc="training", unit="it", mininterval=1.0)
+        with _stop_signals() as stopped, bar:
+            for iteration in range(state.iteration, total):
+                loss = self.step(iteration)
+                if due(self.config.densification, iteration) or reset_due(self.config.densification, iteration):
+                    state = self.densify(backend.get(iteration + 1, clock.seconds))
+                    backend.put(state)
+                    n = len(state.gaussians)
+                if stopped or clock.seconds - saved > self.config.checkpoint_seconds:
+                    self.save(backend.get(iteration + 1, clock.seconds))
+                    saved = clock.seconds
+                if stopped:
+                    raise KeyboardInterrupt if stopped[0] == signal.SIGINT else SystemExit(128 + stopped[0])
+                smooth = 0.98 * smooth + 0.02 * loss if smooth else loss
+                bar.set_postfix_str(f"loss {smooth:.4f}, {n} Gaussians", refresh=False)
+                bar.update()
+        state = backend.get(total, clock.seconds)
+        self.save(state)
+        return state
+
+    def step(self, iteration: int) -> float:
+        """One view; returns its loss."""
+        config = self.config
+        view = schedule.view_at(iteration, len(self.cameras), self.seed)
+        degree = schedule.sh_degree_at(iteration, config.sh_every, config.sh_degree)
+        rates = schedule.rates_at(iteration, config.iterations, config.rates, self.extent, config.sh_degree)
+        watch = iteration + 1 < config.densification.stop
+        return self.backend.step(self.cameras[view], view, iteration, degree, rates, watch)
+
+    def densify(self, state: TrainingState) -> TrainingState:
+        """Refine, reset opacities, or both, after the state's last step."""
+        strategy, iteration = self.config.densification, state.iteration - 1
+        if due(strategy, iteration):
+            generator = schedule.random_stream(self.seed, schedule.SPLITTING, iteration)
+            state = refine(state, strategy, self.extent, generator)
+        return reset_opacity(state, strategy) if reset_due(strategy, iteration) else state
+
+    def save(self, state: TrainingState) -> None:
+        """Write the checkpoint."""
+        write_checkpoint(self.checkpoint, state, self.objective.arrays(), self.fingerprint)
 
 
-def _densify(state: TrainingState, strategy: Densification, extent: float, iteration: int, seed: int) -> TrainingState:
-    if due(strategy, iteration):
-        generator = schedule.random_stream(seed, schedule.SPLITTING, iteration)
-        state = refine(state, strategy, extent, generator)
-    if reset_due(strategy, iteration):
-        state = reset_opacity(state, strategy)
-    return state
+class _Clock:
+    """Seconds of training, going on from those of earlier sessions."""
+
+    def __init__(self, before: float):
+        self._zero = time.perf_counter() - before
+
+    @property
+    def seconds(self) -> float:
+        return time.perf_counter() - self._zero
 
 
 @contextmanager
@@ -200,7 +218,7 @@ def warm_up(sh_degree: int) -> float:
     images = _OneImage()
     backend = CpuBackend(Objective(images), np.zeros(3, np.float32), 0.01)
     backend.put(fresh_state(gaussians))
-    rates = schedule.rates_at(0, 1, LearningRates(), 1.0, gaussians.sh.shape[1])
+    rates = schedule.rates_at(0, 1, LearningRates(), 1.0, sh_degree)
     backend.step(camera, 0, 0, sh_degree, rates, True)
     photometric_loss(np.zeros((16, 16, 3), np.float32), images.target(0), weights=np.ones((16, 16), np.float32),
                      workspace=Workspace())  # fmt: skip

@@ -45,7 +45,7 @@ def test_both_take_the_same_steps(tmp_path):
         backend.put(fresh_state(translucent(300)))
         losses = []
         for iteration in range(5):
-            rates = rates_at(iteration, 100, LearningRates(), 4.0, 16)
+            rates = rates_at(iteration, 100, LearningRates(), 4.0, 3)
             view = iteration % len(scene.train_views)
             losses.append(backend.step(scene.train_views[view].camera, view, iteration, 3, rates, True))
         states.append((backend.get(5, 0.0), losses))

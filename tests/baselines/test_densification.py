@@ -153,7 +153,7 @@ def test_schedule():
     assert all(sorted(order[k : k + 10]) == list(range(10)) for k in (0, 10, 20))
     assert order[:10] != order[10:20]
     assert [sh_degree_at(i, 100, 3) for i in (0, 99, 100, 250, 1000)] == [0, 0, 1, 2, 3]
-    rates = [rates_at(i, 100, LearningRates(final=0.1), 5.0, 4) for i in (0, 100)]
+    rates = [rates_at(i, 100, LearningRates(final=0.1), 5.0, 1) for i in (0, 100)]
     assert rates[0]["means"] == pytest.approx(5 * 1.6e-4)
     assert rates[1]["means"] == pytest.approx(5 * 1.6e-6)
     assert rates[1]["opacity_logits"] == pytest.approx(0.005)
