@@ -15,6 +15,7 @@ from hydroviews.cameras import Camera
 from hydroviews.images import Image
 from hydroviews.rain.path_matte import PathMatte, assemble, dry
 
+VERSION = 1  # raised whenever the same pattern gives another matte
 MARGIN = 0.05  # drops may sit this far beyond the picture's edge, in picture sides
 FINE_PIXELS = 8_000_000  # about as many light paths as a bake follows
 
@@ -42,26 +43,36 @@ def draw_pattern(rng: np.random.Generator) -> RaindropPattern:
         radius_spread=float(rng.uniform(0.4, 0.6)),
         droplets=int(rng.integers(80, 260)),
         contact_angle_min=float(rng.uniform(28, 38)),
-        contact_angle_max=float(rng.uniform(46, 58)),
+        contact_angle_max=float(rng.uniform(43, 54)),
         sag=float(rng.uniform(0.3, 1.0)),
         focus_blur=float(rng.uniform(0.004, 0.012)),
         seed=int(rng.integers(2**31)),
     )
 
 
-def bake_matte(pattern: RaindropPattern, camera: Camera, folder: Path) -> PathMatte:
+def bake_matte(pattern: RaindropPattern, camera: Camera, folder: Path, paths: int | None = None) -> PathMatte:
     """The matte of a pattern for a camera's size and intrinsics, kept in `folder` and read from there if it fits.
+
+    Args:
+        pattern: the drops.
+        camera: its size and intrinsics; the pose means nothing.
+        folder: gets `matte.npz` and Blender's log.
+        paths: k, to follow k x k light paths a pixel instead of `paths_per_side`; more are slower and less noisy.
 
     Raises:
         InputError: Blender failed (see `process.run_blender`), or the kept matte is damaged.
     """
-    kept, key = folder / "matte.npz", json.dumps([asdict(pattern), _intrinsics(camera)])
+    paths = paths or paths_per_side(camera)
+    kept, key = folder / "matte.npz", json.dumps([VERSION, asdict(pattern), _intrinsics(camera), paths])
     if kept.exists():
         matte, kept_key = PathMatte.load(kept)
         if kept_key == key:
             return matte
     drops = draw_drops(pattern, camera)
-    matte = _bake(drops, camera, focus_disk(pattern, camera), folder) if drops else dry(camera.height, camera.width)
+    if drops:
+        matte = _bake(drops, camera, paths, focus_disk(pattern, camera), folder)
+    else:
+        matte = dry(camera.height, camera.width)
     matte.save(kept, key)
     return matte
 
@@ -90,10 +101,10 @@ def trace_drops(
         return np.load(output)
 
 
-def _bake(drops: list[Drop], camera: Camera, disk: float, folder: Path) -> PathMatte:
+def _bake(drops: list[Drop], camera: Camera, paths: int, disk: float, folder: Path) -> PathMatte:
     with tempfile.TemporaryDirectory(prefix="hydroviews-") as scratch:
         output = Path(scratch) / "paths.npz"
-        request = _request(drops, camera, output) | {"paths": paths_per_side(camera)}
+        request = _request(drops, camera, output) | {"paths": paths}
         run_blender("bake_drops", request, folder / "blender.log", "raindrops")
         with np.load(output) as traced:
             return assemble(traced["cover"], traced["pixel"], traced["place"], traced["throughput"], disk)
