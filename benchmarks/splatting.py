@@ -29,7 +29,7 @@ from baselines.splatting import (
     rasterizer,
     reference,
 )
-from baselines.splatting.densification import fresh_state
+from baselines.splatting.densification import Densification, fresh_state
 from baselines.splatting.gaussians import FIELDS, Gaussians
 from baselines.splatting.objective import Objective, TrainingImages
 from baselines.splatting.schedule import LearningRates, rates_at
@@ -132,7 +132,7 @@ def speed(n: int, camera: Camera, repeats: int) -> dict[str, Any]:
     for iteration in range(repeats + 3):
         with timed() as seconds:
             start = time.perf_counter()
-            backend.step(camera, 0, iteration, 3, rates, watch=True)
+            backend.step(camera, 0, iteration, 3, rates, Densification())
             turns.append({"step": time.perf_counter() - start, **seconds})
     milliseconds = (1000 * pd.DataFrame(turns[3:]).median()).round(2)
     about = {"gaussians": n, "size": f"{camera.width}x{camera.height}", "threads": numba.get_num_threads()}

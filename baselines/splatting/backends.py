@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.adam import adam_step
-from baselines.splatting.densification import TrainingState, observe
+from baselines.splatting.densification import Densification, TrainingState, observe
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.objective import Objective
 from baselines.splatting.rasterizer import Workspace, backward, render
@@ -31,7 +31,9 @@ class Backend(Protocol):
     def get(self, iteration: int, seconds: float) -> TrainingState:
         """The state as numpy arrays, valid until the next step."""
 
-    def step(self, camera: Camera, view: int, iteration: int, degree: int, rates: Rates, watch: bool) -> float:
+    def step(
+        self, camera: Camera, view: int, iteration: int, degree: int, rates: Rates, watch: Densification | None
+    ) -> float:
         """Render a training view, compare, and take one step of Adam; returns the loss.
 
         Args:
@@ -40,7 +42,7 @@ class Backend(Protocol):
             iteration: from 0.
             degree: spherical-harmonic degree in use.
             rates: from `schedule.rates_at`.
-            watch: collect the gradient statistics for densification.
+            watch: the strategy to collect gradient statistics for, while it grows.
         """
 
     def render(self, gaussians: Gaussians, camera: Camera) -> Image:
@@ -69,7 +71,9 @@ class CpuBackend:
         parts = {name: getattr(self._state, name) for name in ("gaussians", "first", "second", "gradient_sum", "seen")}
         return TrainingState(**parts, iteration=iteration, seconds=seconds)
 
-    def step(self, camera: Camera, view: int, iteration: int, degree: int, rates: Rates, watch: bool) -> float:
+    def step(
+        self, camera: Camera, view: int, iteration: int, degree: int, rates: Rates, watch: Densification | None
+    ) -> float:
         """See Backend."""
         state, workspace = self._state, self._workspace
         assert state is not None
@@ -79,7 +83,8 @@ class CpuBackend:
         loss, grad_image = self._objective(image, view, iteration, workspace)
         gradients = backward(rendering, grad_image)
         if watch:
-            observe(state, rendering.rank, gradients.means2d, (camera.width, camera.height))
+            means2d = gradients.means2d_absolute if watch.absolute else gradients.means2d
+            observe(state, rendering.rank, means2d, (camera.width, camera.height))
         moments = zip(state.first.arrays().values(), state.second.arrays().values(), strict=True)
         for (name, values), (first, second) in zip(state.gaussians.arrays().items(), moments, strict=True):
             adam_step(values, getattr(gradients.parameters, name), first, second, iteration + 1, rates[name])

@@ -22,21 +22,22 @@ from baselines.splatting.vectors import BLOCK_BYTES, INT64, LANES, Lanes
 
 # Planes of a block of pixels, and of a block of column sums.
 TRANSMITTANCE, SUFFIX, LAST, GRAD_RED, GRAD_GREEN, GRAD_BLUE = range(6)
-W, W_DY, W_DY2, TO_RED, TO_GREEN, TO_BLUE = range(6)
 PLANES = 6
+W, W_DY, W_DY2, TO_RED, TO_GREEN, TO_BLUE, ABS_X, ABS_Y = range(8)
+SUM_PLANES = 8
 
 
 @intrinsic
 def blend_row_gradient(
-    typingctx, table, address, sums, blocks, l11, u, power, log2_opacity, red, green, blue, number, dy
+    typingctx, table, address, sums, blocks, l11, u, power, log2_opacity, red, green, blue, number, dy, l21, rise
 ):
-    """Take one splat off `blocks` blocks of a row and add its derivatives to the column sums."""
-    signature = types.void(*([types.int64] * 4), *([types.float32] * 9))
+    """Take one splat off `blocks` blocks of a row and add its derivatives to the column sums; rise is L22 v."""
+    signature = types.void(*([types.int64] * 4), *([types.float32] * 11))
 
     def generate(context, builder, _, arguments):
         lanes = Lanes(builder, arguments[0])
         address, sums, blocks = arguments[1:4]
-        l11, u, power, log2_opacity, red, green, blue, number, dy = (lanes.splat(a) for a in arguments[4:])
+        l11, u, power, log2_opacity, red, green, blue, number, dy, l21, rise = map(lanes.splat, arguments[4:])
         zero, one, max_alpha = lanes.constant(0), lanes.constant(1), lanes.constant(MAX_ALPHA)
 
         def accumulate(sums, plane, a, b):
@@ -67,11 +68,14 @@ def blend_row_gradient(
             accumulate(sums, TO_RED, visible, g_red)
             accumulate(sums, TO_GREEN, visible, g_green)
             accumulate(sums, TO_BLUE, visible, g_blue)
+            by_x, by_y = lanes.multiply(w, u), lanes.multiply(w, lanes.fma(l21, u, rise))
+            lanes.store(lanes.add(lanes.load(sums, ABS_X), lanes.absolute(by_x)), sums, ABS_X)
+            lanes.store(lanes.add(lanes.load(sums, ABS_Y), lanes.absolute(by_y)), sums, ABS_Y)
 
         starts = lanes.fma(l11, lanes.lane_numbers(), u)
         step = lanes.multiply(l11, lanes.constant(LANES))
-        stride = ir.Constant(INT64, PLANES * BLOCK_BYTES)
-        lanes.loop(blocks, [(address, stride), (sums, stride), (starts, step)], turn)
+        stride, sums_stride = (ir.Constant(INT64, planes * BLOCK_BYTES) for planes in (PLANES, SUM_PLANES))
+        lanes.loop(blocks, [(address, stride), (sums, sums_stride), (starts, step)], turn)
         return context.get_dummy_value()
 
     return signature, generate
@@ -98,10 +102,10 @@ def load_tile(scratch, tile_size, x0, y0, columns, rows, background, grad_image,
 
 @inlined
 def fold_columns(sums, tile_size, left, moments):
-    """Column sums to the nine moments of a pair."""
-    w = w_dx = w_dy = w_dx2 = w_dxdy = w_dy2 = red = green = blue = np.float32(0)
+    """Column sums to the moments of a pair."""
+    w = w_dx = w_dy = w_dx2 = w_dxdy = w_dy2 = red = green = blue = abs_x = abs_y = np.float32(0)
     for column in range(tile_size):
-        at = column // LANES * (PLANES * LANES) + column % LANES
+        at = column // LANES * (SUM_PLANES * LANES) + column % LANES
         dx = np.float32(column) + left
         here, here_dy = sums[at + W * LANES], sums[at + W_DY * LANES]
         w += here
@@ -113,9 +117,12 @@ def fold_columns(sums, tile_size, left, moments):
         red += sums[at + TO_RED * LANES]
         green += sums[at + TO_GREEN * LANES]
         blue += sums[at + TO_BLUE * LANES]
+        abs_x += sums[at + ABS_X * LANES]
+        abs_y += sums[at + ABS_Y * LANES]
     moments[0], moments[1], moments[2] = w, w_dx, w_dy
     moments[3], moments[4], moments[5] = w_dx2, w_dxdy, w_dy2
     moments[6], moments[7], moments[8] = red, green, blue
+    moments[9], moments[10] = abs_x, abs_y
 
 
 @kernel
@@ -123,15 +130,15 @@ def blend_gradient(
     packed, tile_start, tile_splats, tile_order, tile_shift, background, workers, table,
     transmittance, last, taken, grad_image, pair_moments,
 ):  # fmt: skip
-    """Fill the moments [pairs, 9] of every (tile, splat) pair; the other arguments are those of `blend`."""
+    """Fill the moments [pairs, 11] of every (tile, splat) pair; the other arguments are those of `blend`."""
     height, width = grad_image.shape[0], grad_image.shape[1]
     tile_size = 1 << tile_shift
     tiles_x = (width + tile_size - 1) >> tile_shift
-    block_bytes = PLANES * BLOCK_BYTES
+    block_bytes, sum_bytes = PLANES * BLOCK_BYTES, SUM_PLANES * BLOCK_BYTES
     row_bytes = tile_size // LANES * block_bytes
     for worker in prange(workers):
         scratch = np.empty(tile_size * tile_size * PLANES, np.float32)
-        sums = np.empty(tile_size * PLANES, np.float32)
+        sums = np.empty(tile_size * SUM_PLANES, np.float32)
         address, sums_address = np.int64(scratch.ctypes.data), np.int64(sums.ctypes.data)
         for turn in range(worker, tile_order.shape[0], workers):
             tile = tile_order[turn]
@@ -157,8 +164,9 @@ def blend_gradient(
                     )
                     if blocks > 0:
                         blend_row_gradient(  # type: ignore[call-arg]  # as for blend_row
-                            table, address + row * row_bytes + block * block_bytes, sums_address + block * block_bytes,
+                            table, address + row * row_bytes + block * block_bytes, sums_address + block * sum_bytes,
                             blocks, splat[L11], u, power, splat[LOG2_OPACITY],
                             splat[RED], splat[GREEN], splat[BLUE], number, dy,
+                            splat[L21], splat[L22] * splat[L22] * dy,
                         )  # fmt: skip
                 fold_columns(sums, tile_size, left, pair_moments[position])

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from baselines.splatting.adam import BETA1, BETA2, EPSILON
 from baselines.splatting.constants import LOW_PASS
-from baselines.splatting.densification import TrainingState
+from baselines.splatting.densification import Densification, TrainingState
 from baselines.splatting.gaussians import FIELDS, Gaussians
 from baselines.splatting.objective import Objective
 from baselines.splatting.rasterizer import Workspace
@@ -72,11 +72,13 @@ class CudaBackend:
             seconds=seconds,
         )
 
-    def step(self, camera: Camera, view: int, iteration: int, degree: int, rates: dict[str, Any], watch: bool) -> float:
+    def step(
+        self, camera: Camera, view: int, iteration: int, degree: int, rates: dict[str, Any], watch: Densification | None
+    ) -> float:
         """See Backend."""
         state = self._current()
         leaves = {name: value.detach().requires_grad_() for name, value in state.parameters.items()}
-        image, details = self._rasterize(leaves, state.origin, camera, degree)
+        image, details = self._rasterize(leaves, state.origin, camera, degree, watch is not None and watch.absolute)
         if watch:
             details["means2d"].retain_grad()
         loss = self._backward(image, view, iteration)
@@ -84,7 +86,9 @@ class CudaBackend:
             if watch:
                 half_size = torch.tensor([camera.width / 2, camera.height / 2], device="cuda")
                 shown = (details["radii"][0] > 0).all(dim=-1)
-                state.gradient_sum += (details["means2d"].grad[0] * half_size).norm(dim=-1) * shown
+                means2d = details["means2d"]
+                gradient = means2d.absgrad if watch.absolute else means2d.grad
+                state.gradient_sum += (gradient[0] * half_size).norm(dim=-1) * shown
                 state.seen += shown
             for name in FIELDS:
                 gradient = leaves[name].grad
@@ -103,7 +107,12 @@ class CudaBackend:
         return self._state
 
     def _rasterize(
-        self, parameters: dict[str, Tensor], origin: NDArray[np.float64], camera: Camera, degree: int
+        self,
+        parameters: dict[str, Tensor],
+        origin: NDArray[np.float64],
+        camera: Camera,
+        degree: int,
+        absolute: bool = False,
     ) -> tuple[Tensor, dict[str, Any]]:
         pose = camera.world_to_camera.copy()
         pose[:3, 3] += pose[:3, :3] @ origin
@@ -121,6 +130,7 @@ class CudaBackend:
             eps2d=LOW_PASS,
             sh_degree=degree,
             packed=False,
+            absgrad=absolute,
             backgrounds=self._background[None],
         )
         return images[0], details

@@ -29,6 +29,7 @@ class Densification:
     budget: int = 5_000_000  # never more Gaussians than this
     growth: float = 10.0  # one refinement adds at most this share of the present number
     gradient: float = 2e-4  # mean gradient by the normalised image position above which a Gaussian is too coarse
+    absolute: bool = False  # sum absolute gradients over pixels, which finds blurred texture (Ye et al. 2024, AbsGS)
     split_size: float = 0.01  # larger Gaussians are split, smaller ones doubled
     least_opacity: float = 0.005  # less opaque ones are removed
     largest: float = 0.1  # larger ones are removed

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numba import prange
 
+from baselines.splatting.constants import CONIC_SCALE
 from baselines.splatting.geometry import (
     SMALLEST_NORM,
     clamped_slope,
@@ -24,8 +25,9 @@ from baselines.splatting.projection import CHUNKS
 from baselines.splatting.spherical_harmonics import basis, basis_gradient
 
 # Summed over pixels, with sigma in alpha = opacity exp(-sigma), w = dloss/dsigma and (dx, dy) = pixel - splat centre:
-# w, w dx, w dy, w dx^2, w dx dy, w dy^2, dloss/dred, dloss/dgreen, dloss/dblue.
-MOMENTS = 9
+# w, w dx, w dy, w dx^2, w dx dy, w dy^2, dloss/dred, dloss/dgreen, dloss/dblue, |w u|, |w (L21 u + L22 v)|.
+MOMENTS = 11
+SIGMA_PER_POWER = 2 * math.log(2)  # dsigma/du = 2 ln 2 u, as sigma = ln 2 (u^2 + v^2)
 
 
 @inlined
@@ -53,7 +55,7 @@ def covariance_gradient(xx, xy, yy, determinant, m_xx, m_xy, m_yy):
 def project_gradient(
     means, quaternions, log_scales, opacity_logits, sh, degree, pose, centre, lens, width, height,
     rank, pair_start, pair_slot, pair_moments,
-    g_means, g_quaternions, g_log_scales, g_opacity_logits, g_sh, g_means2d,
+    g_means, g_quaternions, g_log_scales, g_opacity_logits, g_sh, g_means2d, g_means2d_absolute,
 ):  # fmt: skip
     """Gather each Gaussian's moments from its tiles and carry them back through the projection.
 
@@ -64,8 +66,9 @@ def project_gradient(
         rank: place in the depth order [N], negative for culled Gaussians, whose gradients become zero.
         pair_start: [n + 1], first (splat, tile) pair of each place.
         pair_slot: row of `pair_moments` that holds each pair.
-        pair_moments: [pairs, 9] from `blend_gradient`.
-        g_...: output, as the parameters; g_means2d [N, 2] is by the position on the image, in pixels.
+        pair_moments: [pairs, 11] from `blend_gradient`.
+        g_...: output, as the parameters; g_means2d [N, 2] is by the position on the image, in pixels, and
+            g_means2d_absolute [N, 2] the sum over pixels of its absolute value.
     """
     n = means.shape[0]
     fx, fy, cx, cy = lens[0], lens[1], lens[2], lens[3]
@@ -83,6 +86,7 @@ def project_gradient(
                 g_opacity_logits[i] = 0.0
                 g_sh[i] = 0.0
                 g_means2d[i] = 0.0
+                g_means2d_absolute[i] = 0.0
                 continue
             moments[:] = 0.0
             for pair in range(pair_start[place], pair_start[place + 1]):
@@ -199,3 +203,6 @@ def project_gradient(
             g_means[i, 0], g_means[i, 1], g_means[i, 2] = gm0, gm1, gm2
             g_opacity_logits[i] = -moments[0] * (1.0 - sigmoid(np.float64(opacity_logits[i])))
             g_means2d[i, 0], g_means2d[i, 1] = g_column, g_row
+            l11 = math.sqrt(CONIC_SCALE * yy / determinant)
+            g_means2d_absolute[i, 0] = SIGMA_PER_POWER * l11 * moments[9]
+            g_means2d_absolute[i, 1] = SIGMA_PER_POWER * moments[10]

@@ -67,6 +67,7 @@ class Gradients:
 
     parameters: Gaussians
     means2d: NDArray[np.float32]
+    means2d_absolute: NDArray[np.float32]  # the same with absolute values summed over pixels (Ye et al. 2024, AbsGS)
 
 
 def render(
@@ -117,7 +118,7 @@ def backward(state: RenderState, grad_image: Image) -> Gradients:
     blending_gradient.blend_gradient(*_tiles(state), state.transmittance, state.last, state.taken, grad_image, moments)
     gaussians = state.gaussians
     gradients = {name: workspace.array(f"g_{name}", value.shape) for name, value in gaussians.arrays().items()}
-    means2d = workspace.array("g_means2d", (len(gaussians), 2))
+    means2d, absolute = (workspace.array(name, (len(gaussians), 2)) for name in ("g_means2d", "g_absolute"))
     projection_gradient.project_gradient(
         *gaussians.arrays().values(),
         state.sh_degree,
@@ -128,8 +129,9 @@ def backward(state: RenderState, grad_image: Image) -> Gradients:
         moments,
         *gradients.values(),
         means2d,
+        absolute,
     )
-    return Gradients(Gaussians(**gradients, origin=gaussians.origin), means2d)
+    return Gradients(Gaussians(**gradients, origin=gaussians.origin), means2d, absolute)
 
 
 def _view(gaussians: Gaussians, camera: Camera) -> tuple[Any, ...]:

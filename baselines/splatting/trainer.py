@@ -145,7 +145,7 @@ class _Run:
         view = schedule.view_at(iteration, len(self.cameras), self.seed)
         degree = schedule.sh_degree_at(iteration, config.sh_every, config.sh_degree)
         rates = schedule.rates_at(iteration, config.iterations, config.rates, self.extent, config.sh_degree)
-        watch = iteration + 1 < config.densification.stop
+        watch = config.densification if iteration + 1 < config.densification.stop else None
         return self.backend.step(self.cameras[view], view, iteration, degree, rates, watch)
 
     def densify(self, state: TrainingState) -> TrainingState:
@@ -219,7 +219,7 @@ def warm_up(sh_degree: int) -> float:
     backend = CpuBackend(Objective(images), np.zeros(3, np.float32), 0.01)
     backend.put(fresh_state(gaussians))
     rates = schedule.rates_at(0, 1, LearningRates(), 1.0, sh_degree)
-    backend.step(camera, 0, 0, sh_degree, rates, True)
+    backend.step(camera, 0, 0, sh_degree, rates, Densification())
     photometric_loss(np.zeros((16, 16, 3), np.float32), images.target(0), weights=np.ones((16, 16), np.float32),
                      workspace=Workspace())  # fmt: skip
     return time.perf_counter() - start

@@ -35,6 +35,8 @@ class Lanes:
         self.table = table
         triple = ir.FunctionType(FLOATS, [FLOATS] * 3)
         self._fma = cgutils.get_or_insert_function(builder.module, triple, f"llvm.fmuladd.v{LANES}f32")
+        single = ir.FunctionType(FLOATS, [FLOATS])
+        self._fabs = cgutils.get_or_insert_function(builder.module, single, f"llvm.fabs.v{LANES}f32")
 
     def constant(self, value: float) -> ir.Value:
         """A literal in all lanes; other than 0 it must be one of CONSTANTS."""
@@ -77,6 +79,10 @@ class Lanes:
     def negate(self, a: ir.Value) -> ir.Value:
         """-a."""
         return self.builder.fneg(a)
+
+    def absolute(self, a: ir.Value) -> ir.Value:
+        """|a|."""
+        return self.builder.call(self._fabs, [a])
 
     def at_least(self, a: ir.Value, b: ir.Value) -> ir.Value:
         """Mask a >= b; false for NaN."""

@@ -5,7 +5,7 @@ import pytest
 from splats import camera, cloud, photographed
 
 from baselines.splatting.backends import CpuBackend, missing_for_cuda
-from baselines.splatting.densification import fresh_state
+from baselines.splatting.densification import Densification, fresh_state
 from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.objective import Objective, TrainingImages
 from baselines.splatting.schedule import LearningRates, rates_at
@@ -47,7 +47,7 @@ def test_both_take_the_same_steps(tmp_path):
         for iteration in range(5):
             rates = rates_at(iteration, 100, LearningRates(), 4.0, 3)
             view = iteration % len(scene.train_views)
-            losses.append(backend.step(scene.train_views[view].camera, view, iteration, 3, rates, True))
+            losses.append(backend.step(scene.train_views[view].camera, view, iteration, 3, rates, Densification()))
         states.append((backend.get(5, 0.0), losses))
     (ours, our_losses), (theirs, their_losses) = states
     assert our_losses == pytest.approx(their_losses, rel=1e-2)

@@ -108,6 +108,18 @@ def test_gradient_by_the_position_on_the_image():
     assert np.linalg.norm(backward(state, weights).means2d - exact) < 1e-5 * np.linalg.norm(exact)
 
 
+def test_absolute_gradient_by_the_position_on_the_image():
+    """One pixel at a time, so that nothing cancels in the reference either."""
+    gaussians, view = cloud(30, 0, size=0.4), camera(7, 5)
+    weights = np.random.default_rng(0).normal(size=(5, 7, 3)).astype(np.float32)
+    _, state = render(gaussians, view, BACKGROUND)
+    shift = torch.zeros(30, 2, dtype=torch.float64, requires_grad=True)
+    image = reference.render(reference.tensors(gaussians), view, torch.from_numpy(BACKGROUND), 0, shift=shift)
+    pixels = (image * torch.from_numpy(weights)).sum(dim=2).reshape(-1)
+    exact = sum(torch.autograd.grad(p, shift, retain_graph=True)[0].abs() for p in pixels).numpy()
+    assert np.linalg.norm(backward(state, weights).means2d_absolute - exact) < 1e-5 * np.linalg.norm(exact)
+
+
 # --- hard cases -------------------------------------------------------------------------------------------------------
 
 
