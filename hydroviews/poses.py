@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 from hydroviews import features
 from hydroviews.errors import InputError
-from hydroviews.files import read_json, write_json
+from hydroviews.files import PARTIAL, read_json, write_json
 from hydroviews.images import image_size, write_png
 from hydroviews.readers import read_scene
 from hydroviews.readers.colmap import reliable
@@ -24,6 +24,10 @@ from hydroviews.writers import to_colmap_camera
 Matcher = Literal["auto", "exhaustive", "sequential"]
 
 MINIMUM = 3  # registered views that make a scene
+# Degrees between the rays of the first pair: wide is stable, but captures from one side have none that wide.
+# COLMAP halves each twice before it gives up.
+FIRST_PAIR_ANGLES = (16.0, 4.0)
+
 SETTINGS = "poses.json"
 DATABASE = "database.db"
 
@@ -118,12 +122,33 @@ def _link(links: dict[str, Path], folder: Path) -> None:
 
 
 def _map(out: Path, count: int, seed: int) -> None:
-    """Incremental mapping; the models are moved to `out/sparse`, the largest first, once all are written."""
-    scratch = out / "mapping"
+    """Incremental mapping; the models go to `out/sparse` together, the largest first."""
+    models: list[pycolmap.Reconstruction] = []
+    for angle in FIRST_PAIR_ANGLES:
+        models = models or _incremental_mapping(out, count, angle, seed)
+    best = models[0].num_reg_images() if models else 0
+    if best < MINIMUM:
+        raise InputError(
+            f"{out / 'images'}: only {best} of {count} photographs could be registered",
+            expected=f"at least {MINIMUM}",
+            fix=ADVICE,
+        )
+    finished = out / (PARTIAL + "sparse")
+    shutil.rmtree(finished, ignore_errors=True)
+    for i, model in enumerate(models):
+        (finished / str(i)).mkdir(parents=True)
+        model.write_binary(finished / str(i))
+    os.replace(finished, out / "sparse")
+
+
+def _incremental_mapping(out: Path, count: int, angle: float, seed: int) -> list[pycolmap.Reconstruction]:
+    """The models that grow from a first pair whose rays meet at `angle` degrees, the largest first."""
+    scratch = out / (PARTIAL + "mapping")
     shutil.rmtree(scratch, ignore_errors=True)
     scratch.mkdir()
     options = pycolmap.IncrementalPipelineOptions(min_model_size=MINIMUM, random_seed=seed)
-    with tqdm(total=count, desc="registered", unit="image") as bar:
+    options.mapper.init_min_tri_angle = angle
+    with tqdm(total=count, desc=f"mapping, first pair {angle:.0f} degrees apart", unit="image") as bar:
         call = partial(
             pycolmap.incremental_mapping,
             out / DATABASE,
@@ -133,22 +158,9 @@ def _map(out: Path, count: int, seed: int) -> None:
             initial_image_pair_callback=lambda: bar.update(2),
             next_image_callback=lambda: bar.update(1),
         )
-        models = features.interruptible(call, bar.refresh)
-    ordered = sorted(models.values(), key=lambda model: -model.num_reg_images())
-    best = ordered[0].num_reg_images() if ordered else 0
-    if best < MINIMUM:
-        raise InputError(
-            f"{out / 'images'}: only {best} of {count} photographs could be registered",
-            expected=f"at least {MINIMUM}",
-            fix=ADVICE,
-        )
-    finished = out / "sparse.partial"
-    shutil.rmtree(finished, ignore_errors=True)
-    for i, model in enumerate(ordered):
-        (finished / str(i)).mkdir(parents=True)
-        model.write_binary(finished / str(i))
-    os.replace(finished, out / "sparse")
+        models = features.interruptible(call)
     shutil.rmtree(scratch)
+    return sorted(models.values(), key=lambda model: -model.num_reg_images())
 
 
 def triangulate(scene: Scene, workspace: Path, seed: int = 0) -> Points:
