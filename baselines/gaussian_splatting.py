@@ -74,7 +74,7 @@ class GaussianSplatting(Method):
         self._trained = train(scene, self.config, self.seed, folder)
 
     def render(self, camera: Camera) -> Image:
-        """See Method."""
+        """See Method; always with our own kernels, so that pixels do not depend on where a model was trained."""
         trained = self._require()
         background = np.asarray(self.config.background, np.float32)
         image, _ = render(trained.gaussians, camera, background, near=trained.near, workspace=self._workspace)

@@ -89,13 +89,10 @@ def view(width: int, height: int) -> Camera:
     return Camera(width, height, 0.9 * width, 0.9 * width, width / 2, height / 2, pose)
 
 
-class NoisePicture(TrainingImages):
+def picture(camera: Camera) -> TrainingImages:
     """One random picture to compare with."""
-
-    def __init__(self, camera: Camera):
-        generator = np.random.default_rng(0)
-        self._pixels = [generator.integers(0, 256, (camera.height, camera.width, 3), np.uint8)]
-        self._targets = [None]
+    shape = (camera.height, camera.width, 3)
+    return TrainingImages([np.random.default_rng(0).integers(0, 256, shape, np.uint8)])
 
 
 @contextmanager
@@ -124,7 +121,7 @@ def timed() -> Iterator[dict[str, float]]:
 
 def speed(n: int, camera: Camera, repeats: int) -> dict[str, Any]:
     """Median milliseconds of a step and of its stages."""
-    backend = backends.CpuBackend(Objective(NoisePicture(camera)), np.zeros(3, np.float32), 0.01)
+    backend = backends.CpuBackend(Objective(picture(camera)), np.zeros(3, np.float32), 0.01)
     backend.put(fresh_state(room(n, camera)))
     rates = rates_at(0, 1, LearningRates(means=1e-12, means_final=1e-12, sh=0, sh_rest=0, opacity=0, scales=0,
                                          quaternions=0), 1.0, 3)  # fmt: skip

@@ -9,12 +9,10 @@ from numpy.typing import NDArray
 
 from baselines.splatting.adam import adam_step
 from baselines.splatting.densification import Densification, TrainingState, observe
-from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.objective import Objective
 from baselines.splatting.rasterizer import Workspace, backward, render
 from hydroviews.cameras import Camera
 from hydroviews.errors import InputError
-from hydroviews.images import Image
 
 DEVICES = ("auto", "cpu", "cuda")
 Rates = dict[str, float | NDArray[np.float32]]
@@ -44,9 +42,6 @@ class Backend(Protocol):
             rates: from `schedule.rates_at`.
             watch: the strategy to collect gradient statistics for, while it grows.
         """
-
-    def render(self, gaussians: Gaussians, camera: Camera) -> Image:
-        """An image, for looking at."""
 
 
 class CpuBackend:
@@ -89,10 +84,6 @@ class CpuBackend:
         for (name, values), (first, second) in zip(state.gaussians.arrays().items(), moments, strict=True):
             adam_step(values, getattr(gradients.parameters, name), first, second, iteration + 1, rates[name])
         return loss
-
-    def render(self, gaussians: Gaussians, camera: Camera) -> Image:
-        """See Backend; the image is a buffer that the next call overwrites."""
-        return render(gaussians, camera, self._background, near=self._near, workspace=self._workspace)[0]
 
 
 def make_backend(device: str, objective: Objective, background: NDArray[np.float32], near: float) -> Backend:

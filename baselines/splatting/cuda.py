@@ -97,7 +97,7 @@ class CudaBackend:
         return loss
 
     def render(self, gaussians: Gaussians, camera: Camera) -> Image:
-        """See Backend."""
+        """An image with gsplat, to compare with ours."""
         with torch.no_grad():
             image, _ = self._rasterize(_upload(gaussians), gaussians.origin, camera, gaussians.sh_degree)
         return image.cpu().numpy()

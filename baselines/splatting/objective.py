@@ -16,20 +16,23 @@ from hydroviews.scenes import View
 PREPARED_BYTES = 2 * 10**9  # filtered targets are kept up to this size in all
 
 
+def read_images(views: Sequence[View]) -> "TrainingImages":
+    """Read the pictures of all views, showing progress.
+
+    Raises:
+        InputError: a picture that cannot be read or has another size than its camera.
+    """
+    progress = tqdm(views, desc="reading images", unit="image", leave=False)
+    return TrainingImages([to_uint8(view.image()) for view in progress])
+
+
 class TrainingImages:
-    """The training photographs, read once and kept with 8 bits a channel."""
+    """The training photographs [H, W, 3], kept with 8 bits a channel, and the targets made from them."""
 
-    def __init__(self, views: Sequence[View]):
-        """Read all pictures, showing progress.
-
-        Raises:
-            InputError: a picture that cannot be read or has another size than its camera.
-        """
-        self._pixels = [
-            to_uint8(view.image()) for view in tqdm(views, desc="reading images", unit="image", leave=False)
-        ]
-        prepared = 3 * 4 * sum(pixels.size for pixels in self._pixels)
-        self._targets: list[Target | None] | None = [None] * len(views) if prepared <= PREPARED_BYTES else None
+    def __init__(self, pixels: Sequence[NDArray[np.uint8]]):
+        self._pixels = pixels
+        prepared = 3 * 4 * sum(p.size for p in pixels)
+        self._targets: list[Target | None] | None = [None] * len(pixels) if prepared <= PREPARED_BYTES else None
 
     def __len__(self) -> int:
         return len(self._pixels)

@@ -28,9 +28,7 @@ from baselines.splatting.densification import (
 )
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.initialisation import initialise, scene_extent
-from baselines.splatting.objective import Objective, TrainingImages
-from baselines.splatting.photometric import photometric_loss, prepare
-from baselines.splatting.rasterizer import Workspace
+from baselines.splatting.objective import Objective, TrainingImages, read_images
 from baselines.splatting.schedule import LearningRates
 from hydroviews.cameras import Camera
 from hydroviews.scenes import Scene, no_points
@@ -83,7 +81,7 @@ def train(scene: Scene, config: TrainerConfig, seed: int, folder: Path, objectiv
         KeyboardInterrupt, SystemExit: on Ctrl-C and SIGTERM, after a checkpoint was written.
     """
     cameras = tuple(view.camera for view in scene.train_views)
-    objective = objective or Objective(TrainingImages(scene.train_views), config.ssim_share)
+    objective = objective or Objective(read_images(scene.train_views), config.ssim_share)
     extent = scene_extent(cameras)[1]
     near = config.near * extent
     backend = make_backend(config.device, objective, np.asarray(config.background, np.float32), near)
@@ -215,19 +213,9 @@ def warm_up(sh_degree: int) -> float:
     camera = Camera(16, 16, 16.0, 16.0, 8.0, 8.0, np.diag([1.0, 1, 1, 1]))
     gaussians = initialise(no_points(), [camera], sh_degree, 0).select(np.arange(8))
     gaussians = replace(gaussians, means=gaussians.means + np.array([0, 0, 3], np.float32))
-    images = _OneImage()
-    backend = CpuBackend(Objective(images), np.zeros(3, np.float32), 0.01)
+    grey = Objective(TrainingImages([np.full((16, 16, 3), 128, np.uint8)]))
+    backend = CpuBackend(grey, np.zeros(3, np.float32), 0.01)
     backend.put(fresh_state(gaussians))
     rates = schedule.rates_at(0, 1, LearningRates(), 1.0, sh_degree)
     backend.step(camera, 0, 0, sh_degree, rates, Densification())
-    photometric_loss(np.zeros((16, 16, 3), np.float32), images.target(0), weights=np.ones((16, 16), np.float32),
-                     workspace=Workspace())  # fmt: skip
     return time.perf_counter() - start
-
-
-class _OneImage(TrainingImages):
-    """A grey picture for warming up."""
-
-    def __init__(self) -> None:
-        self._pixels = [np.full((16, 16, 3), 128, np.uint8)]
-        self._targets = [prepare(self._pixels[0])]

@@ -77,6 +77,11 @@ def test_nothing_grows_without_a_gradient():
     assert len(after.gaussians) == 100
 
 
+def test_refining_nothing_gives_nothing():
+    after = refine(fresh_state(cloud(0, 1)), Densification(), 1.0, generator())
+    assert len(after.gaussians) == 0
+
+
 def test_observed_gradients_are_by_half_the_image_size():
     state = fresh_state(cloud(4, 0))
     rank = np.array([0, -1, 1, 2], np.int32)

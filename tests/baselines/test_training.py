@@ -17,7 +17,7 @@ from baselines.method import find_method
 from baselines.splatting.backends import chosen_device, missing_for_cuda
 from baselines.splatting.densification import Densification
 from baselines.splatting.gaussians import FIELDS
-from baselines.splatting.objective import Objective, TrainingImages
+from baselines.splatting.objective import Objective, read_images
 from baselines.splatting.ply import read_ply
 from baselines.splatting.trainer import CHECKPOINT, TrainerConfig, train
 from hydroviews.errors import InputError
@@ -82,7 +82,7 @@ def test_a_crash_leaves_no_trace(scene, undisturbed, tmp_path, iteration):
         raise RuntimeError("power cut")
 
     config = replace(CONFIG, checkpoint_seconds=0.0 if iteration != 61 else 0.05)
-    images = TrainingImages(scene.train_views)
+    images = read_images(scene.train_views)
     with pytest.raises(RuntimeError, match="power cut"):
         train(scene, config, 0, tmp_path, Interrupted(images, iteration, crash))
     assert_identical(undisturbed, train(scene, config, 0, tmp_path))
@@ -91,7 +91,7 @@ def test_a_crash_leaves_no_trace(scene, undisturbed, tmp_path, iteration):
 @pytest.mark.parametrize(("number", "error"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit)])
 def test_signals_end_the_run_after_a_checkpoint(scene, undisturbed, tmp_path, number, error):
     handler = signal.getsignal(number)
-    objective = Interrupted(TrainingImages(scene.train_views), 90, lambda: os.kill(os.getpid(), number))
+    objective = Interrupted(read_images(scene.train_views), 90, lambda: os.kill(os.getpid(), number))
     with pytest.raises(error):
         train(scene, CONFIG, 0, tmp_path, objective)
     assert signal.getsignal(number) is handler
@@ -125,7 +125,7 @@ def test_a_killed_process_leaves_no_trace(scene, undisturbed, tmp_path):
 
 
 def test_time_adds_up_over_sessions(scene, tmp_path):
-    objective = Interrupted(TrainingImages(scene.train_views), 100, lambda: os.kill(os.getpid(), signal.SIGINT))
+    objective = Interrupted(read_images(scene.train_views), 100, lambda: os.kill(os.getpid(), signal.SIGINT))
     with pytest.raises(KeyboardInterrupt):
         train(scene, CONFIG, 0, tmp_path, objective)
     whole = train(scene, CONFIG, 0, tmp_path)
