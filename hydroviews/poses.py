@@ -16,7 +16,7 @@ from hydroviews.files import PARTIAL, read_json, write_json
 from hydroviews.images import image_size, write_png
 from hydroviews.readers import read_scene
 from hydroviews.readers.colmap import reliable
-from hydroviews.readers.colmap_format import SparsePoints
+from hydroviews.readers.colmap_format import SparsePoints, read_images
 from hydroviews.readers.photographs import photographs_below, some, view_names
 from hydroviews.scenes import Points, Scene
 from hydroviews.writers import to_colmap_camera
@@ -27,6 +27,7 @@ MINIMUM = 3  # registered views that make a scene
 # Degrees between the rays of the first pair: wide is stable, but captures from one side have none that wide.
 # COLMAP halves each twice before it gives up.
 FIRST_PAIR_ANGLES = (16.0, 4.0)
+SNAPSHOT_EVERY = 10  # registered views that an interruption may cost twice over
 
 SETTINGS = "poses.json"
 DATABASE = "database.db"
@@ -47,7 +48,7 @@ def estimate_poses(
     """Estimate a camera for each photograph in `images` and write the capture `out`.
 
     Features, matches and then incremental mapping, all on the CPU. Finished work is kept in `out`: the same
-    call goes on after an interruption (mapping starts again) and returns at once when all is done.
+    call goes on after an interruption and returns at once when all is done.
 
     Args:
         images: the photographs, in folders or not.
@@ -56,7 +57,8 @@ def estimate_poses(
         camera_model: COLMAP's name; one camera is shared by photographs of one size.
         matcher: all pairs, or neighbours in the order of names with loops closed; auto takes the first for up
             to `features.EXHAUSTIVE_LIMIT` photographs.
-        seed: of the random sampling. Mapping runs in several threads, so the last digits may still differ.
+        seed: of the random sampling. Mapping runs in several threads, so the last digits may still differ, and
+            goes on from a snapshot after an interruption, which may change more than those.
 
     Returns:
         The scene that `read_scene(out)` gives, with the number of registered photographs in its notes.
@@ -144,18 +146,23 @@ def _map(out: Path, count: int, seed: int) -> None:
 def _incremental_mapping(out: Path, count: int, angle: float, seed: int) -> list[pycolmap.Reconstruction]:
     """The models that grow from a first pair whose rays meet at `angle` degrees, the largest first."""
     scratch = out / (PARTIAL + "mapping")
-    shutil.rmtree(scratch, ignore_errors=True)
-    scratch.mkdir()
+    snapshots = scratch / "snapshots"
+    snapshots.mkdir(parents=True, exist_ok=True)
+    begun = sorted(snapshots.iterdir())[-2:-1]  # the last one may be half written
     options = pycolmap.IncrementalPipelineOptions(min_model_size=MINIMUM, random_seed=seed)
+    options.snapshot_path, options.snapshot_frames_freq = snapshots, SNAPSHOT_EVERY
     options.mapper.init_min_tri_angle = angle
     with tqdm(total=count, desc=f"mapping, first pair {angle:.0f} degrees apart", unit="image") as bar:
+        if begun:
+            bar.update(len(read_images(begun[0])))
         call = partial(
             pycolmap.incremental_mapping,
             out / DATABASE,
             out / "images",
             scratch,
             options,
-            initial_image_pair_callback=lambda: bar.update(2),
+            input_path=begun[0] if begun else "",
+            initial_image_pair_callback=lambda: None if begun else bar.update(2),
             next_image_callback=lambda: bar.update(1),
         )
         models = features.interruptible(call)

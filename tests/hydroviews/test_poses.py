@@ -5,15 +5,17 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import cv2
 import numpy as np
+import pycolmap
 import pytest
 from captures import capture
 from synthetic import capture_in
 
-from hydroviews import features
+from hydroviews import features, poses
 from hydroviews.errors import InputError
 from hydroviews.images import write_png
 from hydroviews.poses import estimate_poses, triangulate
@@ -69,6 +71,34 @@ def test_interrupted_estimation_goes_on_and_agrees_with_the_solved_poses(flower,
     assert {path: path.stat().st_mtime_ns for path in (out / "sparse" / "0").iterdir()} == before
     with pytest.raises(InputError, match=r"estimated otherwise\n.*seed"):
         estimate_poses(flower, out, seed=1)
+
+
+def test_interrupted_mapping_goes_on_from_a_snapshot(flower, tmp_path, monkeypatch):
+    def interrupted(call):
+        if call.func is not pycolmap.incremental_mapping:
+            return call(cancellation_token=pycolmap.CancellationToken())
+        token, registered = pycolmap.CancellationToken(), []
+
+        def register():
+            registered.append(1)
+            if len(registered) == 6:
+                token.cancel()
+
+        return partial(call, next_image_callback=register)(cancellation_token=token)
+
+    monkeypatch.setattr(poses, "SNAPSHOT_EVERY", 2)
+    with monkeypatch.context() as patch:
+        patch.setattr(features, "interruptible", interrupted)
+        with pytest.raises(InterruptedError):
+            estimate_poses(flower, tmp_path)
+    snapshots = sorted((tmp_path / ".partial-mapping" / "snapshots").iterdir())
+    assert len(snapshots) >= 2
+    scene = estimate_poses(flower, tmp_path)
+    assert len(scene.views) == 9
+    assert not (tmp_path / ".partial-mapping").exists()
+    solved = read_scene(capture("llff_flower"))
+    solved = replace(solved, views=tuple(solved.views[i] for i in VIEWS))
+    assert max(relative_rotation_error(scene, solved, 0, i) for i in range(1, 9)) < 1
 
 
 def test_triangulated_points_fit_the_given_poses(tmp_path):
