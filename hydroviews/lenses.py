@@ -16,6 +16,8 @@ from hydroviews.images import Image
 # Undistorted pictures have no blank pixels: the field of view shrinks until the photograph covers all of it.
 BLANK_PIXELS = 0.0
 
+ROWS_AT_ONCE = 64  # bounds the memory that preparing a large picture takes
+
 
 class Pinhole(NamedTuple):
     """An image size and pinhole intrinsics, all in pixels."""
@@ -135,18 +137,20 @@ def _pinhole(lens: Lens) -> Pinhole:
 @lru_cache(maxsize=2)  # two maps of 12 megapixels take 200 MB
 def _sampling_map(lens: Lens, width: int, height: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """For each pixel of the pinhole picture, the photograph's array position [H', W'] to sample."""
-    target = lens.pinhole((width, height))
+    target, camera = lens.pinhole((width, height)), lens.colmap()
+    scale = np.array([width / lens.width, height / lens.height])
     columns = (np.arange(target.width) + 0.5 - target.cx) / target.fx
     rows = (np.arange(target.height) + 0.5 - target.cy) / target.fy
-    rays = np.ones((target.height, target.width, 3))
-    rays[..., 0], rays[..., 1] = columns, rows[:, None]
-    pixels = lens.colmap().img_from_cam(rays.reshape(-1, 3)).reshape(target.height, target.width, 2)
-    if not np.isfinite(pixels).all():
+    sampled = np.empty((target.height, target.width, 2), np.float32)
+    for start in range(0, target.height, ROWS_AT_ONCE):
+        block = slice(start, start + ROWS_AT_ONCE)
+        y, x = np.meshgrid(rows[block], columns, indexing="ij")
+        pixels = camera.img_from_cam(np.stack([x, y, np.ones_like(x)], axis=-1).reshape(-1, 3))
+        sampled[block] = (pixels * scale - 0.5).reshape(*x.shape, 2)
+    if not np.isfinite(sampled).all():
         raise InputError(
             f"{lens.model} camera of {lens.width}x{lens.height}: its distortion is undefined inside the picture",
             found=f"parameters {lens.params}",
             fix="calibrate the camera again, with a model of fewer parameters",
         )
-    scale = np.array([width / lens.width, height / lens.height])
-    sampled = (pixels * scale - 0.5).astype(np.float32)
     return np.ascontiguousarray(sampled[..., 0]), np.ascontiguousarray(sampled[..., 1])
