@@ -1,5 +1,6 @@
 """3D Gaussian splatting (Kerbl et al. 2023), trained on the rainy views and, as the ceiling, on the clean ones."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar, Literal, Self
 
@@ -20,27 +21,28 @@ from hydroviews.scenes import Scene
 MODEL = "model.safetensors"
 SPLATS = "splats.ply"
 
-# Short runs: larger steps that shrink towards the end, no opacity resets, growth at a steady rate up to a budget that
-# two cores can afford. Measured on Mip-NeRF 360 bonsai at 400x266.
-SHORT_RATES = LearningRates(sh=7.5e-3, sh_rest=3.75e-4, scales=1e-2, quaternions=2e-3, final=0.1)
+# Short runs: larger steps that shrink towards the end, no opacity resets, fast growth by absolute gradients up to a
+# budget that two cores can afford. On Mip-NeRF 360 bonsai at 400x266, 4,000 iterations and 60,000 Gaussians, held-out
+# PSNR: 24.8 dB with the usual rates of scales and quaternions, 26.3 with twice, 27.2 with four times these rates
+# and fast growth by absolute gradients; 0.5 dB less with the usual rates of the colours instead of three times these.
+SHORT_RATES = LearningRates(sh=7.5e-3, sh_rest=3.75e-4, opacity=0.1, scales=2e-2, quaternions=4e-3, final=0.1)
+SHORT_GROWTH = Densification(
+    start=300, every=100, growth=0.3, gradient=2e-4, absolute=True, reset_every=None, largest=0.5
+)
 PROFILES = {
     "demo": TrainerConfig(
-        iterations=2500,
-        sh_every=400,
+        iterations=3000,
+        sh_every=500,
         rates=SHORT_RATES,
         near=0.05,
-        densification=Densification(
-            start=200, stop=1800, every=100, budget=30_000, growth=0.1, gradient=1e-4, reset_every=None, largest=0.5
-        ),
+        densification=replace(SHORT_GROWTH, stop=2200, budget=30_000),
     ),
     "quick": TrainerConfig(
         iterations=12_000,
         sh_every=1000,
         rates=SHORT_RATES,
         near=0.05,
-        densification=Densification(
-            start=500, stop=9000, every=100, budget=60_000, growth=0.05, gradient=1e-4, reset_every=None, largest=0.5
-        ),
+        densification=replace(SHORT_GROWTH, stop=9000, budget=60_000),
     ),
     "paper": TrainerConfig(),
 }
