@@ -157,7 +157,7 @@ def reset_opacity(state: TrainingState, strategy: Densification) -> TrainingStat
 
 
 def _finite(gaussians: Gaussians) -> NDArray[np.bool_]:
-    checks = [np.isfinite(v).reshape(len(gaussians), -1).all(axis=1) for v in gaussians.arrays().values()]
+    checks = [np.isfinite(v).all(axis=tuple(range(1, v.ndim))) for v in gaussians.arrays().values()]
     return np.logical_and.reduce(checks)
 
 
