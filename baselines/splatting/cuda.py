@@ -84,7 +84,7 @@ class CudaBackend:
         loss = self._backward(image, view, iteration)
         with torch.no_grad():
             if watch:
-                half_size = torch.tensor([camera.width / 2, camera.height / 2], device="cuda")
+                half_size = state.seen.new_tensor([camera.width / 2, camera.height / 2])
                 shown = (details["radii"][0] > 0).all(dim=-1)
                 means2d = details["means2d"]
                 gradient = means2d.absgrad if watch.absolute else means2d.grad
