@@ -1,4 +1,4 @@
-"""python -m leaderboard evaluate | table | score | predict."""
+"""python -m leaderboard evaluate | table | score | picture | predict."""
 
 import sys
 from pathlib import Path
@@ -10,6 +10,7 @@ from hydroviews.errors import InputError
 from hydroviews.files import write_json
 from leaderboard.evaluate import FAILURE, Evaluation, evaluate
 from leaderboard.predict import predict
+from leaderboard.previews import write_overview
 from leaderboard.records import write_leaderboard
 from leaderboard.runs import Run
 from leaderboard.score import score
@@ -43,6 +44,34 @@ def score_command(run: Run) -> None:
     score(run)
 
 
+def picture_command(
+    view: str,
+    patterns: tuple[str, ...] = ("raindrop-0", "streak-0"),
+    method: str = "3dgs",
+    scene: str = "courtyard",
+    profile: str = "demo",
+    seed: int = 0,
+    data: Path = Path("data"),
+    results: Path = Path("results"),
+    out: Path = Path("overview.png"),
+) -> None:
+    """Put clean view, rainy view and render side by side, a row a pattern.
+
+    Args:
+        view: name of a held-out view.
+        patterns: the rows.
+        method: whose renders.
+        scene: a built scene.
+        profile: of the runs.
+        seed: of the runs.
+        data: folder that `make eval` built in.
+        results: folder of the runs.
+        out: the picture.
+    """
+    runs = [Run(method, profile, seed, data / profile, scene, pattern, results) for pattern in patterns]
+    write_overview(runs, view, out)
+
+
 def predict_command(run: Run) -> None:
     """Train one run and render its held-out views; `evaluate` starts this for every run."""
     try:
@@ -63,6 +92,7 @@ def main() -> None:
             "evaluate": evaluate_command,
             "table": table_command,
             "score": score_command,
+            "picture": picture_command,
             "predict": predict_command,
         },
         prog="leaderboard",

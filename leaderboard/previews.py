@@ -1,5 +1,8 @@
 """One picture a run, for people who would rather look than read: input, render, truth, error."""
 
+from collections.abc import Sequence
+from pathlib import Path
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +33,29 @@ def write_preview(run: Run, clean: Scene) -> None:
         rows.append(np.concatenate([_captioned(image, text) for text, image in panels.items()], axis=1))
     width = min(row.shape[1] for row in rows)  # views of different sizes: crop to the narrowest row
     write_png(run.folder / "preview.png", np.concatenate([row[:, :width] for row in rows]))
+
+
+def write_overview(runs: Sequence[Run], view: str, path: Path) -> None:
+    """Write one picture of a held-out view: a row a run, each with the clean view, the rainy view and the render.
+
+    Args:
+        runs: finished runs on one scene.
+        view: name of a held-out view.
+        path: of the picture, PNG.
+
+    Raises:
+        InputError: a run has no render of that view.
+    """
+    rows = []
+    for run in runs:
+        folder = run.data / run.scene
+        panels = {
+            "clean view": folder / CLEAN / f"{view}.png",
+            f"{run.effect}": folder / run.pattern / "images" / f"{view}.png",
+            f"{run.method} on {run.effect}": run.folder / "renders" / f"{view}.png",
+        }
+        rows.append(np.concatenate([_captioned(read_image(file), text) for text, file in panels.items()], axis=1))
+    write_png(path, np.concatenate(rows))
 
 
 def error_map(image: Image, target: Image) -> Image:
