@@ -27,13 +27,13 @@ def render_courtyard(folder: Path, n_views: int, width: int, height: int, seed: 
     other arguments start over.
 
     Raises:
-        InputError: too few views, an empty image, or Blender failed (see `process.run_blender`).
+        InputError: too few views, an empty image, a negative seed, or Blender failed (see `process.run_blender`).
     """
-    if n_views < 3 or width < 1 or height < 1:
+    if n_views < 3 or width < 1 or height < 1 or seed < 0:
         raise InputError(
             f"{folder}: cannot render this courtyard",
-            found=f"{n_views} views of {width}x{height} pixels",
-            expected="at least three views, and at least one pixel",
+            found=f"{n_views} views of {width}x{height} pixels, seed {seed}",
+            expected="at least three views, at least one pixel, and a seed of 0 or more",
         )
     request = {"version": VERSION, "n_views": n_views, "width": width, "height": height, "seed": seed}
     if _finished(folder, request):

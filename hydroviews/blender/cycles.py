@@ -30,7 +30,7 @@ def empty_scene(seed: int) -> bpy.types.Scene:
     scene.render.threads_mode = "FIXED"
     scene.render.threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     scene.cycles.device = "CPU"
-    scene.cycles.seed = seed
+    scene.cycles.seed = seed % 2**31  # Blender's integers are signed and short
     scene.cycles.use_animated_seed = False
     scene.cycles.use_adaptive_sampling = False
     scene.cycles.use_denoising = False

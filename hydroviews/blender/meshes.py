@@ -24,7 +24,8 @@ def joined(*meshes: Mesh) -> Mesh:
     for mesh in meshes:
         faces += [tuple(i + offset for i in face) for face in mesh.faces]
         offset += len(mesh.vertices)
-    return Mesh(np.concatenate([m.vertices for m in meshes]), faces, meshes[0].smooth)
+    vertices = np.concatenate([np.zeros((0, 3)), *(mesh.vertices for mesh in meshes)])
+    return Mesh(vertices, faces, bool(meshes) and meshes[0].smooth)
 
 
 def moved(mesh: Mesh, offset: ArrayLike, turn: float = 0.0, tilt: float = 0.0) -> Mesh:

@@ -36,7 +36,7 @@ class RaindropPattern:
 
 
 def draw_pattern(rng: np.random.Generator) -> RaindropPattern:
-    """Draw the parameters of a lens in rain: 8 to 20 % of it is under drops."""
+    """Draw the parameters of a lens in rain: large drops cover 8 to 20 % of it."""
     return RaindropPattern(
         coverage=float(rng.uniform(0.08, 0.2)),
         radius_median=float(rng.uniform(0.018, 0.034)),
@@ -95,8 +95,8 @@ def trace_drops(
     with tempfile.TemporaryDirectory(prefix="hydroviews-") as scratch:
         source, output = Path(scratch) / "picture.npy", Path(scratch) / "drops.npy"
         np.save(source, picture)
-        request = _request(draw_drops(pattern, camera), camera, output)
-        request |= {"samples": samples, "picture": str(source)}
+        task = {"samples": samples, "picture": str(source)}
+        request = _request(draw_drops(pattern, camera), camera, output) | task
         run_blender("trace_drops", request, folder / "blender.log", "tracing drops")
         return np.load(output)
 

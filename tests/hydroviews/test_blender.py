@@ -296,7 +296,7 @@ def test_a_finished_capture_is_left_alone_and_another_request_starts_over(courty
         (courtyard / name).write_bytes(content)
 
 
-@pytest.mark.parametrize("request_", [(2, 64, 48), (3, 0, 48), (3, 64, 0)])
+@pytest.mark.parametrize("request_", [(2, 64, 48, 0), (3, 0, 48, 0), (3, 64, 0, 0), (3, 64, 48, -1)])
 def test_a_capture_needs_three_views_and_a_pixel(tmp_path, request_):
     with pytest.raises(InputError, match="at least three views"):
-        render_courtyard(tmp_path, *request_, seed=0)
+        render_courtyard(tmp_path, *request_)

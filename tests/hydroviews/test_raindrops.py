@@ -178,6 +178,14 @@ def test_the_matte_agrees_with_full_path_tracing(tmp_path):
 
 @pytest.mark.blender
 @needs_bpy
+def test_nothing_is_traced_without_drops(tmp_path):
+    traced = trace_drops(NO_DROPS, camera(8, 6), np.ones((6, 8, 3), np.float32), 1, tmp_path)
+    assert traced.shape == (6, 8, 4)
+    assert not traced.any()
+
+
+@pytest.mark.blender
+@needs_bpy
 def test_a_bake_is_the_same_in_two_processes_and_kept(tmp_path, monkeypatch):
     lens = camera(33, 24)
     first = bake_matte(replace(PATTERN, focus_blur=0.05), lens, tmp_path / "a")
