@@ -1,5 +1,6 @@
 """Scenes as COLMAP and nerfstudio projects, so that any other reconstruction code can open them."""
 
+import errno
 import os
 import shutil
 from pathlib import Path
@@ -10,7 +11,9 @@ import pycolmap
 from plyfile import PlyData, PlyElement
 
 from hydroviews.cameras import Camera
-from hydroviews.files import PARTIAL, write_json
+from hydroviews.errors import InputError
+from hydroviews.files import PARTIAL, plain_full_disk, write_json
+from hydroviews.readers.colmap_format import read_cameras, read_images, read_points
 from hydroviews.readers.geometry import OPENGL_TO_OPENCV, inverse
 from hydroviews.scenes import Points, Scene
 
@@ -27,18 +30,32 @@ def write_colmap(scene: Scene, folder: Path) -> None:
     Args:
         scene: what to write.
         folder: the model's, such as `<project>/sparse/0`.
+
+    Raises:
+        InputError: the disk is full.
     """
     partial = folder.with_name(PARTIAL + folder.name)
     shutil.rmtree(partial, ignore_errors=True)
-    partial.mkdir(parents=True)
     try:
-        to_reconstruction(scene).write_binary(partial)
-        _write_ply(scene.points, partial / POINT_CLOUD)
-        if folder.exists():
-            shutil.rmtree(folder)
-        os.replace(partial, folder)
+        with plain_full_disk(folder):
+            partial.mkdir(parents=True)
+            to_reconstruction(scene).write_binary(partial)
+            _check_whole(partial)
+            _write_ply(scene.points, partial / POINT_CLOUD)
+            if folder.exists():
+                shutil.rmtree(folder)
+            os.replace(partial, folder)
     finally:
         shutil.rmtree(partial, ignore_errors=True)
+
+
+def _check_whole(model: Path) -> None:
+    """pycolmap writes without asking whether the disk took it."""
+    try:
+        for read in (read_cameras, read_images, read_points):
+            read(model)
+    except InputError as error:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from error
 
 
 def to_reconstruction(scene: Scene) -> pycolmap.Reconstruction:
