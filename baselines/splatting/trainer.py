@@ -3,6 +3,7 @@
 import hashlib
 import json
 import signal
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -28,6 +29,7 @@ from baselines.splatting.densification import (
 )
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.initialisation import initialise, scene_extent
+from baselines.splatting.jit import FOLDER
 from baselines.splatting.objective import Objective, TrainingImages, read_images
 from baselines.splatting.schedule import LearningRates
 from hydroviews.cameras import Camera
@@ -210,6 +212,8 @@ def fingerprint_of(config: TrainerConfig, seed: int, scene: Scene, objective: Ob
 def warm_up(sh_degree: int) -> float:
     """Load or compile every kernel on a scene of a few Gaussians, so that training time is training; seconds."""
     start = time.perf_counter()
+    if not Path(FOLDER).is_dir():
+        print("compiling the kernels: once, up to a minute", file=sys.stderr, flush=True)
     camera = Camera(16, 16, 16.0, 16.0, 8.0, 8.0, np.diag([1.0, 1, 1, 1]))
     gaussians = initialise(no_points(), [camera], sh_degree, 0).select(np.arange(8))
     gaussians = replace(gaussians, means=gaussians.means + np.array([0, 0, 3], np.float32))
