@@ -9,6 +9,7 @@ PATTERNS ?=
 DATA    ?= data
 RESULTS ?= results
 EXTRAS  ?= blender,dev
+PIP_ARGS ?=
 
 BIN      := $(VENV)/bin
 READY    := $(VENV)/.ready
@@ -24,7 +25,7 @@ setup: $(READY)  ## everything into .venv, at the versions of constraints.txt
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --upgrade --constraint constraints.txt pip setuptools
-	$(BIN)/python -m pip install --constraint constraints.txt --editable '.[$(EXTRAS)]'
+	$(BIN)/python -m pip install --constraint constraints.txt $(PIP_ARGS) --editable '.[$(EXTRAS)]'
 	touch $(READY)
 
 dataset: $(READY)  ## a capture, its clean views, cameras and rainy variants

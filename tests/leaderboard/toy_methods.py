@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -70,3 +71,13 @@ class Refuses(MeanColour):
 class RendersNan(MeanColour):
     def render(self, camera: Camera) -> Image:
         return super().render(camera) * np.float32("nan")
+
+
+class WaitsOnce(MeanColour):
+    """Trains for ever the first time it is asked to, as an interrupted run would."""
+
+    def fit(self, scene: Scene, folder: Path) -> None:
+        if not (folder / "begun").exists():
+            (folder / "begun").touch()
+            time.sleep(600)
+        super().fit(scene, folder)

@@ -1,0 +1,50 @@
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from synthetic import capture_in
+
+from hydroviews.writers import write_colmap
+
+REPOSITORY = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize("to", ["the terminal's group", "the run alone"])
+def test_ctrl_c_ends_quietly_and_the_same_command_goes_on(tmp_path, to):
+    capture = tmp_path / "yard"
+    write_colmap(capture_in(capture), capture / "sparse" / "0")
+    command = [sys.executable, "-m", "leaderboard", "evaluate", "--method", "toy_methods:WaitsOnce"]
+    command += ["--scene", str(capture), "--patterns", "streak-0"]
+    command += ["--data", str(tmp_path / "data"), "--results", str(tmp_path / "results")]
+    code = (
+        "import leaderboard.evaluate as e, leaderboard.tables as t, sys;"
+        "e.CEILING = t.CEILING = 'toy_methods:MeanColourClean'; e.FLOOR = t.FLOOR = 'toy_methods:MeanColour';"
+        "from leaderboard.__main__ import main; main()"
+    )
+    command[1:3] = ["-c", code]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(REPOSITORY), str(Path(__file__).parent)])}
+    process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    run = tmp_path / "results/demo/toy_methods.WaitsOnce/yard/streak-0/seed-0"
+    deadline = time.monotonic() + 120
+    while not (run / "begun").exists():
+        assert process.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    if to == "the run alone":
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+        os.kill(int(children[-1]), signal.SIGINT)
+    else:
+        os.killpg(process.pid, signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "interrupted; the same command goes on" in errors
+    assert "Traceback" not in errors
+    assert not (run / "record.json").exists()
+    again = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
+    assert again.returncode == 0, again.stderr
+    assert "toy_methods:MeanColour on yard/streak-0, seed 0: kept" in again.stdout
+    assert (run / "record.json").exists()

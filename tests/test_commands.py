@@ -1,0 +1,69 @@
+"""The commands people and scripts rely on: make targets, their settings, exit codes."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).parents[1]
+
+
+def make(*arguments: str) -> str:
+    """What make would run."""
+    command = ["make", "--dry-run", "--no-print-directory", f"VENV={sys.prefix}", *arguments]
+    return subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, check=True).stdout
+
+
+def python(*arguments: str) -> subprocess.CompletedProcess:
+    return subprocess.run([sys.executable, *arguments], cwd=REPOSITORY, capture_output=True, text=True)
+
+
+def test_make_eval_passes_every_setting_on():
+    line = make("eval", "METHOD=a.b:C", "SCENE=my capture", "PROFILE=quick", "SEED=7", "PATTERNS=raindrop-0,streak-2")
+    assert "-m leaderboard evaluate" in line
+    assert "--method 'a.b:C'" in line
+    assert "--scene 'my capture'" in line
+    assert "--profile quick" in line
+    assert "--seed 7" in line
+    assert "--patterns raindrop-0 streak-2" in line
+    assert "--overwrite" not in line
+    assert "--overwrite" in make("eval", "OVERWRITE=1")
+
+
+@pytest.mark.parametrize("target", ["setup", "dataset", "eval", "leaderboard", "bench", "test", "lint"])
+def test_make_targets(target):
+    make(target)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("leaderboard", "evaluate", "--method", "nerf-x"), "METHOD=nerf-x: no such method"),
+        (("leaderboard", "evaluate", "--method", "3dgs", "--profile", "huge"), "PROFILE=huge"),
+        (("leaderboard", "table", "--results", "/nowhere"), "no finished run"),
+        (("hydroviews", "verify", "/nowhere"), "no manifest.json"),
+        (("hydroviews", "build", "--scene", "/nowhere", "--out", "/nowhere"), "no such capture"),
+        (("hydroviews", "poses", "/nowhere"), "0 photographs"),
+    ],
+)
+def test_bad_input_ends_with_a_plain_error(arguments, message):
+    result = python("-m", *arguments)
+    assert result.returncode == 2
+    assert message in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("package", "commands"),
+    [("hydroviews", ("build", "verify", "poses")), ("leaderboard", ("evaluate", "table", "score", "picture"))],
+)
+def test_help_names_the_commands(package, commands):
+    text = python("-m", package, "--help").stdout
+    assert all(command in text for command in commands)
+
+
+def test_nothing_but_blender_processes_imports_bpy():
+    imports = "sys, hydroviews.__main__, leaderboard.__main__, baselines.gaussian_splatting"
+    code = f"import {imports}; assert 'bpy' not in sys.modules"
+    assert python("-c", code).returncode == 0
