@@ -31,8 +31,6 @@ def table_command(results: Path = Path("results")) -> None:
         results: the results folder.
     """
     table = write_leaderboard(results)
-    if table.empty:
-        raise InputError(f"{results}: no finished run", fix="run `make eval METHOD=3dgs` first")
     write_tables(table, results)
     for (profile, scene), _ in table.groupby(["profile", "scene"]):
         print_scene(table, str(scene), str(profile))

@@ -77,8 +77,14 @@ def collect(results: Path) -> pd.DataFrame:
 
 
 def write_leaderboard(results: Path) -> pd.DataFrame:
-    """Gather every record into `results/leaderboard.csv`; numbers that are missing stay empty."""
+    """Gather every record into `results/leaderboard.csv`; numbers that are missing stay empty.
+
+    Raises:
+        InputError: there is no record.
+    """
     table = collect(results)
+    if table.empty:
+        raise InputError(f"{results}: no finished run", fix="run `make eval METHOD=3dgs` first")
     with replacing(results / LEADERBOARD) as temporary:
         table.to_csv(temporary, index=False)
     return table

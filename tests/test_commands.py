@@ -52,6 +52,7 @@ def test_bad_input_ends_with_a_plain_error(arguments, message):
     assert result.returncode == 2
     assert message in result.stderr
     assert "Traceback" not in result.stderr
+    assert not Path("/nowhere").exists()
 
 
 @pytest.mark.parametrize(
