@@ -1,6 +1,8 @@
 """The contract every method meets, and how a method is found by name."""
 
 import importlib
+import os
+import sys
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from importlib.metadata import entry_points
@@ -90,15 +92,20 @@ def find_method(name: str) -> type[Method]:
     registered = {point.name: point.value for point in entry_points(group=ENTRY_POINTS)}
     target = registered.get(name, name)
     module_name, _, class_name = target.partition(":")
-    if not class_name:
+    if not (module_name and class_name) or module_name.startswith("."):
         raise InputError(
             f"METHOD={name}: no such method",
             expected=f"one of {', '.join(sorted(registered))}, or package.module:Class for your own",
         )
     try:
+        if os.getcwd() not in sys.path:  # one's own method, however the command was started
+            sys.path.append(os.getcwd())
         found = getattr(importlib.import_module(module_name), class_name)
-    except (ImportError, AttributeError) as error:
-        raise InputError(f"METHOD={name}: cannot import {target}", found=error) from error
+    except Exception as error:  # whatever stands in a user's module
+        found_error = f"{type(error).__name__}: {error}"
+        raise InputError(f"METHOD={name}: cannot import {target}", found=found_error) from error
     if not (isinstance(found, type) and issubclass(found, Method)):
         raise InputError(f"METHOD={name}: {target} is not a method", expected="a subclass of baselines.method.Method")
+    if found.trains_on not in ("rainy", "clean"):
+        raise InputError(f"METHOD={name}: unknown trains_on", found=found.trains_on, expected="rainy or clean")
     return found

@@ -15,7 +15,7 @@ from hydroviews.verify import verify
 
 def build_command(
     scene: str = "courtyard",
-    out: Path = Path("data/demo"),
+    out: Path | None = None,
     profile: str = "demo",
     seed: int | None = None,
     long_side: int | None = None,
@@ -26,7 +26,7 @@ def build_command(
 
     Args:
         scene: a known capture (courtyard), or a folder with images and cameras.
-        out: the data folder; the scene becomes a folder in it.
+        out: the data folder; the scene becomes a folder in it. `data/<profile>` if not given.
         profile: demo, quick or paper: size, number of patterns, views of an embedded scene.
         seed: of everything drawn; 0 if the scene is new.
         long_side: pixels of the longer side, instead of the profile's.
@@ -35,7 +35,7 @@ def build_command(
     """
     folder = build_source(
         scene,
-        out,
+        out or Path("data") / profile,
         find_profile(profile),
         patterns=patterns,
         all_patterns=True,
@@ -68,6 +68,7 @@ def poses_command(images: Annotated[Path, tyro.conf.Positional], out: Path | Non
         images: the photographs.
         out: where the capture goes; `<images>-capture` if not given.
     """
+    images = images.resolve()
     out = out or images.with_name(images.name + "-capture")
     scene = estimate_poses(images, out)
     for note in scene.notes:

@@ -19,10 +19,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from tqdm import tqdm
 
 from hydroviews.errors import InputError
-from hydroviews.files import read_json, write_json
+from hydroviews.files import read_json, remove_tree, replacing, write_json
 from hydroviews.images import read_image, write_png
 from hydroviews.manifest import GENERATOR, forget_scene, read_manifest, record_scene
 from hydroviews.poses import triangulate
@@ -33,6 +34,7 @@ from hydroviews.scenes import Scene, View
 from hydroviews.writers import write_colmap, write_nerfstudio
 
 CLEAN = "clean"
+GLIMPSE = 65536  # bytes
 
 
 @dataclass(frozen=True)
@@ -73,31 +75,60 @@ def build(
     Raises:
         InputError: the folder holds a scene built otherwise, an image is unreadable, or the disk is full.
     """
+    if long_side is not None and long_side < 1:
+        raise InputError(f"long side of {long_side} pixels", expected="at least 1")
     folder = out / scene.name
+    _refuse_own_capture(scene, folder)
     request = Request(source or scene.name, _fingerprint(scene), long_side, seed)
     _claim(out, folder, request, overwrite)
-    built = read_manifest(out)["scenes"].get(scene.name, {}).get("patterns")
-    if built is not None and {p.name for p in patterns} <= set(built):
+    entry = read_manifest(out)["scenes"].get(scene.name, {"patterns": [], "files": {}})
+    built = set(entry["patterns"])
+    if entry["files"] and {p.name for p in patterns} <= built and all((folder / f).is_file() for f in entry["files"]):
         return folder
     clean = _write_clean(scene.resized(long_side), folder)
     _write_cameras(clean, folder, scene)
     for pattern in patterns:
         _write_variant(clean, folder, pattern, seed)
-    names = sorted({p.name for p in patterns} | set(built or ()))
+    names = sorted({p.name for p in patterns} | built)
     facts = {"seed": seed, "long_side": long_side, "source": request.source, "views": len(clean.views)}
     record_scene(out, scene.name, {**facts, "notes": list(scene.notes), "patterns": names})
     return folder
 
 
+def _refuse_own_capture(scene: Scene, folder: Path) -> None:
+    """A build must not write into the capture that it reads."""
+    target = folder.resolve()
+    inside = [view.path for view in scene.views if target in view.path.resolve().parents]
+    if inside:
+        raise InputError(
+            f"{folder}: the capture itself would be overwritten by what is built from it",
+            found=f"its images, such as {inside[0]}",
+            fix="choose another --out, outside the folder that holds the capture",
+        )
+
+
 def _fingerprint(scene: Scene) -> str:
-    """Changes when the capture's views, cameras or image files do."""
-    facts = []
+    """Changes when the capture's views, cameras, points, split or image files do."""
+    digest = hashlib.sha256(json.dumps([scene.split.train, scene.split.test]).encode())
+    digest.update(np.ascontiguousarray(scene.points.positions, np.float64).round(9).tobytes())
+    digest.update(np.ascontiguousarray(scene.points.colours).tobytes())
     for view in scene.views:
         camera = view.camera
         pose = [round(x, 9) for x in camera.world_to_camera.ravel().tolist()]
-        size = view.path.stat().st_size if view.path.is_file() else 0
-        facts.append([view.name, camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, pose, size])
-    return hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]
+        facts = [view.name, camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, pose]
+        digest.update(json.dumps(facts).encode() + _glimpse(view.path))
+    return digest.hexdigest()[:16]
+
+
+def _glimpse(path: Path) -> bytes:
+    """Size, beginning and end of a file: enough to see that it is another one, cheap for large captures."""
+    if not path.is_file():
+        return b"missing"
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        start = file.read(GLIMPSE)
+        file.seek(max(0, size - GLIMPSE))
+        return str(size).encode() + start + file.read()
 
 
 def _claim(out: Path, folder: Path, request: Request, overwrite: bool) -> None:
@@ -116,9 +147,14 @@ def _claim(out: Path, folder: Path, request: Request, overwrite: bool) -> None:
                 expected="; ".join(f"{key} {new}" for key, (_, new) in changed.items()),
                 fix="choose another --out, or add --overwrite to build it anew",
             )
-    if overwrite:
         forget_scene(out, folder.name)
-        shutil.rmtree(folder, ignore_errors=True)
+        remove_tree(folder)
+    elif folder.is_dir() and any(not p.name.startswith(".") for p in folder.iterdir()):
+        raise InputError(
+            f"{folder}: holds files that no build wrote",
+            found=f"{len(list(folder.iterdir()))} files and no {path.name}",
+            fix="choose another --out, or remove that folder",
+        )
     write_json(path, wanted)
 
 
@@ -152,7 +188,8 @@ def _write_variant(scene: Scene, folder: Path, pattern: Pattern, seed: int) -> N
         camera = view.camera
         size = (camera.width, camera.height)
         if size not in prepared:  # one lens for every image size of the capture
-            prepared[size] = effects.prepare(pattern, scene.name, seed, camera, variant / ".lens")
+            lens = variant / ".lens" / f"{size[0]}x{size[1]}"
+            prepared[size] = effects.prepare(pattern, scene.name, seed, camera, lens)
             parameters = prepared[size].parameters
         _write_rainy(view, variant, pattern.effect, prepared[size])
     _link_sparse(variant)
@@ -178,4 +215,6 @@ def _link_sparse(variant: Path) -> None:
     try:
         os.symlink(os.path.join("..", "sparse"), link)
     except OSError:  # a file system without links
-        shutil.copytree(variant.parent / "sparse", link)
+        with replacing(link) as temporary:
+            shutil.rmtree(temporary, ignore_errors=True)
+            shutil.copytree(variant.parent / "sparse", temporary)

@@ -1,5 +1,6 @@
 """How every command line of the project ends: plain errors, a kind word on interruption."""
 
+import signal
 import sys
 from collections.abc import Callable, Mapping
 
@@ -9,7 +10,8 @@ from hydroviews.errors import InputError
 
 
 def run_command(commands: Mapping[str, Callable[..., None]], prog: str) -> None:
-    """Run the named subcommand; exit 2 on bad input, 130 on Ctrl-C."""
+    """Run the named subcommand; exit 2 on bad input, 130 on Ctrl-C, 143 when asked to end."""
+    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
     try:
         tyro.extras.subcommand_cli_from_dict(dict(commands), prog=prog)
     except InputError as error:

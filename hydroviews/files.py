@@ -4,6 +4,7 @@ import errno
 import hashlib
 import json
 import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,14 +25,15 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises:
         InputError: the disk is full.
     """
-    temporary = path.with_name(PARTIAL + path.name)
+    temporary = path.with_name(f"{PARTIAL}{os.getpid()}-{path.name}")
     with plain_full_disk(path):
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             yield temporary
             os.replace(temporary, path)
         finally:
-            temporary.unlink(missing_ok=True)
+            if temporary.is_file():
+                temporary.unlink()
 
 
 @contextmanager
@@ -44,6 +46,10 @@ def plain_full_disk(path: Path) -> Iterator[None]:
     try:
         yield
     except Exception as error:
+        if isinstance(error, NotADirectoryError | FileExistsError):
+            raise InputError(
+                f"{path.parent}: not a folder", found="a file of that name", fix="choose another"
+            ) from error
         if (isinstance(error, OSError) and error.errno == errno.ENOSPC) or os.strerror(errno.ENOSPC) in str(error):
             raise InputError(
                 f"{path}: no space left on the disk",
@@ -75,6 +81,14 @@ def read_json(path: Path) -> Any:
         raise InputError(f"{path}: no such file") from None
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: not valid JSON", found=error, fix="restore the file or write it again") from None
+
+
+def remove_tree(folder: Path) -> None:
+    """Remove a folder so that an interruption leaves nothing under its name."""
+    if folder.exists():
+        doomed = folder.with_name(f"{PARTIAL}{os.getpid()}-{folder.name}")
+        os.replace(folder, doomed)
+        shutil.rmtree(doomed)
 
 
 def sha256(path: Path) -> str:

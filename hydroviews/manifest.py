@@ -1,5 +1,6 @@
 """The list of what a data set holds: a SHA-256 for every file, and what made it."""
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -7,16 +8,31 @@ from typing import Any
 from tqdm import tqdm
 
 import hydroviews
-from hydroviews.files import read_json, sha256, write_json
+from hydroviews.errors import InputError
+from hydroviews.files import sha256, write_json
 
 MANIFEST = "manifest.json"
 GENERATOR = f"hydroviews {hydroviews.__version__}"
 
 
 def read_manifest(data: Path) -> dict[str, Any]:
-    """The manifest of a data folder; an empty one where nothing has been finished yet."""
+    """The manifest of a data folder; an empty one where nothing has been finished yet.
+
+    Raises:
+        InputError: the file is not a manifest.
+    """
     path = data / MANIFEST
-    return read_json(path) if path.is_file() else {"generator": GENERATOR, "scenes": {}}
+    if not path.is_file():
+        return {"generator": GENERATOR, "scenes": {}}
+    fix = "delete it and build again: finished files are kept"
+    try:
+        manifest = json.loads(path.read_text())
+    except ValueError as error:
+        raise InputError(f"{path}: not valid JSON", found=error, fix=fix) from None
+    scenes = manifest.get("scenes") if isinstance(manifest, dict) else None
+    if not isinstance(scenes, dict) or not all({"files", "patterns"} <= set(entry) for entry in scenes.values()):
+        raise InputError(f"{path}: not a manifest", expected='{"scenes": {name: {"files", "patterns", ...}}}', fix=fix)
+    return manifest
 
 
 def record_scene(data: Path, scene: str, facts: Mapping[str, Any]) -> None:

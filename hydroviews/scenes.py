@@ -131,7 +131,8 @@ def make_scene(
     """A checked scene: views sorted by name, the split drawn if none is given.
 
     Raises:
-        InputError: no views, two of one name, fewer than two to train on, or a split naming absent views.
+        InputError: no views, two of one name, fewer than two to train on, or a split that names absent views or
+            lists one twice.
     """
     ordered = tuple(sorted(views, key=lambda view: view.name))
     names = [view.name for view in ordered]
@@ -146,6 +147,14 @@ def make_scene(
         raise InputError(
             f"{name}: the split names views that are not there",
             found=", ".join(absent[:5]),
+            fix="correct split.json, or remove it to have it drawn again",
+        )
+    listed = split.train + split.test
+    if len(set(listed)) < len(listed):
+        raise InputError(
+            f"{name}: the split lists views twice",
+            found=", ".join(sorted({n for n in listed if listed.count(n) > 1})[:5]),
+            expected="each view once, to train on or held out",
             fix="correct split.json, or remove it to have it drawn again",
         )
     if len(split.train) < 2 or not split.test:

@@ -29,8 +29,9 @@ def find_capture(source: str, captures: Path, views: int, long_side: int) -> Sce
         InputError: neither a name nor a folder, or an unreadable capture.
     """
     if source in EMBEDDED:
-        folder = captures / source
-        render_courtyard(folder, views, long_side, long_side * 3 // 4, seed=0)
+        width, height = long_side, max(1, long_side * 3 // 4)
+        folder = captures / f"{source}-{views}-{width}x{height}"
+        render_courtyard(folder, views, width, height, seed=0)
         return read_courtyard(folder)
     if not Path(source).is_dir():
         raise InputError(
@@ -66,7 +67,7 @@ def build_source(
     Returns:
         The built scene's folder.
     """
-    long_side = long_side or profile.long_side
+    long_side = profile.long_side if long_side is None else long_side
     scene = find_capture(source, out / CAPTURES, profile.embedded_views, long_side)
     for note in scene.notes:
         print(f"{scene.name}: {note}")
@@ -83,4 +84,4 @@ def build_source(
 
 def _built_seed(folder: Path) -> int:
     request = folder / "request.json"
-    return int(read_json(request)["seed"]) if request.is_file() else 0
+    return int(read_json(request).get("seed", 0)) if request.is_file() else 0

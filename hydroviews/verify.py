@@ -35,8 +35,10 @@ def verify(data: Path, every_view: bool = False) -> list[str]:
             expected="a folder that `hydroviews build` has finished",
             fix="run the build again",
         )
-    problems = []
-    for scene, facts in read_manifest(data)["scenes"].items():
+    scenes = read_manifest(data)["scenes"]
+    unlisted = [p.parent for p in sorted(data.glob("*/request.json")) if p.parent.name not in scenes]
+    problems = [f"{folder}: not finished; run its build again" for folder in unlisted]
+    for scene, facts in scenes.items():
         problems += _check_hashes(data / scene, facts["files"])
         for pattern in facts["patterns"]:
             problems += _check_variant(data / scene, pattern, every_view)
@@ -64,7 +66,7 @@ def _check_variant(folder: Path, pattern: str, every_view: bool) -> list[str]:
     for image in tqdm(images if every_view else images[:1], desc=f"{folder.name}: {pattern}", unit="view", leave=False):
         try:
             error = _composite_error(folder, variant, image)
-        except InputError as broken:
+        except (InputError, KeyError) as broken:
             problems.append(str(broken))
             continue
         if error > TOLERANCE:
@@ -78,4 +80,7 @@ def _composite_error(folder: Path, variant: Path, image: Path) -> float:
     clean = read_image(folder / CLEAN / image.name)
     layers = read_layers(variant / "layers" / f"{image.stem}.exr")
     expected = composite(facts["effect"], facts["parameters"], clean, layers)
-    return float(np.abs(read_image(image) - expected).max())
+    rainy = read_image(image)
+    if rainy.shape != expected.shape:
+        raise InputError(f"{image}: another size than its clean view", found=rainy.shape, expected=expected.shape)
+    return float(np.abs(rainy - expected).max())

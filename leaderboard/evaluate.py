@@ -3,6 +3,7 @@
 build what is missing -> for every variant: train, render to disk, score -> records -> tables
 """
 
+import dataclasses
 import signal
 import subprocess
 import sys
@@ -25,6 +26,7 @@ from leaderboard.tables import print_scene, write_tables
 
 CEILING, FLOOR = "3dgs-clean", "3dgs"  # every result reads as a share of the gap between these two
 FAILURE = "failure.json"
+GRACE, PATIENCE = 3.0, 30.0  # seconds until an interrupted run is told to stop, and until it is killed
 
 
 @dataclass(frozen=True)
@@ -38,31 +40,37 @@ class Evaluation:
     patterns: tuple[str, ...] = ()  # such as raindrop-0 streak-2; the profile's patterns where none is named
     data: Path = Path("data")
     results: Path = Path("results")
-    overwrite: bool = False  # run anew what has other settings
+    overwrite: bool = False  # build and run anew what is there with other settings
 
 
 def evaluate(request: Evaluation) -> list[Record]:
     """Build what is missing, run the method and the references, write and print the tables.
 
     Returns:
-        The records of the method that was asked for.
+        The records of the method and of the reference rows.
 
     Raises:
         InputError: something the user can mend.
     """
+    if request.seed < 0:
+        raise InputError(f"SEED={request.seed}: negative", expected="0 or more")
     profile = find_profile(request.profile)
     names = [pattern.name for pattern in choose_patterns(request.patterns, profile.patterns)]
     patterns = needed_patterns(request.method, names)
     data = request.data / profile.name
     rainy = [name for name in patterns if name != CLEAN]
-    scene = build_source(request.scene, data, profile, patterns=rainy).name
-    runs = plan(request, profile, data, scene, names)
-    records = {run: carry_out(run, request.overwrite and run.method == request.method) for run in runs}
-    table = write_leaderboard(request.results)
-    write_tables(table, request.results)
+    scene = build_source(request.scene, data, profile, patterns=rainy, overwrite=request.overwrite).name
+    records = {}
+    try:
+        for run in plan(request, profile, data, scene, names):
+            records[run] = carry_out(run, request.overwrite)
+    finally:  # whatever ended stands in the table, also if the rest was interrupted
+        if records:
+            table = write_leaderboard(request.results)
+            write_tables(table, request.results)
     print_scene(table, scene, profile.name)
     print(f"\nall runs: {request.results / 'leaderboard.csv'}")
-    return [record for run, record in records.items() if run.method == request.method]
+    return list(records.values())
 
 
 def needed_patterns(method: str, rainy: list[str]) -> list[str]:
@@ -90,7 +98,7 @@ def carry_out(run: Run, overwrite: bool = False) -> Record:
             print(f"{run}: kept, {_figures(record)}")
             return record
     print(f"{run}: training")
-    if not (run.folder / PREDICTION).is_file():
+    if not (run.folder / PREDICTION).is_file() or not (run.folder / "renders").is_dir():
         reason = _predict_in_process(run)
         if reason:
             return _record_failure(run, reason)
@@ -110,25 +118,32 @@ def _predict_in_process(run: Run) -> str:
         KeyboardInterrupt: the run was interrupted; it left a checkpoint.
     """
     (run.folder / FAILURE).unlink(missing_ok=True)
-    command = [sys.executable, "-m", "leaderboard", "predict", "--run.method", run.method, "--run.profile", run.profile]
-    command += ["--run.seed", str(run.seed), "--run.data", str(run.data), "--run.scene", run.scene]
-    command += ["--run.pattern", run.pattern, "--run.results", str(run.results)]
-    process = subprocess.Popen(command)
+    settings = [f"--run.{field.name}={getattr(run, field.name)}" for field in dataclasses.fields(run)]
+    process = subprocess.Popen([sys.executable, "-m", "leaderboard", "predict", *settings])
     try:
         code = process.wait()
-    except KeyboardInterrupt:
-        process.wait()  # the terminal sent it the same signal: let it save its checkpoint
-        raise
+    finally:
+        _end(process)
     if code == 0:
         return ""
     failure = read_json(run.folder / FAILURE) if (run.folder / FAILURE).is_file() else {}
     if failure.get("kind") == "input":
         raise InputError(failure["reason"])
-    if code in (130, -signal.SIGINT):
+    if code in (130, 143, -signal.SIGINT, -signal.SIGTERM):
         raise KeyboardInterrupt
     if code < 0:
         return f"ended by {signal.Signals(-code).name}" + (" (out of memory?)" if code == -signal.SIGKILL else "")
     return failure.get("reason", f"exit status {code}")
+
+
+def _end(process: subprocess.Popen) -> None:
+    """No run outlives the command. A terminal has sent it the same Ctrl-C; otherwise it is told to save and stop."""
+    for patience, stop in ((GRACE, process.terminate), (PATIENCE, process.kill)):
+        try:
+            process.wait(patience)
+        except subprocess.TimeoutExpired:
+            stop()
+    process.wait()
 
 
 def _record_failure(run: Run, reason: str) -> Record:

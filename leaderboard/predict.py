@@ -3,6 +3,7 @@
 import resource
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from tqdm import tqdm
 from baselines.method import Method, find_method
 from hydroviews.files import write_json
 from hydroviews.images import write_png
-from hydroviews.scenes import Scene
+from hydroviews.scenes import Scene, Split
 from leaderboard.runs import Run
 
 PREDICTION = "prediction.json"
@@ -26,7 +27,7 @@ def predict(run: Run) -> None:
     scene = run.training_scene()
     kind = find_method(run.method)
     method = kind(kind.configuration(run.profile), run.seed)
-    method.fit(scene, run.folder)
+    method.fit(only_training(scene), run.folder)
     method.save(run.folder)
     seconds = render_views(method, scene, run.folder / "renders")
     statistics = method.statistics()
@@ -41,6 +42,11 @@ def predict(run: Run) -> None:
             "device": statistics.device,
         },
     )
+
+
+def only_training(scene: Scene) -> Scene:
+    """The scene without its held-out views, so that nothing can be learnt from them."""
+    return replace(scene, views=scene.train_views, split=Split(scene.split.train, ()))
 
 
 def render_views(method: Method, scene: Scene, folder: Path) -> list[float]:

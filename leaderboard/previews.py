@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.build import CLEAN
+from hydroviews.errors import InputError
 from hydroviews.images import Image, read_image, write_png
 from hydroviews.scenes import Scene
 from hydroviews.variants import open_variant
@@ -46,6 +47,8 @@ def write_overview(runs: Sequence[Run], view: str, path: Path) -> None:
     Raises:
         InputError: a run has no render of that view.
     """
+    if not runs:
+        raise InputError("no pattern to picture", expected="at least one, such as --patterns raindrop-0")
     rows = []
     for run in runs:
         folder = run.data / run.scene

@@ -2,6 +2,7 @@
 
 import dataclasses
 import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -49,6 +50,11 @@ class Record:
 COLUMNS = [field.name for field in dataclasses.fields(Record)]
 
 
+def run_folder(results: Path, profile: str, method: str, scene: str, pattern: str, seed: int) -> Path:
+    """Where a run's files go; `package.module:Class` becomes a plain folder name."""
+    return results / profile / method.replace(":", ".") / scene / pattern / f"seed-{seed}"
+
+
 def write_record(folder: Path, record: Record) -> None:
     """Write a run's record."""
     write_json(folder / RECORD, dataclasses.asdict(record))
@@ -70,8 +76,20 @@ def read_record(path: Path) -> Record:
 
 
 def collect(results: Path) -> pd.DataFrame:
-    """All records below a results folder, one row each, in the order of `COLUMNS`."""
-    records = [dataclasses.asdict(read_record(path)) for path in sorted(results.rglob(RECORD))]
+    """All records of a results folder, one row each, in the order of `COLUMNS`.
+
+    Only records that lie where their run belongs count, so that copies kept beside them do not count twice. An
+    unreadable one is left out with a warning.
+    """
+    records = []
+    for path in sorted(results.glob(f"*/*/*/*/*/{RECORD}")):
+        try:
+            record = read_record(path)
+        except InputError as error:
+            print(f"left out: {error}", file=sys.stderr)
+            continue
+        if path.parent == run_folder(results, record.profile, record.method, record.scene, record.pattern, record.seed):
+            records.append(dataclasses.asdict(record))
     table = pd.DataFrame(records, columns=COLUMNS)
     return table.sort_values(["profile", "scene", "effect", "pattern", "method", "seed"], ignore_index=True)
 

@@ -10,7 +10,7 @@
 
 import dataclasses
 import hashlib
-import shutil
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,10 +18,11 @@ from typing import Any
 from baselines.method import find_method
 from hydroviews.build import CLEAN
 from hydroviews.errors import InputError
-from hydroviews.files import read_json, write_json
+from hydroviews.files import PARTIAL, read_json, remove_tree, write_json
 from hydroviews.manifest import read_manifest
 from hydroviews.scenes import Scene
 from hydroviews.variants import open_clean, open_variant
+from leaderboard.records import run_folder
 
 TRACK = "given-poses"
 
@@ -40,9 +41,8 @@ class Run:
 
     @property
     def folder(self) -> Path:
-        """Where the run's files go; `package.module:Class` becomes a plain folder name."""
-        method = self.method.replace(":", ".")
-        return self.results / self.profile / method / self.scene / self.pattern / f"seed-{self.seed}"
+        """Where the run's files go."""
+        return run_folder(self.results, self.profile, self.method, self.scene, self.pattern, self.seed)
 
     @property
     def effect(self) -> str:
@@ -68,30 +68,30 @@ class Run:
             "profile": self.profile,
             "track": TRACK,
             "data_sha256": data_hash(self.data, self.scene, self.pattern),
-            "config": _plain(dataclasses.asdict(method.configuration(self.profile))),
+            "config": _as_json(self.method, method.configuration(self.profile)),
         }
 
 
 def claim(run: Run, overwrite: bool) -> None:
-    """Make the run's folder its own.
+    """Make the run's folder its own. A run with the same settings is gone on with, overwriting or not.
 
     Raises:
         InputError: it holds a run with other settings and `overwrite` is not asked for.
     """
     path, settings = run.folder / "config.json", run.settings()
-    if overwrite:
-        shutil.rmtree(run.folder, ignore_errors=True)
-    if path.is_file():
-        earlier = read_json(path)
-        changed = [key for key in settings if earlier.get(key) != settings[key]]
-        if changed:
+    begun = run.folder.is_dir() and any(not p.name.startswith(PARTIAL) for p in run.folder.iterdir())
+    earlier = read_json(path) if path.is_file() else {}
+    changed = [key for key in settings if earlier.get(key) != settings[key]]
+    if begun and changed:
+        if not overwrite:
             raise InputError(
                 f"{run.folder}: holds a run with other settings",
                 found="; ".join(f"{key} {_brief(earlier.get(key), settings[key])}" for key in changed),
                 expected="; ".join(f"{key} {_brief(settings[key], earlier.get(key))}" for key in changed),
                 fix="add --overwrite (make eval OVERWRITE=1) to run it anew, or choose another results folder",
             )
-    else:
+        remove_tree(run.folder)
+    if changed:
         write_json(path, settings)
 
 
@@ -109,13 +109,20 @@ def data_hash(data: Path, scene: str, pattern: str) -> str:
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
-def _plain(value: Any) -> Any:
-    """Tuples become lists and paths strings, as JSON gives them back."""
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return str(value) if isinstance(value, Path) else value
+def _as_json(method: str, config: Any) -> Any:
+    """A configuration as it comes back from a JSON file.
+
+    Raises:
+        InputError: it is not a dataclass of plain values.
+    """
+    try:
+        return json.loads(json.dumps(dataclasses.asdict(config), default=str, allow_nan=False))
+    except (TypeError, ValueError) as error:
+        raise InputError(
+            f"METHOD={method}: its configuration cannot be recorded",
+            found=error,
+            expected="a dataclass of numbers, strings, lists and paths",
+        ) from error
 
 
 def _brief(value: Any, other: Any) -> Any:

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
@@ -21,7 +22,7 @@ from hydroviews.variants import open_clean
 from leaderboard.predict import PREDICTION
 from leaderboard.previews import write_preview
 from leaderboard.records import Record, code_version, write_record
-from leaderboard.runs import TRACK, Run
+from leaderboard.runs import TRACK, Run, data_hash
 
 PER_VIEW = "per_view.csv"
 METRICS: dict[str, Callable] = {
@@ -38,9 +39,10 @@ def score(run: Run) -> Record:
     A metric that cannot be had (images too small for it, no network weights) stays empty, with the reason.
 
     Raises:
-        InputError: a render is missing, or of another size than its clean view.
+        InputError: a render is missing, or of another size than its clean view; the data changed since the run.
     """
     clean = open_clean(run.data / run.scene)
+    _refuse_other_data(run)
     pairs = {view.name: (run.folder / "renders" / f"{view.name}.png", view.path) for view in clean.test_views}
     reasons: dict[str, str] = {}
     rows = [
@@ -51,12 +53,32 @@ def score(run: Run) -> Record:
     with replacing(run.folder / PER_VIEW) as temporary:
         views.to_csv(temporary, index=False)
     write_preview(run, clean)
-    means = {name: None if name in reasons else round(float(views[name].mean()), 5) for name in METRICS}
+    means = {name: _mean(views[name]) for name in METRICS}
+    for name in METRICS:
+        if means[name] is None and name not in reasons:
+            reasons[name] = "infinite: a render equals its clean view"
     reason = "; ".join(f"{name}: {why}" for name, why in reasons.items())
     numbers = {**means, **read_json(run.folder / PREDICTION)}
     record = describe(run, clean, status="done", reason=reason, numbers=numbers)
     write_record(run.folder, record)
     return record
+
+
+def _mean(scores: pd.Series) -> float | None:
+    """Rounded mean; None where a view has no score or an infinite one."""
+    mean = float(scores.mean(skipna=False)) if scores.notna().all() else float("nan")
+    return round(mean, 5) if np.isfinite(mean) else None
+
+
+def _refuse_other_data(run: Run) -> None:
+    now, then = data_hash(run.data, run.scene, run.pattern), read_json(run.folder / "config.json")["data_sha256"]
+    if now != then:
+        raise InputError(
+            f"{run}: the data are not what it was run on",
+            found=f"data_sha256 {now}",
+            expected=then,
+            fix="evaluate it anew with --overwrite (make eval OVERWRITE=1)",
+        )
 
 
 def score_view(render: Path, clean: Path, reasons: dict[str, str]) -> dict[str, float | None]:

@@ -17,7 +17,7 @@ def scene_table(table: pd.DataFrame, scene: str, profile: str) -> pd.DataFrame:
     """One scene's means over patterns and seeds: a row a method, columns (effect, metric).
 
     The ceiling, trained once on clean views, stands under every effect. `gap` is the share of the way from
-    floor to ceiling in PSNR; `runs` is done/all where some failed.
+    floor to ceiling in PSNR (see `share_of_gap`); `runs` counts done/all.
     """
     rows = table[(table.scene == scene) & (table.profile == profile)]
     effects = sorted(set(rows.effect) - {CLEAN}) or [CLEAN]
@@ -31,19 +31,30 @@ def _effect_block(rows: pd.DataFrame) -> pd.DataFrame:
     done = rows[rows.status == "done"]
     numbers = done.groupby("method")[list(METRICS)].mean().astype(float)
     block = numbers.reindex(sorted(set(rows.method)))
-    block["gap"] = _share_of_gap(block["psnr"])
+    block["gap"] = [share_of_gap(done, method) for method in block.index]
     block["train_s"] = done.groupby("method")["train_s"].mean().astype(float)
     counts = rows.groupby("method")["status"].agg(lambda s: f"{(s == 'done').sum()}/{len(s)}")
     block["runs"] = counts
     return block
 
 
-def _share_of_gap(psnr: pd.Series) -> pd.Series:
-    """(PSNR - floor) / (ceiling - floor); empty where a reference row is missing or they are equal."""
-    ceiling, floor = psnr.get(CEILING), psnr.get(FLOOR)
-    if ceiling is None or floor is None or not ceiling - floor > 0:
-        return pd.Series(float("nan"), psnr.index)
-    return (psnr - floor) / (ceiling - floor)
+def share_of_gap(done: pd.DataFrame, method: str) -> float:
+    """(PSNR - floor) / (ceiling - floor), means over the runs that have both references.
+
+    A run's floor has its pattern, seed and data, its ceiling its seed. NaN where no run has both, or the
+    ceiling is not above the floor.
+    """
+    same = ["pattern", "seed", "data_sha256"]
+    floor = done[done.method == FLOOR][[*same, "psnr"]]
+    ceiling = done[done.method == CEILING][["seed", "psnr"]]
+    if method == CEILING:  # it stands for itself wherever there is a floor
+        runs = floor[same].merge(ceiling, on="seed")
+    else:
+        runs = done[done.method == method][[*same, "psnr"]]
+    runs = runs.merge(floor, on=same, suffixes=("", "_floor")).merge(ceiling, on="seed", suffixes=("", "_ceiling"))
+    means = runs[["psnr", "psnr_floor", "psnr_ceiling"]].astype(float).mean()
+    gap = means["psnr_ceiling"] - means["psnr_floor"]
+    return float((means["psnr"] - means["psnr_floor"]) / gap) if gap > 0 else float("nan")
 
 
 def to_markdown(table: pd.DataFrame) -> str:

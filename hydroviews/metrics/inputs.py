@@ -18,7 +18,7 @@ def score_pairs(metric: Callable[[Tensor, Tensor], Tensor], image: Pictures, tar
     Raises:
         ValueError: shapes differ or are not [H, W, 3] or [N, 3, H, W], or values lie outside [0, 1].
     """
-    a, b = torch.as_tensor(image), torch.as_tensor(target)
+    a, b = (torch.as_tensor(x if isinstance(x, Tensor) else np.ascontiguousarray(x)) for x in (image, target))
     if a.shape != b.shape:
         raise ValueError(f"image and target differ in shape: {tuple(a.shape)} and {tuple(b.shape)}")
     single = a.ndim == 3

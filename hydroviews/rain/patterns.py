@@ -42,4 +42,4 @@ def patterns_of(count: int) -> list[Pattern]:
 
 def choose_patterns(names: Sequence[str], default_count: int) -> list[Pattern]:
     """The named patterns, or the first `default_count` of each effect where none is named."""
-    return [parse_pattern(name) for name in names] if names else patterns_of(default_count)
+    return [parse_pattern(name) for name in dict.fromkeys(names)] if names else patterns_of(default_count)

@@ -166,3 +166,50 @@ def test_verify_needs_a_manifest(tmp_path):
 def test_unknown_patterns_are_refused(name):
     with pytest.raises(InputError, match="no such rain pattern"):
         choose_patterns([name], 1)
+
+
+def test_a_capture_is_never_built_over(scene, tmp_path):
+    before = contents(scene.views[0].path.parents[1])
+    for overwrite in (False, True):
+        with pytest.raises(InputError, match="the capture itself would be overwritten"):
+            build(scene, tmp_path / "capture", patterns=[STREAK], overwrite=overwrite)
+    assert contents(scene.views[0].path.parents[1]) == before
+
+
+def test_files_of_unknown_origin_are_not_taken_for_finished(scene, tmp_path):
+    folder = build(scene, tmp_path / "data", patterns=[STREAK], seed=0)
+    (folder / "request.json").unlink()
+    with pytest.raises(InputError, match="files that no build wrote"):
+        build(scene, tmp_path / "data", patterns=[STREAK], seed=5)
+
+
+def test_a_finished_scene_that_lost_files_is_repaired(scene, tmp_path):
+    folder = build(scene, tmp_path / "data", patterns=[STREAK])
+    whole = contents(folder)
+    (folder / "clean" / "view-03.png").unlink()
+    (folder / "streak-0" / "layers" / "view-04.exr").unlink()
+    build(scene, tmp_path / "data", patterns=[STREAK])
+    assert contents(folder) == whole
+
+
+def test_another_photograph_of_the_same_size_is_another_request(scene, tmp_path):
+    build(scene, tmp_path / "data", patterns=[])
+    image = scene.views[0].path
+    content = bytearray(image.read_bytes())
+    content[-20] ^= 1
+    image.write_bytes(content)
+    with pytest.raises(InputError, match="another request"):
+        build(scene, tmp_path / "data", patterns=[])
+
+
+def test_an_unfinished_scene_does_not_verify(scene, tmp_path):
+    folder = build(scene, tmp_path / "data", patterns=[])
+    (tmp_path / "data" / "manifest.json").write_text('{"generator": "", "scenes": {}}')
+    assert verify(tmp_path / "data") == [f"{folder}: not finished; run its build again"]
+
+
+@pytest.mark.parametrize("content", ["{", "{}", "[]", '{"scenes": {"yard": {}}}'])
+def test_a_broken_manifest_is_told(tmp_path, content):
+    (tmp_path / "manifest.json").write_text(content)
+    with pytest.raises(InputError, match="delete it and build again"):
+        verify(tmp_path)

@@ -68,3 +68,12 @@ def test_scenes_that_are_none(tmp_path):
         make_scene("absent", views, no_points(), Split(("view-01", "view-99"), ("view-02",)))
     with pytest.raises(InputError, match=r"2 to train on, 0 held out"):
         make_scene("no test", views, no_points(), Split(("view-01", "view-02"), ()))
+
+
+@pytest.mark.parametrize(
+    ("train", "test"), [(("view-00", "view-01"), ("view-00",)), (("view-01", "view-01", "view-02"), ("view-00",))]
+)
+def test_a_split_that_lists_a_view_twice_is_refused(tmp_path, train, test):
+    scene = capture_in(tmp_path / "yard")
+    with pytest.raises(InputError, match="lists views twice"):
+        make_scene("yard", scene.views, scene.points, Split(train, test))

@@ -1,5 +1,4 @@
 import json
-import shutil
 import sys
 from pathlib import Path
 
@@ -56,7 +55,7 @@ def leaderboard(tmp_path: Path) -> pd.DataFrame:
 
 
 def test_rows_renders_and_scores(built, tmp_path, capsys):
-    (record,) = evaluate(request(built, tmp_path, "MeanColour"))
+    record = evaluate(request(built, tmp_path, "MeanColour"))[-1]
     table = leaderboard(tmp_path)
     assert list(table.columns) == COLUMNS
     assert list(table.method) == ["toy_methods:MeanColourClean", "toy_methods:MeanColour"]
@@ -74,14 +73,24 @@ def test_rows_renders_and_scores(built, tmp_path, capsys):
 
 
 def test_second_call_keeps_records_and_rescoring_gives_the_same(built, tmp_path, capsys):
-    (record,) = evaluate(request(built, tmp_path, "MeanColour"))
+    record = evaluate(request(built, tmp_path, "MeanColour"))[-1]
     run = next(r for r in _runs(built, tmp_path))
     stamp = (run.folder / "record.json").stat().st_mtime_ns
-    (again,) = evaluate(request(built, tmp_path, "MeanColour"))
+    again = evaluate(request(built, tmp_path, "MeanColour"))[-1]
     assert (run.folder / "record.json").stat().st_mtime_ns == stamp
     assert "kept" in capsys.readouterr().out
     assert again == record
     assert score(run) == record
+
+
+def test_rescoring_on_other_data_is_refused(built, tmp_path):
+    evaluate(request(built, tmp_path, "MeanColour"))
+    manifest = tmp_path / "data/demo/manifest.json"
+    content = json.loads(manifest.read_text())
+    content["scenes"]["yard"]["files"]["clean/view-00.png"] = "another"
+    manifest.write_text(json.dumps(content))
+    with pytest.raises(InputError, match="the data are not what it was run on"):
+        score(_runs(built, tmp_path)[0])
 
 
 def _runs(built, tmp_path):
@@ -107,7 +116,7 @@ def test_a_method_that_sees_clean_views_needs_no_rain(built, tmp_path):
     ],
 )
 def test_a_failed_run_is_a_row_without_numbers(built, tmp_path, method, reason):
-    (record,) = evaluate(request(built, tmp_path, method))
+    record = evaluate(request(built, tmp_path, method))[-1]
     assert record.status == "failed"
     row = leaderboard(tmp_path).set_index("method").loc[f"toy_methods:{method}"]
     assert reason in row.reason
@@ -126,10 +135,16 @@ def test_other_settings_are_refused_unless_overwritten(built, tmp_path, monkeypa
     sys.modules.pop("toy_methods")
     with pytest.raises(InputError, match=r"other settings[\s\S]*--overwrite"):
         evaluate(request(built, tmp_path, "MeanColour"))
-    shutil.rmtree(tmp_path / "results")
-    (record,) = evaluate(request(built, tmp_path, "MeanColour", overwrite=True))
+    record = evaluate(request(built, tmp_path, "MeanColour", overwrite=True))[-1]
     config = json.loads((tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0/config.json").read_text())
     assert config["config"] == {"shift": 0.1}
+    stamp = (tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0/record.json").stat().st_mtime_ns
+    evaluate(request(built, tmp_path, "MeanColour", overwrite=True))  # the same settings: kept
+    run = tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0"
+    assert (run / "record.json").stat().st_mtime_ns == stamp
+    (run / "config.json").unlink()
+    with pytest.raises(InputError, match="other settings"):
+        evaluate(request(built, tmp_path, "MeanColour"))
     assert record.status == "done"
 
 

@@ -13,8 +13,16 @@ from hydroviews.writers import write_colmap
 REPOSITORY = Path(__file__).parents[2]
 
 
-@pytest.mark.parametrize("to", ["the terminal's group", "the run alone"])
-def test_ctrl_c_ends_quietly_and_the_same_command_goes_on(tmp_path, to):
+@pytest.mark.parametrize(
+    ("to", "number", "status"),
+    [
+        ("group", signal.SIGINT, 130),  # Ctrl-C in a terminal
+        ("run", signal.SIGINT, 130),
+        ("command", signal.SIGINT, 130),
+        ("command", signal.SIGTERM, 143),
+    ],
+)
+def test_an_interruption_ends_quietly_and_the_same_command_goes_on(tmp_path, to, number, status):
     capture = tmp_path / "yard"
     write_colmap(capture_in(capture), capture / "sparse" / "0")
     command = [sys.executable, "-m", "leaderboard", "evaluate", "--method", "toy_methods:WaitsOnce"]
@@ -34,14 +42,15 @@ def test_ctrl_c_ends_quietly_and_the_same_command_goes_on(tmp_path, to):
         assert process.poll() is None
         assert time.monotonic() < deadline
         time.sleep(0.1)
-    if to == "the run alone":
-        children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
-        os.kill(int(children[-1]), signal.SIGINT)
+    (child,) = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    if to == "group":
+        os.killpg(process.pid, number)
     else:
-        os.killpg(process.pid, signal.SIGINT)
+        os.kill(int(child) if to == "run" else process.pid, number)
     _, errors = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert "interrupted; the same command goes on" in errors
+    assert process.returncode == status
+    assert status == 143 or "interrupted; the same command goes on" in errors
+    assert not Path(f"/proc/{child}").exists()
     assert "Traceback" not in errors
     assert not (run / "record.json").exists()
     again = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)

@@ -9,6 +9,9 @@ def rows(*values: tuple) -> pd.DataFrame:
     records = [
         dict.fromkeys(COLUMNS)
         | {
+            "pattern": f"{effect}-0",
+            "seed": 0,
+            "data_sha256": effect,
             "method": method,
             "effect": effect,
             "status": status,
@@ -34,6 +37,22 @@ def test_means_share_of_gap_and_order():
     assert summary.loc["ours", "psnr"] == 25
     assert summary.loc["ours", "gap"] == pytest.approx(0.5)
     assert summary.loc["3dgs", "gap"] == 0
+    assert summary.loc["3dgs-clean", "gap"] == 1
+
+
+def test_the_gap_is_taken_on_the_runs_that_have_both_references():
+    table = rows(
+        ("3dgs", "streak", "done", 26.0),
+        ("3dgs", "streak", "done", 14.0),
+        ("ours", "streak", "done", 25.0),
+        ("theirs", "streak", "done", 29.0),
+        ("3dgs-clean", "clean", "done", 30.0),
+    )
+    table["pattern"] = ["streak-0", "streak-2", "streak-0", "streak-0", "clean"]
+    table.loc[3, "data_sha256"] = "an older build of the scene"
+    summary = scene_table(table, "yard", "demo")["streak"]
+    assert summary.loc["ours", "gap"] == pytest.approx(-0.25)
+    assert pd.isna(summary.loc["theirs", "gap"])
     assert summary.loc["3dgs-clean", "gap"] == 1
 
 
