@@ -47,10 +47,9 @@ def share_of_gap(done: pd.DataFrame, method: str) -> float:
     same = ["pattern", "seed", "data_sha256"]
     floor = done[done.method == FLOOR][[*same, "psnr"]]
     ceiling = done[done.method == CEILING][["seed", "psnr"]]
+    runs = done[done.method == method][[*same, "psnr"]]
     if method == CEILING:  # it stands for itself wherever there is a floor
         runs = floor[same].merge(ceiling, on="seed")
-    else:
-        runs = done[done.method == method][[*same, "psnr"]]
     runs = runs.merge(floor, on=same, suffixes=("", "_floor")).merge(ceiling, on="seed", suffixes=("", "_ceiling"))
     means = runs[["psnr", "psnr_floor", "psnr_ceiling"]].astype(float).mean()
     gap = means["psnr_ceiling"] - means["psnr_floor"]
