@@ -22,9 +22,8 @@ from leaderboard.predict import PREDICTION
 from leaderboard.records import RECORD, Record, read_record, write_leaderboard, write_record
 from leaderboard.runs import Run, claim
 from leaderboard.score import describe, score
-from leaderboard.tables import print_scene, write_tables
+from leaderboard.tables import CEILING, FLOOR, print_scene, write_tables
 
-CEILING, FLOOR = "3dgs-clean", "3dgs"  # every result reads as a share of the gap between these two
 FAILURE = "failure.json"
 GRACE, PATIENCE = 3.0, 30.0  # seconds until an interrupted run is told to stop, and until it is killed
 
