@@ -78,11 +78,6 @@ class Method(ABC):
         """Time and size of the trained model."""
 
 
-def known_methods() -> list[str]:
-    """Names of the registered methods, sorted."""
-    return sorted(point.name for point in entry_points(group=ENTRY_POINTS))
-
-
 def find_method(name: str) -> type[Method]:
     """The method class of a registered name, or of `package.module:Class`.
 
