@@ -1,0 +1,63 @@
+"""Light that a photograph clipped, and the light that rain gathers from all around it."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from hydroviews.images import to_linear
+
+Linear = NDArray[np.float32]  # [H, W, 3], linear light
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # Rec. 709
+CLIPPED = float(to_linear(np.array([250 / 255], np.float32))[0])  # from here on a photograph says "at least"
+BRIGHTEST = 8.0  # radiance given to a fully saturated lamp or sun glint; white paper is 1
+LARGEST_LAMP = 0.01  # share of a picture above which saturated pixels are sky or wall, not a lamp
+GATHERED_FROM = 0.12  # standard deviation, in picture sides, of the surroundings a falling drop mixes
+
+
+def luminance(linear: Linear) -> NDArray[np.float32]:
+    """Rec. 709 luminance [H, W] of linear light [H, W, 3]."""
+    return linear @ LUMINANCE
+
+
+def expand_highlights(linear: Linear) -> Linear:
+    """Give saturated pixels back some of the light that the camera could not record.
+
+    A lamp or a glint on metal is many times brighter than white paper, and that is what makes it sparkle in drops
+    and streaks. Small saturated areas are taken for lamps, large ones for an overcast sky, which is hardly clipped:
+    the gain falls from BRIGHTEST to 1 as the saturated share of the picture rises to ten times LARGEST_LAMP.
+
+    Args:
+        linear: [H, W, 3], [0, 1].
+
+    Returns:
+        [H, W, 3], [0, BRIGHTEST]; pixels that are not saturated are unchanged.
+    """
+    peak = linear.max(axis=-1)
+    share = float((peak >= CLIPPED).mean())
+    if share == 0:
+        return linear
+    fading = np.clip(np.log10(max(share / LARGEST_LAMP, 1.0)), 0, 1)
+    gain = 1 + (BRIGHTEST - 1) * (1 - fading)
+    saturation = np.clip((peak - CLIPPED) / (1 - CLIPPED), 0, 1)
+    return linear * (1 + (gain - 1) * saturation)[..., None].astype(np.float32)
+
+
+def rain_light(linear: Linear) -> Linear:
+    """The light that a falling drop shows in front of each pixel.
+
+    A drop is a lens of about 165 degrees (Garg and Nayar 2007): it shows what lies in a wide cone behind it, so its
+    brightness follows the surroundings and hardly the pixel it covers. Beyond the borders the picture is mirrored.
+
+    Args:
+        linear: the clean view, [H, W, 3], highlights expanded or not.
+
+    Returns:
+        [H, W, 3], linear light.
+    """
+    height, width = linear.shape[:2]
+    sigma = GATHERED_FROM * float(np.sqrt(height * width))
+    shrink = max(1, int(sigma / 4))  # a wide blur needs few pixels
+    small = cv2.resize(linear, (-(-width // shrink), -(-height // shrink)), interpolation=cv2.INTER_AREA)
+    wide = cv2.GaussianBlur(small.astype(np.float32), (0, 0), sigma / shrink, borderType=cv2.BORDER_REFLECT)
+    return np.asarray(cv2.resize(wide, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
