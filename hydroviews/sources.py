@@ -74,7 +74,7 @@ def build_source(
     return build(
         scene,
         out,
-        patterns=choose_patterns(patterns, profile.patterns if all_patterns else 0),
+        patterns=choose_patterns(patterns, profile.patterns if all_patterns else ()),
         long_side=long_side,
         seed=_built_seed(out / scene.name) if seed is None else seed,
         source=source,
