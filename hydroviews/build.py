@@ -17,7 +17,6 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from tqdm import tqdm
@@ -29,7 +28,8 @@ from hydroviews.manifest import GENERATOR, forget_scene, read_manifest, record_s
 from hydroviews.poses import triangulate
 from hydroviews.rain import effects
 from hydroviews.rain.layers import write_layers
-from hydroviews.rain.patterns import Pattern
+from hydroviews.rain.patterns import Pattern, parse_pattern
+from hydroviews.rain.setting import Setting, survey
 from hydroviews.scenes import Scene, View
 from hydroviews.writers import write_colmap, write_nerfstudio
 
@@ -87,9 +87,12 @@ def build(
         return folder
     clean = _write_clean(scene.resized(long_side), folder)
     _write_cameras(clean, folder, scene)
-    for pattern in patterns:
-        _write_variant(clean, folder, pattern, seed)
-    names = sorted({p.name for p in patterns} | built)
+    rains = sorted({*patterns, *map(parse_pattern, built)})  # those of an earlier call too: a file may be missing
+    if rains:
+        setting = survey(scene.name, seed, clean.views, clean.points, len(clean.split.train))
+        for pattern in rains:
+            _write_variant(clean, folder, pattern, setting)
+    names = [pattern.name for pattern in rains]
     facts = {"seed": seed, "long_side": long_side, "source": request.source, "views": len(clean.views)}
     record_scene(out, scene.name, {**facts, "notes": list(scene.notes), "patterns": names})
     return folder
@@ -180,22 +183,22 @@ def _write_cameras(scene: Scene, folder: Path, capture: Scene) -> None:
     write_json(folder / "split.json", split)
 
 
-def _write_variant(scene: Scene, folder: Path, pattern: Pattern, seed: int) -> None:
+def _write_variant(scene: Scene, folder: Path, pattern: Pattern, setting: Setting) -> None:
     variant = folder / pattern.name
+    drawn = effects.draw(pattern, setting)
     prepared: dict[tuple[int, int], effects.Effect] = {}
-    parameters: dict[str, Any] = {}
     for view in tqdm(scene.views, desc=f"{scene.name}: {pattern.name}", unit="view"):
         camera = view.camera
         size = (camera.width, camera.height)
         if size not in prepared:  # one lens for every image size of the capture
             lens = variant / ".lens" / f"{size[0]}x{size[1]}"
-            prepared[size] = effects.prepare(pattern, scene.name, seed, camera, lens)
-            parameters = prepared[size].parameters
+            prepared[size] = effects.prepare(pattern, drawn, setting, camera, lens)
         _write_rainy(view, variant, pattern.effect, prepared[size])
     _link_sparse(variant)
     write_nerfstudio(scene, variant / "transforms.json", "images")
-    facts = {"effect": pattern.effect, "index": pattern.index, "seed": seed, "generator": GENERATOR}
-    write_json(variant / "pattern.json", {**facts, "parameters": parameters})
+    facts = {"effect": pattern.effect, "index": pattern.index, "grade": pattern.grade, "seed": setting.seed}
+    parameters = next(iter(prepared.values())).parameters
+    write_json(variant / "pattern.json", {**facts, "generator": GENERATOR, "parameters": parameters})
 
 
 def _write_rainy(view: View, variant: Path, effect: str, prepared: effects.Effect) -> None:
@@ -203,7 +206,7 @@ def _write_rainy(view: View, variant: Path, effect: str, prepared: effects.Effec
     if image.is_file() and layer.is_file():
         return
     clean = read_image(view.path)
-    layers = prepared.layers(clean, view.name)
+    layers = effects.rain_on(prepared, clean, view)
     write_layers(layer, layers)
     write_png(image, effects.composite(effect, prepared.parameters, clean, layers))
 

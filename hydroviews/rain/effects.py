@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 
 from hydroviews.cameras import Camera
 from hydroviews.images import Image, to_linear, to_srgb
-from hydroviews.rain import raindrops, streaks
+from hydroviews.rain import raindrops, severity, streaks
 from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.seeds import generator
+from hydroviews.rain.setting import Setting
+from hydroviews.scenes import View
 
 Layers = dict[str, NDArray[np.float32]]  # planes [H, W] by channel name
 
@@ -26,32 +28,39 @@ class Effect(Protocol):
 
     parameters: dict[str, Any]  # everything drawn, as JSON
 
-    def layers(self, clean: Image, view: str) -> Layers:
-        """What falls on this view, rounded to half floats."""
+    def layers(self, clean: Image, view: View) -> Layers:
+        """What falls on this view."""
         ...
 
 
-def prepare(pattern: Pattern, scene: str, seed: int, camera: Camera, folder: Path) -> Effect:
-    """Draw the pattern's parameters; bake in Blender what all views of this camera share, kept in `folder`."""
-    rng = generator(seed, scene, pattern.effect, pattern.index)
+def draw(pattern: Pattern, setting: Setting) -> Any:
+    """The parameters of a pattern, from its seed, as hard on this scene as its grade says."""
+    rng = generator(setting.seed, setting.scene, pattern.effect, pattern.index)
     if pattern.effect == "streak":
-        return Streaks(streaks.draw_pattern(rng), seed, (scene, pattern.effect, pattern.index))
-    return Raindrops(raindrops.draw_pattern(rng), camera, folder)
+        return severity.grade_streaks(streaks.draw_pattern(rng), pattern.grade, setting)
+    return raindrops.draw_pattern(rng)
+
+
+def prepare(pattern: Pattern, drawn: Any, setting: Setting, camera: Camera, folder: Path) -> Effect:
+    """Make ready for views of this size and these intrinsics; what Blender bakes for them is kept in `folder`."""
+    if pattern.effect == "streak":
+        return Streaks(drawn, setting, pattern)
+    return Raindrops(drawn, camera, folder)
 
 
 class Streaks:
     """Fresh streaks for every view; parameters and angle shared."""
 
-    def __init__(self, pattern: streaks.StreakPattern, seed: int, labels: tuple[str | int, ...]) -> None:
-        self.pattern = pattern
-        self.parameters = asdict(pattern)
-        self._seed, self._labels = seed, labels
+    def __init__(self, drawn: streaks.StreakPattern, setting: Setting, pattern: Pattern) -> None:
+        self.parameters = asdict(drawn)
+        self._drawn, self._seed = drawn, setting.seed
+        self._labels = (setting.scene, pattern.effect, pattern.index)
 
-    def layers(self, clean: Image, view: str) -> Layers:
+    def layers(self, clean: Image, view: View) -> Layers:
         """Channel S: cover of the view by streaks."""
         height, width = clean.shape[:2]
-        rng = generator(self._seed, *self._labels, view)
-        return _half({"S": streaks.streak_layer(self.pattern, width, height, rng)})
+        rng = generator(self._seed, *self._labels, view.name)
+        return {"S": streaks.streak_layer(self._drawn, width, height, rng)}
 
 
 class Raindrops:
@@ -61,21 +70,30 @@ class Raindrops:
         self.parameters = asdict(pattern)
         self._matte = raindrops.bake_matte(pattern, camera, folder)
 
-    def layers(self, clean: Image, view: str) -> Layers:
+    def layers(self, clean: Image, view: View) -> Layers:
         """Channels M: cover by drops; R, G, B: the linear radiance of the drops."""
         radiance = self._matte.apply(to_linear(clean))
-        return _half({"M": self._matte.mask, **{c: radiance[..., i] for i, c in enumerate("RGB")}})
+        return {
+            "M": self._matte.mask,
+            "V": np.zeros_like(self._matte.mask),
+            **{c: radiance[..., i] for i, c in enumerate("RGB")},
+        }
 
 
-def _half(layers: Mapping[str, NDArray]) -> Layers:
+def rain_on(effect: Effect, clean: Image, view: View) -> Layers:
+    """The layers of a view as their file holds them, rounded to half floats."""
+    layers = effect.layers(clean, view)
     return {name: plane.astype(np.float16).astype(np.float32) for name, plane in layers.items()}
 
 
 def composite(effect: str, parameters: Mapping[str, Any], clean: Image, layers: Layers) -> Image:
-    """The rainy view: streaks in encoded values, B (1 - S) + beta S; drops in linear light, B (1 - M) + D (Eq. 2).
+    """The rainy view.
+
+    Streaks follow the paper's recipe in encoded values, B (1 - S) + beta S. Water on the lens and rain in space
+    dim and add linear light, B (1 - M) (1 - V) + D: the paper's Eq. 2 with the cover 1 - (1 - M) (1 - V).
 
     Args:
-        effect: "streak" or "raindrop".
+        effect: "streak", "raindrop" or "storm".
         parameters: of the pattern.
         clean: B [H, W, 3], sRGB-encoded, [0, 1].
         layers: of this view.
@@ -85,5 +103,6 @@ def composite(effect: str, parameters: Mapping[str, Any], clean: Image, layers: 
     """
     if effect == "streak":
         return streaks.composite(clean, layers["S"], parameters["brightness"])
-    radiance = np.stack([layers[c] for c in "RGB"], axis=-1)
-    return to_srgb(to_linear(clean) * (1 - layers["M"][..., None]) + radiance)
+    added = np.stack([layers[c] for c in "RGB"], axis=-1)
+    passing = (1 - layers["M"]) * (1 - layers["V"])
+    return to_srgb(to_linear(clean) * passing[..., None] + added)

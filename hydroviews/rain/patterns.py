@@ -5,7 +5,9 @@ from dataclasses import dataclass
 
 from hydroviews.errors import InputError
 
-EFFECTS = ("raindrop", "streak")
+EFFECTS = ("raindrop", "streak", "storm")
+DEFAULT_EFFECTS = ("raindrop", "streak")  # the paper's
+GRADES = ("light", "medium", "heavy")
 
 
 @dataclass(frozen=True, order=True)
@@ -20,6 +22,11 @@ class Pattern:
         """For example `raindrop-0`."""
         return f"{self.effect}-{self.index}"
 
+    @property
+    def grade(self) -> str:
+        """How hard it is: the first three patterns of an effect are light, medium and heavy, and so on in turn."""
+        return GRADES[self.index % len(GRADES)]
+
 
 def parse_pattern(name: str) -> Pattern:
     """The pattern of that name.
@@ -30,16 +37,16 @@ def parse_pattern(name: str) -> Pattern:
     effect, _, index = name.rpartition("-")
     if effect not in EFFECTS or not index.isdecimal():
         raise InputError(
-            f"PATTERNS={name}: no such rain pattern", expected="an effect and a number, such as raindrop-0 or streak-2"
+            f"PATTERNS={name}: no such rain pattern",
+            expected=f"an effect ({', '.join(EFFECTS)}) and a number, such as raindrop-0 or streak-2",
         )
     return Pattern(effect, int(index))
 
 
-def patterns_of(count: int) -> list[Pattern]:
-    """The first `count` patterns of every effect."""
-    return [Pattern(effect, index) for effect in EFFECTS for index in range(count)]
-
-
-def choose_patterns(names: Sequence[str], default_count: int) -> list[Pattern]:
-    """The named patterns, or the first `default_count` of each effect where none is named."""
-    return [parse_pattern(name) for name in dict.fromkeys(names)] if names else patterns_of(default_count)
+def choose_patterns(
+    names: Sequence[str], indices: Sequence[int], effects: Sequence[str] = DEFAULT_EFFECTS
+) -> list[Pattern]:
+    """The named patterns, or those of the given numbers of every effect where none is named."""
+    if names:
+        return [parse_pattern(name) for name in dict.fromkeys(names)]
+    return [Pattern(effect, index) for effect in effects for index in indices]

@@ -2,27 +2,32 @@
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 from tqdm import tqdm
 
-from hydroviews.images import resize_area, to_linear
+from hydroviews.images import Image, resize_area, to_linear
 from hydroviews.rain.light import luminance
 from hydroviews.scenes import Points, View
 
 SAMPLED_VIEWS = 24  # spread evenly over the capture
-SAMPLED_SIDE = 200  # pixels of a sampled view's longer side, at most
-AIR = 90.0  # percentile of the luminance that a veil of lit mist has
+SAMPLED_SIDE = 160  # pixels of a sample's longer side, at most
+AIR = 90.0  # percentile of the luminance from which on light counts as the air's
+FINE = 1.0  # standard deviation in pixels of the blur that separates fine detail
+
+Colour = tuple[float, float, float]  # linear light
 
 
 @dataclass(frozen=True)
 class Light:
-    """How bright a scene is, in linear light, measured over its clean views."""
+    """How bright a scene is."""
 
-    mean: tuple[float, float, float]
-    air: tuple[float, float, float]  # mean colour of the brightest tenth: what mist and distant rain scatter
+    mean: Colour
+    air: Colour  # mean of the brightest tenth of the scene: what mist and distant rain scatter
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Setting:
     """A scene about to be rained on."""
 
@@ -30,28 +35,40 @@ class Setting:
     seed: int
     views: tuple[View, ...]  # clean, at the built size, in order of name: taken one after another
     points: Points
+    n_train: int  # views a method learns from
+    samples: tuple[Image, ...]  # some clean views made small, [h, w, 3], sRGB-encoded
+    detail: float  # mean squared fine detail of the clean views, encoded values: what is hardest to reconstruct
     light: Light
 
 
-def measure_light(views: tuple[View, ...], label: str) -> Light:
-    """Mean and air light over some of the views.
+def survey(
+    scene: str, seed: int, views: tuple[View, ...], points: Points, n_train: int, sampled: int = SAMPLED_VIEWS
+) -> Setting:
+    """Look at some of the views, and say what rain may know.
 
     Raises:
         InputError: an unreadable picture.
     """
-    chosen = views[:: -(-len(views) // SAMPLED_VIEWS)]
-    pixels = []
-    for view in tqdm(chosen, desc=f"{label}: light", unit="view", leave=False):
+    samples, details = [], []
+    for view in tqdm(views[:: -(-len(views) // sampled)], desc=f"{scene}: survey", unit="view", leave=False):
         image = view.image()
-        scale = max(1.0, max(image.shape[:2]) / SAMPLED_SIDE)
-        size = [max(1, round(side / scale)) for side in (image.shape[1], image.shape[0])]
-        pixels.append(to_linear(resize_area(image, *size)).reshape(-1, 3))
-    linear = np.concatenate(pixels)
+        details.append(float(np.mean((image - cv2.GaussianBlur(image, (0, 0), FINE)) ** 2, dtype=np.float64)))
+        samples.append(_small(image))
+    return Setting(scene, seed, views, points, n_train, tuple(samples), float(np.mean(details)), _light(samples))
+
+
+def _small(image: Image) -> Image:
+    height, width = image.shape[:2]
+    scale = max(1.0, max(width, height) / SAMPLED_SIDE)
+    return resize_area(image, max(1, round(width / scale)), max(1, round(height / scale)))
+
+
+def _light(samples: list[Image]) -> Light:
+    linear: NDArray[np.float32] = np.concatenate([to_linear(sample).reshape(-1, 3) for sample in samples])
     brightness = luminance(linear)
-    bright = linear[brightness >= np.percentile(brightness, AIR)]
-    return Light(_colour(linear.mean(axis=0)), _colour(bright.mean(axis=0)))
+    return Light(_mean(linear), _mean(linear[brightness >= np.percentile(brightness, AIR)]))
 
 
-def _colour(values: np.ndarray) -> tuple[float, float, float]:
-    red, green, blue = (round(float(v), 6) for v in values)
+def _mean(linear: NDArray[np.float32]) -> Colour:
+    red, green, blue = (round(float(value), 6) for value in linear.mean(axis=0, dtype=np.float64))
     return red, green, blue

@@ -79,7 +79,7 @@ def test_seeds(scene, tmp_path):
 
 
 def test_rain_is_fresh_in_every_view_and_other_in_every_pattern(scene, tmp_path):
-    folder = build(scene, tmp_path / "data", patterns=choose_patterns(["streak-0", "streak-1"], 0))
+    folder = build(scene, tmp_path / "data", patterns=choose_patterns(["streak-0", "streak-1"], ()))
     rain = {
         (p, v): (folder / p / "layers" / f"{v}.exr").read_bytes()
         for p in ("streak-0", "streak-1")
@@ -165,7 +165,7 @@ def test_verify_needs_a_manifest(tmp_path):
 @pytest.mark.parametrize("name", ["rain-0", "streak", "streak-x", "streak--1", ""])
 def test_unknown_patterns_are_refused(name):
     with pytest.raises(InputError, match="no such rain pattern"):
-        choose_patterns([name], 1)
+        choose_patterns([name], (1,))
 
 
 def test_a_capture_is_never_built_over(scene, tmp_path):

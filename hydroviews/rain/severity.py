@@ -1,0 +1,67 @@
+"""How hard a pattern is: its strength is set so that plain 3DGS should lose about as much as its grade says.
+
+What 3DGS makes of rain can be told beforehand, roughly:
+
+* Streaks are new in every view, and what many views share is their mean: the scene is learned too bright by
+  S (beta - B), with S the mean cover. Its square, averaged over the scene, is the streaks' harm.
+* Water on the lens is at the same place in every view. A veil of mist is learned as part of the scene.
+* A scene is learned from clean views with an error near that of its fine detail (within 1 dB on the scenes
+  measured), so the loss is 10 log10(1 + harm / detail).
+
+The loss that was really measured stands in the data card of each built scene, which is where a grade is judged.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from hydroviews.rain.seeds import generator
+from hydroviews.rain.setting import Setting
+from hydroviews.rain.streaks import StreakPattern, streak_layer
+
+LOSS = {"light": 1.5, "medium": 4.0, "heavy": 8.5}  # dB that plain 3DGS should lose against clean views
+FEWEST, MOST = 20.0, 300.0  # streak noise level n; the paper draws from 100 to 300
+BRIGHTEST = 1.0  # a streak's encoded value, where n alone cannot reach the grade
+TRIAL_VIEWS = 3  # whose mean cover stands for all
+STEPS = 12  # of a bisection
+
+
+def wanted_harm(grade: str, setting: Setting) -> float:
+    """Mean squared error, in encoded values, that a pattern of this grade should leave in what is learned."""
+    return float(setting.detail * (10 ** (LOSS[grade] / 10) - 1))
+
+
+def grade_streaks(drawn: StreakPattern, grade: str, setting: Setting) -> StreakPattern:
+    """The pattern with n, and if need be its brightness, set to the grade on this scene."""
+    wanted = wanted_harm(grade, setting)
+    camera = setting.views[0].camera
+
+    def harm(n: float, brightness: float) -> float:
+        rngs = [generator(setting.seed, setting.scene, "trial", i) for i in range(TRIAL_VIEWS)]
+        pattern = replace(drawn, n=n, brightness=brightness)
+        covers = [float(streak_layer(pattern, camera.width, camera.height, rng).mean()) for rng in rngs]
+        return float(np.mean(covers)) ** 2 * mean_squared_contrast(setting, brightness)
+
+    n = solve(lambda value: harm(value, drawn.brightness), wanted, FEWEST, MOST)
+    brightness = drawn.brightness
+    if n == MOST:
+        brightness = solve(lambda value: harm(MOST, value), wanted, drawn.brightness, BRIGHTEST)
+    return replace(drawn, n=round(n), brightness=round(brightness, 3))
+
+
+def mean_squared_contrast(setting: Setting, brightness: float) -> float:
+    """Mean of (beta - B)^2 over the scene, in encoded values."""
+    return float(np.mean([np.mean((brightness - sample) ** 2) for sample in setting.samples]))
+
+
+def solve(increasing: Callable[[float], float], wanted: float, low: float, high: float) -> float:
+    """Where a function that grows from `low` to `high` takes the wanted value, or the end nearest to that."""
+    if increasing(high) <= wanted:
+        return high
+    if increasing(low) >= wanted:
+        return low
+    for _ in range(STEPS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if increasing(middle) < wanted else (low, middle)
+    return (low + high) / 2
