@@ -20,6 +20,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -115,8 +116,8 @@ def measure_view(
         layers: planes [H, W] by channel name.
         facts: the variant's `pattern.json`: its effect and parameters.
     """
-    difference = rainy.astype(np.int32) - clean
-    squared = float(np.square(difference).mean()) / 255**2
+    squared = cv2.norm(rainy, clean, cv2.NORM_L2SQR) / (clean.size * 255**2)
+    gained = np.maximum(cv2.LUT(rainy, LINEAR) - cv2.LUT(clean, LINEAR), 0)
     falling = layers.get(FALLING.get(facts["effect"], ""))
     density = None
     if facts["effect"] == "streak" and falling is not None:
@@ -124,8 +125,8 @@ def measure_view(
     return ViewStatistics(
         view=name,
         **{column: float(layers[plane].mean()) if plane in layers else None for column, plane in PLANES.items()},
-        brightness_change=float(difference.mean()) / 255,
-        added_light=float(np.maximum(LINEAR[rainy] - LINEAR[clean], 0).mean()),
+        brightness_change=float(rainy.mean() - clean.mean()) / 255,
+        added_light=float(gained.mean()),
         psnr=-10 * float(np.log10(squared)) if squared else float("inf"),
         angle=None if falling is None else streak_angle(falling),
         seed_density=density,
