@@ -11,6 +11,7 @@ from hydroviews.cameras import Camera, fitted_size, same_shape
 from hydroviews.errors import InputError
 from hydroviews.images import Image, read_image, resize_area
 from hydroviews.lenses import Lens
+from hydroviews.masks import TOUCHED, Ignored, fit_ignored, read_ignored
 
 TEST_EVERY = 8
 
@@ -20,13 +21,14 @@ class View:
     """A photograph and its camera. `name` is the file name without folder and suffix, unique in its scene.
 
     `lens` is what the photograph was taken with, None where that is a pinhole already; `camera` is always the
-    pinhole camera of what `image` returns.
+    pinhole camera of what `image` returns. `mask` hides part of the photograph (see `hydroviews.masks`).
     """
 
     name: str
     camera: Camera
     path: Path
     lens: Lens | None = None
+    mask: Path | None = None
 
     def image(self) -> Image:
         """Read the picture, undistorted: float32 [H, W, 3], sRGB-encoded, [0, 1], at the camera's size.
@@ -44,6 +46,27 @@ class View:
         if not same_shape(size, wanted) or size < wanted:
             raise wrong_size(self.path, (width, height), wanted)
         return resize_area(image, *wanted)
+
+    def ignored(self) -> Ignored | None:
+        """The mask, undistorted and resized like the picture: bool [H, W], True where it must not be looked at.
+
+        A pixel that a hidden one touches is hidden. None where the view has no mask.
+
+        Raises:
+            InputError: the mask is unreadable, or of another shape than the photograph.
+        """
+        if self.mask is None:
+            return None
+        ignored = read_ignored(self.mask)
+        size = (ignored.shape[1], ignored.shape[0])
+        expected = (self.camera.width, self.camera.height)
+        if self.lens is not None:
+            expected = (self.lens.width, self.lens.height)
+        if not same_shape(size, expected):
+            raise wrong_size(self.mask, size, expected)
+        if self.lens is not None:
+            ignored = np.asarray(self.lens.undistort(ignored.astype(np.float32)) > TOUCHED)
+        return fit_ignored(ignored, self.camera.width, self.camera.height)
 
 
 def wrong_size(path: Path, found: tuple[int, int], expected: tuple[int, int]) -> InputError:
@@ -96,6 +119,7 @@ class Scene:
     points: Points
     split: Split
     notes: tuple[str, ...] = field(default=())
+    captured_rainy: bool = False  # it rained when the photographs were taken: there is no clean ground truth
 
     @property
     def train_views(self) -> tuple[View, ...]:

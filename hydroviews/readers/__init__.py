@@ -1,8 +1,10 @@
 """Captures on disk, in any of the usual forms, as scenes."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from hydroviews.errors import InputError
+from hydroviews.provenance import captured_rainy
 from hydroviews.readers import llff, nerfstudio
 from hydroviews.readers.colmap import find_models, read_colmap
 from hydroviews.readers.llff import read_llff
@@ -15,7 +17,8 @@ def read_scene(folder: Path, name: str | None = None, images: str | None = None)
     """Read a capture, its cameras from a COLMAP model, else `transforms.json`, else `poses_bounds.npy`.
 
     The split is the folder's `split.json`, else every 8th view by name is held out. `Scene.notes` says which
-    cameras were taken, how many images they cover, and which of them look wrong.
+    cameras were taken, how many images they cover, and which of them look wrong. Masks are the capture's `masks`
+    (see `hydroviews.masks`); whether it was taken in rain stands in its `capture.json`.
 
     Args:
         folder: the capture, or a built scene or one of its rainy variants.
@@ -27,7 +30,17 @@ def read_scene(folder: Path, name: str | None = None, images: str | None = None)
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder")
-    name = name or folder.resolve().name
+    scene = _read_cameras(folder, name or folder.resolve().name, images)
+    masked, notes = sum(view.mask is not None for view in scene.views), list(scene.notes)
+    if masked:
+        notes.append(f"{masked} of {len(scene.views)} views have a mask")
+    rainy = captured_rainy(folder)
+    if rainy:
+        notes.append("taken in rain: there are no clean views to compare with")
+    return replace(scene, notes=tuple(notes), captured_rainy=rainy)
+
+
+def _read_cameras(folder: Path, name: str, images: str | None) -> Scene:
     if find_models(folder):
         return read_colmap(folder, name, images)
     if (folder / nerfstudio.CAMERA_FILE).is_file():

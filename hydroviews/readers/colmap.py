@@ -17,6 +17,7 @@ from hydroviews.readers.photographs import (
     all_files,
     image_folder,
     make_view,
+    mask_beside,
     photographs_below,
     read_split,
     view_names,
@@ -54,7 +55,8 @@ def read_colmap(folder: Path, name: str, images: str | None = None) -> Scene:
     model, registered, others = _largest_model(folder)
     photographs = image_folder(folder, images)
     files = all_files(model, photographs, [image.name for image in registered])
-    views = _views(model, registered, files)
+    masks = [mask_beside(folder, photographs, file) for file in files]
+    views = _views(model, registered, files, masks)
     total = max(len(photographs_below(photographs)), len(views))
     notes = [f"cameras from {model.relative_to(folder)}: {len(views)} of {total} images registered", *others]
     ordered = sorted(views, key=lambda view: view.name)
@@ -77,7 +79,9 @@ def _largest_model(folder: Path) -> tuple[Path, list[RegisteredImage], list[str]
     return path, images, [f"the largest of several models; not used: {', '.join(left)}"] if left else []
 
 
-def _views(model: Path, images: Sequence[RegisteredImage], files: Sequence[Path]) -> list[View]:
+def _views(
+    model: Path, images: Sequence[RegisteredImage], files: Sequence[Path], masks: Sequence[Path | None]
+) -> list[View]:
     lenses = read_cameras(model)
     absent = sorted({image.camera_id for image in images} - set(lenses))
     if absent:
@@ -89,8 +93,8 @@ def _views(model: Path, images: Sequence[RegisteredImage], files: Sequence[Path]
         )
     names = view_names([image.name for image in images])
     return [
-        make_view(name, file, lenses[image.camera_id], image.world_to_camera)
-        for name, file, image in zip(names, files, images, strict=True)
+        make_view(name, file, lenses[image.camera_id], image.world_to_camera, mask)
+        for name, file, image, mask in zip(names, files, images, masks, strict=True)
     ]
 
 

@@ -8,7 +8,15 @@ from numpy.typing import NDArray
 from hydroviews.errors import InputError
 from hydroviews.lenses import Lens
 from hydroviews.readers.geometry import inverse, misplaced_note, rigid_pose
-from hydroviews.readers.photographs import image_folder, make_view, photographs_below, read_split, some, view_names
+from hydroviews.readers.photographs import (
+    image_folder,
+    make_view,
+    mask_beside,
+    photographs_below,
+    read_split,
+    some,
+    view_names,
+)
 from hydroviews.scenes import Scene, make_scene, no_points
 
 CAMERA_FILE = "poses_bounds.npy"
@@ -40,7 +48,8 @@ def read_llff(folder: Path, name: str, images: str | None = None) -> Scene:
         matrix = row[:15].reshape(3, 5)
         height, width, focal = matrix[:, 4]
         lens = Lens("SIMPLE_PINHOLE", round(width), round(height), (focal, width / 2, height / 2))
-        views.append(make_view(view_name, file, lens, _world_to_camera(matrix, f"{path}: {view_name}")))
+        pose = _world_to_camera(matrix, f"{path}: {view_name}")
+        views.append(make_view(view_name, file, lens, pose, mask_beside(folder, photographs, file)))
     notes = [f"cameras from {CAMERA_FILE}: {len(views)} images", "the capture has no points"]
     notes += misplaced_note(names, [view.camera.centre for view in views])
     return make_scene(name, views, no_points(), read_split(folder), notes)

@@ -12,6 +12,7 @@ from hydroviews.errors import InputError
 from hydroviews.files import read_json
 from hydroviews.images import image_size
 from hydroviews.lenses import Lens
+from hydroviews.masks import MASKS, find_mask
 from hydroviews.readers.geometry import OPENGL_TO_OPENCV, inverse, misplaced_note, rigid_pose
 from hydroviews.readers.photographs import make_view, match_files, other_images, read_split, some, view_names
 from hydroviews.scenes import Points, Scene, View, make_scene, no_points
@@ -27,6 +28,7 @@ def read_nerfstudio(folder: Path, name: str) -> Scene:
 
     Intrinsics may be shared or a frame's own (`fl_x, fl_y, cx, cy, w, h, k1..k4, p1, p2`, or `camera_angle_x`).
     `applied_transform` only tells how the world was turned before: poses and points are both given after it.
+    Black pixels of a frame's `mask_path` are hidden.
 
     Raises:
         InputError: not such a file, no frame with an image, a pose or an intrinsic that is none.
@@ -41,7 +43,7 @@ def read_nerfstudio(folder: Path, name: str) -> Scene:
     if not any(files):
         raise other_images(path, folder, names)
     views = [
-        _view(path, view_name, file, {**content, **frame})
+        _view(path, view_name, file, {**content, **frame}, _mask(folder, frame))
         for view_name, file, frame in zip(view_names(names), files, frames, strict=True)
         if file
     ]
@@ -63,9 +65,19 @@ def _file_name(path: Path, index: int, frame: Mapping[str, Any]) -> str:
     return str(Path(frame["file_path"]))  # without a leading ./
 
 
-def _view(path: Path, name: str, file: Path, frame: Mapping[str, Any]) -> View:
+def _mask(folder: Path, frame: Mapping[str, Any]) -> Path | None:
+    """The mask a frame names, else the one of its image's name in `masks`."""
+    if not frame.get("mask_path"):
+        return find_mask(folder / MASKS, Path(frame["file_path"]).name)
+    path = folder / str(frame["mask_path"])
+    if not path.is_file():
+        raise InputError(f"{path}: no such mask", fix="copy it back, or remove mask_path from the frame")
+    return path
+
+
+def _view(path: Path, name: str, file: Path, frame: Mapping[str, Any], mask: Path | None) -> View:
     camera_to_world = rigid_pose(frame["transform_matrix"], f"{path}: {name}") @ OPENGL_TO_OPENCV
-    return make_view(name, file, _lens(path, name, file, frame), inverse(camera_to_world))
+    return make_view(name, file, _lens(path, name, file, frame), inverse(camera_to_world), mask)
 
 
 def _lens(path: Path, name: str, file: Path, frame: Mapping[str, Any]) -> Lens:

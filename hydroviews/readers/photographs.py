@@ -12,6 +12,7 @@ from hydroviews.errors import InputError
 from hydroviews.files import read_json
 from hydroviews.images import SUFFIXES, image_size
 from hydroviews.lenses import Lens
+from hydroviews.masks import MASKS, find_mask
 from hydroviews.scenes import Split, View, wrong_size
 
 FOLDERS = ("images", "clean", "input", "images_2", "images_4", "images_8")
@@ -97,7 +98,9 @@ def view_names(names: Sequence[str]) -> list[str]:
     return ["_".join(part for part in stem.parts if part not in (".", "..", "/")) for stem in stems]
 
 
-def make_view(name: str, path: Path, lens: Lens, world_to_camera: NDArray[np.float64]) -> View:
+def make_view(
+    name: str, path: Path, lens: Lens, world_to_camera: NDArray[np.float64], mask: Path | None = None
+) -> View:
     """A view of the photograph at its own size, which may be a multiple or fraction of the lens's.
 
     Raises:
@@ -107,7 +110,12 @@ def make_view(name: str, path: Path, lens: Lens, world_to_camera: NDArray[np.flo
     if not same_shape(size, (lens.width, lens.height)):
         raise wrong_size(path, size, (lens.width, lens.height))
     camera = lens.pinhole(size).camera(world_to_camera)
-    return View(name, camera, path, None if lens.is_pinhole else lens)
+    return View(name, camera, path, None if lens.is_pinhole else lens, mask)
+
+
+def mask_beside(folder: Path, photographs: Path, file: Path) -> Path | None:
+    """The mask of a photograph in a capture's `masks`, None where there is none."""
+    return find_mask(folder / MASKS, file.relative_to(photographs).as_posix())
 
 
 def read_split(folder: Path) -> Split | None:
