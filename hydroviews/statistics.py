@@ -31,7 +31,6 @@ from hydroviews.files import read_json, replacing
 from hydroviews.images import list_images, read_image, to_linear, to_uint8
 from hydroviews.rain.layers import read_layers
 from hydroviews.rain.measures import mean_angle, seed_density, streak_angle
-from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.streaks import StreakPattern
 
 STATISTICS = "statistics.csv"
@@ -149,24 +148,23 @@ def read_statistics(path: Path) -> pd.DataFrame:
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: not a table of statistics", found=error, fix="delete it and build again") from None
     if "psnr" not in table and "psnr_mean" not in table:
-        raise InputError(f"{path}: not a table of statistics", found=", ".join(table), fix="delete it and build again")
+        raise InputError(f"{path}: not a table of statistics", found=list(table), fix="delete it and build again")
     return table
 
 
 def summarise(folder: Path) -> pd.DataFrame:
     """A scene's variants, a row each: mean, least and most of every number over the views."""
     rows = []
-    for path in sorted(folder.glob(f"*/{STATISTICS}")):
+    for path in sorted(folder.glob(f"[!.]*/{STATISTICS}")):
         views, facts = read_statistics(path), read_json(path.parent / "pattern.json")
-        grade = Pattern(facts["effect"], facts["index"]).grade
-        about = {"pattern": path.parent.name, "effect": facts["effect"], "grade": grade}
+        about = {"pattern": path.parent.name, "effect": facts["effect"], "grade": facts.get("grade", "")}
         rows.append({**about, "views": len(views), **_summary(views)})
     columns = [f"{name}_{what}" for name in NUMBERS for what in ("mean", "min", "max")]
     return pd.DataFrame(rows, columns=["pattern", "effect", "grade", "views", *columns]).round(DECIMALS)
 
 
 def _summary(views: pd.DataFrame) -> dict[str, float]:
-    summary = {}
+    summary: dict[str, float] = {}
     for name in NUMBERS:
         values = views[name].dropna().to_numpy(np.float64)
         mean = mean_angle(values) if name == "angle" else values.mean() if len(values) else np.nan

@@ -47,9 +47,10 @@ def built(tmp_path) -> Path:
             write_png(folder / pattern / "images" / f"{name}.png", rainy)
     write_json(
         folder / "streak-1" / "pattern.json",
-        {"effect": "streak", "index": 1, "parameters": vars(STREAKS) | {"added later": 1}},
+        {"effect": "streak", "index": 1, "grade": "medium", "parameters": vars(STREAKS) | {"added later": 1}},
     )
-    write_json(folder / "raindrop-0" / "pattern.json", {"effect": "raindrop", "index": 0, "parameters": {}})
+    facts = {"effect": "raindrop", "index": 0, "grade": "light", "parameters": {}}
+    write_json(folder / "raindrop-0" / "pattern.json", facts)
     return folder
 
 
