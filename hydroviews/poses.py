@@ -11,8 +11,9 @@ import pycolmap
 from tqdm import tqdm
 
 from hydroviews import features
+from hydroviews.claims import claim
 from hydroviews.errors import InputError
-from hydroviews.files import PARTIAL, read_json, write_json
+from hydroviews.files import PARTIAL
 from hydroviews.images import image_size, write_png
 from hydroviews.readers import read_scene
 from hydroviews.readers.colmap import reliable
@@ -72,7 +73,13 @@ def estimate_poses(
     links = _link_names(images, sources)
     exhaustive = matcher == "exhaustive" or (matcher == "auto" and len(sources) <= features.EXHAUSTIVE_LIMIT)
     settings = {"camera_model": camera_model, "exhaustive": exhaustive, "seed": seed, "images": sorted(links)}
-    _claim(out, settings)
+    claim(
+        out / SETTINGS,
+        settings,
+        taken="holds poses that were estimated otherwise",
+        foreign=None,
+        fix="choose another folder, or remove this one",
+    )
     if not (out / "sparse").is_dir():
         _link(links, out / "images")
         names = sorted(links)
@@ -93,22 +100,6 @@ def _link_names(images: Path, sources: list[Path]) -> dict[str, Path]:
         twice = sorted({stem for stem in stems if stems.count(stem) > 1})
         raise InputError(f"{images}: several images share a name", found=some(twice), fix="rename them")
     return {stem + path.suffix: path for stem, path in zip(stems, sources, strict=True)}
-
-
-def _claim(out: Path, settings: dict) -> None:
-    """Take `out` for these settings; refuse it if it was begun with others."""
-    path = out / SETTINGS
-    if not path.is_file():
-        write_json(path, settings)
-        return
-    begun = read_json(path)
-    changed = [key for key in settings if begun.get(key) != settings[key]]
-    if changed:
-        raise InputError(
-            f"{out}: holds poses that were estimated otherwise",
-            found=f"another value of {', '.join(changed)} in {SETTINGS}",
-            fix="choose another folder, or remove this one",
-        )
 
 
 def _link(links: dict[str, Path], folder: Path) -> None:
@@ -185,7 +176,8 @@ def triangulate(scene: Scene, workspace: Path, seed: int = 0) -> Points:
         Points seen by three views within two pixels; there may be none, if poses or photographs do not fit.
     """
     scene = scene.resized(features.MAX_IMAGE_SIZE)
-    names = [f"{view.name.replace(' ', '_')}.png" for view in scene.views]
+    # COLMAP's text forms have no blanks in names; the number tells "a b" from "a_b".
+    names = [f"{i:05d}-{view.name.replace(' ', '_')}.png" for i, view in enumerate(scene.views)]
     for name, view in zip(names, tqdm(scene.views, desc="photographs"), strict=True):
         if not (workspace / "images" / name).is_file():
             write_png(workspace / "images" / name, view.image())

@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from baselines.method import find_method
+from hydroviews import claims
 from hydroviews.build import CLEAN
 from hydroviews.errors import InputError
-from hydroviews.files import PARTIAL, read_json, remove_tree, write_json
 from hydroviews.manifest import read_manifest
 from hydroviews.scenes import Scene
 from hydroviews.variants import open_clean, open_variant
@@ -76,23 +76,16 @@ def claim(run: Run, overwrite: bool) -> None:
     """Make the run's folder its own. A run with the same settings is gone on with, overwriting or not.
 
     Raises:
-        InputError: it holds a run with other settings and `overwrite` is not asked for.
+        InputError: it holds a run with other settings and `overwrite` is not asked for, or files of unknown origin.
     """
-    path, settings = run.folder / "config.json", run.settings()
-    begun = run.folder.is_dir() and any(not p.name.startswith(PARTIAL) for p in run.folder.iterdir())
-    earlier = read_json(path) if path.is_file() else {}
-    changed = [key for key in settings if earlier.get(key) != settings[key]]
-    if begun and changed:
-        if not overwrite:
-            raise InputError(
-                f"{run.folder}: holds a run with other settings",
-                found="; ".join(f"{key} {_brief(earlier.get(key), settings[key])}" for key in changed),
-                expected="; ".join(f"{key} {_brief(settings[key], earlier.get(key))}" for key in changed),
-                fix="add --overwrite (make eval OVERWRITE=1) to run it anew, or choose another results folder",
-            )
-        remove_tree(run.folder)
-    if changed:
-        write_json(path, settings)
+    claims.claim(
+        run.folder / "config.json",
+        run.settings(),
+        taken="holds a run with other settings",
+        foreign="holds files of a run with other settings, or of none",
+        fix="add --overwrite (make eval OVERWRITE=1) to run it anew, or choose another results folder",
+        overwrite=overwrite,
+    )
 
 
 def data_hash(data: Path, scene: str, pattern: str) -> str:
@@ -123,10 +116,3 @@ def _as_json(method: str, config: Any) -> Any:
             found=error,
             expected="a dataclass of numbers, strings, lists and paths",
         ) from error
-
-
-def _brief(value: Any, other: Any) -> Any:
-    """Of two nested settings only what differs."""
-    if isinstance(value, dict) and isinstance(other, dict):
-        return {key: item for key, item in value.items() if other.get(key) != item}
-    return value
