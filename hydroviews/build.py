@@ -15,7 +15,7 @@ import json
 import os
 import shutil
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -112,7 +112,7 @@ def _refuse_own_capture(scene: Scene, folder: Path) -> None:
 
 def _fingerprint(scene: Scene) -> str:
     """Changes when the capture's views, cameras, points, split or image files do."""
-    digest = hashlib.sha256(json.dumps([scene.split.train, scene.split.test]).encode())
+    digest = hashlib.sha256(json.dumps(asdict(scene.split)).encode())
     digest.update(np.ascontiguousarray(scene.points.positions, np.float64).round(9).tobytes())
     digest.update(np.ascontiguousarray(scene.points.colours).tobytes())
     for view in scene.views:
@@ -179,8 +179,7 @@ def _write_cameras(scene: Scene, folder: Path, capture: Scene) -> None:
         write_colmap(replace(scene, points=points), folder / "sparse" / "0")
     shutil.rmtree(folder / ".triangulation", ignore_errors=True)
     write_nerfstudio(scene, folder / "transforms.json", CLEAN)
-    split = {"train": list(scene.split.train), "test": list(scene.split.test)}
-    write_json(folder / "split.json", split)
+    write_json(folder / "split.json", asdict(scene.split))
 
 
 def _write_variant(scene: Scene, folder: Path, pattern: Pattern, setting: Setting) -> None:

@@ -14,6 +14,7 @@ from hydroviews.lenses import Lens
 from hydroviews.masks import TOUCHED, Ignored, fit_ignored, read_ignored
 
 TEST_EVERY = 8
+SPARSE_EVERY = 3
 
 
 @dataclass(frozen=True)
@@ -97,10 +98,11 @@ def no_points() -> Points:
 
 @dataclass(frozen=True)
 class Split:
-    """Names of the training and the held-out views."""
+    """Names of the training and the held-out views; `sparse` are those trained on where views are to be few."""
 
     train: tuple[str, ...]
     test: tuple[str, ...]
+    sparse: tuple[str, ...] = ()
 
 
 def every_eighth(names: Sequence[str]) -> Split:
@@ -108,6 +110,13 @@ def every_eighth(names: Sequence[str]) -> Split:
     ordered = sorted(names)
     test = tuple(ordered[::TEST_EVERY])
     return Split(tuple(n for n in ordered if n not in set(test)), test)
+
+
+def every_third(train: Sequence[str]) -> tuple[str, ...]:
+    """Every 3rd training view by name, starting with the first; the first and the last where that is only one."""
+    ordered = sorted(train)
+    chosen = ordered[::SPARSE_EVERY]
+    return tuple(chosen if len(chosen) > 1 else [ordered[0], ordered[-1]])
 
 
 @dataclass(frozen=True)
@@ -131,6 +140,10 @@ class Scene:
         """The held-out views."""
         return self._select(self.split.test)
 
+    def sparse(self) -> "Scene":
+        """The same scene with only its sparse views to train on."""
+        return replace(self, split=replace(self.split, train=self.split.sparse))
+
     def _select(self, names: Sequence[str]) -> tuple[View, ...]:
         by_name = {view.name: view for view in self.views}
         return tuple(by_name[name] for name in names)
@@ -152,11 +165,11 @@ def make_scene(
     split: Split | None = None,
     notes: Sequence[str] = (),
 ) -> Scene:
-    """A checked scene: views sorted by name, the split drawn if none is given.
+    """A checked scene: views sorted by name, the split and its sparse views drawn if none are given.
 
     Raises:
-        InputError: no views, two of one name, fewer than two to train on, or a split that names absent views or
-            lists one twice.
+        InputError: no views, two of one name, fewer than two to train on, a split that names absent views or
+            lists one twice, or sparse views that are no training views.
     """
     ordered = tuple(sorted(views, key=lambda view: view.name))
     names = [view.name for view in ordered]
@@ -188,4 +201,18 @@ def make_scene(
             expected="at least two to train on and one held out (every 8th by name), so at least three images",
             fix="add photographs, or estimate the poses again so that more of them register",
         )
-    return Scene(name, ordered, points, split, tuple(notes))
+    return Scene(name, ordered, points, _with_sparse(name, split), tuple(notes))
+
+
+def _with_sparse(name: str, split: Split) -> Split:
+    if not split.sparse:
+        return replace(split, sparse=every_third(split.train))
+    odd = sorted(set(split.sparse) - set(split.train))
+    if odd or len(set(split.sparse)) < len(split.sparse) or len(split.sparse) < 2:
+        raise InputError(
+            f"{name}: the split's sparse views are no choice of its training views",
+            found=", ".join(odd[:5]) or f"{len(split.sparse)} views, {len(set(split.sparse))} of them different",
+            expected="at least two training views, each once",
+            fix="correct split.json, or remove its sparse views to have them drawn again",
+        )
+    return split

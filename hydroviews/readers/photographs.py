@@ -13,6 +13,7 @@ from hydroviews.files import read_json
 from hydroviews.images import SUFFIXES, image_size
 from hydroviews.lenses import Lens
 from hydroviews.masks import MASKS, find_mask
+from hydroviews.provenance import CAPTURED
 from hydroviews.scenes import Split, View, wrong_size
 
 FOLDERS = ("images", "clean", "input", "images_2", "images_4", "images_8")
@@ -122,17 +123,20 @@ def read_split(folder: Path) -> Split | None:
     """The split in `split.json`, of the folder itself or of the built scene it is a rainy variant of.
 
     Raises:
-        InputError: the file is not {"train": [names], "test": [names]}.
+        InputError: the file is not {"train": [names], "test": [names]}, with or without "sparse": [names].
     """
     path = folder / "split.json"
-    if not path.is_file() and (folder.parent / "clean").is_dir():
+    if not path.is_file() and (folder.name == CAPTURED or (folder.parent / "clean").is_dir()):
         path = folder.parent / "split.json"
     if not path.is_file():
         return None
     content = read_json(path)
-    if not isinstance(content, dict) or not all(_is_names(content.get(part)) for part in ("train", "test")):
+    content = {"sparse": [], **content} if isinstance(content, dict) else {}
+    parts = ("train", "test", "sparse")
+    if not all(_is_names(content.get(part)) for part in parts):
         raise InputError(f"{path}: not a split", expected='{"train": [view names], "test": [view names]}')
-    return Split(tuple(content["train"]), tuple(content["test"]))
+    train, test, sparse = (tuple(content[part]) for part in parts)
+    return Split(train, test, sparse)
 
 
 def _is_names(value: object) -> bool:

@@ -1,3 +1,4 @@
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -6,7 +7,8 @@ from synthetic import capture_in
 
 from hydroviews.errors import InputError
 from hydroviews.images import write_png
-from hydroviews.scenes import Split, every_eighth, make_scene, no_points
+from hydroviews.readers.photographs import read_split
+from hydroviews.scenes import Split, every_eighth, every_third, make_scene, no_points
 
 
 def test_every_eighth_by_name():
@@ -77,3 +79,42 @@ def test_a_split_that_lists_a_view_twice_is_refused(tmp_path, train, test):
     scene = capture_in(tmp_path / "yard")
     with pytest.raises(InputError, match="lists views twice"):
         make_scene("yard", scene.views, scene.points, Split(train, test))
+
+
+@pytest.mark.parametrize(
+    ("train", "sparse"), [("abcdefg", "adg"), ("gfedcba", "adg"), ("abcd", "ad"), ("abc", "ac"), ("ab", "ab")]
+)
+def test_every_third_training_view_is_a_sparse_one_and_there_are_two(train, sparse):
+    assert every_third(list(train)) == tuple(sparse)
+
+
+def test_a_scene_of_sparse_views(tmp_path):
+    scene = capture_in(tmp_path / "yard")
+    assert scene.split.sparse == ("view-01", "view-04", "view-07")
+    few = scene.sparse()
+    assert [view.name for view in few.train_views] == ["view-01", "view-04", "view-07"]
+    assert few.test_views == scene.test_views
+    train, test = scene.split.train, scene.split.test
+    given = make_scene("yard", scene.views, scene.points, Split(train, test, ("view-05", "view-02")))
+    assert [view.name for view in given.sparse().train_views] == ["view-05", "view-02"]
+
+
+@pytest.mark.parametrize("sparse", [("view-01",), ("view-01", "view-01"), ("view-01", "view-00"), ("view-01", "x")])
+def test_sparse_views_are_at_least_two_training_views(tmp_path, sparse):
+    scene = capture_in(tmp_path / "yard")
+    with pytest.raises(InputError, match="no choice of its training views"):
+        make_scene("yard", scene.views, scene.points, Split(scene.split.train, scene.split.test, sparse))
+
+
+@pytest.mark.parametrize("sparse", [3, ["view-01", 4], "view-01"])
+def test_a_split_file_with_odd_sparse_views(tmp_path, sparse):
+    (tmp_path / "split.json").write_text(json.dumps({"train": ["a"], "test": ["b"], "sparse": sparse}))
+    with pytest.raises(InputError, match="not a split"):
+        read_split(tmp_path)
+
+
+def test_a_split_file_without_sparse_views_is_one(tmp_path):
+    (tmp_path / "split.json").write_text('{"train": ["a"], "test": ["b"]}')
+    assert read_split(tmp_path) == Split(("a",), ("b",), ())
+    (tmp_path / "split.json").write_text('{"train": ["a", "c"], "test": ["b"], "sparse": ["c", "a"]}')
+    assert read_split(tmp_path) == Split(("a", "c"), ("b",), ("c", "a"))
