@@ -3,9 +3,11 @@
     <out>/<scene>/clean/*.png                 the ground truth
     <out>/<scene>/sparse/0, transforms.json   cameras and points for COLMAP and nerfstudio readers
     <out>/<scene>/split.json                  training and held-out views
+    <out>/<scene>/masks/*.png.png             hidden pixels, where the capture has masks
     <out>/<scene>/<pattern>/images/*.png      rainy views; layers/*.exr what was added; pattern.json every parameter
     <out>/manifest.json                       SHA-256 of every file of the finished scenes
 
+A capture that was taken in rain has no clean views: its own photographs are the one variant, `captured-0`.
 Every file is written whole or not at all, so a file that exists is finished. What a scene was asked to be is
 kept in its `request.json`: another request for the same folder is refused.
 """
@@ -25,7 +27,9 @@ from hydroviews.errors import InputError
 from hydroviews.files import read_json, remove_tree, replacing, write_json
 from hydroviews.images import read_image, write_png
 from hydroviews.manifest import GENERATOR, forget_scene, read_manifest, record_scene
+from hydroviews.masks import MASKS, mask_name, write_ignored
 from hydroviews.poses import triangulate
+from hydroviews.provenance import CAPTURED
 from hydroviews.rain import effects
 from hydroviews.rain.layers import write_layers
 from hydroviews.rain.patterns import Pattern, parse_pattern
@@ -79,14 +83,22 @@ def build(
         raise InputError(f"long side of {long_side} pixels", expected="at least 1")
     folder = out / scene.name
     _refuse_own_capture(scene, folder)
+    if scene.captured_rainy and patterns:
+        raise InputError(
+            f"{scene.name}: taken in rain, there are no clean views to add {patterns[0].name} to",
+            fix="build it without patterns (leave PATTERNS out)",
+        )
     request = Request(source or scene.name, _fingerprint(scene), long_side, seed)
     _claim(out, folder, request, overwrite)
     entry = read_manifest(out)["scenes"].get(scene.name, {"patterns": [], "files": {}})
     built = set(entry["patterns"])
     if entry["files"] and {p.name for p in patterns} <= built and all((folder / f).is_file() for f in entry["files"]):
         return folder
-    clean = _write_clean(scene.resized(long_side), folder)
-    _write_cameras(clean, folder, scene)
+    images = f"{CAPTURED}/images" if scene.captured_rainy else CLEAN
+    clean = _write_views(scene.resized(long_side), folder, images)
+    _write_cameras(clean, folder, scene, images)
+    if scene.captured_rainy:
+        _write_captured(clean, folder)
     rains = sorted({*patterns, *map(parse_pattern, built)})  # those of an earlier call too: a file may be missing
     if rains:
         setting = survey(scene.name, seed, clean.views, clean.points, len(clean.split.train))
@@ -120,6 +132,7 @@ def _fingerprint(scene: Scene) -> str:
         pose = [round(x, 9) for x in camera.world_to_camera.ravel().tolist()]
         facts = [view.name, camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, pose]
         digest.update(json.dumps(facts).encode() + _glimpse(view.path))
+        digest.update(_glimpse(view.mask) if view.mask else b"")
     return digest.hexdigest()[:16]
 
 
@@ -161,24 +174,33 @@ def _claim(out: Path, folder: Path, request: Request, overwrite: bool) -> None:
     write_json(path, wanted)
 
 
-def _write_clean(scene: Scene, folder: Path) -> Scene:
-    """Write the clean views at their final size; returns the scene that reads from them."""
+def _write_views(scene: Scene, folder: Path, images: str) -> Scene:
+    """Write the views, and what masks hide of them, at their final size; returns the scene that reads from them."""
     views = []
-    for view in tqdm(scene.views, desc=f"{scene.name}: clean views", unit="view"):
-        path = folder / CLEAN / f"{view.name}.png"
+    for view in tqdm(scene.views, desc=f"{scene.name}: {images.partition('/')[0]} views", unit="view"):
+        path = folder / images / f"{view.name}.png"
         if not path.is_file():
             write_png(path, view.image())
-        views.append(View(view.name, view.camera, path))
+        views.append(View(view.name, view.camera, path, mask=_write_mask(view, folder)))
     return replace(scene, views=tuple(views))
 
 
-def _write_cameras(scene: Scene, folder: Path, capture: Scene) -> None:
+def _write_mask(view: View, folder: Path) -> Path | None:
+    """Write what is hidden of a view, if anything may be; returns the file."""
+    path = folder / MASKS / mask_name(f"{view.name}.png")
+    ignored = None if path.is_file() else view.ignored()
+    if ignored is not None:
+        write_ignored(path, ignored)
+    return path if view.mask else None
+
+
+def _write_cameras(scene: Scene, folder: Path, capture: Scene, images: str) -> None:
     """Write cameras, points and split; a capture without points gets some from its full-size photographs."""
     if not (folder / "sparse" / "0").is_dir():
         points = scene.points if len(scene.points) else triangulate(capture, folder / ".triangulation")
         write_colmap(replace(scene, points=points), folder / "sparse" / "0")
     shutil.rmtree(folder / ".triangulation", ignore_errors=True)
-    write_nerfstudio(scene, folder / "transforms.json", CLEAN)
+    write_nerfstudio(scene, folder / "transforms.json", images)
     write_json(folder / "split.json", asdict(scene.split))
 
 
@@ -193,7 +215,7 @@ def _write_variant(scene: Scene, folder: Path, pattern: Pattern, setting: Settin
             lens = variant / ".lens" / f"{size[0]}x{size[1]}"
             prepared[size] = effects.prepare(pattern, drawn, setting, camera, lens)
         _write_rainy(view, variant, pattern.effect, prepared[size])
-    _link_sparse(variant)
+    _link_shared(variant)
     write_nerfstudio(scene, variant / "transforms.json", "images")
     facts = {"effect": pattern.effect, "index": pattern.index, "grade": pattern.grade, "seed": setting.seed}
     parameters = next(iter(prepared.values())).parameters
@@ -210,13 +232,24 @@ def _write_rainy(view: View, variant: Path, effect: str, prepared: effects.Effec
     write_png(image, effects.composite(effect, prepared.parameters, clean, layers))
 
 
-def _link_sparse(variant: Path) -> None:
-    link = variant / "sparse"
-    if link.exists() or link.is_symlink():
-        return
-    try:
-        os.symlink(os.path.join("..", "sparse"), link)
-    except OSError:  # a file system without links
-        with replacing(link) as temporary:
-            shutil.rmtree(temporary, ignore_errors=True)
-            shutil.copytree(variant.parent / "sparse", temporary)
+def _write_captured(scene: Scene, folder: Path) -> None:
+    """Make a project of the photographs on which it rained, beside which there are no clean ones."""
+    variant = folder / CAPTURED
+    _link_shared(variant)
+    write_nerfstudio(scene, variant / "transforms.json", "images")
+    effect, _, index = CAPTURED.rpartition("-")
+    write_json(variant / "pattern.json", {"effect": effect, "index": int(index), "generator": GENERATOR})
+
+
+def _link_shared(variant: Path) -> None:
+    """Links to the scene's cameras and masks, or copies where links cannot be made."""
+    for name in ("sparse", MASKS):
+        link = variant / name
+        if link.exists() or link.is_symlink() or not (variant.parent / name).is_dir():
+            continue
+        try:
+            os.symlink(os.path.join("..", name), link)
+        except OSError:  # a file system without links
+            with replacing(link) as temporary:
+                shutil.rmtree(temporary, ignore_errors=True)
+                shutil.copytree(variant.parent / name, temporary)

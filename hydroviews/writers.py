@@ -13,6 +13,7 @@ from plyfile import PlyData, PlyElement
 from hydroviews.cameras import Camera
 from hydroviews.errors import InputError
 from hydroviews.files import PARTIAL, plain_full_disk, write_json
+from hydroviews.masks import MASKS
 from hydroviews.readers.colmap_format import read_cameras, read_images, read_points
 from hydroviews.readers.geometry import OPENGL_TO_OPENCV, inverse
 from hydroviews.scenes import Points, Scene
@@ -101,7 +102,7 @@ _CHANNELS = ("red", "green", "blue")
 def write_nerfstudio(scene: Scene, path: Path, image_folder_name: str) -> None:
     """Write `transforms.json`: camera-to-world matrices with OpenGL axes, every frame with its own intrinsics.
 
-    A point cloud that `write_colmap` left in `sparse/0` beside it is named in it.
+    A point cloud that `write_colmap` left in `sparse/0` beside it is named in it; so are masks, in `masks` beside it.
 
     Args:
         scene: what to write.
@@ -114,6 +115,7 @@ def write_nerfstudio(scene: Scene, path: Path, image_folder_name: str) -> None:
     content["frames"] = [
         {
             "file_path": f"{image_folder_name}/{view.name}.png",
+            **({"mask_path": f"{MASKS}/{view.mask.name}"} if view.mask else {}),
             **dict(zip(("w", "h", "fl_x", "fl_y", "cx", "cy"), _intrinsics(view.camera), strict=True)),
             "transform_matrix": (inverse(view.camera.world_to_camera) @ OPENGL_TO_OPENCV).tolist(),
         }
