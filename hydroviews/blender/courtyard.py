@@ -1,30 +1,19 @@
-"""The embedded scene: a paved courtyard between houses, drawn from a seed as a list of pieces."""
+"""The embedded scene `courtyard`: a paved courtyard between houses, by day."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
+from hydroviews.blender.camera_paths import Path
 from hydroviews.blender.meshes import Mesh, annulus, box, gable, joined, knot, lathe, lumpy, moved, sphere
-
-Rng = np.random.Generator
+from hydroviews.blender.objects import barrel, bench, bush, crates, pot, rock, vase
+from hydroviews.blender.pieces import Design, Piece, Rng, Sky, Vector
 
 HOUSE_RADIUS = 13.0  # metres from the centre to the houses' middle
 TREE_RADIUS = 9.8
 COLUMN_RADIUS = 3.5
 CLUTTER_RADII = (1.9, 4.7)  # cameras keep further out than this
 WALLS = ("red brick", "ochre plaster", "pale brick", "blue plaster", "field stone", "rose plaster")
-
-
-@dataclass(frozen=True)
-class Piece:
-    """A mesh of one material, turned about z and put somewhere; the texture sticks to the mesh's own axes."""
-
-    name: str
-    mesh: Mesh
-    material: str
-    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    turn: float = 0.0
 
 
 def make_courtyard(rng: Rng) -> list[Piece]:
@@ -61,7 +50,7 @@ def _houses(rng: Rng) -> Iterator[Piece]:
         yield from _house(rng, f"house {i}", WALLS[i % len(WALLS)], place, angle - np.pi / 2)
 
 
-def _house(rng: Rng, name: str, wall: str, place: tuple[float, float, float], turn: float) -> Iterator[Piece]:
+def _house(rng: Rng, name: str, wall: str, place: Vector, turn: float) -> Iterator[Piece]:
     """Its front is at local -y, towards the centre of the courtyard."""
     width, depth, height = rng.uniform(4.9, 6.0), rng.uniform(3.0, 3.8), rng.uniform(3.4, 6.4)
     front = -depth / 2
@@ -128,13 +117,8 @@ def _ornament(rng: Rng, which: int) -> tuple[Mesh, str]:
     if which % 4 == 1:
         return moved(knot(0.3, 0.075), (0, 0, 0.24)), ("blue cloth", "bronze")[which // 4 % 2]
     if which % 4 == 2:
-        return _vase(0.62), ("terracotta", "blue tiles")[which // 4 % 2]
+        return vase(0.62), ("terracotta", "blue tiles")[which // 4 % 2]
     return moved(box(0.5, 0.5, 0.5), (0, 0, 0.02), turn=0.6), "green tiles"
-
-
-def _vase(height: float) -> Mesh:
-    profile = np.array([(0.22, 0.0), (0.4, 0.25), (0.46, 0.5), (0.34, 0.78), (0.22, 0.9), (0.28, 1.0), (0.2, 0.97)])
-    return lathe(profile * height)
 
 
 def _centrepiece(rng: Rng) -> Iterator[Piece]:
@@ -152,7 +136,7 @@ def _centrepiece(rng: Rng) -> Iterator[Piece]:
 
 
 def _clutter(rng: Rng) -> Iterator[Piece]:
-    makers = (_crates, _pot, _barrel, _rock, _bench, _pot, _rock, _bush)
+    makers = (crates, pot, barrel, rock, bench, pot, rock, bush)
     taken: list[tuple[float, float]] = []
     for i in range(24):
         place = _free_place(rng, taken)
@@ -171,45 +155,6 @@ def _free_place(rng: Rng, taken: list[tuple[float, float]]) -> tuple[float, floa
     return float(x), float(y)
 
 
-def _crates(rng: Rng, name: str, place: tuple[float, float, float]) -> Iterator[Piece]:
-    size = rng.uniform(0.5, 0.7)
-    yield Piece(f"{name} crate", box(size, size, size), "oak", place, rng.uniform(0, np.pi))
-    above = (place[0], place[1], size)
-    yield Piece(f"{name} box", box(0.6 * size, 0.5 * size, 0.4 * size), "yellow wood", above, rng.uniform(0, np.pi))
-
-
-def _pot(rng: Rng, name: str, place: tuple[float, float, float]) -> Iterator[Piece]:
-    pot = lathe([(0.2, 0.0), (0.3, 0.4), (0.34, 0.4), (0.34, 0.48), (0.28, 0.48), (0.26, 0.42)])
-    yield Piece(f"{name} pot", pot, "terracotta", place)
-    crown = lumpy(sphere(0.36), rng, 0.07, 5.0)
-    yield Piece(f"{name} plant", crown, ("flowers", "leaves")[int(rng.integers(2))], (place[0], place[1], 0.66))
-
-
-def _barrel(rng: Rng, name: str, place: tuple[float, float, float]) -> Iterator[Piece]:
-    yield Piece(f"{name} barrel", lathe([(0.27, 0.0), (0.35, 0.3), (0.36, 0.45), (0.27, 0.85)]), "oak", place)
-    hoops = [lathe([(r, z), (r, z + 0.06)]) for r, z in ((0.325, 0.14), (0.34, 0.64))]
-    yield Piece(f"{name} hoops", joined(*hoops), "bronze", place)
-
-
-def _rock(rng: Rng, name: str, place: tuple[float, float, float]) -> Iterator[Piece]:
-    size = rng.uniform(0.22, 0.42)
-    yield Piece(
-        f"{name} rock", lumpy(sphere(size), rng, 0.3 * size, 1.4 / size), "stone", (place[0], place[1], size / 2)
-    )
-
-
-def _bench(rng: Rng, name: str, place: tuple[float, float, float]) -> Iterator[Piece]:
-    turn = rng.uniform(0, np.pi)
-    seat = [moved(box(1.3, 0.12, 0.06), (0, y, 0.44)) for y in (-0.16, 0.0, 0.16)]
-    legs = [moved(box(0.1, 0.42, 0.44), (x, 0, 0)) for x in (-0.5, 0.5)]
-    yield Piece(f"{name} bench", joined(*seat, *legs), "painted wood", place, turn)
-
-
-def _bush(rng: Rng, name: str, place: tuple[float, float, float]) -> Iterator[Piece]:
-    bush = lumpy(sphere(0.42), rng, 0.1, 5.0)
-    yield Piece(f"{name} bush", bush, ("autumn leaves", "flowers")[int(rng.integers(2))], (place[0], place[1], 0.3))
-
-
 def _fences(rng: Rng) -> Iterator[Piece]:
     for i in range(5):
         angle = 2 * np.pi * (i + rng.uniform(0.2, 0.8)) / 5
@@ -218,3 +163,16 @@ def _fences(rng: Rng) -> Iterator[Piece]:
         place = (9.1 * np.cos(angle), 9.1 * np.sin(angle), 0.0)
         paint = ("yellow wood", "painted wood")[i % 2]
         yield Piece(f"fence {i}", joined(*posts, *rails), paint, place, angle - np.pi / 2)
+
+
+DAY = Sky(
+    zenith=(0.22, 0.45, 0.95),
+    horizon=(0.8, 0.92, 1.08),
+    ground=(0.34, 0.32, 0.28),
+    glow=(0.315, 0.2625, 0.175),
+    clouds=(1.12, 1.12, 1.14),
+    sun_direction=(0.55, -0.35, 0.76),
+    sun_strength=4.6,
+)
+AROUND = Path(radius=7.1, radius_spread=0.5, height=2.0, height_spread=0.6, target=(0, 0, 1.15), target_spread=0.35)
+COURTYARD = Design(make_courtyard, DAY, AROUND)

@@ -7,10 +7,11 @@ from pathlib import Path
 import bpy
 import numpy as np
 import OpenEXR
-from mathutils import Matrix
+from mathutils import Matrix, Vector
 from numpy.typing import NDArray
 
 from hydroviews.blender.meshes import Mesh
+from hydroviews.blender.pieces import Lamp
 from hydroviews.cameras import Camera
 
 SENSOR_MM = 36.0
@@ -67,6 +68,23 @@ def add_mesh(scene: bpy.types.Scene, name: str, mesh: Mesh, material: bpy.types.
     data.polygons.foreach_set("use_smooth", [mesh.smooth] * len(data.polygons))
     data.materials.append(material)
     item = bpy.data.objects.new(name, data)
+    scene.collection.objects.link(item)
+    return item
+
+
+def add_lamp(scene: bpy.types.Scene, lamp: Lamp) -> bpy.types.Object:
+    """Put a source of light into the scene that lights surfaces and shows in glossy ones alone."""
+    light = bpy.data.lights.new(lamp.name, "POINT" if lamp.size is None else "AREA")
+    light.energy, light.color = lamp.watts, lamp.colour
+    if lamp.size is None:
+        light.shadow_soft_size = lamp.radius
+    else:
+        light.shape, light.size, light.size_y = "RECTANGLE", *lamp.size
+    item = bpy.data.objects.new(lamp.name, light)
+    item.location = lamp.position
+    item.rotation_mode = "QUATERNION"
+    item.rotation_quaternion = Vector(lamp.direction).to_track_quat("-Z", "Y")
+    item.visible_camera = False
     scene.collection.objects.link(item)
     return item
 

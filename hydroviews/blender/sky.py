@@ -1,4 +1,4 @@
-"""Daylight: a sky with clouds as an environment image, and the sun."""
+"""What surrounds a scene: a sky with clouds as an environment image, and the sun."""
 
 import bpy
 import numpy as np
@@ -6,36 +6,45 @@ from mathutils import Vector
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
+from hydroviews.blender.pieces import Sky
 from hydroviews.blender.textures import SIZE, noise
 
 HEIGHT = 512  # rows of the environment image, twice as many columns
-SUN_DIRECTION = np.array([0.55, -0.35, 0.76]) / np.linalg.norm([0.55, -0.35, 0.76])
-SUN_STRENGTH = 4.6  # W/m^2 facing the sun; the sky's radiance is about 0.3 to 1.2 W/m^2/sr
 SUN_WIDTH = np.radians(2.5)  # wider than the real one, so that few samples draw soft shadow edges
-ZENITH, HORIZON, GROUND = (0.22, 0.45, 0.95), (0.8, 0.92, 1.08), (0.34, 0.32, 0.28)  # linear light
 
 
-def add_sky(scene: bpy.types.Scene, rng: np.random.Generator) -> None:
-    """Give the scene a world and a sun."""
+def add_sky(scene: bpy.types.Scene, sky: Sky, rng: np.random.Generator) -> None:
+    """Give the scene a world and, if it is up, a sun."""
     image = bpy.data.images.new("sky", 2 * HEIGHT, HEIGHT, float_buffer=True)
     image.colorspace_settings.name = "Non-Color"
     pixels = np.ones((HEIGHT, 2 * HEIGHT, 4), np.float32)
-    pixels[..., :3] = _radiance(_directions(), rng)
+    pixels[..., :3] = _radiance(sky, _directions(), rng)
     image.pixels.foreach_set(pixels.ravel())
     image.pack()
     scene.world = bpy.data.worlds.new("world")
     scene.world.use_nodes = True
+    scene.world.cycles_visibility.diffuse = sky.lights_surfaces
     tree = scene.world.node_tree
     environment = tree.nodes.new("ShaderNodeTexEnvironment")
     environment.image = image
     background = next(node for node in tree.nodes if node.type == "BACKGROUND")
     tree.links.new(environment.outputs["Color"], background.inputs["Color"])
+    if sky.sun_strength > 0:
+        _add_sun(scene, sky)
+
+
+def _add_sun(scene: bpy.types.Scene, sky: Sky) -> None:
     lamp = bpy.data.lights.new("sun", "SUN")
-    lamp.energy, lamp.angle, lamp.color = SUN_STRENGTH, SUN_WIDTH, (1.0, 0.93, 0.82)
+    lamp.energy, lamp.angle, lamp.color = sky.sun_strength, SUN_WIDTH, sky.sun_colour
     sun = bpy.data.objects.new("sun", lamp)
     sun.rotation_mode = "QUATERNION"
-    sun.rotation_quaternion = Vector(SUN_DIRECTION.tolist()).to_track_quat("Z", "Y")
+    sun.rotation_quaternion = Vector(_sun(sky).tolist()).to_track_quat("Z", "Y")
     scene.collection.objects.link(sun)
+
+
+def _sun(sky: Sky) -> NDArray[np.float64]:
+    direction = np.array(sky.sun_direction, float)
+    return direction / np.linalg.norm(direction)
 
 
 def _directions() -> NDArray[np.float64]:
@@ -47,18 +56,18 @@ def _directions() -> NDArray[np.float64]:
     return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], axis=-1)
 
 
-def _radiance(directions: NDArray, rng: np.random.Generator) -> NDArray[np.float64]:
+def _radiance(sky: Sky, directions: NDArray, rng: np.random.Generator) -> NDArray[np.float64]:
     """Linear RGB of the sky in each direction [..., 3], without the sun itself."""
     up = directions[..., 2:]
     height = np.clip(up, 0, 1)
-    sky = np.array(HORIZON) + (np.array(ZENITH) - HORIZON) * height**0.55
-    toward_sun = np.clip(directions @ SUN_DIRECTION, 0, 1)[..., None]
-    sky = sky + np.array([0.9, 0.75, 0.5]) * 0.35 * toward_sun**12
+    radiance = np.array(sky.horizon) + (np.array(sky.zenith) - sky.horizon) * height**0.55
+    toward_sun = np.clip(directions @ _sun(sky), 0, 1)[..., None]
+    radiance = radiance + np.array(sky.glow) * toward_sun**12
     cover = _clouds(directions, rng)[..., None]
-    cloud = np.array([1.12, 1.12, 1.14]) * (0.72 + 0.28 * toward_sun)
-    sky = sky + (cloud - sky) * cover
+    cloud = np.array(sky.clouds) * (0.72 + 0.28 * toward_sun)
+    radiance = radiance + (cloud - radiance) * cover
     below = np.clip(-up * 12, 0, 1)
-    return sky + (np.array(GROUND) - sky) * below
+    return radiance + (np.array(sky.ground) - radiance) * below
 
 
 def _clouds(directions: NDArray, rng: np.random.Generator) -> NDArray[np.float64]:

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from hydroviews.blender import captures, textures
-from hydroviews.blender.captures import read_courtyard, render_courtyard, ring_cameras
-from hydroviews.blender.courtyard import make_courtyard
+from hydroviews.blender.camera_paths import place_cameras
+from hydroviews.blender.captures import read_courtyard, render_courtyard
+from hydroviews.blender.courtyard import AROUND, make_courtyard
 from hydroviews.blender.drop_shapes import Drop, drop_meshes
 from hydroviews.blender.meshes import Mesh, annulus, box, gable, joined, knot, lathe, lumpy, moved, sphere
 from hydroviews.blender.process import run_blender
@@ -109,7 +110,7 @@ def _wait_for(path: Path) -> str:
 
 @pytest.mark.parametrize("n_views", [3, 8, 9, 17, 24, 40, 100])
 def test_held_out_views_lie_between_two_training_views(n_views):
-    centres = np.array([camera.centre for camera in ring_cameras(n_views, 64, 48, 0)])
+    centres = np.array([camera.centre for camera in place_cameras(AROUND, n_views, 64, 48, 0)])
     held_out = np.arange(n_views) % TEST_EVERY == 0
     train = centres[~held_out]
     for centre in centres[held_out]:
@@ -121,7 +122,7 @@ def test_held_out_views_lie_between_two_training_views(n_views):
 
 
 def test_cameras_look_at_the_courtyard_upright():
-    for camera in ring_cameras(40, 64, 48, 3):
+    for camera in place_cameras(AROUND, 40, 64, 48, 3):
         pixel, depth = camera.project([[0.0, 0.0, 1.15], [0.0, 0.0, 2.15]])
         assert np.all(depth > 4)
         assert np.all(np.abs(pixel[0] - (32, 24)) < 8)
@@ -215,7 +216,7 @@ def test_the_same_seed_builds_the_same_courtyard():
 
 
 def test_no_camera_is_inside_anything():
-    eyes = np.concatenate([[c.centre for c in ring_cameras(60, 64, 48, seed)] for seed in range(3)])
+    eyes = np.concatenate([[c.centre for c in place_cameras(AROUND, 60, 64, 48, seed)] for seed in range(3)])
     for piece in make_courtyard(np.random.default_rng(0)):
         if piece.name in ("cobbles", "lawn", "hills", "paving"):
             continue
