@@ -64,9 +64,16 @@ def interruptible(call: Callable[..., Result], tick: Callable[[], object] = lamb
     return results[0]
 
 
-def extract(database: Path, images: Path, names: Sequence[str], mode: pycolmap.CameraMode, camera_model: str) -> None:
-    """Detect SIFT features in the images that have none in the database yet."""
-    reader = pycolmap.ImageReaderOptions(camera_model=camera_model)
+def extract(
+    database: Path,
+    images: Path,
+    names: Sequence[str],
+    mode: pycolmap.CameraMode,
+    camera_model: str,
+    masks: Path | None = None,
+) -> None:
+    """Detect SIFT features in the images that have none in the database yet, but where `masks` are black."""
+    reader = pycolmap.ImageReaderOptions(camera_model=camera_model, mask_path=masks or "")
     options = pycolmap.FeatureExtractionOptions(max_image_size=MAX_IMAGE_SIZE, use_gpu=False)
     options.sift.max_num_features = MAX_FEATURES
     with pycolmap.Database.open(database) as opened:

@@ -1,5 +1,6 @@
 """Cameras for a folder of photographs, and points for cameras that come without, estimated with pycolmap."""
 
+import hashlib
 import os
 import shutil
 from functools import partial
@@ -13,8 +14,9 @@ from tqdm import tqdm
 from hydroviews import features
 from hydroviews.claims import claim
 from hydroviews.errors import InputError
-from hydroviews.files import PARTIAL
+from hydroviews.files import PARTIAL, sha256
 from hydroviews.images import image_size, write_png
+from hydroviews.masks import MASKS, mask_name, write_ignored
 from hydroviews.readers import read_scene
 from hydroviews.readers.colmap import reliable
 from hydroviews.readers.colmap_format import SparsePoints, read_images
@@ -45,6 +47,8 @@ def estimate_poses(
     camera_model: str = "SIMPLE_RADIAL",
     matcher: Matcher = "auto",
     seed: int = 0,
+    masks: Path | None = None,
+    advice: str = ADVICE,
 ) -> Scene:
     """Estimate a camera for each photograph in `images` and write the capture `out`.
 
@@ -60,6 +64,8 @@ def estimate_poses(
             to `features.EXHAUSTIVE_LIMIT` photographs.
         seed: of the random sampling. Mapping runs in several threads, so the last digits may still differ, and
             goes on from a snapshot after an interruption, which may change more than those.
+        masks: folder of masks named as COLMAP names them (see `hydroviews.masks`); what they hide has no features.
+        advice: what to do if too few register.
 
     Returns:
         The scene that `read_scene(out)` gives, with the number of registered photographs in its notes.
@@ -73,6 +79,7 @@ def estimate_poses(
     links = _link_names(images, sources)
     exhaustive = matcher == "exhaustive" or (matcher == "auto" and len(sources) <= features.EXHAUSTIVE_LIMIT)
     settings = {"camera_model": camera_model, "exhaustive": exhaustive, "seed": seed, "images": sorted(links)}
+    settings["masks"] = _digest(masks) if masks else None
     claim(
         out / SETTINGS,
         settings,
@@ -85,10 +92,10 @@ def estimate_poses(
         names = sorted(links)
         same_size = len({image_size(path) for path in sources}) == 1
         mode = pycolmap.CameraMode.SINGLE if same_size else pycolmap.CameraMode.AUTO
-        features.extract(out / DATABASE, out / "images", names, mode, camera_model)
+        features.extract(out / DATABASE, out / "images", names, mode, camera_model, masks)
         pairs = features.all_pairs(len(names)) if exhaustive else features.sequence_pairs(len(names))
         features.match(out / DATABASE, names, pairs, seed)
-        _map(out, len(names), seed)
+        _map(out, len(names), seed, advice)
     return read_scene(out)
 
 
@@ -100,6 +107,14 @@ def _link_names(images: Path, sources: list[Path]) -> dict[str, Path]:
         twice = sorted({stem for stem in stems if stems.count(stem) > 1})
         raise InputError(f"{images}: several images share a name", found=some(twice), fix="rename them")
     return {stem + path.suffix: path for stem, path in zip(stems, sources, strict=True)}
+
+
+def _digest(masks: Path) -> str:
+    """Changes when any of the masks does."""
+    digest = hashlib.sha256()
+    for path in sorted(masks.rglob("*.png")):
+        digest.update(path.relative_to(masks).as_posix().encode() + bytes.fromhex(sha256(path)))
+    return digest.hexdigest()
 
 
 def _link(links: dict[str, Path], folder: Path) -> None:
@@ -114,7 +129,7 @@ def _link(links: dict[str, Path], folder: Path) -> None:
             shutil.copy2(source, target)
 
 
-def _map(out: Path, count: int, seed: int) -> None:
+def _map(out: Path, count: int, seed: int, advice: str) -> None:
     """Incremental mapping; the models go to `out/sparse` together, the largest first."""
     models: list[pycolmap.Reconstruction] = []
     for angle in FIRST_PAIR_ANGLES:
@@ -124,7 +139,7 @@ def _map(out: Path, count: int, seed: int) -> None:
         raise InputError(
             f"{out / 'images'}: only {best} of {count} photographs could be registered",
             expected=f"at least {MINIMUM}",
-            fix=ADVICE,
+            fix=advice,
         )
     finished = out / (PARTIAL + "sparse")
     shutil.rmtree(finished, ignore_errors=True)
@@ -164,8 +179,9 @@ def _incremental_mapping(out: Path, count: int, angle: float, seed: int) -> list
 def triangulate(scene: Scene, workspace: Path, seed: int = 0) -> Points:
     """Points of a scene whose poses are known, for captures that come without any.
 
-    SIFT features of the undistorted photographs are matched between views near each other and triangulated;
-    poses and intrinsics stay. Interrupted work is taken up again from `workspace`, which serves one scene.
+    SIFT features of the undistorted photographs, of what masks show of them, are matched between views near each
+    other and triangulated; poses and intrinsics stay. Interrupted work is taken up again from `workspace`, which
+    serves one scene.
 
     Args:
         scene: with correct cameras.
@@ -181,8 +197,12 @@ def triangulate(scene: Scene, workspace: Path, seed: int = 0) -> Points:
     for name, view in zip(names, tqdm(scene.views, desc="photographs"), strict=True):
         if not (workspace / "images" / name).is_file():
             write_png(workspace / "images" / name, view.image())
+        ignored = view.ignored()
+        if ignored is not None:
+            write_ignored(workspace / MASKS / mask_name(name), ignored)
+    masks = workspace / MASKS if any(view.mask for view in scene.views) else None
     database = workspace / DATABASE
-    features.extract(database, workspace / "images", names, pycolmap.CameraMode.PER_IMAGE, "PINHOLE")
+    features.extract(database, workspace / "images", names, pycolmap.CameraMode.PER_IMAGE, "PINHOLE", masks)
     features.match(
         database, names, features.pose_pairs(np.stack([view.camera.world_to_camera for view in scene.views])), seed
     )
