@@ -5,6 +5,7 @@ METHOD  ?= 3dgs
 SCENE   ?= courtyard
 PROFILE ?= demo
 SEED    ?= 0
+TRACK   ?= given-poses
 PATTERNS ?=
 DATA    ?= data
 RESULTS ?= results
@@ -32,7 +33,7 @@ dataset: $(READY)  ## a capture, its clean views, cameras and rainy variants
 	$(BIN)/python -m hydroviews build --scene '$(SCENE)' --profile $(PROFILE) --out '$(DATA)/$(PROFILE)' --seed $(SEED) $(patterns) $(overwrite)
 
 eval: $(READY)  ## build what is missing, run the method and the reference rows, print the table
-	$(BIN)/python -m leaderboard evaluate --method '$(METHOD)' --scene '$(SCENE)' --profile $(PROFILE) --seed $(SEED) --data '$(DATA)' --results '$(RESULTS)' $(patterns) $(overwrite)
+	$(BIN)/python -m leaderboard evaluate --method '$(METHOD)' --scene '$(SCENE)' --profile $(PROFILE) --seed $(SEED) --track $(TRACK) --data '$(DATA)' --results '$(RESULTS)' $(patterns) $(overwrite)
 
 leaderboard: $(READY)  ## gather all records into results/leaderboard.csv and tables.md
 	$(BIN)/python -m leaderboard table --results '$(RESULTS)'

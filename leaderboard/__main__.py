@@ -11,10 +11,10 @@ from hydroviews.files import write_json
 from leaderboard.evaluate import FAILURE, Evaluation, evaluate
 from leaderboard.predict import predict
 from leaderboard.previews import write_overview
-from leaderboard.records import write_leaderboard
+from leaderboard.records import GIVEN_POSES, write_leaderboard
 from leaderboard.runs import Run
 from leaderboard.score import score
-from leaderboard.tables import print_scene, write_tables
+from leaderboard.tables import print_scene, scene_keys, write_tables
 
 
 def evaluate_command(request: tyro.conf.OmitArgPrefixes[Evaluation]) -> None:
@@ -32,8 +32,8 @@ def table_command(results: Path = Path("results")) -> None:
     """
     table = write_leaderboard(results)
     write_tables(table, results)
-    for (profile, scene), _ in table.groupby(["profile", "scene"]):
-        print_scene(table, str(scene), str(profile))
+    for scene, profile, track in scene_keys(table):
+        print_scene(table, scene, profile, track)
     print(f"\nall runs: {results / 'leaderboard.csv'}")
 
 
@@ -49,6 +49,7 @@ def picture_command(
     scene: str = "courtyard",
     profile: str = "demo",
     seed: int = 0,
+    track: str = GIVEN_POSES,
     data: Path = Path("data"),
     results: Path = Path("results"),
     out: Path = Path("overview.png"),
@@ -62,11 +63,12 @@ def picture_command(
         scene: a built scene.
         profile: of the runs.
         seed: of the runs.
+        track: of the runs.
         data: folder that `make eval` built in.
         results: folder of the runs.
         out: the picture.
     """
-    runs = [Run(method, profile, seed, data / profile, scene, pattern, results) for pattern in patterns]
+    runs = [Run(method, profile, seed, data / profile, scene, pattern, results, track) for pattern in patterns]
     write_overview(runs, view, out)
 
 

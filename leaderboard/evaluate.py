@@ -17,9 +17,16 @@ from hydroviews.files import read_json
 from hydroviews.profiles import Profile, find_profile
 from hydroviews.rain.patterns import choose_patterns
 from hydroviews.sources import build_source
-from hydroviews.variants import open_clean
 from leaderboard.predict import PREDICTION
-from leaderboard.records import RECORD, Record, read_record, write_leaderboard, write_record
+from leaderboard.records import (
+    GIVEN_POSES,
+    RECORD,
+    Record,
+    check_track,
+    read_record,
+    write_leaderboard,
+    write_record,
+)
 from leaderboard.runs import Run, claim
 from leaderboard.score import describe, score
 from leaderboard.tables import CEILING, FLOOR, print_scene, write_tables
@@ -36,6 +43,7 @@ class Evaluation:
     scene: str = "courtyard"  # a known capture, or a folder
     profile: str = "demo"  # demo, quick or paper
     seed: int = 0  # of the method; the data set keeps the seed it was built with
+    track: str = GIVEN_POSES  # or sparse-views: a third of the training views
     patterns: tuple[str, ...] = ()  # such as raindrop-0 streak-2; the profile's patterns where none is named
     data: Path = Path("data")
     results: Path = Path("results")
@@ -53,6 +61,7 @@ def evaluate(request: Evaluation) -> list[Record]:
     """
     if request.seed < 0:
         raise InputError(f"SEED={request.seed}: negative", expected="0 or more")
+    check_track(request.track)
     profile = find_profile(request.profile)
     names = [pattern.name for pattern in choose_patterns(request.patterns, profile.patterns)]
     patterns = needed_patterns(request.method, names)
@@ -67,7 +76,7 @@ def evaluate(request: Evaluation) -> list[Record]:
         if records:
             table = write_leaderboard(request.results)
             write_tables(table, request.results)
-    print_scene(table, scene, profile.name)
+    print_scene(table, scene, profile.name, request.track)
     print(f"\nall runs: {request.results / 'leaderboard.csv'}")
     return list(records.values())
 
@@ -82,7 +91,7 @@ def plan(request: Evaluation, profile: Profile, data: Path, scene: str, rainy: l
     methods = [CEILING, FLOOR] if find_method(request.method).trains_on == "rainy" else []
     methods += [request.method] if request.method not in methods else []
     return [
-        Run(method, profile.name, request.seed, data, scene, pattern, request.results)
+        Run(method, profile.name, request.seed, data, scene, pattern, request.results, request.track)
         for method in methods
         for pattern in needed_patterns(method, rainy)
     ]
@@ -146,7 +155,7 @@ def _end(process: subprocess.Popen) -> None:
 
 
 def _record_failure(run: Run, reason: str) -> Record:
-    record = describe(run, open_clean(run.data / run.scene), status="failed", reason=reason, numbers={})
+    record = describe(run, run.clean_scene(), status="failed", reason=reason, numbers={})
     write_record(run.folder, record)
     print(f"{run}: failed: {reason}", file=sys.stderr)
     return record

@@ -16,6 +16,10 @@ RECORD = "record.json"
 LEADERBOARD = "leaderboard.csv"
 
 
+GIVEN_POSES, SPARSE_VIEWS = "given-poses", "sparse-views"
+TRACKS = (GIVEN_POSES, SPARSE_VIEWS)  # cameras of the clean capture; the same, with a third of the training views
+
+
 @dataclass(frozen=True)
 class Record:
     """One run. A number that could not be had is None, with the reason; never zero, never invented."""
@@ -25,7 +29,7 @@ class Record:
     effect: str  # raindrop, streak, or clean
     pattern: str
     seed: int
-    track: str  # given-poses: cameras of the clean capture
+    track: str  # one of TRACKS
     status: str  # done or failed
     reason: str  # why a number is missing
     n_train: int
@@ -50,9 +54,25 @@ class Record:
 COLUMNS = [field.name for field in dataclasses.fields(Record)]
 
 
-def run_folder(results: Path, profile: str, method: str, scene: str, pattern: str, seed: int) -> Path:
+def check_track(name: str) -> None:
+    """Refuse a track that there is not.
+
+    Raises:
+        InputError: it is none of TRACKS.
+    """
+    if name not in TRACKS:
+        raise InputError(f"TRACK={name}: no such track", expected=f"one of {', '.join(TRACKS)}")
+
+
+def run_folder(results: Path, profile: str, method: str, scene: str, pattern: str, seed: int, track: str) -> Path:
     """Where a run's files go; `package.module:Class` becomes a plain folder name."""
-    return results / profile / method.replace(":", ".") / scene / pattern / f"seed-{seed}"
+    last = f"seed-{seed}" if track == GIVEN_POSES else f"seed-{seed}-{track}"
+    return results / profile / method.replace(":", ".") / scene / pattern / last
+
+
+def _record_folder(results: Path, record: Record) -> Path:
+    names = ("profile", "method", "scene", "pattern", "seed", "track")
+    return run_folder(results, **{name: getattr(record, name) for name in names})
 
 
 def write_record(folder: Path, record: Record) -> None:
@@ -88,10 +108,10 @@ def collect(results: Path) -> pd.DataFrame:
         except InputError as error:
             print(f"left out: {error}", file=sys.stderr)
             continue
-        if path.parent == run_folder(results, record.profile, record.method, record.scene, record.pattern, record.seed):
+        if path.parent == _record_folder(results, record):
             records.append(dataclasses.asdict(record))
     table = pd.DataFrame(records, columns=COLUMNS)
-    return table.sort_values(["profile", "scene", "effect", "pattern", "method", "seed"], ignore_index=True)
+    return table.sort_values(["profile", "scene", "track", "effect", "pattern", "method", "seed"], ignore_index=True)
 
 
 def write_leaderboard(results: Path) -> pd.DataFrame:

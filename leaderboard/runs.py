@@ -1,6 +1,6 @@
 """Where a run keeps its files, and the settings that make it that run.
 
-<results>/<profile>/<method>/<scene>/<pattern>/seed-<n>/
+<results>/<profile>/<method>/<scene>/<pattern>/seed-<n>/    in the track sparse-views: seed-<n>-sparse-views
     config.json      settings, data hash
     renders/*.png    held-out views, written before any metric is computed
     prediction.json  time, memory, size
@@ -22,9 +22,7 @@ from hydroviews.errors import InputError
 from hydroviews.manifest import read_manifest
 from hydroviews.scenes import Scene
 from hydroviews.variants import open_clean, open_variant
-from leaderboard.records import run_folder
-
-TRACK = "given-poses"
+from leaderboard.records import GIVEN_POSES, SPARSE_VIEWS, check_track, run_folder
 
 
 @dataclass(frozen=True)
@@ -38,11 +36,15 @@ class Run:
     scene: str
     pattern: str  # a variant's name, or "clean"
     results: Path
+    track: str = GIVEN_POSES
+
+    def __post_init__(self) -> None:
+        check_track(self.track)
 
     @property
     def folder(self) -> Path:
         """Where the run's files go."""
-        return run_folder(self.results, self.profile, self.method, self.scene, self.pattern, self.seed)
+        return run_folder(self.results, self.profile, self.method, self.scene, self.pattern, self.seed, self.track)
 
     @property
     def effect(self) -> str:
@@ -50,12 +52,21 @@ class Run:
         return self.pattern.rpartition("-")[0] or self.pattern
 
     def __str__(self) -> str:
-        return f"{self.method} on {self.scene}/{self.pattern}, seed {self.seed}"
+        track = "" if self.track == GIVEN_POSES else f", {self.track}"
+        return f"{self.method} on {self.scene}/{self.pattern}, seed {self.seed}{track}"
 
     def training_scene(self) -> Scene:
         """The scene whose training photographs the method is shown."""
         folder = self.data / self.scene
-        return open_clean(folder) if self.pattern == CLEAN else open_variant(folder, self.pattern)
+        return self.on_track(open_clean(folder) if self.pattern == CLEAN else open_variant(folder, self.pattern))
+
+    def clean_scene(self) -> Scene:
+        """The clean views, with what this run's track trains on and holds out."""
+        return self.on_track(open_clean(self.data / self.scene))
+
+    def on_track(self, scene: Scene) -> Scene:
+        """The scene with the training views of this run's track."""
+        return scene.sparse() if self.track == SPARSE_VIEWS else scene
 
     def settings(self) -> dict[str, Any]:
         """Everything that fixes the result; a run with other settings is another run."""
@@ -66,7 +77,7 @@ class Run:
             "pattern": self.pattern,
             "seed": self.seed,
             "profile": self.profile,
-            "track": TRACK,
+            "track": self.track,
             "data_sha256": data_hash(self.data, self.scene, self.pattern),
             "config": _as_json(self.method, method.configuration(self.profile)),
         }

@@ -18,11 +18,10 @@ from hydroviews.errors import InputError
 from hydroviews.files import read_json, replacing
 from hydroviews.images import read_image
 from hydroviews.scenes import Scene
-from hydroviews.variants import open_clean
 from leaderboard.predict import PREDICTION
 from leaderboard.previews import write_preview
 from leaderboard.records import Record, code_version, write_record
-from leaderboard.runs import TRACK, Run, data_hash
+from leaderboard.runs import Run, data_hash
 
 PER_VIEW = "per_view.csv"
 METRICS: dict[str, Callable] = {
@@ -41,7 +40,7 @@ def score(run: Run) -> Record:
     Raises:
         InputError: a render is missing, or of another size than its clean view; the data changed since the run.
     """
-    clean = open_clean(run.data / run.scene)
+    clean = run.clean_scene()
     _refuse_other_data(run)
     pairs = {view.name: (run.folder / "renders" / f"{view.name}.png", view.path) for view in clean.test_views}
     reasons: dict[str, str] = {}
@@ -110,7 +109,7 @@ def describe(run: Run, scene: Scene, *, status: str, reason: str, numbers: Mappi
         effect=run.effect,
         pattern=run.pattern,
         seed=run.seed,
-        track=TRACK,
+        track=run.track,
         status=status,
         reason=reason,
         n_train=len(scene.split.train),

@@ -13,13 +13,13 @@ METRICS = {"psnr": "PSNR", "ssim": "SSIM", "lpips_alex": "LPIPS", "lpips_vgg": "
 DECIMALS = {"psnr": 2, "ssim": 4, "lpips_alex": 4, "lpips_vgg": 4}
 
 
-def scene_table(table: pd.DataFrame, scene: str, profile: str) -> pd.DataFrame:
-    """One scene's means over patterns and seeds: a row a method, columns (effect, metric).
+def scene_table(table: pd.DataFrame, scene: str, profile: str, track: str) -> pd.DataFrame:
+    """One scene's means in one track, over patterns and seeds: a row a method, columns (effect, metric).
 
     The ceiling, trained once on clean views, stands under every effect. `gap` is the share of the way from
     floor to ceiling in PSNR (see `share_of_gap`); `runs` counts done/all.
     """
-    rows = table[(table.scene == scene) & (table.profile == profile)]
+    rows = table[(table.scene == scene) & (table.profile == profile) & (table.track == track)]
     effects = sorted(set(rows.effect) - {CLEAN}) or [CLEAN]
     blocks = {effect: _effect_block(rows[rows.effect.isin([effect, CLEAN])]) for effect in effects}
     joined = pd.concat(blocks, axis=1)
@@ -78,14 +78,21 @@ def _percent(value: float) -> str:
     return "" if pd.isna(value) else f"{100 * value:.0f} %"
 
 
-def print_scene(table: pd.DataFrame, scene: str, profile: str) -> None:
+def print_scene(table: pd.DataFrame, scene: str, profile: str, track: str) -> None:
     """Print one scene's table."""
-    print(f"\n{scene} ({profile})\n\n{to_markdown(scene_table(table, scene, profile))}", end="")
+    print(f"\n{scene} ({profile}, {track})\n\n{to_markdown(scene_table(table, scene, profile, track))}", end="")
+
+
+def scene_keys(table: pd.DataFrame) -> list[tuple[str, str, str]]:
+    """Scene, profile and track of every table there is, sorted by profile, scene and track."""
+    keys = sorted({(str(row.profile), str(row.scene), str(row.track)) for row in table.itertuples()})
+    return [(scene, profile, track) for profile, scene, track in keys]
 
 
 def write_tables(table: pd.DataFrame, results: Path) -> None:
-    """Write `tables.md`: every scene of every profile."""
-    parts = []
-    for (profile, scene), _ in table.groupby(["profile", "scene"]):
-        parts.append(f"## {scene} ({profile})\n\n{to_markdown(scene_table(table, str(scene), str(profile)))}")
+    """Write `tables.md`: every scene of every profile, a table a track."""
+    parts = [
+        f"## {scene} ({profile}, {track})\n\n{to_markdown(scene_table(table, scene, profile, track))}"
+        for scene, profile, track in scene_keys(table)
+    ]
     write_bytes(results / TABLES, "\n".join(parts).encode())

@@ -1,3 +1,4 @@
+import dataclasses
 import json
 import sys
 from pathlib import Path
@@ -107,6 +108,26 @@ def test_a_method_that_sees_clean_views_needs_no_rain(built, tmp_path):
     assert not (tmp_path / "data/demo/yard/streak-0").exists()
 
 
+def test_the_sparse_track_trains_on_a_third_and_keeps_apart(built, tmp_path, capsys):
+    for track in ("given-poses", "sparse-views"):
+        evaluate(request(built, tmp_path, "MeanColour", track=track))
+    table = leaderboard(tmp_path)
+    assert list(table.track) == ["given-poses"] * 2 + ["sparse-views"] * 2
+    assert list(table.n_train) == [7, 7, 3, 3]
+    assert list(table.n_test) == [2] * 4
+    run = tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0-sparse-views"
+    names = json.loads((tmp_path / "data/demo/yard/split.json").read_text())["sparse"]
+    seen = [read_image(tmp_path / "data/demo/yard/streak-0/images" / f"{n}.png").mean(axis=(0, 1)) for n in names]
+    assert json.loads((run / "colour.json").read_text()) == pytest.approx(np.mean(seen, axis=0), abs=1e-6)
+    assert "yard (demo, sparse-views)" in capsys.readouterr().out
+    tables_file = (tmp_path / "results/tables.md").read_text()
+    assert "## yard (demo, given-poses)" in tables_file
+    assert "## yard (demo, sparse-views)" in tables_file
+    sparse = dataclasses.replace(_runs(built, tmp_path)[0], track="sparse-views")
+    assert sparse.folder == run
+    assert score(sparse).n_train == 3
+
+
 @pytest.mark.parametrize(
     ("method", "reason"),
     [
@@ -152,6 +173,7 @@ def test_other_settings_are_refused_unless_overwritten(built, tmp_path, monkeypa
     ("changes", "message"),
     [
         ({"profile": "huge"}, "no such profile"),
+        ({"track": "my-poses"}, r"no such track[\s\S]*given-poses, sparse-views"),
         ({"scene": "/nowhere"}, "no such capture"),
         ({"patterns": ("hail-0",)}, "no such rain pattern"),
     ],

@@ -2,7 +2,7 @@ import pandas as pd
 import pytest
 
 from leaderboard.records import COLUMNS
-from leaderboard.tables import scene_table, to_markdown
+from leaderboard.tables import scene_keys, scene_table, to_markdown
 
 
 def rows(*values: tuple) -> pd.DataFrame:
@@ -19,6 +19,7 @@ def rows(*values: tuple) -> pd.DataFrame:
             "ssim": 0.5,
             "scene": "yard",
             "profile": "demo",
+            "track": "given-poses",
         }
         for method, effect, status, psnr in values
     ]
@@ -32,7 +33,7 @@ def test_means_share_of_gap_and_order():
         ("3dgs", "streak", "done", 20.0),
         ("3dgs-clean", "clean", "done", 30.0),
     )
-    summary = scene_table(table, "yard", "demo")["streak"]
+    summary = scene_table(table, "yard", "demo", "given-poses")["streak"]
     assert list(summary.index) == ["3dgs-clean", "3dgs", "ours"]
     assert summary.loc["ours", "psnr"] == 25
     assert summary.loc["ours", "gap"] == pytest.approx(0.5)
@@ -50,7 +51,7 @@ def test_the_gap_is_taken_on_the_runs_that_have_both_references():
     )
     table["pattern"] = ["streak-0", "streak-2", "streak-0", "streak-0", "clean"]
     table.loc[3, "data_sha256"] = "an older build of the scene"
-    summary = scene_table(table, "yard", "demo")["streak"]
+    summary = scene_table(table, "yard", "demo", "given-poses")["streak"]
     assert summary.loc["ours", "gap"] == pytest.approx(-0.25)
     assert pd.isna(summary.loc["theirs", "gap"])
     assert summary.loc["3dgs-clean", "gap"] == 1
@@ -63,11 +64,11 @@ def test_failed_runs_are_counted_and_left_out_of_the_mean():
         ("theirs", "streak", "failed", None),
         ("3dgs-clean", "clean", "done", 30.0),
     )
-    summary = scene_table(table, "yard", "demo")["streak"]
+    summary = scene_table(table, "yard", "demo", "given-poses")["streak"]
     assert summary.loc["ours", "psnr"] == 24
     assert summary.loc["ours", "runs"] == "1/2"
     assert pd.isna(summary.loc["theirs", "psnr"])
-    text = to_markdown(scene_table(table, "yard", "demo"))
+    text = to_markdown(scene_table(table, "yard", "demo", "given-poses"))
     assert "| ours | 24.00 | 0.5000 |  |  |  |  | 1/2 |" in text
     assert "| theirs |  |" in text
 
@@ -76,6 +77,21 @@ def test_the_ceiling_stands_under_every_effect():
     table = rows(
         ("3dgs", "streak", "done", 20.0), ("3dgs", "raindrop", "done", 22.0), ("3dgs-clean", "clean", "done", 30.0)
     )
-    summary = scene_table(table, "yard", "demo")
+    summary = scene_table(table, "yard", "demo", "given-poses")
     assert summary.loc["3dgs-clean", ("streak", "psnr")] == 30
     assert summary.loc["3dgs-clean", ("raindrop", "psnr")] == 30
+
+
+def test_tracks_stand_apart():
+    many, few = (
+        rows(("3dgs", "streak", "done", low), ("ours", "streak", "done", middle), ("3dgs-clean", "clean", "done", 30.0))
+        for low, middle in ((20.0, 25.0), (10.0, 28.0))
+    )
+    few["track"] = "sparse-views"
+    table = pd.concat([few, many], ignore_index=True)
+    assert scene_keys(table) == [("yard", "demo", "given-poses"), ("yard", "demo", "sparse-views")]
+    for track, psnr, gap in (("given-poses", 25, 0.5), ("sparse-views", 28, 0.9)):
+        summary = scene_table(table, "yard", "demo", track)["streak"]
+        assert summary.loc["ours", "psnr"] == psnr
+        assert summary.loc["ours", "gap"] == pytest.approx(gap)
+        assert list(summary.runs) == ["1/1"] * 3
