@@ -12,7 +12,8 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # Rec. 709
 CLIPPED = float(to_linear(np.array([250 / 255], np.float32))[0])  # from here on a photograph says "at least"
 BRIGHTEST = 8.0  # radiance given to a fully saturated lamp or sun glint; white paper is 1
 LARGEST_LAMP = 0.01  # share of a picture above which saturated pixels are sky or wall, not a lamp
-GATHERED_FROM = 0.12  # standard deviation, in picture sides, of the surroundings a falling drop mixes
+GATHERED_FROM = 0.15  # standard deviation, in picture sides, of the surroundings a falling drop mixes
+LAMP_REACHES = (0.02, 0.06, 0.18)  # the same, of Gaussians whose sum falls off as lamp light does
 
 
 def luminance(linear: Linear) -> NDArray[np.float32]:
@@ -44,20 +45,35 @@ def expand_highlights(linear: Linear) -> Linear:
 
 
 def rain_light(linear: Linear) -> Linear:
-    """The light that a falling drop shows in front of each pixel.
+    """The light that falling rain shows in front of each pixel.
 
-    A drop is a lens of about 165 degrees (Garg and Nayar 2007): it shows what lies in a wide cone behind it, so its
-    brightness follows the surroundings and hardly the pixel it covers. Beyond the borders the picture is mirrored.
+    A drop is a lens of about 165 degrees (Garg and Nayar 2007): it shows what lies in a wide cone behind it, most of
+    which no picture has. So its brightness follows the surroundings and hardly the pixel it covers; bright
+    surroundings count for more (a root mean square), because most of what lies outside the picture and shines into
+    the drop is sky; and it is half as colourful, because its cone mixes everything. Light beyond white is a lamp's:
+    it falls off around the lamp, in its own colour. Beyond the borders the picture is mirrored.
 
     Args:
         linear: the clean view, [H, W, 3], highlights expanded or not.
 
     Returns:
-        [H, W, 3], linear light.
+        [H, W, 3], linear light. Twice the light gives twice the light as long as no pixel crosses white.
     """
-    height, width = linear.shape[:2]
-    sigma = GATHERED_FROM * float(np.sqrt(height * width))
+    recorded = np.minimum(linear, 1)
+    around = np.sqrt(_blurred(recorded**2, GATHERED_FROM))
+    grey = luminance(around)[..., None]
+    lamps = linear - recorded
+    if not lamps.any():
+        return (grey + around) / 2
+    glow = sum(_blurred(lamps, sides) for sides in LAMP_REACHES) / np.float32(len(LAMP_REACHES))
+    return np.asarray((grey + around) / 2 + glow, np.float32)
+
+
+def _blurred(picture: Linear, sides: float) -> Linear:
+    """Gaussian blur with a standard deviation in picture sides."""
+    height, width = picture.shape[:2]
+    sigma = sides * float(np.sqrt(height * width))
     shrink = max(1, int(sigma / 4))  # a wide blur needs few pixels
-    small = cv2.resize(linear, (-(-width // shrink), -(-height // shrink)), interpolation=cv2.INTER_AREA)
+    small = cv2.resize(picture, (-(-width // shrink), -(-height // shrink)), interpolation=cv2.INTER_AREA)
     wide = cv2.GaussianBlur(small.astype(np.float32), (0, 0), sigma / shrink, borderType=cv2.BORDER_REFLECT)
     return np.asarray(cv2.resize(wide, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
