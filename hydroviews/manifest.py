@@ -1,7 +1,8 @@
 """The list of what a data set holds: a SHA-256 for every file, and what made it."""
 
+import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +53,49 @@ def forget_scene(data: Path, scene: str) -> None:
     manifest = read_manifest(data)
     if manifest["scenes"].pop(scene, None):
         write_json(data / MANIFEST, manifest)
+
+
+def record_files(data: Path, scene: str, names: Sequence[str]) -> None:
+    """Hash a few files of a scene that is in the manifest again, such as a card that was written anew."""
+    manifest = read_manifest(data)
+    files = manifest["scenes"][scene]["files"] | {name: sha256(data / scene / name) for name in names}
+    manifest["scenes"][scene]["files"] = dict(sorted(files.items(), key=lambda item: Path(item[0])))
+    write_json(data / MANIFEST, manifest)
+
+
+def data_hash(data: Path, scene: str, pattern: str) -> str:
+    """SHA-256 over the hashes of what a method sees: clean views, cameras, split and the variant's images.
+
+    Raises:
+        InputError: the manifest does not list the scene.
+    """
+    scenes = read_manifest(data)["scenes"]
+    if scene not in scenes:
+        raise InputError(f"{data}: no finished scene {scene}", found=", ".join(scenes) or "none", fix="build it first")
+    seen = ("clean/", "sparse/", "split.json", f"{pattern}/images/")
+    lines = sorted(f"{digest} {name}" for name, digest in scenes[scene]["files"].items() if name.startswith(seen))
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+
+
+def built_scenes(folder: Path, scene: str = "") -> list[Path]:
+    """The finished scenes of a data folder, or the one that `folder` is itself.
+
+    Args:
+        folder: a data folder, or a scene in one.
+        scene: only the one of that name; all if empty.
+
+    Raises:
+        InputError: there is no such scene.
+    """
+    data, only = (folder, scene) if (folder / MANIFEST).is_file() else (folder.resolve().parent, folder.resolve().name)
+    names = [name for name in read_manifest(data)["scenes"] if only in ("", name)]
+    if not names:
+        raise InputError(
+            f"{folder}: no finished scene {scene}".rstrip(),
+            found=", ".join(read_manifest(data)["scenes"]) or f"no {MANIFEST}",
+            expected="a data folder that `hydroviews build` wrote, or a scene in it",
+        )
+    return [data / name for name in names]
 
 
 def scene_files(folder: Path) -> list[Path]:

@@ -9,7 +9,6 @@
 """
 
 import dataclasses
-import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +18,7 @@ from baselines.method import find_method
 from hydroviews import claims
 from hydroviews.build import CLEAN
 from hydroviews.errors import InputError
-from hydroviews.manifest import read_manifest
+from hydroviews.manifest import data_hash
 from hydroviews.scenes import Scene
 from hydroviews.variants import open_clean, open_variant
 from leaderboard.records import GIVEN_POSES, SPARSE_VIEWS, check_track, run_folder
@@ -97,20 +96,6 @@ def claim(run: Run, overwrite: bool) -> None:
         fix="add --overwrite (make eval OVERWRITE=1) to run it anew, or choose another results folder",
         overwrite=overwrite,
     )
-
-
-def data_hash(data: Path, scene: str, pattern: str) -> str:
-    """SHA-256 over the hashes of what a run sees: clean views, cameras, split and the variant's images.
-
-    Raises:
-        InputError: the manifest does not list the scene.
-    """
-    scenes = read_manifest(data)["scenes"]
-    if scene not in scenes:
-        raise InputError(f"{data}: no finished scene {scene}", found=", ".join(scenes) or "none", fix="build it first")
-    seen = ("clean/", "sparse/", "split.json", f"{pattern}/images/")
-    lines = sorted(f"{digest} {name}" for name, digest in scenes[scene]["files"].items() if name.startswith(seen))
-    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
 def _as_json(method: str, config: Any) -> Any:

@@ -17,11 +17,12 @@ from hydroviews import metrics
 from hydroviews.errors import InputError
 from hydroviews.files import read_json, replacing
 from hydroviews.images import read_image
+from hydroviews.manifest import data_hash
 from hydroviews.scenes import Scene
 from leaderboard.predict import PREDICTION
 from leaderboard.previews import write_preview
 from leaderboard.records import Record, code_version, write_record
-from leaderboard.runs import Run, data_hash
+from leaderboard.runs import Run
 
 PER_VIEW = "per_view.csv"
 METRICS: dict[str, Callable] = {

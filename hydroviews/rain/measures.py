@@ -59,8 +59,8 @@ def seed_density(layer: NDArray[np.float32], pattern: StreakPattern) -> float | 
     if not inner.size or inner.var() == 0:
         return None
     ratio = inner.mean() ** 2 / inner.var()
-    drawn = np.pad(kernel(pattern.length, pattern.angle, pattern.width), factor + 1).astype(np.float64)
-    drawn = cv2.filter2D(drawn, -1, PRE_BLUR, borderType=cv2.BORDER_CONSTANT)
+    padded = np.pad(kernel(pattern.length, pattern.angle, pattern.width), factor + 1)
+    drawn = cv2.filter2D(padded, cv2.CV_64F, PRE_BLUR, borderType=cv2.BORDER_CONSTANT)
     averaged = cv2.blur(drawn, (factor, factor), borderType=cv2.BORDER_CONSTANT)
-    odds = ratio * float((averaged**2).sum() / averaged.sum() ** 2)
+    odds = ratio * float(np.square(averaged).sum() / averaged.sum() ** 2)
     return float(odds / (1 + odds))
