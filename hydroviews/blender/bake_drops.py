@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hydroviews.blender.cycles import render_rgba
 from hydroviews.blender.drop_scene import FRAMES, add_ramp, lens_scene
@@ -23,30 +24,41 @@ def main(request: dict[str, Any], report: Report) -> None:
     """Write the paths as arrays.
 
     Args:
-        request: "drops": the fields of `Drop`; "camera": the fields of `Camera`; "paths": k, for k x k paths a
-            pixel; "output": an npz file. It gets `cover` [H, W], and for each path that ends on the picture's
+        request: "input": an npz file with the fields of `WaterMesh`; "camera": the fields of `Camera`; "paths": k,
+            for k x k paths a pixel; "seeds": one bake for each; "aperture": its radius in lens distances, 0 for a
+            pinhole; "output": an npz file. It gets `cover` [H, W], and for each path that ends on the picture's
             plane `pixel` (flat index of the lens pixel), `place` (x, y in the camera's pixels, borders not yet
-            mirrored) and `throughput` (already divided by k^2).
-        report: told of the start and the end.
+            mirrored) and `throughput` (already divided by the number of paths a pixel).
+        report: told of every seed.
     """
-    report(0, 1)
+    report(0, len(request["seeds"]))
     camera, k = Camera(**request["camera"]), request["paths"]
-    scene = lens_scene(request["drops"], camera.resized(k * camera.width, k * camera.height), ambient=(0, 0, 0))
+    with np.load(request["input"]) as water:
+        fine = camera.resized(k * camera.width, k * camera.height)
+        scene = lens_scene(dict(water), fine, ambient=(0, 0, 0), aperture=request["aperture"])
     add_ramp(scene, camera)
     scene.cycles.samples = 1
     scene.cycles.filter_width = 0.01
-    fine = render_rgba(scene)
+    bakes = []
+    for done, seed in enumerate(request["seeds"], start=1):
+        scene.cycles.seed = seed
+        bakes.append(_paths(render_rgba(scene), camera, k))
+        report(done, len(request["seeds"]))
+    joined = {name: np.concatenate([bake[name] for bake in bakes]) for name in ("pixel", "place", "throughput")}
+    joined["throughput"] /= len(bakes)
+    cover = np.mean([bake["cover"] for bake in bakes], axis=0)
+    with replacing(Path(request["output"])) as temporary:
+        np.savez(temporary, cover=cover, **joined)
+
+
+def _paths(fine: NDArray[np.float32], camera: Camera, k: int) -> dict[str, NDArray]:
+    """What one render [k H, k W, 4] against the ramp says of its paths."""
     row, column = np.nonzero(fine[..., 2] > FAINTEST)
     found = fine[row, column].astype(np.float64)
     size = np.array([camera.width, camera.height])
-    place = (found[:, :2] / found[:, 2:3] * FRAMES - (FRAMES - 1) / 2) * size
-    cover = fine[..., 3].reshape(camera.height, k, camera.width, k).mean(axis=(1, 3))
-    with replacing(Path(request["output"])) as temporary:
-        np.savez(
-            temporary,
-            cover=cover,
-            pixel=(row // k) * camera.width + column // k,
-            place=place,
-            throughput=(found[:, 2] / k**2).astype(np.float32),
-        )
-    report(1, 1)
+    return {
+        "cover": fine[..., 3].reshape(camera.height, k, camera.width, k).mean(axis=(1, 3)),
+        "pixel": (row // k) * camera.width + column // k,
+        "place": (found[:, :2] / found[:, 2:3] * FRAMES - (FRAMES - 1) / 2) * size,
+        "throughput": (found[:, 2] / k**2).astype(np.float32),
+    }

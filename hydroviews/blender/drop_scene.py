@@ -1,13 +1,12 @@
 """Water drops on a lens, lit by a picture far behind them: the scene that `bake_drops` and `trace_drops` share."""
 
-from typing import Any
+from collections.abc import Mapping
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.blender.cycles import add_mesh, empty_scene, place_camera
-from hydroviews.blender.drop_shapes import Drop, drop_meshes
+from hydroviews.blender.cycles import empty_scene, place_camera
 from hydroviews.cameras import Camera
 
 WATER = 1.333  # refractive index
@@ -17,10 +16,16 @@ FRAMES = 9.0  # the picture's plane is this many frames wide and high, the camer
 Colour = tuple[float, float, float]
 
 
-def lens_scene(drops: list[dict[str, Any]], camera: Camera, ambient: Colour) -> bpy.types.Scene:
+def lens_scene(water: Mapping[str, NDArray], camera: Camera, ambient: Colour, aperture: float) -> bpy.types.Scene:
     """Drops in front of a camera at the origin; all around is light of the colour `ambient`.
 
     What the camera sees beside the drops is left out: alpha is the drops' cover.
+
+    Args:
+        water: the fields of `WaterMesh`.
+        camera: with OpenCV axes.
+        ambient: linear light.
+        aperture: radius in units of the lens's distance, focused on the picture; 0 is a pinhole.
     """
     scene = empty_scene(seed=0)
     scene.cycles.max_bounces = scene.cycles.transmission_bounces = scene.cycles.glossy_bounces = 10
@@ -31,11 +36,38 @@ def lens_scene(drops: list[dict[str, Any]], camera: Camera, ambient: Colour) -> 
     scene.world.use_nodes = True
     background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
     background.inputs["Color"].default_value = (*ambient, 1.0)
-    water = _water()
-    for name, mesh in zip(("caps", "bases"), drop_meshes([Drop(**drop) for drop in drops]), strict=True):
-        add_mesh(scene, name, mesh, water)
+    material = _water()
+    for name, smooth in (("caps", True), ("bases", False)):
+        _add_water(scene, name, water["vertices"], water[name], smooth, material)
     place_camera(scene, camera)
+    _open_aperture(scene, aperture)
     return scene
+
+
+def _add_water(
+    scene: bpy.types.Scene, name: str, vertices: NDArray, triangles: NDArray, smooth: bool, material: bpy.types.Material
+) -> None:
+    used, corners = np.unique(triangles, return_inverse=True)
+    mesh = bpy.data.meshes.new(name)
+    mesh.vertices.add(len(used))
+    mesh.vertices.foreach_set("co", np.ascontiguousarray(vertices[used], np.float32).ravel())
+    mesh.loops.add(len(corners.ravel()))
+    mesh.loops.foreach_set("vertex_index", np.ascontiguousarray(corners, np.int32).ravel())
+    mesh.polygons.add(len(triangles))
+    mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * len(triangles), 3, dtype=np.int32))
+    mesh.update(calc_edges=True)
+    mesh.polygons.foreach_set("use_smooth", np.full(len(triangles), smooth))
+    mesh.materials.append(material)
+    scene.collection.objects.link(bpy.data.objects.new(name, mesh))
+
+
+def _open_aperture(scene: bpy.types.Scene, radius: float) -> None:
+    lens = scene.camera.data
+    lens.dof.use_dof = radius > 0
+    if radius > 0:
+        lens.dof.focus_distance = DISTANCE
+        # A point of the lens is drawn by the rays through it: their cone is wider at the camera than at the lens.
+        lens.dof.aperture_fstop = 1e-3 * lens.lens / (2 * radius / (1 - 1 / DISTANCE))
 
 
 def _water() -> bpy.types.Material:

@@ -1,7 +1,7 @@
-"""Water drops on a lens: where they sit and what shape they have.
+"""The wet patches of a lens seen from the front: outlines and their triangles, made with numpy alone.
 
-The lens is the plane z = 1 in front of a camera at the origin with OpenCV axes (x right, y down, z forward),
-so that lengths on it are pixels divided by the focal length. Gravity acts along +y.
+Lengths are in any unit of the plane; x is right, y is down, gravity acts along +y. `drop_surface` gives patches their
+height.
 """
 
 from dataclasses import dataclass
@@ -9,86 +9,101 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.blender.meshes import Mesh, joined
-
 Array = NDArray[np.float64]
-GAP = 1.15  # neighbouring drops are at least this many times the sum of their radii apart
-LONGEST = 1.35  # the most that gravity stretches a drop
+NECK = 0.45  # the least radius of an outline, in radii of its smallest disk
+SMOOTHING = 0.16  # radians over which the corners between merged drops are rounded
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """One body of water, triangulated; triangles run anticlockwise where x and y are a right-handed pair."""
+
+    vertices: Array  # [N, 2]
+    triangles: NDArray[np.int64]  # [T, 3]
+    rim: NDArray[np.bool_]  # [N], where the water ends
+    contact_angle: float  # radians, between the lens and the water's surface, the mean along the rim
+    radius: float | None = None  # of the round drop that holds as much water; None: whatever fits the outline
 
 
 @dataclass(frozen=True)
-class Drop:
-    """One drop; lengths in units of the lens's distance."""
+class Outline:
+    """A rim that is star-shaped about its middle: disks that have grown together, wavy and pulled down by gravity."""
 
-    x: float
-    y: float
-    radius: float
-    contact_angle: float  # radians, between the lens and the water's surface at the rim
-    stretch: float  # length along gravity over width
-    sag: float  # how far the belly hangs below the middle, in radii
-    outline: tuple[tuple[float, float], ...]  # amplitude and phase of the rim's waves of 2, 3, ... periods
+    disks: tuple[tuple[float, float, float], ...]  # x, y, radius
+    stretch: float = 1.0  # length along gravity over width
+    waves: tuple[tuple[float, float], ...] = ()  # amplitude and phase of the rim's waves of 2, 3, ... periods
 
+    @property
+    def radius(self) -> float:
+        """Of the round drop that holds as much water as the disks' drops together."""
+        return float(np.cbrt(sum(r**3 for *_, r in self.disks)))
 
-def place(
-    rng: np.random.Generator, radii: Array, low: Array, high: Array, tries: int = 30
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Places [N, 2] between the corners `low` and `high` such that no two drops touch, and which found one.
-
-    Large drops are placed first; one that finds no room after `tries` random places is left out.
-    """
-    places, placed = np.zeros((len(radii), 2)), np.zeros(len(radii), bool)
-    for i in np.argsort(-radii, kind="stable"):
-        for candidate in rng.uniform(low, high, (tries, 2)):
-            room = np.linalg.norm(places[placed] - candidate, axis=1) - GAP * (radii[placed] + radii[i])
-            if np.all(room > 0):
-                places[i], placed[i] = candidate, True
-                break
-    return places, placed
+    @property
+    def middle(self) -> Array:
+        """Centre of mass of the disks' water [2]."""
+        disks = np.array(self.disks)
+        return np.asarray(np.average(disks[:, :2], axis=0, weights=disks[:, 2] ** 3))
 
 
-def cap(drop: Drop) -> Mesh:
-    """The curved side: part of a sphere over a wavy rim, its belly pulled down."""
-    steps, segments = _resolution(drop)
-    share = np.sin(0.5 * np.pi * np.linspace(0.04, 1, steps))[:, None]  # of the way to the rim; rings crowd there
-    rim = _rim(drop, segments)
-    curvature_radius = drop.radius / np.sin(drop.contact_angle)
-    height = np.sqrt(np.maximum(curvature_radius**2 - (share * drop.radius) ** 2, 0))
-    height -= curvature_radius * np.cos(drop.contact_angle)
-    x = drop.x + share * rim[:, 0]
-    y = drop.y + share * rim[:, 1] + drop.sag * drop.radius * (1 - share**2)
-    vertices = np.stack([x, y, 1 + np.broadcast_to(np.maximum(height, 0), x.shape)], -1).reshape(-1, 3)
-    faces: list[tuple[int, ...]] = [tuple(range(segments))]
-    for ring in range(steps - 1):
-        inner, outer = ring * segments, (ring + 1) * segments
-        for j in range(segments):
-            k = (j + 1) % segments
-            faces.append((inner + j, outer + j, outer + k, inner + k))
-    return Mesh(vertices, faces, smooth=True)
-
-
-def base(drop: Drop) -> Mesh:
-    """The flat side on the lens, facing the camera."""
-    _, segments = _resolution(drop)
-    rim = _rim(drop, segments) + np.array([drop.x, drop.y])
-    return Mesh(np.column_stack([rim, np.ones(segments)]), [tuple(range(segments - 1, -1, -1))])
-
-
-def drop_meshes(drops: list[Drop]) -> tuple[Mesh, Mesh]:
-    """All curved sides, and all flat ones: two meshes, because only the former are shaded smoothly."""
-    return joined(*map(cap, drops)), joined(*map(base, drops))
-
-
-def _resolution(drop: Drop) -> tuple[int, int]:
-    """Rings and segments; droplets of a few pixels need few."""
-    return (24, 72) if drop.radius > 0.015 else (10, 32)
-
-
-def _rim(drop: Drop, segments: int) -> Array:
-    """The outline [segments, 2] around the drop's middle: wavy, stretched along y, and narrower above than below."""
+def rim_of(outline: Outline, segments: int) -> Array:
+    """The outline's points [segments, 2]."""
+    disks, middle = np.array(outline.disks), outline.middle
     angle = np.linspace(0, 2 * np.pi, segments, endpoint=False)
-    radius = np.full(segments, drop.radius)
-    for k, (amplitude, phase) in enumerate(drop.outline, start=2):
-        radius += drop.radius * amplitude * np.cos(k * angle + phase)
-    x, y = radius * np.cos(angle), radius * np.sin(angle)
-    narrowing = 1 + 0.5 * (drop.stretch - 1) * y / drop.radius
-    return np.column_stack([x * narrowing, y * drop.stretch])
+    reach = _reach(disks - [*middle, 0], angle)
+    waves = sum(a * np.cos(k * angle + phase) for k, (a, phase) in enumerate(outline.waves, start=2))
+    reach = reach * (1 + waves)
+    across, down = reach * np.cos(angle), reach * np.sin(angle)
+    # Stretched at the same area, and narrower above than below.
+    pull = outline.stretch - 1
+    narrowing = 1 + 0.5 * pull * np.clip(down / outline.radius, -1, 1)
+    points = np.column_stack([across * narrowing / np.sqrt(outline.stretch), down * np.sqrt(outline.stretch)])
+    return middle + points
+
+
+def _reach(disks: Array, angle: Array) -> Array:
+    """How far the union of disks [L, 3] around the origin goes in each direction, its corners rounded."""
+    if len(disks) == 1:
+        return np.full(len(angle), disks[0, 2])
+    along = np.cos(angle)[:, None] * disks[:, 0] + np.sin(angle)[:, None] * disks[:, 1]
+    square = disks[:, 2] ** 2 - (disks[:, :2] ** 2).sum(axis=1) + along**2
+    far = np.where(square >= 0, along + np.sqrt(np.maximum(square, 0)), 0).max(axis=1)
+    far = np.maximum(far, NECK * disks[:, 2].min())
+    frequency = np.fft.rfftfreq(len(angle), 1 / len(angle))
+    return np.fft.irfft(np.fft.rfft(far) * np.exp(-0.5 * (SMOOTHING * frequency) ** 2), len(angle))
+
+
+def star(middle: Array, rim: Array, rings: int, contact_angle: float, radius: float | None = None) -> Patch:
+    """Rings of triangles between a middle [2] and a rim [S, 2] that is seen from it; rings crowd at the rim."""
+    segments = len(rim)
+    share = np.sin(0.5 * np.pi * np.arange(1, rings + 1) / rings)[:, None, None]
+    vertices = np.concatenate([middle[None], (middle + share * (rim - middle)).reshape(-1, 2)])
+    j = np.arange(segments)
+    k = (j + 1) % segments
+    fan = np.column_stack([np.zeros(segments, int), 1 + j, 1 + k])
+    inner = 1 + segments * np.arange(rings - 1)[:, None]
+    outer = inner + segments
+    quads = ((inner + j, outer + j, outer + k), (inner + j, outer + k, inner + k))
+    halves = [np.stack(corners, -1).reshape(-1, 3) for corners in quads]
+    on_rim = np.zeros(len(vertices), bool)
+    on_rim[-segments:] = True
+    return Patch(vertices, np.concatenate([fan, *halves]), on_rim, contact_angle, radius)
+
+
+def ribbon(path: Array, half_widths: Array, contact_angle: float, columns: int = 11) -> Patch:
+    """A strip of water along a path [N, 2], `half_widths` [N] wide to either side; it ends at both of its ends."""
+    tangent = np.gradient(path, axis=0)
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    normal = np.column_stack([-tangent[:, 1], tangent[:, 0]])
+    across = np.sin(0.5 * np.pi * np.linspace(-1, 1, columns))
+    vertices = path[:, None] + across[:, None] * (half_widths[:, None] * normal)[:, None]
+    corner = (columns * np.arange(len(path) - 1)[:, None] + np.arange(columns - 1)).ravel()
+    here, beside, below, across_below = corner, corner + 1, corner + columns, corner + columns + 1
+    triangles = np.concatenate([np.stack(c, -1) for c in ((here, below, across_below), (here, across_below, beside))])
+    on_rim = np.zeros((len(path), columns), bool)
+    on_rim[[0, -1]] = on_rim[:, [0, -1]] = True
+    return Patch(vertices.reshape(-1, 2), triangles, on_rim.ravel(), contact_angle)
+
+
+def drop_patch(outline: Outline, contact_angle: float, segments: int, rings: int) -> Patch:
+    """The patch of a drop that holds the water of its disks."""
+    return star(outline.middle, rim_of(outline, segments), rings, contact_angle, outline.radius)

@@ -1,5 +1,6 @@
 """Blender process: drops on a lens by full path tracing, the reference for `bake_drops`."""
 
+import time
 from pathlib import Path
 from typing import Any
 
@@ -16,17 +17,25 @@ def main(request: dict[str, Any], report: Report) -> None:
     """Write the light that comes through the drops.
 
     Args:
-        request: "drops" and "camera" as for `bake_drops`; "samples" a pixel; "picture": an npy file [H, W, 3] of
-            linear light; "output": an npy file, which gets [H, W, 4], linear radiance and cover.
+        request: "input": an npz file with the fields of `WaterMesh` and "picture", [H, W, 3] of linear light;
+            "camera" and "aperture" as for `bake_drops`; "samples" a pixel; "seed" of the paths; "output": an npz
+            file, which gets "light" [H, W, 4], linear radiance and cover, and "seconds", the CPU time of rendering.
         report: told of the start and the end.
     """
     report(0, 1)
-    camera, picture = Camera(**request["camera"]), np.load(request["picture"])
+    camera = Camera(**request["camera"])
+    with np.load(request["input"]) as file:
+        water = dict(file)
+    picture = water.pop("picture")
     red, green, blue = picture.mean(axis=(0, 1)).tolist()
-    scene = lens_scene(request["drops"], camera, ambient=(red, green, blue))
+    scene = lens_scene(water, camera, ambient=(red, green, blue), aperture=request["aperture"])
     add_picture(scene, camera, picture)
     scene.cycles.samples = request["samples"]
+    scene.cycles.seed = request["seed"]
     scene.cycles.filter_width = 1.0
+    start = time.process_time()
+    light = render_rgba(scene)
+    seconds = time.process_time() - start
     with replacing(Path(request["output"])) as temporary:
-        np.save(temporary, render_rgba(scene))
+        np.savez(temporary, light=light, seconds=seconds)
     report(1, 1)
