@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.rain.streaks import PRE_BLUR, StreakPattern, kernel, supersampling
+from hydroviews.rain.streaks import StreakPattern, kernel, seed_image, supersampling
 
 SMOOTHING = 1.5  # pixels; finer detail than this has the directions of the pixel grid
 BORDER = 4  # pixels left out, where filters see a mirrored picture
@@ -59,8 +59,7 @@ def seed_density(layer: NDArray[np.float32], pattern: StreakPattern) -> float | 
     if not inner.size or inner.var() == 0:
         return None
     ratio = inner.mean() ** 2 / inner.var()
-    padded = np.pad(kernel(pattern.length, pattern.angle, pattern.width), factor + 1)
-    drawn = cv2.filter2D(padded, cv2.CV_64F, PRE_BLUR, borderType=cv2.BORDER_CONSTANT)
-    averaged = cv2.blur(drawn, (factor, factor), borderType=cv2.BORDER_CONSTANT)
+    streak = np.pad(seed_image(kernel(pattern.length, pattern.angle, pattern.width)), factor)
+    averaged = cv2.blur(streak, (factor, factor), borderType=cv2.BORDER_CONSTANT)
     odds = ratio * float(np.square(averaged).sum() / averaged.sum() ** 2)
     return float(odds / (1 + odds))

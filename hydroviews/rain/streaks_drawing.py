@@ -34,7 +34,7 @@ def convolve(seeds: Seeds, image: NDArray, width: int, height: int) -> NDArray[n
     """
     side = len(image)
     before = side - 1 - side // 2  # rows of a seed's image above the seed
-    reach = side // 2 + 1
+    reach = side // 2  # further out a seed touches no pixel, and its image leaves the margin
     which_row, rows = _mirrored(seeds.rows, height, reach)
     which, columns = _mirrored(seeds.columns[which_row], width, reach)
     values = seeds.values[which_row][which]
