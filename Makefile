@@ -3,6 +3,8 @@ PYTHON  ?= python3.11
 VENV    ?= .venv
 METHOD  ?= 3dgs
 SCENE   ?= courtyard
+SUITE   ?=
+CAPTURES ?=
 PROFILE ?= demo
 SEED    ?= 0
 TRACK   ?= given-poses
@@ -18,6 +20,11 @@ comma    := ,
 names    := $(subst $(comma), ,$(PATTERNS))
 patterns := $(if $(strip $(names)),--patterns $(names))
 overwrite := $(if $(OVERWRITE),--overwrite)
+what     := $(if $(SUITE),--suite '$(SUITE)',--scene '$(SCENE)')
+
+ifneq ($(strip $(CAPTURES)),)
+export HYDROVIEWS_CAPTURES := $(CAPTURES)
+endif
 
 .PHONY: setup dataset eval leaderboard bench test lint
 
@@ -29,8 +36,8 @@ $(READY): pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --constraint constraints.txt $(PIP_ARGS) --editable '.[$(EXTRAS)]'
 	touch $(READY)
 
-dataset: $(READY)  ## a capture, its clean views, cameras and rainy variants
-	$(BIN)/python -m hydroviews build --scene '$(SCENE)' --profile $(PROFILE) --out '$(DATA)/$(PROFILE)' --seed $(SEED) $(patterns) $(overwrite)
+dataset: $(READY)  ## a capture, its clean views, cameras and rainy variants; with SUITE= all of a suite's
+	$(BIN)/python -m hydroviews build $(what) --profile $(PROFILE) --out '$(DATA)/$(PROFILE)' --seed $(SEED) $(patterns) $(overwrite)
 
 eval: $(READY)  ## build what is missing, run the method and the reference rows, print the table
 	$(BIN)/python -m leaderboard evaluate --method '$(METHOD)' --scene '$(SCENE)' --profile $(PROFILE) --seed $(SEED) --track $(TRACK) --data '$(DATA)' --results '$(RESULTS)' $(patterns) $(overwrite)

@@ -1,4 +1,4 @@
-"""python -m hydroviews build | verify | poses."""
+"""python -m hydroviews build | verify | poses | download."""
 
 import sys
 from pathlib import Path
@@ -6,44 +6,86 @@ from typing import Annotated
 
 import tyro
 
+from hydroviews.catalogue import captures_root
 from hydroviews.commands import run_command
+from hydroviews.downloads import download_captures
+from hydroviews.errors import InputError
 from hydroviews.poses import estimate_poses
-from hydroviews.profiles import find_profile
+from hydroviews.profiles import Profile, find_profile
 from hydroviews.sources import build_source
+from hydroviews.suites import build_suite, read_suite
 from hydroviews.verify import verify
 
 
 def build_command(
     scene: str = "courtyard",
+    suite: str | None = None,
     out: Path | None = None,
     profile: str = "demo",
     seed: int | None = None,
     long_side: int | None = None,
     patterns: tuple[str, ...] = (),
+    captures: Path | None = None,
     overwrite: bool = False,
 ) -> None:
-    """Build a capture's clean views, cameras and rainy variants.
+    """Build a capture's clean views, cameras and rainy variants, or those of every scene of a suite.
 
     Args:
-        scene: a known capture (courtyard), or a folder with images and cameras.
+        scene: a known capture (courtyard, mipnerf360/garden), or a folder with images and cameras.
+        suite: many scenes at once: paper, waterdrops, embedded, demo, or a TOML file of your own.
         out: the data folder; the scene becomes a folder in it. `data/<profile>` if not given.
-        profile: demo, quick or paper: size, number of patterns, views of an embedded scene.
+        profile: demo, quick or paper: size, patterns, views of an embedded scene.
         seed: of everything drawn; 0 if the scene is new.
         long_side: pixels of the longer side, instead of the profile's.
         patterns: such as raindrop-0 streak-2, instead of the profile's.
+        captures: the folder with published captures; $HYDROVIEWS_CAPTURES or `captures` if not given.
         overwrite: drop a scene that was built with other settings.
     """
+    sizes, data = find_profile(profile), out or Path("data") / profile
+    if suite is not None:
+        if patterns or long_side is not None:
+            raise InputError("--suite with --patterns or --long-side", fix="name the patterns in a suite of your own")
+        _build_suite(suite, data, sizes, captures, seed, overwrite)
+        return
     folder = build_source(
         scene,
-        out or Path("data") / profile,
-        find_profile(profile),
+        data,
+        sizes,
         patterns=patterns,
         all_patterns=True,
         long_side=long_side,
         seed=seed,
         overwrite=overwrite,
+        captures=captures,
     )
     print(f"built: {folder}")
+
+
+def _build_suite(
+    name: str, data: Path, profile: Profile, captures: Path | None, seed: int | None, overwrite: bool
+) -> None:
+    suite = read_suite(name)
+    failures = build_suite(suite, data, profile, captures=captures, seed=seed, overwrite=overwrite)
+    print(f"\n{suite.title}: {len(suite.scenes) - len(failures)} of {len(suite.scenes)} scenes are built in {data}")
+    for error in failures.values():
+        print(f"\n{error}")
+    if failures:
+        sys.exit(1)
+
+
+def download_command(
+    name: Annotated[str, tyro.conf.Positional], captures: Path | None = None, mirror: str | None = None
+) -> None:
+    """Download a published capture, or all of a collection; what is there is kept, what is begun is gone on with.
+
+    Args:
+        name: such as mipnerf360/garden, or mipnerf360 for all of its scenes.
+        captures: the folder it goes to; $HYDROVIEWS_CAPTURES or `captures` if not given.
+        mirror: where to look first: an archive's address, or that of a folder with the archives.
+            $HYDROVIEWS_MIRROR if not given.
+    """
+    for folder in download_captures(name, captures_root(captures), mirror):
+        print(f"ready: {folder}")
 
 
 def verify_command(data: Annotated[Path, tyro.conf.Positional], every_view: bool = False) -> None:
@@ -78,7 +120,15 @@ def poses_command(images: Annotated[Path, tyro.conf.Positional], out: Path | Non
 
 def main() -> None:
     """Entry point."""
-    run_command({"build": build_command, "verify": verify_command, "poses": poses_command}, prog="hydroviews")
+    run_command(
+        {
+            "build": build_command,
+            "verify": verify_command,
+            "poses": poses_command,
+            "download": download_command,
+        },
+        prog="hydroviews",
+    )
 
 
 if __name__ == "__main__":

@@ -1,44 +1,96 @@
 """Captures by name or folder, built at a profile's size."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from hydroviews.blender.captures import read_courtyard, render_courtyard
+from hydroviews.blender.captures import EMBEDDED, read_embedded, render_embedded
 from hydroviews.build import build
+from hydroviews.catalogue import Capture, MissingCapture, all_captures, captures_root, find_captures, locate
 from hydroviews.errors import InputError
 from hydroviews.files import read_json
+from hydroviews.images import image_size
 from hydroviews.profiles import Profile
 from hydroviews.rain.patterns import choose_patterns
 from hydroviews.readers import read_scene
+from hydroviews.readers.photographs import FOLDERS, photographs_below
 from hydroviews.scenes import Scene
 
-EMBEDDED = ("courtyard",)
-CAPTURES = "captures"  # embedded scenes as rendered, beside the built ones
+RENDERED = "captures"  # embedded scenes as rendered, beside the built ones
 
 
-def find_capture(source: str, captures: Path, views: int, long_side: int) -> Scene:
+def find_capture(source: str, rendered: Path, views: int, long_side: int, captures: Path | None = None) -> Scene:
     """The capture of that name, rendered if it is an embedded scene, or the one in that folder.
 
     Args:
-        source: "courtyard", or a folder with a COLMAP, nerfstudio or LLFF capture.
-        captures: where embedded scenes are rendered.
+        source: an embedded scene (courtyard), a published one (mipnerf360/garden, or garden alone), or a folder with
+            a COLMAP, nerfstudio, LLFF or NSVF capture, given by its path or its name in the captures' folder.
+        rendered: where embedded scenes are rendered.
         views: number of views of an embedded scene.
-        long_side: pixels of an embedded scene's width.
+        long_side: pixels of the longer side that is wanted, and an embedded scene's width.
+        captures: the folder with published captures; see `catalogue.captures_root`.
 
     Raises:
-        InputError: neither a name nor a folder, or an unreadable capture.
+        InputError: neither a name nor a folder, a capture that is not on this machine, or an unreadable one.
     """
     if source in EMBEDDED:
         width, height = long_side, max(1, long_side * 3 // 4)
-        folder = captures / f"{source}-{views}-{width}x{height}"
-        render_courtyard(folder, views, width, height, seed=0)
-        return read_courtyard(folder)
-    if not Path(source).is_dir():
-        raise InputError(
-            f"SCENE={source}: no such capture",
-            expected=f"one of {', '.join(EMBEDDED)}, or a folder with images and cameras",
-        )
-    return read_scene(Path(source))
+        folder = rendered / f"{source}-{views}-{width}x{height}"
+        render_embedded(source, folder, views, width, height, seed=0)
+        return read_embedded(source, folder)
+    root = captures_root(captures)
+    published = find_captures(source)
+    if len(published) == 1:
+        return _read_published(published[0], source, root, long_side)
+    if published:
+        names = ", ".join(capture.name for capture in published)
+        raise InputError(f"SCENE={source}: several captures have this name", expected=f"one of {names}")
+    for folder in (Path(source), root / source):
+        if source and folder.is_dir():
+            return read_scene(folder)
+    raise InputError(
+        f"SCENE={source}: no such capture",
+        found=f"no folder {source} here or in {root}",
+        expected=f"{', '.join(EMBEDDED)}, a folder with images and cameras, or a published capture "
+        f"({', '.join(capture.name for capture in all_captures())})",
+    )
+
+
+def _read_published(capture: Capture, source: str, root: Path, long_side: int) -> Scene:
+    """A published capture below `root`, or in the folder `source` where that is one too."""
+    folder = locate(capture, root) or (Path(source) if Path(source).is_dir() else None)
+    if folder is None:
+        raise MissingCapture(capture, root)
+    images, notes = choose_images(folder, capture.images, long_side)
+    scene = read_scene(folder, capture.folder_name, images)
+    rainy = scene.captured_rainy or capture.captured_rainy
+    return replace(scene, notes=(*scene.notes, *notes), captured_rainy=rainy)
+
+
+def choose_images(folder: Path, published: str, long_side: int) -> tuple[str | None, list[str]]:
+    """Which of a capture's folders of photographs to read: none larger than needed.
+
+    Args:
+        folder: the capture, which may hold the same photographs at several sizes.
+        published: the folder that results at full size are published for.
+        long_side: pixels that are wanted.
+
+    Returns:
+        The smallest folder with photographs of at least `long_side` pixels that is not larger than the published one,
+        else the published one, else the smallest one larger than that; None where there is none of the usual names.
+        And a note where it is not what results are published for.
+    """
+    sizes = {name: max(image_size(files[0])) for name in FOLDERS if (files := _photographs(folder / name))}
+    if published not in sizes:
+        enough = [name for name in sizes if sizes[name] >= long_side]
+        chosen = min(enough, key=sizes.__getitem__) if enough else max(sizes, key=sizes.__getitem__, default=None)
+        return chosen, [f"no {published}, for which results are published: views come from {chosen}"] if chosen else []
+    fitting = [name for name in sizes if long_side <= sizes[name] <= sizes[published]]
+    return min(fitting, key=sizes.__getitem__) if fitting else published, []
+
+
+def _photographs(folder: Path) -> list[Path]:
+    return photographs_below(folder) if folder.is_dir() else []
 
 
 def build_source(
@@ -51,6 +103,7 @@ def build_source(
     long_side: int | None = None,
     seed: int | None = None,
     overwrite: bool = False,
+    captures: Path | None = None,
 ) -> Path:
     """Build a capture and the named patterns under `out`; keeps what is there.
 
@@ -59,22 +112,24 @@ def build_source(
         out: the data folder.
         profile: sizes and counts where nothing else is said.
         patterns: names such as raindrop-0; none builds the clean views alone.
-        all_patterns: where none is named, the profile's patterns.
+        all_patterns: where none is named, the profile's patterns; a capture that was taken in rain gets none.
         long_side: pixels, instead of the profile's.
         seed: of the rain; a scene that is already there keeps its own if None.
         overwrite: drop a scene that was built from another request.
+        captures: the folder with published captures.
 
     Returns:
         The built scene's folder.
     """
     long_side = profile.long_side if long_side is None else long_side
-    scene = find_capture(source, out / CAPTURES, profile.embedded_views, long_side)
+    scene = find_capture(source, out / RENDERED, profile.embedded_views, long_side, captures)
     for note in scene.notes:
         print(f"{scene.name}: {note}")
+    default = profile.patterns if all_patterns and not scene.captured_rainy else ()
     return build(
         scene,
         out,
-        patterns=choose_patterns(patterns, profile.patterns if all_patterns else ()),
+        patterns=choose_patterns(patterns, default),
         long_side=long_side,
         seed=_built_seed(out / scene.name) if seed is None else seed,
         source=source,

@@ -1,0 +1,70 @@
+"""A web server in a thread, with the failings that servers have."""
+
+import re
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+
+@dataclass
+class Server:
+    """What it has, how it behaves, and what it was asked."""
+
+    files: dict[str, bytes]
+    ranges: bool = True
+    tag: str | None = '"one"'
+    cut_after: list[int] = field(default_factory=list)  # bytes sent of each of the next answers before it hangs up
+    status: list[int] = field(default_factory=list)  # of the next answers, instead of the file
+    asked: list[tuple[str, str | None]] = field(default_factory=list)  # paths and ranges
+    address: str = ""
+
+
+@contextmanager
+def serving(files: dict[str, bytes], **behaviour) -> Iterator[Server]:
+    """Serve files by their paths (`/a.zip`) on this machine."""
+    server = Server(files, **behaviour)
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            answer(self, server)
+
+        def log_message(self, *arguments) -> None:
+            pass
+
+    listener = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    server.address = f"http://127.0.0.1:{listener.server_address[1]}"
+    thread = threading.Thread(target=listener.serve_forever, args=(0.01,), daemon=True)
+    thread.start()
+    try:
+        yield server
+    finally:
+        listener.shutdown()
+        listener.server_close()
+        thread.join()
+
+
+def answer(request: BaseHTTPRequestHandler, server: Server) -> None:
+    """The file or the rest of it, with If-Range honoured (RFC 9110, 13.1.5 and 14)."""
+    wanted = request.headers.get("Range")
+    server.asked.append((request.path, wanted))
+    if server.status or request.path not in server.files:
+        request.send_error(server.status.pop(0) if server.status else 404)
+        return
+    content = server.files[request.path]
+    match = re.fullmatch(r"bytes=(\d+)-", wanted or "")
+    same = request.headers.get("If-Range") in (None, server.tag)
+    start = int(match[1]) if match and same and server.ranges else 0
+    if start and start >= len(content):
+        request.send_error(416)
+        return
+    request.send_response(206 if start else 200)
+    if start:
+        request.send_header("Content-Range", f"bytes {start}-{len(content) - 1}/{len(content)}")
+    if server.tag:
+        request.send_header("ETag", server.tag)
+    request.send_header("Content-Length", str(len(content) - start))
+    request.end_headers()
+    count = server.cut_after.pop(0) if server.cut_after else len(content)
+    request.wfile.write(content[start : start + count])
