@@ -129,6 +129,7 @@ class Scene:
     split: Split
     notes: tuple[str, ...] = field(default=())
     captured_rainy: bool = False  # it rained when the photographs were taken: there is no clean ground truth
+    metres_per_unit: float | None = None  # where the capture says it
 
     @property
     def train_views(self) -> tuple[View, ...]:

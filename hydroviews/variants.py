@@ -3,7 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
-from hydroviews.build import CLEAN
+from hydroviews.build_clean import CLEAN
 from hydroviews.errors import InputError
 from hydroviews.provenance import CAPTURED
 from hydroviews.readers.colmap import read_colmap

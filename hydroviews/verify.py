@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from hydroviews.build import CLEAN
+from hydroviews.build_clean import CLEAN
 from hydroviews.errors import InputError
 from hydroviews.files import read_json, sha256
 from hydroviews.images import list_images, read_image

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from baselines.method import find_method
-from hydroviews.build import CLEAN
+from hydroviews.build_clean import CLEAN
 from hydroviews.errors import InputError
 from hydroviews.files import read_json
 from hydroviews.profiles import Profile, find_profile

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.build import CLEAN
+from hydroviews.build_clean import CLEAN
 from hydroviews.errors import InputError
 from hydroviews.images import Image, read_image, write_png
 from hydroviews.scenes import Scene

@@ -16,7 +16,7 @@ from typing import Any
 
 from baselines.method import find_method
 from hydroviews import claims
-from hydroviews.build import CLEAN
+from hydroviews.build_clean import CLEAN
 from hydroviews.errors import InputError
 from hydroviews.manifest import data_hash
 from hydroviews.scenes import Scene

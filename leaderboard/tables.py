@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from hydroviews.build import CLEAN
+from hydroviews.build_clean import CLEAN
 from hydroviews.files import write_bytes
 
 CEILING, FLOOR = "3dgs-clean", "3dgs"  # every result reads as a share of the gap between these two

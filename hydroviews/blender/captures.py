@@ -1,6 +1,6 @@
 """The embedded scenes as captures: rendered once into a folder, then read like any other."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -71,10 +71,11 @@ def read_embedded(name: str, folder: Path) -> Scene:
             found="no cameras.json",
             fix="render it; what is there already is kept",
         )
-    views = read_json(folder / "cameras.json")["views"]
+    kept = read_json(folder / "cameras.json")
     with np.load(folder / "points.npz") as points:
         cloud = Points(points["positions"], points["colours"])
-    return make_scene(name, [_view(folder, **view) for view in views], cloud)
+    scene = make_scene(name, [_view(folder, **view) for view in kept["views"]], cloud)
+    return replace(scene, metres_per_unit=kept["metres_per_unit"])
 
 
 def render_courtyard(folder: Path, n_views: int, width: int, height: int, seed: int) -> None:

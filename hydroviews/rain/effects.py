@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hydroviews.cameras import Camera
 from hydroviews.images import Image, to_linear, to_srgb
-from hydroviews.rain import raindrops, severity, streaks
+from hydroviews.rain import raindrops, severity, storm, streaks
 from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.seeds import generator
 from hydroviews.rain.setting import Setting
@@ -37,7 +37,9 @@ def draw(pattern: Pattern, setting: Setting) -> Any:
     """The parameters of a pattern, from its seed, as hard on this scene as its grade says."""
     rng = generator(setting.seed, setting.scene, pattern.effect, pattern.index)
     if pattern.effect == "streak":
-        return severity.grade_streaks(streaks.draw_pattern(rng), pattern.grade, setting)
+        return severity.grade_streaks(streaks.draw_pattern(rng, pattern.level), pattern.grade, setting)
+    if pattern.effect == "storm":
+        return storm.draw_pattern(rng, pattern.level)
     return raindrops.draw_pattern(rng)
 
 
@@ -45,6 +47,8 @@ def prepare(pattern: Pattern, drawn: Any, setting: Setting, camera: Camera, fold
     """Make ready for views of this size and these intrinsics; what Blender bakes for them is kept in `folder`."""
     if pattern.effect == "streak":
         return Streaks(drawn, setting, pattern)
+    if pattern.effect == "storm":
+        return storm.Storm(drawn, setting, setting.metres_per_unit)
     return Raindrops(drawn, camera, folder)
 
 

@@ -25,7 +25,12 @@ class Pattern:
     @property
     def grade(self) -> str:
         """How hard it is: the first three patterns of an effect are light, medium and heavy, and so on in turn."""
-        return GRADES[self.index % len(GRADES)]
+        return GRADES[self.level]
+
+    @property
+    def level(self) -> int:
+        """The grade as a number: 0 light, 1 medium, 2 heavy."""
+        return self.index % len(GRADES)
 
 
 def parse_pattern(name: str) -> Pattern:

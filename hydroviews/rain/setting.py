@@ -9,11 +9,11 @@ from tqdm import tqdm
 
 from hydroviews.images import Image, resize_area, to_linear
 from hydroviews.rain.light import luminance
-from hydroviews.scenes import Points, View
+from hydroviews.scenes import Points, Scene, View
 
 SAMPLED_VIEWS = 24  # spread evenly over the capture
 SAMPLED_SIDE = 160  # pixels of a sample's longer side, at most
-AIR = 90.0  # percentile of the luminance from which on light counts as the air's
+AIR = 0.1  # share of the pixels, the brightest, whose light is taken for the air's
 FINE = 1.0  # standard deviation in pixels of the blur that separates fine detail
 
 Colour = tuple[float, float, float]  # linear light
@@ -39,22 +39,32 @@ class Setting:
     samples: tuple[Image, ...]  # some clean views made small, [h, w, 3], sRGB-encoded
     detail: float  # mean squared fine detail of the clean views, encoded values: what is hardest to reconstruct
     light: Light
+    metres_per_unit: float | None = None  # of the capture, where it is known
 
 
-def survey(
-    scene: str, seed: int, views: tuple[View, ...], points: Points, n_train: int, sampled: int = SAMPLED_VIEWS
-) -> Setting:
-    """Look at some of the views, and say what rain may know.
+def survey(scene: Scene, seed: int) -> Setting:
+    """Look at some of a scene's clean views, and say what rain may know.
 
     Raises:
         InputError: an unreadable picture.
     """
     samples, details = [], []
-    for view in tqdm(views[:: -(-len(views) // sampled)], desc=f"{scene}: survey", unit="view", leave=False):
+    chosen = scene.views[:: -(-len(scene.views) // SAMPLED_VIEWS)]
+    for view in tqdm(chosen, desc=f"{scene.name}: survey", unit="view", leave=False):
         image = view.image()
         details.append(float(np.mean((image - cv2.GaussianBlur(image, (0, 0), FINE)) ** 2, dtype=np.float64)))
         samples.append(_small(image))
-    return Setting(scene, seed, views, points, n_train, tuple(samples), float(np.mean(details)), _light(samples))
+    return Setting(
+        scene=scene.name,
+        seed=seed,
+        views=scene.views,
+        points=scene.points,
+        n_train=len(scene.split.train),
+        samples=tuple(samples),
+        detail=float(np.mean(details)),
+        light=_light(samples),
+        metres_per_unit=scene.metres_per_unit,
+    )
 
 
 def _small(image: Image) -> Image:
@@ -65,8 +75,8 @@ def _small(image: Image) -> Image:
 
 def _light(samples: list[Image]) -> Light:
     linear: NDArray[np.float32] = np.concatenate([to_linear(sample).reshape(-1, 3) for sample in samples])
-    brightness = luminance(linear)
-    return Light(_mean(linear), _mean(linear[brightness >= np.percentile(brightness, AIR)]))
+    brightest = np.argsort(luminance(linear), kind="stable")[-max(1, round(AIR * len(linear))) :]
+    return Light(_mean(linear), _mean(linear[brightest]))
 
 
 def _mean(linear: NDArray[np.float32]) -> Colour:

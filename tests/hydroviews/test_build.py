@@ -137,7 +137,7 @@ def test_patterns_can_be_added_later(scene, tmp_path):
 
 def test_a_finished_build_is_not_touched(scene, tmp_path, monkeypatch):
     build(scene, tmp_path / "data", patterns=[STREAK])
-    monkeypatch.setattr(build_module, "_write_views", None)
+    monkeypatch.setattr(build_module, "write_views", None)
     build(scene, tmp_path / "data", patterns=[STREAK])
 
 

@@ -1,0 +1,67 @@
+"""What all variants of a built scene share: views at their final size, masks, depth, cameras, points and split."""
+
+import shutil
+from dataclasses import asdict, replace
+from pathlib import Path
+
+from tqdm import tqdm
+
+from hydroviews.depth import FOLDER as DEPTH
+from hydroviews.depth import depth_path, read_depth, resized_depth, write_depth
+from hydroviews.files import write_json
+from hydroviews.images import write_png
+from hydroviews.masks import MASKS, mask_name, write_ignored
+from hydroviews.poses import triangulate
+from hydroviews.readers.colmap import reliable
+from hydroviews.readers.colmap_format import read_points
+from hydroviews.scenes import Scene, View
+from hydroviews.writers import write_colmap, write_nerfstudio
+
+CLEAN = "clean"
+
+
+def write_views(scene: Scene, folder: Path, images: str) -> Scene:
+    """Write the views, and what masks hide of them, at their final size; returns the scene that reads from them."""
+    views = []
+    for view in tqdm(scene.views, desc=f"{scene.name}: {images.partition('/')[0]} views", unit="view"):
+        path = folder / images / f"{view.name}.png"
+        if not path.is_file():
+            write_png(path, view.image())
+        built = View(view.name, view.camera, path, mask=_write_mask(view, folder))
+        _write_depth(view, built, folder)
+        views.append(built)
+    return replace(scene, views=tuple(views))
+
+
+def _write_mask(view: View, folder: Path) -> Path | None:
+    """Write what is hidden of a view, if anything may be; returns the file."""
+    path = folder / MASKS / mask_name(f"{view.name}.png")
+    ignored = None if path.is_file() else view.ignored()
+    if ignored is not None:
+        write_ignored(path, ignored)
+    return path if view.mask else None
+
+
+def _write_depth(view: View, built: View, folder: Path) -> None:
+    """Write the view's depth map, if the capture has one that fits: rain in space is hidden behind surfaces."""
+    source, path = depth_path(view), folder / DEPTH / f"{view.name}.exr"
+    if view.lens is None and source.is_file() and not path.is_file():
+        write_depth(path, resized_depth(read_depth(source), built.camera.width, built.camera.height))
+
+
+def write_cameras(scene: Scene, folder: Path, capture: Scene, images: str) -> Scene:
+    """Write cameras, points and split; a capture without points gets some from its full-size photographs.
+
+    Returns:
+        The scene with the points that were written.
+    """
+    model = folder / "sparse" / "0"
+    if not len(scene.points):
+        found = reliable(read_points(model)) if model.is_dir() else triangulate(capture, folder / ".triangulation")
+        scene = replace(scene, points=found)
+    if not model.is_dir():
+        write_colmap(scene, model)
+    shutil.rmtree(folder / ".triangulation", ignore_errors=True)
+    write_nerfstudio(scene, folder / "transforms.json", images)
+    write_json(folder / "split.json", asdict(scene.split))
+    return scene

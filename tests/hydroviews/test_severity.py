@@ -1,0 +1,62 @@
+import numpy as np
+import pytest
+from synthetic import capture_in
+
+from hydroviews.images import to_linear, write_png
+from hydroviews.rain import effects, severity
+from hydroviews.rain.patterns import GRADES, Pattern
+from hydroviews.rain.seeds import generator
+from hydroviews.rain.setting import survey
+from hydroviews.rain.streaks import streak_layer
+
+
+@pytest.fixture
+def setting(tmp_path):
+    scene = capture_in(tmp_path / "yard")
+    return survey(scene, 0)
+
+
+def harm(drawn, setting) -> float:
+    """Square of the mean light that streaks add, measured on fresh views and not on those of the calibration."""
+    camera = setting.views[0].camera
+    layers = np.stack([streak_layer(drawn, camera.width, camera.height, generator(9, i)) for i in range(20)])
+    return severity.learned_cover(layers) ** 2 * severity.mean_squared_contrast(setting, drawn.brightness)
+
+
+def test_streaks_are_as_harmful_as_their_grade_says(setting):
+    drawn = [effects.draw(Pattern("streak", i), setting) for i in range(3)]
+    for grade, pattern in zip(GRADES, drawn, strict=True):
+        wanted = severity.wanted_harm(grade, setting)
+        within_reach = severity.FEWEST < pattern.n < severity.MOST or pattern.brightness < severity.BRIGHTEST
+        assert not within_reach or harm(pattern, setting) == pytest.approx(wanted, rel=0.5)
+    assert harm(drawn[0], setting) < harm(drawn[1], setting) < harm(drawn[2], setting)
+
+
+def test_grades_repeat_every_three_patterns():
+    assert [Pattern("streak", i).grade for i in range(4)] == ["light", "medium", "heavy", "light"]
+
+
+def test_a_pattern_is_the_same_whenever_it_is_drawn(setting):
+    first = [effects.draw(Pattern("streak", i), setting) for i in (0, 1)]
+    assert [effects.draw(Pattern("streak", i), setting) for i in (1, 0)] == first[::-1]
+
+
+@pytest.mark.parametrize(("wanted", "expected"), [(4.0, 2.0), (0.0, 1.0), (100.0, 5.0)])
+def test_solve_finds_the_value_or_the_nearest_end(wanted, expected):
+    assert severity.solve(lambda x: x * x, wanted, 1.0, 5.0) == pytest.approx(expected, abs=0.01)
+
+
+def test_a_survey_measures_light_and_detail(tmp_path):
+    scene = capture_in(tmp_path / "yard")
+    half = np.zeros((scene.views[0].camera.height, scene.views[0].camera.width, 3), np.float32)
+    half[: len(half) // 6] = 0.8  # bright above, black below
+    for view in scene.views:
+        write_png(view.path, half)
+    found = survey(scene, 0)
+    bright = float(to_linear(np.float32([204 / 255]))[0])
+    assert found.light.air == pytest.approx((bright,) * 3, rel=0.2)
+    assert 0 < found.light.mean[0] < 0.25 * bright
+    flat = [np.full_like(half, 0.5)] * len(scene.views)
+    for view, image in zip(scene.views, flat, strict=True):
+        write_png(view.path, image)
+    assert survey(scene, 0).detail == pytest.approx(0, abs=1e-9)
