@@ -46,7 +46,7 @@ class CudaBackend:
         self._near = near
         self._workspace = Workspace()
         self._state: _DeviceState | None = None
-        self._targets: dict[int, Tensor] = {}
+        self._targets: dict[int, tuple[Tensor, Tensor | None]] = {}  # pixels, and which are shown
 
     def put(self, state: TrainingState) -> None:
         """Copy to the GPU."""
@@ -139,8 +139,12 @@ class CudaBackend:
         """Backpropagate the objective: the plain one on the GPU, a method's own one through its numpy gradient."""
         if type(self._objective) is Objective:
             if view not in self._targets:
-                self._targets[view] = torch.from_numpy(self._objective.images.pixels(view)).cuda()
-            loss = photometric_loss(image, self._targets[view] / 255, self._objective.ssim_share)
+                images = self._objective.images
+                ignored = images.ignored(view)
+                shown = None if ignored is None else torch.from_numpy(~ignored).cuda()
+                self._targets[view] = torch.from_numpy(images.pixels(view)).cuda(), shown
+            target, shown = self._targets[view]
+            loss = photometric_loss(image, target / 255, self._objective.ssim_share, shown)
             loss.backward()
             return float(loss.detach())
         value, gradient = self._objective(image.detach().cpu().numpy(), view, iteration, self._workspace)

@@ -4,6 +4,9 @@
 
 SSIM after Wang et al. 2004: an 11x11 Gaussian window of sigma 1.5, zero outside the image, per channel, constants for
 values in [0, 1]. Rows are [H, 3 W] with the channels interleaved, so a horizontal tap is a step of three.
+
+Hidden pixels count as lying outside the image: windows see zero there in both pictures, and no loss is taken at them.
+So nothing that stands in them, in the target or in the render, changes the loss or its gradient.
 """
 
 from dataclasses import dataclass
@@ -15,6 +18,7 @@ from numpy.typing import NDArray
 from baselines.splatting.jit import inlined, kernel
 from baselines.splatting.rasterizer import Workspace
 from hydroviews.images import Image
+from hydroviews.masks import Ignored
 
 RADIUS = 5
 SIGMA = 1.5
@@ -35,6 +39,7 @@ class Target:
     pixels: NDArray[np.float32]
     mean: NDArray[np.float32]
     mean_square: NDArray[np.float32]
+    shown: NDArray[np.float32] | None = None  # [H, W], 0 where hidden, else 1; None where nothing is hidden
 
 
 @inlined
@@ -164,15 +169,25 @@ def add_ssim_gradient(x, y, share, planes, gradient):
                 g_row[i] += factor * (by_mean[i] + TWO * x_row[i] * by_square[i] + y_row[i] * by_product[i])
 
 
-def prepare(image: NDArray) -> Target:
-    """A target from an image [H, W, 3], uint8 or float32 in [0, 1]."""
+def prepare(image: NDArray, ignored: Ignored | None = None) -> Target:
+    """A target from an image [H, W, 3], uint8 or float32 in [0, 1], of which the pixels `ignored` [H, W] are hidden.
+
+    Raises:
+        ValueError: image and mask differ in size.
+    """
+    if ignored is not None and ignored.shape != image.shape[:2]:
+        raise ValueError(f"image {image.shape} and mask {ignored.shape} differ in size")
     values = image.astype(np.float32) / np.float32(255) if image.dtype == np.uint8 else image
+    shown = None
+    if ignored is not None and ignored.any():
+        shown = np.where(ignored, np.float32(0), np.float32(1))
+        values = np.where(ignored[..., None], np.float32(0), values)
     pixels = np.ascontiguousarray(values, np.float32).reshape(image.shape[0], -1)
     planes = np.empty((3, *pixels.shape), np.float32)
     filter_products(pixels, pixels, planes)
     filtered = np.empty((2, *pixels.shape), np.float32)
     filter_vertically(planes[:2], filtered)
-    return Target(pixels, filtered[0], filtered[1])
+    return Target(pixels, filtered[0], filtered[1], shown)
 
 
 NO_WEIGHTS = np.zeros((0, 0), np.float32)
@@ -189,7 +204,7 @@ def photometric_loss(
 
     Args:
         image: float32 [H, W, 3].
-        target: what it should look like.
+        target: what it should look like; what is hidden of it counts for nothing.
         ssim_share: lambda in (1 - lambda) L1 + lambda (1 - SSIM).
         weights: [H, W] factors on each pixel's share of the loss (0 leaves it out); the average stays over all pixels.
         workspace: buffers to reuse; the gradient is one of them.
@@ -202,6 +217,9 @@ def photometric_loss(
         found = None if weights is None else weights.shape
         raise ValueError(f"image {image.shape}, target {target.pixels.shape} and weights {found} differ in size")
     workspace = workspace or Workspace()
+    if target.shown is not None:  # by selection, since a render may hold NaN there
+        image = np.where(target.shown[..., None] > 0, image, np.float32(0))
+        weights = target.shown if weights is None else weights * target.shown
     x = np.ascontiguousarray(image, np.float32).reshape(height, -1)
     planes = workspace.array("loss_planes", (3, *x.shape))
     more_planes = workspace.array("loss_planes2", (3, *x.shape))
@@ -212,4 +230,6 @@ def photometric_loss(
     arguments = (target.pixels, target.mean, target.mean_square, factors, ssim_share, planes, more_planes)
     compare(x, *arguments, sums, gradient)
     add_ssim_gradient(x, target.pixels, ssim_share, more_planes, gradient)
+    if target.shown is not None:
+        gradient.reshape(image.shape)[target.shown == 0] = 0
     return float(sums.sum()) / x.size, gradient.reshape(image.shape)

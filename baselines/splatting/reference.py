@@ -64,8 +64,13 @@ def rotations(quaternions: Tensor) -> Tensor:
     return torch.stack(rows, 1).reshape(-1, 3, 3)
 
 
-def photometric_loss(image: Tensor, target: Tensor, ssim_share: float) -> Tensor:
-    """(1 - lambda) L1 + lambda (1 - SSIM) as in `photometric`, of images [H, W, 3] in any precision, on any device."""
+def photometric_loss(image: Tensor, target: Tensor, ssim_share: float, shown: Tensor | None = None) -> Tensor:
+    """(1 - lambda) L1 + lambda (1 - SSIM) as in `photometric`, of images [H, W, 3] in any precision, on any device.
+
+    Where `shown`, bool [H, W], is false, pixels are hidden.
+    """
+    if shown is not None:
+        image, target = (torch.where(shown[..., None], picture, 0) for picture in (image, target))
     x, y = image.permute(2, 0, 1), target.permute(2, 0, 1).to(image.dtype)
     taps = torch.exp(-(torch.arange(-5, 6, dtype=image.dtype, device=image.device) ** 2) / (2 * 1.5**2))
     taps = taps / taps.sum()
@@ -76,6 +81,8 @@ def photometric_loss(image: Tensor, target: Tensor, ssim_share: float) -> Tensor
     c1, c2 = 0.01**2, 0.03**2
     ssim = (2 * mean_x * mean_y + c1) * (2 * (xy - mean_x * mean_y) + c2)
     ssim = ssim / ((mean_x**2 + mean_y**2 + c1) * (xx - mean_x**2 + yy - mean_y**2 + c2))
+    if shown is not None:
+        ssim = torch.where(shown, ssim, 1)
     return (1 - ssim_share) * (x - y).abs().mean() + ssim_share * (1 - ssim.mean())
 
 

@@ -105,3 +105,65 @@ def test_adam_takes_a_rate_for_each_column():
     rates = np.arange(12, dtype=np.float32).reshape(4, 3)
     adam_step(values, gradient, np.zeros_like(values), np.zeros_like(values), 1, rates)
     assert np.allclose(values, -rates[None], rtol=1e-5)
+
+
+@pytest.fixture
+def hidden():
+    """A picture [30, 40, 3], a render of it, and a mask with a person-like blob, single pixels and a border."""
+    image, target = pair(40, 30)
+    ignored = np.zeros((30, 40), bool)
+    ignored[5:20, 10:17] = ignored[25, 30] = ignored[:, -2:] = True
+    return image, target, ignored
+
+
+@pytest.mark.parametrize("share", [0.0, 0.2, 1.0])
+def test_what_is_hidden_changes_nothing(hidden, share):
+    image, target, ignored = hidden
+    loss, gradient = photometric_loss(image, prepare(target, ignored), share)
+    gradient = gradient.copy()
+    noise = np.random.default_rng(2).random(image.shape).astype(np.float32)
+    noise[6, 11] = np.nan
+    other_image, other_target = (np.where(ignored[..., None], noise, picture) for picture in (image, target))
+    again, same = photometric_loss(other_image, prepare(other_target, ignored), share)
+    assert loss == again
+    assert np.array_equal(gradient, same)
+    assert not gradient[ignored].any()
+    assert (gradient[~ignored] != 0).mean() > 0.99
+
+
+@pytest.mark.parametrize("share", [0.0, 0.2, 1.0])
+def test_gradient_beside_hidden_pixels_matches_autograd_and_differences(hidden, share):
+    image, target, ignored = hidden
+    loss, gradient = photometric_loss(image, prepare(target, ignored), share)
+    y, shown = torch.from_numpy(target).double(), torch.from_numpy(~ignored)
+    x = torch.from_numpy(image).double().requires_grad_()
+    exact = exact_loss(x, y, share, shown)
+    exact.backward()
+    assert loss == pytest.approx(float(exact.detach()), abs=1e-6)
+    assert np.abs(gradient - x.grad.numpy()).max() < 2e-5 * np.abs(x.grad.numpy()).max() + 1e-9
+    for row, column in ((4, 12), (12, 17), (25, 29), (10, 37)):  # beside what is hidden
+        step = torch.zeros_like(y)
+        step[row, column, 1] = 1e-6
+        difference = (exact_loss(x + step, y, share, shown) - exact_loss(x - step, y, share, shown)) / 2e-6
+        assert gradient[row, column, 1] == pytest.approx(float(difference.detach()), rel=1e-3, abs=1e-8)
+
+
+def test_a_mask_that_hides_nothing_is_no_mask_and_one_that_hides_all_leaves_no_loss(hidden):
+    image, target, ignored = hidden
+    plain, gradient = photometric_loss(image, prepare(target))
+    gradient = gradient.copy()
+    loss, same = photometric_loss(image, prepare(target, np.zeros_like(ignored)))
+    assert loss == plain
+    assert np.array_equal(gradient, same)
+    loss, gradient = photometric_loss(image, prepare(target, np.ones_like(ignored)))
+    assert loss == 0
+    assert not gradient.any()
+    with pytest.raises(ValueError, match="mask"):
+        prepare(target, ignored[1:])
+
+
+def test_weights_and_masks_go_together(hidden):
+    image, target, ignored = hidden
+    halves = np.full(ignored.shape, 0.5, np.float32)
+    loss = photometric_loss(image, prepare(target, ignored))[0]
+    assert photometric_loss(image, prepare(target, ignored), weights=halves)[0] == pytest.approx(loss / 2, rel=1e-6)
