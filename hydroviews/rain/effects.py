@@ -40,7 +40,7 @@ def draw(pattern: Pattern, setting: Setting) -> Any:
         return severity.grade_streaks(streaks.draw_pattern(rng, pattern.level), pattern.grade, setting)
     if pattern.effect == "storm":
         return storm.draw_pattern(rng, pattern.level)
-    return raindrops.draw_pattern(rng)
+    return severity.grade_raindrops(raindrops.draw_pattern(rng, pattern.level), pattern.grade, setting)
 
 
 def prepare(pattern: Pattern, drawn: Any, setting: Setting, camera: Camera, folder: Path) -> Effect:
@@ -49,7 +49,7 @@ def prepare(pattern: Pattern, drawn: Any, setting: Setting, camera: Camera, fold
         return Streaks(drawn, setting, pattern)
     if pattern.effect == "storm":
         return storm.Storm(drawn, setting, setting.metres_per_unit)
-    return Raindrops(drawn, camera, folder)
+    return raindrops.Raindrops(drawn, setting, camera, folder)
 
 
 class Streaks:
@@ -65,23 +65,6 @@ class Streaks:
         height, width = clean.shape[:2]
         rng = generator(self._seed, *self._labels, view.name)
         return {"S": streaks.streak_layer(self._drawn, width, height, rng)}
-
-
-class Raindrops:
-    """Drops that stay on the lens; what they show changes with the view."""
-
-    def __init__(self, pattern: raindrops.RaindropPattern, camera: Camera, folder: Path) -> None:
-        self.parameters = asdict(pattern)
-        self._matte = raindrops.bake_matte(pattern, camera, folder)
-
-    def layers(self, clean: Image, view: View) -> Layers:
-        """Channels M: cover by drops; R, G, B: the linear radiance of the drops."""
-        radiance = self._matte.apply(to_linear(clean))
-        return {
-            "M": self._matte.mask,
-            "V": np.zeros_like(self._matte.mask),
-            **{c: radiance[..., i] for i, c in enumerate("RGB")},
-        }
 
 
 def rain_on(effect: Effect, clean: Image, view: View) -> Layers:

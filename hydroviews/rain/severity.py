@@ -18,6 +18,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hydroviews.images import to_linear, to_srgb
+from hydroviews.rain.drops_pattern import RaindropPattern
+from hydroviews.rain.mist import mist_veil
 from hydroviews.rain.seeds import generator
 from hydroviews.rain.setting import Setting
 from hydroviews.rain.streaks import StreakPattern, streak_layer
@@ -28,6 +31,8 @@ BRIGHTEST = 1.0  # a streak's encoded value, where n alone cannot reach the grad
 TRIAL_VIEWS = 3  # whose mean cover stands for all
 STEPS = 12  # of a bisection
 LEARNED = 1.5  # mean squared error of a scene learned from clean views, in units of its fine detail
+DROPS = 0.1  # of the error that sharp drops make in the views, what is left when views are learned together
+THICKEST_MIST = 0.95
 TO_MEDIAN = 0.3  # how far from the mean to the median what is learned of fresh streaks lies
 
 
@@ -52,6 +57,32 @@ def grade_streaks(drawn: StreakPattern, grade: str, setting: Setting) -> StreakP
     if n == MOST:
         brightness = solve(lambda value: harm(MOST, value), wanted, drawn.brightness, BRIGHTEST)
     return replace(drawn, n=round(n), brightness=round(brightness, 3))
+
+
+def grade_raindrops(drawn: RaindropPattern, grade: str, setting: Setting) -> RaindropPattern:
+    """The pattern with its mist, and if need be its coverage, set to the grade on this scene."""
+    wanted = wanted_harm(grade, setting)
+    coverage = min(drawn.coverage, wanted / (DROPS * _spread(setting)))
+    left = wanted - DROPS * coverage * _spread(setting)
+    mist = solve(lambda level: veil_harm(replace(drawn, mist=level), setting), left, 0.0, THICKEST_MIST)
+    return replace(drawn, coverage=round(coverage, 4), mist=round(mist, 4))
+
+
+def veil_harm(pattern: RaindropPattern, setting: Setting) -> float:
+    """Mean squared difference that a pattern's mist makes to the scene, in encoded values."""
+    air = np.array(pattern.air) * setting.light.air
+    errors = []
+    for i, sample in enumerate(setting.samples):
+        height, width = sample.shape[:2]
+        veil = mist_veil(pattern, width, height, i / len(setting.samples))[..., None]
+        veiled = to_srgb((1 - veil) * to_linear(sample) + veil * air.astype(np.float32))
+        errors.append(np.mean((veiled - sample) ** 2, dtype=np.float64))
+    return float(np.mean(errors))
+
+
+def _spread(setting: Setting) -> float:
+    """Mean squared difference of two places of a view: drops show another place than the one they cover."""
+    return 2 * float(np.mean([sample.var(axis=(0, 1)).mean(dtype=np.float64) for sample in setting.samples]))
 
 
 def learned_cover(layers: NDArray[np.float32]) -> float:
