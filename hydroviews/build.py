@@ -6,6 +6,7 @@
     <out>/<scene>/depth/*.exr                 z-depth, where the capture has it
     <out>/<scene>/masks/*.png.png             hidden pixels, where the capture has masks
     <out>/<scene>/<pattern>/images/*.png      rainy views; layers/*.exr what was added; pattern.json every parameter
+    <out>/<scene>/**/statistics.csv           what rain did to every view; README.md says it in words
     <out>/manifest.json                       SHA-256 of every file of the finished scenes
 
 A capture that was taken in rain has no clean views: its own photographs are the one variant, `captured-0`.
@@ -19,12 +20,14 @@ from pathlib import Path
 from hydroviews.build_clean import CLEAN, write_cameras, write_views
 from hydroviews.build_rain import write_captured, write_variant
 from hydroviews.build_request import make_request, refuse_own_capture, take_folder
+from hydroviews.data_card import keep_licence, write_card
 from hydroviews.errors import InputError
 from hydroviews.manifest import read_manifest, record_scene
 from hydroviews.provenance import CAPTURED
 from hydroviews.rain.patterns import Pattern, parse_pattern
 from hydroviews.rain.setting import survey
 from hydroviews.scenes import Scene
+from hydroviews.statistics import write_statistics
 
 
 def build(
@@ -79,7 +82,10 @@ def build(
         setting = survey(clean, seed)
         for pattern in rains:
             write_variant(clean, folder, pattern, setting)
+            write_statistics(folder, pattern.name)
     names = [pattern.name for pattern in rains]
+    keep_licence(scene, folder)
+    write_card(folder, [CAPTURED] if scene.captured_rainy else names, scene.notes)
     facts = {"seed": seed, "long_side": long_side, "source": request.source, "views": len(clean.views)}
     record_scene(out, scene.name, {**facts, "notes": list(scene.notes), "patterns": names})
     return folder
