@@ -8,6 +8,8 @@ import tyro
 from hydroviews.commands import run_command
 from hydroviews.errors import InputError
 from hydroviews.files import write_json
+from hydroviews.profiles import find_profile
+from hydroviews.rain.patterns import choose_patterns
 from leaderboard.evaluate import FAILURE, Evaluation, evaluate
 from leaderboard.predict import predict
 from leaderboard.previews import write_overview
@@ -37,14 +39,34 @@ def table_command(results: Path = Path("results")) -> None:
     print(f"\nall runs: {results / 'leaderboard.csv'}")
 
 
-def score_command(run: Run) -> None:
-    """Score a run again from its renders, without the model."""
-    score(run)
+def score_command(
+    pattern: str,
+    method: str = "3dgs",
+    scene: str = "courtyard",
+    profile: str = "demo",
+    seed: int = 0,
+    track: str = GIVEN_POSES,
+    data: Path = Path("data"),
+    results: Path = Path("results"),
+) -> None:
+    """Score a run again from its renders, without the model.
+
+    Args:
+        pattern: such as raindrop-1; clean for a method that sees clean views.
+        method: of the run.
+        scene: a built scene.
+        profile: of the run.
+        seed: of the run.
+        track: of the run.
+        data: folder that `make eval` built in.
+        results: folder of the runs.
+    """
+    score(Run(method, find_profile(profile).name, seed, data / profile, scene, pattern, results, track))
 
 
 def picture_command(
     view: str,
-    patterns: tuple[str, ...] = ("raindrop-0", "streak-0"),
+    patterns: tuple[str, ...] = (),
     method: str = "3dgs",
     scene: str = "courtyard",
     profile: str = "demo",
@@ -58,7 +80,7 @@ def picture_command(
 
     Args:
         view: name of a held-out view.
-        patterns: the rows.
+        patterns: the rows; the profile's patterns if none is named.
         method: whose renders.
         scene: a built scene.
         profile: of the runs.
@@ -68,7 +90,8 @@ def picture_command(
         results: folder of the runs.
         out: the picture.
     """
-    runs = [Run(method, profile, seed, data / profile, scene, pattern, results, track) for pattern in patterns]
+    rows = [pattern.name for pattern in choose_patterns(patterns, find_profile(profile).patterns)]
+    runs = [Run(method, profile, seed, data / profile, scene, pattern, results, track) for pattern in rows]
     write_overview(runs, view, out)
 
 

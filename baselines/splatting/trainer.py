@@ -4,7 +4,6 @@ import hashlib
 import json
 import os
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -35,6 +34,7 @@ from baselines.splatting.jit import FOLDER
 from baselines.splatting.objective import Objective, TrainingImages, read_images
 from baselines.splatting.schedule import LearningRates
 from hydroviews.cameras import Camera
+from hydroviews.commands import run_process
 from hydroviews.files import write_bytes
 from hydroviews.scenes import Scene, no_points
 
@@ -223,9 +223,7 @@ def warm_up(sh_degree: int) -> float:
     if not (Path(FOLDER) / COMPILED).is_file():
         print("compiling the kernels: once, up to a minute", file=sys.stderr, flush=True)
         code = f"from {__name__} import exercise_kernels; exercise_kernels({sh_degree})"
-        subprocess.run(
-            [sys.executable, "-c", code], check=True, env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-        )
+        run_process([sys.executable, "-c", code], {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})
         write_bytes(Path(FOLDER) / COMPILED, b"")
     exercise_kernels(sh_degree)
     return time.perf_counter() - start

@@ -1,0 +1,87 @@
+"""Ctrl-C at any moment ends quietly: also while a process is still importing what it needs."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).parents[1]
+CHILD = """
+import pathlib, time
+pathlib.Path("importing").touch()
+time.sleep(1)
+from hydroviews.commands import run_command
+run_command({"wait": lambda: time.sleep(60), "rest": lambda: None}, prog="child")
+"""
+PARENT = """
+import subprocess, sys
+from hydroviews.commands import deferred_interrupts, run_command
+child = sys.argv.pop()
+def start():
+    with deferred_interrupts():
+        process = subprocess.Popen([sys.executable, "-c", child, "wait"])
+    try:
+        process.wait()
+    finally:
+        process.wait(30)
+run_command({"start": start, "rest": lambda: None}, prog="parent")
+"""
+
+
+@pytest.fixture
+def family(tmp_path):
+    """A command whose child is importing; both in a process group of their own, as under a terminal."""
+    environment = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
+    command = [sys.executable, "-c", PARENT, "start", CHILD]
+    process = subprocess.Popen(
+        command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    deadline = time.monotonic() + 30
+    while not (tmp_path / "importing").exists():
+        assert process.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    yield process
+    if process.poll() is None:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+def test_a_child_that_is_importing_ends_quietly(family):
+    (child,) = Path(f"/proc/{family.pid}/task/{family.pid}/children").read_text().split()
+    os.killpg(family.pid, signal.SIGINT)
+    _, errors = family.communicate(timeout=30)
+    assert family.returncode == 130
+    assert "Traceback" not in errors
+    assert errors.count("interrupted") == 2  # by the parent at once, by the child once it can
+    assert not Path(f"/proc/{child}").exists()
+
+
+def test_a_process_that_knows_nothing_of_ctrl_c_ends_with_its_command(tmp_path):
+    code = (
+        "import os, sys; from hydroviews.commands import run_command, run_process;"
+        "work = 'import os, pathlib, time; pathlib.Path(\"pid\").write_text(str(os.getpid())); time.sleep(60)';"
+        "run_command({'start': lambda: run_process([sys.executable, '-c', work], os.environ), 'rest': print}, prog='x')"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, "start"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 30
+    while not (tmp_path / "pid").exists() or not (tmp_path / "pid").read_text():
+        assert process.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGINT)
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert "Traceback" not in errors
+    assert not Path("/proc", (tmp_path / "pid").read_text()).exists()
