@@ -9,12 +9,13 @@ from hydroviews.readers import llff, nerfstudio
 from hydroviews.readers.colmap import find_models, read_colmap
 from hydroviews.readers.llff import read_llff
 from hydroviews.readers.nerfstudio import read_nerfstudio
+from hydroviews.readers.nsvf import is_nsvf, read_nsvf
 from hydroviews.readers.photographs import photographs_below
 from hydroviews.scenes import Scene
 
 
 def read_scene(folder: Path, name: str | None = None, images: str | None = None) -> Scene:
-    """Read a capture, its cameras from a COLMAP model, else `transforms.json`, else `poses_bounds.npy`.
+    """Read a capture: a COLMAP model, else `transforms.json`, else `poses_bounds.npy`, else NSVF's `pose`.
 
     The split is the folder's `split.json`, else every 8th view by name is held out. `Scene.notes` says which
     cameras were taken, how many images they cover, and which of them look wrong. Masks are the capture's `masks`
@@ -47,6 +48,8 @@ def _read_cameras(folder: Path, name: str, images: str | None) -> Scene:
         return read_nerfstudio(folder, name)
     if (folder / llff.CAMERA_FILE).is_file():
         return read_llff(folder, name, images)
+    if is_nsvf(folder):
+        return read_nsvf(folder, name)
     count = len(photographs_below(folder))
     raise InputError(
         f"{folder}: no cameras",
