@@ -1,4 +1,4 @@
-"""python -m hydroviews build | verify | poses | download."""
+"""python -m hydroviews build | verify | sheet | card | poses | download."""
 
 import sys
 from pathlib import Path
@@ -10,8 +10,11 @@ from hydroviews.catalogue import captures_root
 from hydroviews.commands import run_command
 from hydroviews.downloads import download_captures
 from hydroviews.errors import InputError
+from hydroviews.losses import record_losses
+from hydroviews.manifest import built_scenes
 from hydroviews.poses import estimate_poses
 from hydroviews.profiles import Profile, find_profile
+from hydroviews.sheet import COLUMNS, write_sheets
 from hydroviews.sources import build_source
 from hydroviews.suites import build_suite, read_suite
 from hydroviews.verify import verify
@@ -103,6 +106,35 @@ def verify_command(data: Annotated[Path, tyro.conf.Positional], every_view: bool
     print(f"{data}: all files are as built")
 
 
+def sheet_command(
+    data: Annotated[Path, tyro.conf.Positional], scene: str = "", views: int = COLUMNS, out: Path | None = None
+) -> None:
+    """Draw contact sheets: the rain on a few views, and the layers it is made of.
+
+    Args:
+        data: a data folder, or a built scene in one.
+        scene: only the one of that name.
+        views: how many, spread evenly over the capture.
+        out: where the sheets go; `sheets` in the data folder if not given.
+    """
+    for folder in built_scenes(data, scene):
+        for path in write_sheets(folder, out, views):
+            print(path)
+
+
+def card_command(data: Annotated[Path, tyro.conf.Positional], scene: str = "", results: Path = Path("results")) -> None:
+    """Enter what plain 3DGS loses to each variant into the data cards, from the runs in a results folder.
+
+    Args:
+        data: a data folder, or a built scene in one.
+        scene: only the one of that name.
+        results: the folder that `make eval` wrote.
+    """
+    for folder in built_scenes(data, scene):
+        losses = record_losses(folder, results)
+        print(f"{folder.name}\n{losses.to_string(index=False)}\n")
+
+
 def poses_command(images: Annotated[Path, tyro.conf.Positional], out: Path | None = None) -> None:
     """Estimate cameras for a folder of photographs with pycolmap.
 
@@ -124,6 +156,8 @@ def main() -> None:
         {
             "build": build_command,
             "verify": verify_command,
+            "sheet": sheet_command,
+            "card": card_command,
             "poses": poses_command,
             "download": download_command,
         },

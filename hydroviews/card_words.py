@@ -8,7 +8,7 @@ WORDS = {  # by effect: parameter and how it is said
         "coverage": "large drops over {:.0%} of the picture",
         "radius_median": "of a median radius of {:.3f} picture sides",
         "droplets": "{} droplets between them",
-        "rivulets": "{} rivulets",
+        "rivulets": "rivulets: {}",
         "mist": "mist that hides {:.0%} where it is densest",
         "key_frames": "a film of {} key frames",
         "technique": "technique {}",
