@@ -7,6 +7,7 @@ from pathlib import Path
 from hydroviews.blender.captures import EMBEDDED, read_embedded, render_embedded
 from hydroviews.build import build
 from hydroviews.catalogue import Capture, MissingCapture, all_captures, captures_root, find_captures, locate
+from hydroviews.drop_masks import write_drop_masks
 from hydroviews.errors import InputError
 from hydroviews.files import read_json
 from hydroviews.images import image_size
@@ -126,7 +127,7 @@ def build_source(
     for note in scene.notes:
         print(f"{scene.name}: {note}")
     default = profile.patterns if all_patterns and not scene.captured_rainy else ()
-    return build(
+    folder = build(
         scene,
         out,
         patterns=choose_patterns(patterns, default),
@@ -135,6 +136,9 @@ def build_source(
         source=source,
         overwrite=overwrite,
     )
+    if scene.captured_rainy:
+        write_drop_masks(scene, folder, scene.resized(long_side).views)
+    return folder
 
 
 def _built_seed(folder: Path) -> int:
