@@ -27,7 +27,6 @@ from hydroviews.provenance import CAPTURED
 from hydroviews.rain.patterns import Pattern, parse_pattern
 from hydroviews.rain.setting import survey
 from hydroviews.scenes import Scene
-from hydroviews.statistics import write_statistics
 
 
 def build(
@@ -82,7 +81,6 @@ def build(
         setting = survey(clean, seed)
         for pattern in rains:
             write_variant(clean, folder, pattern, setting)
-            write_statistics(folder, pattern.name)
     names = [pattern.name for pattern in rains]
     keep_licence(scene, folder)
     write_card(folder, [CAPTURED] if scene.captured_rainy else names, scene.notes)
