@@ -14,6 +14,7 @@ from hydroviews.images import read_image
 from hydroviews.writers import write_colmap
 from leaderboard import evaluate as evaluate_module
 from leaderboard import tables
+from leaderboard.__main__ import picture_command, score_command
 from leaderboard.evaluate import Evaluation, evaluate
 from leaderboard.records import COLUMNS
 from leaderboard.score import score
@@ -92,6 +93,20 @@ def test_rescoring_on_other_data_is_refused(built, tmp_path):
     manifest.write_text(json.dumps(content))
     with pytest.raises(InputError, match="the data are not what it was run on"):
         score(_runs(built, tmp_path)[0])
+
+
+def test_score_and_picture_take_the_folders_that_evaluate_takes(built, tmp_path):
+    record = evaluate(request(built, tmp_path, "MeanColour"))[-1]
+    place = {"scene": "yard", "data": tmp_path / "data", "results": tmp_path / "results"}
+    written = tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0/record.json"
+    written.unlink()
+    score_command("streak-0", method="toy_methods:MeanColour", **place)
+    assert json.loads(written.read_text())["psnr"] == record.psnr
+    picture = tmp_path / "overview.png"
+    picture_command("view-00", ("streak-0",), method="toy_methods:MeanColour", **place, out=picture)
+    assert read_image(picture).shape[1] == 3 * 48
+    with pytest.raises(InputError, match="raindrop-1"):  # the profile's patterns where none is named
+        picture_command("view-00", method="toy_methods:MeanColour", **place, out=picture)
 
 
 def _runs(built, tmp_path):
