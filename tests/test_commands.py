@@ -31,6 +31,18 @@ def test_make_eval_passes_every_setting_on():
     assert "--overwrite" in make("eval", "OVERWRITE=1")
 
 
+def test_make_dataset_builds_a_scene_or_a_suite():
+    assert "build --scene 'courtyard' --profile demo" in make("dataset")
+    line = make("dataset", "SUITE=paper", "PROFILE=quick", "SCENE=ignored")
+    assert "build --suite 'paper' --profile quick" in line
+    assert "ignored" not in line
+
+
+def test_make_hands_the_folder_of_captures_on():
+    assert "HYDROVIEWS_CAPTURES := /my captures" in make("--print-data-base", "dataset", "CAPTURES=/my captures")
+    assert "HYDROVIEWS_CAPTURES :=" not in make("--print-data-base", "dataset")
+
+
 @pytest.mark.parametrize("target", ["setup", "dataset", "eval", "leaderboard", "bench", "test", "lint"])
 def test_make_targets(target):
     make(target)
@@ -45,6 +57,11 @@ def test_make_targets(target):
         (("hydroviews", "verify", "/nowhere"), "no manifest.json"),
         (("hydroviews", "build", "--scene", "/nowhere", "--out", "/nowhere"), "no such capture"),
         (("hydroviews", "poses", "/nowhere"), "0 photographs"),
+        (("hydroviews", "build", "--suite", "/nowhere"), "SUITE=/nowhere: no such suite"),
+        (("hydroviews", "build", "--scene", "360_v2/garden", "--captures", "/nowhere"), "download mipnerf360/garden"),
+        (("hydroviews", "download", "moon"), "moon: no such capture to download"),
+        (("hydroviews", "download", "horse", "--captures", "/nowhere"), "has no horse"),
+        (("leaderboard", "score", "--pattern", "raindrop-1", "--data", "/nowhere"), "no finished scene courtyard"),
     ],
 )
 def test_bad_input_ends_with_a_plain_error(arguments, message):
@@ -57,7 +74,10 @@ def test_bad_input_ends_with_a_plain_error(arguments, message):
 
 @pytest.mark.parametrize(
     ("package", "commands"),
-    [("hydroviews", ("build", "verify", "poses")), ("leaderboard", ("evaluate", "table", "score", "picture"))],
+    [
+        ("hydroviews", ("build", "verify", "poses", "download")),
+        ("leaderboard", ("evaluate", "table", "score", "picture")),
+    ],
 )
 def test_help_names_the_commands(package, commands):
     text = python("-m", package, "--help").stdout
