@@ -12,6 +12,9 @@ import pycolmap
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from hydroviews.errors import InputError
+from hydroviews.masks import find_mask, mask_name
+
 MAX_FEATURES = 4096
 MAX_IMAGE_SIZE = 1600  # pixels of the longer side; larger photographs are shrunk for detection alone
 
@@ -72,7 +75,18 @@ def extract(
     camera_model: str,
     masks: Path | None = None,
 ) -> None:
-    """Detect SIFT features in the images that have none in the database yet, but where `masks` are black."""
+    """Detect SIFT features in the images that have none in the database yet, but where `masks` are black.
+
+    Raises:
+        InputError: there are masks, but not for every image.
+    """
+    bare = [name for name in names if masks and find_mask(masks, name) is None]
+    if bare:  # COLMAP would leave the image out
+        raise InputError(
+            f"{masks}: {len(bare)} of {len(names)} images have no mask",
+            found=f"no {mask_name(bare[0])}",
+            fix="write one for every image, white where nothing is hidden",
+        )
     reader = pycolmap.ImageReaderOptions(camera_model=camera_model, mask_path=masks or "")
     options = pycolmap.FeatureExtractionOptions(max_image_size=MAX_IMAGE_SIZE, use_gpu=False)
     options.sift.max_num_features = MAX_FEATURES

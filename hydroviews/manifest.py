@@ -64,7 +64,7 @@ def record_files(data: Path, scene: str, names: Sequence[str]) -> None:
 
 
 def data_hash(data: Path, scene: str, pattern: str) -> str:
-    """SHA-256 over the hashes of what a method sees: clean views, cameras, split and the variant's images.
+    """SHA-256 over the hashes of what a method sees: clean views, cameras, split, masks and the variant's images.
 
     Raises:
         InputError: the manifest does not list the scene.
@@ -72,7 +72,7 @@ def data_hash(data: Path, scene: str, pattern: str) -> str:
     scenes = read_manifest(data)["scenes"]
     if scene not in scenes:
         raise InputError(f"{data}: no finished scene {scene}", found=", ".join(scenes) or "none", fix="build it first")
-    seen = ("clean/", "sparse/", "split.json", f"{pattern}/images/")
+    seen = ("clean/", "sparse/", "split.json", "masks/", f"{pattern}/images/")
     lines = sorted(f"{digest} {name}" for name, digest in scenes[scene]["files"].items() if name.startswith(seen))
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 

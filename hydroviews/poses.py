@@ -64,7 +64,8 @@ def estimate_poses(
             to `features.EXHAUSTIVE_LIMIT` photographs.
         seed: of the random sampling. Mapping runs in several threads, so the last digits may still differ, and
             goes on from a snapshot after an interruption, which may change more than those.
-        masks: folder of masks named as COLMAP names them (see `hydroviews.masks`); what they hide has no features.
+        masks: folder with a mask for every photograph, named as COLMAP names them (see `hydroviews.masks`); what
+            they hide has no features.
         advice: what to do if too few register.
 
     Returns:
@@ -194,13 +195,14 @@ def triangulate(scene: Scene, workspace: Path, seed: int = 0) -> Points:
     scene = scene.resized(features.MAX_IMAGE_SIZE)
     # COLMAP's text forms have no blanks in names; the number tells "a b" from "a_b".
     names = [f"{i:05d}-{view.name.replace(' ', '_')}.png" for i, view in enumerate(scene.views)]
+    masks = workspace / MASKS if any(view.mask for view in scene.views) else None
     for name, view in zip(names, tqdm(scene.views, desc="photographs"), strict=True):
         if not (workspace / "images" / name).is_file():
             write_png(workspace / "images" / name, view.image())
-        ignored = view.ignored()
-        if ignored is not None:
-            write_ignored(workspace / MASKS / mask_name(name), ignored)
-    masks = workspace / MASKS if any(view.mask for view in scene.views) else None
+        if masks:
+            ignored = view.ignored()
+            nothing = np.zeros((view.camera.height, view.camera.width), bool)
+            write_ignored(masks / mask_name(name), nothing if ignored is None else ignored)
     database = workspace / DATABASE
     features.extract(database, workspace / "images", names, pycolmap.CameraMode.PER_IMAGE, "PINHOLE", masks)
     features.match(

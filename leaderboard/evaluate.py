@@ -12,11 +12,14 @@ from pathlib import Path
 
 from baselines.method import find_method
 from hydroviews.build_clean import CLEAN
+from hydroviews.commands import deferred_interrupts
 from hydroviews.errors import InputError
 from hydroviews.files import read_json
 from hydroviews.profiles import Profile, find_profile
+from hydroviews.provenance import CAPTURED
 from hydroviews.rain.patterns import choose_patterns
 from hydroviews.sources import build_source
+from hydroviews.variants import is_captured
 from leaderboard.predict import PREDICTION
 from leaderboard.records import (
     GIVEN_POSES,
@@ -64,10 +67,20 @@ def evaluate(request: Evaluation) -> list[Record]:
     check_track(request.track)
     profile = find_profile(request.profile)
     names = [pattern.name for pattern in choose_patterns(request.patterns, profile.patterns)]
-    patterns = needed_patterns(request.method, names)
     data = request.data / profile.name
-    rainy = [name for name in patterns if name != CLEAN]
-    scene = build_source(request.scene, data, profile, patterns=rainy, overwrite=request.overwrite).name
+    rainy = [name for name in needed_patterns(request.method, names) if name != CLEAN]
+    folder = build_source(
+        request.scene,
+        data,
+        profile,
+        patterns=request.patterns if rainy else (),
+        all_patterns=bool(rainy),
+        overwrite=request.overwrite,
+    )
+    scene = folder.name
+    if is_captured(folder):
+        names = [CAPTURED]
+        _refuse_clean(request.method, folder)
     records = {}
     try:
         for run in plan(request, profile, data, scene, names):
@@ -87,8 +100,12 @@ def needed_patterns(method: str, rainy: list[str]) -> list[str]:
 
 
 def plan(request: Evaluation, profile: Profile, data: Path, scene: str, rainy: list[str]) -> list[Run]:
-    """The runs in order: ceiling, floor, then the method; a method that sees clean views needs no floor."""
+    """The runs in order: ceiling, floor, then the method.
+
+    A method that sees clean views needs no floor; a scene that has none has no ceiling.
+    """
     methods = [CEILING, FLOOR] if find_method(request.method).trains_on == "rainy" else []
+    methods = [method for method in methods if method != CEILING or CAPTURED not in rainy]
     methods += [request.method] if request.method not in methods else []
     return [
         Run(method, profile.name, request.seed, data, scene, pattern, request.results, request.track)
@@ -127,7 +144,8 @@ def _predict_in_process(run: Run) -> str:
     """
     (run.folder / FAILURE).unlink(missing_ok=True)
     settings = [f"--run.{field.name}={getattr(run, field.name)}" for field in dataclasses.fields(run)]
-    process = subprocess.Popen([sys.executable, "-m", "leaderboard", "predict", *settings])
+    with deferred_interrupts():
+        process = subprocess.Popen([sys.executable, "-m", "leaderboard", "predict", *settings])
     try:
         code = process.wait()
     finally:
@@ -155,13 +173,23 @@ def _end(process: subprocess.Popen) -> None:
 
 
 def _record_failure(run: Run, reason: str) -> Record:
-    record = describe(run, run.clean_scene(), status="failed", reason=reason, numbers={})
+    record = describe(run, run.training_scene(), status="failed", reason=reason, numbers={})
     write_record(run.folder, record)
     print(f"{run}: failed: {reason}", file=sys.stderr)
     return record
 
 
+def _refuse_clean(method: str, folder: Path) -> None:
+    if find_method(method).trains_on == "clean":
+        raise InputError(
+            f"METHOD={method}: learns from clean views, and {folder.name} was taken in rain",
+            fix=f"choose a method that learns from rainy views, such as {FLOOR}",
+        )
+
+
 def _figures(record: Record) -> str:
+    if record.pattern == CAPTURED:
+        return f"not scored, {record.reason}"
     parts = [
         ("PSNR", record.psnr, "{:.2f} dB"),
         ("SSIM", record.ssim, "{:.4f}"),

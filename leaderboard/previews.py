@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from hydroviews.build_clean import CLEAN
 from hydroviews.errors import InputError
 from hydroviews.images import Image, read_image, write_png
+from hydroviews.masks import Ignored
 from hydroviews.scenes import Scene
 from hydroviews.variants import open_variant
 from leaderboard.runs import Run
@@ -19,16 +20,24 @@ ERROR_SCALE = 4.0  # an error of a quarter of the range is the top of the colour
 CAPTION = 20  # pixels
 
 
-def write_preview(run: Run, clean: Scene) -> None:
-    """Write `preview.png`: for a few held-out views the rainy view, the render, the clean view, the error."""
-    names = clean.split.test
+def write_preview(run: Run, scene: Scene) -> None:
+    """Write `preview.png`: for a few held-out views the rainy view, the render, the clean view, the error.
+
+    Args:
+        run: with its renders.
+        scene: the clean views; those captured in rain where there are no clean ones.
+    """
+    names = scene.split.test
     chosen = [names[i] for i in np.unique(np.linspace(0, len(names) - 1, ROWS).round().astype(int))]
-    truth = {view.name: view for view in clean.test_views}
+    views = {view.name: view for view in scene.test_views}
     rainy = {} if run.pattern == CLEAN else {v.name: v for v in open_variant(run.data / run.scene, run.pattern).views}
     rows = []
     for name in chosen:
-        render, target = read_image(run.folder / "renders" / f"{name}.png"), truth[name].image()
-        panels = {"render": render, "clean view": target, "error x4": error_map(render, target)}
+        panels = {"render": read_image(run.folder / "renders" / f"{name}.png")}
+        if not scene.captured_rainy:
+            target = views[name].image()
+            error = error_map(panels["render"], target, views[name].ignored())
+            panels |= {"clean view": target, "error x4": error}
         if name in rainy:
             panels = {"rainy view": rainy[name].image(), **panels}
         rows.append(np.concatenate([_captioned(image, text) for text, image in panels.items()], axis=1))
@@ -61,9 +70,14 @@ def write_overview(runs: Sequence[Run], view: str, path: Path) -> None:
     write_png(path, np.concatenate(rows))
 
 
-def error_map(image: Image, target: Image) -> Image:
-    """Mean absolute error over the channels as a heat map [H, W, 3]: black none, bright a quarter of the range."""
+def error_map(image: Image, target: Image, ignored: Ignored | None = None) -> Image:
+    """Mean absolute error over the channels as a heat map [H, W, 3]: black none, bright a quarter of the range.
+
+    Hidden pixels have none.
+    """
     error = np.clip(np.abs(image - target).mean(axis=2) * ERROR_SCALE, 0, 1)
+    if ignored is not None:
+        error[ignored] = 0
     heat = cv2.applyColorMap((error * 255).astype(np.uint8), cv2.COLORMAP_INFERNO)
     return heat[..., ::-1].astype(np.float32) / 255
 

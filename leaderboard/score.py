@@ -1,7 +1,10 @@
 """The second half of a run: what was rendered against the clean views, from files alone.
 
 Protocol `hydroviews`: held-out views, clean ground truth, both 8-bit, full image; PSNR an image then the mean;
-SSIM 11x11, sigma 1.5, valid window; LPIPS v0.1 on [-1, 1] with AlexNet and VGG.
+SSIM 11x11, sigma 1.5, valid window; LPIPS v0.1 on [-1, 1] with AlexNet and VGG. What masks hide of the ground truth
+is left out: PSNR over the other pixels, SSIM over the windows without hidden ones, LPIPS with them grey in both.
+
+A scene that was captured in rain has no clean ground truth: its runs are pictured, not scored.
 """
 
 from collections.abc import Callable, Mapping
@@ -18,13 +21,15 @@ from hydroviews.errors import InputError
 from hydroviews.files import read_json, replacing
 from hydroviews.images import read_image
 from hydroviews.manifest import data_hash
-from hydroviews.scenes import Scene
+from hydroviews.provenance import CAPTURED
+from hydroviews.scenes import Scene, View
 from leaderboard.predict import PREDICTION
 from leaderboard.previews import write_preview
 from leaderboard.records import Record, code_version, write_record
 from leaderboard.runs import Run
 
 PER_VIEW = "per_view.csv"
+NO_TRUTH = "captured in rain: no clean ground truth"
 METRICS: dict[str, Callable] = {
     "psnr": metrics.psnr,
     "ssim": metrics.ssim,
@@ -41,13 +46,14 @@ def score(run: Run) -> Record:
     Raises:
         InputError: a render is missing, or of another size than its clean view; the data changed since the run.
     """
-    clean = run.clean_scene()
     _refuse_other_data(run)
-    pairs = {view.name: (run.folder / "renders" / f"{view.name}.png", view.path) for view in clean.test_views}
+    if run.pattern == CAPTURED:
+        return _picture(run)
+    clean = run.clean_scene()
     reasons: dict[str, str] = {}
     rows = [
-        {"view": name, **score_view(render, path, reasons)}
-        for name, (render, path) in tqdm(pairs.items(), desc="scoring", unit="view")
+        {"view": view.name, **score_view(run.folder / "renders" / f"{view.name}.png", view, reasons)}
+        for view in tqdm(clean.test_views, desc="scoring", unit="view")
     ]
     views = pd.DataFrame(rows, columns=["view", *METRICS])
     with replacing(run.folder / PER_VIEW) as temporary:
@@ -60,6 +66,15 @@ def score(run: Run) -> Record:
     reason = "; ".join(f"{name}: {why}" for name, why in reasons.items())
     numbers = {**means, **read_json(run.folder / PREDICTION)}
     record = describe(run, clean, status="done", reason=reason, numbers=numbers)
+    write_record(run.folder, record)
+    return record
+
+
+def _picture(run: Run) -> Record:
+    """Write the preview and the record of a run that has no ground truth."""
+    scene = run.training_scene()
+    write_preview(run, scene)
+    record = describe(run, scene, status="done", reason=NO_TRUTH, numbers=read_json(run.folder / PREDICTION))
     write_record(run.folder, record)
     return record
 
@@ -81,9 +96,9 @@ def _refuse_other_data(run: Run) -> None:
         )
 
 
-def score_view(render: Path, clean: Path, reasons: dict[str, str]) -> dict[str, float | None]:
-    """All metrics of one view, from two pictures on disk; what cannot be had goes to `reasons`."""
-    image, target = read_image(render), read_image(clean)
+def score_view(render: Path, clean: View, reasons: dict[str, str]) -> dict[str, float | None]:
+    """All metrics of one view, from pictures on disk; what cannot be had goes to `reasons`."""
+    image, target, ignored = read_image(render), read_image(clean.path), clean.ignored()
     if image.shape != target.shape:
         raise InputError(
             f"{render}: another size than the clean view",
@@ -94,7 +109,7 @@ def score_view(render: Path, clean: Path, reasons: dict[str, str]) -> dict[str, 
     scores: dict[str, float | None] = {}
     for name, metric in METRICS.items():
         try:
-            scores[name] = None if name in reasons else metric(image, target)
+            scores[name] = None if name in reasons else metric(image, target, ignored=ignored)
         except (InputError, ValueError) as error:
             scores[name], reasons[name] = None, str(error).splitlines()[0]
     return scores

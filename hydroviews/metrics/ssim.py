@@ -2,25 +2,37 @@
 
 import torch
 from torch import Tensor
-from torch.nn.functional import conv2d
+from torch.nn.functional import conv2d, max_pool2d
 
-from hydroviews.metrics.inputs import Pictures, Score, score_pairs
+from hydroviews.metrics.inputs import Mask, Pictures, Score, score_pairs
 
 WINDOW, SIGMA = 11, 1.5
 C1, C2 = 0.01**2, 0.03**2  # stabilisers for a data range of 1
 
 
-def ssim(image: Pictures, target: Pictures) -> Score:
+def ssim(image: Pictures, target: Pictures, ignored: Mask | None = None) -> Score:
     """Mean SSIM of each image over channels and all window positions that lie inside the image.
+
+    Windows in which a pixel is hidden are left out.
 
     Args:
         image: [H, W, 3] or [N, 3, H, W], values in [0, 1], at least 11x11 pixels.
         target: the same shape.
+        ignored: bool [H, W] or [N, H, W], true where pixels are hidden.
 
     Raises:
-        ValueError: see `score_pairs`; or an image smaller than the window.
+        ValueError: see `score_pairs`; an image smaller than the window; or no window without hidden pixels.
     """
-    return score_pairs(lambda a, b: ssim_map(a.double(), b.double()).mean(dim=(1, 2, 3)), image, target)
+    return score_pairs(_ssim, image, target, ignored)
+
+
+def _ssim(image: Tensor, target: Tensor, shown: Tensor) -> Tensor:
+    similarity = ssim_map(image.double(), target.double()).mean(dim=1)
+    whole = max_pool2d((~shown)[:, None].float(), WINDOW, stride=1)[:, 0] == 0
+    counts = whole.sum(dim=(1, 2))
+    if not counts.all():
+        raise ValueError(f"every window of {WINDOW}x{WINDOW} pixels has a hidden one")
+    return torch.where(whole, similarity, 0).sum(dim=(1, 2)) / counts
 
 
 def ssim_map(image: Tensor, target: Tensor) -> Tensor:
