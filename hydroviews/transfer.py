@@ -139,7 +139,8 @@ def _transfer(url: str, target: Path, joinable: bool) -> None:
         Refused: the server does not have the file.
     """
     known = _read_begun(target)
-    have = _size(_part(target)) if known and (known.url == url or joinable) else 0
+    same = known is not None and known.url == url and (known.tag or known.size) is not None
+    have = _size(_part(target)) if known and (same or joinable) else 0
     if known and have and have == known.size:
         return
     try:
@@ -149,8 +150,10 @@ def _transfer(url: str, target: Path, joinable: bool) -> None:
             if start and known and None not in (total, known.size) and total != known.size:
                 _part(target).unlink()  # another file by now
                 raise Cut("the file changed on the server")
-            write_json(_about(target), asdict(Begun(url, total, _tag(response))))
             _refuse_if_too_large(target, total, start)
+            if not start:
+                _part(target).unlink(missing_ok=True)  # before it is said to be a part of this file
+            write_json(_about(target), asdict(Begun(url, total, _tag(response))))
             _receive(response, target, start, total)
     except urllib.error.HTTPError as error:
         if error.code == http.client.REQUESTED_RANGE_NOT_SATISFIABLE:

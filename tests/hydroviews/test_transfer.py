@@ -97,14 +97,20 @@ def test_a_server_without_ranges_sends_all_of_it_again(server, tmp_path):
 def test_a_part_longer_than_the_file_is_dropped(server, tmp_path):
     url = f"{server.address}/a.bin"
     (tmp_path / "a.bin.part").write_bytes(CONTENT + b"too much")
-    (tmp_path / "a.bin.part.json").write_text(json.dumps({"url": url, "size": None, "tag": None}))
+    (tmp_path / "a.bin.part.json").write_text(json.dumps({"url": url, "size": 5_000_000, "tag": None}))
     fetch([url], tmp_path / "a.bin")
     assert (tmp_path / "a.bin").read_bytes() == CONTENT
     assert [ask[1] for ask in server.asked] == ["bytes=3000008-", None]
 
 
-def test_a_part_of_unknown_origin_is_not_used(server, tmp_path):
+@pytest.mark.parametrize("about", [None, "{", {"url": "http://elsewhere"}, {"url": "", "size": None, "tag": None}])
+def test_a_part_of_unknown_origin_is_not_used(server, tmp_path, about):
     (tmp_path / "a.bin.part").write_bytes(b"x" * 1000)
+    if about is not None:
+        text = (
+            about if isinstance(about, str) else json.dumps(about | {"url": about["url"] or f"{server.address}/a.bin"})
+        )
+        (tmp_path / "a.bin.part.json").write_text(text)
     fetch([f"{server.address}/a.bin"], tmp_path / "a.bin")
     assert (tmp_path / "a.bin").read_bytes() == CONTENT
 
