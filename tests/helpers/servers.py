@@ -3,7 +3,7 @@
 import re
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
@@ -67,4 +67,5 @@ def answer(request: BaseHTTPRequestHandler, server: Server) -> None:
     request.send_header("Content-Length", str(len(content) - start))
     request.end_headers()
     count = server.cut_after.pop(0) if server.cut_after else len(content)
-    request.wfile.write(content[start : start + count])
+    with suppress(ConnectionError):  # it may have hung up
+        request.wfile.write(content[start : start + count])
