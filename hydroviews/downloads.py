@@ -17,6 +17,7 @@ from hydroviews.files import write_bytes
 from hydroviews.transfer import digest, fetch
 
 FOLDER = "downloads"
+SOURCE = "SOURCE.md"
 VARIABLE = "HYDROVIEWS_MIRROR"
 SUFFIXES = (".zip", ".tar", ".tgz", ".tar.gz", ".tar.bz2", ".tar.xz")
 
@@ -52,7 +53,17 @@ def _get(capture: Capture, root: Path, mirror: str | None, checked: dict[Archive
     if capture.archive not in checked:
         checked[capture.archive] = get_archive(capture.archive, path, mirror)
     unpack(path, capture.scene, folder, checked[capture.archive][:12])
+    if not (folder / SOURCE).exists():
+        write_bytes(folder / SOURCE, _origin(capture, capture.archive, checked[capture.archive]).encode())
     return folder
+
+
+def _origin(capture: Capture, archive: Archive, sha256: str) -> str:
+    """Where a capture comes from, in words that built scenes keep."""
+    return (
+        f"# {capture.scene}\n\n{capture.title}, {capture.page}\n\nUnpacked from {archive.name} "
+        f"(SHA-256 {sha256}), published at {archive.urls[0]}. For its licence see its authors' page.\n"
+    )
 
 
 def get_archive(archive: Archive, path: Path, mirror: str | None = None) -> str:
