@@ -50,6 +50,7 @@ class Evaluation:
     patterns: tuple[str, ...] = ()  # such as raindrop-0 streak-2; the profile's patterns where none is named
     data: Path = Path("data")
     results: Path = Path("results")
+    captures: Path | None = None  # the folder with published captures; $HYDROVIEWS_CAPTURES if not given
     overwrite: bool = False  # build and run anew what is there with other settings
 
 
@@ -76,6 +77,7 @@ def evaluate(request: Evaluation) -> list[Record]:
         patterns=request.patterns if rainy else (),
         all_patterns=bool(rainy),
         overwrite=request.overwrite,
+        captures=request.captures,
     )
     scene = folder.name
     if is_captured(folder):
