@@ -67,18 +67,18 @@ def claim(
     write_json(path, dict(settings))
 
 
-def remove_leftovers(folder: Path) -> None:
-    """Remove what processes that are no more left half written in `folder`, or of it beside it."""
-    beside = folder.parent.glob(f"{PARTIAL}*-{glob.escape(folder.name)}") if folder.parent.is_dir() else ()
-    inside = folder.rglob(f"{PARTIAL}*") if folder.is_dir() else ()
-    for path in [*beside, *inside]:
-        owner = OWNED.fullmatch(path.name)
+def remove_leftovers(path: Path) -> None:
+    """Remove what processes that are no more left half written of a file or folder, or anywhere in the folder."""
+    beside = path.parent.glob(f"{PARTIAL}*-{glob.escape(path.name)}") if path.parent.is_dir() else ()
+    inside = path.rglob(f"{PARTIAL}*") if path.is_dir() else ()
+    for leftover in [*beside, *inside]:
+        owner = OWNED.fullmatch(leftover.name)
         if owner is None or _runs(int(owner[1])):
             continue
-        if path.is_dir() and not path.is_symlink():
-            shutil.rmtree(path, ignore_errors=True)
+        if leftover.is_dir() and not leftover.is_symlink():
+            shutil.rmtree(leftover, ignore_errors=True)
         else:
-            path.unlink(missing_ok=True)
+            leftover.unlink(missing_ok=True)
 
 
 def _runs(process: int) -> bool:

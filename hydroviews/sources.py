@@ -7,10 +7,12 @@ from pathlib import Path
 from hydroviews.blender.captures import EMBEDDED, read_embedded, render_embedded
 from hydroviews.build import build
 from hydroviews.catalogue import Capture, MissingCapture, all_captures, captures_root, find_captures, locate
+from hydroviews.claims import remove_leftovers
 from hydroviews.drop_masks import write_drop_masks
 from hydroviews.errors import InputError
 from hydroviews.files import read_json
 from hydroviews.images import image_size
+from hydroviews.manifest import MANIFEST
 from hydroviews.profiles import Profile
 from hydroviews.rain.patterns import choose_patterns
 from hydroviews.readers import read_scene
@@ -37,6 +39,7 @@ def find_capture(source: str, rendered: Path, views: int, long_side: int, captur
     if source in EMBEDDED:
         width, height = long_side, max(1, long_side * 3 // 4)
         folder = rendered / f"{source}-{views}-{width}x{height}"
+        remove_leftovers(folder)
         render_embedded(source, folder, views, width, height, seed=0)
         return read_embedded(source, folder)
     root = captures_root(captures)
@@ -127,6 +130,7 @@ def build_source(
     for note in scene.notes:
         print(f"{scene.name}: {note}")
     default = profile.patterns if all_patterns and not scene.captured_rainy else ()
+    remove_leftovers(out / MANIFEST)
     folder = build(
         scene,
         out,

@@ -81,6 +81,13 @@ def test_half_written_files_go_with_their_process(tmp_path, dead):
     assert all(path.exists() for path in kept)
 
 
+def test_a_files_leftovers_go_too(tmp_path, dead):
+    for name in ("manifest.json", "another.json"):
+        (tmp_path / f".partial-{dead}-{name}").write_text("{")
+    remove_leftovers(tmp_path / "manifest.json")
+    assert [path.name for path in tmp_path.iterdir()] == [f".partial-{dead}-another.json"]
+
+
 def test_a_claim_clears_leftovers(tmp_path, dead):
     leftover = tmp_path / "a" / f".partial-{dead}-request.json"
     leftover.parent.mkdir()
