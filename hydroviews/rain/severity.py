@@ -30,10 +30,10 @@ FEWEST, MOST = 20.0, 300.0  # streak noise level n; the paper draws from 100 to 
 BRIGHTEST = 1.0  # a streak's encoded value, where n alone cannot reach the grade
 TRIAL_VIEWS = 3  # whose mean cover stands for all
 STEPS = 12  # of a bisection
-LEARNED = 1.5  # mean squared error of a scene learned from clean views, in units of its fine detail
-DROPS = 0.1  # of the error that sharp drops make in the views, what is left when views are learned together
+LEARNED = 1.6  # mean squared error of a scene learned from clean views, in units of its fine detail
+DROPS = 0.03  # of the error that sharp drops make in the views, what is left when views are learned together
 THICKEST_MIST = 0.95
-TO_MEDIAN = 0.3  # how far from the mean to the median what is learned of fresh streaks lies
+TO_MEDIAN = 0.15  # how far from the mean to the median what is learned of fresh streaks lies
 
 
 def wanted_harm(grade: str, setting: Setting) -> float:
