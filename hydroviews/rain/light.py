@@ -59,8 +59,8 @@ def rain_light(linear: Linear) -> Linear:
     Returns:
         [H, W, 3], linear light. Twice the light gives twice the light as long as no pixel crosses white.
     """
-    recorded = np.minimum(linear, 1)
-    around = np.sqrt(_blurred(recorded**2, GATHERED_FROM))
+    recorded = np.minimum(linear, np.float32(1))
+    around = np.sqrt(_blurred(np.square(recorded), GATHERED_FROM))
     grey = luminance(around)[..., None]
     lamps = linear - recorded
     if not lamps.any():

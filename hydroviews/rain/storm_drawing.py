@@ -126,12 +126,17 @@ def _draw(streaks: NDArray, depth: NDArray, clear: NDArray) -> None:
     height, width = clear.shape
     for i in range(len(streaks)):
         middle_x, middle_y, along_x, along_y, length, breadth, area, z = streaks[i]
-        end = np.sqrt(breadth * breadth + 1)  # the streak's ends fade over the drop's width and a pixel
-        far, near = max(length, end), min(length, end)
+        end = np.sqrt(breadth * breadth + 1)  # a streak's ends fade over the drop's width and a pixel
+        far, near = length, end
+        if length < end:  # hardly a streak: a rectangle along the pixels, as long in variance
+            sideways = abs(along_x) > abs(along_y)
+            along_x, along_y = (1.0, 0.0) if sideways else (0.0, 1.0)
+            far, near = np.sqrt(length * length + breadth * breadth), 1.0
+            far, near = max(far, near), min(far, near)
         half_length, half_breadth = (far + near) / 2, (breadth + 1) / 2
         broad, narrow = max(breadth, 1.0), min(breadth, 1.0)
         peak = area / (far * broad)
-        slope_length, slope_breadth = 1 / max(near, 1e-6), 1 / narrow
+        slope_length, slope_breadth = 1 / near, 1 / narrow
         reach_y = abs(along_y) * half_length + abs(along_x) * half_breadth
         first = max(0, int(np.floor(middle_y - reach_y)))
         last = min(height - 1, int(np.floor(middle_y + reach_y)))

@@ -1,51 +1,106 @@
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 
+from hydroviews.rain import streaks_reference
+from hydroviews.rain.measures import streak_angle
 from hydroviews.rain.seeds import generator
 from hydroviews.rain.streaks import (
+    GRADES,
+    PRE_BLUR,
     StreakPattern,
     composite,
     draw_pattern,
+    draw_seeds,
     kernel,
     noise,
+    normalised,
+    seed_image,
     streak_layer,
     supersampling,
 )
-
-
-def measured_angle(layer: np.ndarray) -> float:
-    """Direction of the streaks by the structure tensor, degrees counter-clockwise from +x, in [0, 180)."""
-    gx, gy = cv2.Sobel(layer, cv2.CV_64F, 1, 0), cv2.Sobel(layer, cv2.CV_64F, 0, 1)
-    across = 0.5 * np.arctan2(2 * (gx * gy).sum(), (gx * gx - gy * gy).sum())  # y runs down
-    return float((90 - np.degrees(across)) % 180)
+from hydroviews.rain.streaks_drawing import Seeds, convolve
 
 
 @pytest.mark.parametrize("angle", [40, 60, 90, 105, 120])
 @pytest.mark.parametrize(("length", "width"), [(20, 3), (30, 5), (40, 7)])
 def test_streaks_fall_at_the_angle_asked_for(angle, length, width):
     layer = streak_layer(StreakPattern(200, length, angle, width), 800, 600, generator(0, angle))
-    assert abs(measured_angle(layer) - angle) < 3
+    assert abs(streak_angle(layer) - angle) < 3
 
 
-@pytest.mark.parametrize("n", [100, 300])
+@pytest.mark.parametrize("n", [100, 170.5, 300, 700])
 def test_seed_density_is_n_over_25600(n):
     pixels = 20 * 300 * 400
-    hits = sum(int((noise(n, 400, 300, generator(seed)) > 0).sum()) for seed in range(20))
+    drawn = [noise(n, 400, 300, generator(seed)) for seed in range(20)]
+    hits = sum(int((picture > 0).sum()) for picture in drawn)
     expected = n / 25600
     standard_error = np.sqrt(expected * (1 - expected) / pixels)
     assert abs(hits / pixels - expected) < 4 * standard_error
+    counts = [int((picture > 0).sum()) for picture in drawn]
+    spread = np.std(counts) / np.sqrt(expected * (1 - expected) * 300 * 400)  # of a binomial's own
+    assert 0.5 < spread < 1.6
 
 
-def test_convolution_is_exact():
-    rng = generator(3)
-    seeds, k = noise(300, 60, 40, rng), kernel(21, 70, 5)
-    direct = np.zeros_like(seeds, np.float64)
-    padded = np.pad(seeds, 10, mode="reflect").astype(np.float64)
-    for dy in range(21):
-        for dx in range(21):
-            direct += k[dy, dx] * padded[dy : dy + 40, dx : dx + 60]
-    assert np.abs(cv2.filter2D(seeds, -1, k) - direct).max() < 1e-6 * direct.max()
+def test_seeds_are_spread_evenly_in_place_and_value():
+    picture = np.concatenate([noise(300, 400, 300, generator(seed)) for seed in range(20)])
+    rows, columns = np.nonzero(picture)
+    values = picture[rows, columns]
+    assert values.min() >= 253
+    assert values.max() <= 256
+    for quantity, low, high in ((rows % 300, 0, 299), (columns, 0, 399), (values, 253, 256)):
+        middle, deviation = (low + high) / 2, (high - low) / np.sqrt(12)
+        assert abs(quantity.mean() - middle) < 4 * deviation / np.sqrt(len(quantity))
+    assert abs(np.corrcoef(rows % 300, columns)[0, 1]) < 4 / np.sqrt(len(rows))
+
+
+@pytest.mark.parametrize(("fewer", "more"), [(100, 110), (299, 301), (10, 900)])
+def test_more_noise_keeps_the_seeds_there_were(fewer, more):
+    few, many = (noise(n, 200, 150, generator(5)) for n in (fewer, more))
+    assert (many > 0).sum() > (few > 0).sum()
+    assert np.array_equal(many[few > 0], few[few > 0])
+
+
+def test_cover_grows_smoothly_with_noise():
+    pattern = StreakPattern(150, 30, 80, 5)
+    covers = [streak_layer(replace(pattern, n=n), 200, 150, generator(0)).mean() for n in (100, 150, 151, 300, 450)]
+    assert covers == sorted(covers)
+    assert covers[2] - covers[1] < 0.02 * covers[1]
+
+
+@pytest.mark.parametrize("n", [-1, 25601])
+def test_impossible_noise_is_refused(n):
+    with pytest.raises(ValueError, match="expected 0 to 25600"):
+        draw_seeds(n, 4, 4, generator(0))
+
+
+def test_no_noise_is_no_rain_and_all_noise_is_rain_everywhere():
+    assert streak_layer(StreakPattern(0, 30, 80, 5), 60, 40, generator(0)).max() == 0
+    assert (noise(25600, 60, 40, generator(0)) > 0).all()
+
+
+@pytest.mark.parametrize("size", [(1, 1), (17, 15), (33, 1), (1, 50), (120, 90)])
+@pytest.mark.parametrize(("length", "angle", "width"), [(20, 40, 3), (21, 90, 5), (40, 120, 7), (1, 90, 1)])
+def test_drawing_is_the_direct_convolution(size, length, angle, width):
+    seeds = draw_seeds(900, *size, generator(3))
+    image = seed_image(kernel(length, angle, width))
+    ours = normalised(convolve(seeds, image, *size))
+    exact = streaks_reference.drawing(noise(900, *size, generator(3)), length, angle, width)
+    assert np.abs(ours - exact).max() < 1e-6
+    assert len(seeds.values) > 0 or size == (1, 1)
+
+
+def test_a_seed_on_the_border_is_mirrored_as_opencv_mirrors_it():
+    seeds = np.zeros((30, 40), np.float32)
+    for row, column in ((0, 0), (29, 39), (0, 20), (15, 39), (1, 38)):
+        seeds[row, column] = 255
+    k = kernel(31, 60, 5)
+    places = np.argwhere(seeds)
+    ours = convolve(Seeds(places[:, 0], places[:, 1], seeds[seeds > 0]), seed_image(k), 40, 30)
+    theirs = cv2.filter2D(cv2.filter2D(seeds.astype(np.float64), -1, PRE_BLUR), -1, k)
+    assert np.abs(ours - theirs).max() < 1e-6 * theirs.max()
 
 
 def test_layer_fills_its_range_and_small_images_are_averaged_down():
@@ -75,7 +130,17 @@ def test_patterns_stay_in_the_published_ranges_and_depend_on_the_seed():
     assert draw_pattern(generator(0, "scene", "streak", 0)) == patterns[0]
 
 
-@pytest.mark.parametrize(("width", "height"), [(1, 1), (17, 3), (5, 31)])
+@pytest.mark.parametrize("grade", [0, 1, 2])
+def test_grades_are_parts_of_the_published_ranges(grade):
+    ranges = GRADES[grade]
+    patterns = [draw_pattern(generator(seed, "graded"), grade) for seed in range(100)]
+    assert all(ranges.n[0] <= p.n <= ranges.n[1] and ranges.length[0] <= p.length <= ranges.length[1] for p in patterns)
+    assert {p.width for p in patterns} == set(ranges.widths) <= {3, 5, 7}
+    assert 100 <= ranges.n[0] < ranges.n[1] <= 300
+    assert all(40 <= p.angle <= 120 for p in patterns)
+
+
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (17, 15), (33, 1), (5, 31)])
 def test_tiny_images(width, height):
     layer = streak_layer(StreakPattern(100, 40, 90, 7), width, height, generator(0))
     assert layer.shape == (height, width)
