@@ -22,8 +22,8 @@ FOLDER = "depth"  # beside a capture's images and beside a built scene's clean v
 CHANNEL = "Z"
 HORIZON = 1e9  # renderers write sky as a number about as large
 CELLS = 48  # of the grid that sparse points are gathered on, along the longer side
-NEIGHBOURS = 8  # points that a cell asks
-NEAREST_SHARE = 0.4  # of the neighbours' weight that lies in front of the depth taken: points show through surfaces
+NEIGHBOURS = 12  # points that a cell asks
+NEAREST_SHARE = 0.25  # of the neighbours' weight that lies in front of the depth taken: points show through surfaces
 
 
 def view_depth(view: View, points: Points) -> Depth:
