@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from hydroviews.provenance import CAPTURED
+
 WORDS = {  # by effect: parameter and how it is said
     "raindrop": {
         "coverage": "large drops over {:.0%} of the picture",
@@ -53,10 +55,11 @@ def how_to_open(scene: str, patterns: Sequence[str]) -> str:
     pattern = patterns[0] if patterns else "clean"
     opened = f'open_variant(Path("{scene}"), "{pattern}")' if patterns else f'open_clean(Path("{scene}"))'
     name = opened.partition("(")[0]
+    added = " Clean views are in `clean`, what rain added in each variant's `layers`." if pattern != CAPTURED else ""
     return f"""## Open and check
 
 Every variant, such as `{scene}/{pattern}`, is a COLMAP project (`images`, `sparse/0`, PINHOLE cameras) and a nerfstudio
-one (`transforms.json`). Clean views are in `clean`, what rain added in each variant's `layers`. In Python:
+one (`transforms.json`).{added} In Python:
 
 ```
 from pathlib import Path

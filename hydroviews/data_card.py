@@ -17,6 +17,7 @@ from hydroviews.card_words import describe_rain, how_to_open, markdown_table
 from hydroviews.files import read_json, replacing, write_bytes
 from hydroviews.images import image_size, list_images
 from hydroviews.profiles import PROFILES
+from hydroviews.provenance import CAPTURED
 from hydroviews.readers.photographs import FOLDERS
 from hydroviews.scenes import Scene
 from hydroviews.statistics import STATISTICS, read_statistics
@@ -33,6 +34,13 @@ SHOWN = {  # heading: column of the statistics, its factor, format and unit
     "added light": ("added_light", 1, "{:.3f}", ""),
     "angle": ("angle", 1, "{:.0f}", " degrees"),
 }
+
+
+MEASURED = (
+    "Means over the views, least and most in brackets. Water, mist and streaks are shares of the picture; brightness "
+    "is rainy minus clean in encoded values; added light is linear, 1 is white paper; the angle is measured from the "
+    "pixels. Every view's numbers are in each variant's `statistics.csv`."
+)
 
 
 def keep_licence(capture: Scene, folder: Path) -> None:
@@ -96,24 +104,20 @@ def _about(folder: Path, request: Mapping[str, Any], facts: Mapping[str, Any], n
 
 def _severity(folder: Path, facts: Mapping[str, Any]) -> str:
     """What rain did to the views, a row a variant, and each one's parameters in words."""
-    if not (folder / STATISTICS).is_file():
+    if not facts:
         return ""
-    table = read_statistics(folder / STATISTICS).set_index("pattern")
-    rows = []
-    for name in facts:
-        numbers = table.loc[[name]].iloc[0]
-        cells = [_mean_and_range(numbers, *what) for what in SHOWN.values()]
-        rows.append((name, numbers["grade"], *cells))
+    parts = ["## Rain"]
+    if (folder / STATISTICS).is_file():
+        table = read_statistics(folder / STATISTICS).set_index("pattern")
+        numbers = [(name, table.loc[[name]].iloc[0]) for name in facts]
+        rows = [
+            (name, row["grade"], *(_mean_and_range(row, *what) for what in SHOWN.values())) for name, row in numbers
+        ]
+        parts += [markdown_table(("rain", "grade", *SHOWN), rows), MEASURED]
     words = [
         f"* **{name}**: {describe_rain(fact['effect'], fact.get('parameters', {}))}" for name, fact in facts.items()
     ]
-    explained = (
-        "Means over the views, least and most in brackets. Water, mist and streaks are shares of the picture; "
-        "brightness is rainy minus clean in encoded values; added light is linear, 1 is white paper; the angle is "
-        "measured from the pixels. Every view's numbers are in each variant's `statistics.csv`."
-    )
-    head = ("rain", "grade", *SHOWN)
-    return "\n".join(["## Rain", "", markdown_table(head, rows), "", explained, "", *words])
+    return "\n\n".join([*parts, "\n".join(words)])
 
 
 def _mean_and_range(row: pd.Series, column: str, factor: float, form: str, unit: str) -> str:
@@ -141,7 +145,8 @@ def _origin(folder: Path, request: Mapping[str, Any], patterns: Sequence[str]) -
     path = f"path/to/{_spoken(source)}" if _spoken(source) != source else source
     command = ["python -m hydroviews build", f"--scene {path}", *_profile(folder)]
     command += [f"--long-side {size}"] if size else []
-    command += [f"--seed {request['seed']}"] + ([f"--patterns {' '.join(patterns)}"] if patterns else [])
+    added = [name for name in patterns if name != CAPTURED]
+    command += [f"--seed {request['seed']}"] + ([f"--patterns {' '.join(added)}"] if added else [])
     kept = sorted((folder / LICENCE).iterdir()) if (folder / LICENCE).is_dir() else []
     licence = [MODELLED if source in EMBEDDED else "The photographs' licence is unknown: none lay beside them."]
     if kept:
