@@ -5,8 +5,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 HERE = Path(__file__).parent
 TRAIN = """
 import hashlib, sys
@@ -30,7 +28,6 @@ def trained(folder: Path, cache: Path) -> subprocess.CompletedProcess:
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
 
 
-@pytest.mark.slow
 def test_an_empty_cache_gives_the_same_bits(tmp_path):
     first = trained(tmp_path / "first", tmp_path / "cache")
     later = trained(tmp_path / "later", tmp_path / "cache")
