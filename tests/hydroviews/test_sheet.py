@@ -9,10 +9,13 @@ from synthetic import capture_in
 from hydroviews.build import build
 from hydroviews.errors import InputError
 from hydroviews.images import read_image, to_uint8
+from hydroviews.provenance import CAPTURED
 from hydroviews.rain.patterns import Pattern
+from hydroviews.readers import read_scene
 from hydroviews.sheet import spread, write_sheets
 from hydroviews.tiles import GAP, MARGIN, PAPER, Row, Tile, draw_sheet, write
 from hydroviews.verify import verify
+from hydroviews.writers import write_colmap
 
 
 @pytest.fixture
@@ -48,6 +51,16 @@ def test_a_scene_without_rain_has_one_sheet(tmp_path):
     assert [path.name for path in write_sheets(folder, tmp_path / "out")] == ["yard.png"]
     with pytest.raises(InputError, match="at least 1"):
         write_sheets(folder, columns=0)
+
+
+def test_a_scene_captured_in_rain_has_its_own_row(tmp_path):
+    capture = tmp_path / "capture" / "yard"
+    write_colmap(capture_in(capture), capture / "sparse" / "0")
+    (capture / "capture.json").write_text('{"rain": "captured"}')
+    folder = build(read_scene(capture), tmp_path / "data", patterns=[])
+    (path,) = write_sheets(folder, columns=2)
+    picture = to_uint8(read_image(folder / CAPTURED / "images" / "view-02.png"))
+    assert holds(to_uint8(read_image(path)), picture)
 
 
 def test_the_command(built):

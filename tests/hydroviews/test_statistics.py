@@ -138,7 +138,7 @@ def test_measured_density_is_what_was_asked_for(n):
     expected = n / 25600
     drawn = 20 * 800 * 600
     standard_error = np.sqrt(expected * (1 - expected) / drawn)
-    assert abs(np.mean(measured) - expected) < 4 * standard_error + 0.01 * expected
+    assert abs(np.mean(measured) - expected) < 4 * standard_error
     assert np.abs(np.array(measured) / expected - 1).max() < 0.15
 
 
