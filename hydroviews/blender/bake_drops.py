@@ -25,25 +25,28 @@ def main(request: dict[str, Any], report: Report) -> None:
 
     Args:
         request: "input": an npz file with the fields of `WaterMesh`; "camera": the fields of `Camera`; "paths": k,
-            for k x k paths a pixel; "seeds": one bake for each; "aperture": its radius in lens distances, 0 for a
+            for k x k paths a pixel; "passes": how often; "aperture": its radius in lens distances, 0 for a
             pinhole; "output": an npz file. It gets `cover` [H, W], and for each path that ends on the picture's
             plane `pixel` (flat index of the lens pixel), `place` (x, y in the camera's pixels, borders not yet
             mirrored) and `throughput` (already divided by the number of paths a pixel).
-        report: told of every seed.
+        report: told of every pass.
     """
-    report(0, len(request["seeds"]))
+    passes = request["passes"]
+    report(0, passes)
     camera, k = Camera(**request["camera"]), request["paths"]
     with np.load(request["input"]) as water:
         fine = camera.resized(k * camera.width, k * camera.height)
         scene = lens_scene(dict(water), fine, ambient=(0, 0, 0), aperture=request["aperture"])
     add_ramp(scene, camera)
-    scene.cycles.samples = 1
     scene.cycles.filter_width = 0.01
+    scene.cycles.samples = passes
+    # One by one, the samples of one low-discrepancy sequence: together they fill the aperture evenly.
+    scene.cycles.use_sample_subset, scene.cycles.sample_subset_length = True, 1
     bakes = []
-    for done, seed in enumerate(request["seeds"], start=1):
-        scene.cycles.seed = seed
+    for done in range(passes):
+        scene.cycles.sample_offset = done
         bakes.append(_paths(render_rgba(scene), camera, k))
-        report(done, len(request["seeds"]))
+        report(done + 1, passes)
     joined = {name: np.concatenate([bake[name] for bake in bakes]) for name in ("pixel", "place", "throughput")}
     joined["throughput"] /= len(bakes)
     cover = np.mean([bake["cover"] for bake in bakes], axis=0)

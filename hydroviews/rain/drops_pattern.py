@@ -49,11 +49,11 @@ def draw_pattern(rng: np.random.Generator, grade: int = MEDIUM) -> RaindropPatte
     * Radii are log-normal, the usual description of drops that come from many collisions (Marshall and Palmer's
       exponential law holds for falling drops; those on glass have lost the smallest, which merge or dry first). On
       photographs of drops on a pane in front of a camera (Qian et al. 2018), radii of 6 to 12 pixels at 720 x 480 are
-      most frequent, 0.010 to 0.020 sides; condensed droplets between them are about five times smaller.
+      most frequent, 0.010 to 0.020 sides; condensed droplets between them are about four times smaller.
     * Contact angles of water on glass that is neither clean nor coated lie between 30 and 60 degrees.
     * A pane 5 to 15 cm in front of a camera shows 6 to 15 cm of glass: the capillary length, 2.7 mm, is 0.02 to 0.045
       sides.
-    * Lenses focused on the scene draw a drop with a disk of 0.005 to 0.013 sides, as on the same photographs.
+    * Lenses focused on the scene draw a drop with a disk of 0.006 to 0.014 sides, as on the same photographs.
     * Coverage, mist, droplets and rivulets rise with the grade.
 
     Args:
@@ -71,15 +71,15 @@ def draw_pattern(rng: np.random.Generator, grade: int = MEDIUM) -> RaindropPatte
         mist=between(MIST, 1),
         droplets=round(between(DROPLETS, 2)),
         rivulets=round(between(RIVULETS, 3)),
-        radius_median=float(rng.uniform(0.012, 0.024)),
+        radius_median=float(rng.uniform(0.010, 0.020)),
         radius_spread=float(rng.uniform(0.4, 0.6)),
-        droplet_median=float(rng.uniform(0.002, 0.004)),
+        droplet_median=float(rng.uniform(0.0025, 0.0045)),
         droplet_spread=float(rng.uniform(0.3, 0.5)),
         contact_angle_min=float(rng.uniform(30, 38)),
         contact_angle_max=float(rng.uniform(45, 58)),
         capillary_length=float(rng.uniform(0.02, 0.045)),
         growth=float(rng.uniform(0.02, 0.12)),
-        focus_blur=float(rng.uniform(0.005, 0.013)),
+        focus_blur=float(rng.uniform(0.006, 0.014)),
         air=_tint(rng),
         key_frames=3,
         technique="disk",

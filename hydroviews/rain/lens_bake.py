@@ -19,7 +19,7 @@ from hydroviews.rain.path_matte import PathMatte, assemble, dry
 
 VERSION = 2  # raised whenever the same pattern gives another matte
 FINE_PIXELS = 5_000_000  # about as many light paths as a bake follows
-APERTURE_SEEDS = 10  # independent bakes that the accurate matte adds up
+APERTURE_PASSES = 10  # independent bakes that the accurate matte adds up
 COMPOSITED = ("mist", "air")  # what a pattern says that no matte depends on
 
 
@@ -29,7 +29,7 @@ def bake_matte(
     folder: Path,
     frame: int = 0,
     paths: int | None = None,
-    seeds: int | None = None,
+    passes: int | None = None,
 ) -> PathMatte:
     """The matte of a pattern's key frame, kept in `folder` and read from there if it fits.
 
@@ -42,16 +42,16 @@ def bake_matte(
         folder: gets `matte-<frame>.npz` and Blender's log.
         frame: 0 to `pattern.key_frames` - 1.
         paths: k, to follow k x k light paths a pixel instead of `paths_per_side`; more are slower and less noisy.
-        seeds: how often, instead of once and, with an aperture, `APERTURE_SEEDS` times.
+        passes: how often, instead of once and, with an aperture, `APERTURE_PASSES` times.
 
     Raises:
         InputError: Blender failed (see `process.run_blender`), or the kept matte is damaged.
     """
     paths = paths or paths_per_side(camera)
     aperture = pattern.technique == "aperture"
-    seeds = seeds or (APERTURE_SEEDS if aperture else 1)
+    passes = passes or (APERTURE_PASSES if aperture else 1)
     kept = folder / f"matte-{frame}.npz"
-    key = _key(pattern, camera, [frame, paths, seeds])
+    key = _key(pattern, camera, [frame, paths, passes])
     if kept.exists():
         matte, kept_key = PathMatte.load(kept)
         if kept_key == key:
@@ -62,7 +62,7 @@ def bake_matte(
     else:
         disk = focus_disk(pattern, camera)
         opening = aperture_radius(disk, camera) if aperture else 0.0
-        matte = bake(mesh, camera, folder, paths, seeds, opening, 0.0 if aperture else disk)
+        matte = bake(mesh, camera, folder, paths, passes, opening, 0.0 if aperture else disk)
     matte.save(kept, key)
     return matte
 
@@ -72,16 +72,16 @@ def bake(
     camera: Camera,
     folder: Path,
     paths: int,
-    seeds: int = 1,
+    passes: int = 1,
     aperture: float = 0.0,
     disk: float = 0.0,
 ) -> PathMatte:
-    """The matte of any water: k x k paths a pixel for each seed; `aperture` as a radius in lens distances.
+    """The matte of any water: k x k paths a pixel, so many times; `aperture` as a radius in lens distances.
 
     Raises:
         InputError: Blender failed (see `process.run_blender`).
     """
-    task = {"paths": paths, "seeds": list(range(seeds)), "aperture": aperture}
+    task = {"paths": paths, "passes": passes, "aperture": aperture}
     traced = _run("bake_drops", mesh, camera, task, folder, "raindrops")
     return assemble(traced["cover"], traced["pixel"], traced["place"], traced["throughput"], disk)
 
