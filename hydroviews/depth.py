@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 from hydroviews.cameras import Camera
 from hydroviews.errors import InputError
 from hydroviews.files import replacing
+from hydroviews.images import Image
 from hydroviews.scenes import Points, View
 
 Depth = NDArray[np.float32]  # [H, W]
@@ -24,14 +25,21 @@ HORIZON = 1e9  # renderers write sky as a number about as large
 CELLS = 48  # of the grid that sparse points are gathered on, along the longer side
 NEIGHBOURS = 12  # points that a cell asks
 NEAREST_SHARE = 0.25  # of the neighbours' weight that lies in front of the depth taken: points show through surfaces
+GUIDED = 3  # cells around a pixel that its guided depth is drawn from
+EDGE = 0.03  # encoded contrast that counts as an edge
 
 
-def view_depth(view: View, points: Points) -> Depth:
+def view_depth(view: View, points: Points, guide: Image | None = None) -> Depth:
     """Depth [H, W] of a view at its camera's size.
 
     Read from `depth/<name>.exr` beside the folder of the view's picture, if it is there. Otherwise gathered from the
     sparse points, which is coarse: right within some per cent where surfaces carry points, blind to thin things, and
     carried on from the nearest points where there are none. Without a point in front of the camera all is `inf`.
+
+    Args:
+        view: at its built size.
+        points: of its scene.
+        guide: the view's picture [H, W, 3]; depth from points is smoothed, but less over the picture's edges.
 
     Raises:
         InputError: an unreadable depth map.
@@ -39,7 +47,7 @@ def view_depth(view: View, points: Points) -> Depth:
     path = depth_path(view)
     if path.is_file():
         return resized_depth(read_depth(path), view.camera.width, view.camera.height)
-    return sparse_depth(view.camera, points.positions)
+    return sparse_depth(view.camera, points.positions, guide)
 
 
 def depth_path(view: View) -> Path:
@@ -85,11 +93,12 @@ def resized_depth(depth: NDArray, width: int, height: int) -> Depth:
     return np.ascontiguousarray(depth[np.ix_(rows, columns)], np.float32)
 
 
-def sparse_depth(camera: Camera, positions: NDArray) -> Depth:
+def sparse_depth(camera: Camera, positions: NDArray, guide: Image | None = None) -> Depth:
     """A coarse depth map [H, W] from scene points [N, 3].
 
     Every cell of a grid takes a low weighted quantile of its nearest points' depths, which leaves out most points
-    that lie behind the visible surface; cells are joined linearly in 1 / depth, as planes are in a picture.
+    that lie behind the visible surface; cells are joined linearly in 1 / depth, as planes are in a picture. With a
+    guide [H, W, 3], the same is smoothed by a guided filter (He, Sun and Tang 2010).
     """
     pixels, depth = camera.project(positions)
     seen = (depth > 0) & (pixels >= 0).all(axis=1) & (pixels <= (camera.width, camera.height)).all(axis=1)
@@ -104,6 +113,12 @@ def sparse_depth(camera: Camera, positions: NDArray) -> Depth:
     inverse = 1 / _low_quantile(depth[index], 1 / (distance + cell) ** 2)
     grid = inverse.reshape(rows, columns).astype(np.float32)
     smooth = cv2.resize(grid, (camera.width, camera.height), interpolation=cv2.INTER_LINEAR)
+    if guide is not None:
+        limits = float(smooth.min()), float(smooth.max())
+        # Grey, because OpenCV's filter sees no edges between greys in a colour guide.
+        grey = cv2.cvtColor(np.asarray(guide, np.float32), cv2.COLOR_RGB2GRAY)
+        filtered = cv2.ximgproc.guidedFilter(grey, smooth, round(GUIDED * cell), EDGE**2)
+        smooth = np.clip(filtered, *limits)
     return np.asarray(1 / smooth, np.float32)
 
 

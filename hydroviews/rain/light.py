@@ -13,6 +13,7 @@ CLIPPED = float(to_linear(np.array([250 / 255], np.float32))[0])  # from here on
 BRIGHTEST = 8.0  # radiance given to a fully saturated lamp or sun glint; white paper is 1
 LARGEST_LAMP = 0.01  # share of a picture above which saturated pixels are sky or wall, not a lamp
 GATHERED_FROM = 0.15  # standard deviation, in picture sides, of the surroundings a falling drop mixes
+GREY = 0.75  # share of their colour that they lose in it
 LAMP_REACHES = (0.02, 0.06, 0.18)  # the same, of Gaussians whose sum falls off as lamp light does
 
 
@@ -50,7 +51,7 @@ def rain_light(linear: Linear) -> Linear:
     A drop is a lens of about 165 degrees (Garg and Nayar 2007): it shows what lies in a wide cone behind it, most of
     which no picture has. So its brightness follows the surroundings and hardly the pixel it covers; bright
     surroundings count for more (a root mean square), because most of what lies outside the picture and shines into
-    the drop is sky; and it is half as colourful, because its cone mixes everything. Light beyond white is a lamp's:
+    the drop is sky; and it is little colourful, because its cone mixes everything. Light beyond white is a lamp's:
     it falls off around the lamp, in its own colour. Beyond the borders the picture is mirrored.
 
     Args:
@@ -61,12 +62,12 @@ def rain_light(linear: Linear) -> Linear:
     """
     recorded = np.minimum(linear, np.float32(1))
     around = np.sqrt(_blurred(np.square(recorded), GATHERED_FROM))
-    grey = luminance(around)[..., None]
+    around += GREY * (luminance(around)[..., None] - around)
     lamps = linear - recorded
     if not lamps.any():
-        return (grey + around) / 2
+        return around
     glow = sum(_blurred(lamps, sides) for sides in LAMP_REACHES) / np.float32(len(LAMP_REACHES))
-    return np.asarray((grey + around) / 2 + glow, np.float32)
+    return np.asarray(around + glow, np.float32)
 
 
 def _blurred(picture: Linear, sides: float) -> Linear:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from hydroviews.cameras import Camera
 from hydroviews.depth import view_depth
 from hydroviews.images import Image, to_linear
-from hydroviews.rain.light import expand_highlights, rain_light
-from hydroviews.rain.setting import Setting
+from hydroviews.rain.light import expand_highlights, luminance, rain_light
+from hydroviews.rain.setting import Light, Setting
 from hydroviews.rain.storm_drawing import Shutter, draw, project
 from hydroviews.rain.storm_drops import draw_cloud, optical_depth, reach
 from hydroviews.rain.storm_world import (
@@ -46,7 +46,7 @@ class StormPattern:
 
 
 RATES = ((6.0, 14.0), (22.0, 40.0), (65.0, 100.0))  # mm/h by grade
-DENSITIES = (4.0, 6.0, 8.0)
+DENSITIES = (2.0, 4.0, 8.0)
 WINDS = ((0.0, 1.5), (0.5, 3.0), (1.5, 5.0))  # m/s by grade
 
 
@@ -66,6 +66,16 @@ def draw_pattern(rng: np.random.Generator, grade: int) -> StormPattern:
     )
 
 
+def skylight(light: Light) -> float:
+    """How many times brighter a drop is than what the pictures around it show.
+
+    Most of what a drop gathers comes from above and beside the picture, and is as bright as the brightest parts of
+    the scene rather than as its mean; half way between the two, on a scale of ratios, is taken.
+    """
+    mean, air = (float(luminance(np.array(colour, np.float32))) for colour in (light.mean, light.air))
+    return float(np.sqrt(air / mean)) if mean > 0 else 1.0
+
+
 class Storm:
     """A storm over one scene, ready to fall on its views."""
 
@@ -83,6 +93,7 @@ class Storm:
         self._pattern, self._setting = pattern, setting
         self._scale = metres_per_unit or estimated_metres_per_unit(setting.views, setting.points)
         self._focus = self._scale * subject_distance(setting.views, setting.points)
+        self._skylight = skylight(setting.light)
         self._turn = {view.name: i for i, view in enumerate(setting.views)}
         up = up_direction(setting.views)
         wind = pattern.wind_speed * horizontal(setting.views[0].camera, up, pattern.wind_angle)
@@ -96,6 +107,7 @@ class Storm:
             "metres_per_unit": self._scale,
             "metres_estimated": metres_per_unit is None,
             "focus": self._focus,
+            "skylight": self._skylight,
         }
 
     def layers(self, clean: Image, view: View) -> dict[str, NDArray[np.float32]]:
@@ -109,10 +121,10 @@ class Storm:
             Planes [H, W]: M cover by drops, V by the veil, R, G, B the light of both.
         """
         camera = in_metres(view.camera, self._scale)
-        depth = view_depth(view, self._setting.points) * np.float32(self._scale)
+        depth = view_depth(view, self._setting.points, clean) * np.float32(self._scale)
         drops = self.drops(view, camera, depth)[..., None]
         veil = self.veil(camera, depth)[..., None]
-        light = rain_light(expand_highlights(to_linear(clean)))
+        light = self._skylight * rain_light(expand_highlights(to_linear(clean)))
         added = (drops + (1 - drops) * veil) * light  # far drops show their surroundings as near ones do
         return {"M": drops[..., 0], "V": veil[..., 0], **{c: added[..., i] for i, c in enumerate("RGB")}}
 

@@ -15,8 +15,8 @@ from hydroviews.errors import InputError
 from hydroviews.images import to_linear, to_srgb
 from hydroviews.rain import storm_drops, storm_reference
 from hydroviews.rain.seeds import generator
-from hydroviews.rain.setting import survey
-from hydroviews.rain.storm import Storm, StormPattern, draw_pattern
+from hydroviews.rain.setting import Light, survey
+from hydroviews.rain.storm import Storm, StormPattern, draw_pattern, skylight
 from hydroviews.rain.storm_drawing import NEAREST, Shutter, draw, project
 from hydroviews.rain.storm_drops import Cloud, draw_cloud
 from hydroviews.rain.storm_world import estimated_metres_per_unit, horizontal, in_metres, up_direction
@@ -256,8 +256,9 @@ def test_layers_are_a_composite_in_linear_light(tmp_path):
         through = ((1 - layers["M"]) * (1 - layers["V"]))[..., None]
         rainy = through * to_linear(picture) + np.stack([layers[c] for c in "RGB"], axis=-1)
         assert rainy.max() <= 1.0
-    flat = np.full((36, 48, 3), 0.5, np.float32)  # rain over an even grey shows that grey
-    layers = Storm(replace(PATTERN, density=8.0), setting).layers(flat, view)
+    flat = np.full((36, 48, 3), 0.5, np.float32)  # rain over an even grey world shows that grey
+    grey = replace(setting, light=Light((0.2, 0.2, 0.2), (0.2, 0.2, 0.2)))
+    layers = Storm(replace(PATTERN, density=8.0), grey).layers(flat, view)
     through = ((1 - layers["M"]) * (1 - layers["V"]))[..., None]
     rainy = through * to_linear(flat) + np.stack([layers[c] for c in "RGB"], axis=-1)
     assert np.allclose(to_srgb(rainy), flat, atol=1e-3)
@@ -268,10 +269,17 @@ def test_streaks_shine_near_lamps_and_vanish_in_the_dark(tmp_path):
     view = setting.views[0]
     night = np.full((120, 160, 3), 0.01, np.float32)
     night[20:26, 20:26] = 1.0
-    layers = Storm(replace(PATTERN, density=8.0), setting).layers(night, view)
+    dark = replace(setting, light=Light((0.003, 0.003, 0.003), (0.02, 0.02, 0.02)))
+    layers = Storm(replace(PATTERN, density=8.0), dark).layers(night, view)
     light = layers["G"] / (1 - (1 - layers["M"]) * (1 - layers["V"]))
     assert light[10:36, 10:36].mean() > 20 * light[90:, 130:].mean()
     assert layers["G"][90:, 130:].max() < 1 / 255 / 12.92  # half of the darkest grey that 8 bits have
+
+
+def test_rain_is_as_bright_as_the_sky_that_pictures_do_not_show():
+    assert skylight(Light((0.1, 0.1, 0.1), (0.4, 0.4, 0.4))) == pytest.approx(2)
+    assert skylight(Light((0.1, 0.2, 0.3), (0.1, 0.2, 0.3))) == pytest.approx(1)
+    assert skylight(Light((0, 0, 0), (0, 0, 0))) == 1
 
 
 def test_patterns_are_graded_and_seeded():
