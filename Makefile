@@ -12,6 +12,8 @@ PATTERNS ?=
 DATA    ?= data
 RESULTS ?= results
 EXTRAS  ?= blender,dev
+BENCH   ?= splatting
+BENCH_ARGS ?=
 PIP_ARGS ?=
 
 BIN      := $(VENV)/bin
@@ -45,8 +47,8 @@ eval: $(READY)  ## build what is missing, run the method and the reference rows,
 leaderboard: $(READY)  ## gather all records into results/leaderboard.csv and tables.md
 	$(BIN)/python -m leaderboard table --results '$(RESULTS)'
 
-bench: $(READY)  ## speed against error of the splatting core
-	$(BIN)/python -m benchmarks.splatting
+bench: $(READY)  ## speed against error: BENCH=splatting, raindrops, streaks or dataset
+	$(BIN)/python -m benchmarks.$(BENCH) $(BENCH_ARGS)
 
 test: $(READY)
 	$(BIN)/python -m pytest
