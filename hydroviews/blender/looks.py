@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from hydroviews.blender import textures
 from hydroviews.blender.textures import Pattern
+from hydroviews.blender.textures_indoor import carpet, damask, folds, goods, landscape, parquet, plaid
 
 Colour = tuple[float, float, float]  # sRGB-encoded, [0, 1]
 
@@ -51,4 +52,45 @@ LOOKS = {
     "bronze": Look(textures.rough(1.2), (0.5, 0.36, 0.2), (0.86, 0.68, 0.42), 0.9, 0.4, roughness=0.35, metallic=1.0),
     "terracotta": Look(textures.rough(1.3), (0.62, 0.32, 0.2), (0.86, 0.56, 0.4), 0.7, 0.5),
     "window": Look(textures.checks(3), (0.12, 0.18, 0.26), (0.3, 0.42, 0.52), 0.75, 0.2, roughness=0.25),
+    "parquet": Look(parquet(4, 5), (0.4, 0.22, 0.11), (0.8, 0.56, 0.32), 2.0, 0.2, roughness=0.4),
+    "walnut": Look(textures.planks(5), (0.2, 0.11, 0.06), (0.5, 0.31, 0.18), 0.8, 0.4, roughness=0.45),
+    "green wallpaper": Look(damask(4), (0.24, 0.42, 0.34), (0.7, 0.78, 0.62), 1.3, 0.1),
+    "cream wallpaper": Look(damask(5), (0.7, 0.52, 0.34), (0.93, 0.87, 0.74), 1.2, 0.1),
+    "ceiling": Look(textures.rough(1.3), (0.8, 0.78, 0.73), (0.97, 0.95, 0.9), 1.5, 0.5),
+    "rug": Look(carpet(5), (0.52, 0.12, 0.1), (0.9, 0.8, 0.6), 2.8, 0.4),
+    "curtain": Look(folds(6), (0.46, 0.14, 0.12), (0.88, 0.56, 0.4), 1.0, 0.6),
+    "plaid": Look(plaid(5), (0.14, 0.24, 0.42), (0.88, 0.8, 0.62), 0.8, 0.3),
+    "red plaid": Look(plaid(6), (0.5, 0.12, 0.1), (0.92, 0.76, 0.4), 0.6, 0.3),
+    "upholstery": Look(damask(6), (0.12, 0.36, 0.4), (0.5, 0.68, 0.62), 0.9, 0.4),
+    "mustard cloth": Look(damask(7), (0.62, 0.4, 0.08), (0.93, 0.74, 0.32), 0.8, 0.4),
+    "dawn": Look(landscape, (0.2, 0.22, 0.36), (0.93, 0.58, 0.42), 1.2, 0.2),
+    "meadow": Look(landscape, (0.12, 0.3, 0.16), (0.55, 0.74, 0.86), 1.0, 0.2),
+    "coast": Look(landscape, (0.1, 0.24, 0.42), (0.74, 0.8, 0.72), 0.8, 0.2),
+    "red books": Look(textures.stripes(4), (0.42, 0.08, 0.08), (0.8, 0.34, 0.22), 0.3, 0.2),
+    "blue books": Look(textures.stripes(5), (0.1, 0.18, 0.4), (0.4, 0.52, 0.72), 0.34, 0.2),
+    "green books": Look(textures.stripes(3), (0.1, 0.28, 0.16), (0.5, 0.62, 0.38), 0.26, 0.2),
+    "pale books": Look(textures.stripes(4), (0.62, 0.5, 0.32), (0.95, 0.9, 0.78), 0.32, 0.2),
+    "gilt": Look(textures.rough(1.2), (0.56, 0.4, 0.14), (0.92, 0.76, 0.4), 0.4, 0.6),
+    "china": Look(damask(4), (0.1, 0.22, 0.56), (0.94, 0.93, 0.88), 0.3, 0.1, roughness=0.3),
+    "green china": Look(damask(3), (0.1, 0.4, 0.3), (0.92, 0.9, 0.76), 0.3, 0.1, roughness=0.3),
+    "lampshade": Look(folds(9), (0.86, 0.6, 0.32), (1.0, 0.9, 0.7), 0.5, emission=1.4),
+    "embers": Look(textures.stones(120, 0.3), (0.9, 0.2, 0.04), (1.0, 0.75, 0.3), 0.4, emission=3.0),
+    "wet cobbles": Look(textures.stones(80), (0.3, 0.3, 0.32), (0.62, 0.6, 0.58), 2.6, 0.7, roughness=0.42),
+    "dark brick": Look(textures.bricks(10, 4), (0.4, 0.18, 0.14), (0.68, 0.38, 0.3), 1.6, bump=0.8),
+    "amber window": Look(folds(5), (0.9, 0.42, 0.12), (1.0, 0.8, 0.42), 0.9, emission=1.3),
+    "pale window": Look(folds(3), (0.94, 0.72, 0.42), (1.0, 0.94, 0.8), 1.1, emission=1.6),
+    "curtained window": Look(plaid(4), (0.62, 0.26, 0.14), (1.0, 0.76, 0.4), 0.7, emission=0.8),
+    "shop window": Look(goods(4, 9), (0.62, 0.42, 0.24), (1.0, 0.86, 0.6), 1.9, emission=1.5),
+    "book shop window": Look(goods(7, 24), (0.5, 0.34, 0.2), (1.0, 0.82, 0.52), 1.8, emission=1.3),
+    "red sign": Look(textures.stripes(3), (0.9, 0.1, 0.08), (1.0, 0.45, 0.3), 0.3, emission=1.6),
+    "white sign": Look(textures.stripes(3), (0.8, 0.9, 0.95), (1.0, 1.0, 0.95), 0.3, emission=1.4),
+    "bulb": Look(textures.rough(), (1.0, 0.8, 0.5), (1.0, 0.88, 0.64), 0.5, emission=20.0),
+    "iron": Look(textures.rough(1.2), (0.08, 0.1, 0.1), (0.26, 0.28, 0.27), 0.6, 0.4),
+    "tyre": Look(textures.rough(1.2), (0.06, 0.06, 0.06), (0.2, 0.2, 0.2), 0.4, 0.4),
+    "chrome": Look(textures.rough(1.2), (0.6, 0.6, 0.62), (0.9, 0.9, 0.92), 0.5, 0.2, roughness=0.3, metallic=1.0),
+    "red paint": Look(textures.rough(1.5), (0.58, 0.08, 0.07), (0.8, 0.18, 0.13), 1.2, 0.05, roughness=0.35),
+    "blue paint": Look(textures.rough(1.5), (0.1, 0.26, 0.5), (0.26, 0.46, 0.7), 1.2, 0.05, roughness=0.35),
+    "cream paint": Look(textures.rough(1.5), (0.78, 0.72, 0.56), (0.94, 0.9, 0.76), 1.2, 0.05, roughness=0.35),
+    "green paint": Look(textures.rough(1.5), (0.12, 0.34, 0.24), (0.28, 0.54, 0.38), 1.2, 0.05, roughness=0.35),
+    "posters": Look(goods(3, 5), (0.5, 0.4, 0.3), (1.0, 0.95, 0.85), 2.0, 0.2),
 }

@@ -52,6 +52,24 @@ def gable(width: float, depth: float, height: float) -> Mesh:
     return Mesh(np.array(vertices, float), [(0, 1, 5, 4), (2, 3, 4, 5), (1, 2, 5), (3, 0, 4), (3, 2, 1, 0)])
 
 
+def prism(outline: ArrayLike, depth: float) -> Mesh:
+    """An outline (x, z) [N, 2], anticlockwise seen from -y, drawn out along y and centred there."""
+    outline = np.asarray(outline, float)
+    n = len(outline)
+    front, back = (np.column_stack([outline[:, 0], np.full(n, y), outline[:, 1]]) for y in (-depth / 2, depth / 2))
+    sides = [(i, n + i, n + (i + 1) % n, (i + 1) % n) for i in range(n)]
+    return Mesh(np.concatenate([front, back]), [tuple(range(n)), tuple(range(2 * n - 1, n - 1, -1)), *sides])
+
+
+def rod(start: ArrayLike, end: ArrayLike, radius: float, segments: int = 10) -> Mesh:
+    """A straight round bar between two points."""
+    start, end = np.asarray(start, float), np.asarray(end, float)
+    length = float(np.linalg.norm(end - start))
+    x, y, z = (end - start) / length
+    upright = lathe([(radius, 0.0), (radius, length)], segments)
+    return moved(upright, start, turn=float(np.arctan2(y, x)), tilt=float(np.arccos(np.clip(z, -1, 1))))
+
+
 def lathe(profile: ArrayLike, segments: int = 40, smooth: bool = True, closed: bool = False) -> Mesh:
     """A solid of revolution about z.
 
@@ -76,6 +94,23 @@ def sphere(radius: float, rings: int = 32, segments: int = 48) -> Mesh:
     """A ball around the origin."""
     angles = np.linspace(-np.pi / 2, np.pi / 2, rings)[1:-1]
     return lathe(radius * np.column_stack([np.cos(angles), np.sin(angles)]), segments)
+
+
+def pillow(width: float, depth: float, height: float) -> Mesh:
+    """A soft block around the origin: a superellipsoid."""
+    ball = sphere(1.0, rings=20, segments=32)
+    swollen = np.sign(ball.vertices) * np.abs(ball.vertices) ** 0.5
+    return replace(ball, vertices=swollen * (width / 2, depth / 2, height / 2))
+
+
+def blade(length: float, width: float, rise: float, steps: int = 7) -> Mesh:
+    """A leaf from the origin along +x that rises, bends and comes to a point; seen from both sides."""
+    t = np.linspace(0, 1, steps)
+    middle = np.column_stack([length * t, np.zeros(steps), rise * np.sin(2.2 * t)])
+    half = width / 2 * np.sin(np.pi * np.clip(0.12 + 0.88 * t, 0, 1))
+    left, right = (middle + side * half[:, None] * (0.0, 1.0, 0.25) for side in (-1, 1))
+    faces = [(i, i + 1, steps + i + 1, steps + i) for i in range(steps - 1)]
+    return Mesh(np.concatenate([left, right]), faces, smooth=True)
 
 
 def lumpy(mesh: Mesh, rng: np.random.Generator, amplitude: float, frequency: float) -> Mesh:

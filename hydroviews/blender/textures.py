@@ -55,11 +55,11 @@ def bricks(rows: int, columns: int, mortar: float = 0.06) -> Pattern:
     """Running bond: every other row is shifted by half a brick."""
 
     def pattern(rng: np.random.Generator, dark: Array, light: Array) -> Texture:
-        y, x = _grid()
+        y, x = grid()
         wobble = 0.03 * (noise(rng, 1.6) - 0.5)
         row = y * rows + wobble * rows / 4
         along = (x + wobble) * columns + 0.5 * (np.floor(row) % 2)
-        edge = np.minimum(_to_edge(along) * rows / columns, _to_edge(row))
+        edge = np.minimum(to_edge(along) * rows / columns, to_edge(row))
         brick = np.clip((edge - mortar) / mortar, 0, 1)
         tone = rng.random((rows, columns))[np.floor(row).astype(int) % rows, np.floor(along).astype(int) % columns]
         colour = weathered(rng, blend(dark, light, tone))
@@ -74,7 +74,7 @@ def stones(count: int, gap: float = 0.14, shadow: float = 0.3) -> Pattern:
     """Irregular cells: cobbles, or leaves if there are many and they are shaded deeply."""
 
     def pattern(rng: np.random.Generator, dark: Array, light: Array) -> Texture:
-        y, x = _grid()
+        y, x = grid()
         bent = 0.02 * (noise(rng) - 0.5)
         centres = rng.random((count, 2))
         tiled = np.concatenate([centres + np.array([i, j]) for i in (-1, 0, 1) for j in (-1, 0, 1)])
@@ -92,12 +92,12 @@ def planks(count: int) -> Pattern:
     """Boards along y with grain; each board has a tone of its own."""
 
     def pattern(rng: np.random.Generator, dark: Array, light: Array) -> Texture:
-        _, x = _grid()
+        _, x = grid()
         board = np.floor(x * count).astype(int) % count
         shift = rng.random(count)[board]
         rings = 0.5 + 0.5 * np.sin(2 * np.pi * (6 * x * count / 4 + 2.5 * noise(rng, 2.2) + 7 * shift))
         tone = 0.45 * rings + 0.25 * noise(rng, 1.1, 6) + 0.45 * rng.random(count)[board] - 0.1
-        groove = np.clip(_to_edge(x * count) / 0.05, 0, 1)
+        groove = np.clip(to_edge(x * count) / 0.05, 0, 1)
         colour = weathered(rng, blend(dark, light, tone)) * (0.3 + 0.7 * groove[..., None])
         return Texture(colour, groove * (0.8 + 0.2 * rings))
 
@@ -108,13 +108,13 @@ def shingles(rows: int, columns: int) -> Pattern:
     """Roof tiles: overlapping rows with round lower ends."""
 
     def pattern(rng: np.random.Generator, dark: Array, light: Array) -> Texture:
-        y, x = _grid()
+        y, x = grid()
         across = x * columns
         scallop = 0.35 * (np.abs((across % 1) - 0.5) * 2) ** 2
         row = y * rows + scallop
         tone = rng.random((rows, columns))[np.floor(row).astype(int) % rows, np.floor(across).astype(int) % columns]
         fall = row % 1
-        edge = np.clip(np.minimum(fall / 0.12, _to_edge(across) / 0.04), 0, 1)
+        edge = np.clip(np.minimum(fall / 0.12, to_edge(across) / 0.04), 0, 1)
         colour = weathered(rng, blend(dark, light, 0.75 * tone + 0.25 * fall))
         return Texture(colour * (0.3 + 0.7 * edge[..., None]), fall * edge)
 
@@ -125,9 +125,9 @@ def checks(count: int) -> Pattern:
     """Glazed tiles in two colours with thin joints."""
 
     def pattern(rng: np.random.Generator, dark: Array, light: Array) -> Texture:
-        y, x = _grid()
+        y, x = grid()
         which = (np.floor(x * count) + np.floor(y * count)) % 2
-        joint = np.clip(np.minimum(_to_edge(x * count), _to_edge(y * count)) / 0.03, 0, 1)
+        joint = np.clip(np.minimum(to_edge(x * count), to_edge(y * count)) / 0.03, 0, 1)
         colour = weathered(rng, blend(dark, light, 0.85 * which + 0.15 * noise(rng, 1.2, 8)), 0.2)
         return Texture(colour * (0.45 + 0.55 * joint[..., None]), joint)
 
@@ -138,7 +138,7 @@ def stripes(count: int) -> Pattern:
     """Painted or woven bands across y."""
 
     def pattern(rng: np.random.Generator, dark: Array, light: Array) -> Texture:
-        y, _ = _grid()
+        y, _ = grid()
         band = np.clip(6 * np.sin(2 * np.pi * (y * count + 0.1 * noise(rng, 2.2))) + 0.5, 0, 1)
         return Texture(weathered(rng, blend(dark, light, band), 0.25), 0.3 * noise(rng, 1.0, 16))
 
@@ -155,12 +155,12 @@ def rough(exponent: float = 1.6) -> Pattern:
     return pattern
 
 
-def _grid() -> tuple[Array, Array]:
+def grid() -> tuple[Array, Array]:
     """y and x of the pixel centres, each [SIZE, SIZE] in [0, 1]."""
     y, x = (np.mgrid[0:SIZE, 0:SIZE] + 0.5) / SIZE
     return y, x
 
 
-def _to_edge(cells: Array) -> Array:
+def to_edge(cells: Array) -> Array:
     """Distance to the nearest whole number."""
     return np.minimum(cells % 1, 1 - cells % 1)
