@@ -8,6 +8,7 @@ its surroundings, so streaks are bright near lamps and vanish in the dark.
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,6 +29,7 @@ from hydroviews.rain.storm_world import (
 from hydroviews.scenes import View
 
 THICKEST = 0.6  # the most that the veil hides: behind it a scene must stay visible
+MIXED = 2  # pixels around an edge over which the veil is mixed
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,7 @@ class StormPattern:
 
 
 RATES = ((6.0, 14.0), (22.0, 40.0), (65.0, 100.0))  # mm/h by grade
-DENSITIES = (2.0, 4.0, 8.0)
+DENSITIES = (1.5, 3.0, 6.0)
 WINDS = ((0.0, 1.5), (0.5, 3.0), (1.5, 5.0))  # m/s by grade
 
 
@@ -123,7 +125,7 @@ class Storm:
         camera = in_metres(view.camera, self._scale)
         depth = view_depth(view, self._setting.points, clean) * np.float32(self._scale)
         drops = self.drops(view, camera, depth)[..., None]
-        veil = self.veil(camera, depth)[..., None]
+        veil = self.veil(camera, depth, clean)[..., None]
         light = self._skylight * rain_light(expand_highlights(to_linear(clean)))
         added = (drops + (1 - drops) * veil) * light  # far drops show their surroundings as near ones do
         return {"M": drops[..., 0], "V": veil[..., 0], **{c: added[..., i] for i, c in enumerate("RGB")}}
@@ -135,10 +137,16 @@ class Storm:
         shutter = Shutter(time, pattern.exposure, pattern.aperture, self._focus)
         return draw(project(self.cloud, camera, shutter), depth)
 
-    def veil(self, camera: Camera, depth: NDArray) -> NDArray[np.float32]:
-        """Cover [H, W] by the rain that is too fine or too far to be drawn: 1 - exp(-beta distance) at most."""
+    def veil(self, camera: Camera, depth: NDArray, clean: Image) -> NDArray[np.float32]:
+        """Cover [H, W] by the rain that is too fine or too far to be drawn: 1 - exp(-beta distance) at most.
+
+        A pixel on the edge of something near has a mixed colour but only one depth, so the veil is mixed as the
+        colours are: by a guided filter (He, Sun and Tang 2010) of a pixel or two.
+        """
         x = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
         y = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
         distance = depth * np.sqrt(1 + x**2 + y[:, None] ** 2)
         hidden = 1 - np.exp(-optical_depth(self._pattern.rate, self._pattern.density, distance))
-        return np.minimum(hidden, THICKEST).astype(np.float32)
+        hidden = np.minimum(hidden, THICKEST).astype(np.float32)
+        grey = np.ascontiguousarray(luminance(clean), np.float32)
+        return np.clip(cv2.ximgproc.guidedFilter(grey, hidden, MIXED, 1e-4), 0, np.float32(THICKEST))

@@ -21,7 +21,7 @@ INTERCEPT = 8000.0  # N0, drops a cubic metre and millimetre of diameter
 SMALLEST, LARGEST = 0.5, 6.0  # diameters in mm that are drawn; smaller ones are veil, larger ones break up
 BUDGET = 100_000  # drops in a storm of density 1; about one in thirty is in a picture
 FARTHEST_REACH = 4.0  # metres a millimetre of diameter: farther off a streak is below what 8 bits can show
-DEEPEST = 150.0  # metres of rain in front of the sky
+DEEPEST = 100.0  # metres of rain in front of the sky
 
 
 @dataclass(frozen=True, eq=False)

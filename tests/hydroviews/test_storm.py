@@ -282,6 +282,21 @@ def test_rain_is_as_bright_as_the_sky_that_pictures_do_not_show():
     assert skylight(Light((0, 0, 0), (0, 0, 0))) == 1
 
 
+def test_the_veil_grows_with_distance_and_is_mixed_at_edges(tmp_path):
+    storm = Storm(replace(PATTERN, density=20.0), setting_in(tmp_path), 1.0)
+    view = camera(80, 60)
+    clean, depth = np.full((60, 80, 3), 0.2, np.float32), np.full((60, 80), 5.0, np.float32)
+    depth[:, 40:] = np.inf
+    clean[:, 41:] = 0.8
+    clean[:, 40] = 0.5  # half of it is the far side
+    veil = storm.veil(view, depth, clean)
+    near, sky = veil[:, 30].mean(), veil[:, 70].mean()
+    assert 0 < near < 0.2 * sky
+    assert sky == pytest.approx(0.6, abs=1e-3)
+    assert near + 0.2 * (sky - near) < veil[:, 40].mean() < near + 0.8 * (sky - near)
+    assert np.all(storm.veil(view, 2 * depth, clean)[:, :36] > veil[:, :36])
+
+
 def test_patterns_are_graded_and_seeded():
     storms = [[draw_pattern(generator(seed, "storm", grade), grade) for seed in range(50)] for grade in range(3)]
     rates = [[storm.rate for storm in grade] for grade in storms]
