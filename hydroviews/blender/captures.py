@@ -78,16 +78,6 @@ def read_embedded(name: str, folder: Path) -> Scene:
     return replace(scene, metres_per_unit=kept["metres_per_unit"])
 
 
-def render_courtyard(folder: Path, n_views: int, width: int, height: int, seed: int) -> None:
-    """`render_embedded` of the courtyard."""
-    render_embedded("courtyard", folder, n_views, width, height, seed)
-
-
-def read_courtyard(folder: Path) -> Scene:
-    """`read_embedded` of the courtyard."""
-    return read_embedded("courtyard", folder)
-
-
 def _names(n_views: int) -> list[str]:
     """Names that sort like the numbers they are."""
     digits = max(3, len(str(n_views - 1)))

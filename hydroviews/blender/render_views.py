@@ -16,9 +16,9 @@ from hydroviews.blender.pieces import Design, Piece
 from hydroviews.blender.process import Report
 from hydroviews.blender.sky import add_sky
 from hydroviews.cameras import Camera
+from hydroviews.depth import FOLDER, write_depth
 from hydroviews.files import replacing
 from hydroviews.images import read_image, to_srgb, to_uint8, write_png
-from hydroviews.rain.layers import write_layers
 
 POINTS = 16000
 POINT_VIEWS = 12  # the most views that points are taken from
@@ -87,7 +87,7 @@ def _surfaces(
     for name, camera in cameras.items():
         place_camera(scene, camera)
         surface = render_positions(scene)
-        _write_depth(folder / "depth" / f"{name}.exr", camera, surface)
+        write_depth(folder / FOLDER / f"{name}.exr", _depth(camera, surface))
         if name not in chosen:
             continue
         pixels = rng.permutation(np.flatnonzero(np.isfinite(surface[..., 0])))[: POINTS // len(chosen)]
@@ -97,7 +97,7 @@ def _surfaces(
     return np.concatenate(positions), np.concatenate(colours)
 
 
-def _write_depth(path: Path, camera: Camera, surface: NDArray[np.float32]) -> None:
-    """Metres along the optical axis, infinite where there is only sky."""
+def _depth(camera: Camera, surface: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Metres along the optical axis [H, W], infinite where there is only sky."""
     _, depth = camera.project(surface.reshape(-1, 3))
-    write_layers(path, {"Z": np.where(np.isfinite(depth), depth, np.inf).reshape(surface.shape[:2])})
+    return np.where(np.isfinite(depth), depth, np.inf).reshape(surface.shape[:2])

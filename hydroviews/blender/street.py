@@ -138,7 +138,7 @@ def _lamps(rng: Rng) -> Iterator[Piece | Lamp]:
     places = [(-4.6, 4.6), (4.6, 4.6), (-11.5, 4.6), (11.5, 4.6), (-2.5, 14.0), (2.5, 21.0), (-2.5, 29.0)]
     places += [(-8.6, -1.6), (8.6, -1.6)]
     for i, (x, y) in enumerate(places):
-        yield from street_lamp(f"lamp {i}", (x, y, 0.1), 240.0)
+        yield from street_lamp(f"lamp {i}", (x, y, 0.1), 300.0)
     for i, (y, z) in enumerate(((8.6, 5.0), (14.0, 5.4), (20.0, 5.4))):
         yield from fairy_lights(rng, f"fairy lights {i}", (-CORNER, y, z), (CORNER, y, z + 0.3))
 
@@ -200,4 +200,4 @@ ACROSS = Path(
     span=np.radians(92),
     waves=(7.0, 13.0),
 )
-STREET = Design(make_street, DUSK, ACROSS)
+STREET = Design(make_street, DUSK, ACROSS, samples=16)

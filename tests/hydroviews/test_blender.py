@@ -9,16 +9,35 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.special import gamma
 
-from hydroviews.blender import captures, textures
+from hydroviews.blender import captures, textures, textures_indoor
 from hydroviews.blender.camera_paths import place_cameras
-from hydroviews.blender.captures import read_courtyard, render_courtyard
-from hydroviews.blender.courtyard import AROUND, make_courtyard
-from hydroviews.blender.drop_shapes import Drop, drop_meshes
-from hydroviews.blender.meshes import Mesh, annulus, box, gable, joined, knot, lathe, lumpy, moved, sphere
+from hydroviews.blender.captures import EMBEDDED, read_embedded, render_embedded
+from hydroviews.blender.courtyard import AROUND
+from hydroviews.blender.embedded import DESIGNS
+from hydroviews.blender.looks import LOOKS
+from hydroviews.blender.meshes import (
+    Mesh,
+    annulus,
+    box,
+    gable,
+    joined,
+    knot,
+    lathe,
+    lumpy,
+    moved,
+    pillow,
+    prism,
+    rod,
+    sphere,
+)
+from hydroviews.blender.pieces import Piece
 from hydroviews.blender.process import run_blender
+from hydroviews.blender.room import BACK, FRONT, HALF_WIDTH, HEIGHT, ROOM
+from hydroviews.depth import view_depth
 from hydroviews.errors import InputError
-from hydroviews.scenes import TEST_EVERY
+from hydroviews.scenes import TEST_EVERY, no_points
 
 SIZE = (64, 48)
 VIEWS = 3
@@ -108,17 +127,30 @@ def _wait_for(path: Path) -> str:
 # Cameras
 
 
+@pytest.mark.parametrize("name", EMBEDDED)
 @pytest.mark.parametrize("n_views", [3, 8, 9, 17, 24, 40, 100])
-def test_held_out_views_lie_between_two_training_views(n_views):
-    centres = np.array([camera.centre for camera in place_cameras(AROUND, n_views, 64, 48, 0)])
+def test_held_out_views_lie_between_two_training_views(n_views, name):
+    path = DESIGNS[name].path
+    centres = np.array([camera.centre for camera in place_cameras(path, n_views, 64, 48, 0)])
     held_out = np.arange(n_views) % TEST_EVERY == 0
-    train = centres[~held_out]
-    for centre in centres[held_out]:
-        near, second = train[np.argsort(np.linalg.norm(train - centre, axis=1))[:2]]
-        chord = np.linalg.norm(near - second)
-        # Nearly on the line between them: within the ring's curvature.
-        assert np.linalg.norm(centre - (near + second) / 2) < 0.15 * chord + 0.01
+    angles = np.arctan2(*(centres[:, :2] - path.centre).T[::-1])
+    for centre, angle in zip(centres[held_out], angles[held_out], strict=True):
+        ahead = (angles[~held_out] - angle) % (2 * np.pi)
+        before, after = centres[~held_out][[np.argmax(ahead), np.argmin(ahead)]]
+        chord = np.linalg.norm(before - after)
+        # Nearly on the line between them: within the path's curvature.
+        assert np.linalg.norm(centre - (before + after) / 2) < 0.15 * chord + 0.01
     assert len(np.unique(centres.round(6), axis=0)) == n_views
+
+
+@pytest.mark.parametrize("name", ["room", "street"])
+def test_an_arc_is_used_whole_and_not_left(name):
+    path = DESIGNS[name].path
+    for n_views in (3, 40, 100):
+        x, y = np.array([camera.centre[:2] - path.centre for camera in place_cameras(path, n_views, 64, 48, 0)]).T
+        along = (np.arctan2(y, x) - path.start) % (2 * np.pi)
+        assert np.all(along < path.span + 1e-9)
+        assert (np.ptp(along) > 0.99 * path.span) == (n_views > 3)
 
 
 def test_cameras_look_at_the_courtyard_upright():
@@ -151,6 +183,8 @@ def volume(mesh: Mesh) -> float:
         (moved(box(1, 2, 3), (4, 5, 6), 0.7, 0.2), 6),
         (joined(box(1, 1, 1), moved(box(2, 1, 1), (5, 0, 0))), 3),
         (gable(2, 3, 1), 3),
+        (prism([(0, 0), (2, 0), (1, 1)], 3), 3),
+        (pillow(2, 4, 6), 6 * 8 * gamma(1.25) ** 3 / gamma(1.75)),  # x^4 + y^4 + z^4 = 1, stretched
         (sphere(1.5), 4 / 3 * np.pi * 1.5**3),
         (lathe([(1, 0), (1, 2)], 90), 2 * np.pi),
         (lathe([(1, 0), (2, 0), (2, 1), (1, 1)], 90, closed=True), 3 * np.pi),
@@ -173,14 +207,6 @@ def test_ground_faces_up():
     assert np.all(np.cross(b - a, c - a)[:, 2] > 0)
 
 
-def test_a_drop_is_closed_by_its_base_and_faces_outwards():
-    angle, radius = np.radians(60), 0.1
-    caps, bases = drop_meshes([Drop(0.1, 0.2, radius, angle, 1.0, 0.0, ())])
-    height = radius * (1 - np.cos(angle)) / np.sin(angle)
-    expected = np.pi * height * (3 * radius**2 + height**2) / 6
-    assert volume(joined(caps, bases)) == pytest.approx(expected, rel=0.02)
-
-
 @pytest.mark.parametrize(
     "pattern",
     [
@@ -191,6 +217,9 @@ def test_a_drop_is_closed_by_its_base_and_faces_outwards():
         textures.checks(6),
         textures.stripes(5),
         textures.rough(),
+        textures_indoor.parquet(4, 5),
+        textures_indoor.damask(4),
+        textures_indoor.plaid(5),
     ],
 )
 def test_textures_tile_and_use_their_colours(pattern, rng):
@@ -205,34 +234,62 @@ def test_textures_tile_and_use_their_colours(pattern, rng):
     assert texture.colour.std() > 0.03
 
 
-def test_the_same_seed_builds_the_same_courtyard():
-    first, second, other = (make_courtyard(np.random.default_rng(seed)) for seed in (1, 1, 2))
-    assert [piece.name for piece in first] == [piece.name for piece in second]
-    assert len({piece.name for piece in first}) == len(first)
-    for one, two in zip(first, second, strict=True):
+@pytest.mark.parametrize("name", EMBEDDED)
+def test_the_same_seed_builds_the_same_scene(name):
+    first, second, other = (list(DESIGNS[name].make(np.random.default_rng(seed))) for seed in (1, 1, 2))
+    assert [thing.name for thing in first] == [thing.name for thing in second]
+    assert len({thing.name for thing in first}) == len(first)
+    pairs = [both for both in zip(first, second, strict=True) if isinstance(both[0], Piece)]
+    for one, two in pairs:
         assert np.array_equal(one.mesh.vertices, two.mesh.vertices)
         assert (one.position, one.turn, one.material) == (two.position, two.turn, two.material)
-    assert any(not np.array_equal(a.mesh.vertices, b.mesh.vertices) for a, b in zip(first, other, strict=False))
+    vertices = {thing.name: thing.mesh.vertices for thing in other if isinstance(thing, Piece)}
+    assert any(not np.array_equal(one.mesh.vertices, vertices.get(one.name)) for one, _ in pairs)
 
 
-def test_no_camera_is_inside_anything():
-    eyes = np.concatenate([[c.centre for c in place_cameras(AROUND, 60, 64, 48, seed)] for seed in range(3)])
-    for piece in make_courtyard(np.random.default_rng(0)):
-        if piece.name in ("cobbles", "lawn", "hills", "paving"):
+@pytest.mark.parametrize("name", EMBEDDED)
+def test_all_materials_are_known(name):
+    pieces = [thing for thing in DESIGNS[name].make(np.random.default_rng(0)) if isinstance(thing, Piece)]
+    assert {piece.material for piece in pieces} <= set(LOOKS)
+
+
+@pytest.mark.parametrize("name", EMBEDDED)
+def test_no_camera_is_inside_anything(name):
+    design = DESIGNS[name]
+    around = ("cobbles", "lawn", "hills", "paving", "land", "panelling")  # ground, and what runs along the walls
+    eyes = np.concatenate([[c.centre for c in place_cameras(design.path, 60, 64, 48, seed)] for seed in range(3)])
+    for piece in design.make(np.random.default_rng(0)):
+        if not isinstance(piece, Piece) or piece.name in around:
             continue
         vertices = moved(piece.mesh, piece.position, piece.turn).vertices
         inside = np.all((eyes > vertices.min(axis=0) - 0.2) & (eyes < vertices.max(axis=0) + 0.2), axis=1)
         assert not inside.any(), piece.name
 
 
-# The capture
+def test_cameras_stay_in_the_room_or_just_outside_its_glass():
+    eyes = np.concatenate([[c.centre for c in place_cameras(ROOM.path, 60, 64, 48, seed)] for seed in range(3)])
+    assert np.all(np.abs(eyes[:, 0]) < HALF_WIDTH - 0.3)
+    assert np.all((eyes[:, 1] > FRONT - 0.5) & (eyes[:, 1] < BACK - 0.3))
+    assert np.all((eyes[:, 2] > 0.8) & (eyes[:, 2] < HEIGHT - 0.3))
 
 
-@pytest.fixture(scope="module")
-def courtyard(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("courtyard")
-    render_courtyard(folder, VIEWS, *SIZE, seed=5)
-    return folder
+def test_a_rod_joins_its_ends():
+    for start, end in (((0, 0, 0), (0, 0, 2)), ((1, 2, 3), (3, 1, 0)), ((0, 0, 1), (-1, -1, 1))):
+        bar = rod(start, end, 0.1, segments=60)
+        length = np.linalg.norm(np.subtract(end, start))
+        assert volume(bar) == pytest.approx(np.pi * 0.01 * length, rel=0.01)
+        np.testing.assert_allclose(bar.vertices.mean(axis=0), np.add(start, end) / 2, atol=1e-9)
+
+
+# The captures
+
+
+@pytest.fixture(scope="module", params=EMBEDDED)
+def capture(request, tmp_path_factory):
+    """The name and the folder of a small capture."""
+    folder = tmp_path_factory.mktemp(request.param)
+    render_embedded(request.param, folder, VIEWS, *SIZE, seed=5)
+    return request.param, folder
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -241,63 +298,103 @@ def files(folder: Path) -> dict[str, bytes]:
 
 @pytest.mark.blender
 @needs_bpy
-def test_points_project_to_the_pixels_they_were_taken_from(courtyard):
-    scene = read_courtyard(courtyard)
+def test_points_project_to_the_pixels_and_depths_they_were_taken_from(capture):
+    scene = read_embedded(*capture)
     assert [view.name for view in scene.views] == ["000", "001", "002"]
     assert scene.split.test == ("000",)
     assert len(scene.points) > 4000
-    error = np.full(len(scene.points), np.inf)
+    assert scene.metres_per_unit == 1
+    error, depth_error = np.full((2, len(scene.points)), np.inf)
     for view in scene.views:
-        image = np.round(view.image() * 255)
+        image, depths = np.round(view.image() * 255), view_depth(view, no_points())
         pixel, depth = view.camera.project(scene.points.positions)
         column, row = np.clip(np.floor(pixel).astype(int), 0, np.array(SIZE) - 1).T
         same = np.all(image[row, column] == scene.points.colours, axis=1) & (depth > 0)
-        away = np.linalg.norm(pixel - np.stack([column, row], -1) - 0.5, axis=1)
-        error = np.where(same, np.minimum(error, away), error)
+        away = np.where(same, np.linalg.norm(pixel - np.stack([column, row], -1) - 0.5, axis=1), np.inf)
+        depth_error = np.where(away < error, np.abs(depths[row, column] / depth - 1), depth_error)
+        error = np.minimum(away, error)
     assert error.mean() < 0.002
     assert error.max() < 0.02
+    assert np.median(depth_error) < 1e-6
+    assert np.quantile(depth_error, 0.99) < 1e-3  # a few points meet a like pixel of another view by chance
 
 
 @pytest.mark.blender
 @needs_bpy
-def test_pictures_are_well_exposed_and_full_of_texture(courtyard):
-    for view in read_courtyard(courtyard).views:
+def test_pictures_are_well_exposed_and_full_of_texture(capture):
+    darkest, brightest = {"courtyard": (0.3, 0.6), "room": (0.3, 0.5), "street": (0.23, 0.4)}[capture[0]]
+    for view in read_embedded(*capture).views:
         image = view.image()
-        assert 0.3 < image.mean() < 0.6
-        assert (image >= 1).all(axis=2).mean() < 0.02
+        assert darkest < image.mean() < brightest
+        assert (image >= 1).all(axis=2).mean() < 0.03
         assert np.abs(np.diff(image, axis=1)).mean() > 0.03
 
 
 @pytest.mark.blender
 @needs_bpy
-def test_an_interrupted_capture_is_unfinished_and_resumes_to_the_same_bytes(courtyard):
-    whole = files(courtyard)
-    kept = (courtyard / "images" / "000.png").stat().st_mtime_ns
-    for name in ("images/001.png", "points.npz", "cameras.json"):
-        (courtyard / name).unlink()
-    with pytest.raises(InputError, match=r"no cameras\.json"):
-        read_courtyard(courtyard)
-    render_courtyard(courtyard, VIEWS, *SIZE, seed=5)  # in another process, in another order
-    assert files(courtyard) == whole
-    assert (courtyard / "images" / "000.png").stat().st_mtime_ns == kept
+def test_only_sky_is_infinitely_far(capture):
+    name, folder = capture
+    farthest = {"courtyard": 70, "room": 50, "street": 150}[name]
+    for view in read_embedded(name, folder).views:
+        depth = view_depth(view, no_points())
+        near = np.isfinite(depth)
+        assert 0.6 < near.mean() <= 1
+        assert depth[near].min() > 0.4
+        assert depth[near].max() < farthest
+        assert near[-1].all()  # the ground
+        if name == "room":  # but for the window
+            assert near.mean() > 0.9
 
 
 @pytest.mark.blender
 @needs_bpy
-def test_a_finished_capture_is_left_alone_and_another_request_starts_over(courtyard, monkeypatch):
+def test_lamps_of_the_street_saturate_and_light_their_surroundings(capture):
+    if capture[0] != "street":
+        pytest.skip("a scene without lamps in the dark")
+    for view in read_embedded(*capture).views:
+        image = view.image()
+        lamps = (image >= 1).any(axis=2)
+        assert 0.002 < lamps.mean() < 0.08
+        assert np.median(image) < 0.35
+
+
+@pytest.mark.blender
+@needs_bpy
+def test_an_interrupted_capture_is_unfinished_and_resumes_to_the_same_bytes(capture):
+    name, folder = capture
+    whole = files(folder)
+    kept = (folder / "images" / "000.png").stat().st_mtime_ns
+    for lost in ("images/001.png", "depth/002.exr", "points.npz", "cameras.json"):
+        (folder / lost).unlink()
+    with pytest.raises(InputError, match=r"no cameras\.json"):
+        read_embedded(name, folder)
+    render_embedded(name, folder, VIEWS, *SIZE, seed=5)  # in another process, in another order
+    assert files(folder) == whole
+    assert (folder / "images" / "000.png").stat().st_mtime_ns == kept
+
+
+@pytest.mark.blender
+@needs_bpy
+def test_a_finished_capture_is_left_alone_and_another_request_starts_over(capture, monkeypatch):
+    name, folder = capture
     with monkeypatch.context() as patch:
         patch.setattr(captures, "run_blender", pytest.fail)
-        render_courtyard(courtyard, VIEWS, *SIZE, seed=5)
-    before = files(courtyard)
+        render_embedded(name, folder, VIEWS, *SIZE, seed=5)
+    before = files(folder)
     asked = []
-    monkeypatch.setattr(captures, "run_blender", lambda module, request, log, label: asked.append(files(courtyard)))
-    render_courtyard(courtyard, VIEWS, *SIZE, seed=6)
-    assert not [name for name in asked[0] if name.startswith("images/") or name in ("points.npz", "cameras.json")]
-    for name, content in before.items():  # what later tests find
-        (courtyard / name).write_bytes(content)
+    monkeypatch.setattr(captures, "run_blender", lambda module, request, log, label: asked.append(files(folder)))
+    render_embedded(name, folder, VIEWS, *SIZE, seed=6)
+    assert not [path for path in asked[0] if path != "request.json"]
+    for path, content in before.items():  # what later tests find
+        (folder / path).write_bytes(content)
 
 
 @pytest.mark.parametrize("request_", [(2, 64, 48, 0), (3, 0, 48, 0), (3, 64, 0, 0), (3, 64, 48, -1)])
 def test_a_capture_needs_three_views_and_a_pixel(tmp_path, request_):
     with pytest.raises(InputError, match="at least three views"):
-        render_courtyard(tmp_path, *request_)
+        render_embedded("room", tmp_path, *request_)
+
+
+def test_an_unknown_embedded_scene_names_the_known_ones(tmp_path):
+    with pytest.raises(InputError, match=r"cellar.*(?s:.*)courtyard, room, street"):
+        render_embedded("cellar", tmp_path, 3, 64, 48, 0)
