@@ -6,7 +6,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-LANES = 8  # pixels that are added at once
+LANES = 16  # rows of the kernel are filled up to a multiple of it, so that vector instructions fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,12 +40,9 @@ def convolve(seeds: Seeds, image: NDArray, width: int, height: int) -> NDArray[n
     values = seeds.values[which_row][which]
     stamp = np.zeros((side, -(-side // LANES) * LANES), np.float32)
     stamp[:, :side] = image[::-1, ::-1]
-    filled = (stamp != 0).reshape(side, -1, LANES).any(axis=2)
-    first = np.where(filled.any(axis=1), filled.argmax(axis=1), 0)
-    stop = np.where(filled.any(axis=1), filled.shape[1] - filled[:, ::-1].argmax(axis=1), 0)
     # A margin takes what falls beyond the borders.
     padded = np.zeros((height + 2 * side, width + 2 * side + LANES), np.float32)
-    _add_stamps(padded, rows[which] - before + side, columns - before + side, values, stamp, first, stop)
+    _add_stamps(padded, rows[which] - before + side, columns - before + side, values, stamp)
     return padded[side : side + height, side : side + width]
 
 
@@ -65,19 +62,12 @@ def _mirrored(places: NDArray[np.int64], size: int, reach: int) -> tuple[NDArray
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _add_stamps(
-    rain: NDArray,
-    tops: NDArray,
-    lefts: NDArray,
-    values: NDArray,
-    stamp: NDArray,
-    first: NDArray,
-    stop: NDArray,
-) -> None:
-    """Add `stamp` times a value at each place; in its row y only the blocks first[y] to stop[y] are not zero."""
+def _add_stamps(rain: NDArray, tops: NDArray, lefts: NDArray, values: NDArray, stamp: NDArray) -> None:
+    """Add `stamp` times a value at each place; all of it lies inside."""
+    side, length = stamp.shape
     for i in range(len(values)):
-        for y in range(stamp.shape[0]):
-            for block in range(first[y], stop[y]):
-                start = block * LANES
-                for x in range(start, start + LANES):  # a constant count becomes one vector instruction
-                    rain[tops[i] + y, lefts[i] + x] += values[i] * stamp[y, x]
+        value = values[i]
+        for y in range(side):
+            target, source = rain[tops[i] + y, lefts[i] : lefts[i] + length], stamp[y]
+            for x in range(length):  # whole rows, zeros too: it takes long loops for vector instructions to pay
+                target[x] += value * source[x]
