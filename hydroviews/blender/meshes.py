@@ -109,7 +109,7 @@ def blade(length: float, width: float, rise: float, steps: int = 7) -> Mesh:
     middle = np.column_stack([length * t, np.zeros(steps), rise * np.sin(2.2 * t)])
     half = width / 2 * np.sin(np.pi * np.clip(0.12 + 0.88 * t, 0, 1))
     left, right = (middle + side * half[:, None] * (0.0, 1.0, 0.25) for side in (-1, 1))
-    faces = [(i, i + 1, steps + i + 1, steps + i) for i in range(steps - 1)]
+    faces: list[tuple[int, ...]] = [(i, i + 1, steps + i + 1, steps + i) for i in range(steps - 1)]
     return Mesh(np.concatenate([left, right]), faces, smooth=True)
 
 

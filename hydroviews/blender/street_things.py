@@ -24,8 +24,8 @@ def street_lamp(name: str, place: Vector, watts: float) -> Iterator[Piece | Lamp
 def fairy_lights(rng: Rng, name: str, start: Vector, end: Vector) -> Iterator[Piece]:
     """A sagging cable with small lamps."""
     share = np.linspace(0, 1, 17)[:, None]
-    points = np.array(start) + (np.array(end) - start) * share
-    points[:, 2] -= 0.7 * np.sin(np.pi * share[:, 0]) + rng.uniform(0, 0.05)
+    sag = 0.7 * np.sin(np.pi * share) + rng.uniform(0, 0.05)
+    points = np.array(start) + (np.array(end) - start) * share - sag * (0.0, 0.0, 1.0)
     yield Piece(f"{name} cable", joined(*map(_cable, points[:-1], points[1:])), "iron")
     bulbs = [moved(sphere(0.06, 8, 12), point - (0, 0, 0.08)) for point in points[1:-1]]
     yield Piece(f"{name} bulbs", joined(*bulbs), "bulb")
@@ -44,7 +44,8 @@ def car(name: str, paint: str, place: Vector, turn: float) -> Iterator[Piece]:
     yield Piece(name, joined(prism(lower, 1.5), prism(cabin, 1.4), post), paint, place, turn)
     screens = [prism([(0.86, 0.88), (0.84, 0.98), (0.4, 1.34), (0.36, 1.27)], 1.2), prism(glass, 1.43)]
     yield Piece(f"{name} windows", joined(*screens), "window", place, turn)
-    wheels, hubs = [], []
+    wheels: list[Mesh] = []
+    hubs: list[Mesh] = []
     for x in (-1.05, 1.05):
         for y in (-0.68, 0.68):
             for parts, radius, width in ((wheels, 0.31, 0.2), (hubs, 0.17, 0.22)):

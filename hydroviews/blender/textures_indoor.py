@@ -11,13 +11,13 @@ def parquet(cells: int, strips: int) -> Pattern:
     def pattern(rng: np.random.Generator, dark: Array, light: Array) -> Texture:
         y, x = grid()
         turned = (np.floor(x * cells) + np.floor(y * cells)) % 2 == 0
-        across = np.where(turned, y, x) * cells * strips
-        along = np.where(turned, x, y)
+        across: Array = np.where(turned, y, x) * (cells * strips)
+        along = np.where(turned, x, y) * cells
         tones = rng.random((2, cells * strips, cells))
-        cell = np.floor(along * cells).astype(int) % cells
+        cell = np.floor(along).astype(int) % cells
         tone = tones[turned.astype(int), np.floor(across).astype(int) % (cells * strips), cell]
         grain = 0.5 + 0.5 * np.sin(2 * np.pi * (2 * across + 3 * noise(rng, 2.0) + 9 * tone))
-        gap = np.minimum(to_edge(across) / 0.06, to_edge(along * cells) / (0.06 / strips))
+        gap = np.minimum(to_edge(across) / 0.06, to_edge(along) / (0.06 / strips))
         joint = np.clip(gap, 0, 1)
         colour = weathered(rng, blend(dark, light, 0.65 * tone + 0.3 * grain), 0.2)
         return Texture(colour * (0.35 + 0.65 * joint[..., None]), joint)
