@@ -49,7 +49,6 @@ class Sky:
     sun_direction: Vector  # of any length; below the horizon there is only its glow
     sun_strength: float = 0.0  # W/m^2 facing the sun
     sun_colour: Light = (1.0, 0.93, 0.82)
-    lights_surfaces: bool = True  # without it cameras and mirrors alone see the sky; the sun shines all the same
 
 
 @dataclass(frozen=True)

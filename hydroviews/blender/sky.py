@@ -23,7 +23,6 @@ def add_sky(scene: bpy.types.Scene, sky: Sky, rng: np.random.Generator) -> None:
     image.pack()
     scene.world = bpy.data.worlds.new("world")
     scene.world.use_nodes = True
-    scene.world.cycles_visibility.diffuse = sky.lights_surfaces
     tree = scene.world.node_tree
     environment = tree.nodes.new("ShaderNodeTexEnvironment")
     environment.image = image

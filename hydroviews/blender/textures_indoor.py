@@ -11,7 +11,7 @@ def parquet(cells: int, strips: int) -> Pattern:
     def pattern(rng: np.random.Generator, dark: Array, light: Array) -> Texture:
         y, x = grid()
         turned = (np.floor(x * cells) + np.floor(y * cells)) % 2 == 0
-        across: Array = np.where(turned, y, x) * (cells * strips)
+        across = np.where(turned, y, x) * float(cells * strips)
         along = np.where(turned, x, y) * cells
         tones = rng.random((2, cells * strips, cells))
         cell = np.floor(along).astype(int) % cells
