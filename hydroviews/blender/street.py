@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from hydroviews.blender.camera_paths import Path
-from hydroviews.blender.meshes import annulus, box, gable, joined, lathe, lumpy, moved, rod, sphere
+from hydroviews.blender.meshes import annulus, box, gable, joined, lathe, lumpy, moved, prism, rod, sphere
 from hydroviews.blender.objects import barrel, crates, pot
 from hydroviews.blender.pieces import Design, Lamp, Piece, Rng, Sky, Vector
 from hydroviews.blender.street_things import advertising_column, bicycle, car, fairy_lights, seat, street_lamp
@@ -115,12 +115,10 @@ def _shop(rng: Rng, name: str, width: float, place: Vector, turn: float) -> Iter
     yield Piece(f"{name} shop door", door, "curtained window", place, turn)
     sign = [moved(box(0.3, 0.02, 0.2), (left + 0.4 + 0.42 * k, front - 0.18, 2.6)) for k in range(int(wide / 0.45))]
     yield Piece(f"{name} sign", joined(*sign), ("red sign", "white sign")[int(rng.integers(2))], place, turn)
-    awning = moved(box(wide, 1.0, 0.05), (0, -0.5, 0), 0.0)
-    awning = moved(awning, (left + wide / 2, front - 0.1, 3.0))
-    slope = awning.vertices.copy()
-    slope[:, 2] += 0.35 * (slope[:, 1] - front)
+    slope = prism([(0.1, -0.04), (1.1, -0.38), (1.1, -0.33), (0.1, 0.01)], wide)
+    awning = moved(slope, (left + wide / 2, front, 3.0), -np.pi / 2)
     cloth = ("striped cloth", "blue cloth")[int(rng.integers(2))]
-    yield Piece(f"{name} awning", type(awning)(slope, awning.faces), cloth, place, turn)
+    yield Piece(f"{name} awning", awning, cloth, place, turn)
 
 
 def _end(rng: Rng) -> Iterator[Piece]:

@@ -12,7 +12,7 @@ def parquet(cells: int, strips: int) -> Pattern:
         y, x = grid()
         turned = (np.floor(x * cells) + np.floor(y * cells)) % 2 == 0
         across = np.where(turned, y, x) * float(cells * strips)
-        along = np.where(turned, x, y) * cells
+        along = np.where(turned, x, y) * float(cells)
         tones = rng.random((2, cells * strips, cells))
         cell = np.floor(along).astype(int) % cells
         tone = tones[turned.astype(int), np.floor(across).astype(int) % (cells * strips), cell]
