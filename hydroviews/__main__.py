@@ -1,4 +1,4 @@
-"""python -m hydroviews build | verify | sheet | card | poses | download."""
+"""python -m hydroviews build | verify | sheet | card | poses | video | download."""
 
 import sys
 from pathlib import Path
@@ -10,14 +10,16 @@ from hydroviews.catalogue import captures_root
 from hydroviews.commands import run_command
 from hydroviews.downloads import download_captures
 from hydroviews.errors import InputError
+from hydroviews.frames import FrameChoice
 from hydroviews.losses import record_losses
 from hydroviews.manifest import built_scenes
-from hydroviews.poses import estimate_poses
+from hydroviews.poses import Matcher, estimate_poses
 from hydroviews.profiles import Profile, find_profile
 from hydroviews.sheet import COLUMNS, write_sheets
 from hydroviews.sources import build_source
 from hydroviews.suites import build_suite, read_suite
 from hydroviews.verify import verify
+from hydroviews.video import capture_video
 
 
 def build_command(
@@ -150,6 +152,54 @@ def poses_command(images: Annotated[Path, tyro.conf.Positional], out: Path | Non
     print(f"capture: {out}; build it with `python -m hydroviews build --scene {out}`")
 
 
+def video_command(
+    film: Annotated[Path, tyro.conf.Positional],
+    out: Path | None = None,
+    rate: float = 1.0,
+    long_side: int | None = None,
+    masks: Path | None = None,
+    inpaint: bool = False,
+    dry: bool = False,
+    frames_only: bool = False,
+    matcher: Matcher = "auto",
+    seed: int = 0,
+) -> None:
+    """Make a capture from a film taken in rain: sharp frames, and cameras estimated from them.
+
+    Args:
+        film: the video file.
+        out: where the capture goes; `<film>-capture` beside it if not given.
+        rate: frames taken a second, each the sharpest one near its instant.
+        long_side: pixels of the frames' longer side, if the film is larger.
+        masks: what to hide, in white: a picture for all frames, a folder of pictures named like the frames, or a
+            film that runs beside this one.
+        inpaint: fill in what is hidden.
+        dry: it did not rain: the frames are clean views, to which rain can be added.
+        frames_only: stop before cameras are estimated, to draw masks.
+        matcher: exhaustive, sequential, or auto: the first for up to 80 frames.
+        seed: of the estimation of cameras.
+    """
+    out = out or film.with_name(film.stem + "-capture")
+    choice = FrameChoice(rate, long_side)
+    scene = capture_video(
+        film,
+        out,
+        choice,
+        masks=masks,
+        inpaint=inpaint,
+        dry=dry,
+        frames_only=frames_only,
+        matcher=matcher,
+        seed=seed,
+    )
+    if scene is None:
+        print(f"draw masks, white where hidden, under the names of {out / 'images'}; then add --masks FOLDER")
+        return
+    for note in scene.notes:
+        print(note)
+    print(f"capture: {out}; train it with `make eval METHOD=3dgs SCENE={out}`")
+
+
 def main() -> None:
     """Entry point."""
     run_command(
@@ -159,6 +209,7 @@ def main() -> None:
             "sheet": sheet_command,
             "card": card_command,
             "poses": poses_command,
+            "video": video_command,
             "download": download_command,
         },
         prog="hydroviews",

@@ -15,6 +15,8 @@ from tqdm import tqdm
 from hydroviews.errors import InputError
 from hydroviews.masks import find_mask, mask_name
 
+pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)  # progress bars tell enough
+
 MAX_FEATURES = 4096
 MAX_IMAGE_SIZE = 1600  # pixels of the longer side; larger photographs are shrunk for detection alone
 

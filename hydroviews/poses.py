@@ -30,6 +30,7 @@ MINIMUM = 3  # registered views that make a scene
 # Degrees between the rays of the first pair: wide is stable, but captures from one side have none that wide.
 # COLMAP halves each twice before it gives up.
 FIRST_PAIR_ANGLES = (16.0, 4.0)
+ENOUGH = 0.5  # share of photographs that must register before no other first pair is tried
 SNAPSHOT_EVERY = 10  # registered views that an interruption may cost twice over
 
 SETTINGS = "poses.json"
@@ -133,9 +134,13 @@ def _link(links: dict[str, Path], folder: Path) -> None:
 def _map(out: Path, count: int, seed: int, advice: str) -> None:
     """Incremental mapping; the models go to `out/sparse` together, the largest first."""
     models: list[pycolmap.Reconstruction] = []
+    best = 0
     for angle in FIRST_PAIR_ANGLES:
-        models = models or _incremental_mapping(out, count, angle, seed)
-    best = models[0].num_reg_images() if models else 0
+        grown = _incremental_mapping(out, count, angle, seed)
+        if grown and grown[0].num_reg_images() > best:
+            models, best = grown, grown[0].num_reg_images()
+        if best > ENOUGH * count:
+            break
     if best < MINIMUM:
         raise InputError(
             f"{out / 'images'}: only {best} of {count} photographs could be registered",
