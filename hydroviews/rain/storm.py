@@ -19,13 +19,7 @@ from hydroviews.rain.light import expand_highlights, luminance, rain_light
 from hydroviews.rain.setting import Light, Setting
 from hydroviews.rain.storm_drawing import Shutter, draw, project
 from hydroviews.rain.storm_drops import draw_cloud, optical_depth, reach
-from hydroviews.rain.storm_world import (
-    estimated_metres_per_unit,
-    horizontal,
-    in_metres,
-    subject_distance,
-    up_direction,
-)
+from hydroviews.rain.storm_world import horizontal, in_metres, metres_and_focus, up_direction
 from hydroviews.scenes import View
 
 THICKEST = 0.6  # the most that the veil hides: behind it a scene must stay visible
@@ -93,8 +87,7 @@ class Storm:
             InputError: neither scale nor gravity can be told from the capture.
         """
         self._pattern, self._setting = pattern, setting
-        self._scale = metres_per_unit or estimated_metres_per_unit(setting.views, setting.points)
-        self._focus = self._scale * subject_distance(setting.views, setting.points)
+        self._scale, self._focus = metres_and_focus(setting.views, setting.points, metres_per_unit)
         self._skylight = skylight(setting.light)
         self._turn = {view.name: i for i, view in enumerate(setting.views)}
         up = up_direction(setting.views)

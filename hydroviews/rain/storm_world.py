@@ -35,12 +35,8 @@ def up_direction(views: Sequence[View]) -> NDArray[np.float64]:
     return up / length
 
 
-def subject_distance(views: Sequence[View], points: Points) -> float:
-    """Median distance, in scene units, from cameras to the points that they see.
-
-    Raises:
-        InputError: no camera sees a point.
-    """
+def subject_distance(views: Sequence[View], points: Points) -> float | None:
+    """Median distance, in scene units, from cameras to the points that they see; None where none sees any."""
     medians = []
     for view in views[:: -(-len(views) // SAMPLED_VIEWS)]:
         pixels, depth = view.camera.project(points.positions)
@@ -48,18 +44,32 @@ def subject_distance(views: Sequence[View], points: Points) -> float:
         seen = (depth > 0) & (pixels >= 0).all(axis=1) & (pixels <= size).all(axis=1)
         if seen.any():
             medians.append(np.median(np.linalg.norm(points.positions[seen] - view.camera.centre, axis=1)))
-    if not medians:
+    return float(np.median(medians)) if medians else None
+
+
+def metres_and_focus(
+    views: Sequence[View], points: Points, metres_per_unit: float | None = None
+) -> tuple[float, float]:
+    """How many metres a unit has, and how many metres away the cameras focus.
+
+    Without a known scale, cameras are taken to stand USUAL_DISTANCE from what they see, in the median. They focus on
+    what they see, or, where that is not known, at USUAL_DISTANCE.
+
+    Raises:
+        InputError: a scale that is not positive, or none while no camera sees a point.
+    """
+    if metres_per_unit is not None and not 0 < metres_per_unit < np.inf:
+        raise InputError("the scale of a capture", found=f"{metres_per_unit} metres a unit", expected="more than 0")
+    distance = subject_distance(views, points)
+    if metres_per_unit is not None:
+        return metres_per_unit, USUAL_DISTANCE if distance is None else metres_per_unit * distance
+    if distance is None:
         raise InputError(
             "how large the scene is cannot be told",
             found=f"{len(points)} points, none of them in a view",
             fix="say how many metres a unit of the capture has",
         )
-    return float(np.median(medians))
-
-
-def estimated_metres_per_unit(views: Sequence[View], points: Points) -> float:
-    """A guess at the scale of a capture without one: cameras stand USUAL_DISTANCE from what they see."""
-    return USUAL_DISTANCE / subject_distance(views, points)
+    return USUAL_DISTANCE / distance, USUAL_DISTANCE
 
 
 def in_metres(camera: Camera, metres_per_unit: float) -> Camera:

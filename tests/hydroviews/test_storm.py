@@ -19,7 +19,7 @@ from hydroviews.rain.setting import Light, survey
 from hydroviews.rain.storm import Storm, StormPattern, draw_pattern, skylight
 from hydroviews.rain.storm_drawing import NEAREST, Shutter, draw, project
 from hydroviews.rain.storm_drops import Cloud, draw_cloud
-from hydroviews.rain.storm_world import estimated_metres_per_unit, horizontal, in_metres, up_direction
+from hydroviews.rain.storm_world import horizontal, in_metres, metres_and_focus, up_direction
 from hydroviews.scenes import View, no_points
 
 UP = np.array([0, -1.0, 0])
@@ -229,9 +229,16 @@ def test_wind_blows_along_the_ground():
 
 def test_scale_is_estimated_from_what_cameras_look_at(tmp_path):
     setting = setting_in(tmp_path)
-    assert estimated_metres_per_unit(setting.views, setting.points) == pytest.approx(1.0, rel=0.1)  # 4 units away
+    scale, focus = metres_and_focus(setting.views, setting.points)
+    assert scale == pytest.approx(1.0, rel=0.1)  # the ring stands 4 units away
+    assert focus == 4
+    assert metres_and_focus(setting.views, setting.points, 3.0) == (3.0, pytest.approx(3.0 * 4, rel=0.1))
+    assert metres_and_focus(setting.views, no_points(), 3.0) == (3.0, 4.0)
     with pytest.raises(InputError, match="how large the scene is"):
         Storm(PATTERN, replace(setting, points=no_points()))
+    for impossible in (0.0, -1.0, float("nan")):
+        with pytest.raises(InputError, match="scale of a capture"):
+            Storm(PATTERN, setting, impossible)
 
 
 def test_the_same_storm_in_other_units(tmp_path):
