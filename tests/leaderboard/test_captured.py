@@ -1,0 +1,104 @@
+"""Scenes that were taken in rain: trained and pictured, not scored; and hidden pixels in the scores of others."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from synthetic import capture_in
+
+from hydroviews import metrics
+from hydroviews.errors import InputError
+from hydroviews.files import write_json
+from hydroviews.images import read_image
+from hydroviews.masks import mask_name, write_ignored
+from hydroviews.writers import write_colmap
+from leaderboard import evaluate as evaluate_module
+from leaderboard import tables
+from leaderboard.evaluate import Evaluation, evaluate
+
+
+@pytest.fixture(autouse=True)
+def toys(monkeypatch):
+    """The toy methods importable here and in the processes started, and as reference rows."""
+    folder = str(Path(__file__).parent)
+    monkeypatch.setenv("PYTHONPATH", folder)
+    monkeypatch.syspath_prepend(folder)
+    for module in (evaluate_module, tables):
+        monkeypatch.setattr(module, "CEILING", "toy_methods:MeanColourClean")
+        monkeypatch.setattr(module, "FLOOR", "toy_methods:MeanColour")
+    yield
+    sys.modules.pop("toy_methods", None)
+
+
+def capture(folder: Path) -> Path:
+    write_colmap(capture_in(folder), folder / "sparse" / "0")
+    return folder
+
+
+def run(tmp_path: Path, scene: Path, method: str = "MeanColour", **changes):
+    request = Evaluation(
+        method=f"toy_methods:{method}",
+        scene=str(scene),
+        data=tmp_path / "data",
+        results=tmp_path / "results",
+        **changes,
+    )
+    return evaluate(request)
+
+
+def test_a_scene_taken_in_rain_is_trained_and_pictured_but_not_scored(tmp_path, capsys):
+    folder = capture(tmp_path / "walk")
+    write_json(folder / "capture.json", {"rain": "captured"})
+    (record,) = run(tmp_path, folder)  # the floor itself; there is no ceiling
+    assert (record.status, record.effect, record.pattern) == ("done", "captured", "captured-0")
+    assert record.reason == "captured in rain: no clean ground truth"
+    assert record.psnr is record.ssim is record.lpips_alex is None
+    assert record.train_s == 0.5
+    results = tmp_path / "results/demo/toy_methods.MeanColour/walk/captured-0/seed-0"
+    assert len(list((results / "renders").iterdir())) == record.n_test
+    assert read_image(results / "preview.png").shape[1] == 2 * 48  # the rainy view and the render
+    row = pd.read_csv(tmp_path / "results/leaderboard.csv").iloc[0]
+    assert row[["psnr", "ssim", "lpips_vgg"]].isna().all()
+    said = capsys.readouterr().out
+    assert "not scored, captured in rain" in said
+    assert "| toy_methods:MeanColour |  |" in said
+    assert run(tmp_path, folder) == [record]
+    assert not (tmp_path / "data/demo/walk/clean").exists()
+
+
+def test_what_needs_clean_views_is_refused(tmp_path):
+    folder = capture(tmp_path / "walk")
+    write_json(folder / "capture.json", {"rain": "captured"})
+    with pytest.raises(InputError, match="learns from clean views, and walk was taken in rain"):
+        run(tmp_path, folder, "MeanColourClean")
+    with pytest.raises(InputError, match="no clean views to add streak-0 to"):
+        run(tmp_path, folder, patterns=("streak-0",))
+    write_json(folder / "capture.json", {"rain": "some"})
+    with pytest.raises(InputError, match=r"capture\.json: unknown rain"):
+        run(tmp_path, folder)
+
+
+def test_hidden_pixels_are_not_scored(tmp_path):
+    folder = capture(tmp_path / "yard")
+    hidden = np.zeros((36, 48), bool)
+    hidden[10:20, 5:15] = True
+    write_ignored(folder / "masks" / mask_name("view-00.png"), hidden)
+    run(tmp_path, folder, patterns=("streak-0",))
+    results = tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0"
+    views = pd.read_csv(results / "per_view.csv").set_index("view")
+    for name in ("view-00", "view-08"):
+        pair = read_image(results / f"renders/{name}.png"), read_image(tmp_path / f"data/demo/yard/clean/{name}.png")
+        ignored = hidden if name == "view-00" else None
+        assert views.psnr[name] == pytest.approx(metrics.psnr(*pair, ignored=ignored), abs=1e-6)
+        assert views.ssim[name] == pytest.approx(metrics.ssim(*pair, ignored=ignored), abs=1e-6)
+    whole = read_image(results / "renders/view-00.png"), read_image(tmp_path / "data/demo/yard/clean/view-00.png")
+    assert abs(views.psnr["view-00"] - metrics.psnr(*whole)) > 1e-3
+    manifest = tmp_path / "data/demo/manifest.json"
+    content = json.loads(manifest.read_text())
+    content["scenes"]["yard"]["files"]["masks/view-00.png.png"] = "another"
+    manifest.write_text(json.dumps(content))
+    with pytest.raises(InputError, match=r"other settings\n.*data_sha256"):
+        run(tmp_path, folder, patterns=("streak-0",))
