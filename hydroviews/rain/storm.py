@@ -63,13 +63,24 @@ def draw_pattern(rng: np.random.Generator, grade: int) -> StormPattern:
 
 
 def skylight(light: Light) -> float:
-    """How many times brighter a drop is than what the pictures around it show.
+    """How many times brighter a drop is, at most, than what the pictures around it show.
 
     Most of what a drop gathers comes from above and beside the picture, and is as bright as the brightest parts of
     the scene rather than as its mean; half way between the two, on a scale of ratios, is taken.
     """
     mean, air = (float(luminance(np.array(colour, np.float32))) for colour in (light.mean, light.air))
     return float(np.sqrt(air / mean)) if mean > 0 else 1.0
+
+
+def storm_light(clean: Image, light: Light) -> NDArray[np.float32]:
+    """The linear light [H, W, 3] of drops in front of a view [H, W, 3]: `rain_light` times the skylight.
+
+    But the sky's share makes no drop brighter than the scene's air: rain is not brighter than the sky.
+    """
+    shown = rain_light(expand_highlights(to_linear(clean)))
+    air = luminance(np.array(light.air, np.float32))
+    lift = np.clip(air / np.maximum(luminance(shown), 1e-6), 1, skylight(light))
+    return shown * lift[..., None].astype(np.float32)
 
 
 class Storm:
@@ -88,7 +99,6 @@ class Storm:
         """
         self._pattern, self._setting = pattern, setting
         self._scale, self._focus = metres_and_focus(setting.views, setting.points, metres_per_unit)
-        self._skylight = skylight(setting.light)
         self._turn = {view.name: i for i, view in enumerate(setting.views)}
         up = up_direction(setting.views)
         wind = pattern.wind_speed * horizontal(setting.views[0].camera, up, pattern.wind_angle)
@@ -102,7 +112,7 @@ class Storm:
             "metres_per_unit": self._scale,
             "metres_estimated": metres_per_unit is None,
             "focus": self._focus,
-            "skylight": self._skylight,
+            "skylight": skylight(setting.light),
         }
 
     def layers(self, clean: Image, view: View) -> dict[str, NDArray[np.float32]]:
@@ -119,7 +129,7 @@ class Storm:
         depth = view_depth(view, self._setting.points, clean) * np.float32(self._scale)
         drops = self.drops(view, camera, depth)[..., None]
         veil = self.veil(camera, depth, clean)[..., None]
-        light = self._skylight * rain_light(expand_highlights(to_linear(clean)))
+        light = storm_light(clean, self._setting.light)
         added = (drops + (1 - drops) * veil) * light  # far drops show their surroundings as near ones do
         return {"M": drops[..., 0], "V": veil[..., 0], **{c: added[..., i] for i, c in enumerate("RGB")}}
 

@@ -16,7 +16,7 @@ from hydroviews.images import to_linear, to_srgb
 from hydroviews.rain import storm_drops, storm_reference
 from hydroviews.rain.seeds import generator
 from hydroviews.rain.setting import Light, survey
-from hydroviews.rain.storm import Storm, StormPattern, draw_pattern, skylight
+from hydroviews.rain.storm import Storm, StormPattern, draw_pattern, skylight, storm_light
 from hydroviews.rain.storm_drawing import NEAREST, Shutter, draw, project
 from hydroviews.rain.storm_drops import Cloud, draw_cloud
 from hydroviews.rain.storm_world import horizontal, in_metres, metres_and_focus, up_direction
@@ -287,6 +287,10 @@ def test_rain_is_as_bright_as_the_sky_that_pictures_do_not_show():
     assert skylight(Light((0.1, 0.1, 0.1), (0.4, 0.4, 0.4))) == pytest.approx(2)
     assert skylight(Light((0.1, 0.2, 0.3), (0.1, 0.2, 0.3))) == pytest.approx(1)
     assert skylight(Light((0, 0, 0), (0, 0, 0))) == 1
+    light = Light((0.1, 0.1, 0.1), (0.4, 0.4, 0.4))
+    for shown, expected in ((0.05, 0.1), (0.3, 0.4), (0.7, 0.7)):  # lifted; as bright as the air; brighter already
+        grey = to_srgb(np.full((20, 30, 3), shown, np.float32))
+        assert np.allclose(storm_light(grey, light), expected, rtol=1e-3)
 
 
 def test_the_veil_grows_with_distance_and_is_mixed_at_edges(tmp_path):
