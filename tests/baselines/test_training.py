@@ -22,6 +22,7 @@ from baselines.splatting.ply import read_ply
 from baselines.splatting.trainer import CHECKPOINT, TrainerConfig, train
 from hydroviews.errors import InputError
 from hydroviews.images import write_png
+from hydroviews.masks import write_ignored
 
 DENSIFY = Densification(start=20, stop=150, every=20, budget=150, reset_every=60, gradient=5e-5, largest=1.0)
 CONFIG = TrainerConfig(iterations=200, sh_degree=1, sh_every=60, densification=DENSIFY, device="cpu")
@@ -97,6 +98,22 @@ def test_signals_end_the_run_after_a_checkpoint(scene, undisturbed, tmp_path, nu
     assert signal.getsignal(number) is handler
     first = train(scene, replace(CONFIG, checkpoint_seconds=1e9), 0, tmp_path)
     assert_identical(undisturbed, first)
+
+
+def test_what_masks_hide_leaves_no_trace(scene, tmp_path):
+    ignored = np.zeros((36, 48), bool)
+    ignored[10:30, 15:35] = True
+    write_ignored(tmp_path / "mask.png", ignored)
+    rng = np.random.default_rng(0)
+    trained = []
+    for take in ("one", "two"):
+        views = []
+        for view in scene.views:
+            pixels = np.where(ignored[..., None], rng.random(3), view.image()).astype(np.float32)
+            write_png(tmp_path / take / view.path.name, pixels)
+            views.append(replace(view, path=tmp_path / take / view.path.name, mask=tmp_path / "mask.png"))
+        trained.append(train(replace(scene, views=tuple(views)), CONFIG, 0, tmp_path / f"run-{take}"))
+    assert_identical(*trained)
 
 
 KILLED = """
