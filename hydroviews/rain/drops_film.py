@@ -6,9 +6,12 @@ pattern with more drops has those of a pattern with fewer.
 """
 
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from hydroviews.blender.drop_shapes import Outline
@@ -19,8 +22,8 @@ from hydroviews.rain.seeds import generator
 Array = NDArray[np.float64]
 MARGIN = 0.05  # drops may sit this far beyond the picture's edge, in widths and heights of it
 CANDIDATES = 6000  # large drops that are tried, at most
-GAP = 1.12  # drops are at first at least this many times the sum of their radii apart
-TOUCH = 1.04  # and grow together at this distance
+GAP = 1.25  # drops are at first at least this many times the sum of their radii apart
+TOUCH = 1.15  # and grow together at this distance
 BULGE = 1.25  # an outline reaches this many radii of its disks, at most
 LONGEST = 1.35  # the most that gravity stretches a drop
 SMALLEST, LARGEST = 0.3, 3.5  # radii, in medians
@@ -78,7 +81,7 @@ def place_drops(pattern: RaindropPattern, extent: tuple[float, float]) -> list[D
             break
         mine = np.array(candidate.outline.disks)
         room = np.linalg.norm(disks[:, None, :2] - mine[None, :, :2], axis=-1)
-        if np.all(room > GAP * (1 + pattern.growth) * (disks[:, None, 2] + mine[None, :, 2])):
+        if np.all(room > GAP * (disks[:, None, 2] + mine[None, :, 2])):
             disks = np.concatenate([disks, mine])
             drops.append(candidate)
             covered += np.pi * candidate.outline.radius**2
@@ -131,20 +134,20 @@ def _grown(pattern: RaindropPattern, drops: list[Drop], moment: float) -> list[D
 
 def _merge(drops: list[Drop]) -> list[Drop]:
     """Let drops that touch flow together, water kept, until none does."""
-    drops = list(drops)
-    while (pair := _touching(drops)) is not None:
-        i, j = pair
-        drops[i] = _united(drops[i], drops.pop(j))
-    return drops
-
-
-def _touching(drops: list[Drop]) -> tuple[int, int] | None:
-    owner = np.repeat(np.arange(len(drops)), [len(drop.outline.disks) for drop in drops])
-    disks = np.array([disk for drop in drops for disk in drop.outline.disks]).reshape(-1, 3)
-    apart = np.linalg.norm(disks[:, None, :2] - disks[None, :, :2], axis=-1)
-    touch = (apart < TOUCH * (disks[:, None, 2] + disks[None, :, 2])) & (owner[:, None] < owner[None, :])
-    found = np.argwhere(touch)
-    return None if len(found) == 0 else (int(owner[found[0, 0]]), int(owner[found[0, 1]]))
+    while True:
+        owner = np.repeat(np.arange(len(drops)), [len(drop.outline.disks) for drop in drops])
+        disks = np.array([disk for drop in drops for disk in drop.outline.disks]).reshape(-1, 3)
+        apart = np.linalg.norm(disks[:, None, :2] - disks[None, :, :2], axis=-1)
+        touch = (apart < TOUCH * (disks[:, None, 2] + disks[None, :, 2])) & (owner[:, None] != owner[None, :])
+        one, other = np.nonzero(touch)
+        if len(one) == 0:
+            return drops
+        graph = coo_array((np.ones(len(one)), (owner[one], owner[other])), shape=(len(drops), len(drops)))
+        count, group = connected_components(graph, directed=False)
+        members: list[list[Drop]] = [[] for _ in range(count)]
+        for drop, index in zip(drops, group, strict=True):
+            members[index].append(drop)
+        drops = [reduce(_united, parts) for parts in members]
 
 
 def _united(drop: Drop, other: Drop) -> Drop:

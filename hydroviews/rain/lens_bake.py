@@ -18,8 +18,9 @@ from hydroviews.rain.lens_mesh import WaterMesh, lens_side, water_mesh
 from hydroviews.rain.path_matte import PathMatte, assemble, dry
 
 VERSION = 2  # raised whenever the same pattern gives another matte
-FINE_PIXELS = 5_000_000  # about as many light paths as a bake follows
-APERTURE_PASSES = 10  # independent bakes that the accurate matte adds up
+FINE_PIXELS = 3_000_000  # about as many light paths as a pass follows
+MOST_PATHS = 5  # along a side of a pixel; docs/raindrops.md has what more would bring
+APERTURE_PASSES = 16  # of the accurate matte: 400 paths a pixel where pictures are small
 COMPOSITED = ("mist", "air")  # what a pattern says that no matte depends on
 
 
@@ -158,8 +159,8 @@ def _key(pattern: RaindropPattern, camera: Camera, rest: list[int]) -> str:
 
 
 def paths_per_side(camera: Camera) -> int:
-    """k, for k x k light paths a pixel: 6, and fewer where pictures are large, but at least 2."""
-    return int(np.clip(np.sqrt(FINE_PIXELS / (camera.width * camera.height)), 2, 6))
+    """k, for k x k light paths a pixel: 5, and fewer where pictures are large, but at least 2."""
+    return int(np.clip(np.sqrt(FINE_PIXELS / (camera.width * camera.height)), 2, MOST_PATHS))
 
 
 def focus_disk(pattern: RaindropPattern, camera: Camera) -> float:
