@@ -118,7 +118,7 @@ def all_in_view(size: tuple[int, int], repeats: int) -> dict[str, Any]:
 def storm_error(exposure: float, aperture: float, size: tuple[int, int] = (200, 150)) -> dict[str, Any]:
     """Cover against drops that are followed through the exposure in float64."""
     camera, shutter = view(*size), Shutter(2.0, exposure, aperture, 4.0)
-    cloud = draw_cloud(RATE, 0.2, WIND, 0.3, UP, 0)
+    cloud = draw_cloud(RATE, 0.5, WIND, 0.3, UP, 0)
     depth = np.full(size[::-1], np.inf, np.float32)
     fast = draw(project(cloud, camera, shutter), depth).astype(np.float64)
     slow = storm_reference.cover(cloud, camera, shutter, depth)
