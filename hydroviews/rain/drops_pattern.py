@@ -10,7 +10,7 @@ Technique = Literal["disk", "aperture", "traced"]
 LIGHT, MEDIUM, HEAVY = 0, 1, 2
 COVERAGE = ((0.05, 0.09), (0.08, 0.14), (0.12, 0.2))  # by grade
 MIST = ((0.05, 0.15), (0.2, 0.3), (0.4, 0.6))
-DROPLETS = ((150, 350), (300, 600), (500, 900))
+DROPLETS = ((200, 500), (400, 800), (700, 1200))
 RIVULETS = ((0, 1), (1, 2), (2, 4))
 
 
@@ -48,8 +48,8 @@ def draw_pattern(rng: np.random.Generator, grade: int = MEDIUM) -> RaindropPatte
 
     * Radii are log-normal, the usual description of drops that come from many collisions (Marshall and Palmer's
       exponential law holds for falling drops; those on glass have lost the smallest, which merge or dry first). On
-      photographs of drops on a pane in front of a camera (Qian et al. 2018), radii of 6 to 12 pixels at 720 x 480 are
-      most frequent, 0.010 to 0.020 sides; condensed droplets between them are about four times smaller.
+      photographs of drops on a pane in front of a camera (Qian et al. 2018), radii of 5 to 10 pixels at 720 x 480 are
+      most frequent, 0.009 to 0.017 sides; condensed droplets between them are about three times smaller.
     * Contact angles of water on glass that is neither clean nor coated lie between 30 and 60 degrees.
     * A pane 5 to 15 cm in front of a camera shows 6 to 15 cm of glass: the capillary length, 2.7 mm, is 0.02 to 0.045
       sides.
@@ -71,7 +71,7 @@ def draw_pattern(rng: np.random.Generator, grade: int = MEDIUM) -> RaindropPatte
         mist=between(MIST, 1),
         droplets=round(between(DROPLETS, 2)),
         rivulets=round(between(RIVULETS, 3)),
-        radius_median=float(rng.uniform(0.010, 0.020)),
+        radius_median=float(rng.uniform(0.009, 0.017)),
         radius_spread=float(rng.uniform(0.4, 0.6)),
         droplet_median=float(rng.uniform(0.0025, 0.0045)),
         droplet_spread=float(rng.uniform(0.3, 0.5)),

@@ -95,7 +95,7 @@ def draw_rivulets(pattern: RaindropPattern, extent: tuple[float, float], moment:
         if len(chosen) == pattern.rivulets:
             break
         x, begin, total, before, size, angle = uniform[i].tolist()
-        radius = pattern.radius_median * (1.3 + 0.9 * size)
+        radius = pattern.radius_median * (1.7 + size)
         middle, reach = x * extent[0], 3 * radius + 0.02
         if any(abs(middle - other) < reach + theirs for other, theirs in lanes):
             continue

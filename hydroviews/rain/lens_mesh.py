@@ -15,7 +15,7 @@ from hydroviews.cameras import Camera
 from hydroviews.rain.drops_film import Drop, Water
 
 Array = NDArray[np.float64]
-RESOLUTIONS = ((0.012, 32, 8), (0.03, 48, 12), (np.inf, 72, 18))  # up to this radius in sides: segments and rings
+RESOLUTIONS = ((0.01, 24, 6), (0.018, 32, 8), (0.035, 48, 12), (np.inf, 72, 18))  # up to a radius: segments, rings
 DROPLET = (10, 3)  # segments and rings of a drop of a few pixels
 
 
