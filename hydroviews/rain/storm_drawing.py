@@ -21,6 +21,7 @@ from hydroviews.rain.storm_drops import Cloud
 NEAREST = 0.1  # metres: drops nearer to the lens are not drawn
 FINEST = 0.7  # pixels: the least width of a drop, before a pixel's own width is added
 BOX = 0.75  # a disk is as wide, in variance, as a square of sqrt(BOX) times its diameter
+Point = tuple[float, float, float]
 FIELDS = 8  # of a streak: middle x, y; direction x, y; length, width, area in pixels; depth in metres
 
 
@@ -67,9 +68,7 @@ def _project(
     lens: NDArray,
     shot: NDArray,
 ) -> NDArray:
-    fx, fy, cx, cy, width, height = lens
-    time, exposure, aperture, focus = shot
-    focal = np.sqrt(fx * fy)
+    time, exposure = shot[0], shot[1]
     streaks = np.empty((len(diameters), FIELDS))
     kept = 0
     at, moved = np.empty(3), np.empty(3)
@@ -78,46 +77,59 @@ def _project(
         for k in range(3):  # the copy nearest to the camera
             offset = positions[i, k] + velocities[i, k] * time - centre[k]
             at[k] = offset - period * np.floor(offset / period + 0.5)
+            moved[k] = at[k] + velocities[i, k] * exposure
             squared += at[k] * at[k]
         if 4 * squared > period * period:
             continue
-        z0 = rotation[2, 0] * at[0] + rotation[2, 1] * at[1] + rotation[2, 2] * at[2]
-        for k in range(3):
-            moved[k] = at[k] + velocities[i, k] * exposure
-        z1 = rotation[2, 0] * moved[0] + rotation[2, 1] * moved[1] + rotation[2, 2] * moved[2]
+        z0, z1 = _turned(rotation, 2, at), _turned(rotation, 2, moved)
         if z0 < NEAREST and z1 < NEAREST:
             continue
-        start, stop = 0.0, 1.0  # the part of the exposure spent beyond the nearest depth
-        if z0 < NEAREST:
-            start = (NEAREST - z0) / (z1 - z0)
-        if z1 < NEAREST:
-            stop = (NEAREST - z0) / (z1 - z0)
-        x0 = rotation[0, 0] * at[0] + rotation[0, 1] * at[1] + rotation[0, 2] * at[2]
-        y0 = rotation[1, 0] * at[0] + rotation[1, 1] * at[1] + rotation[1, 2] * at[2]
-        x1 = rotation[0, 0] * moved[0] + rotation[0, 1] * moved[1] + rotation[0, 2] * moved[2]
-        y1 = rotation[1, 0] * moved[0] + rotation[1, 1] * moved[1] + rotation[1, 2] * moved[2]
-        za, zb = z0 + (z1 - z0) * start, z0 + (z1 - z0) * stop
-        xa, ya = fx * (x0 + (x1 - x0) * start) / za + cx, fy * (y0 + (y1 - y0) * start) / za + cy
-        xb, yb = fx * (x0 + (x1 - x0) * stop) / zb + cx, fy * (y0 + (y1 - y0) * stop) / zb + cy
-        z = (za + zb) / 2
-        diameter = focal * diameters[i] / z
-        blur = aperture * focal * abs(1 / z - 1 / focus)
-        breadth = max(FINEST, np.sqrt(BOX * (diameter * diameter + blur * blur)))
-        margin = breadth + 1
-        if min(xa, xb) > width + margin or max(xa, xb) < -margin:
-            continue
-        if min(ya, yb) > height + margin or max(ya, yb) < -margin:
-            continue
-        length = np.sqrt((xb - xa) * (xb - xa) + (yb - ya) * (yb - ya))
-        streak = streaks[kept]
-        streak[0], streak[1] = (xa + xb) / 2, (ya + yb) / 2
-        streak[2] = (xb - xa) / length if length > 1e-6 else 0.0
-        streak[3] = (yb - ya) / length if length > 1e-6 else 1.0
-        streak[4], streak[5] = length, breadth
-        streak[6] = np.pi / 4 * diameter * diameter * (stop - start)
-        streak[7] = z
-        kept += 1
+        x0, x1 = _turned(rotation, 0, at), _turned(rotation, 0, moved)
+        y0, y1 = _turned(rotation, 1, at), _turned(rotation, 1, moved)
+        kept += _write_streak(streaks[kept], (x0, y0, z0), (x1, y1, z1), diameters[i], lens, shot)
     return streaks[:kept].copy()
+
+
+@numba.njit(inline="always", error_model="numpy")
+def _turned(rotation: NDArray, axis: int, place: NDArray) -> float:
+    return rotation[axis, 0] * place[0] + rotation[axis, 1] * place[1] + rotation[axis, 2] * place[2]
+
+
+@numba.njit(inline="always", error_model="numpy")
+def _write_streak(streak: NDArray, opened: Point, closed: Point, diameter: float, lens: NDArray, shot: NDArray) -> bool:
+    """The streak of a drop from where the shutter opens to where it closes, in camera axes; False if not in view.
+
+    At least one of the two is beyond the nearest depth.
+    """
+    fx, fy, cx, cy, width, height = lens
+    aperture, focus = shot[2], shot[3]
+    rise = closed[2] - opened[2]
+    start, stop = 0.0, 1.0  # the part of the exposure spent beyond the nearest depth
+    if opened[2] < NEAREST:
+        start = (NEAREST - opened[2]) / rise
+    if closed[2] < NEAREST:
+        stop = (NEAREST - opened[2]) / rise
+    za, zb = opened[2] + rise * start, opened[2] + rise * stop
+    xa = fx * (opened[0] + (closed[0] - opened[0]) * start) / za + cx
+    ya = fy * (opened[1] + (closed[1] - opened[1]) * start) / za + cy
+    xb = fx * (opened[0] + (closed[0] - opened[0]) * stop) / zb + cx
+    yb = fy * (opened[1] + (closed[1] - opened[1]) * stop) / zb + cy
+    z, focal = (za + zb) / 2, np.sqrt(fx * fy)
+    across = focal * diameter / z
+    blur = aperture * focal * abs(1 / z - 1 / focus)
+    breadth = max(FINEST, np.sqrt(BOX * (across * across + blur * blur)))
+    margin = breadth + 1
+    beside = min(xa, xb) > width + margin or max(xa, xb) < -margin
+    if beside or min(ya, yb) > height + margin or max(ya, yb) < -margin:
+        return False
+    length = np.sqrt((xb - xa) * (xb - xa) + (yb - ya) * (yb - ya))
+    streak[0], streak[1] = (xa + xb) / 2, (ya + yb) / 2
+    streak[2] = (xb - xa) / length if length > 1e-6 else 0.0
+    streak[3] = (yb - ya) / length if length > 1e-6 else 1.0
+    streak[4], streak[5] = length, breadth
+    streak[6] = np.pi / 4 * across * across * (stop - start)
+    streak[7] = z
+    return True
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
