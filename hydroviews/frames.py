@@ -244,7 +244,7 @@ def _too_short(path: Path, choice: FrameChoice, state: dict[str, Any]) -> InputE
     seconds = state["seconds"]
     rate = 20 / seconds if seconds else 0.0
     return InputError(
-        f"{path}: too short at {choice.rate:g} frames a second",
+        f"{path}: too short at a rate of {choice.rate:g} a second",
         found=f"{seconds:.1f} s, which gives {len(state['frames'])} frames",
         expected=f"at least {FEWEST} frames, better 20 or more",
         fix=f"take more a second, such as --rate {rate:.1f}, into another folder; or film for longer",

@@ -84,7 +84,7 @@ def estimate_poses(
     links = _link_names(images, sources)
     exhaustive = matcher == "exhaustive" or (matcher == "auto" and len(sources) <= features.EXHAUSTIVE_LIMIT)
     settings = {"camera_model": camera_model, "exhaustive": exhaustive, "seed": seed, "images": sorted(links)}
-    settings |= {"masks": mask_digest(masks) if masks else None, "rainy": rainy}
+    settings |= {"masks": mask_digest(masks) if masks else None, "rainy": rainy or None}  # None as where it lacks
     claim(
         out / SETTINGS,
         settings,

@@ -146,7 +146,7 @@ def test_settings_are_kept(tmp_path):
         "seed": 0,
         "images": ["view-00.png", "view-01.png", "view-02.png"],
         "masks": None,
-        "rainy": False,
+        "rainy": None,
     }
     assert Path(os.readlink(tmp_path / "out" / "images" / "view-01.png")) == scene.views[1].path.resolve()
 

@@ -157,7 +157,7 @@ def test_choices_that_are_none(settings):
 
 def test_a_short_film_says_which_rate_to_try(tmp_path):
     short = write_film(tmp_path / "short.mkv", [picture(i) for i in range(20)])
-    with pytest.raises(InputError, match=r"too short at 1 frames a second\n.*2\.0 s[\s\S]*--rate 10\.0"):
+    with pytest.raises(InputError, match=r"too short at a rate of 1 a second\n.*2\.0 s[\s\S]*--rate 10\.0"):
         take_frames(short, tmp_path / "out", FrameChoice())
     take_frames(short, tmp_path / "fast", FrameChoice(rate=10))
     assert len(taken(tmp_path / "fast")) == 20
