@@ -62,25 +62,31 @@ def grade_streaks(drawn: StreakPattern, grade: str, setting: Setting) -> StreakP
 def grade_raindrops(drawn: RaindropPattern, grade: str, setting: Setting) -> RaindropPattern:
     """The pattern with its mist, and if need be its coverage, set to the grade on this scene."""
     wanted = wanted_harm(grade, setting)
-    coverage = min(drawn.coverage, wanted / (DROPS * _spread(setting)))
-    left = wanted - DROPS * coverage * _spread(setting)
-    mist = solve(lambda level: veil_harm(replace(drawn, mist=level), setting), left, 0.0, THICKEST_MIST)
+    coverage = min(drawn.coverage, wanted / (DROPS * spread(setting)))
+    left = wanted - DROPS * coverage * spread(setting)
+    mist = solve(veil_harm(drawn, setting), left, 0.0, THICKEST_MIST)
     return replace(drawn, coverage=round(coverage, 4), mist=round(mist, 4))
 
 
-def veil_harm(pattern: RaindropPattern, setting: Setting) -> float:
-    """Mean squared difference that a pattern's mist makes to the scene, in encoded values."""
-    air = np.array(pattern.air) * setting.light.air
-    errors = []
-    for i, sample in enumerate(setting.samples):
+def veil_harm(pattern: RaindropPattern, setting: Setting) -> Callable[[float], float]:
+    """For a level of mist, the mean squared difference that it makes to the scene, in encoded values."""
+    air = (np.array(pattern.air) * setting.light.air).astype(np.float32)
+    forms: dict[tuple[int, int], NDArray[np.float32]] = {}
+    scenes = []
+    for sample in setting.samples:
         height, width = sample.shape[:2]
-        veil = mist_veil(pattern, width, height, i / len(setting.samples))[..., None]
-        veiled = to_srgb((1 - veil) * to_linear(sample) + veil * air.astype(np.float32))
-        errors.append(np.mean((veiled - sample) ** 2, dtype=np.float64))
-    return float(np.mean(errors))
+        if (height, width) not in forms:
+            forms[height, width] = mist_veil(replace(pattern, mist=1.0), width, height, moment=0.5)
+        scenes.append((sample, to_linear(sample), forms[height, width][..., None]))
+
+    def harm(level: float) -> float:
+        veiled = [to_srgb(linear * (1 - level * form) + level * form * air) for _, linear, form in scenes]
+        return float(np.mean([np.mean((v - sample) ** 2) for v, (sample, _, _) in zip(veiled, scenes, strict=True)]))
+
+    return harm
 
 
-def _spread(setting: Setting) -> float:
+def spread(setting: Setting) -> float:
     """Mean squared difference of two places of a view: drops show another place than the one they cover."""
     return 2 * float(np.mean([sample.var(axis=(0, 1)).mean(dtype=np.float64) for sample in setting.samples]))
 

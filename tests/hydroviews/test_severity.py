@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 from synthetic import capture_in
 
-from hydroviews.images import to_linear, write_png
+from hydroviews.images import to_linear, to_srgb, write_png
 from hydroviews.rain import effects, severity
+from hydroviews.rain.mist import mist_veil
 from hydroviews.rain.patterns import GRADES, Pattern
 from hydroviews.rain.seeds import generator
 from hydroviews.rain.setting import survey
@@ -60,3 +61,21 @@ def test_a_survey_measures_light_and_detail(tmp_path):
     for view, image in zip(scene.views, flat, strict=True):
         write_png(view.path, image)
     assert survey(scene, 0).detail == pytest.approx(0, abs=1e-9)
+
+
+def test_mist_is_as_harmful_as_its_grade_says(setting):
+    drawn = [effects.draw(Pattern("raindrop", i), setting) for i in range(3)]
+    air = np.array(setting.light.air, np.float32)
+    harms = []
+    for grade, pattern in zip(GRADES, drawn, strict=True):
+        changes = []
+        for sample in setting.samples:  # the composite's own formula, written out
+            veil = mist_veil(pattern, sample.shape[1], sample.shape[0], 0.5)[..., None]
+            veiled = to_srgb((1 - veil) * to_linear(sample) + veil * air * np.float32(pattern.air))
+            changes.append(np.mean((veiled - sample) ** 2))
+        harms.append(np.mean(changes))
+        drops = severity.DROPS * pattern.coverage * severity.spread(setting)
+        if pattern.mist < severity.THICKEST_MIST:
+            assert harms[-1] + drops == pytest.approx(severity.wanted_harm(grade, setting), rel=0.1)
+    assert harms[0] < harms[1] < harms[2]
+    assert max(pattern.mist for pattern in drawn) < severity.THICKEST_MIST
