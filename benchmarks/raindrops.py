@@ -27,7 +27,7 @@ from tqdm import tqdm
 from hydroviews.cameras import Camera
 from hydroviews.files import write_bytes
 from hydroviews.images import Image, read_image, to_linear, to_srgb
-from hydroviews.rain.drops_pattern import RaindropPattern, draw_pattern
+from hydroviews.rain.drops_pattern import RaindropPattern, Technique, draw_pattern
 from hydroviews.rain.lens_bake import aperture_radius, bake_matte, focus_disk, lens_water, trace
 from hydroviews.rain.light import expand_highlights
 from hydroviews.rain.path_matte import PathMatte
@@ -35,6 +35,7 @@ from hydroviews.rain.path_matte import PathMatte
 GRADES = ("light", "medium", "heavy")
 SIZES = ((200, 150), (400, 300))
 CASE = ["size", "grade", "background", "reference"]
+MATTES: tuple[tuple[Technique, int | None], ...] = (("disk", 2), ("disk", None), ("disk", 8), ("aperture", None))
 REPEATS = 7
 
 
@@ -88,9 +89,10 @@ def measure(pattern: RaindropPattern, picture: Image, folder: Path, reference: i
     for samples in (16, 64, 384):
         traced, seconds = trace(mesh, camera, light, samples, folder, opening, seed=samples)
         rows.append(row(f"path tracing, {samples}", traced[..., 3], traced[..., :3], 0.0, seconds))
-    for technique in ("disk", "aperture"):
-        once, matte = _baked(replace(pattern, technique=technique), camera, folder / technique)
-        rows.append(row(technique, matte.mask, matte.apply(light), once, _cost(matte, light)))
+    for technique, paths in MATTES:
+        name = technique if paths is None else f"{technique}, {paths}x{paths} paths"
+        once, matte = _baked(replace(pattern, technique=technique), camera, folder / name, paths)
+        rows.append(row(name, matte.mask, matte.apply(light), once, _cost(matte, light)))
     traced_64 = next(r["view_s"] for r in rows if r["technique"] == "path tracing, 64")
     return [{**r, "cheaper than 64": traced_64 / r["view_s"]} for r in rows]
 
@@ -99,11 +101,11 @@ def _composite(clean: Image, cover: NDArray, drops: NDArray) -> Image:
     return to_srgb((1 - cover[..., None]) * clean + drops)
 
 
-def _baked(pattern: RaindropPattern, camera: Camera, folder: Path) -> tuple[float, PathMatte]:
+def _baked(pattern: RaindropPattern, camera: Camera, folder: Path, paths: int | None) -> tuple[float, PathMatte]:
     """A matte and the CPU seconds that its bake took, also where it was baked for an earlier picture."""
     spent = folder / "seconds.txt"
     before = _cpu_seconds()
-    matte = bake_matte(pattern, camera, folder)
+    matte = bake_matte(pattern, camera, folder, paths=paths)
     if not spent.is_file():
         write_bytes(spent, str(_cpu_seconds() - before).encode())
     return float(spent.read_text()), matte

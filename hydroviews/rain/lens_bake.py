@@ -19,8 +19,9 @@ from hydroviews.rain.path_matte import PathMatte, assemble, dry
 
 VERSION = 2  # raised whenever the same pattern gives another matte
 FINE_PIXELS = 3_000_000  # about as many light paths as a pass follows
-MOST_PATHS = 5  # along a side of a pixel; docs/raindrops.md has what more would bring
-APERTURE_PASSES = 16  # of the accurate matte: 400 paths a pixel where pictures are small
+MOST_PATHS = 8  # along a side of a pixel
+ACCURATE_PATHS = 400  # a pixel, that the accurate matte wants
+MOST_PASSES = 16  # so many bakes it may take: large pictures get fewer paths, for memory's sake
 COMPOSITED = ("mist", "air")  # what a pattern says that no matte depends on
 
 
@@ -43,14 +44,14 @@ def bake_matte(
         folder: gets `matte-<frame>.npz` and Blender's log.
         frame: 0 to `pattern.key_frames` - 1.
         paths: k, to follow k x k light paths a pixel instead of `paths_per_side`; more are slower and less noisy.
-        passes: how often, instead of once and, with an aperture, `APERTURE_PASSES` times.
+        passes: how often, instead of once and, with an aperture, `accurate_passes` times.
 
     Raises:
         InputError: Blender failed (see `process.run_blender`), or the kept matte is damaged.
     """
     paths = paths or paths_per_side(camera)
     aperture = pattern.technique == "aperture"
-    passes = passes or (APERTURE_PASSES if aperture else 1)
+    passes = passes or (accurate_passes(paths) if aperture else 1)
     kept = folder / f"matte-{frame}.npz"
     key = _key(pattern, camera, [frame, paths, passes])
     if kept.exists():
@@ -159,8 +160,13 @@ def _key(pattern: RaindropPattern, camera: Camera, rest: list[int]) -> str:
 
 
 def paths_per_side(camera: Camera) -> int:
-    """k, for k x k light paths a pixel: 5, and fewer where pictures are large, but at least 2."""
+    """k, for k x k light paths a pixel: 5 at 400 x 300, between 2 for large pictures and 8 for small ones."""
     return int(np.clip(np.sqrt(FINE_PIXELS / (camera.width * camera.height)), 2, MOST_PATHS))
+
+
+def accurate_passes(paths: int) -> int:
+    """How many bakes of k x k paths a pixel the accurate matte adds up."""
+    return int(np.clip(np.ceil(ACCURATE_PATHS / paths**2), 1, MOST_PASSES))
 
 
 def focus_disk(pattern: RaindropPattern, camera: Camera) -> float:
