@@ -47,7 +47,7 @@ class PathMatte:
     def save(self, path: Path, key: str) -> None:
         """Write an npz file; `key` says what the matte was made from."""
         with replacing(path) as temporary:
-            np.savez_compressed(
+            np.savez(
                 temporary,
                 key=np.array(key),
                 mask=self.mask,
