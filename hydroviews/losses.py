@@ -12,6 +12,7 @@ from hydroviews.provenance import CAPTURED
 
 LEADERBOARD = "leaderboard.csv"
 CEILING, FLOOR = "3dgs-clean", "3dgs"  # plain 3DGS trained on clean and on rainy views
+TEXT = ("method", "scene", "pattern", "track", "profile", "status", "data_sha256")  # names, even where they are digits
 COLUMNS = ["pattern", "grade", "track", "profile", "seeds", "clean", "rainy", "loss"]
 
 
@@ -51,14 +52,15 @@ def rewrite_card(folder: Path) -> None:
 
 
 def _read_leaderboard(results: Path) -> pd.DataFrame:
+    path, fix = results / LEADERBOARD, "run `make eval METHOD=3dgs`, or name the folder with --results"
     try:
-        return pd.read_csv(results / LEADERBOARD)
+        table = pd.read_csv(path, converters=dict.fromkeys(TEXT, str))
     except (OSError, ValueError) as error:
-        raise InputError(
-            f"{results / LEADERBOARD}: no leaderboard",
-            found=error,
-            fix="run `make eval METHOD=3dgs`, or name the folder with --results",
-        ) from None
+        raise InputError(f"{path}: no leaderboard", found=error, fix=fix) from None
+    absent = {*TEXT, "seed", "psnr"} - set(table)
+    if absent:
+        raise InputError(f"{path}: no leaderboard", found=f"no column {', '.join(sorted(absent))}", fix=fix)
+    return table
 
 
 def losses_of(folder: Path, leaderboard: pd.DataFrame) -> pd.DataFrame:

@@ -23,6 +23,7 @@ from hydroviews.tiles import Row, Tile, draw_sheet
 SHEETS = "sheets"
 WIDTH = 2000  # pixels of a sheet, at most
 COLUMNS = 4
+MOST_COLUMNS = 40  # more would leave no room for a picture
 PLANES = {"M": "M: cover by water", "V": "V: cover by mist", "S": "S: cover by streaks"}
 GAINS = (1, 2, 4, 8, 16)
 LIGHT = "RGB: light they add"
@@ -40,10 +41,10 @@ def write_sheets(folder: Path, out: Path | None = None, columns: int = COLUMNS) 
         `<scene>.png`, a row a variant with the clean views first, and, where rain was added, `<scene>-layers.png`.
 
     Raises:
-        InputError: fewer than one view is asked for, or a file of the scene is missing.
+        InputError: no view is asked for or too many, or a file of the scene is missing or damaged.
     """
-    if columns < 1:
-        raise InputError(f"--views {columns}", expected="at least 1")
+    if not 1 <= columns <= MOST_COLUMNS:
+        raise InputError(f"--views {columns}", expected=f"at least 1, at most {MOST_COLUMNS}")
     out = out or folder.parent / SHEETS
     patterns = read_manifest(folder.parent)["scenes"][folder.name]["patterns"]
     split = read_json(folder / "split.json")
@@ -75,13 +76,22 @@ def _rain_rows(folder: Path, patterns: Sequence[str], names: Sequence[str]) -> l
         tiles = [Tile(_picture(folder / CAPTURED / "images", name), name) for name in names]
         rows.append(Row(CAPTURED, "photographed in rain", tiles))
     for pattern in patterns:
-        views = read_statistics(folder / pattern / STATISTICS).set_index("view")
+        views = _statistics(folder / pattern / STATISTICS, names)
         tiles = [
             Tile(_picture(folder / pattern / "images", name), f"{name}  {_number(views.at[name, 'psnr'])} dB")
             for name in names
         ]
         rows.append(Row(pattern, _remark(folder / pattern, views), tiles))
     return rows
+
+
+def _statistics(path: Path, names: Sequence[str]) -> pd.DataFrame:
+    """The statistics of a variant by view; those of the views to be shown must be there."""
+    views = read_statistics(path).set_index("view")
+    absent = [name for name in names if name not in views.index]
+    if absent:
+        raise InputError(f"{path}: no row for {absent[0]}", found=f"{len(views)} rows", fix="delete it and build again")
+    return views
 
 
 def _remark(variant: Path, views: pd.DataFrame) -> str:

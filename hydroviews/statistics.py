@@ -17,6 +17,7 @@ What a kind of rain does not have is empty.
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +57,8 @@ class ViewStatistics:
 
 
 NUMBERS = [field.name for field in fields(ViewStatistics) if field.name != "view"]
+SUMMARY = [f"{name}_{what}" for name in NUMBERS for what in ("mean", "min", "max")]
+ANEW = "delete it and build again"
 
 
 def write_statistics(folder: Path, pattern: str) -> Path:
@@ -138,17 +141,22 @@ def _streak_pattern(parameters: Mapping[str, Any]) -> StreakPattern:
 
 
 def read_statistics(path: Path) -> pd.DataFrame:
-    """The rows of a `statistics.csv`; what is empty reads as NaN.
+    """The rows of a `statistics.csv`, of a variant or of a scene; what is empty reads as NaN, names stay text.
 
     Raises:
-        InputError: the file is missing or is no such table.
+        InputError: the file is missing, is cut short, or is no such table.
     """
     try:
-        table = pd.read_csv(path)
+        text = path.read_text(encoding="utf-8")
+        table = pd.read_csv(StringIO(text), converters={"view": str, "pattern": str})  # 007 is a name, not 7
     except (OSError, ValueError) as error:
-        raise InputError(f"{path}: not a table of statistics", found=error, fix="delete it and build again") from None
-    if "psnr" not in table and "psnr_mean" not in table:
-        raise InputError(f"{path}: not a table of statistics", found=list(table), fix="delete it and build again")
+        raise InputError(f"{path}: not a table of statistics", found=error, fix=ANEW) from None
+    expected = ["view", *NUMBERS] if "view" in table else ["pattern", *SUMMARY]
+    absent = [name for name in expected if name not in table]
+    if absent:
+        raise InputError(f"{path}: not a table of statistics", found=f"no column {', '.join(absent)}", fix=ANEW)
+    if not text.endswith("\n"):
+        raise InputError(f"{path}: cut short", found=f"{len(table)} rows, the last one not to its end", fix=ANEW)
     return table
 
 
@@ -159,8 +167,7 @@ def summarise(folder: Path) -> pd.DataFrame:
         views, facts = read_statistics(path), read_json(path.parent / "pattern.json")
         about = {"pattern": path.parent.name, "effect": facts["effect"], "grade": facts.get("grade", "")}
         rows.append({**about, "views": len(views), **_summary(views)})
-    columns = [f"{name}_{what}" for name in NUMBERS for what in ("mean", "min", "max")]
-    return pd.DataFrame(rows, columns=["pattern", "effect", "grade", "views", *columns]).round(DECIMALS)
+    return pd.DataFrame(rows, columns=["pattern", "effect", "grade", "views", *SUMMARY]).round(DECIMALS)
 
 
 def _summary(views: pd.DataFrame) -> dict[str, float]:

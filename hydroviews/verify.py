@@ -1,6 +1,7 @@
 """Checks that a built data set is what its manifest says, and that rain was added as its formula says."""
 
 from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from hydroviews.files import read_json, sha256
 from hydroviews.images import Image, list_images, read_image, to_uint8
 from hydroviews.manifest import MANIFEST, read_manifest, scene_files
 from hydroviews.rain.layers import read_layers
+from hydroviews.rain.streaks import StreakPattern
 from hydroviews.statistics import NUMBERS, STATISTICS, ViewStatistics, measure_view, read_statistics
 
 TOLERANCE = 1 / 255  # the rainy view is an 8-bit rounding of what its layers give
@@ -83,9 +85,9 @@ def _check_view(folder: Path, variant: Path, image: Path) -> list[str]:
     """Derive one rainy view and its statistics again.
 
     Raises:
-        InputError: a file is missing or unreadable, or of another size than its clean view.
+        InputError: a file is missing, unreadable or no such file, or of another size than its clean view.
     """
-    facts, name = read_json(variant / "pattern.json"), image.stem
+    facts, name = _read_facts(variant / "pattern.json"), image.stem
     clean, rainy = read_image(folder / CLEAN / image.name), read_image(image)
     if rainy.shape != clean.shape:
         raise InputError(f"{image}: another size than its clean view", found=rainy.shape, expected=clean.shape)
@@ -100,6 +102,18 @@ def _check_view(folder: Path, variant: Path, image: Path) -> list[str]:
         measured = measure_view(name, to_uint8(clean), to_uint8(rainy), layers, facts)
         problems += _check_statistics(variant / STATISTICS, measured)
     return problems
+
+
+def _read_facts(path: Path) -> dict[str, Any]:
+    """A variant's `pattern.json` with what its views are derived from."""
+    facts = read_json(path)
+    parameters = facts.get("parameters") if isinstance(facts, dict) else None
+    if not isinstance(parameters, dict) or "effect" not in facts:
+        raise InputError(f"{path}: not a pattern", expected='{"effect", "parameters", ...}', fix="run the build again")
+    absent = {field.name for field in fields(StreakPattern)} - set(parameters) if facts["effect"] == "streak" else ()
+    if absent:
+        raise InputError(f"{path}: not a pattern of streaks", found=f"no {', '.join(sorted(absent))}")
+    return facts
 
 
 def _odd_planes(layers: Mapping[str, NDArray], shape: tuple[int, ...]) -> list[str]:

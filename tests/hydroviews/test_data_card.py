@@ -98,6 +98,17 @@ def test_runs_on_other_data_do_not_count(built, tmp_path, change):
 def test_no_leaderboard(built, tmp_path):
     with pytest.raises(InputError, match="no leaderboard"):
         record_losses(built, tmp_path)
+    for content in ("", "method,scene\n3dgs,yard\n"):
+        (tmp_path / "leaderboard.csv").write_text(content)
+        with pytest.raises(InputError, match="no leaderboard"):
+            record_losses(built, tmp_path)
+
+
+def test_a_scene_may_be_called_by_a_number(tmp_path):
+    scene = capture_in(tmp_path / "capture" / "0042")
+    built = build(scene, tmp_path / "data", patterns=STREAKS)
+    losses = record_losses(built, results_in(tmp_path / "results", built))
+    assert list(losses.pattern) == ["streak-0", "streak-2"] * 2
 
 
 def test_scenes_are_found_by_data_folder_and_by_their_own(built):

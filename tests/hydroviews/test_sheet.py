@@ -49,8 +49,9 @@ def holds(sheet: np.ndarray, picture: np.ndarray) -> bool:
 def test_a_scene_without_rain_has_one_sheet(tmp_path):
     folder = build(capture_in(tmp_path / "capture" / "yard"), tmp_path / "data", patterns=[])
     assert [path.name for path in write_sheets(folder, tmp_path / "out")] == ["yard.png"]
-    with pytest.raises(InputError, match="at least 1"):
-        write_sheets(folder, columns=0)
+    for columns in (0, 400):
+        with pytest.raises(InputError, match="at least 1, at most 40"):
+            write_sheets(folder, columns=columns)
 
 
 def test_a_scene_captured_in_rain_has_its_own_row(tmp_path):
@@ -61,6 +62,13 @@ def test_a_scene_captured_in_rain_has_its_own_row(tmp_path):
     (path,) = write_sheets(folder, columns=2)
     picture = to_uint8(read_image(folder / CAPTURED / "images" / "view-02.png"))
     assert holds(to_uint8(read_image(path)), picture)
+
+
+def test_statistics_that_lack_a_view_are_told(built):
+    path = built / "streak-1" / "statistics.csv"
+    path.write_text("".join(path.read_text().splitlines(keepends=True)[:3]))
+    with pytest.raises(InputError, match=r"statistics\.csv: no row for view-03\n.*2 rows"):
+        write_sheets(built)
 
 
 def test_the_command(built):

@@ -15,6 +15,7 @@ from hydroviews.rain.streaks import StreakPattern, composite, streak_layer
 from hydroviews.statistics import measure_view, read_statistics, write_statistics
 
 STREAKS = StreakPattern(n=200, length=30, angle=70.0, width=5)
+NAMES = ["000", "001", "1e3"]  # of views: they look like numbers, as photographs' names often do
 
 
 def half(plane: np.ndarray) -> np.ndarray:
@@ -34,7 +35,7 @@ def raindrops(clean: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, 
 def built(tmp_path) -> Path:
     """A scene folder with three views in streaks and in drops, laid out as a build does."""
     folder, rng = tmp_path / "yard", np.random.default_rng(0)
-    for name in ("a", "b", "c"):
+    for name in NAMES:
         clean = rng.random((60, 80, 3)).astype(np.float32)
         write_png(folder / "clean" / f"{name}.png", clean)
         clean = read_image(folder / "clean" / f"{name}.png")
@@ -56,14 +57,14 @@ def built(tmp_path) -> Path:
 
 def test_a_row_a_view_says_what_the_files_say(built):
     table = read_statistics(write_statistics(built, "streak-1")).set_index("view")
-    assert list(table.index) == ["a", "b", "c"]
-    clean, rainy = (read_image(built / part / "b.png") for part in ("clean", "streak-1/images"))
-    row = table.loc["b"]
+    assert list(table.index) == NAMES
+    clean, rainy = (read_image(built / part / "001.png") for part in ("clean", "streak-1/images"))
+    row = table.loc["001"]
     assert row.psnr == pytest.approx(metrics.psnr(rainy, clean), abs=1e-4)
     assert row.brightness_change == pytest.approx(float((rainy - clean).mean()), abs=1e-5)
     gained = np.maximum(to_linear(rainy) - to_linear(clean), 0)
     assert row.added_light == pytest.approx(float(gained.mean()), abs=1e-5)
-    layer = read_layers(built / "streak-1" / "layers" / "b.exr")["S"]
+    layer = read_layers(built / "streak-1" / "layers" / "001.exr")["S"]
     assert row.streaks == pytest.approx(float(layer.mean()), abs=1e-5)
     assert table[["water", "mist"]].isna().all(axis=None)
     drops = read_statistics(write_statistics(built, "raindrop-0"))
@@ -96,15 +97,22 @@ def test_the_same_files_give_the_same_bytes_and_a_finished_table_is_kept(built, 
 
 
 def test_a_missing_layer_and_another_size_are_told(built):
-    (built / "streak-1" / "layers" / "b.exr").unlink()
-    with pytest.raises(InputError, match=r"b\.exr: no such layer"):
+    (built / "streak-1" / "layers" / "001.exr").unlink()
+    with pytest.raises(InputError, match=r"001\.exr: no such layer"):
         write_statistics(built, "streak-1")
-    write_png(built / "clean" / "a.png", np.zeros((4, 4, 3), np.uint8))
+    write_png(built / "clean" / "000.png", np.zeros((4, 4, 3), np.uint8))
     with pytest.raises(InputError, match="another size than its clean view"):
         write_statistics(built, "raindrop-0")
-    (built / "statistics.csv").write_text("a,b\n1,2\n")
-    with pytest.raises(InputError, match="not a table of statistics"):
-        read_statistics(built / "statistics.csv")
+
+
+@pytest.mark.parametrize("length", [0, 10, 70, 200, -1])
+def test_a_table_that_is_none_or_is_cut_short_is_told(built, length):
+    path = write_statistics(built, "streak-1")
+    content = path.read_bytes()
+    for damaged in (content[:length], b"a,b\n1,2\n", b"view,psnr\n000,1\n", b"\xff\xfe"):
+        path.write_bytes(damaged)
+        with pytest.raises(InputError, match=r"not a table of statistics|cut short"):
+            read_statistics(path)
 
 
 def test_a_dry_view_has_an_infinite_psnr(built):

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,8 @@ from hydroviews.rain.effects import composite
 from hydroviews.rain.layers import read_layers, write_layers
 from hydroviews.rain.patterns import Pattern
 from hydroviews.readers import read_scene
+from hydroviews.scenes import make_scene
+from hydroviews.sheet import write_sheets
 from hydroviews.verify import expected_view, verify
 from hydroviews.writers import write_colmap
 
@@ -77,6 +80,23 @@ def test_statistics_are_there_and_true(built):
     assert "no row for view-01" in problems
     path.unlink()
     assert "no statistics.csv; run the build again" in problems_after_signing(built)
+
+
+def test_views_may_be_called_by_numbers(tmp_path):
+    capture = capture_in(tmp_path / "capture" / "yard")
+    numbered = [replace(view, name=f"{i:03d}") for i, view in enumerate(capture.views)]
+    scene = make_scene("2026", numbered, capture.points)
+    folder = build(scene, tmp_path / "data", patterns=[Pattern("streak", 0)])
+    assert verify(tmp_path / "data", every_view=True) == []
+    assert len(write_sheets(folder)) == 2
+
+
+@pytest.mark.parametrize("content", ["", "[]", "{}", '{"effect": "streak", "parameters": {"n": 100}}'])
+def test_a_damaged_pattern_is_a_problem_like_others(built, content):
+    (built / "streak-1" / "pattern.json").write_text(content)
+    problems = "\n".join(verify(built.parent))
+    assert "pattern.json: changed since it was built" in problems
+    assert "pattern.json: not " in problems
 
 
 def test_a_variant_without_views(built):
