@@ -14,8 +14,9 @@ Every file is written whole or not at all, so a file that exists is finished. Wh
 kept in its `request.json`: another request for the same folder is refused.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from hydroviews.build_clean import CLEAN, write_cameras, write_views
 from hydroviews.build_rain import write_captured, write_variant
@@ -27,6 +28,7 @@ from hydroviews.provenance import CAPTURED
 from hydroviews.rain.patterns import Pattern, parse_pattern
 from hydroviews.rain.setting import survey
 from hydroviews.scenes import Scene
+from hydroviews.statistics import write_statistics
 
 
 def build(
@@ -68,22 +70,34 @@ def build(
     request = make_request(scene, source, long_side, seed)
     take_folder(out, folder, request, overwrite)
     entry = read_manifest(out)["scenes"].get(scene.name, {"patterns": [], "files": {}})
-    built = set(entry["patterns"])
-    if entry["files"] and {p.name for p in patterns} <= built and all((folder / f).is_file() for f in entry["files"]):
+    if {p.name for p in patterns} <= set(entry["patterns"]) and _are_there(folder, entry["files"]):
         return folder
     images = f"{CAPTURED}/images" if scene.captured_rainy else CLEAN
     clean = write_views(scene.resized(long_side), folder, images)
     clean = write_cameras(clean, folder, scene, images)
     if scene.captured_rainy:
         write_captured(clean, folder)
-    rains = sorted({*patterns, *map(parse_pattern, built)})  # those of an earlier call too: a file may be missing
-    if rains:
-        setting = survey(clean, seed)
-        for pattern in rains:
-            write_variant(clean, folder, pattern, setting)
+    rains = sorted({*patterns, *map(parse_pattern, entry["patterns"])})  # those of an earlier call too
+    _write_rain(clean, folder, rains, entry, seed)
     names = [pattern.name for pattern in rains]
     keep_licence(scene, folder)
     write_card(folder, [CAPTURED] if scene.captured_rainy else names, scene.notes)
     facts = {"seed": seed, "long_side": long_side, "source": request.source, "views": len(clean.views)}
     record_scene(out, scene.name, {**facts, "notes": list(scene.notes), "patterns": names})
     return folder
+
+
+def _write_rain(clean: Scene, folder: Path, rains: Sequence[Pattern], entry: Mapping[str, Any], seed: int) -> None:
+    """Write the variants that are not finished by what the manifest's entry says, and the statistics of all."""
+    files = {rain: [name for name in entry["files"] if name.startswith(f"{rain.name}/")] for rain in rains}
+    missing = [rain for rain in rains if rain.name not in entry["patterns"] or not _are_there(folder, files[rain])]
+    setting = survey(clean, seed) if missing else None
+    for rain in rains:
+        if setting is not None and rain in missing:
+            write_variant(clean, folder, rain, setting)
+        write_statistics(folder, rain.name)
+
+
+def _are_there(folder: Path, files: Collection[str]) -> bool:
+    """Whether there are any, and each of them is a file in the folder."""
+    return bool(files) and all((folder / name).is_file() for name in files)

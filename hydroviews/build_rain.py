@@ -1,12 +1,18 @@
 """One rainy variant of a built scene: images, what was added, every parameter, cameras to open it with."""
 
+import json
+import math
 import os
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from tqdm import tqdm
 
-from hydroviews.files import replacing, write_json
+from hydroviews.cameras import Camera
+from hydroviews.errors import InputError
+from hydroviews.files import read_json, remove_tree, replacing, write_json
 from hydroviews.images import read_image, write_png
 from hydroviews.manifest import GENERATOR
 from hydroviews.masks import MASKS
@@ -16,28 +22,54 @@ from hydroviews.rain.layers import write_layers
 from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.setting import Setting
 from hydroviews.scenes import Scene, View
-from hydroviews.statistics import write_statistics
+from hydroviews.statistics import STATISTICS
 from hydroviews.writers import write_nerfstudio
 
 
 def write_variant(scene: Scene, folder: Path, pattern: Pattern, setting: Setting) -> None:
-    """Write the views of a scene in this rain, and their statistics; what is there is kept."""
+    """Write the views of a scene in this rain; what is there is kept if it was made with the same parameters."""
     variant = folder / pattern.name
     drawn = effects.draw(pattern, setting)
-    prepared: dict[tuple[int, int], effects.Effect] = {}
-    for view in tqdm(scene.views, desc=f"{scene.name}: {pattern.name}", unit="view"):
-        camera = view.camera
-        size = (camera.width, camera.height)
-        if size not in prepared:  # one lens for every image size of the capture
-            lens = variant / ".lens" / f"{size[0]}x{size[1]}"
-            prepared[size] = effects.prepare(pattern, drawn, setting, camera, lens)
-        _write_rainy(view, variant, pattern.effect, prepared[size])
-    _link_shared(variant)
-    write_nerfstudio(scene, variant / "transforms.json", "images")
+    cameras: dict[tuple[int, int], Camera] = {}
+    for view in scene.views:  # one lens for every image size of the capture
+        cameras.setdefault((view.camera.width, view.camera.height), view.camera)
+    prepared = {
+        size: effects.prepare(pattern, drawn, setting, camera, variant / ".lens" / f"{size[0]}x{size[1]}")
+        for size, camera in cameras.items()
+    }
     facts = {"effect": pattern.effect, "index": pattern.index, "grade": pattern.grade, "seed": setting.seed}
     parameters = next(iter(prepared.values())).parameters
-    write_json(variant / "pattern.json", {**facts, "generator": GENERATOR, "parameters": parameters})
-    write_statistics(folder, pattern.name)
+    _take_variant(variant, {**facts, "generator": GENERATOR, "parameters": parameters})
+    for view in tqdm(scene.views, desc=f"{scene.name}: {pattern.name}", unit="view"):
+        _write_rainy(view, variant, pattern.effect, prepared[view.camera.width, view.camera.height])
+    _link_shared(variant)
+    write_nerfstudio(scene, variant / "transforms.json", "images")
+
+
+def _take_variant(variant: Path, facts: Mapping[str, Any]) -> None:
+    """Write `pattern.json` before any view, and drop the views that an interrupted build made with other parameters."""
+    path = variant / "pattern.json"
+    try:
+        earlier = read_json(path) if path.is_file() else None
+    except InputError:
+        earlier = None
+    if _same(earlier, json.loads(json.dumps(facts))):
+        return
+    for name in ("images", "layers"):
+        remove_tree(variant / name)
+    (variant / STATISTICS).unlink(missing_ok=True)
+    write_json(path, facts)
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Whether two JSON values are the same but for what another machine's arithmetic rounds otherwise."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        return one.keys() == other.keys() and all(_same(one[key], other[key]) for key in one)
+    if isinstance(one, list) and isinstance(other, list):
+        return len(one) == len(other) and all(map(_same, one, other))
+    if isinstance(one, float) and isinstance(other, float):
+        return math.isclose(one, other, rel_tol=1e-6, abs_tol=1e-9)
+    return bool(one == other)
 
 
 def _write_rainy(view: View, variant: Path, effect: str, prepared: effects.Effect) -> None:

@@ -101,6 +101,33 @@ def test_full_disk_then_resume(scene, tmp_path, monkeypatch):
     assert verify(tmp_path / "data") == []
 
 
+def test_views_of_other_parameters_are_not_mixed_in(scene, tmp_path, monkeypatch):
+    other = Pattern("streak", 1)
+    build(scene, tmp_path / "data", patterns=[other])
+    finished = contents(tmp_path / "data" / "yard" / "streak-1")
+    monkeypatch.setattr("hydroviews.files.os.replace", _full_after(15))
+    with pytest.raises(InputError, match="no space left"):
+        build(scene, tmp_path / "data", patterns=[STREAK])
+    monkeypatch.undo()
+    begun = list((tmp_path / "data" / "yard" / "streak-0" / "images").iterdir())
+    assert 0 < len(begun) < len(scene.views)
+    monkeypatch.setattr("hydroviews.rain.severity.LOSS", {"light": 0.2, "medium": 0.3, "heavy": 0.4})
+    folder = build(scene, tmp_path / "data", patterns=[STREAK])
+    whole = build(scene, tmp_path / "whole", patterns=[STREAK])
+    assert contents(folder / "streak-0") == contents(whole / "streak-0")
+    assert contents(folder / "streak-1") == finished  # what was finished stays as it was
+    assert verify(tmp_path / "data", every_view=True) == []
+
+
+@pytest.mark.parametrize("lost", ["pattern.json", "images/view-04.png", "statistics.csv", "transforms.json"])
+def test_a_finished_variant_is_repaired_whatever_it_lost(scene, tmp_path, lost):
+    folder = build(scene, tmp_path / "data", patterns=[STREAK])
+    whole = contents(folder)
+    (folder / "streak-0" / lost).unlink()
+    build(scene, tmp_path / "data", patterns=[STREAK])
+    assert contents(folder) == whole
+
+
 def _full_after(writes: int):
     """os.replace on a disk that is full after some files."""
     import os
