@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from hydroviews.depth import depth_path, view_depth
 from hydroviews.images import Image, resize_area, to_linear
 from hydroviews.rain.light import luminance
 from hydroviews.scenes import Points, Scene, View
@@ -14,6 +15,8 @@ from hydroviews.scenes import Points, Scene, View
 SAMPLED_VIEWS = 24  # spread evenly over the capture
 SAMPLED_SIDE = 160  # pixels of a sample's longer side, at most
 AIR = 0.1  # share of the pixels, the brightest, whose light is taken for the air's
+SAMPLED_POINTS = 4000
+BEHIND = 0.03  # a point is hidden if it lies farther behind the surface than this share of its depth
 FINE = 1.0  # standard deviation in pixels of the blur that separates fine detail
 
 Colour = tuple[float, float, float]  # linear light
@@ -35,7 +38,7 @@ class Setting:
     seed: int
     views: tuple[View, ...]  # clean, at the built size, in order of name: taken one after another
     points: Points
-    n_train: int  # views a method learns from
+    rarity: float  # mean over the scene's points of 1 / (number of training views that see it)
     samples: tuple[Image, ...]  # some clean views made small, [h, w, 3], sRGB-encoded
     detail: float  # mean squared fine detail of the clean views, encoded values: what is hardest to reconstruct
     light: Light
@@ -59,12 +62,27 @@ def survey(scene: Scene, seed: int) -> Setting:
         seed=seed,
         views=scene.views,
         points=scene.points,
-        n_train=len(scene.split.train),
+        rarity=_rarity(scene),
         samples=tuple(samples),
         detail=float(np.mean(details)),
         light=_light(samples),
         metres_per_unit=scene.metres_per_unit,
     )
+
+
+def _rarity(scene: Scene) -> float:
+    """Points are hidden where a depth map says so; without points every view is taken to see everything."""
+    positions = scene.points.positions[:: -(-len(scene.points) // SAMPLED_POINTS) or 1]
+    seen = np.zeros(len(positions), np.int64)
+    for view in scene.train_views:
+        pixels, depth = view.camera.project(positions)
+        inside = (depth > 0) & np.all((pixels >= 0) & (pixels < (view.camera.width, view.camera.height)), axis=1)
+        if inside.any() and depth_path(view).is_file():
+            column, row = pixels[inside].astype(np.int64).T
+            surface = view_depth(view, scene.points)[row, column]
+            inside[inside] = depth[inside] < (1 + BEHIND) * surface
+        seen += inside
+    return float(np.mean(1 / seen[seen > 0])) if (seen > 0).any() else 1 / len(scene.split.train)
 
 
 def _small(image: Image) -> Image:

@@ -5,7 +5,8 @@ What 3DGS makes of rain can be told beforehand, roughly:
 * Streaks are new in every view, and what many views agree on is a value between their mean and their median (the
   loss is an absolute error with a share of SSIM): the scene is learned too bright by S (beta - B), with S that
   value of the cover. Its square, averaged over the scene, is the streaks' harm.
-* Water on the lens is at the same place in every view. A veil of mist is learned as part of the scene.
+* Water on the lens is at the same place in every view. A veil of mist is learned as part of the scene. Sharp drops
+  cover other places of the scene in other views: of the error they make, one c-th is left where c views see a place.
 * A scene is learned from clean views with an error in proportion to its fine detail, so that the loss in dB is
   10 log10(1 + harm / error).
 
@@ -30,8 +31,7 @@ FEWEST, MOST = 20.0, 300.0  # streak noise level n; the paper draws from 100 to 
 BRIGHTEST = 1.0  # a streak's encoded value, where n alone cannot reach the grade
 TRIAL_VIEWS = 3  # whose mean cover stands for all
 STEPS = 12  # of a bisection
-LEARNED = 1.6  # mean squared error of a scene learned from clean views, in units of its fine detail
-DROPS = 0.03  # of the error that sharp drops make in the views, what is left when views are learned together
+LEARNED = 1.5  # mean squared error of a scene learned from clean views, in units of its fine detail
 THICKEST_MIST = 0.95
 TO_MEDIAN = 0.15  # how far from the mean to the median what is learned of fresh streaks lies
 
@@ -62,8 +62,9 @@ def grade_streaks(drawn: StreakPattern, grade: str, setting: Setting) -> StreakP
 def grade_raindrops(drawn: RaindropPattern, grade: str, setting: Setting) -> RaindropPattern:
     """The pattern with its mist, and if need be its coverage, set to the grade on this scene."""
     wanted = wanted_harm(grade, setting)
-    coverage = min(drawn.coverage, wanted / (DROPS * spread(setting)))
-    left = wanted - DROPS * coverage * spread(setting)
+    a_share = drops_harm(1.0, setting)
+    coverage = min(drawn.coverage, wanted / a_share if a_share else 1.0)
+    left = wanted - drops_harm(coverage, setting)
     mist = solve(veil_harm(drawn, setting), left, 0.0, THICKEST_MIST)
     return replace(drawn, coverage=round(coverage, 4), mist=round(mist, 4))
 
@@ -86,9 +87,18 @@ def veil_harm(pattern: RaindropPattern, setting: Setting) -> Callable[[float], f
     return harm
 
 
-def spread(setting: Setting) -> float:
-    """Mean squared difference of two places of a view: drops show another place than the one they cover."""
-    return 2 * float(np.mean([sample.var(axis=(0, 1)).mean(dtype=np.float64) for sample in setting.samples]))
+def drops_harm(coverage: float, setting: Setting) -> float:
+    """Mean squared error that sharp drops leave in what is learned, in encoded values.
+
+    They show another place than the one they cover, and so err by twice the variance of the views; what is learned
+    from c views errs by one c-th of that.
+    """
+    return (
+        coverage
+        * setting.rarity
+        * 2
+        * float(np.mean([sample.var(axis=(0, 1)).mean(dtype=np.float64) for sample in setting.samples]))
+    )
 
 
 def learned_cover(layers: NDArray[np.float32]) -> float:

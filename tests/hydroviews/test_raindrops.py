@@ -43,7 +43,7 @@ def effect(pattern: RaindropPattern, lens: Camera, folder: Path, count: int = 7)
     """The effect on views that are never read."""
     views = tuple(View(f"view-{i}", lens, folder / "none.png") for i in range(count))
     light = Light(mean=(0.2, 0.2, 0.2), air=(0.6, 0.7, 0.8))
-    setting = Setting("none", 0, views, no_points(), n_train=count, samples=(), detail=0.0, light=light)
+    setting = Setting("none", 0, views, no_points(), rarity=1 / count, samples=(), detail=0.0, light=light)
     return Raindrops(pattern, setting, lens, folder), list(views)
 
 

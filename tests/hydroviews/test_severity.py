@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from synthetic import capture_in
 
+from hydroviews.depth import depth_path, write_depth
 from hydroviews.images import to_linear, to_srgb, write_png
 from hydroviews.rain import effects, severity
 from hydroviews.rain.mist import mist_veil
@@ -74,8 +75,17 @@ def test_mist_is_as_harmful_as_its_grade_says(setting):
             veiled = to_srgb((1 - veil) * to_linear(sample) + veil * air * np.float32(pattern.air))
             changes.append(np.mean((veiled - sample) ** 2))
         harms.append(np.mean(changes))
-        drops = severity.DROPS * pattern.coverage * severity.spread(setting)
+        drops = severity.drops_harm(pattern.coverage, setting)
         if pattern.mist < severity.THICKEST_MIST:
             assert harms[-1] + drops == pytest.approx(severity.wanted_harm(grade, setting), rel=0.1)
     assert harms[0] < harms[1] < harms[2]
     assert max(pattern.mist for pattern in drawn) < severity.THICKEST_MIST
+
+
+def test_rarity_counts_the_training_views_that_see_a_point(tmp_path):
+    scene = capture_in(tmp_path / "yard")  # a ring around all points: every view sees nearly every one
+    found = survey(scene, 0)
+    assert 1 / len(scene.split.train) <= found.rarity < 1.2 / len(scene.split.train)
+    for view in scene.train_views[1:]:  # a wall in front of all but one
+        write_depth(depth_path(view), np.full((view.camera.height, view.camera.width), 0.5))
+    assert survey(scene, 0).rarity == pytest.approx(1, abs=1e-6)
