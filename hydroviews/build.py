@@ -88,14 +88,15 @@ def build(
 
 
 def _write_rain(clean: Scene, folder: Path, rains: Sequence[Pattern], entry: Mapping[str, Any], seed: int) -> None:
-    """Write the variants that are not finished by what the manifest's entry says, and the statistics of all."""
+    """Write the variants that are not finished by what the manifest's entry says, and statistics that are not there."""
     files = {rain: [name for name in entry["files"] if name.startswith(f"{rain.name}/")] for rain in rains}
     missing = [rain for rain in rains if rain.name not in entry["patterns"] or not _are_there(folder, files[rain])]
     setting = survey(clean, seed) if missing else None
     for rain in rains:
         if setting is not None and rain in missing:
             write_variant(clean, folder, rain, setting)
-        write_statistics(folder, rain.name)
+        else:
+            write_statistics(folder, rain.name)
 
 
 def _are_there(folder: Path, files: Collection[str]) -> bool:

@@ -22,12 +22,15 @@ from hydroviews.rain.layers import write_layers
 from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.setting import Setting
 from hydroviews.scenes import Scene, View
-from hydroviews.statistics import STATISTICS
+from hydroviews.statistics import STATISTICS, write_statistics
 from hydroviews.writers import write_nerfstudio
 
 
 def write_variant(scene: Scene, folder: Path, pattern: Pattern, setting: Setting) -> None:
-    """Write the views of a scene in this rain; what is there is kept if it was made with the same parameters."""
+    """Write the views of a scene in this rain, and their statistics.
+
+    What is there is kept if it was made with the same parameters.
+    """
     variant = folder / pattern.name
     drawn = effects.draw(pattern, setting)
     cameras: dict[tuple[int, int], Camera] = {}
@@ -44,6 +47,7 @@ def write_variant(scene: Scene, folder: Path, pattern: Pattern, setting: Setting
         _write_rainy(view, variant, pattern.effect, prepared[view.camera.width, view.camera.height])
     _link_shared(variant)
     write_nerfstudio(scene, variant / "transforms.json", "images")
+    write_statistics(folder, pattern.name)
 
 
 def _take_variant(variant: Path, facts: Mapping[str, Any]) -> None:

@@ -62,7 +62,7 @@ def refuse_own_capture(scene: Scene, folder: Path) -> None:
 
 
 def _fingerprint(scene: Scene) -> str:
-    """Changes when the capture's views, cameras, points, split or image files do."""
+    """Changes when the capture's views, cameras, points, split, image files or what it says of itself do."""
     digest = hashlib.sha256(json.dumps(asdict(scene.split)).encode())
     digest.update(np.ascontiguousarray(scene.points.positions, np.float64).round(9).tobytes())
     digest.update(np.ascontiguousarray(scene.points.colours).tobytes())
@@ -72,6 +72,10 @@ def _fingerprint(scene: Scene) -> str:
         facts = [view.name, camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, pose]
         digest.update(json.dumps(facts).encode() + _glimpse(view.path))
         digest.update(_glimpse(view.mask) if view.mask else b"")
+    if scene.captured_rainy:
+        digest.update(b"captured in rain")
+    if scene.metres_per_unit not in (None, 1.0):
+        digest.update(f"{scene.metres_per_unit} metres a unit".encode())
     return digest.hexdigest()[:16]
 
 

@@ -67,7 +67,7 @@ def metres_and_focus(
         raise InputError(
             "how large the scene is cannot be told",
             found=f"{len(points)} points, none of them in a view",
-            fix="say how many metres a unit of the capture has",
+            fix='say how many metres a unit has in capture.json beside the cameras: {"metres_per_unit": 0.5}',
         )
     return USUAL_DISTANCE / distance, USUAL_DISTANCE
 

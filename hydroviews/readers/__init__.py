@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from hydroviews.errors import InputError
-from hydroviews.provenance import captured_rainy
+from hydroviews.provenance import captured_rainy, metres_per_unit
 from hydroviews.readers import llff, nerfstudio
 from hydroviews.readers.colmap import find_models, read_colmap
 from hydroviews.readers.llff import read_llff
@@ -19,7 +19,8 @@ def read_scene(folder: Path, name: str | None = None, images: str | None = None)
 
     The split is the folder's `split.json`, else every 8th view by name is held out. `Scene.notes` says which
     cameras were taken, how many images they cover, and which of them look wrong. Masks are the capture's `masks`
-    (see `hydroviews.masks`); whether it was taken in rain stands in its `capture.json`.
+    (see `hydroviews.masks`); whether it was taken in rain, and how large it is, stand in its
+    `capture.json`.
 
     Args:
         folder: the capture, or a built scene or one of its rainy variants.
@@ -38,7 +39,7 @@ def read_scene(folder: Path, name: str | None = None, images: str | None = None)
     rainy = captured_rainy(folder)
     if rainy:
         notes.append("taken in rain: there are no clean views to compare with")
-    return replace(scene, notes=tuple(notes), captured_rainy=rainy)
+    return replace(scene, notes=tuple(notes), captured_rainy=rainy, metres_per_unit=metres_per_unit(folder))
 
 
 def _read_cameras(folder: Path, name: str, images: str | None) -> Scene:

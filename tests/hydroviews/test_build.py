@@ -1,5 +1,6 @@
 import errno
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,11 @@ from hydroviews.errors import InputError
 from hydroviews.images import read_image, write_png
 from hydroviews.manifest import read_manifest, scene_files
 from hydroviews.rain.patterns import Pattern, choose_patterns
+from hydroviews.readers import read_scene
+from hydroviews.scenes import no_points
 from hydroviews.variants import open_clean, open_variant
 from hydroviews.verify import verify
+from hydroviews.writers import write_colmap
 
 STREAK = Pattern("streak", 0)
 
@@ -227,6 +231,27 @@ def test_another_photograph_of_the_same_size_is_another_request(scene, tmp_path)
     image.write_bytes(content)
     with pytest.raises(InputError, match="another request"):
         build(scene, tmp_path / "data", patterns=[])
+
+
+def test_what_a_capture_says_of_itself_belongs_to_the_request(scene, tmp_path):
+    capture = scene.views[0].path.parents[1]
+    write_colmap(replace(scene, points=no_points()), capture / "sparse" / "0")
+    storm = [Pattern("storm", 0)]
+    with pytest.raises(InputError, match=r"how large the scene is[\s\S]*capture\.json"):
+        build(read_scene(capture), tmp_path / "data", patterns=storm)
+    (capture / "capture.json").write_text('{"metres_per_unit": 0.5}')
+    with pytest.raises(InputError, match="another request"):
+        build(read_scene(capture), tmp_path / "data", patterns=storm)
+    folder = build(read_scene(capture), tmp_path / "data", patterns=storm, overwrite=True)
+    parameters = json.loads((folder / "storm-0" / "pattern.json").read_text())["parameters"]
+    assert (parameters["metres_per_unit"], parameters["metres_estimated"]) == (0.5, False)
+    (capture / "capture.json").write_text('{"rain": "captured"}')
+    with pytest.raises(InputError, match="another request"):
+        build(read_scene(capture), tmp_path / "data", patterns=[])
+    for scale in ("0", "-1", "true", '"2"'):
+        (capture / "capture.json").write_text(f'{{"metres_per_unit": {scale}}}')
+        with pytest.raises(InputError, match=r"capture\.json: metres_per_unit"):
+            read_scene(capture)
 
 
 def test_an_unfinished_scene_does_not_verify(scene, tmp_path):
