@@ -13,7 +13,7 @@ from urllib.parse import urlparse
 from hydroviews.archives import is_archive, unpack
 from hydroviews.catalogue import Archive, Capture, MissingCapture, all_captures, find_captures, locate
 from hydroviews.errors import InputError
-from hydroviews.files import write_bytes
+from hydroviews.files import locked, write_bytes
 from hydroviews.transfer import digest, fetch
 
 FOLDER = "downloads"
@@ -50,9 +50,11 @@ def _get(capture: Capture, root: Path, mirror: str | None, checked: dict[Archive
     if capture.archive is None:
         raise MissingCapture(capture, root)
     path, folder = root / FOLDER / capture.archive.name, root / capture.folders[0]
-    if capture.archive not in checked:
-        checked[capture.archive] = get_archive(capture.archive, path, mirror)
-    unpack(path, capture.scene, folder, checked[capture.archive][:12])
+    with locked(path, "another process is at work on it; waiting"):
+        if capture.archive not in checked:
+            checked[capture.archive] = get_archive(capture.archive, path, mirror)
+        if locate(capture, root) is None:
+            unpack(path, capture.scene, folder, checked[capture.archive][:12])
     if not (folder / SOURCE).exists():
         write_bytes(folder / SOURCE, _origin(capture, capture.archive, checked[capture.archive]).encode())
     return folder

@@ -1,10 +1,12 @@
 """Files that are either whole or not there: write to a temporary name, then rename."""
 
 import errno
+import fcntl
 import hashlib
 import json
 import os
 import shutil
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +15,8 @@ from typing import Any
 from hydroviews.errors import InputError
 
 PARTIAL = ".partial-"
+LOCK = ".lock-"
+LOCKLESS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # answers of file systems on which nothing can be locked
 
 
 @contextmanager
@@ -56,6 +60,35 @@ def plain_full_disk(path: Path) -> Iterator[None]:
                 fix="free some space and run the same command again; finished files are kept",
             ) from error
         raise
+
+
+@contextmanager
+def locked(path: Path, waiting: str = "") -> Iterator[None]:
+    """Keeps other processes that want the same file or folder waiting until the block ends, or this process does.
+
+    What is locked is a hidden file beside `path`. On a file system without locks nobody waits.
+
+    Args:
+        path: need not be there.
+        waiting: what to say if another process has it.
+
+    Raises:
+        InputError: a file is in the way of the folder that `path` is in.
+    """
+    with plain_full_disk(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        file = path.with_name(LOCK + path.name).open("a")
+    with file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            if waiting:
+                print(f"{path}: {waiting}", file=sys.stderr, flush=True)
+            fcntl.flock(file, fcntl.LOCK_EX)
+        except OSError as error:
+            if error.errno not in LOCKLESS:
+                raise
+        yield
 
 
 def write_bytes(path: Path, content: bytes) -> None:

@@ -2,7 +2,8 @@
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ from tqdm import tqdm
 
 import hydroviews
 from hydroviews.errors import InputError
-from hydroviews.files import sha256, write_json
+from hydroviews.files import locked, sha256, write_json
 
 MANIFEST = "manifest.json"
 GENERATOR = f"hydroviews {hydroviews.__version__}"
@@ -42,25 +43,33 @@ def record_scene(data: Path, scene: str, facts: Mapping[str, Any]) -> None:
     files = {}
     for path in tqdm(scene_files(folder), desc=f"{scene}: checksums", unit="file", leave=False):
         files[path.relative_to(folder).as_posix()] = sha256(path)
-    manifest = read_manifest(data)
-    manifest["generator"] = GENERATOR
-    manifest["scenes"][scene] = {**facts, "files": files}
-    write_json(data / MANIFEST, manifest)
+    with _changed(data) as manifest:
+        manifest["generator"] = GENERATOR
+        manifest["scenes"][scene] = {**facts, "files": files}
 
 
 def forget_scene(data: Path, scene: str) -> None:
     """Take a scene out of the manifest, before its files are."""
-    manifest = read_manifest(data)
-    if manifest["scenes"].pop(scene, None):
-        write_json(data / MANIFEST, manifest)
+    if scene in read_manifest(data)["scenes"]:
+        with _changed(data) as manifest:
+            manifest["scenes"].pop(scene, None)
 
 
 def record_files(data: Path, scene: str, names: Sequence[str]) -> None:
     """Hash a few files of a scene that is in the manifest again, such as a card that was written anew."""
-    manifest = read_manifest(data)
-    files = manifest["scenes"][scene]["files"] | {name: sha256(data / scene / name) for name in names}
-    manifest["scenes"][scene]["files"] = dict(sorted(files.items(), key=lambda item: Path(item[0])))
-    write_json(data / MANIFEST, manifest)
+    hashes = {name: sha256(data / scene / name) for name in names}
+    with _changed(data) as manifest:
+        files = manifest["scenes"][scene]["files"] | hashes
+        manifest["scenes"][scene]["files"] = dict(sorted(files.items(), key=lambda item: Path(item[0])))
+
+
+@contextmanager
+def _changed(data: Path) -> Iterator[dict[str, Any]]:
+    """The manifest, written when the block ends; no other process changes it meanwhile."""
+    with locked(data / MANIFEST):
+        manifest = read_manifest(data)
+        yield manifest
+        write_json(data / MANIFEST, manifest)
 
 
 def data_hash(data: Path, scene: str, pattern: str) -> str:

@@ -10,7 +10,7 @@ from hydroviews.catalogue import Capture, MissingCapture, all_captures, captures
 from hydroviews.claims import remove_leftovers
 from hydroviews.drop_masks import write_drop_masks
 from hydroviews.errors import InputError
-from hydroviews.files import read_json
+from hydroviews.files import locked, read_json
 from hydroviews.images import image_size
 from hydroviews.manifest import MANIFEST
 from hydroviews.profiles import Profile
@@ -19,6 +19,7 @@ from hydroviews.readers import read_scene
 from hydroviews.readers.photographs import FOLDERS, photographs_below
 from hydroviews.scenes import Scene
 
+BUSY = "another process is at work on it; waiting"
 RENDERED = "captures"  # embedded scenes as rendered, beside the built ones
 
 
@@ -39,8 +40,9 @@ def find_capture(source: str, rendered: Path, views: int, long_side: int, captur
     if source in EMBEDDED:
         width, height = long_side, max(1, long_side * 3 // 4)
         folder = rendered / f"{source}-{views}-{width}x{height}"
-        remove_leftovers(folder)
-        render_embedded(source, folder, views, width, height, seed=0)
+        with locked(folder, BUSY):
+            remove_leftovers(folder)
+            render_embedded(source, folder, views, width, height, seed=0)
         return read_embedded(source, folder)
     root = captures_root(captures)
     published = find_captures(source)
@@ -126,22 +128,24 @@ def build_source(
         The built scene's folder.
     """
     long_side = profile.long_side if long_side is None else long_side
+    named = choose_patterns(patterns, ())  # a wrong name is told before anything is rendered
     scene = find_capture(source, out / RENDERED, profile.embedded_views, long_side, captures)
     for note in scene.notes:
         print(f"{scene.name}: {note}")
     default = profile.patterns if all_patterns and not scene.captured_rainy else ()
-    remove_leftovers(out / MANIFEST)
-    folder = build(
-        scene,
-        out,
-        patterns=choose_patterns(patterns, default),
-        long_side=long_side,
-        seed=_built_seed(out / scene.name) if seed is None else seed,
-        source=source,
-        overwrite=overwrite,
-    )
-    if scene.captured_rainy:
-        write_drop_masks(scene, folder, scene.resized(long_side).views)
+    with locked(out / scene.name, BUSY):
+        remove_leftovers(out / MANIFEST)
+        folder = build(
+            scene,
+            out,
+            patterns=named or choose_patterns((), default),
+            long_side=long_side,
+            seed=_built_seed(out / scene.name) if seed is None else seed,
+            source=source,
+            overwrite=overwrite,
+        )
+        if scene.captured_rainy:
+            write_drop_masks(scene, folder, scene.resized(long_side).views)
     return folder
 
 

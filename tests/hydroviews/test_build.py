@@ -1,5 +1,7 @@
 import errno
 import json
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -252,6 +254,26 @@ def test_what_a_capture_says_of_itself_belongs_to_the_request(scene, tmp_path):
         (capture / "capture.json").write_text(f'{{"metres_per_unit": {scale}}}')
         with pytest.raises(InputError, match=r"capture\.json: metres_per_unit"):
             read_scene(capture)
+
+
+RECORD_OFTEN = """
+import sys
+from pathlib import Path
+from hydroviews.manifest import record_scene
+for turn in range(100):
+    record_scene(Path(sys.argv[1]), sys.argv[2], {"patterns": [], "turn": turn})
+"""
+
+
+def test_scenes_that_are_recorded_at_the_same_time_all_stand_in_the_manifest(tmp_path):
+    names = ["a", "b", "c"]
+    for name in names:
+        (tmp_path / name).mkdir()
+    command = [sys.executable, "-c", RECORD_OFTEN, str(tmp_path)]
+    processes = [subprocess.Popen([*command, name], stderr=subprocess.DEVNULL) for name in names]
+    assert [process.wait(60) for process in processes] == [0, 0, 0]
+    scenes = read_manifest(tmp_path)["scenes"]
+    assert {name: scenes[name]["turn"] for name in scenes} == dict.fromkeys(names, 99)
 
 
 def test_an_unfinished_scene_does_not_verify(scene, tmp_path):

@@ -1,9 +1,12 @@
 import errno
+import subprocess
+import sys
+import time
 
 import pytest
 
 from hydroviews.errors import InputError
-from hydroviews.files import read_json, replacing, write_json
+from hydroviews.files import locked, read_json, replacing, write_json
 
 
 def test_a_failed_write_leaves_the_old_file_and_no_trace(tmp_path):
@@ -30,3 +33,33 @@ def test_broken_json(tmp_path):
         read_json(tmp_path / "a.json")
     with pytest.raises(InputError, match="no such file"):
         read_json(tmp_path / "b.json")
+
+
+OTHER = """
+import sys
+from pathlib import Path
+from hydroviews.files import locked
+with locked(Path(sys.argv[1]), "busy"):
+    Path(sys.argv[1]).write_text("changed")
+"""
+
+
+def test_who_wants_what_is_locked_waits(tmp_path):
+    path = tmp_path / "a"
+    with locked(path):
+        other = subprocess.Popen([sys.executable, "-c", OTHER, str(path)], stderr=subprocess.PIPE, text=True)
+        assert other.stderr is not None
+        assert other.stderr.readline() == f"{path}: busy\n"
+        time.sleep(0.1)
+        assert other.poll() is None
+        assert not path.exists()
+    assert other.wait(30) == 0
+    assert path.read_text() == "changed"
+    with locked(path):  # nobody has it any more
+        pass
+
+
+def test_a_file_in_the_way_of_a_folder_is_told(tmp_path):
+    (tmp_path / "a").write_text("")
+    with pytest.raises(InputError, match="not a folder"), locked(tmp_path / "a" / "b"):
+        pass
