@@ -28,6 +28,10 @@ ifneq ($(strip $(CAPTURES)),)
 export HYDROVIEWS_CAPTURES := $(CAPTURES)
 endif
 
+ifneq ($(and $(strip $(SUITE)),$(filter eval,$(MAKECMDGOALS))),)
+$(error SUITE=$(SUITE): make eval takes one SCENE= at a time; SUITE= is for make dataset)
+endif
+
 .PHONY: setup dataset eval leaderboard bench test lint
 
 setup: $(READY)  ## everything into .venv, at the versions of constraints.txt

@@ -51,8 +51,10 @@ def _patterns(path: Path, content: dict[str, Any]) -> tuple[int, ...] | None:
     patterns = content.get("patterns")
     if patterns is None:
         return None
-    if not isinstance(patterns, list) or not all(type(number) is int and number >= 0 for number in patterns):
-        raise InputError(f"{path}: patterns", found=patterns, expected="a list of numbers from 0")
+    if not (isinstance(patterns, list) and patterns and all(type(n) is int and n >= 0 for n in patterns)):
+        raise InputError(
+            f"{path}: patterns", found=patterns, expected="a list of numbers from 0, or no patterns at all"
+        )
     return tuple(patterns)
 
 
@@ -60,7 +62,7 @@ def _scenes(path: Path, content: dict[str, Any]) -> dict[str, tuple[str, ...]]:
     if set(content) - KEYS or not isinstance(content.get("scenes"), dict) or not content["scenes"]:
         raise InputError(f"{path}: not a suite", found=", ".join(content) or "nothing", expected=EXAMPLE)
     for scene, effects in content["scenes"].items():
-        if not isinstance(effects, list) or not set(effects) <= set(EFFECTS):
+        if not isinstance(effects, list) or any(effect not in EFFECTS for effect in effects):
             raise InputError(
                 f"{path}: effects of {scene}", found=effects, expected=f"a list of {', '.join(EFFECTS)}; [] for none"
             )

@@ -38,6 +38,12 @@ def test_make_dataset_builds_a_scene_or_a_suite():
     assert "ignored" not in line
 
 
+def test_make_eval_refuses_a_suite():
+    with pytest.raises(subprocess.CalledProcessError) as refusal:
+        make("eval", "SUITE=paper")
+    assert "SUITE=paper: make eval takes one SCENE=" in refusal.value.stderr
+
+
 def test_make_hands_the_folder_of_captures_on():
     assert "HYDROVIEWS_CAPTURES := /my captures" in make("--print-data-base", "dataset", "CAPTURES=/my captures")
     assert "HYDROVIEWS_CAPTURES :=" not in make("--print-data-base", "dataset")

@@ -87,7 +87,7 @@ def _captures(name: str, collection: Mapping[str, Any]) -> Iterator[Capture]:
 
 def find_captures(name: str) -> list[Capture]:
     """The captures of that name in any spelling; all of a collection if it is the collection's; or none."""
-    wanted = name.strip("/").lower()
+    wanted = name.rstrip("/").lower()
     found = [capture for capture in all_captures() if wanted in capture.spellings]
     return found or [capture for capture in all_captures() if wanted == capture.collection]
 

@@ -39,7 +39,7 @@ def test_a_capture_has_several_spellings(name):
 
 def test_a_collection_is_all_of_its_captures():
     assert {capture.scene for capture in find_captures("mipnerf360")} == MIPNERF360
-    assert find_captures("") == find_captures("gard") == find_captures("./garden") == []
+    assert find_captures("") == find_captures("gard") == find_captures("./garden") == find_captures("/garden") == []
 
 
 @pytest.mark.parametrize(
@@ -90,6 +90,8 @@ def test_suites_name_known_captures(name):
         ("[scene]\ngarden = []", "not a suite"),
         ("[scenes]\ngarden = ['hail']", "effects of garden"),
         ("[scenes]\ngarden = 'streak'", "effects of garden"),
+        ("[scenes]\ngarden = [['streak']]", "effects of garden"),
+        ("patterns = []\n[scenes]\ngarden = ['streak']", "patterns"),
         ("patterns = ['streak-0']\n[scenes]\ngarden = []", "patterns"),
         ("[scenes", "not valid TOML"),
     ],
