@@ -132,9 +132,14 @@ def card_command(data: Annotated[Path, tyro.conf.Positional], scene: str = "", r
         scene: only the one of that name.
         results: the folder that `make eval` wrote.
     """
+    failures = []
     for folder in built_scenes(data, scene):
-        losses = record_losses(folder, results)
-        print(f"{folder.name}\n{losses.to_string(index=False)}\n")
+        try:
+            print(f"{folder.name}\n{record_losses(folder, results).to_string(index=False)}\n")
+        except InputError as error:  # a scene without runs does not hold up the others
+            failures.append(str(error))
+    if failures:
+        raise InputError("\n".join(failures))
 
 
 def poses_command(images: Annotated[Path, tyro.conf.Positional], out: Path | None = None) -> None:

@@ -33,7 +33,7 @@ def read_provenance(folder: Path) -> dict[str, Any]:
 
 
 def captured_rainy(folder: Path) -> bool:
-    """Whether it rained when the capture was taken, as its `capture.json` says.
+    """Whether it rained when the capture was taken, as its `capture.json` or its being a CAPTURED variant says.
 
     Raises:
         InputError: see `read_provenance`; or it says something else of the rain than "captured" or "none".
@@ -41,7 +41,7 @@ def captured_rainy(folder: Path) -> bool:
     rain = read_provenance(folder).get("rain", "none")
     if rain not in ("captured", "none"):
         raise InputError(f"{folder / FILE}: unknown rain", found=rain, expected='"captured" or "none"')
-    return bool(rain == "captured")
+    return bool(rain == "captured") or folder.resolve().name == CAPTURED
 
 
 def metres_per_unit(folder: Path) -> float | None:

@@ -4,6 +4,7 @@ import hashlib
 import http.client
 import os
 import shutil
+import ssl
 import time
 import urllib.error
 import urllib.request
@@ -22,6 +23,7 @@ TIMEOUT = 30.0  # seconds without a byte
 ATTEMPTS = 4  # at one server without a byte more each time
 PAUSE = 1.0  # seconds before the second attempt, doubled before each later one
 RETRIED = (408, 425, 429, 500, 502, 503, 504)  # answers that may be others a little later
+NETWORK = (urllib.error.URLError, http.client.HTTPException, TimeoutError, ConnectionError, ssl.SSLError)
 
 
 class Refused(Exception):
@@ -161,7 +163,7 @@ def _transfer(url: str, target: Path, joinable: bool) -> None:
             raise Cut("the part that is here does not fit the server's file") from None
         answer = f"the server answered {error.code} {error.reason}"
         raise (Cut(answer) if error.code in RETRIED else Refused(answer)) from None
-    except (urllib.error.URLError, http.client.HTTPException, TimeoutError, ConnectionError) as error:
+    except NETWORK as error:
         raise Cut(f"no connection ({getattr(error, 'reason', None) or error})") from None
 
 

@@ -35,7 +35,7 @@ def write_colmap(scene: Scene, folder: Path) -> None:
     Raises:
         InputError: the disk is full.
     """
-    partial = folder.with_name(PARTIAL + folder.name)
+    partial = folder.with_name(f"{PARTIAL}{os.getpid()}-{folder.name}")
     shutil.rmtree(partial, ignore_errors=True)
     try:
         with plain_full_disk(folder):

@@ -4,6 +4,7 @@ import pandas as pd
 import pytest
 from synthetic import capture_in
 
+from hydroviews.__main__ import card_command
 from hydroviews.build import build
 from hydroviews.card_words import describe_rain, markdown_table
 from hydroviews.errors import InputError
@@ -102,6 +103,14 @@ def test_no_leaderboard(built, tmp_path):
         (tmp_path / "leaderboard.csv").write_text(content)
         with pytest.raises(InputError, match="no leaderboard"):
             record_losses(built, tmp_path)
+
+
+def test_a_scene_without_runs_does_not_hold_up_the_others(built, tmp_path, capsys):
+    build(capture_in(tmp_path / "capture" / "another"), built.parent, patterns=STREAKS)
+    with pytest.raises(InputError, match="no pair of finished runs of 3dgs-clean and 3dgs on another"):
+        card_command(built.parent, results=results_in(tmp_path / "results", built))
+    assert "streak-2" in capsys.readouterr().out
+    assert (built / "losses.csv").is_file()
 
 
 def test_a_scene_may_be_called_by_a_number(tmp_path):

@@ -14,6 +14,7 @@ from hydroviews.errors import InputError
 from hydroviews.files import write_json
 from hydroviews.images import read_image
 from hydroviews.masks import mask_name, write_ignored
+from hydroviews.readers import read_scene
 from hydroviews.writers import write_colmap
 from leaderboard import evaluate as evaluate_module
 from leaderboard import tables
@@ -67,6 +68,7 @@ def test_a_scene_taken_in_rain_is_trained_and_pictured_but_not_scored(tmp_path, 
     assert "| toy_methods:MeanColour |  |" in said
     assert run(tmp_path, folder) == [record]
     assert not (tmp_path / "data/demo/walk/clean").exists()
+    assert read_scene(tmp_path / "data/demo/walk/captured-0").captured_rainy
 
 
 def test_what_needs_clean_views_is_refused(tmp_path):
