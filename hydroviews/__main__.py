@@ -15,6 +15,7 @@ from hydroviews.losses import record_losses
 from hydroviews.manifest import built_scenes
 from hydroviews.poses import Matcher, estimate_poses
 from hydroviews.profiles import Profile, find_profile
+from hydroviews.rain.drops_pattern import Technique
 from hydroviews.sheet import COLUMNS, write_sheets
 from hydroviews.sources import build_source
 from hydroviews.suites import build_suite, read_suite
@@ -29,6 +30,7 @@ def build_command(
     profile: str = "demo",
     seed: int | None = None,
     long_side: int | None = None,
+    technique: Technique | None = None,
     patterns: tuple[str, ...] = (),
     captures: Path | None = None,
     overwrite: bool = False,
@@ -42,14 +44,17 @@ def build_command(
         profile: demo, quick or paper: size, patterns, views of an embedded scene.
         seed: of everything drawn; 0 if the scene is new.
         long_side: pixels of the longer side, instead of the profile's.
+        technique: how water on the lens is drawn: disk (fast, the default), aperture (accurate) or traced (slow).
         patterns: such as raindrop-0 streak-2, instead of the profile's.
         captures: the folder with published captures; $HYDROVIEWS_CAPTURES or `captures` if not given.
         overwrite: drop a scene that was built with other settings.
     """
     sizes, data = find_profile(profile), out or Path("data") / profile
     if suite is not None:
-        if patterns or long_side is not None:
-            raise InputError("--suite with --patterns or --long-side", fix="name the patterns in a suite of your own")
+        if patterns or long_side is not None or technique:
+            raise InputError(
+                "--suite with --patterns, --long-side or --technique", fix="name patterns in a suite of your own"
+            )
         _build_suite(suite, data, sizes, captures, seed, overwrite)
         return
     folder = build_source(
@@ -60,6 +65,7 @@ def build_command(
         all_patterns=True,
         long_side=long_side,
         seed=seed,
+        technique=technique,
         overwrite=overwrite,
         captures=captures,
     )

@@ -20,11 +20,12 @@ from typing import Any
 
 from hydroviews.build_clean import CLEAN, write_cameras, write_views
 from hydroviews.build_rain import write_captured, write_variant
-from hydroviews.build_request import make_request, refuse_own_capture, take_folder
+from hydroviews.build_request import Request, make_request, refuse_own_capture, take_folder
 from hydroviews.data_card import keep_licence, write_card
 from hydroviews.errors import InputError
 from hydroviews.manifest import read_manifest, record_scene
 from hydroviews.provenance import CAPTURED
+from hydroviews.rain.drops_pattern import Technique
 from hydroviews.rain.patterns import Pattern, parse_pattern
 from hydroviews.rain.setting import survey
 from hydroviews.scenes import Scene
@@ -38,6 +39,7 @@ def build(
     patterns: Sequence[Pattern],
     long_side: int | None = None,
     seed: int = 0,
+    technique: Technique = "disk",
     source: str = "",
     overwrite: bool = False,
 ) -> Path:
@@ -49,6 +51,7 @@ def build(
         patterns: which rains; none builds the clean views and cameras alone.
         long_side: pixels of the built views' longer side; never larger than the capture.
         seed: of everything that is drawn.
+        technique: how water on the lens is drawn, fast ("disk"), accurate ("aperture") or traced.
         source: what the user called the capture.
         overwrite: drop a scene that was built from another request.
 
@@ -67,7 +70,7 @@ def build(
             f"{scene.name}: taken in rain, there are no clean views to add {patterns[0].name} to",
             fix="build it without patterns (leave PATTERNS out)",
         )
-    request = make_request(scene, source, long_side, seed)
+    request = make_request(scene, source, long_side, seed, technique)
     take_folder(out, folder, request, overwrite)
     entry = read_manifest(out)["scenes"].get(scene.name, {"patterns": [], "files": {}})
     if {p.name for p in patterns} <= set(entry["patterns"]) and _are_there(folder, entry["files"]):
@@ -78,7 +81,7 @@ def build(
     if scene.captured_rainy:
         write_captured(clean, folder)
     rains = sorted({*patterns, *map(parse_pattern, entry["patterns"])})  # those of an earlier call too
-    _write_rain(clean, folder, rains, entry, seed)
+    _write_rain(clean, folder, rains, entry, request)
     names = [pattern.name for pattern in rains]
     keep_licence(scene, folder)
     write_card(folder, [CAPTURED] if scene.captured_rainy else names, scene.notes)
@@ -87,11 +90,13 @@ def build(
     return folder
 
 
-def _write_rain(clean: Scene, folder: Path, rains: Sequence[Pattern], entry: Mapping[str, Any], seed: int) -> None:
+def _write_rain(
+    clean: Scene, folder: Path, rains: Sequence[Pattern], entry: Mapping[str, Any], request: Request
+) -> None:
     """Write the variants that are not finished by what the manifest's entry says, and statistics that are not there."""
     files = {rain: [name for name in entry["files"] if name.startswith(f"{rain.name}/")] for rain in rains}
     missing = [rain for rain in rains if rain.name not in entry["patterns"] or not _are_there(folder, files[rain])]
-    setting = survey(clean, seed) if missing else None
+    setting = survey(clean, request.seed, request.technique) if missing else None
     for rain in rains:
         if setting is not None and rain in missing:
             write_variant(clean, folder, rain, setting)

@@ -10,6 +10,7 @@ import numpy as np
 from hydroviews.claims import claim
 from hydroviews.errors import InputError
 from hydroviews.manifest import GENERATOR, forget_scene
+from hydroviews.rain.drops_pattern import Technique
 from hydroviews.scenes import Scene
 
 GLIMPSE = 65536  # bytes
@@ -23,12 +24,13 @@ class Request:
     capture: str  # fingerprint of the capture's cameras
     long_side: int | None
     seed: int
+    technique: Technique  # of water on the lens
     generator: str = GENERATOR
 
 
-def make_request(scene: Scene, source: str, long_side: int | None, seed: int) -> Request:
+def make_request(scene: Scene, source: str, long_side: int | None, seed: int, technique: Technique) -> Request:
     """The request for a capture at its own size."""
-    return Request(source or scene.name, _fingerprint(scene), long_side, seed)
+    return Request(source or scene.name, _fingerprint(scene), long_side, seed, technique)
 
 
 def take_folder(out: Path, folder: Path, request: Request, overwrite: bool) -> None:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from hydroviews.blender.captures import EMBEDDED, read_embedded, render_embedded
 from hydroviews.build import build
@@ -14,6 +15,7 @@ from hydroviews.files import locked, read_json
 from hydroviews.images import image_size
 from hydroviews.manifest import MANIFEST
 from hydroviews.profiles import Profile
+from hydroviews.rain.drops_pattern import Technique
 from hydroviews.rain.patterns import choose_patterns
 from hydroviews.readers import read_scene
 from hydroviews.readers.photographs import FOLDERS, photographs_below
@@ -108,6 +110,7 @@ def build_source(
     all_patterns: bool = False,
     long_side: int | None = None,
     seed: int | None = None,
+    technique: Technique | None = None,
     overwrite: bool = False,
     captures: Path | None = None,
 ) -> Path:
@@ -121,6 +124,7 @@ def build_source(
         all_patterns: where none is named, the profile's patterns; a capture that was taken in rain gets none.
         long_side: pixels, instead of the profile's.
         seed: of the rain; a scene that is already there keeps its own if None.
+        technique: of water on the lens, "disk", "aperture" or "traced"; a scene that is already there keeps its own.
         overwrite: drop a scene that was built from another request.
         captures: the folder with published captures.
 
@@ -135,12 +139,14 @@ def build_source(
     default = profile.patterns if all_patterns and not scene.captured_rainy else ()
     with locked(out / scene.name, BUSY):
         remove_leftovers(out / MANIFEST)
+        built = _built_request(out / scene.name)
         folder = build(
             scene,
             out,
             patterns=named or choose_patterns((), default),
             long_side=long_side,
-            seed=_built_seed(out / scene.name) if seed is None else seed,
+            seed=built.get("seed", 0) if seed is None else seed,
+            technique=technique or built.get("technique", "disk"),
             source=source,
             overwrite=overwrite,
         )
@@ -149,6 +155,7 @@ def build_source(
     return folder
 
 
-def _built_seed(folder: Path) -> int:
+def _built_request(folder: Path) -> dict[str, Any]:
+    """What a scene that is already there was asked to be; empty where there is none."""
     request = folder / "request.json"
-    return int(read_json(request).get("seed", 0)) if request.is_file() else 0
+    return dict(read_json(request)) if request.is_file() else {}

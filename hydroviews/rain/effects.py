@@ -5,7 +5,7 @@ half floats of their files before they are used.
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -40,7 +40,8 @@ def draw(pattern: Pattern, setting: Setting) -> Any:
         return severity.grade_streaks(streaks.draw_pattern(rng, pattern.level), pattern.grade, setting)
     if pattern.effect == "storm":
         return storm.draw_pattern(rng, pattern.level)
-    return severity.grade_raindrops(raindrops.draw_pattern(rng, pattern.level), pattern.grade, setting)
+    lens = replace(raindrops.draw_pattern(rng, pattern.level), technique=setting.technique)
+    return severity.grade_raindrops(lens, pattern.grade, setting)
 
 
 def prepare(pattern: Pattern, drawn: Any, setting: Setting, camera: Camera, folder: Path) -> Effect:

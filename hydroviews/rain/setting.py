@@ -9,6 +9,7 @@ from tqdm import tqdm
 
 from hydroviews.depth import depth_path, view_depth
 from hydroviews.images import Image, resize_area, to_linear
+from hydroviews.rain.drops_pattern import Technique
 from hydroviews.rain.light import luminance
 from hydroviews.scenes import Points, Scene, View
 
@@ -43,9 +44,10 @@ class Setting:
     detail: float  # mean squared fine detail of the clean views, encoded values: what is hardest to reconstruct
     light: Light
     metres_per_unit: float | None = None  # of the capture, where it is known
+    technique: Technique = "disk"  # of water on the lens
 
 
-def survey(scene: Scene, seed: int) -> Setting:
+def survey(scene: Scene, seed: int, technique: Technique = "disk") -> Setting:
     """Look at some of a scene's clean views, and say what rain may know.
 
     Raises:
@@ -67,6 +69,7 @@ def survey(scene: Scene, seed: int) -> Setting:
         detail=float(np.mean(details)),
         light=_light(samples),
         metres_per_unit=scene.metres_per_unit,
+        technique=technique,
     )
 
 

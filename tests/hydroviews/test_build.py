@@ -15,7 +15,9 @@ from hydroviews.build import build
 from hydroviews.errors import InputError
 from hydroviews.images import read_image, write_png
 from hydroviews.manifest import read_manifest, scene_files
+from hydroviews.rain import effects
 from hydroviews.rain.patterns import Pattern, choose_patterns
+from hydroviews.rain.setting import survey
 from hydroviews.readers import read_scene
 from hydroviews.scenes import no_points
 from hydroviews.variants import open_clean, open_variant
@@ -287,3 +289,12 @@ def test_a_broken_manifest_is_told(tmp_path, content):
     (tmp_path / "manifest.json").write_text(content)
     with pytest.raises(InputError, match="delete it and build again"):
         verify(tmp_path)
+
+
+def test_the_technique_of_drops_is_part_of_the_request(scene, tmp_path):
+    folder = build(scene, tmp_path, patterns=[], technique="aperture")
+    assert json.loads((folder / "request.json").read_text())["technique"] == "aperture"
+    with pytest.raises(InputError, match="technique disk"):
+        build(scene, tmp_path, patterns=[])
+    drawn = effects.draw(Pattern("raindrop", 0), survey(scene, 0, "aperture"))
+    assert drawn.technique == "aperture"
