@@ -74,10 +74,7 @@ def _fingerprint(scene: Scene) -> str:
         facts = [view.name, camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, pose]
         digest.update(json.dumps(facts).encode() + _glimpse(view.path))
         digest.update(_glimpse(view.mask) if view.mask else b"")
-    if scene.captured_rainy:
-        digest.update(b"captured in rain")
-    if scene.metres_per_unit not in (None, 1.0):
-        digest.update(f"{scene.metres_per_unit} metres a unit".encode())
+    digest.update(json.dumps([scene.captured_rainy, scene.metres_per_unit]).encode())
     return digest.hexdigest()[:16]
 
 
