@@ -8,15 +8,15 @@ import os
 import shutil
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from hydroviews.errors import InputError
 
 PARTIAL = ".partial-"
 LOCK = ".lock-"
-LOCKLESS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # answers of file systems on which nothing can be locked
+LOCKLESS = (errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # no lock can be had
 
 
 @contextmanager
@@ -66,7 +66,8 @@ def plain_full_disk(path: Path) -> Iterator[None]:
 def locked(path: Path, waiting: str = "") -> Iterator[None]:
     """Keeps other processes that want the same file or folder waiting until the block ends, or this process does.
 
-    What is locked is a hidden file beside `path`. On a file system without locks nobody waits.
+    What is locked is a hidden file beside `path`. In a folder that is only to be read, or on a file system without
+    locks, nobody waits.
 
     Args:
         path: need not be there.
@@ -75,20 +76,25 @@ def locked(path: Path, waiting: str = "") -> Iterator[None]:
     Raises:
         InputError: a file is in the way of the folder that `path` is in.
     """
-    with plain_full_disk(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        file = path.with_name(LOCK + path.name).open("a")
-    with file:
+    with ExitStack() as stack:
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            if waiting:
-                print(f"{path}: {waiting}", file=sys.stderr, flush=True)
-            fcntl.flock(file, fcntl.LOCK_EX)
+            with plain_full_disk(path):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                file = stack.enter_context(path.with_name(LOCK + path.name).open("a"))
+            _flock(file, f"{path}: {waiting}" if waiting else "")
         except OSError as error:
             if error.errno not in LOCKLESS:
                 raise
         yield
+
+
+def _flock(file: IO[str], waiting: str) -> None:
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        if waiting:
+            print(waiting, file=sys.stderr, flush=True)
+        fcntl.flock(file, fcntl.LOCK_EX)
 
 
 def write_bytes(path: Path, content: bytes) -> None:

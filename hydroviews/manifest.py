@@ -73,7 +73,9 @@ def _changed(data: Path) -> Iterator[dict[str, Any]]:
 
 
 def data_hash(data: Path, scene: str, pattern: str) -> str:
-    """SHA-256 over the hashes of what a method sees: clean views, cameras, split, masks and the variant's images.
+    """SHA-256 over the hashes of what a method sees.
+
+    That is clean views, cameras, split, masks, and the variant's images and drop masks.
 
     Raises:
         InputError: the manifest does not list the scene.
@@ -81,7 +83,7 @@ def data_hash(data: Path, scene: str, pattern: str) -> str:
     scenes = read_manifest(data)["scenes"]
     if scene not in scenes:
         raise InputError(f"{data}: no finished scene {scene}", found=", ".join(scenes) or "none", fix="build it first")
-    seen = ("clean/", "sparse/", "split.json", "masks/", f"{pattern}/images/")
+    seen = ("clean/", "sparse/", "split.json", "masks/", f"{pattern}/images/", f"{pattern}/drops/")
     lines = sorted(f"{digest} {name}" for name, digest in scenes[scene]["files"].items() if name.startswith(seen))
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 

@@ -7,7 +7,9 @@ from synthetic import capture_in
 from hydroviews.drop_masks import read_drops
 from hydroviews.errors import InputError
 from hydroviews.images import write_png
+from hydroviews.manifest import data_hash, record_files
 from hydroviews.profiles import find_profile
+from hydroviews.provenance import CAPTURED
 from hydroviews.sources import build_source
 from hydroviews.verify import verify
 from hydroviews.writers import write_colmap
@@ -59,6 +61,11 @@ def test_pictures_of_masks(church, tmp_path):
     assert np.array_equal(read_drops(folder, "view-03")[:, 0], np.arange(18) < 5)
     assert read_drops(folder, "view-04") is None
     assert verify(tmp_path / "data") == []
+    before = data_hash(folder.parent, folder.name, CAPTURED)
+    drops = f"{CAPTURED}/drops/view-03.png"
+    write_png(folder / drops, np.zeros((18, 24, 3), np.uint8))
+    record_files(folder.parent, folder.name, [drops])
+    assert data_hash(folder.parent, folder.name, CAPTURED) != before  # methods may learn from them
 
 
 def test_a_capture_without_masks_has_none(church, tmp_path):

@@ -63,3 +63,17 @@ def test_a_file_in_the_way_of_a_folder_is_told(tmp_path):
     (tmp_path / "a").write_text("")
     with pytest.raises(InputError, match="not a folder"), locked(tmp_path / "a" / "b"):
         pass
+
+
+@pytest.mark.parametrize("refusal", [errno.EROFS, errno.EACCES])
+def test_where_nothing_can_be_written_nobody_waits(tmp_path, monkeypatch, refusal):
+    def refuse(*arguments, **options):
+        raise OSError(refusal, "no")
+
+    monkeypatch.setattr("pathlib.Path.open", refuse)
+    done = []
+    with locked(tmp_path / "a"):
+        done.append(True)
+    assert done
+    with pytest.raises(OSError, match="inside"), locked(tmp_path / "a"):  # what the block raises is its own
+        raise OSError(refusal, "inside")
