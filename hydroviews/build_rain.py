@@ -25,6 +25,8 @@ from hydroviews.scenes import Scene, View
 from hydroviews.statistics import STATISTICS, write_statistics
 from hydroviews.writers import write_nerfstudio
 
+LensSize = tuple[int, int] | None  # of the pictures that an effect is made ready for; None: of any size
+
 
 def write_variant(scene: Scene, folder: Path, pattern: Pattern, setting: Setting) -> None:
     """Write the views of a scene in this rain, and their statistics.
@@ -33,21 +35,26 @@ def write_variant(scene: Scene, folder: Path, pattern: Pattern, setting: Setting
     """
     variant = folder / pattern.name
     drawn = effects.draw(pattern, setting)
-    cameras: dict[tuple[int, int], Camera] = {}
-    for view in scene.views:  # one lens for every image size of the capture
-        cameras.setdefault((view.camera.width, view.camera.height), view.camera)
+    cameras: dict[LensSize, Camera] = {}
+    for view in scene.views:
+        cameras.setdefault(_lens_size(pattern, view.camera), view.camera)
     prepared = {
-        size: effects.prepare(pattern, drawn, setting, camera, variant / ".lens" / f"{size[0]}x{size[1]}")
+        size: effects.prepare(pattern, drawn, setting, camera, variant / ".lens" / f"{camera.width}x{camera.height}")
         for size, camera in cameras.items()
     }
     facts = {"effect": pattern.effect, "index": pattern.index, "grade": pattern.grade, "seed": setting.seed}
     parameters = next(iter(prepared.values())).parameters
     _take_variant(variant, {**facts, "generator": GENERATOR, "parameters": parameters})
     for view in tqdm(scene.views, desc=f"{scene.name}: {pattern.name}", unit="view"):
-        _write_rainy(view, variant, pattern.effect, prepared[view.camera.width, view.camera.height])
+        _write_rainy(view, variant, pattern.effect, prepared[_lens_size(pattern, view.camera)])
     _link_shared(variant)
     write_nerfstudio(scene, variant / "transforms.json", "images")
     write_statistics(folder, pattern.name)
+
+
+def _lens_size(pattern: Pattern, camera: Camera) -> LensSize:
+    """Water on the lens is made ready for every image size of a capture; other rain once for all."""
+    return (camera.width, camera.height) if pattern.effect == "raindrop" else None
 
 
 def _take_variant(variant: Path, facts: Mapping[str, Any]) -> None:

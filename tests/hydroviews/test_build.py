@@ -19,7 +19,7 @@ from hydroviews.rain import effects
 from hydroviews.rain.patterns import Pattern, choose_patterns
 from hydroviews.rain.setting import survey
 from hydroviews.readers import read_scene
-from hydroviews.scenes import no_points
+from hydroviews.scenes import make_scene, no_points
 from hydroviews.variants import open_clean, open_variant
 from hydroviews.verify import verify
 from hydroviews.writers import write_colmap
@@ -235,6 +235,17 @@ def test_another_photograph_of_the_same_size_is_another_request(scene, tmp_path)
     image.write_bytes(content)
     with pytest.raises(InputError, match="another request"):
         build(scene, tmp_path / "data", patterns=[])
+
+
+def test_rain_off_the_lens_is_made_ready_once_for_pictures_of_all_sizes(scene, tmp_path, monkeypatch):
+    views = [replace(v, camera=v.camera.resized(*((48, 36), (40, 30))[i % 2])) for i, v in enumerate(scene.views)]
+    prepare, prepared = effects.prepare, []
+    monkeypatch.setattr(effects, "prepare", lambda *facts: prepared.append(facts) or prepare(*facts))
+    several = make_scene("yard", views, scene.points)
+    folder = build(several, tmp_path / "data", patterns=choose_patterns(["streak-0", "storm-0"], ()))
+    assert len(prepared) == 2
+    assert read_image(folder / "storm-0" / "images" / "view-07.png").shape == (30, 40, 3)
+    assert verify(tmp_path / "data", every_view=True) == []
 
 
 def test_what_a_capture_says_of_itself_belongs_to_the_request(scene, tmp_path):
