@@ -33,20 +33,20 @@ def write_variant(scene: Scene, folder: Path, pattern: Pattern, setting: Setting
 
     What is there is kept if it was made with the same parameters.
     """
-    variant = folder / pattern.name
-    drawn = effects.draw(pattern, setting)
-    cameras: dict[LensSize, Camera] = {}
-    for view in scene.views:
-        cameras.setdefault(_lens_size(pattern, view.camera), view.camera)
-    prepared = {
-        size: effects.prepare(pattern, drawn, setting, camera, variant / ".lens" / f"{camera.width}x{camera.height}")
-        for size, camera in cameras.items()
-    }
+    variant, drawn = folder / pattern.name, effects.draw(pattern, setting)
     facts = {"effect": pattern.effect, "index": pattern.index, "grade": pattern.grade, "seed": setting.seed}
-    parameters = next(iter(prepared.values())).parameters
-    _take_variant(variant, {**facts, "generator": GENERATOR, "parameters": parameters})
-    for view in tqdm(scene.views, desc=f"{scene.name}: {pattern.name}", unit="view"):
-        _write_rainy(view, variant, pattern.effect, prepared[_lens_size(pattern, view.camera)])
+    groups: dict[LensSize, list[View]] = {}
+    for view in scene.views:
+        groups.setdefault(_lens_size(pattern, view.camera), []).append(view)
+    with tqdm(total=len(scene.views), desc=f"{scene.name}: {pattern.name}", unit="view") as bar:
+        for views in groups.values():  # one after another: what is made ready for a size may be large
+            camera = views[0].camera
+            lens = variant / ".lens" / f"{camera.width}x{camera.height}"
+            prepared = effects.prepare(pattern, drawn, setting, camera, lens)
+            _take_variant(variant, {**facts, "generator": GENERATOR, "parameters": prepared.parameters})
+            for view in views:
+                _write_rainy(view, variant, pattern.effect, prepared)
+                bar.update()
     _link_shared(variant)
     write_nerfstudio(scene, variant / "transforms.json", "images")
     write_statistics(folder, pattern.name)
