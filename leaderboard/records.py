@@ -26,7 +26,7 @@ class Record:
 
     method: str
     scene: str
-    effect: str  # raindrop, streak, or clean
+    effect: str  # raindrop, streak, storm, captured or clean
     pattern: str
     seed: int
     track: str  # one of TRACKS

@@ -47,7 +47,7 @@ class Run:
 
     @property
     def effect(self) -> str:
-        """raindrop, streak or clean."""
+        """raindrop, streak, storm, captured or clean."""
         return self.pattern.rpartition("-")[0] or self.pattern
 
     def __str__(self) -> str:

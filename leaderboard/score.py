@@ -44,7 +44,8 @@ def score(run: Run) -> Record:
     A metric that cannot be had (images too small for it, no network weights) stays empty, with the reason.
 
     Raises:
-        InputError: a render is missing, or of another size than its clean view; the data changed since the run.
+        InputError: a render is missing, or of another size than its clean view; there is no such run, or
+            the data changed since.
     """
     _refuse_other_data(run)
     if run.pattern == CAPTURED:
@@ -86,7 +87,10 @@ def _mean(scores: pd.Series) -> float | None:
 
 
 def _refuse_other_data(run: Run) -> None:
-    now, then = data_hash(run.data, run.scene, run.pattern), read_json(run.folder / "config.json")["data_sha256"]
+    config = run.folder / "config.json"
+    if not config.is_file():
+        raise InputError(f"{run}: no such run", found=f"no {config}", fix=f"make eval METHOD={run.method} first")
+    now, then = data_hash(run.data, run.scene, run.pattern), read_json(config).get("data_sha256")
     if now != then:
         raise InputError(
             f"{run}: the data are not what it was run on",

@@ -93,6 +93,8 @@ def test_rescoring_on_other_data_is_refused(built, tmp_path):
     manifest.write_text(json.dumps(content))
     with pytest.raises(InputError, match="the data are not what it was run on"):
         score(_runs(built, tmp_path)[0])
+    with pytest.raises(InputError, match=r"seed 5: no such run\n.*config\.json\n.*make eval"):
+        score(dataclasses.replace(_runs(built, tmp_path)[0], seed=5))
 
 
 def test_score_and_picture_take_the_folders_that_evaluate_takes(built, tmp_path):
