@@ -4,7 +4,8 @@ What 3DGS makes of rain can be told beforehand, roughly:
 
 * Streaks are new in every view, and what many views agree on is a value between their mean and their median (the
   loss is an absolute error with a share of SSIM): the scene is learned too bright by S (beta - B), with S that
-  value of the cover. Its square, averaged over the scene, is the streaks' harm.
+  value of the cover. Where few views see a place, single streaks are learned as well. The mean square of both is
+  the streaks' harm.
 * Water on the lens is at the same place in every view. A veil of mist is learned as part of the scene. Sharp drops
   cover other places of the scene in other views: of the error they make, one c-th is left where c views see a place.
 * A scene is learned from clean views with an error in proportion to its fine detail, so that the loss in dB is
@@ -33,7 +34,8 @@ TRIAL_VIEWS = 3  # whose mean cover stands for all
 STEPS = 12  # of a bisection
 LEARNED = 1.5  # mean squared error of a scene learned from clean views, in units of its fine detail
 THICKEST_MIST = 0.95
-TO_MEDIAN = 0.15  # how far from the mean to the median what is learned of fresh streaks lies
+TO_MEDIAN = 0.3  # how far from the mean to the median what many views agree on lies
+LEFT = 1.7  # of the mean squared cover by streaks, times the scene's rarity: what is learned of single streaks
 
 
 def wanted_harm(grade: str, setting: Setting) -> float:
@@ -50,7 +52,7 @@ def grade_streaks(drawn: StreakPattern, grade: str, setting: Setting) -> StreakP
         rngs = [generator(setting.seed, setting.scene, "trial", i) for i in range(TRIAL_VIEWS)]
         pattern = replace(drawn, n=n, brightness=brightness)
         layers = np.stack([streak_layer(pattern, camera.width, camera.height, rng) for rng in rngs])
-        return learned_cover(layers) ** 2 * mean_squared_contrast(setting, brightness)
+        return learned_cover(layers, setting.rarity) * mean_squared_contrast(setting, brightness)
 
     n = solve(lambda value: harm(value, drawn.brightness), wanted, FEWEST, MOST)
     brightness = drawn.brightness
@@ -101,9 +103,10 @@ def drops_harm(coverage: float, setting: Setting) -> float:
     )
 
 
-def learned_cover(layers: NDArray[np.float32]) -> float:
-    """The cover that a scene is learned to have under layers S [N, H, W] of fresh streaks."""
-    return float((1 - TO_MEDIAN) * layers.mean(dtype=np.float64) + TO_MEDIAN * np.median(layers))
+def learned_cover(layers: NDArray[np.float32], rarity: float) -> float:
+    """Mean square of the cover that a scene is learned to have under layers S [N, H, W] of fresh streaks."""
+    agreed = (1 - TO_MEDIAN) * layers.mean(dtype=np.float64) + TO_MEDIAN * np.median(layers)
+    return float(agreed**2 + LEFT * rarity * np.mean(layers**2, dtype=np.float64))
 
 
 def mean_squared_contrast(setting: Setting, brightness: float) -> float:

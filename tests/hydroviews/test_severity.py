@@ -22,7 +22,7 @@ def harm(drawn, setting) -> float:
     """Square of the mean light that streaks add, measured on fresh views and not on those of the calibration."""
     camera = setting.views[0].camera
     layers = np.stack([streak_layer(drawn, camera.width, camera.height, generator(9, i)) for i in range(20)])
-    return severity.learned_cover(layers) ** 2 * severity.mean_squared_contrast(setting, drawn.brightness)
+    return severity.learned_cover(layers, setting.rarity) * severity.mean_squared_contrast(setting, drawn.brightness)
 
 
 def test_streaks_are_as_harmful_as_their_grade_says(setting):
