@@ -1,3 +1,3 @@
 """HydroViews: clean multi-view captures go in, rain with known parameters is added."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from hydroviews.claims import claim
+from hydroviews.depth import depth_path
 from hydroviews.errors import InputError
 from hydroviews.manifest import GENERATOR, forget_scene
 from hydroviews.rain.drops_pattern import Technique
@@ -74,6 +75,7 @@ def _fingerprint(scene: Scene) -> str:
         facts = [view.name, camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, pose]
         digest.update(json.dumps(facts).encode() + _glimpse(view.path))
         digest.update(_glimpse(view.mask) if view.mask else b"")
+        digest.update(_glimpse(depth_path(view)))
     digest.update(json.dumps([scene.captured_rainy, scene.metres_per_unit]).encode())
     return digest.hexdigest()[:16]
 
