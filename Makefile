@@ -32,7 +32,7 @@ ifneq ($(and $(strip $(SUITE)),$(filter eval,$(MAKECMDGOALS))),)
 $(error SUITE=$(SUITE): make eval takes one SCENE= at a time; SUITE= is for make dataset)
 endif
 
-.PHONY: setup dataset eval leaderboard bench test lint
+.PHONY: setup dataset eval severity leaderboard bench test lint
 
 setup: $(READY)  ## everything into .venv, at the versions of constraints.txt
 
@@ -47,6 +47,10 @@ dataset: $(READY)  ## a capture, its clean views, cameras and rainy variants; wi
 
 eval: $(READY)  ## build what is missing, run the method and the reference rows, print the table
 	$(BIN)/python -m leaderboard evaluate --method '$(METHOD)' --scene '$(SCENE)' --profile $(PROFILE) --seed $(SEED) --track $(TRACK) --data '$(DATA)' --results '$(RESULTS)' $(patterns) $(overwrite)
+
+severity: $(READY)  ## what plain 3DGS loses to each of a scene's six patterns, entered into its data card
+	$(MAKE) eval METHOD=3dgs PATTERNS=raindrop-0,raindrop-1,raindrop-2,streak-0,streak-1,streak-2
+	$(BIN)/python -m hydroviews card '$(DATA)/$(PROFILE)' --results '$(RESULTS)'
 
 leaderboard: $(READY)  ## gather all records into results/leaderboard.csv and tables.md
 	$(BIN)/python -m leaderboard table --results '$(RESULTS)'
