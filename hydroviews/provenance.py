@@ -1,8 +1,10 @@
 """What a capture's folder says of how it was taken: `capture.json`.
 
 A capture taken in rain has {"rain": "captured"} in it. There is no clean ground truth then: its photographs are
-the one variant CAPTURED of the built scene, which has no clean views. {"metres_per_unit": 0.25} says how large the
-capture is, which rain in space wants to know; both may be left out.
+the one variant CAPTURED of the built scene, which has no clean views. Two numbers may help rain to suit the capture:
+"metres_per_unit" says how large it is, which rain in space wants to know; "clean_error" how well it is learned from
+clean views, which grades depend on: the mean squared error of plain 3DGS on held-out views over the views' mean
+squared fine detail (see `rain.severity`). All may be left out.
 """
 
 import math
@@ -44,15 +46,15 @@ def captured_rainy(folder: Path) -> bool:
     return bool(rain == "captured") or folder.resolve().name == CAPTURED
 
 
-def metres_per_unit(folder: Path) -> float | None:
-    """How many metres a unit of the capture's cameras and points has, as its `capture.json` says; None if it does not.
+def described_number(folder: Path, name: str) -> float | None:
+    """The positive number of that name in a capture's `capture.json`; None if there is none.
 
     Raises:
         InputError: see `read_provenance`; or it says something else than a positive number.
     """
-    scale = read_provenance(folder).get("metres_per_unit")
-    if scale is None:
+    number = read_provenance(folder).get(name)
+    if number is None:
         return None
-    if isinstance(scale, bool) or not isinstance(scale, int | float) or not (math.isfinite(scale) and scale > 0):
-        raise InputError(f"{folder / FILE}: metres_per_unit", found=scale, expected="a number above 0")
-    return float(scale)
+    if isinstance(number, bool) or not isinstance(number, int | float) or not (math.isfinite(number) and number > 0):
+        raise InputError(f"{folder / FILE}: {name}", found=number, expected="a number above 0")
+    return float(number)

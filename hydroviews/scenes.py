@@ -130,6 +130,7 @@ class Scene:
     notes: tuple[str, ...] = field(default=())
     captured_rainy: bool = False  # it rained when the photographs were taken: there is no clean ground truth
     metres_per_unit: float | None = None  # where the capture says it
+    clean_error: float | None = None  # of plain 3DGS on clean views, over their fine detail, where it is known
 
     @property
     def train_views(self) -> tuple[View, ...]:

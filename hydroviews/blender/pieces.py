@@ -60,3 +60,4 @@ class Design:
     path: Path
     samples: int = 20  # a pixel; what is left of the noise is removed by OpenImageDenoise
     diffuse_bounces: int = 2
+    clean_error: float | None = None  # measured: error of plain 3DGS on clean views, over their fine detail

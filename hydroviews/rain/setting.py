@@ -43,6 +43,7 @@ class Setting:
     samples: tuple[Image, ...]  # some clean views made small, [h, w, 3], sRGB-encoded
     detail: float  # mean squared fine detail of the clean views, encoded values: what is hardest to reconstruct
     light: Light
+    clean_error: float | None = None  # of plain 3DGS on clean views, over `detail`, where it is known
     metres_per_unit: float | None = None  # of the capture, where it is known
     technique: Technique = "disk"  # of water on the lens
 
@@ -68,6 +69,7 @@ def survey(scene: Scene, seed: int, technique: Technique = "disk") -> Setting:
         samples=tuple(samples),
         detail=float(np.mean(details)),
         light=_light(samples),
+        clean_error=scene.clean_error,
         metres_per_unit=scene.metres_per_unit,
         technique=technique,
     )

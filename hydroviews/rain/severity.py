@@ -8,8 +8,8 @@ What 3DGS makes of rain can be told beforehand, roughly:
   the streaks' harm.
 * Water on the lens is at the same place in every view. A veil of mist is learned as part of the scene. Sharp drops
   cover other places of the scene in other views: of the error they make, one c-th is left where c views see a place.
-* A scene is learned from clean views with an error in proportion to its fine detail, so that the loss in dB is
-  10 log10(1 + harm / error).
+* A scene is learned from clean views with an error in proportion to its fine detail; where that ratio has been
+  measured, it is used. The loss in dB is 10 log10(1 + harm / error).
 
 The loss that was really measured stands in the data card of each built scene, which is where a grade is judged.
 """
@@ -32,7 +32,7 @@ FEWEST, MOST = 20.0, 300.0  # streak noise level n; the paper draws from 100 to 
 BRIGHTEST = 1.0  # a streak's encoded value, where n alone cannot reach the grade
 TRIAL_VIEWS = 3  # whose mean cover stands for all
 STEPS = 12  # of a bisection
-LEARNED = 1.5  # mean squared error of a scene learned from clean views, in units of its fine detail
+LEARNED = 1.5  # mean squared error of a scene learned from clean views, in units of its fine detail, if not known
 THICKEST_MIST = 0.95
 TO_MEDIAN = 0.3  # how far from the mean to the median what many views agree on lies
 LEFT = 1.7  # of the mean squared cover by streaks, times the scene's rarity: what is learned of single streaks
@@ -40,7 +40,7 @@ LEFT = 1.7  # of the mean squared cover by streaks, times the scene's rarity: wh
 
 def wanted_harm(grade: str, setting: Setting) -> float:
     """Mean squared error, in encoded values, that a pattern of this grade should leave in what is learned."""
-    return float(LEARNED * setting.detail * (10 ** (LOSS[grade] / 10) - 1))
+    return float((setting.clean_error or LEARNED) * setting.detail * (10 ** (LOSS[grade] / 10) - 1))
 
 
 def grade_streaks(drawn: StreakPattern, grade: str, setting: Setting) -> StreakPattern:

@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from hydroviews.errors import InputError
-from hydroviews.provenance import captured_rainy, metres_per_unit
+from hydroviews.provenance import captured_rainy, described_number
 from hydroviews.readers import llff, nerfstudio
 from hydroviews.readers.colmap import find_models, read_colmap
 from hydroviews.readers.llff import read_llff
@@ -39,7 +39,13 @@ def read_scene(folder: Path, name: str | None = None, images: str | None = None)
     rainy = captured_rainy(folder)
     if rainy:
         notes.append("taken in rain: there are no clean views to compare with")
-    return replace(scene, notes=tuple(notes), captured_rainy=rainy, metres_per_unit=metres_per_unit(folder))
+    return replace(
+        scene,
+        notes=tuple(notes),
+        captured_rainy=rainy,
+        metres_per_unit=described_number(folder, "metres_per_unit"),
+        clean_error=described_number(folder, "clean_error"),
+    )
 
 
 def _read_cameras(folder: Path, name: str, images: str | None) -> Scene:

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from synthetic import capture_in
@@ -89,3 +91,11 @@ def test_rarity_counts_the_training_views_that_see_a_point(tmp_path):
     for view in scene.train_views[1:]:  # a wall in front of all but one
         write_depth(depth_path(view), np.full((view.camera.height, view.camera.width), 0.5))
     assert survey(scene, 0).rarity == pytest.approx(1, abs=1e-6)
+
+
+def test_a_scene_that_is_learned_well_needs_less_rain_for_a_grade(setting):
+    well = replace(setting, clean_error=severity.LEARNED / 3)
+    for i in range(3):
+        grade = GRADES[i]
+        assert severity.wanted_harm(grade, well) == pytest.approx(severity.wanted_harm(grade, setting) / 3)
+    assert effects.draw(Pattern("streak", 1), well).n < effects.draw(Pattern("streak", 1), setting).n
