@@ -1,5 +1,9 @@
+import signal
 import sys
 from pathlib import Path
 
 # Not tests/ itself: it has folders named like the packages.
 sys.path.insert(0, str(Path(__file__).parent / "helpers"))
+
+# Background jobs of a shell start with Ctrl-C ignored, and so would every process that a test starts and interrupts.
+signal.signal(signal.SIGINT, signal.default_int_handler)
