@@ -29,7 +29,7 @@ MINIMUM = 3  # registered views that make a scene
 # Degrees between the rays of the first pair: wide is stable, but captures from one side have none that wide.
 # COLMAP halves each twice before it gives up.
 FIRST_PAIR_ANGLES = (16.0, 4.0)
-ENOUGH = 0.5  # share of photographs that must register before no other first pair is tried
+ENOUGH = 0.9  # share of photographs that must register before no other first pair is tried
 SNAPSHOT_EVERY = 10  # registered views that an interruption may cost twice over
 
 SETTINGS = "poses.json"
@@ -161,6 +161,7 @@ def _incremental_mapping(out: Path, count: int, angle: float, seed: int) -> list
     snapshots.mkdir(parents=True, exist_ok=True)
     begun = sorted(snapshots.iterdir())[-2:-1]  # the last one may be half written
     options = pycolmap.IncrementalPipelineOptions(min_model_size=MINIMUM, random_seed=seed)
+    options.num_threads = 1  # with more, rounding differs from run to run, and now and then the model with it
     options.snapshot_path, options.snapshot_frames_freq = snapshots, SNAPSHOT_EVERY
     options.mapper.init_min_tri_angle = angle
     with tqdm(total=count, desc=f"mapping, first pair {angle:.0f} degrees apart", unit="image") as bar:
