@@ -67,7 +67,7 @@ def test_make_targets(target):
         (("hydroviews", "build", "--scene", "360_v2/garden", "--captures", "/nowhere"), "download mipnerf360/garden"),
         (("hydroviews", "download", "moon"), "moon: no such capture to download"),
         (("hydroviews", "download", "horse", "--captures", "/nowhere"), "has no horse"),
-        (("leaderboard", "score", "--pattern", "raindrop-1", "--data", "/nowhere"), "no finished scene courtyard"),
+        (("leaderboard", "score", "--pattern", "raindrop-1", "--results", "/nowhere"), "no such run"),
     ],
 )
 def test_bad_input_ends_with_a_plain_error(arguments, message):

@@ -4,7 +4,15 @@ from pathlib import Path
 import numba
 import pytest
 
+from baselines.splatting.trainer import warm_up
+
 sys.path.insert(0, str(Path(__file__).parent))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_kernels():
+    """Compiled as a run compiles them, by a process of their own: code fresh from the compiler rounds differently."""
+    warm_up(3)
 
 
 @pytest.fixture(autouse=True)
