@@ -16,6 +16,7 @@ from hydroviews.scenes import Points, Scene, View
 SAMPLED_VIEWS = 24  # spread evenly over the capture
 SAMPLED_SIDE = 160  # pixels of a sample's longer side, at most
 AIR = 0.1  # share of the pixels, the brightest, whose light is taken for the air's
+TINT = 0.3  # share of their colour that the air has: they may be petals, and what falls on them is white
 SAMPLED_POINTS = 4000
 BEHIND = 0.03  # a point is hidden if it lies farther behind the surface than this share of its depth
 FINE = 1.0  # standard deviation in pixels of the blur that separates fine detail
@@ -28,7 +29,7 @@ class Light:
     """How bright a scene is."""
 
     mean: Colour
-    air: Colour  # mean of the brightest tenth of the scene: what mist and distant rain scatter
+    air: Colour  # as bright as the brightest tenth of the scene, nearly grey: what mist and distant rain scatter
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,9 +100,10 @@ def _small(image: Image) -> Image:
 def _light(samples: list[Image]) -> Light:
     linear: NDArray[np.float32] = np.concatenate([to_linear(sample).reshape(-1, 3) for sample in samples])
     brightest = np.argsort(luminance(linear), kind="stable")[-max(1, round(AIR * len(linear))) :]
-    return Light(_mean(linear), _mean(linear[brightest]))
+    mean, bright = linear.mean(axis=0, dtype=np.float64), linear[brightest].mean(axis=0, dtype=np.float64)
+    return Light(_colour(mean), _colour(TINT * bright + (1 - TINT) * luminance(bright)))
 
 
-def _mean(linear: NDArray[np.float32]) -> Colour:
-    red, green, blue = (round(float(value), 6) for value in linear.mean(axis=0, dtype=np.float64))
+def _colour(linear: NDArray[np.float64]) -> Colour:
+    red, green, blue = (round(float(value), 6) for value in linear)
     return red, green, blue

@@ -15,7 +15,7 @@ from hydroviews.build import build
 from hydroviews.errors import InputError
 from hydroviews.images import read_image, write_png
 from hydroviews.manifest import read_manifest, scene_files
-from hydroviews.rain import effects
+from hydroviews.rain import effects, severity
 from hydroviews.rain.patterns import Pattern, choose_patterns
 from hydroviews.rain.setting import survey
 from hydroviews.readers import read_scene
@@ -119,7 +119,7 @@ def test_views_of_other_parameters_are_not_mixed_in(scene, tmp_path, monkeypatch
     monkeypatch.undo()
     begun = list((tmp_path / "data" / "yard" / "streak-0" / "images").iterdir())
     assert 0 < len(begun) < len(scene.views)
-    monkeypatch.setattr("hydroviews.rain.severity.LOSS", {"light": 0.2, "medium": 0.3, "heavy": 0.4})
+    monkeypatch.setitem(severity.LOSS["streak"], "light", 0.2)
     folder = build(scene, tmp_path / "data", patterns=[STREAK])
     whole = build(scene, tmp_path / "whole", patterns=[STREAK])
     assert contents(folder / "streak-0") == contents(whole / "streak-0")

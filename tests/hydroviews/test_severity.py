@@ -7,10 +7,11 @@ from synthetic import capture_in
 from hydroviews.depth import depth_path, write_depth
 from hydroviews.images import to_linear, to_srgb, write_png
 from hydroviews.rain import effects, severity
+from hydroviews.rain.light import luminance
 from hydroviews.rain.mist import mist_veil
 from hydroviews.rain.patterns import GRADES, Pattern
 from hydroviews.rain.seeds import generator
-from hydroviews.rain.setting import survey
+from hydroviews.rain.setting import TINT, survey
 from hydroviews.rain.streaks import streak_layer
 
 
@@ -30,7 +31,7 @@ def harm(drawn, setting) -> float:
 def test_streaks_are_as_harmful_as_their_grade_says(setting):
     drawn = [effects.draw(Pattern("streak", i), setting) for i in range(3)]
     for grade, pattern in zip(GRADES, drawn, strict=True):
-        wanted = severity.wanted_harm(grade, setting)
+        wanted = severity.wanted_harm("streak", grade, setting)
         within_reach = severity.FEWEST < pattern.n < severity.MOST or pattern.brightness < severity.BRIGHTEST
         assert not within_reach or harm(pattern, setting) == pytest.approx(wanted, rel=0.5)
     assert harm(drawn[0], setting) < harm(drawn[1], setting) < harm(drawn[2], setting)
@@ -66,6 +67,18 @@ def test_a_survey_measures_light_and_detail(tmp_path):
     assert survey(scene, 0).detail == pytest.approx(0, abs=1e-9)
 
 
+def test_the_air_is_as_bright_as_the_brightest_tenth_and_hardly_coloured(tmp_path):
+    scene = capture_in(tmp_path / "yard")
+    red = np.zeros((scene.views[0].camera.height, scene.views[0].camera.width, 3), np.float32)
+    red[: len(red) // 4] = (0.8, 0.2, 0.2)  # petals
+    for view in scene.views:
+        write_png(view.path, red)
+    petals = to_linear(np.float32([[204 / 255, 51 / 255, 51 / 255]]))[0]
+    air = np.array(survey(scene, 0).light.air)
+    assert luminance(air) == pytest.approx(luminance(petals), rel=0.01)
+    assert np.ptp(air) == pytest.approx(TINT * np.ptp(petals), rel=0.01)
+
+
 def test_mist_is_as_harmful_as_its_grade_says(setting):
     drawn = [effects.draw(Pattern("raindrop", i), setting) for i in range(3)]
     air = np.array(setting.light.air, np.float32)
@@ -79,7 +92,7 @@ def test_mist_is_as_harmful_as_its_grade_says(setting):
         harms.append(np.mean(changes))
         drops = severity.drops_harm(pattern.coverage, setting)
         if pattern.mist < severity.THICKEST_MIST:
-            assert harms[-1] + drops == pytest.approx(severity.wanted_harm(grade, setting), rel=0.1)
+            assert harms[-1] + drops == pytest.approx(severity.wanted_harm("raindrop", grade, setting), rel=0.1)
     assert harms[0] < harms[1] < harms[2]
     assert max(pattern.mist for pattern in drawn) < severity.THICKEST_MIST
 
@@ -95,7 +108,8 @@ def test_rarity_counts_the_training_views_that_see_a_point(tmp_path):
 
 def test_a_scene_that_is_learned_well_needs_less_rain_for_a_grade(setting):
     well = replace(setting, clean_error=severity.LEARNED / 3)
-    for i in range(3):
-        grade = GRADES[i]
-        assert severity.wanted_harm(grade, well) == pytest.approx(severity.wanted_harm(grade, setting) / 3)
+    for effect in severity.LOSS:
+        for grade in GRADES:
+            wanted = severity.wanted_harm(effect, grade, setting)
+            assert severity.wanted_harm(effect, grade, well) == pytest.approx(wanted / 3)
     assert effects.draw(Pattern("streak", 1), well).n < effects.draw(Pattern("streak", 1), setting).n
