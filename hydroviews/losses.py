@@ -9,6 +9,7 @@ from hydroviews.errors import InputError
 from hydroviews.files import read_json, replacing
 from hydroviews.manifest import data_hash, read_manifest, record_files
 from hydroviews.provenance import CAPTURED
+from hydroviews.variants import is_captured
 
 LEADERBOARD = "leaderboard.csv"
 CEILING, FLOOR = "3dgs-clean", "3dgs"  # plain 3DGS trained on clean and on rainy views
@@ -46,7 +47,7 @@ def record_losses(folder: Path, results: Path) -> pd.DataFrame:
 def rewrite_card(folder: Path) -> None:
     """Write the card of a finished scene anew, and its hash into the manifest."""
     entry = read_manifest(folder.parent)["scenes"][folder.name]
-    captured = [CAPTURED] if (folder / CAPTURED).is_dir() else []
+    captured = [CAPTURED] if is_captured(folder) else []
     write_card(folder, entry["patterns"] or captured, entry.get("notes", ()))
     record_files(folder.parent, folder.name, [name for name in (CARD, LOSSES) if (folder / name).is_file()])
 

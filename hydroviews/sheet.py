@@ -19,6 +19,7 @@ from hydroviews.rain.layers import read_layers
 from hydroviews.rain.measures import mean_angle
 from hydroviews.statistics import STATISTICS, read_statistics
 from hydroviews.tiles import Row, Tile, draw_sheet
+from hydroviews.variants import is_captured
 
 SHEETS = "sheets"
 WIDTH = 2000  # pixels of a sheet, at most
@@ -72,7 +73,7 @@ def _rain_rows(folder: Path, patterns: Sequence[str], names: Sequence[str]) -> l
     rows = []
     if (folder / "clean").is_dir():
         rows.append(Row("clean", "", [Tile(_picture(folder / "clean", name), name) for name in names]))
-    if (folder / CAPTURED).is_dir():
+    if is_captured(folder):
         tiles = [Tile(_picture(folder / CAPTURED / "images", name), name) for name in names]
         rows.append(Row(CAPTURED, "photographed in rain", tiles))
     for pattern in patterns:

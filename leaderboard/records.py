@@ -11,10 +11,9 @@ import pandas as pd
 import hydroviews
 from hydroviews.errors import InputError
 from hydroviews.files import read_json, replacing, write_json
+from hydroviews.losses import LEADERBOARD
 
 RECORD = "record.json"
-LEADERBOARD = "leaderboard.csv"
-
 
 GIVEN_POSES, SPARSE_VIEWS = "given-poses", "sparse-views"
 TRACKS = (GIVEN_POSES, SPARSE_VIEWS)  # cameras of the clean capture; the same, with a third of the training views

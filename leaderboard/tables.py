@@ -6,8 +6,8 @@ import pandas as pd
 
 from hydroviews.build_clean import CLEAN
 from hydroviews.files import write_bytes
+from hydroviews.losses import CEILING, FLOOR
 
-CEILING, FLOOR = "3dgs-clean", "3dgs"  # every result reads as a share of the gap between these two
 TABLES = "tables.md"
 METRICS = {"psnr": "PSNR", "ssim": "SSIM", "lpips_alex": "LPIPS", "lpips_vgg": "LPIPS-VGG"}
 DECIMALS = {"psnr": 2, "ssim": 4, "lpips_alex": 4, "lpips_vgg": 4}

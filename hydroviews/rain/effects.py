@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hydroviews.cameras import Camera
 from hydroviews.images import Image, to_linear, to_srgb
-from hydroviews.rain import raindrops, severity, storm, streaks
+from hydroviews.rain import drops_pattern, raindrops, severity, storm, streaks
 from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.seeds import generator
 from hydroviews.rain.setting import Setting
@@ -40,7 +40,7 @@ def draw(pattern: Pattern, setting: Setting) -> Any:
         return severity.grade_streaks(streaks.draw_pattern(rng, pattern.level), pattern.grade, setting)
     if pattern.effect == "storm":
         return storm.draw_pattern(rng, pattern.level)
-    lens = replace(raindrops.draw_pattern(rng, pattern.level), technique=setting.technique)
+    lens = replace(drops_pattern.draw_pattern(rng, pattern.level), technique=setting.technique)
     return severity.grade_raindrops(lens, pattern.grade, setting)
 
 
@@ -49,7 +49,7 @@ def prepare(pattern: Pattern, drawn: Any, setting: Setting, camera: Camera, fold
     if pattern.effect == "streak":
         return Streaks(drawn, setting, pattern)
     if pattern.effect == "storm":
-        return storm.Storm(drawn, setting, setting.metres_per_unit)
+        return storm.Storm(drawn, setting)
     return raindrops.Raindrops(drawn, setting, camera, folder)
 
 

@@ -9,15 +9,13 @@ from numpy.typing import NDArray
 
 from hydroviews.cameras import Camera
 from hydroviews.images import Image, to_linear
-from hydroviews.rain.drops_pattern import RaindropPattern, draw_pattern
+from hydroviews.rain.drops_pattern import RaindropPattern
 from hydroviews.rain.lens_bake import aperture_radius, bake_matte, focus_disk, lens_water, moment_of, trace
 from hydroviews.rain.light import expand_highlights
 from hydroviews.rain.mist import mist_veil
 from hydroviews.rain.path_matte import PathMatte
 from hydroviews.rain.setting import Setting
 from hydroviews.scenes import View
-
-__all__ = ["RaindropPattern", "Raindrops", "bake_matte", "draw_pattern"]
 
 Plane = NDArray[np.float32]
 TRACED_SAMPLES = 384  # paths a pixel of the technique "traced"

@@ -86,19 +86,18 @@ def storm_light(clean: Image, light: Light) -> NDArray[np.float32]:
 class Storm:
     """A storm over one scene, ready to fall on its views."""
 
-    def __init__(self, pattern: StormPattern, setting: Setting, metres_per_unit: float | None = None) -> None:
+    def __init__(self, pattern: StormPattern, setting: Setting) -> None:
         """Place the storm in the scene.
 
         Args:
             pattern: what falls.
-            setting: where.
-            metres_per_unit: of the capture; estimated from what its cameras look at if None.
+            setting: where; a scale that it does not say is estimated from what its cameras look at.
 
         Raises:
             InputError: neither scale nor gravity can be told from the capture.
         """
         self._pattern, self._setting = pattern, setting
-        self._scale, self._focus = metres_and_focus(setting.views, setting.points, metres_per_unit)
+        self._scale, self._focus = metres_and_focus(setting.views, setting.points, setting.metres_per_unit)
         self._turn = {view.name: i for i, view in enumerate(setting.views)}
         up = up_direction(setting.views)
         wind = pattern.wind_speed * horizontal(setting.views[0].camera, up, pattern.wind_angle)
@@ -110,7 +109,7 @@ class Storm:
             "wind": wind.tolist(),
             "up": up.tolist(),
             "metres_per_unit": self._scale,
-            "metres_estimated": metres_per_unit is None,
+            "metres_estimated": setting.metres_per_unit is None,
             "focus": self._focus,
             "skylight": skylight(setting.light),
         }

@@ -10,6 +10,7 @@ twice and nothing is left out.
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,9 +103,15 @@ def optical_depth(rate: float, density: float, distances: NDArray) -> NDArray[np
 
     Beyond DEEPEST there is no more rain.
     """
+    return density * np.interp(distances, *_depth_table(rate))
+
+
+@cache
+def _depth_table(rate: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Distances in metres, and the cover added up to each at density 1; the same for all views of a storm."""
     metres = np.concatenate([[0.0], np.geomspace(0.05, DEEPEST, 400)])
     sizes = np.maximum(metres / reach(rate), SMALLEST)  # what is larger is drawn, up to there
     sizes[metres >= LARGEST * reach(rate)] = 1000.0
     area = np.array([moment(2, rate, 0.0, size) for size in sizes]) * np.pi / 4 * 1e-6  # m^2 a cubic metre
     total = np.concatenate([[0.0], np.cumsum(np.diff(metres) * (area[1:] + area[:-1]) / 2)])
-    return density * np.interp(distances, metres, total)
+    return metres, total

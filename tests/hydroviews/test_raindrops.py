@@ -13,10 +13,11 @@ from hydroviews.errors import InputError
 from hydroviews.images import to_linear, to_srgb
 from hydroviews.rain import lens_bake
 from hydroviews.rain.drops_film import Drop, Water
+from hydroviews.rain.drops_pattern import RaindropPattern, draw_pattern
 from hydroviews.rain.lens_bake import aperture_radius, bake, bake_matte, focus_disk, lens_water, trace
 from hydroviews.rain.lens_mesh import water_mesh
 from hydroviews.rain.mist import mist_veil
-from hydroviews.rain.raindrops import RaindropPattern, Raindrops, draw_pattern
+from hydroviews.rain.raindrops import Raindrops
 from hydroviews.rain.setting import Light, Setting
 from hydroviews.scenes import View, no_points
 

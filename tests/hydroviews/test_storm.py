@@ -15,7 +15,7 @@ from hydroviews.errors import InputError
 from hydroviews.images import to_linear, to_srgb
 from hydroviews.rain import storm_drops, storm_reference
 from hydroviews.rain.seeds import generator
-from hydroviews.rain.setting import Light, survey
+from hydroviews.rain.setting import Light, Setting, survey
 from hydroviews.rain.storm import Storm, StormPattern, draw_pattern, skylight, storm_light
 from hydroviews.rain.storm_drawing import NEAREST, Shutter, draw, project
 from hydroviews.rain.storm_drops import Cloud, draw_cloud
@@ -48,6 +48,10 @@ def one_drop(at: tuple, velocity: tuple = (0, 8.0, 0), diameter: float = 0.003) 
 def setting_in(folder, **options):
     scene = capture_in(folder / "scene", **options)
     return survey(scene, 0)
+
+
+def scaled(setting: Setting, metres_per_unit: float) -> Setting:
+    return replace(setting, metres_per_unit=metres_per_unit)
 
 
 def test_sizes_and_speeds_are_those_of_the_literature():
@@ -149,9 +153,9 @@ def test_drops_move_between_views_unless_the_storm_is_frozen(tmp_path):
     setting = setting_in(tmp_path)
     view = setting.views[3]
     clean = view.image()
-    falling = Storm(PATTERN, setting, 1.0).layers(clean, view)["M"]
-    frozen = Storm(replace(PATTERN, interval=0.0), setting, 1.0).layers(clean, view)["M"]
-    later = Storm(replace(PATTERN, interval=0.5), setting, 1.0)
+    falling = Storm(PATTERN, scaled(setting, 1.0)).layers(clean, view)["M"]
+    frozen = Storm(replace(PATTERN, interval=0.0), scaled(setting, 1.0)).layers(clean, view)["M"]
+    later = Storm(replace(PATTERN, interval=0.5), scaled(setting, 1.0))
     assert not np.array_equal(falling, frozen)
     again = later.drops(view, in_metres(view.camera, 1.0), far(view.camera))
     shifted = replace(later.cloud, positions=later.cloud.positions + later.cloud.velocities * 3 * 0.5)
@@ -238,15 +242,15 @@ def test_scale_is_estimated_from_what_cameras_look_at(tmp_path):
         Storm(PATTERN, replace(setting, points=no_points()))
     for impossible in (0.0, -1.0, float("nan")):
         with pytest.raises(InputError, match="scale of a capture"):
-            Storm(PATTERN, setting, impossible)
+            Storm(PATTERN, scaled(setting, impossible))
 
 
 def test_the_same_storm_in_other_units(tmp_path):
     setting = setting_in(tmp_path)
     small = tuple(replace(v, camera=in_metres(v.camera, 0.1)) for v in setting.views)
     points = replace(setting.points, positions=setting.points.positions * 0.1)
-    one = Storm(PATTERN, setting, 1.0)
-    other = Storm(PATTERN, replace(setting, views=small, points=points), 10.0)
+    one = Storm(PATTERN, scaled(setting, 1.0))
+    other = Storm(PATTERN, replace(setting, views=small, points=points, metres_per_unit=10.0))
     clean = setting.views[2].image()
     for name, plane in one.layers(clean, setting.views[2]).items():
         assert np.allclose(plane, other.layers(clean, small[2])[name], atol=1e-5)
@@ -294,7 +298,7 @@ def test_rain_is_as_bright_as_the_sky_that_pictures_do_not_show():
 
 
 def test_the_veil_grows_with_distance_and_is_mixed_at_edges(tmp_path):
-    storm = Storm(replace(PATTERN, density=20.0), setting_in(tmp_path), 1.0)
+    storm = Storm(replace(PATTERN, density=20.0), scaled(setting_in(tmp_path), 1.0))
     view = camera(80, 60)
     clean, depth = np.full((60, 80, 3), 0.2, np.float32), np.full((60, 80), 5.0, np.float32)
     depth[:, 40:] = np.inf

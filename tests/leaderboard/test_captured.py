@@ -1,7 +1,6 @@
 """Scenes that were taken in rain: trained and pictured, not scored; and hidden pixels in the scores of others."""
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -16,22 +15,9 @@ from hydroviews.images import read_image
 from hydroviews.masks import mask_name, write_ignored
 from hydroviews.readers import read_scene
 from hydroviews.writers import write_colmap
-from leaderboard import evaluate as evaluate_module
-from leaderboard import tables
 from leaderboard.evaluate import Evaluation, evaluate
 
-
-@pytest.fixture(autouse=True)
-def toys(monkeypatch):
-    """The toy methods importable here and in the processes started, and as reference rows."""
-    folder = str(Path(__file__).parent)
-    monkeypatch.setenv("PYTHONPATH", folder)
-    monkeypatch.syspath_prepend(folder)
-    for module in (evaluate_module, tables):
-        monkeypatch.setattr(module, "CEILING", "toy_methods:MeanColourClean")
-        monkeypatch.setattr(module, "FLOOR", "toy_methods:MeanColour")
-    yield
-    sys.modules.pop("toy_methods", None)
+pytestmark = pytest.mark.usefixtures("toys")
 
 
 def capture(folder: Path) -> Path:

@@ -13,24 +13,12 @@ from hydroviews.errors import InputError
 from hydroviews.images import read_image
 from hydroviews.writers import write_colmap
 from leaderboard import evaluate as evaluate_module
-from leaderboard import tables
 from leaderboard.__main__ import picture_command, score_command
 from leaderboard.evaluate import Evaluation, evaluate
 from leaderboard.records import COLUMNS
 from leaderboard.score import score
 
-
-@pytest.fixture(autouse=True)
-def toys(monkeypatch):
-    """The toy methods importable here and in the processes started, and as reference rows."""
-    folder = str(Path(__file__).parent)
-    monkeypatch.setenv("PYTHONPATH", folder)
-    monkeypatch.syspath_prepend(folder)
-    for module in (evaluate_module, tables):
-        monkeypatch.setattr(module, "CEILING", "toy_methods:MeanColourClean")
-        monkeypatch.setattr(module, "FLOOR", "toy_methods:MeanColour")
-    yield
-    sys.modules.pop("toy_methods", None)
+pytestmark = pytest.mark.usefixtures("toys")
 
 
 @pytest.fixture(scope="module")
