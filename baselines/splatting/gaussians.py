@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.splatting.spherical_harmonics import degree_of
+from baselines.splatting.spherical_harmonics import degree_of, from_colour
 
 FIELDS = ("means", "quaternions", "log_scales", "opacity_logits", "sh")
 
@@ -57,6 +57,10 @@ class Gaussians:
     def select(self, which: NDArray) -> "Gaussians":
         """Those that a mask [N] or an index array picks, copied."""
         return self.map(lambda value: value[which])
+
+    def coloured(self, colours: NDArray[np.float32]) -> "Gaussians":
+        """The same with given colours [N, 3] instead of spherical harmonics; below 0 they are shown as 0."""
+        return replace(self, sh=np.ascontiguousarray(from_colour(colours)[:, None], np.float32))
 
     def zeros(self) -> "Gaussians":
         """As many, with every parameter zero: a place for gradients or moments."""

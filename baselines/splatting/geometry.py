@@ -101,11 +101,19 @@ def times_matrix(t0, t1, t2, m):
 
 
 @inlined
+def cross(a0, a1, a2, b0, b1, b2):
+    """Cross product of two vectors."""
+    return a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
+
+
+@inlined
 def covariance(a0, a1, a2, b0, b1, b2):
-    """xx, xy and yy of the low-passed screen covariance from the rows a and b of J W R S, and its determinant."""
+    """xx, xy and yy of the low-passed screen covariance from the rows a and b of J W R S, its determinant, and the
+    determinant before the low pass.
+    """
     xx = a0 * a0 + a1 * a1 + a2 * a2
     xy = a0 * b0 + a1 * b1 + a2 * b2
     yy = b0 * b0 + b1 * b1 + b2 * b2
-    c0, c1, c2 = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
-    determinant = c0 * c0 + c1 * c1 + c2 * c2 + LOW_PASS * (xx + yy) + LOW_PASS * LOW_PASS
-    return xx + LOW_PASS, xy, yy + LOW_PASS, determinant
+    c0, c1, c2 = cross(a0, a1, a2, b0, b1, b2)
+    sharp = c0 * c0 + c1 * c1 + c2 * c2
+    return xx + LOW_PASS, xy, yy + LOW_PASS, sharp + LOW_PASS * (xx + yy) + LOW_PASS * LOW_PASS, sharp

@@ -39,8 +39,9 @@ CULLED = np.float32(np.inf)  # the depth of a Gaussian that this view does not s
 
 @exact_kernel
 def project(
-    means, quaternions, log_scales, opacity_logits, sh, degree, pose, centre, lens, width, height, near, splats, depths
-):
+    means, quaternions, log_scales, opacity_logits, sh, degree, pose, centre, lens, width, height, near, antialiased,
+    splats, depths,
+):  # fmt: skip
     """Fill splats [N, 12] and depths [N].
 
     Culled, with an infinite depth: centre nearer than `near`, nowhere at least 1/255 opaque, wholly outside the image,
@@ -54,6 +55,8 @@ def project(
         lens: fx, fy, cx, cy, float64 [4].
         width, height: image size in pixels.
         near: nearest depth shown, in world units.
+        antialiased: whether a splat that the low pass widens becomes as much fainter, by the square root of the
+            determinants' ratio (the 2D filter of Yu et al. 2024, Mip-Splatting).
         splats, depths: output.
     """
     n = means.shape[0]
@@ -69,7 +72,6 @@ def project(
             opacity = sigmoid(np.float64(opacity_logits[i]))
             if not opacity > MIN_ALPHA:
                 continue
-            cutoff = math.log2(opacity / MIN_ALPHA)
 
             inverse_z = 1.0 / z
             slope_x, slope_y = x * inverse_z, y * inverse_z
@@ -83,8 +85,14 @@ def project(
             b = times_matrix(t[3], t[4], t[5], r)
             s0, s1 = exp64(np.float64(log_scales[i, 0])), exp64(np.float64(log_scales[i, 1]))
             s2 = exp64(np.float64(log_scales[i, 2]))
-            xx, xy, yy, determinant = covariance(a[0] * s0, a[1] * s1, a[2] * s2, b[0] * s0, b[1] * s1, b[2] * s2)
-
+            xx, xy, yy, determinant, sharp = covariance(
+                a[0] * s0, a[1] * s1, a[2] * s2, b[0] * s0, b[1] * s1, b[2] * s2
+            )
+            if antialiased:
+                opacity *= math.sqrt(sharp / determinant)
+                if not opacity > MIN_ALPHA:
+                    continue
+            cutoff = math.log2(opacity / MIN_ALPHA)
             half_width = math.sqrt(cutoff / CONIC_SCALE * xx)
             half_height = math.sqrt(cutoff / CONIC_SCALE * yy)
             in_columns = column + half_width > 0 and column - half_width < width

@@ -12,6 +12,7 @@ from baselines.splatting.geometry import (
     SMALLEST_NORM,
     clamped_slope,
     covariance,
+    cross,
     exp64,
     projection_rows,
     rotation,
@@ -53,7 +54,7 @@ def covariance_gradient(xx, xy, yy, determinant, m_xx, m_xy, m_yy):
 
 @exact_kernel
 def project_gradient(
-    means, quaternions, log_scales, opacity_logits, sh, degree, pose, centre, lens, width, height,
+    means, quaternions, log_scales, opacity_logits, sh, degree, pose, centre, lens, width, height, antialiased,
     rank, pair_start, pair_slot, pair_moments,
     g_means, g_quaternions, g_log_scales, g_opacity_logits, g_sh, g_means2d, g_means2d_absolute,
 ):  # fmt: skip
@@ -62,7 +63,7 @@ def project_gradient(
     The gathering order is the Gaussian's own, so no atomics are needed and the sum is always the same.
 
     Args:
-        means ... height: what `project` was given.
+        means ... antialiased: what `project` was given.
         rank: place in the depth order [N], negative for culled Gaussians, whose gradients become zero.
         pair_start: [n + 1], first (splat, tile) pair of each place.
         pair_slot: row of `pair_moments` that holds each pair.
@@ -109,14 +110,24 @@ def project_gradient(
             rb = times_matrix(t[3], t[4], t[5], r)
             a0, a1, a2 = ra[0] * s0, ra[1] * s1, ra[2] * s2
             b0, b1, b2 = rb[0] * s0, rb[1] * s1, rb[2] * s2
-            xx, xy, yy, determinant = covariance(a0, a1, a2, b0, b1, b2)
+            xx, xy, yy, determinant, sharp = covariance(a0, a1, a2, b0, b1, b2)
 
             # position on the image, then covariance, then its rows a and b
             g_column = -(yy * moments[1] - xy * moments[2]) / determinant
             g_row = -(xx * moments[2] - xy * moments[1]) / determinant
             g_xx, g_xy, g_yy = covariance_gradient(xx, xy, yy, determinant, moments[3], moments[4], moments[5])
+            if antialiased:  # the opacity's factor: by the determinant after the low pass here, before it below
+                g_xx += 0.5 * moments[0] * yy / determinant
+                g_xy -= moments[0] * xy / determinant
+                g_yy += 0.5 * moments[0] * xx / determinant
             ga0, ga1, ga2 = 2 * g_xx * a0 + g_xy * b0, 2 * g_xx * a1 + g_xy * b1, 2 * g_xx * a2 + g_xy * b2
             gb0, gb1, gb2 = 2 * g_yy * b0 + g_xy * a0, 2 * g_yy * b1 + g_xy * a1, 2 * g_yy * b2 + g_xy * a2
+            if antialiased:  # through the cross product, whose square it is: the entries would cancel for needles
+                c0, c1, c2 = cross(a0, a1, a2, b0, b1, b2)
+                toward_a, toward_b = cross(b0, b1, b2, c0, c1, c2), cross(c0, c1, c2, a0, a1, a2)
+                share = -moments[0] / sharp
+                ga0, ga1, ga2 = ga0 + share * toward_a[0], ga1 + share * toward_a[1], ga2 + share * toward_a[2]
+                gb0, gb1, gb2 = gb0 + share * toward_b[0], gb1 + share * toward_b[1], gb2 + share * toward_b[2]
 
             # scales: column j of (ga; gb) times column j of J W R, times s_j for the logarithm
             g_log_scales[i, 0] = ga0 * a0 + gb0 * b0

@@ -1,6 +1,6 @@
 """The renderer: `render` an image of Gaussians, then carry an image gradient `backward` to their parameters."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numba
@@ -10,6 +10,7 @@ from numpy.typing import DTypeLike, NDArray
 from baselines.splatting import binning, blending, blending_gradient, projection, projection_gradient
 from baselines.splatting.constants import NEAR
 from baselines.splatting.gaussians import Gaussians
+from baselines.splatting.spherical_harmonics import C0
 from baselines.splatting.vectors import CONSTANTS
 from hydroviews.cameras import Camera
 from hydroviews.images import Image
@@ -40,7 +41,9 @@ class RenderState:
     gaussians: Gaussians
     sh_degree: int
     view: tuple[Any, ...]  # pose, centre, lens, width, height
+    antialiased: bool
     background: NDArray[np.float32]
+    depths: NDArray[np.float32]  # [N], infinite where culled
     order: NDArray[np.int32]  # visible Gaussians, nearest first
     rank: NDArray[np.int32]  # [N], place in that order; negative where culled
     packed: NDArray[np.float32]  # [n, 12] splats in that order
@@ -69,6 +72,11 @@ class Gradients:
     means2d: NDArray[np.float32]
     means2d_absolute: NDArray[np.float32]  # the same with absolute values summed over pixels (Ye et al. 2024, AbsGS)
 
+    @property
+    def colours(self) -> NDArray[np.float32]:
+        """By the colours [N, 3] that the Gaussians were given, see `Gaussians.coloured`."""
+        return self.parameters.sh[:, 0] / np.float32(C0)
+
 
 def render(
     gaussians: Gaussians,
@@ -77,6 +85,7 @@ def render(
     sh_degree: int | None = None,
     *,
     near: float = NEAR,
+    antialiased: bool = False,
     workspace: Workspace | None = None,
 ) -> tuple[Image, RenderState]:
     """The image [H, W, 3] that a camera sees; not clipped above 1.
@@ -87,6 +96,8 @@ def render(
         background: colour [3] behind everything.
         sh_degree: at most what the Gaussians hold, which is the default.
         near: Gaussians with nearer centres are left out, in world units.
+        antialiased: whether Gaussians smaller than a pixel become fainter as they are widened to it (Yu et al. 2024,
+            Mip-Splatting): a scene then looks the same from farther away than it was learned from.
         workspace: buffers to reuse; the image is one of them.
 
     Returns:
@@ -100,8 +111,9 @@ def render(
     n = len(gaussians)
     splats = workspace.array("splats", (n, projection.SPLAT_FLOATS))
     depths = workspace.array("depths", (n,))
-    projection.project(*gaussians.arrays().values(), degree, *view, near, splats, depths)
-    state = _bin(gaussians, degree, view, np.asarray(background, np.float32), splats, depths, workspace)
+    projection.project(*gaussians.arrays().values(), degree, *view, near, antialiased, splats, depths)
+    background = np.asarray(background, np.float32)
+    state = _bin(gaussians, degree, view, antialiased, background, splats, depths, workspace)
     image = workspace.array("image", (camera.height, camera.width, 3))
     blending.blend(*_tiles(state), state.transmittance, state.last, state.taken, image)
     return image, state
@@ -123,6 +135,7 @@ def backward(state: RenderState, grad_image: Image) -> Gradients:
         *gaussians.arrays().values(),
         state.sh_degree,
         *state.view,
+        state.antialiased,
         state.rank,
         state.pair_start,
         state.pair_slot,
@@ -132,6 +145,21 @@ def backward(state: RenderState, grad_image: Image) -> Gradients:
         absolute,
     )
     return Gradients(Gaussians(**gradients, origin=gaussians.origin), means2d, absolute)
+
+
+def depth(state: RenderState) -> NDArray[np.float32]:
+    """Mean depth [H, W] of what each pixel of a render shows, weighted as its colours are; NaN where nothing is.
+
+    Along the viewing axis, in world units. How much of a pixel is covered is 1 - `state.transmittance`.
+    """
+    packed = state.packed.copy()
+    packed[:, projection.RED] = state.depths[state.order]
+    other = replace(state, packed=packed, background=BLACK)
+    sums = np.empty((*state.transmittance.shape, 3), np.float32)
+    scratch = (np.empty_like(plane) for plane in (state.transmittance, state.last, state.taken))
+    blending.blend(*_tiles(other), *scratch, sums)
+    covered = 1 - state.transmittance
+    return np.divide(sums[..., 0], covered, out=np.full_like(covered, np.nan), where=covered > 0)
 
 
 def _view(gaussians: Gaussians, camera: Camera) -> tuple[Any, ...]:
@@ -146,6 +174,7 @@ def _bin(
     gaussians: Gaussians,
     degree: int,
     view: tuple[Any, ...],
+    antialiased: bool,
     background: NDArray[np.float32],
     splats: NDArray[np.float32],
     depths: NDArray[np.float32],
@@ -178,7 +207,9 @@ def _bin(
         gaussians=gaussians,
         sh_degree=degree,
         view=view,
+        antialiased=antialiased,
         background=background,
+        depths=depths,
         order=order,
         rank=rank,
         packed=packed,

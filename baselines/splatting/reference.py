@@ -21,6 +21,7 @@ def render(
     degree: int,
     near: float = constants.NEAR,
     shift: Tensor | None = None,
+    antialiased: bool = False,
 ) -> Tensor:
     """The image [H, W, 3] of parameters as `tensors` gives them, differentiable; the cut-offs are the kernels'.
 
@@ -39,7 +40,12 @@ def render(
     directions = p["means"] + pose[:3, :3].T @ pose[:3, 3]
     directions = directions / directions.norm(dim=1, keepdim=True)
     colours = (basis(degree, directions)[:, :, None] * p["sh"][:, : (degree + 1) ** 2]).sum(1) + 0.5
-    alphas = _alphas(centres, _covariances(p, local, camera), torch.sigmoid(p["opacity_logits"]), camera)
+    sharp = _covariances(p, local, camera)
+    wide = sharp + constants.LOW_PASS * torch.eye(2, dtype=torch.float64)
+    opacities = torch.sigmoid(p["opacity_logits"])
+    if antialiased:
+        opacities = opacities * (torch.linalg.det(sharp) / torch.linalg.det(wide)).clamp_min(1e-300).sqrt()
+    alphas = _alphas(centres, wide, opacities, camera)
     return _composite(alphas, colours.clamp_min(0), background).reshape(camera.height, camera.width, 3)
 
 
@@ -101,7 +107,7 @@ def _covariances(p: dict[str, Tensor], local: Tensor, camera: Camera) -> Tensor:
     jacobian = torch.stack([camera.fx / z, zero, -camera.fx * slopes[0] / z], 1)
     jacobian = torch.stack([jacobian, torch.stack([zero, camera.fy / z, -camera.fy * slopes[1] / z], 1)], 1)
     rows = jacobian @ rotation @ axes
-    return rows @ rows.transpose(1, 2) + constants.LOW_PASS * torch.eye(2, dtype=torch.float64)
+    return rows @ rows.transpose(1, 2)
 
 
 def _alphas(centres: Tensor, covariances: Tensor, opacities: Tensor, camera: Camera) -> Tensor:

@@ -10,25 +10,25 @@ from splats import BACKGROUND, camera, cloud, with_values
 
 from baselines.splatting import reference
 from baselines.splatting.gaussians import FIELDS, Gaussians, concatenate
-from baselines.splatting.rasterizer import Workspace, backward, render
+from baselines.splatting.rasterizer import Workspace, backward, depth, render
 
 WIDTH, HEIGHT = 61, 47
 
 
-def both(gaussians, view, degree=None):
+def both(gaussians, view, degree=None, antialiased=False):
     """Image and gradients of a random linear loss, by the kernels and by the reference."""
     degree = gaussians.sh_degree if degree is None else degree
     weights = np.random.default_rng(1).normal(size=(view.height, view.width, 3)).astype(np.float32)
-    image, state = render(gaussians, view, BACKGROUND, degree)
+    image, state = render(gaussians, view, BACKGROUND, degree, antialiased=antialiased)
     gradients = backward(state, weights).parameters.arrays()
     parameters = reference.tensors(gaussians)
-    exact = reference.render(parameters, view, torch.from_numpy(BACKGROUND), degree)
+    exact = reference.render(parameters, view, torch.from_numpy(BACKGROUND), degree, antialiased=antialiased)
     (exact * torch.from_numpy(weights)).sum().backward()
     return image, gradients, exact.detach().numpy(), {k: v.grad.numpy() for k, v in parameters.items()}
 
 
-def assert_same(gaussians, view, degree=None, image_error=1e-5, gradient_error=1e-5):
-    image, gradients, exact, exact_gradients = both(gaussians, view, degree)
+def assert_same(gaussians, view, degree=None, image_error=1e-5, gradient_error=1e-5, antialiased=False):
+    image, gradients, exact, exact_gradients = both(gaussians, view, degree, antialiased)
     assert np.abs(image - exact).max() <= image_error
     for name in FIELDS:
         error = np.linalg.norm(gradients[name] - exact_gradients[name])
@@ -46,6 +46,67 @@ def test_a_lower_degree_than_stored_leaves_the_rest_alone():
     assert not gradients["sh"][:, 4:].any()
     assert gradients["sh"][:, :4].any()
     assert_same(gaussians, camera(WIDTH, HEIGHT), degree=1)
+
+
+@pytest.mark.parametrize("size", [0.12, 0.01, 0.002])
+def test_antialiased_image_and_gradients_match_the_reference(size):
+    assert_same(cloud(300, 1, seed=4, size=size), camera(WIDTH, HEIGHT), antialiased=True)
+
+
+def test_antialiased_needles():
+    """A width of a few hundredths of a pixel: the determinant's entries cancel to one part in 10^8."""
+    gaussians = cloud(40, 0, seed=5)
+    gaussians.log_scales[:] = np.log([2.0, 1e-3, 1e-3])
+    gaussians.opacity_logits[:] = 4
+    assert_same(gaussians, camera(WIDTH, HEIGHT), antialiased=True)
+
+
+def test_antialiasing_keeps_what_a_small_gaussian_adds_to_the_image():
+    """Widened to a pixel or not, it brings the same light; without, twice as far away it would bring as much."""
+    one = cloud(1, 0, seed=6)
+    one = replace(one, means=np.zeros((1, 3), np.float32), sh=np.ones((1, 1, 3), np.float32))
+    one.log_scales[:] = np.log(0.02)  # a quarter of a pixel
+    one.opacity_logits[:] = 5
+    sums = {}
+    for antialiased in (False, True):
+        for factor in (1, 2):
+            view = camera(WIDTH * factor, HEIGHT * factor)
+            image, _ = render(one, view, antialiased=antialiased)
+            sums[antialiased, factor] = image.sum() / factor**2
+    assert sums[True, 1] == pytest.approx(sums[True, 2], rel=0.1)
+    assert sums[False, 1] > 2 * sums[False, 2]
+
+
+def test_given_colours_and_their_gradient():
+    gaussians = cloud(100, 3, seed=2)
+    colours = np.random.default_rng(3).uniform(0.05, 1, (100, 3)).astype(np.float32)
+    weights = np.random.default_rng(1).normal(size=(HEIGHT, WIDTH, 3)).astype(np.float32)
+    image, state = render(gaussians.coloured(colours), camera(WIDTH, HEIGHT), BACKGROUND)
+    gradient = backward(state, weights).colours.copy()
+    parameters = reference.tensors(gaussians.coloured(colours))
+    exact = reference.render(parameters, camera(WIDTH, HEIGHT), torch.from_numpy(BACKGROUND), 0)
+    assert np.abs(image - exact.detach().numpy()).max() < 1e-5
+    step = np.random.default_rng(4).normal(size=colours.shape).astype(np.float32) * 1e-3
+    moved, _ = render(gaussians.coloured(colours + step), camera(WIDTH, HEIGHT), BACKGROUND)
+    # the image is linear in the colours
+    assert np.sum((moved - image) * weights) == pytest.approx(np.sum(gradient * step), rel=1e-2)
+
+
+def test_depth_is_the_mean_of_what_a_pixel_shows():
+    view = camera(WIDTH, HEIGHT)
+    gaussians = cloud(60, 0, seed=7)
+    _, state = render(gaussians, view, BACKGROUND)
+    covered = 1 - state.transmittance
+    found = depth(state)
+    local = gaussians.means @ view.rotation.T + view.world_to_camera[:3, 3]
+    z = local[:, 2].astype(np.float32)
+    as_colour, _ = render(gaussians.coloured(np.repeat(z[:, None], 3, axis=1)), view)
+    assert np.array_equal(np.isnan(found), covered == 0)
+    assert np.allclose(np.nan_to_num(found) * covered, as_colour[..., 0], atol=1e-4)
+    assert np.nanmin(found) >= z.min() - 1e-4
+    assert np.nanmax(found) <= z.max() + 1e-4
+    nothing = gaussians.select(np.arange(0))
+    assert np.isnan(depth(render(nothing, view)[1])).all()
 
 
 def test_every_gaussian_gets_its_own_gradient_right():
