@@ -20,8 +20,8 @@ from hydroviews.rain.path_matte import PathMatte, assemble, dry
 VERSION = 2  # raised whenever the same pattern gives another matte
 FINE_PIXELS = 3_000_000  # about as many light paths as a pass follows
 MOST_PATHS = 8  # along a side of a pixel
-ACCURATE_PATHS = 400  # a pixel, that the accurate matte wants
-MOST_PASSES = 16  # so many bakes it may take: large pictures get fewer paths, for memory's sake
+ACCURATE_PATHS = 576  # a pixel, that the accurate matte wants
+MOST_PASSES = 24  # so many bakes it may take: large pictures get fewer paths, for memory's sake
 COMPOSITED = ("mist", "air")  # what a pattern says that no matte depends on
 
 
