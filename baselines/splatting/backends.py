@@ -8,9 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.adam import adam_step
-from baselines.splatting.densification import Densification, TrainingState, observe
+from baselines.splatting.densification import observe
 from baselines.splatting.objective import Objective
 from baselines.splatting.rasterizer import Workspace, backward, render
+from baselines.splatting.relocation import add_noise, add_penalties
+from baselines.splatting.state import TrainingState
+from baselines.splatting.strategies import Duties
 from hydroviews.cameras import Camera
 from hydroviews.errors import InputError
 
@@ -19,7 +22,7 @@ Rates = dict[str, float | NDArray[np.float32]]
 
 
 class Backend(Protocol):
-    """One place to calculate. The trainer owns the loop, the schedule and the densification."""
+    """One place to calculate. The trainer owns the loop, the schedule and the strategy."""
 
     device: str  # "cpu", or the GPU's name
 
@@ -29,9 +32,7 @@ class Backend(Protocol):
     def get(self, iteration: int, seconds: float) -> TrainingState:
         """The state as numpy arrays, valid until the next step."""
 
-    def step(
-        self, camera: Camera, view: int, iteration: int, degree: int, rates: Rates, watch: Densification | None
-    ) -> float:
+    def step(self, camera: Camera, view: int, iteration: int, degree: int, rates: Rates, duties: Duties) -> float:
         """Render a training view, compare, and take one step of Adam; returns the loss.
 
         Args:
@@ -40,7 +41,7 @@ class Backend(Protocol):
             iteration: from 0.
             degree: spherical-harmonic degree in use.
             rates: from `schedule.rates_at`.
-            watch: the strategy to collect gradient statistics for, while it grows.
+            duties: what the strategy asks for besides.
         """
 
 
@@ -66,9 +67,7 @@ class CpuBackend:
         parts = {name: getattr(self._state, name) for name in ("gaussians", "first", "second", "gradient_sum", "seen")}
         return TrainingState(**parts, iteration=iteration, seconds=seconds)
 
-    def step(
-        self, camera: Camera, view: int, iteration: int, degree: int, rates: Rates, watch: Densification | None
-    ) -> float:
+    def step(self, camera: Camera, view: int, iteration: int, degree: int, rates: Rates, duties: Duties) -> float:
         """See Backend."""
         state, workspace = self._state, self._workspace
         assert state is not None
@@ -77,12 +76,16 @@ class CpuBackend:
         )
         loss, grad_image = self._objective(image, view, iteration, workspace)
         gradients = backward(rendering, grad_image)
-        if watch:
-            means2d = gradients.means2d_absolute if watch.absolute else gradients.means2d
+        if duties.watch:
+            means2d = gradients.means2d_absolute if duties.absolute else gradients.means2d
             observe(state, rendering.rank, means2d, (camera.width, camera.height))
+        if duties.opacity_penalty or duties.scale_penalty:
+            add_penalties(state.gaussians, duties, gradients.parameters)
         moments = zip(state.first.arrays().values(), state.second.arrays().values(), strict=True)
         for (name, values), (first, second) in zip(state.gaussians.arrays().items(), moments, strict=True):
             adam_step(values, getattr(gradients.parameters, name), first, second, iteration + 1, rates[name])
+        if duties.noise:
+            add_noise(state.gaussians, duties, workspace.array("noise", state.gaussians.means.shape))
         return loss
 
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
-from baselines.splatting.densification import TrainingState
 from baselines.splatting.gaussians import FIELDS, Gaussians
+from baselines.splatting.state import TrainingState
 from hydroviews.errors import InputError
 from hydroviews.files import replacing
 

@@ -1,6 +1,6 @@
 """The same training steps on an NVIDIA GPU with gsplat (Ye et al. 2024), written against its version 1.5.3.
 
-Steps stay on the GPU; densification, every hundred steps, is the CPU's: the state is copied over and back. gsplat lets
+Steps stay on the GPU; refinement, every hundred steps, is the CPU's: the state is copied over and back. gsplat lets
 a Gaussian cover 0.999 of a pixel where we stop at 0.99, so renders of very opaque scenes differ a little.
 """
 
@@ -15,11 +15,13 @@ from torch import Tensor
 
 from baselines.splatting.adam import BETA1, BETA2, EPSILON
 from baselines.splatting.constants import LOW_PASS
-from baselines.splatting.densification import Densification, TrainingState
 from baselines.splatting.gaussians import FIELDS, Gaussians
 from baselines.splatting.objective import Objective
 from baselines.splatting.rasterizer import Workspace
 from baselines.splatting.reference import photometric_loss
+from baselines.splatting.state import TrainingState
+from baselines.splatting.strategies import Duties
+from baselines.splatting.torch_steps import drawn, noise, penalty_gradient
 from hydroviews.cameras import Camera
 from hydroviews.images import Image
 
@@ -73,27 +75,26 @@ class CudaBackend:
         )
 
     def step(
-        self, camera: Camera, view: int, iteration: int, degree: int, rates: dict[str, Any], watch: Densification | None
+        self, camera: Camera, view: int, iteration: int, degree: int, rates: dict[str, Any], duties: Duties
     ) -> float:
         """See Backend."""
         state = self._current()
         leaves = {name: value.detach().requires_grad_() for name, value in state.parameters.items()}
-        image, details = self._rasterize(leaves, state.origin, camera, degree, watch is not None and watch.absolute)
-        if watch:
+        image, details = self._rasterize(leaves, state.origin, camera, degree, duties.absolute)
+        if duties.watch:
             details["means2d"].retain_grad()
         loss = self._backward(image, view, iteration)
         with torch.no_grad():
-            if watch:
-                half_size = state.seen.new_tensor([camera.width / 2, camera.height / 2])
-                shown = (details["radii"][0] > 0).all(dim=-1)
-                means2d = details["means2d"]
-                gradient = means2d.absgrad if watch.absolute else means2d.grad
-                state.gradient_sum += (gradient[0] * half_size).norm(dim=-1) * shown
-                state.seen += shown
+            if duties.watch:
+                _observe(state, details, duties, camera)
             for name in FIELDS:
-                gradient = leaves[name].grad
-                if gradient is not None:
-                    _adam(state, name, gradient, iteration + 1, rates[name])
+                parts = [leaves[name].grad, penalty_gradient(name, state.parameters[name], duties)]
+                given = [part for part in parts if part is not None]
+                if given:
+                    _adam(state, name, sum(given[1:], given[0]), iteration + 1, rates[name])
+            if duties.noise:
+                means = state.parameters["means"]
+                means += noise(state.parameters, duties, drawn(duties, means))
         return loss
 
     def render(self, gaussians: Gaussians, camera: Camera) -> Image:
@@ -150,6 +151,15 @@ class CudaBackend:
         value, gradient = self._objective(image.detach().cpu().numpy(), view, iteration, self._workspace)
         image.backward(torch.from_numpy(np.ascontiguousarray(gradient)).cuda())
         return value
+
+
+def _observe(state: _DeviceState, details: dict[str, Any], duties: Duties, camera: Camera) -> None:
+    half_size = state.seen.new_tensor([camera.width / 2, camera.height / 2])
+    shown = (details["radii"][0] > 0).all(dim=-1)
+    means2d = details["means2d"]
+    gradient = means2d.absgrad if duties.absolute else means2d.grad
+    state.gradient_sum += (gradient[0] * half_size).norm(dim=-1) * shown
+    state.seen += shown
 
 
 def _adam(state: _DeviceState, name: str, gradient: Tensor, step: int, rates: float | NDArray[np.float32]) -> None:

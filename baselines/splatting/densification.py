@@ -2,7 +2,7 @@
 # mypy: allow-untyped-defs
 """Adaptive density control (Kerbl et al. 2023, section 5): grow where the image gradient asks for it, up to a budget.
 
-A strategy in three hooks: `observe` after every step, `refine` and `reset_opacity` when `due` says so.
+Large Gaussians are split and small ones doubled; transparent ones are removed, opacities reset now and then.
 """
 
 from dataclasses import dataclass, replace
@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 
 from baselines.splatting.gaussians import Gaussians, concatenate
 from baselines.splatting.jit import kernel
+from baselines.splatting.schedule import SPLITTING, random_stream
+from baselines.splatting.state import TrainingState, finite
+from baselines.splatting.strategies import Duties
 
 SPLIT_INTO = 2
 SHRINK = 1.6  # a split Gaussian's parts are smaller by this factor
@@ -36,25 +39,20 @@ class Densification:
     reset_every: int | None = 3000  # iterations between two opacity resets; None for never
     reset_to: float = 0.01  # highest opacity after a reset
 
+    def duties(self, iteration: int, means_rate: float, extent: float, seed: int) -> Duties:
+        """See Strategy: gradients are added up while Gaussians may still be added."""
+        return Duties(watch=iteration + 1 < self.stop, absolute=self.absolute)
 
-@dataclass(frozen=True)
-class TrainingState:
-    """Everything that a step of training changes; a checkpoint is this and nothing else."""
+    def due(self, iteration: int) -> bool:
+        """See Strategy."""
+        return grow_due(self, iteration) or reset_due(self, iteration)
 
-    gaussians: Gaussians
-    first: Gaussians  # Adam's first moments
-    second: Gaussians  # and second
-    gradient_sum: NDArray[np.float32]  # [N], norms of the position gradient since the last refinement
-    seen: NDArray[np.float32]  # [N], views that showed the Gaussian since then
-    iteration: int = 0  # steps done
-    seconds: float = 0.0  # time spent on them, over all sessions
-
-
-def fresh_state(gaussians: Gaussians) -> TrainingState:
-    """The state before the first step."""
-    n = len(gaussians)
-    nothing = np.zeros((2, n), np.float32)
-    return TrainingState(gaussians, gaussians.zeros(), gaussians.zeros(), nothing[0].copy(), nothing[1].copy())
+    def refine(self, state: TrainingState, extent: float, seed: int) -> TrainingState:
+        """See Strategy: add and remove, reset opacities, or both."""
+        iteration = state.iteration - 1
+        if grow_due(self, iteration):
+            state = grow(state, self, extent, random_stream(seed, SPLITTING, iteration))
+        return reset_opacity(state, self) if reset_due(self, iteration) else state
 
 
 @kernel
@@ -80,8 +78,8 @@ def observe(state: TrainingState, rank: NDArray[np.int32], means2d: NDArray[np.f
     _observe(rank, means2d, np.float32(size[0] / 2), np.float32(size[1] / 2), state.gradient_sum, state.seen)
 
 
-def due(strategy: Densification, iteration: int) -> bool:
-    """Whether to refine after step `iteration` (from 0)."""
+def grow_due(strategy: Densification, iteration: int) -> bool:
+    """Whether to add and remove after step `iteration`."""
     done = iteration + 1
     return strategy.start <= done < strategy.stop and done % strategy.every == 0
 
@@ -92,9 +90,7 @@ def reset_due(strategy: Densification, iteration: int) -> bool:
     return strategy.reset_every is not None and done < strategy.stop and done % strategy.reset_every == 0
 
 
-def refine(
-    state: TrainingState, strategy: Densification, extent: float, generator: np.random.Generator
-) -> TrainingState:
+def grow(state: TrainingState, strategy: Densification, extent: float, generator: np.random.Generator) -> TrainingState:
     """Remove what is transparent, oversized or not finite; split or double those with the largest gradients.
 
     Args:
@@ -110,7 +106,7 @@ def refine(
     size = np.exp(gaussians.log_scales).max(axis=1)
     opacity = 1 / (1 + np.exp(-gaussians.opacity_logits))
     # written so that NaN is removed
-    keep = (opacity >= strategy.least_opacity) & (size <= strategy.largest * extent) & _finite(gaussians)
+    keep = (opacity >= strategy.least_opacity) & (size <= strategy.largest * extent) & finite(gaussians)
     gradient = np.where(keep, state.gradient_sum / np.maximum(state.seen, 1), 0)
 
     kept = int(keep.sum())
@@ -121,7 +117,7 @@ def refine(
     doubled, split = np.sort(chosen[~large]), np.sort(chosen[large])
     keep[split] = False
     added = concatenate(gaussians.select(doubled), split_up(gaussians.select(split), generator))
-    return _replace(state, keep, added)
+    return state.refined(keep, added)
 
 
 def split_up(gaussians: Gaussians, generator: np.random.Generator) -> Gaussians:
@@ -153,21 +149,4 @@ def reset_opacity(state: TrainingState, strategy: Densification) -> TrainingStat
         gaussians=replace(state.gaussians, opacity_logits=lowered),
         first=replace(state.first, opacity_logits=none),
         second=replace(state.second, opacity_logits=none.copy()),
-    )
-
-
-def _finite(gaussians: Gaussians) -> NDArray[np.bool_]:
-    checks = [np.isfinite(v).all(axis=tuple(range(1, v.ndim))) for v in gaussians.arrays().values()]
-    return np.logical_and.reduce(checks)
-
-
-def _replace(state: TrainingState, keep: NDArray[np.bool_], added: Gaussians) -> TrainingState:
-    total = int(keep.sum()) + len(added)
-    return replace(
-        state,
-        gaussians=concatenate(state.gaussians.select(keep), added),
-        first=concatenate(state.first.select(keep), added.zeros()),
-        second=concatenate(state.second.select(keep), added.zeros()),
-        gradient_sum=np.zeros(total, np.float32),
-        seen=np.zeros(total, np.float32),
     )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from baselines.splatting.spherical_harmonics import coefficients
 
-VIEW_ORDER, SPLITTING = 1, 2  # random streams
+VIEW_ORDER, SPLITTING, RELOCATION, NOISE = 1, 2, 3, 4  # random streams
 
 
 @dataclass(frozen=True)

@@ -2,14 +2,12 @@
 
 import hashlib
 import json
-import os
 import signal
-import sys
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -17,29 +15,20 @@ import numpy as np
 from tqdm import tqdm
 
 from baselines.splatting import schedule
-from baselines.splatting.backends import Backend, CpuBackend, make_backend
+from baselines.splatting.backends import Backend, make_backend
 from baselines.splatting.checkpoints import read_checkpoint, write_checkpoint
-from baselines.splatting.densification import (
-    Densification,
-    TrainingState,
-    due,
-    fresh_state,
-    refine,
-    reset_due,
-    reset_opacity,
-)
+from baselines.splatting.densification import Densification
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.initialisation import initialise, scene_extent
-from baselines.splatting.jit import FOLDER
-from baselines.splatting.objective import Objective, TrainingImages, read_images
+from baselines.splatting.kernels import warm_up
+from baselines.splatting.objective import Objective, read_images
+from baselines.splatting.relocation import Relocation
 from baselines.splatting.schedule import LearningRates
+from baselines.splatting.state import TrainingState, fresh_state
 from hydroviews.cameras import Camera
-from hydroviews.commands import run_process
-from hydroviews.files import write_bytes
-from hydroviews.scenes import Scene, no_points
+from hydroviews.scenes import Scene
 
 CHECKPOINT = "checkpoint.safetensors"
-COMPILED = "compiled"  # a mark in the kernels' folder
 
 
 @dataclass(frozen=True)
@@ -51,7 +40,7 @@ class TrainerConfig:
     sh_every: int = 1000  # iterations between two rises of the spherical-harmonic degree
     ssim_share: float = 0.2  # lambda in (1 - lambda) L1 + lambda (1 - SSIM)
     rates: LearningRates = field(default_factory=LearningRates)
-    densification: Densification = field(default_factory=Densification)
+    densification: Densification | Relocation = field(default_factory=Densification)
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
     near: float = 0.01  # nothing nearer to a camera is shown; a share of the scene extent
     device: str = "auto"  # auto, cpu or cuda; $HYDROVIEWS_DEVICE comes first
@@ -119,7 +108,7 @@ class _Run:
 
     def finish(self, state: TrainingState) -> TrainingState:
         """All steps that are left, with a checkpoint now and then and at the end."""
-        backend, total = self.backend, self.config.iterations
+        backend, strategy, total = self.backend, self.config.densification, self.config.iterations
         backend.put(state)
         clock = _Clock(state.seconds)
         saved, smooth, n = clock.seconds, 0.0, len(state.gaussians)
@@ -127,8 +116,8 @@ class _Run:
         with _stop_signals() as stopped, bar:
             for iteration in range(state.iteration, total):
                 loss = self.step(iteration)
-                if due(self.config.densification, iteration) or reset_due(self.config.densification, iteration):
-                    state = self.densify(backend.get(iteration + 1, clock.seconds))
+                if strategy.due(iteration):
+                    state = strategy.refine(backend.get(iteration + 1, clock.seconds), self.extent, self.seed)
                     backend.put(state)
                     n = len(state.gaussians)
                 if stopped or clock.seconds - saved > self.config.checkpoint_seconds:
@@ -149,16 +138,8 @@ class _Run:
         view = schedule.view_at(iteration, len(self.cameras), self.seed)
         degree = schedule.sh_degree_at(iteration, config.sh_every, config.sh_degree)
         rates = schedule.rates_at(iteration, config.iterations, config.rates, self.extent, config.sh_degree)
-        watch = config.densification if iteration + 1 < config.densification.stop else None
-        return self.backend.step(self.cameras[view], view, iteration, degree, rates, watch)
-
-    def densify(self, state: TrainingState) -> TrainingState:
-        """Refine, reset opacities, or both, after the state's last step."""
-        strategy, iteration = self.config.densification, state.iteration - 1
-        if due(strategy, iteration):
-            generator = schedule.random_stream(self.seed, schedule.SPLITTING, iteration)
-            state = refine(state, strategy, self.extent, generator)
-        return reset_opacity(state, strategy) if reset_due(strategy, iteration) else state
+        duties = config.densification.duties(iteration, float(rates["means"]), self.extent, self.seed)
+        return self.backend.step(self.cameras[view], view, iteration, degree, rates, duties)
 
     def save(self, state: TrainingState) -> None:
         """Write the checkpoint."""
@@ -211,31 +192,3 @@ def fingerprint_of(config: TrainerConfig, seed: int, scene: Scene, objective: Ob
         "cameras or points": digest.hexdigest(),
         "images": objective.images.digest(),
     }
-
-
-def warm_up(sh_degree: int) -> float:
-    """Load every kernel, so that training time is training; seconds.
-
-    Kernels that were never compiled are compiled by a process of their own: code fresh from the compiler rounds
-    differently from the same code read back from the cache, and a run must not depend on being the first.
-    """
-    start = time.perf_counter()
-    if not (Path(FOLDER) / COMPILED).is_file():
-        print("compiling the kernels: once, up to a minute", file=sys.stderr, flush=True)
-        code = f"from {__name__} import exercise_kernels; exercise_kernels({sh_degree})"
-        run_process([sys.executable, "-c", code], {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})
-        write_bytes(Path(FOLDER) / COMPILED, b"")
-    exercise_kernels(sh_degree)
-    return time.perf_counter() - start
-
-
-def exercise_kernels(sh_degree: int) -> None:
-    """One step of training on a scene of a few Gaussians."""
-    camera = Camera(16, 16, 16.0, 16.0, 8.0, 8.0, np.diag([1.0, 1, 1, 1]))
-    gaussians = initialise(no_points(), [camera], sh_degree, 0).select(np.arange(8))
-    gaussians = replace(gaussians, means=gaussians.means + np.array([0, 0, 3], np.float32))
-    grey = Objective(TrainingImages([np.full((16, 16, 3), 128, np.uint8)]))
-    backend = CpuBackend(grey, np.zeros(3, np.float32), 0.01)
-    backend.put(fresh_state(gaussians))
-    rates = schedule.rates_at(0, 1, LearningRates(), 1.0, sh_degree)
-    backend.step(camera, 0, 0, sh_degree, rates, Densification())

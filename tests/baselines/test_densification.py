@@ -8,10 +8,9 @@ from splats import camera, cloud, with_values
 
 from baselines.splatting.densification import (
     Densification,
-    due,
-    fresh_state,
+    grow,
+    grow_due,
     observe,
-    refine,
     reset_due,
     reset_opacity,
     rotation_matrices,
@@ -19,6 +18,7 @@ from baselines.splatting.densification import (
 )
 from baselines.splatting.initialisation import initialise, scene_extent
 from baselines.splatting.schedule import LearningRates, rates_at, sh_degree_at, view_at
+from baselines.splatting.state import fresh_state
 from hydroviews.cameras import Camera
 from hydroviews.scenes import Points, no_points
 
@@ -40,7 +40,7 @@ def test_small_gaussians_are_doubled_and_large_ones_split():
     gaussians = with_values(gaussians, "log_scales", 7, np.log(0.05))
     gradients = np.zeros(10)
     gradients[[2, 7]] = 1
-    after = refine(watched(gaussians, gradients), Densification(), 1.0, generator())
+    after = grow(watched(gaussians, gradients), Densification(), 1.0, generator())
     assert len(after.gaussians) == 12  # one more for number 2; two for number 7, which is gone
     assert np.array_equal(after.gaussians.means[-3], gaussians.means[2])
     assert np.allclose(after.gaussians.log_scales[-2:], np.log(0.05 / 1.6))
@@ -56,7 +56,7 @@ def test_transparent_oversized_and_broken_ones_are_removed():
     gaussians = with_values(gaussians, "sh", 2, np.nan)
     gaussians = with_values(gaussians, "means", 3, np.inf)
     gaussians = with_values(gaussians, "opacity_logits", 4, np.nan)
-    after = refine(watched(gaussians, np.zeros(10)), Densification(), 1.0, generator())
+    after = grow(watched(gaussians, np.zeros(10)), Densification(), 1.0, generator())
     assert np.array_equal(after.gaussians.means, gaussians.means[5:])
 
 
@@ -65,7 +65,7 @@ def test_growth_stops_at_the_budget_and_takes_the_largest_gradients(budget, grow
     gaussians = replace(cloud(100, 0), opacity_logits=np.zeros(100, np.float32))
     gaussians = with_values(gaussians, "log_scales", slice(None), np.log(0.001))
     strategy = Densification(budget=budget, growth=growth)
-    after = refine(watched(gaussians, np.arange(100)), strategy, 1.0, generator())
+    after = grow(watched(gaussians, np.arange(100)), strategy, 1.0, generator())
     assert len(after.gaussians) == expected
     added = expected - 100
     assert np.array_equal(after.gaussians.means[100:], gaussians.means[100 - added :])
@@ -73,12 +73,12 @@ def test_growth_stops_at_the_budget_and_takes_the_largest_gradients(budget, grow
 
 def test_nothing_grows_without_a_gradient():
     gaussians = replace(cloud(100, 0, size=0.01), opacity_logits=np.zeros(100, np.float32))
-    after = refine(watched(gaussians, np.full(100, 1e-5)), Densification(), 10.0, generator())
+    after = grow(watched(gaussians, np.full(100, 1e-5)), Densification(), 10.0, generator())
     assert len(after.gaussians) == 100
 
 
 def test_refining_nothing_gives_nothing():
-    after = refine(fresh_state(cloud(0, 1)), Densification(), 1.0, generator())
+    after = grow(fresh_state(cloud(0, 1)), Densification(), 1.0, generator())
     assert len(after.gaussians) == 0
 
 
@@ -110,8 +110,9 @@ def test_opacity_reset():
 
 def test_when_things_are_due():
     strategy = Densification(start=500, stop=1000, every=100, reset_every=300)
-    assert [i + 1 for i in range(2000) if due(strategy, i)] == [500, 600, 700, 800, 900]
+    assert [i + 1 for i in range(2000) if grow_due(strategy, i)] == [500, 600, 700, 800, 900]
     assert [i + 1 for i in range(2000) if reset_due(strategy, i)] == [300, 600, 900]
+    assert [i + 1 for i in range(2000) if strategy.due(i)] == [300, 500, 600, 700, 800, 900]
     assert not any(reset_due(replace(strategy, reset_every=None), i) for i in range(2000))
 
 

@@ -1,0 +1,44 @@
+"""How many Gaussians, and where: what the training loop asks a strategy, whichever it is.
+
+`Densification` (Kerbl et al. 2023) clones, splits, prunes and resets opacities; `Relocation` (Kheradmand et al. 2024)
+moves dead Gaussians to live ones within a budget. The type of `TrainerConfig.strategy` chooses.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from baselines.splatting.state import TrainingState
+
+
+@dataclass(frozen=True)
+class Duties:
+    """What a strategy asks of one step, beside learning from the view."""
+
+    watch: bool = False  # add up position gradients in the state
+    absolute: bool = False  # with absolute values summed over pixels (Ye et al. 2024, AbsGS)
+    opacity_penalty: float = 0.0  # factor of the mean opacity in the loss
+    scale_penalty: float = 0.0  # factor of the mean standard deviation in the loss, in 1 / world units
+    noise: float = 0.0  # factor of the noise that is added to positions after the step, in 1 / world units
+    generator: np.random.Generator | None = None  # for that noise
+
+
+class Strategy(Protocol):
+    """A frozen dataclass of settings with three hooks; iterations count from 0."""
+
+    def duties(self, iteration: int, means_rate: float, extent: float, seed: int) -> Duties:
+        """What to do in a step.
+
+        Args:
+            iteration: of the step.
+            means_rate: learning rate of the positions in it, in world units.
+            extent: of the scene, in world units.
+            seed: of the training.
+        """
+
+    def due(self, iteration: int) -> bool:
+        """Whether to refine after step `iteration`."""
+
+    def refine(self, state: TrainingState, extent: float, seed: int) -> TrainingState:
+        """A new state, with Gaussians added, moved and removed, after the state's last step."""
