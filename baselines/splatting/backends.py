@@ -2,6 +2,7 @@
 
 import importlib.util
 import os
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -12,7 +13,7 @@ from baselines.splatting.densification import observe
 from baselines.splatting.objective import Objective
 from baselines.splatting.rasterizer import Workspace, backward, render
 from baselines.splatting.relocation import add_noise, add_penalties
-from baselines.splatting.state import TrainingState
+from baselines.splatting.state import TrainingState, finite
 from baselines.splatting.strategies import Duties
 from hydroviews.cameras import Camera
 from hydroviews.errors import InputError
@@ -31,6 +32,9 @@ class Backend(Protocol):
 
     def get(self, iteration: int, seconds: float) -> TrainingState:
         """The state as numpy arrays, valid until the next step."""
+
+    def broken(self) -> int:
+        """How many Gaussians have a parameter that is NaN or infinite; none of them is shown or learns."""
 
     def step(self, camera: Camera, view: int, iteration: int, degree: int, rates: Rates, duties: Duties) -> float:
         """Render a training view, compare, and take one step of Adam; returns the loss.
@@ -64,8 +68,12 @@ class CpuBackend:
     def get(self, iteration: int, seconds: float) -> TrainingState:
         """The same arrays."""
         assert self._state is not None
-        parts = {name: getattr(self._state, name) for name in ("gaussians", "first", "second", "gradient_sum", "seen")}
-        return TrainingState(**parts, iteration=iteration, seconds=seconds)
+        return replace(self._state, iteration=iteration, seconds=seconds)
+
+    def broken(self) -> int:
+        """See Backend."""
+        assert self._state is not None
+        return int((~finite(self._state.gaussians)).sum())
 
     def step(self, camera: Camera, view: int, iteration: int, degree: int, rates: Rates, duties: Duties) -> float:
         """See Backend."""

@@ -1,6 +1,8 @@
 """Training states and trained models on disk, as safetensors."""
 
+import hashlib
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +11,17 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
+from baselines.splatting.config import TrainerConfig
 from baselines.splatting.gaussians import FIELDS, Gaussians
+from baselines.splatting.objective import Objective
 from baselines.splatting.state import TrainingState
 from hydroviews.errors import InputError
 from hydroviews.files import replacing
+from hydroviews.scenes import Scene
 
 FORMAT = "hydroviews-splatting-1"
 PARTS = ("gaussians", "first", "second")
+PROGRESS = ("iteration", "seconds", "broken")
 
 
 def write_arrays(path: Path, arrays: dict[str, NDArray], about: dict[str, Any]) -> None:
@@ -56,7 +62,7 @@ def write_checkpoint(path: Path, state: TrainingState, learnt: dict[str, NDArray
     arrays = {f"{part}.{name}": value for part in PARTS for name, value in getattr(state, part).arrays().items()}
     arrays |= {"gradient_sum": state.gradient_sum, "seen": state.seen, "origin": state.gaussians.origin}
     arrays |= {f"learnt.{name}": value for name, value in learnt.items()}
-    progress = {"iteration": state.iteration, "seconds": state.seconds}
+    progress = {name: getattr(state, name) for name in PROGRESS}
     write_arrays(path, arrays, {"fingerprint": fingerprint, "progress": progress})
 
 
@@ -75,6 +81,27 @@ def read_checkpoint(path: Path, fingerprint: dict[str, Any]) -> tuple[TrainingSt
     learnt = {name.removeprefix("learnt."): v for name, v in arrays.items() if name.startswith("learnt.")}
     statistics = arrays["gradient_sum"], arrays["seen"]
     return TrainingState(gaussians, first, second, *statistics, **about["progress"]), learnt
+
+
+def fingerprint_of(config: TrainerConfig, seed: int, scene: Scene, objective: Objective) -> dict[str, Any]:
+    """What a checkpoint must agree with: anything that would lead to another result."""
+    settings = asdict(config)
+    for name in ("checkpoint_seconds", "device"):
+        del settings[name]
+    digest = hashlib.sha256()
+    for view in scene.train_views:
+        camera = view.camera
+        numbers = [camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy]
+        digest.update(json.dumps([view.name, numbers]).encode() + camera.world_to_camera.tobytes())
+    digest.update(np.ascontiguousarray(scene.points.positions, np.float64).tobytes())
+    digest.update(np.ascontiguousarray(scene.points.colours).tobytes())
+    return {
+        "configuration": settings,
+        "objective": objective.about(),
+        "seed": seed,
+        "cameras or points": digest.hexdigest(),
+        "images": objective.images.digest(),
+    }
 
 
 def _check_fingerprint(path: Path, found: dict[str, Any], expected: dict[str, Any]) -> None:

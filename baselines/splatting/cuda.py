@@ -21,7 +21,7 @@ from baselines.splatting.rasterizer import Workspace
 from baselines.splatting.reference import photometric_loss
 from baselines.splatting.state import TrainingState
 from baselines.splatting.strategies import Duties
-from baselines.splatting.torch_steps import drawn, noise, penalty_gradient
+from baselines.splatting.torch_steps import drawn, finite_rows, noise, penalty_gradient, without_broken
 from hydroviews.cameras import Camera
 from hydroviews.images import Image
 
@@ -36,6 +36,7 @@ class _DeviceState:
     gradient_sum: Tensor
     seen: Tensor
     origin: NDArray[np.float64]
+    broken: int  # as in TrainingState
 
 
 class CudaBackend:
@@ -59,6 +60,7 @@ class CudaBackend:
             gradient_sum=torch.from_numpy(state.gradient_sum).cuda(),
             seen=torch.from_numpy(state.seen).cuda(),
             origin=state.gaussians.origin,
+            broken=state.broken,
         )
 
     def get(self, iteration: int, seconds: float) -> TrainingState:
@@ -72,7 +74,12 @@ class CudaBackend:
             seen=state.seen.cpu().numpy(),
             iteration=iteration,
             seconds=seconds,
+            broken=state.broken,
         )
+
+    def broken(self) -> int:
+        """See Backend."""
+        return int((~finite_rows(self._current().parameters)).sum())
 
     def step(
         self, camera: Camera, view: int, iteration: int, degree: int, rates: dict[str, Any], duties: Duties
@@ -117,11 +124,12 @@ class CudaBackend:
     ) -> tuple[Tensor, dict[str, Any]]:
         pose = camera.world_to_camera.copy()
         pose[:3, 3] += pose[:3, :3] @ origin
+        parameters, whole = without_broken(parameters)
         images, _, details = rasterization(
             parameters["means"],
             parameters["quaternions"],
             parameters["log_scales"].exp(),
-            parameters["opacity_logits"].sigmoid(),
+            parameters["opacity_logits"].sigmoid() * whole,
             parameters["sh"],
             torch.from_numpy(pose).float().cuda()[None],
             torch.from_numpy(camera.matrix).float().cuda()[None],

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from baselines.splatting.gaussians import Gaussians, concatenate
 from baselines.splatting.jit import kernel
 from baselines.splatting.schedule import SPLITTING, random_stream
-from baselines.splatting.state import TrainingState, finite
+from baselines.splatting.state import TrainingState
 from baselines.splatting.strategies import Duties
 
 SPLIT_INTO = 2
@@ -91,7 +91,7 @@ def reset_due(strategy: Densification, iteration: int) -> bool:
 
 
 def grow(state: TrainingState, strategy: Densification, extent: float, generator: np.random.Generator) -> TrainingState:
-    """Remove what is transparent, oversized or not finite; split or double those with the largest gradients.
+    """Remove what is transparent or oversized; split or double those with the largest gradients.
 
     Args:
         state: trained so far.
@@ -105,8 +105,7 @@ def grow(state: TrainingState, strategy: Densification, extent: float, generator
     gaussians = state.gaussians
     size = np.exp(gaussians.log_scales).max(axis=1)
     opacity = 1 / (1 + np.exp(-gaussians.opacity_logits))
-    # written so that NaN is removed
-    keep = (opacity >= strategy.least_opacity) & (size <= strategy.largest * extent) & finite(gaussians)
+    keep = (opacity >= strategy.least_opacity) & (size <= strategy.largest * extent)
     gradient = np.where(keep, state.gradient_sum / np.maximum(state.seen, 1), 0)
 
     kept = int(keep.sum())

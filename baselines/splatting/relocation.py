@@ -18,13 +18,14 @@ from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.geometry import exp64, rotation, sigmoid, unit_quaternion
 from baselines.splatting.jit import exact_kernel
 from baselines.splatting.schedule import NOISE, RELOCATION, random_stream
-from baselines.splatting.state import TrainingState, finite, opacities
+from baselines.splatting.state import TrainingState, opacities
 from baselines.splatting.strategies import Duties
 
 PAPER_EXTENT = 5.0  # of the paper's captures (Mip-NeRF 360 bonsai: 5.03); its noise and penalty have their lengths
 GATE_STEEPNESS, GATE = 100.0, 0.995  # k and t: noise for a transparency above t, so for opacities below 0.005
 MOST_COPIES = 51  # of one Gaussian in one refinement
 HIGHEST_OPACITY = 1 - float(np.finfo(np.float32).eps)
+FARTHEST = 1e30  # a move of this length comes from a broken Gaussian, which stays as it is
 CHUNKS = 32
 
 
@@ -60,7 +61,7 @@ class Relocation:
     def refine(self, state: TrainingState, extent: float, seed: int) -> TrainingState:
         """See Strategy: move the dead, then grow."""
         generator = random_stream(seed, RELOCATION, state.iteration - 1)
-        return grow(relocate(state.keep(finite(state.gaussians)), self, generator), self, generator)
+        return grow(relocate(state, self, generator), self, generator)
 
 
 def relocate(state: TrainingState, strategy: Relocation, generator: np.random.Generator) -> TrainingState:
@@ -168,6 +169,8 @@ def _add_noise(means, quaternions, log_scales, opacity_logits, normal, factor):
             v0 = exp64(2 * np.float64(log_scales[i, 0])) * (r[0] * n0 + r[3] * n1 + r[6] * n2)
             v1 = exp64(2 * np.float64(log_scales[i, 1])) * (r[1] * n0 + r[4] * n1 + r[7] * n2)
             v2 = exp64(2 * np.float64(log_scales[i, 2])) * (r[2] * n0 + r[5] * n1 + r[8] * n2)
+            if not weight * (abs(v0) + abs(v1) + abs(v2)) < FARTHEST:  # false for NaN
+                continue
             means[i, 0] += weight * (r[0] * v0 + r[1] * v1 + r[2] * v2)
             means[i, 1] += weight * (r[3] * v0 + r[4] * v1 + r[5] * v2)
             means[i, 2] += weight * (r[6] * v0 + r[7] * v1 + r[8] * v2)

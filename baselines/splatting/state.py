@@ -1,9 +1,11 @@
 """What training changes, and how Gaussians come and go with their moments."""
 
+import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from tqdm import tqdm
 
 from baselines.splatting.gaussians import Gaussians, concatenate
 
@@ -19,6 +21,7 @@ class TrainingState:
     seen: NDArray[np.float32]  # [N], views that showed the Gaussian since then
     iteration: int = 0  # steps done
     seconds: float = 0.0  # time spent on them, over all sessions
+    broken: int = 0  # Gaussians removed so far because a parameter was not finite
 
     def keep(self, which: NDArray[np.bool_]) -> "TrainingState":
         """Only those Gaussians that a mask [N] picks, with all that is known of them."""
@@ -49,6 +52,29 @@ def finite(gaussians: Gaussians) -> NDArray[np.bool_]:
     """Which Gaussians [N] have no parameter that is NaN or infinite."""
     checks = [np.isfinite(v).all(axis=tuple(range(1, v.ndim))) for v in gaussians.arrays().values()]
     return np.logical_and.reduce(checks)
+
+
+def without_broken(state: TrainingState) -> TrainingState:
+    """Only the Gaussians whose parameters are all finite; says on stderr, the first time, what was removed.
+
+    Until then they are harmless: no renderer shows them, so their gradients are zero.
+    """
+    whole = finite(state.gaussians)
+    count = int((~whole).sum())
+    if not count:
+        return state
+    if not state.broken:
+        bad = {
+            name: int((~np.isfinite(v)).reshape(len(v), -1).any(axis=1).sum())
+            for name, v in state.gaussians.arrays().items()
+        }
+        where = ", ".join(f"{name} of {number}" for name, number in bad.items() if number)
+        tqdm.write(
+            f"training: {count} of {len(whole)} Gaussians are removed after iteration {state.iteration}, as they "
+            f"are NaN or infinite: {where}. It will not be said again.",
+            file=sys.stderr,
+        )
+    return replace(state.keep(whole), broken=state.broken + count)
 
 
 def opacities(gaussians: Gaussians) -> NDArray[np.float64]:

@@ -41,4 +41,7 @@ class Strategy(Protocol):
         """Whether to refine after step `iteration`."""
 
     def refine(self, state: TrainingState, extent: float, seed: int) -> TrainingState:
-        """A new state, with Gaussians added, moved and removed, after the state's last step."""
+        """A new state, with Gaussians added, moved and removed, after the state's last step.
+
+        All parameters are finite: what is not has been taken out before.
+        """

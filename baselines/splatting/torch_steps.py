@@ -1,10 +1,13 @@
-"""What a strategy asks of a step, in torch on any device: for the GPU, and as the yardstick of the kernels."""
+"""Parts of a step in torch on any device: what a strategy asks for, and broken Gaussians.
+
+For the GPU; those of the strategy are the yardstick of the kernels as well.
+"""
 
 import torch
 from torch import Tensor
 
 from baselines.splatting.reference import rotations
-from baselines.splatting.relocation import GATE, GATE_STEEPNESS
+from baselines.splatting.relocation import FARTHEST, GATE, GATE_STEEPNESS
 from baselines.splatting.strategies import Duties
 
 
@@ -23,7 +26,8 @@ def noise(parameters: dict[str, Tensor], duties: Duties, normal: Tensor) -> Tens
     transparency = 1 - parameters["opacity_logits"].sigmoid()
     weight = duties.noise * torch.sigmoid(GATE_STEEPNESS * (transparency - GATE))
     axes = rotations(parameters["quaternions"]) * parameters["log_scales"].exp()[:, None]
-    return weight[:, None] * torch.einsum("nij,nkj,nk->ni", axes, axes, normal)
+    moves = weight[:, None] * torch.einsum("nij,nkj,nk->ni", axes, axes, normal)
+    return torch.where((moves.abs() < FARTHEST).all(dim=1, keepdim=True), moves, 0.0)
 
 
 def drawn(duties: Duties, like: Tensor) -> Tensor:
@@ -31,3 +35,15 @@ def drawn(duties: Duties, like: Tensor) -> Tensor:
     assert duties.generator is not None
     generator = torch.Generator(like.device).manual_seed(int(duties.generator.integers(2**62)))
     return torch.randn(like.shape, generator=generator, device=like.device, dtype=like.dtype)
+
+
+def finite_rows(parameters: dict[str, Tensor]) -> Tensor:
+    """Which Gaussians, bool [N], have no parameter that is NaN or infinite."""
+    return torch.stack([torch.isfinite(v).reshape(len(v), -1).all(dim=1) for v in parameters.values()]).all(dim=0)
+
+
+def without_broken(parameters: dict[str, Tensor]) -> tuple[dict[str, Tensor], Tensor]:
+    """Ones in place of the parameters of broken Gaussians, which so get no gradient, and which are whole, bool [N]."""
+    whole = finite_rows(parameters)
+    masks = {name: whole.reshape(-1, *[1] * (value.ndim - 1)) for name, value in parameters.items()}
+    return {name: torch.where(masks[name], value, 1.0) for name, value in parameters.items()}, whole

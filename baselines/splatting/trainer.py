@@ -1,13 +1,11 @@
 """The training loop: schedule, steps, densification, checkpoints. What a step does is the backend's business."""
 
-import hashlib
-import json
 import signal
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,35 +14,18 @@ from tqdm import tqdm
 
 from baselines.splatting import schedule
 from baselines.splatting.backends import Backend, make_backend
-from baselines.splatting.checkpoints import read_checkpoint, write_checkpoint
-from baselines.splatting.densification import Densification
+from baselines.splatting.checkpoints import fingerprint_of, read_checkpoint, write_checkpoint
+from baselines.splatting.config import TrainerConfig
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.initialisation import initialise, scene_extent
 from baselines.splatting.kernels import warm_up
 from baselines.splatting.objective import Objective, read_images
-from baselines.splatting.relocation import Relocation
-from baselines.splatting.schedule import LearningRates
-from baselines.splatting.state import TrainingState, fresh_state
+from baselines.splatting.state import TrainingState, fresh_state, without_broken
 from hydroviews.cameras import Camera
 from hydroviews.scenes import Scene
 
 CHECKPOINT = "checkpoint.safetensors"
-
-
-@dataclass(frozen=True)
-class TrainerConfig:
-    """How to train; the defaults are those of Kerbl et al. 2023."""
-
-    iterations: int = 30_000
-    sh_degree: int = 3
-    sh_every: int = 1000  # iterations between two rises of the spherical-harmonic degree
-    ssim_share: float = 0.2  # lambda in (1 - lambda) L1 + lambda (1 - SSIM)
-    rates: LearningRates = field(default_factory=LearningRates)
-    densification: Densification | Relocation = field(default_factory=Densification)
-    background: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    near: float = 0.01  # nothing nearer to a camera is shown; a share of the scene extent
-    device: str = "auto"  # auto, cpu or cuda; $HYDROVIEWS_DEVICE comes first
-    checkpoint_seconds: float = 30.0  # of training between two checkpoints
+CHECK_EVERY = 100  # iterations between two looks for Gaussians that are not finite
 
 
 @dataclass(frozen=True)
@@ -57,6 +38,7 @@ class Trained:
     compile_seconds: float  # spent on loading or compiling kernels, in this session
     device: str
     extent: float
+    broken: int = 0  # Gaussians removed because a parameter was NaN or infinite
 
 
 def train(scene: Scene, config: TrainerConfig, seed: int, folder: Path, objective: Objective | None = None) -> Trained:
@@ -90,7 +72,7 @@ def train(scene: Scene, config: TrainerConfig, seed: int, folder: Path, objectiv
     else:
         state = fresh_state(initialise(scene.points, cameras, config.sh_degree, seed))
     state = run.finish(state)
-    return Trained(state.gaussians, near, state.seconds, compile_seconds, backend.device, extent)
+    return Trained(state.gaussians, near, state.seconds, compile_seconds, backend.device, extent, state.broken)
 
 
 @dataclass(frozen=True)
@@ -108,7 +90,7 @@ class _Run:
 
     def finish(self, state: TrainingState) -> TrainingState:
         """All steps that are left, with a checkpoint now and then and at the end."""
-        backend, strategy, total = self.backend, self.config.densification, self.config.iterations
+        backend, total = self.backend, self.config.iterations
         backend.put(state)
         clock = _Clock(state.seconds)
         saved, smooth, n = clock.seconds, 0.0, len(state.gaussians)
@@ -116,8 +98,8 @@ class _Run:
         with _stop_signals() as stopped, bar:
             for iteration in range(state.iteration, total):
                 loss = self.step(iteration)
-                if strategy.due(iteration):
-                    state = strategy.refine(backend.get(iteration + 1, clock.seconds), self.extent, self.seed)
+                if self.due(iteration):
+                    state = self.change(backend.get(iteration + 1, clock.seconds))
                     backend.put(state)
                     n = len(state.gaussians)
                 if stopped or clock.seconds - saved > self.config.checkpoint_seconds:
@@ -140,6 +122,18 @@ class _Run:
         rates = schedule.rates_at(iteration, config.iterations, config.rates, self.extent, config.sh_degree)
         duties = config.densification.duties(iteration, float(rates["means"]), self.extent, self.seed)
         return self.backend.step(self.cameras[view], view, iteration, degree, rates, duties)
+
+    def due(self, iteration: int) -> bool:
+        """Whether anything but the parameters' values changes after step `iteration`."""
+        done = iteration + 1
+        checked = done % CHECK_EVERY == 0 or done == self.config.iterations
+        return self.config.densification.due(iteration) or (checked and self.backend.broken() > 0)
+
+    def change(self, state: TrainingState) -> TrainingState:
+        """Broken Gaussians removed, then the strategy's refinement, after the state's last step."""
+        iteration, strategy = state.iteration - 1, self.config.densification
+        state = without_broken(state)
+        return strategy.refine(state, self.extent, self.seed) if strategy.due(iteration) else state
 
     def save(self, state: TrainingState) -> None:
         """Write the checkpoint."""
@@ -171,24 +165,3 @@ def _stop_signals() -> Iterator[list[int]]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-def fingerprint_of(config: TrainerConfig, seed: int, scene: Scene, objective: Objective) -> dict[str, Any]:
-    """What a checkpoint must agree with: anything that would lead to another result."""
-    settings = asdict(config)
-    for name in ("checkpoint_seconds", "device"):
-        del settings[name]
-    digest = hashlib.sha256()
-    for view in scene.train_views:
-        camera = view.camera
-        numbers = [camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy]
-        digest.update(json.dumps([view.name, numbers]).encode() + camera.world_to_camera.tobytes())
-    digest.update(np.ascontiguousarray(scene.points.positions, np.float64).tobytes())
-    digest.update(np.ascontiguousarray(scene.points.colours).tobytes())
-    return {
-        "configuration": settings,
-        "objective": objective.about(),
-        "seed": seed,
-        "cameras or points": digest.hexdigest(),
-        "images": objective.images.digest(),
-    }

@@ -121,13 +121,6 @@ def test_nothing_alive_and_nothing_at_all():
     assert draw(np.array([0.0, 1, 0]), 50, generator()).tolist() == [1] * 50
 
 
-def test_broken_ones_are_removed():
-    gaussians = with_values(with_values(cloud(10, 1), "sh", 2, np.nan), "means", 3, np.inf)
-    state = Relocation(budget=8).refine(after_a_step(gaussians), 1.0, 0)
-    assert len(state.gaussians) == 8
-    assert all(np.isfinite(value).all() for value in state.gaussians.arrays().values())
-
-
 def tensors(gaussians):
     return {name: torch.from_numpy(value.copy()).double() for name, value in gaussians.arrays().items()}
 

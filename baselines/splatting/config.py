@@ -1,0 +1,23 @@
+"""How to train a splatted scene."""
+
+from dataclasses import dataclass, field
+
+from baselines.splatting.densification import Densification
+from baselines.splatting.relocation import Relocation
+from baselines.splatting.schedule import LearningRates
+
+
+@dataclass(frozen=True)
+class TrainerConfig:
+    """How to train; the defaults are those of Kerbl et al. 2023."""
+
+    iterations: int = 30_000
+    sh_degree: int = 3
+    sh_every: int = 1000  # iterations between two rises of the spherical-harmonic degree
+    ssim_share: float = 0.2  # lambda in (1 - lambda) L1 + lambda (1 - SSIM)
+    rates: LearningRates = field(default_factory=LearningRates)
+    densification: Densification | Relocation = field(default_factory=Densification)
+    background: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    near: float = 0.01  # nothing nearer to a camera is shown; a share of the scene extent
+    device: str = "auto"  # auto, cpu or cuda; $HYDROVIEWS_DEVICE comes first
+    checkpoint_seconds: float = 30.0  # of training between two checkpoints
