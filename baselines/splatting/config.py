@@ -17,7 +17,15 @@ class TrainerConfig:
     ssim_share: float = 0.2  # lambda in (1 - lambda) L1 + lambda (1 - SSIM)
     rates: LearningRates = field(default_factory=LearningRates)
     densification: Densification | Relocation = field(default_factory=Densification)
+    resolutions: tuple[tuple[float, int], ...] = ()  # (share of the iterations, factor by which images are smaller)
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
     near: float = 0.01  # nothing nearer to a camera is shown; a share of the scene extent
     device: str = "auto"  # auto, cpu or cuda; $HYDROVIEWS_DEVICE comes first
     checkpoint_seconds: float = 30.0  # of training between two checkpoints
+
+    def __post_init__(self) -> None:
+        shares, factors = [share for share, _ in self.resolutions], [factor for _, factor in self.resolutions]
+        if any(not 0 < share <= 1 for share in shares) or sum(shares) > 1 or any(factor < 1 for factor in factors):
+            raise ValueError(
+                f"resolutions {self.resolutions}: expected shares that add up to at most 1, factors from 1"
+            )

@@ -16,7 +16,7 @@ from torch import Tensor
 from baselines.splatting.adam import BETA1, BETA2, EPSILON
 from baselines.splatting.constants import LOW_PASS
 from baselines.splatting.gaussians import FIELDS, Gaussians
-from baselines.splatting.objective import Objective
+from baselines.splatting.objective import Objective, Size
 from baselines.splatting.rasterizer import Workspace
 from baselines.splatting.reference import photometric_loss
 from baselines.splatting.state import TrainingState
@@ -49,7 +49,7 @@ class CudaBackend:
         self._near = near
         self._workspace = Workspace()
         self._state: _DeviceState | None = None
-        self._targets: dict[int, tuple[Tensor, Tensor | None]] = {}  # pixels, and which are shown
+        self._targets: dict[tuple[int, Size], tuple[Tensor, Tensor | None]] = {}  # pixels, and which are shown
 
     def put(self, state: TrainingState) -> None:
         """Copy to the GPU."""
@@ -147,12 +147,12 @@ class CudaBackend:
     def _backward(self, image: Tensor, view: int, iteration: int) -> float:
         """Backpropagate the objective: the plain one on the GPU, a method's own one through its numpy gradient."""
         if type(self._objective) is Objective:
-            if view not in self._targets:
-                images = self._objective.images
-                ignored = images.ignored(view)
+            images, size = self._objective.images, (image.shape[0], image.shape[1])
+            if (view, size) not in self._targets:
+                ignored = images.ignored(view, size)
                 shown = None if ignored is None else torch.from_numpy(~ignored).cuda()
-                self._targets[view] = torch.from_numpy(images.pixels(view)).cuda(), shown
-            target, shown = self._targets[view]
+                self._targets[view, size] = torch.from_numpy(images.pixels(view, size)).cuda(), shown
+            target, shown = self._targets[view, size]
             loss = photometric_loss(image, target / 255, self._objective.ssim_share, shown)
             loss.backward()
             return float(loss.detach())

@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Sequence
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
@@ -11,10 +12,12 @@ from tqdm import tqdm
 from baselines.splatting.photometric import Target, photometric_loss, prepare
 from baselines.splatting.rasterizer import Workspace
 from hydroviews.images import Image, to_uint8
-from hydroviews.masks import Ignored
+from hydroviews.masks import Ignored, fit_ignored
 from hydroviews.scenes import View
 
 PREPARED_BYTES = 2 * 10**9  # filtered targets are kept up to this size in all
+TARGET_PLANES = 3  # of the size of the picture in float32
+Size = tuple[int, int]  # height and width
 
 
 def read_images(views: Sequence[View]) -> "TrainingImages":
@@ -30,44 +33,61 @@ def read_images(views: Sequence[View]) -> "TrainingImages":
 class TrainingImages:
     """The training photographs [H, W, 3], kept with 8 bits a channel, and the targets made from them.
 
-    Of each, the pixels of its mask [H, W], if it has one, are hidden: their values are not kept.
+    Of each, the pixels of its mask [H, W], if it has one, are hidden: their values are not kept. Asked for at a
+    smaller size (height, width), a picture is averaged over areas; a pixel that a hidden one touches is hidden.
     """
 
     def __init__(self, pixels: Sequence[NDArray[np.uint8]], ignored: Sequence[Ignored | None] = ()):
-        self._ignored = tuple(ignored) or (None,) * len(pixels)
-        self._pixels = [
-            image if mask is None else np.where(mask[..., None], np.uint8(0), image)
-            for image, mask in zip(pixels, self._ignored, strict=True)
+        masks = tuple(ignored) or (None,) * len(pixels)
+        self._full = [
+            (image if mask is None else np.where(mask[..., None], np.uint8(0), image), mask)
+            for image, mask in zip(pixels, masks, strict=True)
         ]
-        prepared = 3 * 4 * sum(p.size for p in pixels)
-        self._targets: list[Target | None] | None = [None] * len(pixels) if prepared <= PREPARED_BYTES else None
+        self._smaller: dict[tuple[int, Size], tuple[NDArray[np.uint8], Ignored | None]] = {}
+        self._targets: dict[tuple[int, Size], Target] = {}
+        self._room = PREPARED_BYTES
 
     def __len__(self) -> int:
-        return len(self._pixels)
+        return len(self._full)
 
-    def pixels(self, index: int) -> NDArray[np.uint8]:
+    def pixels(self, index: int, size: Size | None = None) -> NDArray[np.uint8]:
         """One picture [H, W, 3]."""
-        return self._pixels[index]
+        return self._at(index, size)[0]
 
-    def ignored(self, index: int) -> Ignored | None:
+    def ignored(self, index: int, size: Size | None = None) -> Ignored | None:
         """What is hidden of one picture, bool [H, W]; None where nothing is."""
-        return self._ignored[index]
+        return self._at(index, size)[1]
 
-    def target(self, index: int) -> Target:
-        """One picture as the loss wants it; kept if all of them fit."""
-        if self._targets is None:
-            return prepare(self._pixels[index], self._ignored[index])
-        target = self._targets[index]
+    def target(self, index: int, size: Size | None = None) -> Target:
+        """One picture as the loss wants it; kept while there is room."""
+        pixels, ignored = self._at(index, size)
+        key = index, (pixels.shape[0], pixels.shape[1])
+        target = self._targets.get(key)
         if target is None:
-            target = self._targets[index] = prepare(self._pixels[index], self._ignored[index])
+            target = prepare(pixels, ignored)
+            needed = TARGET_PLANES * target.pixels.nbytes
+            if needed <= self._room:
+                self._room -= needed
+                self._targets[key] = target
         return target
 
     def digest(self) -> str:
         """SHA-256 of all pixels, and of what is hidden of them."""
         digest = hashlib.sha256()
-        for pixels, ignored in zip(self._pixels, self._ignored, strict=True):
+        for pixels, ignored in self._full:
             digest.update(pixels.tobytes() + (b"" if ignored is None else ignored.tobytes()))
         return digest.hexdigest()
+
+    def _at(self, index: int, size: Size | None) -> tuple[NDArray[np.uint8], Ignored | None]:
+        pixels, ignored = self._full[index]
+        if size is None or size == pixels.shape[:2]:
+            return pixels, ignored
+        if (index, size) not in self._smaller:
+            height, width = size
+            averaged = np.asarray(cv2.resize(pixels, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+            mask = None if ignored is None else fit_ignored(ignored, width, height)
+            self._smaller[index, size] = averaged, mask
+        return self._smaller[index, size]
 
 
 class Objective:
@@ -82,8 +102,16 @@ class Objective:
         self.ssim_share = ssim_share
 
     def __call__(self, image: Image, view: int, iteration: int, workspace: Workspace) -> tuple[float, Image]:
-        """The loss of a rendered training view and its gradient by the image, both [H, W, 3]."""
-        return photometric_loss(image, self.images.target(view), self.ssim_share, workspace=workspace)
+        """The loss of a rendered training view, at its own size or a smaller one, and its gradient by the image.
+
+        Args:
+            image: rendered, [H, W, 3]; so is the gradient.
+            view: index of the training view.
+            iteration: of the training.
+            workspace: buffers to reuse.
+        """
+        target = self.images.target(view, (image.shape[0], image.shape[1]))
+        return photometric_loss(image, target, self.ssim_share, workspace=workspace)
 
     def about(self) -> dict[str, Any]:
         """The settings; a checkpoint made with others is refused."""

@@ -1,15 +1,17 @@
-"""What is a function of the iteration alone: view order, learning rates, spherical-harmonic degree.
+"""What is a function of the iteration alone: view order, resolution, learning rates, spherical-harmonic degree.
 
 Nothing here keeps state, so training that is taken up at iteration i goes on exactly as it would have.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.spherical_harmonics import coefficients
+from hydroviews.cameras import Camera
 
 VIEW_ORDER, SPLITTING, RELOCATION, NOISE = 1, 2, 3, 4  # random streams
 
@@ -42,6 +44,24 @@ def view_at(iteration: int, n_views: int, seed: int) -> int:
 def sh_degree_at(iteration: int, raise_every: int, highest: int) -> int:
     """Degree 0 first, one more every `raise_every` iterations."""
     return min(highest, iteration // raise_every)
+
+
+def shrink_at(iteration: int, iterations: int, resolutions: Sequence[tuple[float, int]]) -> int:
+    """By which factor images are smaller in a step: (0.25, 4), (0.25, 2) is a quarter of the size for a quarter of the
+    iterations, then half of it for another quarter, then the whole."""
+    end = 0.0
+    for share, factor in resolutions:
+        end += share
+        if iteration < round(end * iterations):
+            return factor
+    return 1
+
+
+def shrunk(camera: Camera, factor: int) -> Camera:
+    """The same camera with an image `factor` times smaller, rounded half up to whole pixels."""
+    if factor == 1:
+        return camera
+    return camera.resized(*(max(1, (side + factor // 2) // factor) for side in (camera.width, camera.height)))
 
 
 def rates_at(

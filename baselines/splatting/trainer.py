@@ -118,10 +118,13 @@ class _Run:
         """One view; returns its loss."""
         config = self.config
         view = schedule.view_at(iteration, len(self.cameras), self.seed)
+        camera = schedule.shrunk(
+            self.cameras[view], schedule.shrink_at(iteration, config.iterations, config.resolutions)
+        )
         degree = schedule.sh_degree_at(iteration, config.sh_every, config.sh_degree)
         rates = schedule.rates_at(iteration, config.iterations, config.rates, self.extent, config.sh_degree)
         duties = config.densification.duties(iteration, float(rates["means"]), self.extent, self.seed)
-        return self.backend.step(self.cameras[view], view, iteration, degree, rates, duties)
+        return self.backend.step(camera, view, iteration, degree, rates, duties)
 
     def due(self, iteration: int) -> bool:
         """Whether anything but the parameters' values changes after step `iteration`."""
