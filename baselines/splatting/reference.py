@@ -27,6 +27,20 @@ def render(
 
     `shift` [N, 2] moves the splats on the image, in pixels: its gradient is the one by their positions.
     """
+    alphas, colours = _splats(parameters, camera, degree, near, shift, antialiased)
+    return _composite(alphas, colours.clamp_min(0), background).reshape(camera.height, camera.width, 3)
+
+
+def blends(parameters: dict[str, Tensor], camera: Camera) -> int:
+    """How many splats the pixels of an image blend, all added up."""
+    alphas, _ = _splats(parameters, camera, 0, constants.NEAR, None, False)
+    return int((_weights(alphas)[0] > 0).sum())
+
+
+def _splats(
+    parameters: dict[str, Tensor], camera: Camera, degree: int, near: float, shift: Tensor | None, antialiased: bool
+) -> tuple[Tensor, Tensor]:
+    """What each visible Gaussian covers of each pixel [n, H W], nearest first, and its colour [n, 3]."""
     pose = torch.from_numpy(camera.world_to_camera)
     local = parameters["means"] @ pose[:3, :3].T + pose[:3, 3]
     shown = torch.nonzero(local[:, 2].detach() > near)[:, 0]
@@ -45,8 +59,7 @@ def render(
     opacities = torch.sigmoid(p["opacity_logits"])
     if antialiased:
         opacities = opacities * (torch.linalg.det(sharp) / torch.linalg.det(wide)).clamp_min(1e-300).sqrt()
-    alphas = _alphas(centres, wide, opacities, camera)
-    return _composite(alphas, colours.clamp_min(0), background).reshape(camera.height, camera.width, 3)
+    return _alphas(centres, wide, opacities, camera), colours
 
 
 def basis(degree: int, directions: Tensor) -> Tensor:
@@ -125,11 +138,19 @@ def _alphas(centres: Tensor, covariances: Tensor, opacities: Tensor, camera: Cam
 
 
 def _composite(alphas: Tensor, colours: Tensor, background: Tensor) -> Tensor:
-    """Front to back [H W, 3]; a pixel takes nothing more once its transmittance would fall below the cut-off."""
+    """Front to back [H W, 3]."""
+    weights, left = _weights(alphas)
+    return weights.T @ colours + left[:, None] * background.double()
+
+
+def _weights(alphas: Tensor) -> tuple[Tensor, Tensor]:
+    """Each splat's share of each pixel [n, H W], and the background's [H W].
+
+    A pixel takes nothing more once its transmittance would fall below the cut-off.
+    """
     after = torch.cumprod(1 - alphas, 0)
     before = torch.cat([torch.ones_like(after[:1]), after[:-1]])
     unfinished = (after.detach() >= constants.MIN_TRANSMITTANCE) | (alphas.detach() == 0)
     unfinished = torch.cummin(unfinished.int(), 0).values.bool() if len(alphas) else unfinished
     weights = torch.where(unfinished, alphas * before, torch.zeros_like(alphas))
-    left = torch.where(unfinished, 1 - alphas, torch.ones_like(alphas)).prod(0)
-    return weights.T @ colours + left[:, None] * background.double()
+    return weights, torch.where(unfinished, 1 - alphas, torch.ones_like(alphas)).prod(0)

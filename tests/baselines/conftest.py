@@ -4,7 +4,7 @@ from pathlib import Path
 import numba
 import pytest
 
-from baselines.splatting.trainer import warm_up
+from baselines.splatting.kernels import warm_up
 
 sys.path.insert(0, str(Path(__file__).parent))
 

@@ -1,0 +1,115 @@
+"""How long a training step takes, where the time goes, and how it grows."""
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numba
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+from baselines.splatting import (
+    backends,
+    binning,
+    blending,
+    blending_gradient,
+    objective,
+    projection,
+    projection_gradient,
+)
+from baselines.splatting.densification import Densification
+from baselines.splatting.objective import Objective
+from baselines.splatting.schedule import LearningRates, rates_at
+from baselines.splatting.state import fresh_state
+from benchmarks.splatting.scenes import picture, room, view
+
+COUNTS = (10_000, 30_000, 50_000, 200_000)
+SIZES = ((400, 300), (800, 600))
+GROWING_COUNTS = (5_000, 10_000, 20_000, 50_000, 100_000, 200_000, 400_000)
+GROWING_SIZES = ((160, 120), (240, 180), (400, 300), (640, 480), (800, 600), (1200, 900), (1600, 1200))
+STAGES = {
+    "project": (projection, "project"),
+    "sort": (binning, "depth_order"),
+    "count": (binning, "count_pairs"),
+    "deal": (binning, "deal_pairs"),
+    "blend": (blending, "blend"),
+    "loss": (objective, "photometric_loss"),
+    "blend gradient": (blending_gradient, "blend_gradient"),
+    "project gradient": (projection_gradient, "project_gradient"),
+    "observe": (backends, "observe"),
+    "adam": (backends, "adam_step"),
+}
+RASTER = ("project", "sort", "count", "deal", "blend", "blend gradient", "project gradient")
+STILL = LearningRates(means=1e-12, means_final=1e-12, sh=0, sh_rest=0, opacity=0, scales=0, quaternions=0)
+
+
+def speeds(repeats: int) -> pd.DataFrame:
+    """Milliseconds of a step for all counts, sizes and numbers of threads."""
+    cases = [(n, size, threads) for threads in thread_counts() for size in SIZES for n in COUNTS]
+    return pd.DataFrame([speed(*case, repeats) for case in tqdm(cases, desc="speed", leave=False)])
+
+
+def growth(repeats: int) -> pd.DataFrame:
+    """Milliseconds of a step as Gaussians or pixels grow, for all numbers of threads."""
+    cases: list[tuple[int, tuple[int, int]]] = [(n, SIZES[0]) for n in GROWING_COUNTS]
+    cases += [(30_000, size) for size in GROWING_SIZES if size != SIZES[0]]
+    turns = [(n, size, threads) for threads in thread_counts() for n, size in cases]
+    return pd.DataFrame([speed(*turn, repeats) for turn in tqdm(turns, desc="growth", leave=False)])
+
+
+def thread_counts() -> Sequence[int]:
+    """1, 2, 4, ... up to what the machine has."""
+    most = numba.config.NUMBA_NUM_THREADS
+    return sorted({min(2**k, most) for k in range(most.bit_length() + 1)})
+
+
+def speed(n: int, size: tuple[int, int], threads: int, repeats: int) -> dict[str, Any]:
+    """Median milliseconds of a step, of its stages, of rasterizing forwards and backwards, and of the stages' sum."""
+    camera = view(*size)
+    backend = backends.CpuBackend(Objective(picture(camera)), np.zeros(3, np.float32), 0.01)
+    backend.put(fresh_state(room(n, camera)))
+    rates, duties = rates_at(0, 1, STILL, 1.0, 3), Densification().duties(0, 0.0, 1.0, 0)
+    before = numba.get_num_threads()
+    numba.set_num_threads(threads)
+    turns = []
+    for iteration in range(repeats + 3):
+        with timed() as seconds:
+            start = time.perf_counter()
+            backend.step(camera, 0, iteration, 3, rates, duties)
+            turns.append({"step": time.perf_counter() - start, **seconds})
+    numba.set_num_threads(before)
+    milliseconds = 1000 * pd.DataFrame(turns[3:]).median()
+    about = {"gaussians": n, "size": f"{camera.width}x{camera.height}", "threads": threads}
+    sums = {"raster": milliseconds[list(RASTER)].sum(), "step / kernels": milliseconds.step / milliseconds[1:].sum()}
+    return (
+        about
+        | {"step": round(milliseconds.step, 2)}
+        | {k: round(v, 2) for k, v in sums.items()}
+        | {stage: round(milliseconds[stage], 2) for stage in STAGES}
+    )
+
+
+@contextmanager
+def timed() -> Iterator[dict[str, float]]:
+    """Seconds by stage, added up while the block runs."""
+    seconds = dict.fromkeys(STAGES, 0.0)
+    originals = {stage: getattr(*where) for stage, where in STAGES.items()}
+
+    def watched(stage: str) -> Callable[..., Any]:
+        def call(*arguments: Any, **options: Any) -> Any:
+            start = time.perf_counter()
+            result = originals[stage](*arguments, **options)
+            seconds[stage] += time.perf_counter() - start
+            return result
+
+        return call
+
+    for stage, (module, name) in STAGES.items():
+        setattr(module, name, watched(stage))
+    try:
+        yield seconds
+    finally:
+        for stage, (module, name) in STAGES.items():
+            setattr(module, name, originals[stage])
