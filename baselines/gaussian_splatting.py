@@ -20,6 +20,7 @@ from hydroviews.scenes import Scene
 
 MODEL = "model.safetensors"
 SPLATS = "splats.ply"
+RECORDED = ("near", "seconds", "device", "extent", "iterations", "residuals", "broken")  # of a training, in the model
 
 # Short runs: larger steps that shrink towards the end, no opacity resets, fast growth by absolute gradients up to a
 # budget that two cores can afford. On Mip-NeRF 360 bonsai at 400x266, 4,000 iterations and 60,000 Gaussians, held-out
@@ -86,7 +87,7 @@ class GaussianSplatting(Method):
     def save(self, folder: Path) -> None:
         """Write the exact model, and a .ply for viewers."""
         trained = self._require()
-        about = {"near": trained.near, "seconds": trained.seconds, "device": trained.device, "extent": trained.extent}
+        about = {name: getattr(trained, name) for name in RECORDED}
         write_model(folder / MODEL, trained.gaussians, about)
         write_ply(folder / SPLATS, trained.gaussians)
         self._model_mb = (folder / MODEL).stat().st_size / 1e6
@@ -96,6 +97,7 @@ class GaussianSplatting(Method):
         """See Method."""
         gaussians, about = read_model(folder / MODEL)
         method = cls(config, seed)
+        about["residuals"] = tuple(about.get("residuals", ()))
         method._trained = Trained(gaussians=gaussians, compile_seconds=0.0, **about)
         method._model_mb = (folder / MODEL).stat().st_size / 1e6
         return method

@@ -2,6 +2,7 @@
 
 import importlib.util
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from baselines.splatting.adam import adam_step
 from baselines.splatting.densification import observe
 from baselines.splatting.objective import Objective
+from baselines.splatting.pruning import contributions
 from baselines.splatting.rasterizer import Workspace, backward, render
 from baselines.splatting.relocation import add_noise, add_penalties
 from baselines.splatting.state import TrainingState, finite
@@ -35,6 +37,12 @@ class Backend(Protocol):
 
     def broken(self) -> int:
         """How many Gaussians have a parameter that is NaN or infinite; none of them is shown or learns."""
+
+    def residual(self, camera: Camera, view: int, degree: int) -> float:
+        """The loss of a view, without a step."""
+
+    def contributions(self, cameras: Sequence[Camera]) -> NDArray[np.float64]:
+        """Blending weights of the Gaussians [N], summed over all pixels of all cameras; see `pruning`."""
 
     def step(self, camera: Camera, view: int, iteration: int, degree: int, rates: Rates, duties: Duties) -> float:
         """Render a training view, compare, and take one step of Adam; returns the loss.
@@ -74,6 +82,18 @@ class CpuBackend:
         """See Backend."""
         assert self._state is not None
         return int((~finite(self._state.gaussians)).sum())
+
+    def residual(self, camera: Camera, view: int, degree: int) -> float:
+        """See Backend."""
+        assert self._state is not None
+        gaussians, workspace = self._state.gaussians, self._workspace
+        image, _ = render(gaussians, camera, self._background, degree, near=self._near, workspace=workspace)
+        return self._objective.residual(image, view, workspace)
+
+    def contributions(self, cameras: Sequence[Camera]) -> NDArray[np.float64]:
+        """See Backend."""
+        assert self._state is not None
+        return contributions(self._state.gaussians, cameras, self._near, self._workspace)
 
     def step(self, camera: Camera, view: int, iteration: int, degree: int, rates: Rates, duties: Duties) -> float:
         """See Backend."""

@@ -21,7 +21,7 @@ from hydroviews.scenes import Scene
 
 FORMAT = "hydroviews-splatting-1"
 PARTS = ("gaussians", "first", "second")
-PROGRESS = ("iteration", "seconds", "broken")
+PROGRESS = ("iteration", "seconds", "residuals", "broken")
 
 
 def write_arrays(path: Path, arrays: dict[str, NDArray], about: dict[str, Any]) -> None:
@@ -80,7 +80,8 @@ def read_checkpoint(path: Path, fingerprint: dict[str, Any]) -> tuple[TrainingSt
     )
     learnt = {name.removeprefix("learnt."): v for name, v in arrays.items() if name.startswith("learnt.")}
     statistics = arrays["gradient_sum"], arrays["seen"]
-    return TrainingState(gaussians, first, second, *statistics, **about["progress"]), learnt
+    progress = {**about["progress"], "residuals": tuple(about["progress"]["residuals"])}
+    return TrainingState(gaussians, first, second, *statistics, **progress), learnt
 
 
 def fingerprint_of(config: TrainerConfig, seed: int, scene: Scene, objective: Objective) -> dict[str, Any]:

@@ -8,6 +8,28 @@ from baselines.splatting.schedule import LearningRates
 
 
 @dataclass(frozen=True)
+class EarlyStop:
+    """When to stop before all iterations are done: a few training views are held in, not learnt from but looked at."""
+
+    views: int = 3  # held in, spread evenly over the training views
+    every: int = 500  # iterations between two looks
+    patience: int = 4  # looks in a row without a smaller loss after which training stops
+
+
+@dataclass(frozen=True)
+class Pruning:
+    """Removal of the Gaussians that contribute least to the training views, by their blending weights alpha T."""
+
+    at: tuple[float, ...] = (0.8,)  # when, in shares of the iterations
+    share: float = 0.0  # this share of the Gaussians is removed, those with the smallest sum of weights
+    threshold: float = 0.0  # and those whose sum over all pixels of all training views is smaller than this
+
+    def due(self, iteration: int, iterations: int) -> bool:
+        """Whether to prune after step `iteration`."""
+        return iteration + 1 in {round(share * iterations) for share in self.at}
+
+
+@dataclass(frozen=True)
 class TrainerConfig:
     """How to train; the defaults are those of Kerbl et al. 2023."""
 
@@ -18,6 +40,8 @@ class TrainerConfig:
     rates: LearningRates = field(default_factory=LearningRates)
     densification: Densification | Relocation = field(default_factory=Densification)
     resolutions: tuple[tuple[float, int], ...] = ()  # (share of the iterations, factor by which images are smaller)
+    early_stop: EarlyStop | None = None
+    pruning: Pruning | None = None
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
     near: float = 0.01  # nothing nearer to a camera is shown; a share of the scene extent
     device: str = "auto"  # auto, cpu or cuda; $HYDROVIEWS_DEVICE comes first

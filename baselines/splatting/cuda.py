@@ -4,6 +4,7 @@ Steps stay on the GPU; refinement, every hundred steps, is the CPU's: the state 
 a Gaussian cover 0.999 of a pixel where we stop at 0.99, so renders of very opaque scenes differ a little.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +20,7 @@ from baselines.splatting.gaussians import FIELDS, Gaussians
 from baselines.splatting.objective import Objective, Size
 from baselines.splatting.rasterizer import Workspace
 from baselines.splatting.reference import photometric_loss
+from baselines.splatting.spherical_harmonics import C0
 from baselines.splatting.state import TrainingState
 from baselines.splatting.strategies import Duties
 from baselines.splatting.torch_steps import drawn, finite_rows, noise, penalty_gradient, without_broken
@@ -36,7 +38,8 @@ class _DeviceState:
     gradient_sum: Tensor
     seen: Tensor
     origin: NDArray[np.float64]
-    broken: int  # as in TrainingState
+    residuals: tuple[float, ...]  # as in TrainingState
+    broken: int
 
 
 class CudaBackend:
@@ -60,6 +63,7 @@ class CudaBackend:
             gradient_sum=torch.from_numpy(state.gradient_sum).cuda(),
             seen=torch.from_numpy(state.seen).cuda(),
             origin=state.gaussians.origin,
+            residuals=state.residuals,
             broken=state.broken,
         )
 
@@ -74,12 +78,32 @@ class CudaBackend:
             seen=state.seen.cpu().numpy(),
             iteration=iteration,
             seconds=seconds,
+            residuals=state.residuals,
             broken=state.broken,
         )
 
     def broken(self) -> int:
         """See Backend."""
         return int((~finite_rows(self._current().parameters)).sum())
+
+    def residual(self, camera: Camera, view: int, degree: int) -> float:
+        """See Backend."""
+        state = self._current()
+        with torch.no_grad():
+            image, _ = self._rasterize(state.parameters, state.origin, camera, degree)
+        return self._objective.residual(image.cpu().numpy(), view, self._workspace)
+
+    def contributions(self, cameras: Sequence[Camera]) -> NDArray[np.float64]:
+        """See Backend: grey Gaussians, so that no colour is clamped."""
+        state = self._current()
+        total = torch.zeros(len(state.seen), dtype=torch.float64, device=state.seen.device)
+        for camera in cameras:
+            sh = torch.zeros_like(state.parameters["sh"][:, :1]).requires_grad_()
+            image, _ = self._rasterize({**state.parameters, "sh": sh}, state.origin, camera, 0)
+            image.sum().backward()
+            assert sh.grad is not None
+            total += sh.grad[:, 0, 0]
+        return total.cpu().numpy() / C0
 
     def step(
         self, camera: Camera, view: int, iteration: int, degree: int, rates: dict[str, Any], duties: Duties

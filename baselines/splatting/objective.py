@@ -113,6 +113,10 @@ class Objective:
         target = self.images.target(view, (image.shape[0], image.shape[1]))
         return photometric_loss(image, target, self.ssim_share, workspace=workspace)
 
+    def residual(self, image: Image, view: int, workspace: Workspace) -> float:
+        """The loss of a rendered view that is only looked at; learns nothing from it."""
+        return photometric_loss(image, self.images.target(view), self.ssim_share, workspace=workspace)[0]
+
     def about(self) -> dict[str, Any]:
         """The settings; a checkpoint made with others is refused."""
         return {"name": type(self).__name__, "ssim_share": self.ssim_share}

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from baselines.splatting.spherical_harmonics import coefficients
 from hydroviews.cameras import Camera
+from hydroviews.errors import InputError
 
 VIEW_ORDER, SPLITTING, RELOCATION, NOISE = 1, 2, 3, 4  # random streams
 
@@ -39,6 +40,21 @@ def view_at(iteration: int, n_views: int, seed: int) -> int:
     """Which view a step learns from: every view once an epoch, in a new random order each time."""
     epoch, position = divmod(iteration, n_views)
     return int(random_stream(seed, VIEW_ORDER, epoch).permutation(n_views)[position])
+
+
+def held_in(n_views: int, n_held: int) -> tuple[int, ...]:
+    """Which of the training views are only looked at: spread evenly.
+
+    Raises:
+        InputError: none would be left to learn from.
+    """
+    if n_held >= n_views:
+        raise InputError(
+            "early stop: no training view is left to learn from",
+            found=f"{n_views} views, of which {n_held} are held in",
+            fix="hold fewer in",
+        )
+    return tuple(int((k + 0.5) * n_views / n_held) for k in range(n_held))
 
 
 def sh_degree_at(iteration: int, raise_every: int, highest: int) -> int:

@@ -21,6 +21,7 @@ class TrainingState:
     seen: NDArray[np.float32]  # [N], views that showed the Gaussian since then
     iteration: int = 0  # steps done
     seconds: float = 0.0  # time spent on them, over all sessions
+    residuals: tuple[float, ...] = ()  # mean losses of the held-in views, one a look
     broken: int = 0  # Gaussians removed so far because a parameter was not finite
 
     def keep(self, which: NDArray[np.bool_]) -> "TrainingState":

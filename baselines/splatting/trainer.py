@@ -1,11 +1,12 @@
-"""The training loop: schedule, steps, densification, checkpoints. What a step does is the backend's business."""
+"""The training loop: steps, what changes between them, checkpoints. What a step does is the backend's business."""
 
 import signal
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.initialisation import initialise, scene_extent
 from baselines.splatting.kernels import warm_up
 from baselines.splatting.objective import Objective, read_images
+from baselines.splatting.pruning import prune
 from baselines.splatting.state import TrainingState, fresh_state, without_broken
 from hydroviews.cameras import Camera
 from hydroviews.scenes import Scene
@@ -38,6 +40,8 @@ class Trained:
     compile_seconds: float  # spent on loading or compiling kernels, in this session
     device: str
     extent: float
+    iterations: int | None = None  # that were done: fewer than configured where training stopped early
+    residuals: tuple[float, ...] = ()  # mean losses of the held-in views, one a look
     broken: int = 0  # Gaussians removed because a parameter was NaN or infinite
 
 
@@ -65,14 +69,25 @@ def train(scene: Scene, config: TrainerConfig, seed: int, folder: Path, objectiv
     compile_seconds = warm_up(config.sh_degree) if backend.device == "cpu" else 0.0
 
     fingerprint = {**fingerprint_of(config, seed, scene, objective), "device": backend.device}
-    run = _Run(config, seed, cameras, extent, backend, objective, folder / CHECKPOINT, fingerprint)
+    held = schedule.held_in(len(cameras), config.early_stop.views) if config.early_stop else ()
+    run = _Run(config, seed, cameras, held, extent, backend, objective, folder / CHECKPOINT, fingerprint)
     if run.checkpoint.exists():
         state, learnt = read_checkpoint(run.checkpoint, fingerprint)
         objective.restore(learnt)
     else:
         state = fresh_state(initialise(scene.points, cameras, config.sh_degree, seed))
     state = run.finish(state)
-    return Trained(state.gaussians, near, state.seconds, compile_seconds, backend.device, extent, state.broken)
+    return Trained(
+        gaussians=state.gaussians,
+        near=near,
+        seconds=state.seconds,
+        compile_seconds=compile_seconds,
+        device=backend.device,
+        extent=extent,
+        iterations=state.iteration,
+        residuals=state.residuals,
+        broken=state.broken,
+    )
 
 
 @dataclass(frozen=True)
@@ -82,61 +97,88 @@ class _Run:
     config: TrainerConfig
     seed: int
     cameras: tuple[Camera, ...]
+    held: tuple[int, ...]  # training views that are only looked at
     extent: float
     backend: Backend
     objective: Objective
     checkpoint: Path
     fingerprint: dict[str, Any]
 
+    @cached_property
+    def learnt(self) -> tuple[int, ...]:
+        """The training views that steps learn from."""
+        return tuple(view for view in range(len(self.cameras)) if view not in self.held)
+
     def finish(self, state: TrainingState) -> TrainingState:
         """All steps that are left, with a checkpoint now and then and at the end."""
-        backend, total = self.backend, self.config.iterations
+        backend, total, done = self.backend, self.config.iterations, state.iteration
         backend.put(state)
         clock = _Clock(state.seconds)
-        saved, smooth, n = clock.seconds, 0.0, len(state.gaussians)
-        bar = tqdm(total=total, initial=state.iteration, desc="training", unit="it", mininterval=1.0)
+        saved, smooth = clock.seconds, 0.0
+        bar = tqdm(total=total, initial=done, desc="training", unit="it", mininterval=1.0)
         with _stop_signals() as stopped, bar:
-            for iteration in range(state.iteration, total):
-                loss = self.step(iteration)
-                if self.due(iteration):
-                    state = self.change(backend.get(iteration + 1, clock.seconds))
-                    backend.put(state)
-                    n = len(state.gaussians)
+            while done < total and not self.stalled(state):
+                loss = self.step(done)
+                done += 1
+                if self.due(done):
+                    state = self.change(backend.get(done, clock.seconds))
                 if stopped or clock.seconds - saved > self.config.checkpoint_seconds:
-                    self.save(backend.get(iteration + 1, clock.seconds))
+                    self.save(backend.get(done, clock.seconds))
                     saved = clock.seconds
                 if stopped:
                     raise KeyboardInterrupt if stopped[0] == signal.SIGINT else SystemExit(128 + stopped[0])
                 smooth = 0.98 * smooth + 0.02 * loss if smooth else loss
-                bar.set_postfix_str(f"loss {smooth:.4f}, {n} Gaussians", refresh=False)
+                bar.set_postfix_str(f"loss {smooth:.4f}, {len(state.gaussians)} Gaussians", refresh=False)
                 bar.update()
-        state = backend.get(total, clock.seconds)
+        state = backend.get(done, clock.seconds)
         self.save(state)
         return state
 
     def step(self, iteration: int) -> float:
         """One view; returns its loss."""
         config = self.config
-        view = schedule.view_at(iteration, len(self.cameras), self.seed)
-        camera = schedule.shrunk(
-            self.cameras[view], schedule.shrink_at(iteration, config.iterations, config.resolutions)
-        )
+        view = self.learnt[schedule.view_at(iteration, len(self.learnt), self.seed)]
+        shrink = schedule.shrink_at(iteration, config.iterations, config.resolutions)
         degree = schedule.sh_degree_at(iteration, config.sh_every, config.sh_degree)
         rates = schedule.rates_at(iteration, config.iterations, config.rates, self.extent, config.sh_degree)
         duties = config.densification.duties(iteration, float(rates["means"]), self.extent, self.seed)
-        return self.backend.step(camera, view, iteration, degree, rates, duties)
+        return self.backend.step(schedule.shrunk(self.cameras[view], shrink), view, iteration, degree, rates, duties)
 
-    def due(self, iteration: int) -> bool:
-        """Whether anything but the parameters' values changes after step `iteration`."""
-        done = iteration + 1
-        checked = done % CHECK_EVERY == 0 or done == self.config.iterations
-        return self.config.densification.due(iteration) or (checked and self.backend.broken() > 0)
+    def due(self, done: int) -> bool:
+        """Whether `change` has anything to do after so many steps."""
+        config = self.config
+        checked = done % CHECK_EVERY == 0 or done == config.iterations
+        pruned = config.pruning is not None and config.pruning.due(done - 1, config.iterations)
+        refined = config.densification.due(done - 1)
+        return refined or pruned or self.looked(done) or (checked and self.backend.broken() > 0)
+
+    def looked(self, done: int) -> bool:
+        """Whether the held-in views are looked at after so many steps."""
+        return self.config.early_stop is not None and done % self.config.early_stop.every == 0
 
     def change(self, state: TrainingState) -> TrainingState:
-        """Broken Gaussians removed, then the strategy's refinement, after the state's last step."""
-        iteration, strategy = state.iteration - 1, self.config.densification
+        """What is due between two steps: broken Gaussians out, refinement, pruning, a look at the held-in views."""
+        config, backend, done = self.config, self.backend, state.iteration
         state = without_broken(state)
-        return strategy.refine(state, self.extent, self.seed) if strategy.due(iteration) else state
+        if config.densification.due(done - 1):
+            state = config.densification.refine(state, self.extent, self.seed)
+        backend.put(state)
+        if config.pruning and config.pruning.due(done - 1, config.iterations):
+            state = prune(state, backend.contributions(self.cameras), config.pruning)
+            backend.put(state)
+        if self.looked(done):
+            degree = schedule.sh_degree_at(done - 1, config.sh_every, config.sh_degree)
+            losses = [backend.residual(self.cameras[view], view, degree) for view in self.held]
+            state = replace(state, residuals=(*state.residuals, float(np.mean(losses))))
+            backend.put(state)
+        return state
+
+    def stalled(self, state: TrainingState) -> bool:
+        """Whether the held-in views have not been matched better for too many looks."""
+        early_stop, residuals = self.config.early_stop, state.residuals
+        if early_stop is None or not residuals:
+            return False
+        return len(residuals) - 1 - int(np.argmin(residuals)) >= early_stop.patience
 
     def save(self, state: TrainingState) -> None:
         """Write the checkpoint."""

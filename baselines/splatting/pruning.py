@@ -1,0 +1,39 @@
+"""How much each Gaussian contributes to the training views, and removal of those that contribute least.
+
+A pixel's colour is the sum over Gaussians of alpha T times their colour. So the derivative of the sum of all pixels by
+a Gaussian's colour is its alpha T summed over pixels: how much of the image it is, in pixels.
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.splatting.config import Pruning
+from baselines.splatting.gaussians import Gaussians
+from baselines.splatting.rasterizer import Workspace, backward, render
+from baselines.splatting.spherical_harmonics import C0
+from baselines.splatting.state import TrainingState
+from hydroviews.cameras import Camera
+
+
+def contributions(
+    gaussians: Gaussians, cameras: Iterable[Camera], near: float, workspace: Workspace | None = None
+) -> NDArray[np.float64]:
+    """Blending weights [N], summed over all pixels of all cameras, >= 0."""
+    workspace = workspace or Workspace()
+    # grey, so that no colour is clamped at zero, where it would have no gradient
+    grey = replace(gaussians, sh=np.zeros((len(gaussians), 1, 3), np.float32))
+    total = np.zeros(len(gaussians))
+    for camera in cameras:
+        image, state = render(grey, camera, near=near, workspace=workspace)
+        total += backward(state, np.ones_like(image)).parameters.sh[:, 0, 0]
+    return total / C0
+
+
+def prune(state: TrainingState, weights: NDArray[np.float64], pruning: Pruning) -> TrainingState:
+    """Without the Gaussians of the smallest weights [N]; those that stay keep their moments and statistics."""
+    keep = weights >= pruning.threshold
+    keep[np.argsort(weights, kind="stable")[: int(pruning.share * len(weights))]] = False
+    return state.keep(keep)
