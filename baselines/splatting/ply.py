@@ -20,15 +20,20 @@ ORIGIN_COMMENT = "origin"
 FIX = "choose a .ply that a 3DGS program wrote, or export it again"
 
 
-def write_ply(path: Path, gaussians: Gaussians) -> None:
+def write_ply(path: Path, gaussians: Gaussians, *, normals: bool = True) -> None:
     """Write the Gaussians as binary little-endian .ply: logits, log scales, f_rest with the colour channel outermost.
 
     A far origin stays out of the positions, which are float32, and is kept as a comment in the header.
+
+    Args:
+        path: the file, replaced when whole.
+        gaussians: they are written exactly.
+        normals: write the zeros that stand for normals. Hardly a viewer asks for them.
     """
-    n, k = gaussians.sh.shape[:2]
-    rest = gaussians.sh[:, 1:].transpose(0, 2, 1).reshape(n, 3 * (k - 1))
+    rest = rest_coefficients(gaussians)
     rest_names = tuple(f"f_rest_{i}" for i in range(rest.shape[1]))
-    names = (*MEANS, *NORMALS, *DC, *rest_names, "opacity", *SCALES, *QUATERNION)
+    unused = NORMALS if normals else ()
+    names = (*MEANS, *unused, *DC, *rest_names, "opacity", *SCALES, *QUATERNION)
     table = np.zeros(len(gaussians), [(name, "<f4") for name in names])
     _put(table, MEANS, gaussians.means)
     _put(table, DC, gaussians.sh[:, 0])
@@ -36,11 +41,22 @@ def write_ply(path: Path, gaussians: Gaussians) -> None:
     _put(table, ("opacity",), gaussians.opacity_logits[:, None])
     _put(table, SCALES, gaussians.log_scales)
     _put(table, QUATERNION, gaussians.quaternions)
-    comments = []
-    if gaussians.origin.any():
-        comments.append(" ".join([ORIGIN_COMMENT, *(float(c).hex() for c in gaussians.origin)]))
+    vertices = PlyElement.describe(table, "vertex")
     with replacing(path) as temporary:
-        PlyData([PlyElement.describe(table, "vertex")], byte_order="<", comments=comments).write(str(temporary))
+        PlyData([vertices], byte_order="<", comments=origin_comment(gaussians)).write(str(temporary))
+
+
+def rest_coefficients(gaussians: Gaussians) -> NDArray[np.float32]:
+    """Spherical harmonics from degree 1 on as files have them: [N, 3 (K - 1)], the colour channel outermost."""
+    n, k = gaussians.sh.shape[:2]
+    return gaussians.sh[:, 1:].transpose(0, 2, 1).reshape(n, 3 * (k - 1))
+
+
+def origin_comment(gaussians: Gaussians) -> list[str]:
+    """What a file's header says of a far origin; nothing of none."""
+    if not gaussians.origin.any():
+        return []
+    return [" ".join([ORIGIN_COMMENT, *(float(c).hex() for c in gaussians.origin)])]
 
 
 def read_ply(path: Path) -> Gaussians:
