@@ -15,6 +15,10 @@ EXTRAS  ?= blender,dev
 BENCH   ?= splatting
 BENCH_ARGS ?=
 PIP_ARGS ?=
+RUN     ?=
+PORT    ?= 8080
+OUT     ?= film.mp4
+FILM_ARGS ?=
 
 BIN      := $(VENV)/bin
 READY    := $(VENV)/.ready
@@ -32,7 +36,13 @@ ifneq ($(and $(strip $(SUITE)),$(filter eval,$(MAKECMDGOALS))),)
 $(error SUITE=$(SUITE): make eval takes one SCENE= at a time; SUITE= is for make dataset)
 endif
 
-.PHONY: setup dataset eval severity leaderboard bench test lint
+ifneq ($(filter view film,$(MAKECMDGOALS)),)
+ifeq ($(strip $(RUN)),)
+$(error RUN= is missing: name the folder of a finished run, such as RUN=$(RESULTS)/demo/3dgs/courtyard/raindrop-1/seed-0)
+endif
+endif
+
+.PHONY: setup dataset eval severity leaderboard view film bench test lint
 
 setup: $(READY)  ## everything into .venv, at the versions of constraints.txt
 
@@ -54,6 +64,12 @@ severity: $(READY)  ## what plain 3DGS loses to each of a scene's six patterns, 
 
 leaderboard: $(READY)  ## gather all records into results/leaderboard.csv and tables.md
 	$(BIN)/python -m leaderboard table --results '$(RESULTS)'
+
+view: $(READY)  ## a trained scene in a browser: RUN=results/... [PORT=8080]
+	$(BIN)/python -m leaderboard view '$(RUN)' --data '$(DATA)' --port $(PORT)
+
+film: $(READY)  ## a film of a trained scene: RUN=results/... [OUT=film.mp4] [FILM_ARGS="--seconds 8 --fps 30 --size 800"]
+	$(BIN)/python -m leaderboard film '$(RUN)' --data '$(DATA)' --out '$(OUT)' $(FILM_ARGS)
 
 bench: $(READY)  ## speed against error: BENCH=splatting, raindrops, streaks or dataset
 	$(BIN)/python -m benchmarks.$(BENCH) $(BENCH_ARGS)

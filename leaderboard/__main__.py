@@ -1,4 +1,4 @@
-"""python -m leaderboard evaluate | table | score | picture | predict."""
+"""python -m leaderboard evaluate | table | score | picture | view | film | export | predict."""
 
 import sys
 from pathlib import Path
@@ -11,12 +11,17 @@ from hydroviews.files import write_json
 from hydroviews.profiles import find_profile
 from hydroviews.rain.patterns import choose_patterns
 from leaderboard.evaluate import FAILURE, Evaluation, evaluate
+from leaderboard.export import Format, export
+from leaderboard.film import FilmChoice, film
 from leaderboard.predict import predict
 from leaderboard.previews import write_overview
 from leaderboard.records import GIVEN_POSES, write_leaderboard
 from leaderboard.runs import Run
 from leaderboard.score import score
 from leaderboard.tables import print_scene, scene_keys, write_tables
+from leaderboard.view import HOST, PORT, view
+
+DATA = Path("data")  # where `make eval` builds
 
 
 def evaluate_command(request: tyro.conf.OmitArgPrefixes[Evaluation]) -> None:
@@ -95,6 +100,52 @@ def picture_command(
     write_overview(runs, view, out)
 
 
+def view_command(run: tyro.conf.Positional[Path], data: Path = DATA, host: str = HOST, port: int = PORT) -> None:
+    """Open a trained scene in a browser, with its cameras, photographs and errors.
+
+    Args:
+        run: folder of a finished run, such as results/demo/3dgs/courtyard/raindrop-1/seed-0.
+        data: folder that `make eval` built in.
+        host: address to serve at; 0.0.0.0 lets other machines look.
+        port: the next free one from here.
+    """
+    view(run, data, host, port)
+
+
+def film_command(
+    run: tyro.conf.Positional[Path],
+    choice: tyro.conf.OmitArgPrefixes[FilmChoice],
+    out: Path = Path("film.mp4"),
+    data: Path = DATA,
+) -> None:
+    """Film a trained scene along a smooth path through where its cameras stood.
+
+    Args:
+        run: folder of a finished run.
+        choice: how long, how smooth, how large.
+        out: the film, .mp4 or .webm.
+        data: folder that `make eval` built in.
+    """
+    film(run, data, out, choice)
+
+
+def export_command(
+    run: tyro.conf.Positional[Path],
+    out: Path,
+    format: Format = "ply",
+    sh_degree: int | None = None,
+) -> None:
+    """Write a run's Gaussians as one file for viewers.
+
+    Args:
+        run: folder of a finished run.
+        out: the file, .ply.
+        format: ply, which shows the same as splats.ply; or compressed, about a quarter as large.
+        sh_degree: leave out spherical harmonics above this degree.
+    """
+    export(run, out, format, sh_degree)
+
+
 def predict_command(run: Run) -> None:
     """Train one run and render its held-out views; `evaluate` starts this for every run."""
     try:
@@ -116,6 +167,9 @@ def main() -> None:
             "table": table_command,
             "score": score_command,
             "picture": picture_command,
+            "view": view_command,
+            "film": film_command,
+            "export": export_command,
             "predict": predict_command,
         },
         prog="leaderboard",
