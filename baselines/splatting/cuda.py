@@ -39,7 +39,7 @@ class _DeviceState:
     seen: Tensor
     origin: NDArray[np.float64]
     residuals: tuple[float, ...]  # as in TrainingState
-    broken: int
+    broken: int  # likewise
 
 
 class CudaBackend:

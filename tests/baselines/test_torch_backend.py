@@ -1,0 +1,116 @@
+"""The GPU's steps on the CPU: all of `CudaBackend` but gsplat's own kernels, in whose place the reference renders."""
+
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+from splats import BACKGROUND, cloud, photographed, with_values
+
+from baselines.splatting import reference
+from baselines.splatting.backends import CpuBackend
+from baselines.splatting.densification import Densification
+from baselines.splatting.gaussians import FIELDS
+from baselines.splatting.objective import Objective, read_images
+from baselines.splatting.relocation import Relocation
+from baselines.splatting.schedule import LearningRates, rates_at, shrunk
+from baselines.splatting.state import fresh_state
+from baselines.splatting.strategies import Duties
+from hydroviews.cameras import Camera
+
+
+def rasterization(means, quaternions, scales, opacities, sh, pose, matrix, width, height, **options):
+    """What gsplat's function of this name does, of what we use of it, for one camera."""
+    k = matrix[0].numpy()
+    camera = Camera(width, height, k[0, 0], k[1, 1], k[0, 2], k[1, 2], pose[0].double().numpy())
+    values = means, quaternions, scales.log(), opacities.double().clamp_min(1e-12).logit(), sh
+    parameters = {name: value.double() for name, value in zip(FIELDS, values, strict=True)}
+    means2d = torch.zeros(1, len(means), 2, dtype=torch.float64, requires_grad=True)
+    background = options["backgrounds"][0].double()
+    image = reference.render(
+        parameters, camera, background, options["sh_degree"], options["near_plane"], shift=means2d[0]
+    )
+    shown = (opacities.detach() > 1 / 255)[None, :, None].expand(1, -1, 2)
+    return image.float()[None], None, {"means2d": means2d, "radii": shown.int()}
+
+
+@pytest.fixture
+def backends(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "gsplat", SimpleNamespace(rasterization=rasterization))
+    monkeypatch.delitem(sys.modules, "baselines.splatting.cuda", raising=False)
+    monkeypatch.setattr(torch.Tensor, "cuda", lambda tensor: tensor.clone())
+    monkeypatch.setattr(torch.cuda, "get_device_name", lambda: "none")
+    from baselines.splatting.cuda import CudaBackend
+
+    scene = photographed(tmp_path)
+    objective = Objective(read_images(scene.train_views))
+    yield (
+        [view.camera for view in scene.train_views],
+        [kind(objective, BACKGROUND, 0.01) for kind in (CpuBackend, CudaBackend)],
+    )
+    del sys.modules["baselines.splatting.cuda"]
+
+
+@pytest.mark.parametrize("strategy", [Densification(), Relocation(noise=0.0, opacity_penalty=1.0, scale_penalty=1.0)])
+def test_both_take_the_same_steps(backends, strategy):
+    cameras, both = backends
+    states = []
+    for backend in both:
+        backend.put(fresh_state(cloud(80, 2)))
+        for iteration in range(4):
+            rates = rates_at(iteration, 100, LearningRates(), 4.0, 2)
+            duties = strategy.duties(iteration, rates["means"], 4.0, 0)
+            camera = shrunk(cameras[iteration], 2 if iteration < 2 else 1)
+            loss = backend.step(camera, iteration, iteration, 2, rates, duties)
+        states.append((backend.get(4, 0.0), loss, backend.residual(cameras[5], 5, 2)))
+    (ours, our_loss, our_residual), (theirs, their_loss, their_residual) = states
+    assert our_loss == pytest.approx(their_loss, rel=1e-4)
+    assert our_residual == pytest.approx(their_residual, rel=1e-4)
+    assert np.allclose(ours.gradient_sum, theirs.gradient_sum, rtol=2e-2, atol=1e-6)
+    for name in FIELDS:
+        one, two = getattr(ours.gaussians, name), getattr(theirs.gaussians, name)
+        assert np.quantile(np.abs(one - two), 0.9) < 1e-5, name
+        assert not np.array_equal(one, getattr(cloud(80, 2), name)), name
+
+
+def test_both_say_the_same_of_contributions(backends):
+    cameras, both = backends
+    gaussians = with_values(cloud(80, 1), "sh", slice(0, 10), -5)
+    ours, theirs = [], []
+    for backend, weights in zip(both, (ours, theirs), strict=True):
+        backend.put(fresh_state(gaussians))
+        weights.extend(backend.contributions(cameras[:2]))
+    assert np.allclose(ours, theirs, rtol=1e-3, atol=1e-3)
+    assert sum(ours) > 100
+
+
+def test_noise_moves_the_transparent_ones_alone(backends):
+    cameras, (_, backend) = backends
+    gaussians = with_values(cloud(80, 1), "opacity_logits", slice(None), 3.0)
+    gaussians = with_values(gaussians, "opacity_logits", slice(0, 20), -9.0)
+    still = dict.fromkeys(FIELDS, 0.0)
+    moved = []
+    for seed in (0, 0, 1):
+        backend.put(fresh_state(gaussians))
+        backend.step(cameras[0], 0, 0, 1, still, Duties(noise=1.0, generator=np.random.default_rng(seed)))
+        moved.append(backend.get(1, 0.0).gaussians.means - gaussians.means)
+    assert moved[0][:20].all()
+    assert np.abs(moved[0][20:]).max() < 1e-6
+    assert np.array_equal(moved[0], moved[1])
+    assert not np.array_equal(moved[0], moved[2])
+
+
+def test_broken_ones_are_counted_and_learn_nothing(backends):
+    cameras, both = backends
+    gaussians = with_values(with_values(cloud(80, 1), "means", 3, np.nan), "sh", 5, np.inf)
+    rates = rates_at(0, 100, LearningRates(), 4.0, 1)
+    for backend in both:
+        backend.put(fresh_state(gaussians))
+        loss = backend.step(cameras[0], 0, 0, 1, rates, Duties())
+        after = backend.get(1, 0.0).gaussians
+        assert backend.broken() == 2
+        assert np.isfinite(loss)
+        rest = np.setdiff1d(np.arange(80), [3, 5])
+        assert all(np.isfinite(value[rest]).all() for value in after.arrays().values())
+        assert np.array_equal(after.quaternions[[3, 5]], gaussians.quaternions[[3, 5]])
