@@ -10,7 +10,8 @@ import torch
 from splats import camera, cloud, photographed, with_values
 from test_training import CONFIG, assert_identical, psnr
 
-from baselines.gaussian_splatting import GaussianSplatting
+from baselines.gaussian_splatting import BudgetedSplatting, GaussianSplatting
+from baselines.method import find_method
 from baselines.splatting.densification import Densification
 from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.rasterizer import render
@@ -195,3 +196,12 @@ def test_strategies_are_told_apart_by_their_settings(scene):
     assert not RELOCATION.due(149)
     assert not RELOCATION.duties(0, 1.0, 1.0, 0).watch
     assert Densification().duties(0, 1.0, 1.0, 0).watch
+
+
+def test_the_budgeted_method_has_half_the_gaussians():
+    assert find_method("baselines.gaussian_splatting:BudgetedSplattingClean").trains_on == "clean"
+    for profile in ("demo", "quick"):
+        budgeted, plain = (kind.configuration(profile) for kind in (BudgetedSplatting, GaussianSplatting))
+        assert 2 * budgeted.densification.budget == plain.densification.budget
+        assert replace(budgeted, densification=plain.densification) == plain
+    assert BudgetedSplatting.configuration("paper").densification == Relocation()
