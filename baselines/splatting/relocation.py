@@ -36,7 +36,7 @@ class Relocation:
     start: int = 500  # no refinement before
     stop: int = 25_000  # nor from here on
     every: int = 100  # iterations between two refinements
-    budget: int = 1_000_000  # no growth beyond this many Gaussians
+    budget: int = 1_000_000  # never more Gaussians than this
     growth: float = 0.05  # one refinement adds this share of the present number
     dead: float = 0.005  # highest opacity of those that are moved
     noise: float = 5e5  # of positions, in learning rates of the positions
@@ -59,9 +59,19 @@ class Relocation:
         return self.start <= done < self.stop and done % self.every == 0
 
     def refine(self, state: TrainingState, extent: float, seed: int) -> TrainingState:
-        """See Strategy: move the dead, then grow."""
+        """See Strategy: keep to the budget, move the dead, then grow."""
         generator = random_stream(seed, RELOCATION, state.iteration - 1)
-        return grow(relocate(state, self, generator), self, generator)
+        return grow(relocate(limit(state, self.budget), self, generator), self, generator)
+
+
+def limit(state: TrainingState, budget: int) -> TrainingState:
+    """Without the most transparent ones beyond the budget: a capture may start with more points than that."""
+    surplus = len(state.gaussians) - budget
+    if surplus <= 0:
+        return state
+    keep = np.ones(len(state.gaussians), np.bool_)
+    keep[np.argsort(state.gaussians.opacity_logits, kind="stable")[:surplus]] = False
+    return state.keep(keep)
 
 
 def relocate(state: TrainingState, strategy: Relocation, generator: np.random.Generator) -> TrainingState:

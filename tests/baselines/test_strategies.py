@@ -115,6 +115,14 @@ def test_growth_is_five_percent_up_to_the_budget(budget, expected):
     assert len(state.gaussians) == len(state.first) == len(state.seen) == expected
 
 
+def test_more_points_than_the_budget_lose_the_most_transparent():
+    gaussians = cloud(100, 1)
+    state = Relocation(budget=60, dead=0.0).refine(after_a_step(gaussians), 1.0, 0)
+    kept = np.sort(np.argsort(gaussians.opacity_logits)[40:])
+    assert np.array_equal(state.gaussians.means, gaussians.means[kept])
+    assert len(state.first) == len(state.seen) == 60
+
+
 def test_nothing_alive_and_nothing_at_all():
     dead = with_values(cloud(10, 0), "opacity_logits", slice(None), -20)
     assert relocate(fresh_state(dead), Relocation(), generator()).gaussians is dead
