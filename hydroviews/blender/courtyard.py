@@ -175,4 +175,4 @@ DAY = Sky(
     sun_strength=4.6,
 )
 AROUND = Path(radius=7.1, radius_spread=0.5, height=2.0, height_spread=0.6, target=(0, 0, 1.15), target_spread=0.35)
-COURTYARD = Design(make_courtyard, DAY, AROUND)
+COURTYARD = Design(make_courtyard, DAY, AROUND, clean_error=1.2)

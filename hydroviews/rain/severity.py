@@ -28,8 +28,8 @@ from hydroviews.rain.setting import Setting
 from hydroviews.rain.streaks import StreakPattern, streak_layer
 
 LOSS = {  # dB that plain 3DGS should lose against clean views, as predicted here
-    "streak": {"light": 1.4, "medium": 4.0, "heavy": 8.5},
-    "raindrop": {"light": 1.4, "medium": 3.5, "heavy": 8.5},  # medium drops cost 4 to 5 where 4 were predicted
+    "streak": {"light": 1.5, "medium": 4.0, "heavy": 8.5},
+    "raindrop": {"light": 1.5, "medium": 3.7, "heavy": 8.5},  # medium drops cost 4 to 5 where 4 were predicted
 }
 FEWEST, MOST = 20.0, 300.0  # streak noise level n; the paper draws from 100 to 300
 BRIGHTEST = 1.0  # a streak's encoded value, where n alone cannot reach the grade
