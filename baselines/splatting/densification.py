@@ -122,10 +122,15 @@ def grow(state: TrainingState, strategy: Densification, extent: float, generator
 def split_up(gaussians: Gaussians, generator: np.random.Generator) -> Gaussians:
     """Two smaller Gaussians for each, at positions drawn from it."""
     parts = gaussians.map(lambda value: np.concatenate([value] * SPLIT_INTO))
-    offsets = generator.standard_normal((len(parts), 3)) * np.exp(parts.log_scales.astype(np.float64))
-    moved = parts.means + np.einsum("nij,nj->ni", rotation_matrices(parts.quaternions), offsets)
+    moved = parts.means + offsets(parts, generator)
     shrunk = parts.log_scales - np.float32(np.log(SHRINK))
     return replace(parts, means=moved.astype(np.float32), log_scales=shrunk)
+
+
+def offsets(gaussians: Gaussians, generator: np.random.Generator) -> NDArray[np.float64]:
+    """A random vector [N, 3] from each Gaussian's own normal distribution, in world units."""
+    along_axes = generator.standard_normal((len(gaussians), 3)) * np.exp(gaussians.log_scales.astype(np.float64))
+    return np.asarray(np.einsum("nij,nj->ni", rotation_matrices(gaussians.quaternions), along_axes))
 
 
 def rotation_matrices(quaternions: NDArray) -> NDArray[np.float64]:

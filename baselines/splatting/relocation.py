@@ -14,6 +14,7 @@ from numba import prange
 from numpy.typing import NDArray
 from scipy.special import comb
 
+from baselines.splatting.densification import offsets
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.geometry import exp64, rotation, sigmoid, unit_quaternion
 from baselines.splatting.jit import exact_kernel
@@ -42,6 +43,7 @@ class Relocation:
     noise: float = 5e5  # of positions, in learning rates of the positions
     opacity_penalty: float = 0.01  # factor of the mean opacity in the loss
     scale_penalty: float = 0.01  # factor of the mean standard deviation
+    spread: float = 0.0  # of copies around their source, in its standard deviations; the paper's stay where it is
 
     def duties(self, iteration: int, means_rate: float, extent: float, seed: int) -> Duties:
         """See Strategy: penalties and noise in every step; the same scene in other units is trained the same way."""
@@ -83,7 +85,7 @@ def relocate(state: TrainingState, strategy: Relocation, generator: np.random.Ge
     sources = live[draw(opacity[live], len(dead), generator)]
     rows = np.arange(len(opacity))
     rows[dead] = sources
-    return _copied(state, rows, sources, strategy)
+    return _copied(state, rows, sources, strategy, generator)
 
 
 def grow(state: TrainingState, strategy: Relocation, generator: np.random.Generator) -> TrainingState:
@@ -94,7 +96,7 @@ def grow(state: TrainingState, strategy: Relocation, generator: np.random.Genera
     if number <= 0 or not opacity.sum() > 0:
         return state
     sources = draw(opacity, number, generator)
-    return _copied(state, np.concatenate([np.arange(n), sources]), sources, strategy)
+    return _copied(state, np.concatenate([np.arange(n), sources]), sources, strategy, generator)
 
 
 def draw(weights: NDArray[np.float64], number: int, generator: np.random.Generator) -> NDArray[np.int64]:
@@ -119,7 +121,11 @@ def shared(opacity: NDArray[np.float64], copies: NDArray[np.int64]) -> tuple[NDA
 
 
 def _copied(
-    state: TrainingState, rows: NDArray[np.int64], sources: NDArray[np.int64], strategy: Relocation
+    state: TrainingState,
+    rows: NDArray[np.int64],
+    sources: NDArray[np.int64],
+    strategy: Relocation,
+    generator: np.random.Generator,
 ) -> TrainingState:
     """The Gaussians `rows`, with opacity and size shared between each of `sources` and its copies."""
     counts = np.bincount(sources, minlength=len(state.gaussians))
@@ -130,6 +136,9 @@ def _copied(
     opacity = opacity.clip(strategy.dead, HIGHEST_OPACITY)
     gaussians.opacity_logits[touched] = np.log(opacity / (1 - opacity))
     gaussians.log_scales[touched] += np.log(factor)[:, None].astype(np.float32)
+    if strategy.spread:
+        moved = rows != np.arange(len(rows))
+        gaussians.means[moved] += (strategy.spread * offsets(gaussians.select(moved), generator)).astype(np.float32)
     nothing = np.zeros((2, len(rows)), np.float32)
     return replace(
         state,

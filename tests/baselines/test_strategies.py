@@ -12,7 +12,7 @@ from test_training import CONFIG, assert_identical, psnr
 
 from baselines.gaussian_splatting import BudgetedSplatting, GaussianSplatting
 from baselines.method import find_method
-from baselines.splatting.densification import Densification
+from baselines.splatting.densification import Densification, rotation_matrices
 from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.rasterizer import render
 from baselines.splatting.relocation import (
@@ -113,6 +113,16 @@ def test_who_gave_no_copy_keeps_values_and_moments():
 def test_growth_is_five_percent_up_to_the_budget(budget, expected):
     state = grow(with_moments(cloud(100, 1)), Relocation(budget=budget), generator())
     assert len(state.gaussians) == len(state.first) == len(state.seen) == expected
+
+
+def test_copies_may_be_spread_around_their_source():
+    one = with_values(cloud(1, 0), "opacity_logits", 0, 1.0)
+    state = grow(fresh_state(one), Relocation(budget=4001, growth=4000.0, spread=0.5), generator())
+    distances = state.gaussians.means - one.means[0]
+    assert not distances[0].any()
+    axes = rotation_matrices(state.gaussians.quaternions[:1])[0] * np.exp(state.gaussians.log_scales[0])
+    expected = 0.25 * axes @ axes.T
+    assert np.abs(np.cov(distances[1:].T) - expected).max() < 0.1 * np.abs(expected).max()
 
 
 def test_more_points_than_the_budget_lose_the_most_transparent():
