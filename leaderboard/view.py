@@ -41,7 +41,7 @@ TRAINING, HELD_OUT = "training", "held-out"
 COLOURS = {TRAINING: (70, 130, 230), HELD_OUT: (240, 140, 40)}
 THUMBNAIL = 160  # pixels, the longer side of a photograph on a frustum
 LARGE = 0.1  # length over distance from which a frustum stands in the way
-LINE = 0.02  # thickness over the length of a frustum
+LINE = 0.04  # thickness over the length of a frustum
 PICTURES = {"photograph": "photograph", "render": "the trained scene", "error": "error x4"}
 EMPTY = np.zeros((1, 1, 3), np.uint8)
 STEPS, SECONDS = 24, 0.6  # of a flight to a camera
@@ -64,7 +64,7 @@ def view(folder: Path, data: Path, host: str = HOST, port: int = PORT) -> None:
     """Show a run until Ctrl-C.
 
     Raises:
-        InputError: no finished run, other data than it was trained on, a port that is taken, or no viser.
+        InputError: no finished run, other data than it was trained on, or no viser.
     """
     viewer = open_viewer(folder, data, host, port)
     try:
