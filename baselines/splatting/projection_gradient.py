@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import prange
 
-from baselines.splatting.constants import CONIC_SCALE
+from baselines.splatting.constants import CONIC_SCALE, LOW_PASS
 from baselines.splatting.geometry import (
     SMALLEST_NORM,
     clamped_slope,
@@ -43,13 +43,14 @@ def quaternion_gradient(n, w, x, y, z):
 
 
 @inlined
-def covariance_gradient(xx, xy, yy, determinant, m_xx, m_xy, m_yy):
-    """dloss/d(xx, xy, yy) from the second moments, which are dloss/d(inverse covariance): -Q V Q with Q the inverse."""
-    q11, q12, q22 = yy / determinant, -xy / determinant, xx / determinant
-    v11, v12, v22 = 0.5 * m_xx, 0.5 * m_xy, 0.5 * m_yy
-    e11, e12 = q11 * v11 + q12 * v12, q11 * v12 + q12 * v22
-    e21, e22 = q12 * v11 + q22 * v12, q12 * v12 + q22 * v22
-    return -(e11 * q11 + e12 * q12), -2 * (e11 * q12 + e12 * q22), -(e21 * q12 + e22 * q22)
+def column_gradient(a, b, p, q, xx, xy, yy, determinant, m_xx, m_xy, m_yy):
+    """Gradient by one column (a, b) of J W R S, and by the logarithm of its scale.
+
+    With Q the inverse covariance it is -Q M Q (a, b), M the second moments. (p, q) = Q (a, b) is given, since its
+    entries, taken from the covariance's, would cancel for long needles.
+    """
+    v, w = m_xx * p + m_xy * q, m_xy * p + m_yy * q
+    return -(yy * v - xy * w) / determinant, -(xx * w - xy * v) / determinant, -(p * v + q * w)
 
 
 @exact_kernel
@@ -112,27 +113,37 @@ def project_gradient(
             b0, b1, b2 = rb[0] * s0, rb[1] * s1, rb[2] * s2
             xx, xy, yy, determinant, sharp = covariance(a0, a1, a2, b0, b1, b2)
 
-            # position on the image, then covariance, then its rows a and b
+            # position on the image
             g_column = -(yy * moments[1] - xy * moments[2]) / determinant
             g_row = -(xx * moments[2] - xy * moments[1]) / determinant
-            g_xx, g_xy, g_yy = covariance_gradient(xx, xy, yy, determinant, moments[3], moments[4], moments[5])
-            if antialiased:  # the opacity's factor: by the determinant after the low pass here, before it below
-                g_xx += 0.5 * moments[0] * yy / determinant
-                g_xy -= moments[0] * xy / determinant
-                g_yy += 0.5 * moments[0] * xx / determinant
-            ga0, ga1, ga2 = 2 * g_xx * a0 + g_xy * b0, 2 * g_xx * a1 + g_xy * b1, 2 * g_xx * a2 + g_xy * b2
-            gb0, gb1, gb2 = 2 * g_yy * b0 + g_xy * a0, 2 * g_yy * b1 + g_xy * a1, 2 * g_yy * b2 + g_xy * a2
-            if antialiased:  # through the cross product, whose square it is: the entries would cancel for needles
-                c0, c1, c2 = cross(a0, a1, a2, b0, b1, b2)
-                toward_a, toward_b = cross(b0, b1, b2, c0, c1, c2), cross(c0, c1, c2, a0, a1, a2)
-                share = -moments[0] / sharp
-                ga0, ga1, ga2 = ga0 + share * toward_a[0], ga1 + share * toward_a[1], ga2 + share * toward_a[2]
-                gb0, gb1, gb2 = gb0 + share * toward_b[0], gb1 + share * toward_b[1], gb2 + share * toward_b[2]
 
-            # scales: column j of (ga; gb) times column j of J W R, times s_j for the logarithm
-            g_log_scales[i, 0] = ga0 * a0 + gb0 * b0
-            g_log_scales[i, 1] = ga1 * a1 + gb1 * b1
-            g_log_scales[i, 2] = ga2 * a2 + gb2 * b2
+            # covariance to its rows a and b and the scales; a (b.b) - b (a.b) = b x (a x b)
+            c0, c1, c2 = cross(a0, a1, a2, b0, b1, b2)
+            d0, d1, d2 = cross(b0, b1, b2, c0, c1, c2)
+            e0, e1, e2 = cross(c0, c1, c2, a0, a1, a2)
+            p0, p1, p2 = (
+                (d0 + LOW_PASS * a0) / determinant,
+                (d1 + LOW_PASS * a1) / determinant,
+                (d2 + LOW_PASS * a2) / determinant,
+            )
+            q0, q1, q2 = (
+                (e0 + LOW_PASS * b0) / determinant,
+                (e1 + LOW_PASS * b1) / determinant,
+                (e2 + LOW_PASS * b2) / determinant,
+            )
+            m3, m4, m5 = moments[3], moments[4], moments[5]
+            ga0, gb0, gs0 = column_gradient(a0, b0, p0, q0, xx, xy, yy, determinant, m3, m4, m5)
+            ga1, gb1, gs1 = column_gradient(a1, b1, p1, q1, xx, xy, yy, determinant, m3, m4, m5)
+            ga2, gb2, gs2 = column_gradient(a2, b2, p2, q2, xx, xy, yy, determinant, m3, m4, m5)
+            if (
+                antialiased
+            ):  # the opacity's factor: half the logarithms of the determinants before and after the low pass
+                fainter, sharper = moments[0], -moments[0] / sharp
+                ha0, ha1, ha2 = fainter * p0 + sharper * d0, fainter * p1 + sharper * d1, fainter * p2 + sharper * d2
+                hb0, hb1, hb2 = fainter * q0 + sharper * e0, fainter * q1 + sharper * e1, fainter * q2 + sharper * e2
+                ga0, ga1, ga2, gb0, gb1, gb2 = ga0 + ha0, ga1 + ha1, ga2 + ha2, gb0 + hb0, gb1 + hb1, gb2 + hb2
+                gs0, gs1, gs2 = gs0 + a0 * ha0 + b0 * hb0, gs1 + a1 * ha1 + b1 * hb1, gs2 + a2 * ha2 + b2 * hb2
+            g_log_scales[i, 0], g_log_scales[i, 1], g_log_scales[i, 2] = gs0, gs1, gs2
 
             # rotation: dloss/dR = (J W)^T (ga; gb) S
             ga0, ga1, ga2, gb0, gb1, gb2 = ga0 * s0, ga1 * s1, ga2 * s2, gb0 * s0, gb1 * s1, gb2 * s2
