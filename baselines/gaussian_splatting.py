@@ -140,7 +140,7 @@ class GaussianSplattingClean(GaussianSplatting):
 
 
 class BudgetedSplatting(GaussianSplatting):
-    """Plain 3DGS with half the Gaussians, placed by relocation (Kheradmand et al. 2024, 3DGS-MCMC)."""
+    """Plain 3DGS within a budget of Gaussians, placed by relocation (Kheradmand et al. 2024, 3DGS-MCMC)."""
 
     profiles: ClassVar[dict[str, TrainerConfig]] = BUDGETED
 
