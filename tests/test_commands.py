@@ -38,6 +38,13 @@ def test_make_dataset_builds_a_scene_or_a_suite():
     assert "ignored" not in line
 
 
+def test_make_view_and_film_pass_the_run_on():
+    line = make("view", "RUN=a b", "PORT=9")
+    assert "leaderboard view 'a b'" in line
+    assert "--port 9" in line
+    assert "leaderboard film 'a b'" in make("film", "RUN=a b")
+
+
 def test_make_eval_refuses_a_suite():
     with pytest.raises(subprocess.CalledProcessError) as refusal:
         make("eval", "SUITE=paper")
@@ -68,6 +75,8 @@ def test_make_targets(target):
         (("hydroviews", "download", "moon"), "moon: no such capture to download"),
         (("hydroviews", "download", "horse", "--captures", "/nowhere"), "has no horse"),
         (("leaderboard", "score", "--pattern", "raindrop-1", "--results", "/nowhere"), "no such run"),
+        (("leaderboard", "film", "/nowhere/x"), "no such run"),
+        (("leaderboard", "export", "/nowhere/x", "--out", "/nowhere/x.ply"), "no such run"),
     ],
 )
 def test_bad_input_ends_with_a_plain_error(arguments, message):
@@ -82,7 +91,7 @@ def test_bad_input_ends_with_a_plain_error(arguments, message):
     ("package", "commands"),
     [
         ("hydroviews", ("build", "verify", "poses", "download")),
-        ("leaderboard", ("evaluate", "table", "score", "picture")),
+        ("leaderboard", ("evaluate", "table", "score", "picture", "view", "film", "export")),
     ],
 )
 def test_help_names_the_commands(package, commands):
