@@ -101,7 +101,14 @@ class GaussianSplatting(Method):
         """See Method; always with our own kernels, so that pixels do not depend on where a model was trained."""
         trained = self._require()
         background = np.asarray(self.config.background, np.float32)
-        image, _ = render(trained.gaussians, camera, background, near=trained.near, workspace=self._workspace)
+        image, _ = render(
+            trained.gaussians,
+            camera,
+            background,
+            near=trained.near,
+            antialiased=self.config.antialiased,
+            workspace=self._workspace,
+        )
         return np.clip(image, 0, 1)
 
     def save(self, folder: Path) -> None:

@@ -62,10 +62,12 @@ class CpuBackend:
 
     device = "cpu"
 
-    def __init__(self, objective: Objective, background: NDArray[np.float32], near: float):
+    def __init__(
+        self, objective: Objective, background: NDArray[np.float32], near: float, antialiased: bool = False
+    ) -> None:
         self._objective = objective
         self._background = background
-        self._near = near
+        self._near, self._antialiased = near, antialiased
         self._workspace = Workspace()
         self._state: TrainingState | None = None
 
@@ -87,20 +89,34 @@ class CpuBackend:
         """See Backend."""
         assert self._state is not None
         gaussians, workspace = self._state.gaussians, self._workspace
-        image, _ = render(gaussians, camera, self._background, degree, near=self._near, workspace=workspace)
+        image, _ = render(
+            gaussians,
+            camera,
+            self._background,
+            degree,
+            near=self._near,
+            antialiased=self._antialiased,
+            workspace=workspace,
+        )
         return self._objective.residual(image, view, workspace)
 
     def contributions(self, cameras: Sequence[Camera]) -> NDArray[np.float64]:
         """See Backend."""
         assert self._state is not None
-        return contributions(self._state.gaussians, cameras, self._near, self._workspace)
+        return contributions(self._state.gaussians, cameras, self._near, self._antialiased, self._workspace)
 
     def step(self, camera: Camera, view: int, iteration: int, degree: int, rates: Rates, duties: Duties) -> float:
         """See Backend."""
         state, workspace = self._state, self._workspace
         assert state is not None
         image, rendering = render(
-            state.gaussians, camera, self._background, degree, near=self._near, workspace=workspace
+            state.gaussians,
+            camera,
+            self._background,
+            degree,
+            near=self._near,
+            antialiased=self._antialiased,
+            workspace=workspace,
         )
         loss, grad_image = self._objective(image, view, iteration, workspace)
         gradients = backward(rendering, grad_image)
@@ -117,7 +133,9 @@ class CpuBackend:
         return loss
 
 
-def make_backend(device: str, objective: Objective, background: NDArray[np.float32], near: float) -> Backend:
+def make_backend(
+    device: str, objective: Objective, background: NDArray[np.float32], near: float, antialiased: bool = False
+) -> Backend:
     """The backend for a device; $HYDROVIEWS_DEVICE, where it is set, comes before the configuration.
 
     Raises:
@@ -126,8 +144,8 @@ def make_backend(device: str, objective: Objective, background: NDArray[np.float
     if chosen_device(device) == "cuda":
         from baselines.splatting.cuda import CudaBackend
 
-        return CudaBackend(objective, background, near)
-    return CpuBackend(objective, background, near)
+        return CudaBackend(objective, background, near, antialiased)
+    return CpuBackend(objective, background, near, antialiased)
 
 
 def chosen_device(device: str) -> str:

@@ -43,6 +43,7 @@ class TrainerConfig:
     early_stop: EarlyStop | None = None
     pruning: Pruning | None = None
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    antialiased: bool = False  # Gaussians smaller than a pixel become fainter as they are widened to it
     near: float = 0.01  # nothing nearer to a camera is shown; a share of the scene extent
     device: str = "auto"  # auto, cpu or cuda; $HYDROVIEWS_DEVICE comes first
     checkpoint_seconds: float = 30.0  # of training between two checkpoints

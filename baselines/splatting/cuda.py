@@ -45,11 +45,13 @@ class _DeviceState:
 class CudaBackend:
     """gsplat's kernels; see backends.Backend."""
 
-    def __init__(self, objective: Objective, background: NDArray[np.float32], near: float):
+    def __init__(
+        self, objective: Objective, background: NDArray[np.float32], near: float, antialiased: bool = False
+    ) -> None:
         self.device = torch.cuda.get_device_name()
         self._objective = objective
         self._background = torch.from_numpy(background).cuda()
-        self._near = near
+        self._near, self._mode = near, "antialiased" if antialiased else "classic"
         self._workspace = Workspace()
         self._state: _DeviceState | None = None
         self._targets: dict[tuple[int, Size], tuple[Tensor, Tensor | None]] = {}  # pixels, and which are shown
@@ -160,6 +162,7 @@ class CudaBackend:
             camera.width,
             camera.height,
             near_plane=self._near,
+            rasterize_mode=self._mode,
             eps2d=LOW_PASS,
             sh_degree=degree,
             packed=False,

@@ -19,7 +19,11 @@ from hydroviews.cameras import Camera
 
 
 def contributions(
-    gaussians: Gaussians, cameras: Iterable[Camera], near: float, workspace: Workspace | None = None
+    gaussians: Gaussians,
+    cameras: Iterable[Camera],
+    near: float,
+    antialiased: bool = False,
+    workspace: Workspace | None = None,
 ) -> NDArray[np.float64]:
     """Blending weights [N], summed over all pixels of all cameras, >= 0."""
     workspace = workspace or Workspace()
@@ -27,7 +31,7 @@ def contributions(
     grey = replace(gaussians, sh=np.zeros((len(gaussians), 1, 3), np.float32))
     total = np.zeros(len(gaussians))
     for camera in cameras:
-        image, state = render(grey, camera, near=near, workspace=workspace)
+        image, state = render(grey, camera, near=near, antialiased=antialiased, workspace=workspace)
         total += backward(state, np.ones_like(image)).parameters.sh[:, 0, 0]
     return total / C0
 

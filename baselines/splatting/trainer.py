@@ -65,7 +65,9 @@ def train(scene: Scene, config: TrainerConfig, seed: int, folder: Path, objectiv
     objective = objective or Objective(read_images(scene.train_views), config.ssim_share)
     extent = scene_extent(cameras)[1]
     near = config.near * extent
-    backend = make_backend(config.device, objective, np.asarray(config.background, np.float32), near)
+    backend = make_backend(
+        config.device, objective, np.asarray(config.background, np.float32), near, config.antialiased
+    )
     compile_seconds = warm_up(config.sh_degree) if backend.device == "cpu" else 0.0
 
     fingerprint = {**fingerprint_of(config, seed, scene, objective), "device": backend.device}

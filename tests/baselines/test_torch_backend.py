@@ -28,8 +28,9 @@ def rasterization(means, quaternions, scales, opacities, sh, pose, matrix, width
     parameters = {name: value.double() for name, value in zip(FIELDS, values, strict=True)}
     means2d = torch.zeros(1, len(means), 2, dtype=torch.float64, requires_grad=True)
     background = options["backgrounds"][0].double()
+    antialiased = {"classic": False, "antialiased": True}[options["rasterize_mode"]]
     image = reference.render(
-        parameters, camera, background, options["sh_degree"], options["near_plane"], shift=means2d[0]
+        parameters, camera, background, options["sh_degree"], options["near_plane"], means2d[0], antialiased
     )
     shown = (opacities.detach() > 1 / 255)[None, :, None].expand(1, -1, 2)
     return image.float()[None], None, {"means2d": means2d, "radii": shown.int()}

@@ -19,9 +19,10 @@ from baselines.splatting.densification import Densification
 from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.objective import Objective, read_images
 from baselines.splatting.ply import read_ply
+from baselines.splatting.rasterizer import render
 from baselines.splatting.trainer import CHECKPOINT, TrainerConfig, train
 from hydroviews.errors import InputError
-from hydroviews.images import write_png
+from hydroviews.images import resize_area, write_png
 from hydroviews.masks import write_ignored
 
 DENSIFY = Densification(start=20, stop=150, every=20, budget=150, reset_every=60, gradient=5e-5, largest=1.0)
@@ -139,6 +140,18 @@ def test_a_killed_process_leaves_no_trace(scene, undisturbed, tmp_path):
     process.wait()
     assert checkpoint.exists()
     assert_identical(undisturbed, train(scene, CONFIG, 0, tmp_path / "run"))
+
+
+def test_training_learns_the_antialiased_scene_it_renders(scene, undisturbed, tmp_path):
+    far = [replace(view, camera=view.camera.resized(12, 9)) for view in scene.views]
+    trained = train(scene, replace(CONFIG, antialiased=True), 0, tmp_path)
+    assert trained.gaussians.means.tobytes() != undisturbed.gaussians.means.tobytes()
+    errors = {}
+    for name, gaussians, mode in (("antialiased", trained.gaussians, True), ("classic", undisturbed.gaussians, False)):
+        images = [render(gaussians, view.camera, near=trained.near, antialiased=mode)[0] for view in far]
+        truths = [resize_area(view.image(), 12, 9) for view in scene.views]
+        errors[name] = np.mean([np.mean((image - truth) ** 2) for image, truth in zip(images, truths, strict=True)])
+    assert errors["antialiased"] < errors["classic"]  # from four times as far away
 
 
 def test_time_adds_up_over_sessions(scene, tmp_path):
