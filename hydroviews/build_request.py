@@ -76,7 +76,8 @@ def _fingerprint(scene: Scene) -> str:
         digest.update(json.dumps(facts).encode() + _glimpse(view.path))
         digest.update(_glimpse(view.mask) if view.mask else b"")
         digest.update(_glimpse(depth_path(view)))
-    digest.update(json.dumps([scene.captured_rainy, scene.metres_per_unit, scene.clean_error]).encode())
+    told = [scene.captured_rainy, scene.metres_per_unit, scene.clean_error, scene.drops_cost]
+    digest.update(json.dumps(told).encode())
     return digest.hexdigest()[:16]
 
 

@@ -1,10 +1,11 @@
 """What a capture's folder says of how it was taken: `capture.json`.
 
 A capture taken in rain has {"rain": "captured"} in it. There is no clean ground truth then: its photographs are
-the one variant CAPTURED of the built scene, which has no clean views. Two numbers may help rain to suit the capture:
+the one variant CAPTURED of the built scene, which has no clean views. Three numbers may help rain to suit the capture:
 "metres_per_unit" says how large it is, which rain in space wants to know; "clean_error" how well it is learned from
 clean views, which grades depend on: the mean squared error of plain 3DGS on held-out views over the views' mean
-squared fine detail (see `rain.severity`). All may be left out.
+squared fine detail; "drops_cost" by which factor sharp drops do more harm to it than predicted (see `rain.severity`).
+All may be left out.
 """
 
 import math

@@ -131,6 +131,7 @@ class Scene:
     captured_rainy: bool = False  # it rained when the photographs were taken: there is no clean ground truth
     metres_per_unit: float | None = None  # where the capture says it
     clean_error: float | None = None  # of plain 3DGS on clean views, over their fine detail, where it is known
+    drops_cost: float = 1.0  # error that sharp drops leave in plain 3DGS, over what is predicted, where it is known
 
     @property
     def train_views(self) -> tuple[View, ...]:

@@ -75,7 +75,13 @@ def read_embedded(name: str, folder: Path) -> Scene:
     with np.load(folder / "points.npz") as points:
         cloud = Points(points["positions"], points["colours"])
     scene = make_scene(name, [_view(folder, **view) for view in kept["views"]], cloud)
-    return replace(scene, metres_per_unit=kept["metres_per_unit"], clean_error=DESIGNS[name].clean_error)
+    design = DESIGNS[name]
+    return replace(
+        scene,
+        metres_per_unit=kept["metres_per_unit"],
+        clean_error=design.clean_error,
+        drops_cost=design.drops_cost,
+    )
 
 
 def _names(n_views: int) -> list[str]:

@@ -61,3 +61,4 @@ class Design:
     samples: int = 20  # a pixel; what is left of the noise is removed by OpenImageDenoise
     diffuse_bounces: int = 2
     clean_error: float | None = None  # measured: error of plain 3DGS on clean views, over their fine detail
+    drops_cost: float = 1.0  # measured: error that sharp drops leave in it, over what is predicted

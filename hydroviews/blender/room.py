@@ -209,5 +209,4 @@ ALONG_THE_GLASS = Path(
     span=np.radians(104),
     waves=(7.0, 13.0),
 )
-# 0.35 was measured, but drops cost this scene twice what is predicted.
-ROOM = Design(make_room, MORNING, ALONG_THE_GLASS, samples=14, clean_error=0.25)
+ROOM = Design(make_room, MORNING, ALONG_THE_GLASS, samples=14, clean_error=0.35, drops_cost=2.7)

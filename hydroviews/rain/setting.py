@@ -45,6 +45,7 @@ class Setting:
     detail: float  # mean squared fine detail of the clean views, encoded values: what is hardest to reconstruct
     light: Light
     clean_error: float | None = None  # of plain 3DGS on clean views, over `detail`, where it is known
+    drops_cost: float = 1.0  # error that sharp drops leave in plain 3DGS, over what is predicted, where it is known
     metres_per_unit: float | None = None  # of the capture, where it is known
     technique: Technique = "disk"  # of water on the lens
 
@@ -71,6 +72,7 @@ def survey(scene: Scene, seed: int, technique: Technique = "disk") -> Setting:
         detail=float(np.mean(details)),
         light=_light(samples),
         clean_error=scene.clean_error,
+        drops_cost=scene.drops_cost,
         metres_per_unit=scene.metres_per_unit,
         technique=technique,
     )

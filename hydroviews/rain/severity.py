@@ -97,10 +97,11 @@ def drops_harm(coverage: float, setting: Setting) -> float:
     """Mean squared error that sharp drops leave in what is learned, in encoded values.
 
     They show another place than the one they cover, and so err by twice the variance of the views; what is learned
-    from c views errs by one c-th of that.
+    from c views errs by one c-th of that, and in scenes with large smooth surfaces by more, where it was measured.
     """
     return (
-        coverage
+        setting.drops_cost
+        * coverage
         * setting.rarity
         * 2
         * float(np.mean([sample.var(axis=(0, 1)).mean(dtype=np.float64) for sample in setting.samples]))

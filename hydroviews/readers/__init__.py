@@ -45,6 +45,7 @@ def read_scene(folder: Path, name: str | None = None, images: str | None = None)
         captured_rainy=rainy,
         metres_per_unit=described_number(folder, "metres_per_unit"),
         clean_error=described_number(folder, "clean_error"),
+        drops_cost=described_number(folder, "drops_cost") or 1.0,
     )
 
 

@@ -113,3 +113,10 @@ def test_a_scene_that_is_learned_well_needs_less_rain_for_a_grade(setting):
             wanted = severity.wanted_harm(effect, grade, setting)
             assert severity.wanted_harm(effect, grade, well) == pytest.approx(wanted / 3)
     assert effects.draw(Pattern("streak", 1), well).n < effects.draw(Pattern("streak", 1), setting).n
+
+
+def test_a_scene_that_drops_harm_more_gets_fewer_of_them(setting):
+    dear = replace(setting, drops_cost=3.0)
+    assert severity.drops_harm(0.1, dear) == pytest.approx(3 * severity.drops_harm(0.1, setting))
+    usual, fewer = (effects.draw(Pattern("raindrop", 0), s) for s in (setting, dear))
+    assert fewer.coverage < usual.coverage or fewer.mist < usual.mist
