@@ -10,11 +10,9 @@ from baselines.splatting.ply import read_ply
 from hydroviews.errors import InputError
 from hydroviews.files import read_json
 from hydroviews.losses import LEADERBOARD
-from hydroviews.manifest import data_hash, read_manifest
 from leaderboard.predict import PREDICTION
-from leaderboard.runs import Run
+from leaderboard.runs import CONFIG, Run, refuse_other_data
 
-CONFIG = "config.json"
 LEVELS = 5  # profile, method, scene, pattern, seed: see `leaderboard.runs`
 LISTED = 12  # runs that an error names
 
@@ -35,15 +33,7 @@ def open_run(folder: Path, data: Path) -> Run:
     run = Run(data=data / settings["profile"], results=results, **{name: settings[name] for name in names})
     if run.folder != folder.resolve():
         raise InputError(f"{folder}: not where this run belongs", expected=run.folder, fix="move it back")
-    listed = run.scene in read_manifest(run.data)["scenes"]
-    found = data_hash(run.data, run.scene, run.pattern) if listed else "none"
-    if found != settings["data_sha256"]:
-        raise InputError(
-            f"{folder}: {run.data} has not the data that it was trained on",
-            found=f"data_sha256 {found}" if listed else f"no finished scene {run.scene}",
-            expected=f"data_sha256 {settings['data_sha256']}",
-            fix="name the folder that it was built in with --data (make: DATA=), or evaluate the run anew",
-        )
+    refuse_other_data(run, "name the folder that it was built in with --data (make: DATA=), or evaluate the run anew")
     return run
 
 

@@ -18,10 +18,13 @@ from baselines.method import find_method
 from hydroviews import claims
 from hydroviews.build_clean import CLEAN
 from hydroviews.errors import InputError
-from hydroviews.manifest import data_hash
+from hydroviews.files import read_json
+from hydroviews.manifest import data_hash, read_manifest
 from hydroviews.scenes import Scene
 from hydroviews.variants import open_clean, open_variant
 from leaderboard.records import GIVEN_POSES, SPARSE_VIEWS, check_track, run_folder
+
+CONFIG = "config.json"
 
 
 @dataclass(frozen=True)
@@ -82,6 +85,24 @@ class Run:
         }
 
 
+def refuse_other_data(run: Run, fix: str) -> None:
+    """Compare the data that a run was made with, as its `config.json` says, with what lies there now.
+
+    Raises:
+        InputError: the scene is not there, or has changed since.
+    """
+    then = read_json(run.folder / CONFIG).get("data_sha256")
+    listed = run.scene in read_manifest(run.data)["scenes"]
+    now = data_hash(run.data, run.scene, run.pattern) if listed else None
+    if now != then:
+        raise InputError(
+            f"{run}: {run.data} has not the data that it was run on",
+            found=f"data_sha256 {now}" if listed else f"no finished scene {run.scene}",
+            expected=f"data_sha256 {then}",
+            fix=fix,
+        )
+
+
 def claim(run: Run, overwrite: bool) -> None:
     """Make the run's folder its own. A run with the same settings is gone on with, overwriting or not.
 
@@ -89,7 +110,7 @@ def claim(run: Run, overwrite: bool) -> None:
         InputError: it holds a run with other settings and `overwrite` is not asked for, or files of unknown origin.
     """
     claims.claim(
-        run.folder / "config.json",
+        run.folder / CONFIG,
         run.settings(),
         taken="holds a run with other settings",
         foreign="holds files of a run with other settings, or of none",

@@ -20,13 +20,12 @@ from hydroviews import metrics
 from hydroviews.errors import InputError
 from hydroviews.files import read_json, replacing
 from hydroviews.images import read_image
-from hydroviews.manifest import data_hash
 from hydroviews.provenance import CAPTURED
 from hydroviews.scenes import Scene, View
 from leaderboard.predict import PREDICTION
 from leaderboard.previews import write_preview
 from leaderboard.records import Record, code_version, write_record
-from leaderboard.runs import Run
+from leaderboard.runs import CONFIG, Run, refuse_other_data
 
 PER_VIEW = "per_view.csv"
 NO_TRUTH = "captured in rain: no clean ground truth"
@@ -47,7 +46,11 @@ def score(run: Run) -> Record:
         InputError: a render is missing, or of another size than its clean view; there is no such run, or
             the data changed since.
     """
-    _refuse_other_data(run)
+    if not (run.folder / CONFIG).is_file():
+        raise InputError(
+            f"{run}: no such run", found=f"no {run.folder / CONFIG}", fix=f"make eval METHOD={run.method} first"
+        )
+    refuse_other_data(run, "evaluate it anew with --overwrite (make eval OVERWRITE=1)")
     if run.pattern == CAPTURED:
         return _picture(run)
     clean = run.clean_scene()
@@ -86,20 +89,6 @@ def _mean(scores: pd.Series) -> float | None:
     return round(mean, 5) if np.isfinite(mean) else None
 
 
-def _refuse_other_data(run: Run) -> None:
-    config = run.folder / "config.json"
-    if not config.is_file():
-        raise InputError(f"{run}: no such run", found=f"no {config}", fix=f"make eval METHOD={run.method} first")
-    now, then = data_hash(run.data, run.scene, run.pattern), read_json(config).get("data_sha256")
-    if now != then:
-        raise InputError(
-            f"{run}: the data are not what it was run on",
-            found=f"data_sha256 {now}",
-            expected=then,
-            fix="evaluate it anew with --overwrite (make eval OVERWRITE=1)",
-        )
-
-
 def score_view(render: Path, clean: View, reasons: dict[str, str]) -> dict[str, float | None]:
     """All metrics of one view, from pictures on disk; what cannot be had goes to `reasons`."""
     image, target, ignored = read_image(render), read_image(clean.path), clean.ignored()
@@ -121,7 +110,7 @@ def score_view(render: Path, clean: View, reasons: dict[str, str]) -> dict[str, 
 
 def describe(run: Run, scene: Scene, *, status: str, reason: str, numbers: Mapping[str, Any]) -> Record:
     """The record of a run with the numbers that could be had."""
-    settings = read_json(run.folder / "config.json")
+    settings = read_json(run.folder / CONFIG)
     camera = scene.test_views[0].camera
     return Record(
         method=run.method,

@@ -13,12 +13,13 @@ from baselines.splatting.adam import adam_step
 from baselines.splatting.densification import observe
 from baselines.splatting.objective import Objective
 from baselines.splatting.pruning import contributions
-from baselines.splatting.rasterizer import Workspace, backward, render
+from baselines.splatting.rasterizer import RenderState, Workspace, backward, render
 from baselines.splatting.relocation import add_noise, add_penalties
 from baselines.splatting.state import TrainingState, finite
 from baselines.splatting.strategies import Duties
 from hydroviews.cameras import Camera
 from hydroviews.errors import InputError
+from hydroviews.images import Image
 
 DEVICES = ("auto", "cpu", "cuda")
 Rates = dict[str, float | NDArray[np.float32]]
@@ -87,18 +88,8 @@ class CpuBackend:
 
     def residual(self, camera: Camera, view: int, degree: int) -> float:
         """See Backend."""
-        assert self._state is not None
-        gaussians, workspace = self._state.gaussians, self._workspace
-        image, _ = render(
-            gaussians,
-            camera,
-            self._background,
-            degree,
-            near=self._near,
-            antialiased=self._antialiased,
-            workspace=workspace,
-        )
-        return self._objective.residual(image, view, workspace)
+        image, _ = self._render(camera, degree)
+        return self._objective.residual(image, view, self._workspace)
 
     def contributions(self, cameras: Sequence[Camera]) -> NDArray[np.float64]:
         """See Backend."""
@@ -109,15 +100,7 @@ class CpuBackend:
         """See Backend."""
         state, workspace = self._state, self._workspace
         assert state is not None
-        image, rendering = render(
-            state.gaussians,
-            camera,
-            self._background,
-            degree,
-            near=self._near,
-            antialiased=self._antialiased,
-            workspace=workspace,
-        )
+        image, rendering = self._render(camera, degree)
         loss, grad_image = self._objective(image, view, iteration, workspace)
         gradients = backward(rendering, grad_image)
         if duties.watch:
@@ -131,6 +114,18 @@ class CpuBackend:
         if duties.noise:
             add_noise(state.gaussians, duties, workspace.array("noise", state.gaussians.means.shape))
         return loss
+
+    def _render(self, camera: Camera, degree: int) -> tuple[Image, RenderState]:
+        assert self._state is not None
+        return render(
+            self._state.gaussians,
+            camera,
+            self._background,
+            degree,
+            near=self._near,
+            antialiased=self._antialiased,
+            workspace=self._workspace,
+        )
 
 
 def make_backend(

@@ -15,7 +15,7 @@ from baselines.splatting.gaussians import Gaussians, concatenate
 from baselines.splatting.jit import kernel
 from baselines.splatting.schedule import SPLITTING, random_stream
 from baselines.splatting.state import TrainingState
-from baselines.splatting.strategies import Duties
+from baselines.splatting.strategies import Duties, refinement_due
 
 SPLIT_INTO = 2
 SHRINK = 1.6  # a split Gaussian's parts are smaller by this factor
@@ -80,8 +80,7 @@ def observe(state: TrainingState, rank: NDArray[np.int32], means2d: NDArray[np.f
 
 def grow_due(strategy: Densification, iteration: int) -> bool:
     """Whether to add and remove after step `iteration`."""
-    done = iteration + 1
-    return strategy.start <= done < strategy.stop and done % strategy.every == 0
+    return refinement_due(iteration, strategy.start, strategy.stop, strategy.every)
 
 
 def reset_due(strategy: Densification, iteration: int) -> bool:

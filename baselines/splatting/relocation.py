@@ -20,7 +20,7 @@ from baselines.splatting.geometry import exp64, rotation, sigmoid, unit_quaterni
 from baselines.splatting.jit import exact_kernel
 from baselines.splatting.schedule import NOISE, RELOCATION, random_stream
 from baselines.splatting.state import TrainingState, opacities
-from baselines.splatting.strategies import Duties
+from baselines.splatting.strategies import Duties, refinement_due
 
 PAPER_EXTENT = 5.0  # of the paper's captures (Mip-NeRF 360 bonsai: 5.03); its noise and penalty have their lengths
 GATE_STEEPNESS, GATE = 100.0, 0.995  # k and t: noise for a transparency above t, so for opacities below 0.005
@@ -57,8 +57,7 @@ class Relocation:
 
     def due(self, iteration: int) -> bool:
         """See Strategy."""
-        done = iteration + 1
-        return self.start <= done < self.stop and done % self.every == 0
+        return refinement_due(iteration, self.start, self.stop, self.every)
 
     def refine(self, state: TrainingState, extent: float, seed: int) -> TrainingState:
         """See Strategy: keep to the budget, move the dead, then grow."""

@@ -24,6 +24,12 @@ class Duties:
     generator: np.random.Generator | None = None  # for that noise
 
 
+def refinement_due(iteration: int, start: int, stop: int, every: int) -> bool:
+    """Whether step `iteration` ends a round of `every` steps, from `start` steps on and before `stop`."""
+    done = iteration + 1
+    return start <= done < stop and done % every == 0
+
+
 class Strategy(Protocol):
     """A frozen dataclass of settings with three hooks; iterations count from 0."""
 

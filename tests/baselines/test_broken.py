@@ -7,7 +7,7 @@ import pytest
 import torch
 from splats import camera, cloud, photographed, with_values
 from test_strategies import BUDGETED
-from test_training import CONFIG, psnr
+from trainings import CONFIG, psnr
 
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting.backends import CpuBackend

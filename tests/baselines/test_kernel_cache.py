@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 sys.path[:0] = sys.argv[1:3]
 from splats import photographed
-from test_training import CONFIG
+from trainings import CONFIG
 from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.trainer import train
 folder = Path(sys.argv[3])

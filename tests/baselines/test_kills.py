@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from splats import photographed
 from test_strategies import BUDGETED
-from test_training import CONFIG, assert_identical
+from trainings import CONFIG, assert_identical
 
 from baselines.splatting.config import Pruning
 from baselines.splatting.trainer import train
@@ -28,7 +28,7 @@ from dataclasses import replace
 from pathlib import Path
 from splats import photographed
 from test_kills import STRATEGIES, moments
-from test_training import Interrupted, read_images, train
+from trainings import Interrupted, read_images, train
 strategy, folder = sys.argv[3], Path(sys.argv[4])
 for iteration, delay in moments():
     child = os.fork()  # before any kernel has run: threads do not survive it

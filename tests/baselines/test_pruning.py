@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from splats import camera, cloud, photographed, with_values
 from test_strategies import BUDGETED
-from test_training import CONFIG, assert_identical
+from trainings import CONFIG, assert_identical
 
 from baselines.splatting.backends import CpuBackend
 from baselines.splatting.config import Pruning

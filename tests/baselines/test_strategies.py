@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 from splats import camera, cloud, photographed, with_values
-from test_training import CONFIG, assert_identical, psnr
+from trainings import CONFIG, assert_identical, psnr
 
 from baselines.gaussian_splatting import BudgetedSplatting, GaussianSplatting
 from baselines.method import find_method

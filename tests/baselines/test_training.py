@@ -11,38 +11,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from splats import camera, photographed
+from trainings import CONFIG, Interrupted, assert_identical, crashed_and_resumed, psnr, trained_behind_a_mask
 
 from baselines.gaussian_splatting import GaussianSplatting, GaussianSplattingClean
 from baselines.method import find_method
 from baselines.splatting.backends import chosen_device, missing_for_cuda
-from baselines.splatting.densification import Densification
-from baselines.splatting.gaussians import FIELDS
-from baselines.splatting.objective import Objective, read_images
+from baselines.splatting.objective import read_images
 from baselines.splatting.ply import read_ply
 from baselines.splatting.rasterizer import render
-from baselines.splatting.trainer import CHECKPOINT, TrainerConfig, train
+from baselines.splatting.trainer import CHECKPOINT, train
 from hydroviews.errors import InputError
 from hydroviews.images import resize_area, write_png
-from hydroviews.masks import write_ignored
-
-DENSIFY = Densification(start=20, stop=150, every=20, budget=150, reset_every=60, gradient=5e-5, largest=1.0)
-CONFIG = TrainerConfig(iterations=200, sh_degree=1, sh_every=60, densification=DENSIFY, device="cpu")
-
-
-class Interrupted(Objective):
-    """Does something at one iteration."""
-
-    def __init__(self, images, iteration, action):
-        super().__init__(images)
-        self._when, self._action = iteration, action
-
-    def about(self):
-        return {"name": "Objective", "ssim_share": 0.2}
-
-    def __call__(self, image, view, iteration, workspace):
-        if iteration == self._when:
-            self._action()
-        return super().__call__(image, view, iteration, workspace)
 
 
 @pytest.fixture(scope="module")
@@ -53,16 +32,6 @@ def scene(tmp_path_factory):
 @pytest.fixture(scope="module")
 def undisturbed(scene, tmp_path_factory):
     return train(scene, CONFIG, 0, tmp_path_factory.mktemp("run"))
-
-
-def assert_identical(one, two):
-    for name in FIELDS:
-        assert getattr(one.gaussians, name).tobytes() == getattr(two.gaussians, name).tobytes(), name
-
-
-def psnr(method, views):
-    errors = [((method.render(view.camera) - view.image()) ** 2).mean() for view in views]
-    return float(np.mean(-10 * np.log10(errors)))
 
 
 def test_a_synthetic_scene_is_learnt(scene, tmp_path):
@@ -80,14 +49,8 @@ def test_the_same_seed_gives_the_same_bits(scene, undisturbed, tmp_path):
 
 @pytest.mark.parametrize("iteration", [0, 19, 20, 61, 137])
 def test_a_crash_leaves_no_trace(scene, undisturbed, tmp_path, iteration):
-    def crash():
-        raise RuntimeError("power cut")
-
     config = replace(CONFIG, checkpoint_seconds=0.0 if iteration != 61 else 0.05)
-    images = read_images(scene.train_views)
-    with pytest.raises(RuntimeError, match="power cut"):
-        train(scene, config, 0, tmp_path, Interrupted(images, iteration, crash))
-    assert_identical(undisturbed, train(scene, config, 0, tmp_path))
+    assert_identical(undisturbed, crashed_and_resumed(scene, config, iteration, tmp_path))
 
 
 @pytest.mark.parametrize(("number", "error"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit)])
@@ -102,19 +65,7 @@ def test_signals_end_the_run_after_a_checkpoint(scene, undisturbed, tmp_path, nu
 
 
 def test_what_masks_hide_leaves_no_trace(scene, tmp_path):
-    ignored = np.zeros((36, 48), bool)
-    ignored[10:30, 15:35] = True
-    write_ignored(tmp_path / "mask.png", ignored)
-    rng = np.random.default_rng(0)
-    trained = []
-    for take in ("one", "two"):
-        views = []
-        for view in scene.views:
-            pixels = np.where(ignored[..., None], rng.random(3), view.image()).astype(np.float32)
-            write_png(tmp_path / take / view.path.name, pixels)
-            views.append(replace(view, path=tmp_path / take / view.path.name, mask=tmp_path / "mask.png"))
-        trained.append(train(replace(scene, views=tuple(views)), CONFIG, 0, tmp_path / f"run-{take}"))
-    assert_identical(*trained)
+    assert_identical(*trained_behind_a_mask(scene, CONFIG, tmp_path))
 
 
 KILLED = """
@@ -122,7 +73,7 @@ import sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[1])
 from splats import photographed
-from test_training import CONFIG, train
+from trainings import CONFIG, train
 from dataclasses import replace
 folder = Path(sys.argv[2])
 train(photographed(folder / "scene"), replace(CONFIG, checkpoint_seconds=0.0), 0, folder / "run")

@@ -79,7 +79,7 @@ def test_rescoring_on_other_data_is_refused(built, tmp_path):
     content = json.loads(manifest.read_text())
     content["scenes"]["yard"]["files"]["clean/view-00.png"] = "another"
     manifest.write_text(json.dumps(content))
-    with pytest.raises(InputError, match="the data are not what it was run on"):
+    with pytest.raises(InputError, match="has not the data that it was run on"):
         score(_runs(built, tmp_path)[0])
     with pytest.raises(InputError, match=r"seed 5: no such run\n.*config\.json\n.*make eval"):
         score(dataclasses.replace(_runs(built, tmp_path)[0], seed=5))

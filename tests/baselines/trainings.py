@@ -1,0 +1,71 @@
+"""Short trainings, disturbed in one way or another, that the tests compare."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from baselines.splatting.densification import Densification
+from baselines.splatting.gaussians import FIELDS
+from baselines.splatting.objective import Objective, read_images
+from baselines.splatting.trainer import TrainerConfig, train
+from hydroviews.images import write_png
+from hydroviews.masks import write_ignored
+
+DENSIFY = Densification(start=20, stop=150, every=20, budget=150, reset_every=60, gradient=5e-5, largest=1.0)
+CONFIG = TrainerConfig(iterations=200, sh_degree=1, sh_every=60, densification=DENSIFY, device="cpu")
+
+
+class Interrupted(Objective):
+    """Does something at one iteration."""
+
+    def __init__(self, images, iteration, action):
+        super().__init__(images)
+        self._when, self._action = iteration, action
+
+    def about(self):
+        return {"name": "Objective", "ssim_share": 0.2}
+
+    def __call__(self, image, view, iteration, workspace):
+        if iteration == self._when:
+            self._action()
+        return super().__call__(image, view, iteration, workspace)
+
+
+def crashed_and_resumed(scene, config, iteration, folder):
+    """What a training becomes that breaks off in a step and is then taken up again."""
+
+    def crash():
+        raise RuntimeError("power cut")
+
+    with pytest.raises(RuntimeError, match="power cut"):
+        train(scene, config, 0, folder, Interrupted(read_images(scene.train_views), iteration, crash))
+    return train(scene, config, 0, folder)
+
+
+def trained_behind_a_mask(scene, config, folder):
+    """Two trainings on views of which a rectangle is hidden, and different in the two."""
+    camera = scene.views[0].camera
+    ignored = np.zeros((camera.height, camera.width), bool)
+    ignored[10:30, 15:35] = True
+    write_ignored(folder / "mask.png", ignored)
+    rng = np.random.default_rng(0)
+    trained = []
+    for take in ("one", "two"):
+        views = []
+        for view in scene.views:
+            pixels = np.where(ignored[..., None], rng.random(3), view.image()).astype(np.float32)
+            write_png(folder / take / view.path.name, pixels)
+            views.append(replace(view, path=folder / take / view.path.name, mask=folder / "mask.png"))
+        trained.append(train(replace(scene, views=tuple(views)), config, 0, folder / f"run-{take}"))
+    return trained
+
+
+def assert_identical(one, two):
+    for name in FIELDS:
+        assert getattr(one.gaussians, name).tobytes() == getattr(two.gaussians, name).tobytes(), name
+
+
+def psnr(method, views):
+    errors = [((method.render(view.camera) - view.image()) ** 2).mean() for view in views]
+    return float(np.mean(-10 * np.log10(errors)))
