@@ -4,10 +4,10 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
+from processes import PATIENCE, wait_until
 
 REPOSITORY = Path(__file__).parents[1]
 CHILD = """
@@ -15,7 +15,7 @@ import pathlib, time
 pathlib.Path("importing").touch()
 time.sleep(1)
 from hydroviews.commands import run_command
-run_command({"wait": lambda: time.sleep(60), "rest": lambda: None}, prog="child")
+run_command({"wait": lambda: time.sleep(600), "rest": lambda: None}, prog="child")
 """
 PARENT = """
 import subprocess, sys
@@ -27,7 +27,7 @@ def start():
     try:
         process.wait()
     finally:
-        process.wait(30)
+        process.wait(600)
 run_command({"start": start, "rest": lambda: None}, prog="parent")
 """
 
@@ -40,11 +40,7 @@ def family(tmp_path):
     process = subprocess.Popen(
         command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
-    deadline = time.monotonic() + 30
-    while not (tmp_path / "importing").exists():
-        assert process.poll() is None
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
+    wait_until((tmp_path / "importing").exists, process)
     yield process
     if process.poll() is None:
         os.killpg(process.pid, signal.SIGKILL)
@@ -54,7 +50,7 @@ def family(tmp_path):
 def test_a_child_that_is_importing_ends_quietly(family):
     (child,) = Path(f"/proc/{family.pid}/task/{family.pid}/children").read_text().split()
     os.killpg(family.pid, signal.SIGINT)
-    _, errors = family.communicate(timeout=30)
+    _, errors = family.communicate(timeout=PATIENCE)
     assert family.returncode == 130
     assert "Traceback" not in errors
     assert errors.count("interrupted") == 2  # by the parent at once, by the child once it can
@@ -64,7 +60,7 @@ def test_a_child_that_is_importing_ends_quietly(family):
 def test_a_process_that_knows_nothing_of_ctrl_c_ends_with_its_command(tmp_path):
     code = (
         "import os, sys; from hydroviews.commands import run_command, run_process;"
-        "work = 'import os, pathlib, time; pathlib.Path(\"pid\").write_text(str(os.getpid())); time.sleep(60)';"
+        "work = 'import os, pathlib, time; pathlib.Path(\"pid\").write_text(str(os.getpid())); time.sleep(600)';"
         "run_command({'start': lambda: run_process([sys.executable, '-c', work], os.environ), 'rest': print}, prog='x')"
     )
     process = subprocess.Popen(
@@ -75,13 +71,9 @@ def test_a_process_that_knows_nothing_of_ctrl_c_ends_with_its_command(tmp_path):
         text=True,
         start_new_session=True,
     )
-    deadline = time.monotonic() + 30
-    while not (tmp_path / "pid").exists() or not (tmp_path / "pid").read_text():
-        assert process.poll() is None
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
+    wait_until(lambda: (tmp_path / "pid").exists() and (tmp_path / "pid").read_text(), process)
     os.killpg(process.pid, signal.SIGINT)
-    _, errors = process.communicate(timeout=30)
+    _, errors = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130
     assert "Traceback" not in errors
     assert not Path("/proc", (tmp_path / "pid").read_text()).exists()

@@ -4,12 +4,12 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import wait_until
 from splats import camera, photographed
 from trainings import CONFIG, Interrupted, assert_identical, crashed_and_resumed, psnr, trained_behind_a_mask
 
@@ -84,12 +84,9 @@ def test_a_killed_process_leaves_no_trace(scene, undisturbed, tmp_path):
     command = [sys.executable, "-c", KILLED, str(Path(__file__).parent), str(tmp_path)]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     checkpoint = tmp_path / "run" / CHECKPOINT
-    deadline = time.monotonic() + 90
-    while not checkpoint.exists() and process.poll() is None and time.monotonic() < deadline:
-        time.sleep(0.02)
+    wait_until(checkpoint.exists, process)
     process.kill()
     process.wait()
-    assert checkpoint.exists()
     assert_identical(undisturbed, train(scene, CONFIG, 0, tmp_path / "run"))
 
 

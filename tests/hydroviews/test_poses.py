@@ -3,7 +3,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 import pycolmap
 import pytest
 from captures import capture
+from processes import PATIENCE, wait_until
 from synthetic import capture_in
 
 from hydroviews import features, poses
@@ -50,10 +50,9 @@ def test_interrupted_estimation_goes_on_and_agrees_with_the_solved_poses(flower,
     script += "run(Path(sys.argv[1]), Path(sys.argv[2]))"
     out = tmp_path / "out"
     process = subprocess.Popen([sys.executable, "-c", script, flower, out], stderr=subprocess.PIPE, text=True)
-    while process.poll() is None and not (out / "pairs.txt").exists():  # features are done
-        time.sleep(0.02)
+    wait_until((out / "pairs.txt").exists, process)  # features are done
     process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
+    _, errors = process.communicate(timeout=PATIENCE)
     assert process.returncode not in (0, -signal.SIGABRT)
     assert "KeyboardInterrupt" in errors
     assert not (out / "sparse").exists()

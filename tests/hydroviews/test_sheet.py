@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import PATIENCE
 from synthetic import capture_in
 
 from hydroviews.build import build
@@ -73,10 +74,10 @@ def test_statistics_that_lack_a_view_are_told(built):
 
 def test_the_command(built):
     command = [sys.executable, "-m", "hydroviews", "sheet", str(built.parent), "--views", "2"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == [str(built.parent / "sheets" / f"yard{end}.png") for end in ("", "-layers")]
-    wrong = subprocess.run([*command, "--scene", "other"], capture_output=True, text=True, timeout=60)
+    wrong = subprocess.run([*command, "--scene", "other"], capture_output=True, text=True, timeout=PATIENCE)
     assert wrong.returncode == 2
     assert "no finished scene other" in wrong.stderr
 

@@ -2,10 +2,10 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
+from processes import PATIENCE, wait_until
 from synthetic import capture_in
 
 from hydroviews.writers import write_colmap
@@ -37,23 +37,19 @@ def test_an_interruption_ends_quietly_and_the_same_command_goes_on(tmp_path, to,
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(REPOSITORY), str(Path(__file__).parent)])}
     process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True)
     run = tmp_path / "results/demo/toy_methods.WaitsOnce/yard/streak-0/seed-0"
-    deadline = time.monotonic() + 120
-    while not (run / "begun").exists():
-        assert process.poll() is None
-        assert time.monotonic() < deadline
-        time.sleep(0.1)
+    wait_until((run / "begun").exists, process)
     (child,) = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
     if to == "group":
         os.killpg(process.pid, number)
     else:
         os.kill(int(child) if to == "run" else process.pid, number)
-    _, errors = process.communicate(timeout=60)
+    _, errors = process.communicate(timeout=PATIENCE)
     assert process.returncode == status
     assert status == 143 or "interrupted; the same command goes on" in errors
     assert not Path(f"/proc/{child}").exists()
     assert "Traceback" not in errors
     assert not (run / "record.json").exists()
-    again = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
+    again = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE)
     assert again.returncode == 0, again.stderr
     assert "toy_methods:MeanColour on yard/streak-0, seed 0: kept" in again.stdout
     assert (run / "record.json").exists()
