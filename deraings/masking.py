@@ -1,0 +1,228 @@
+"""Occlusion masks learnt with the scene (DeRainGS, section "Scene Reconstruction").
+
+The photometric loss l of every pixel is weighed by 1 - M, and M is what a network sees in the photograph:
+
+    L = mean((1 - M) l) + lambda_reg mean(M^2)
+
+The Gaussians and the network minimise the same L in alternation of their steps. A network free to choose every pixel
+ends at M = l / (2 lambda_reg), clipped to [0, 1]; ours, of limited size and shared by all views, at what photographs
+that look alike have in common. lambda_reg is `regularisation` typical losses, so that at least half of all pixels are
+asked for M <= 1 / (2 regularisation), whatever the scene's level: masks can neither take everything nor nothing.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from baselines.splatting.objective import Size, TrainingImages
+from deraings.masking_network import MaskNetwork, masked_loss
+
+Map = NDArray[np.float32]  # [H, W]
+LEVEL_MEMORY = 100  # network steps over which the typical loss is averaged
+LENS_FEATURES = 1  # what the network sees beside the photograph: the loss at its place on the lens
+
+
+@dataclass(frozen=True)
+class MaskConfig:
+    """How masks are learnt."""
+
+    start: float = 0.5  # share of the iterations after which the masks weigh the loss
+    warm_up: float = 0.2  # the network learns for this share before
+    every: int = 4  # iterations to a step of the network
+    regularisation: float = 1.0  # lambda_reg in typical losses: at r of them a pixel is half masked, at 2 r wholly
+    least_loss: float = 0.02  # the typical loss is taken to be at least this, so that well-fitted scenes stay unmasked
+    rate: float = 1e-3  # of Adam, the paper's
+    shrink: int = 4  # the network works at this fraction of the picture's resolution
+    fine: int = 2  # and gives this many mask pixels a side for each of its own
+    width: int = 16  # channels of the encoder
+    cutoff: float = 0.125  # of the high-pass filter, in cycles a pixel of the network's resolution
+    lens: bool = True  # whether the network sees the mean loss of all views at the same place on the lens
+
+    def __post_init__(self) -> None:
+        if not (0 < self.start <= 1 and 0 <= self.warm_up <= self.start and self.every >= 1):
+            raise ValueError(f"start {self.start}, warm_up {self.warm_up}, every {self.every}: no such schedule")
+        if self.regularisation <= 0 or self.least_loss <= 0 or self.rate <= 0:
+            raise ValueError("regularisation, least_loss and rate must be positive")
+        if self.shrink % self.fine:
+            raise ValueError(f"fine {self.fine} must divide shrink {self.shrink}")
+
+
+class OcclusionMasks:
+    """The masks of a scene's training views, and the network that they come from.
+
+    A view's mask is predicted when it is asked for and kept until the network has learnt from that view again.
+    Nothing depends on torch's threads or global random numbers: the same seed, losses and calls give the same bits.
+    """
+
+    def __init__(self, images: TrainingImages, iterations: int, seed: int, config: MaskConfig | None = None) -> None:
+        """Start with a network that masks next to nothing.
+
+        Args:
+            images: what masks are predicted from: the photographs, or what is left of them after enhancement.
+            iterations: of the whole training.
+            seed: of the network's first weights.
+            config: settings.
+        """
+        self.config = config or MaskConfig()
+        self.images, self.seed = images, seed
+        self.first = round(self.config.start * iterations)
+        self.first_lesson = round((self.config.start - self.config.warm_up) * iterations)
+        c = self.config
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            self.network = MaskNetwork(c.shrink, c.fine, c.width, c.cutoff, LENS_FEATURES if c.lens else 0)
+        self.adam = torch.optim.Adam(self.network.parameters(), c.rate, foreach=True)
+        self._level = np.zeros(2)  # typical loss, and from how many losses it is known
+        self._lens: Map | None = None  # mean loss of all views at the network's resolution
+        self._kept: dict[int, NDArray[np.uint8]] = {}  # masks of views at the mask's resolution
+
+    def due(self, iteration: int) -> bool:
+        """Whether the network should learn in this iteration."""
+        return iteration >= self.first_lesson and iteration % self.config.every == 0
+
+    def weights(self, view: int, size: Size, iteration: int) -> Map | None:
+        """1 - M of a training view, [H, W] in [0, 1]; None before masks start.
+
+        Args:
+            view: its index.
+            size: height and width wanted.
+            iteration: of the training.
+        """
+        return None if iteration < self.first else 1 - self.mask(view, size)
+
+    def mask(self, view: int, size: Size) -> Map:
+        """M of a training view, [H, W] in [0, 1]."""
+        if view not in self._kept:
+            with _one_thread(), torch.no_grad():
+                self.network.eval()
+                self._kept[view] = np.rint(self._predict(view).numpy() * 255).astype(np.uint8)
+        mask = self._kept[view].astype(np.float32) / 255
+        height, width = self.images.pixels(view).shape[:2]
+        pixels = self.config.shrink // self.config.fine
+        whole = _resized(mask, (mask.shape[0] * pixels, mask.shape[1] * pixels))
+        return _resized(whole[:height, :width], size)
+
+    def learn(self, view: int, loss: NDArray, iteration: int) -> None:
+        """One step of the network.
+
+        Args:
+            view: index of the training view.
+            loss: what each pixel adds to the photometric loss before it is weighed, [H, W], at any size of the view.
+            iteration: of the training; nothing is learnt before it is `due` for the first time.
+        """
+        typical = np.median(loss[loss > 0]) if (loss > 0).any() else 0.0
+        if iteration < self.first_lesson or not np.isfinite(typical) or typical == 0:
+            return
+        self._observe(float(typical))
+        wanted = torch.from_numpy(self._shrunk(view, loss, self.config.shrink // self.config.fine))
+        with _one_thread():
+            self.network.train()
+            self._see(view, loss)
+            self.adam.zero_grad()
+            (masked_loss(self._predict(view), wanted, self.regulariser) / self.regulariser).backward()
+            self.adam.step()
+        self._kept.pop(view, None)
+
+    @property
+    def regulariser(self) -> float:
+        """lambda_reg as it is now."""
+        return self.config.regularisation * max(float(self._level[0]), self.config.least_loss)
+
+    def about(self) -> dict[str, Any]:
+        """The settings; a checkpoint made with others is another run's."""
+        return {"seed": self.seed, "first": self.first, "first_lesson": self.first_lesson, **asdict(self.config)}
+
+    def arrays(self) -> dict[str, NDArray]:
+        """All that was learnt: weights, batch statistics, moments, typical loss, loss on the lens, masks kept."""
+        arrays = {f"network.{name}": value.numpy().copy() for name, value in self.network.state_dict().items()}
+        for name, parameter in self.network.named_parameters():
+            for moment, value in self.adam.state.get(parameter, {}).items():
+                arrays[f"{moment}.{name}"] = value.numpy().copy()
+        if self._lens is not None:
+            arrays["lens"] = self._lens.copy()
+        arrays |= {f"mask.{view}": mask for view, mask in self._kept.items()}
+        return {**arrays, "level": self._level.copy()}
+
+    def restore(self, arrays: dict[str, NDArray]) -> None:
+        """Take back what `arrays` returned."""
+        network = self.network.state_dict()
+        self.network.load_state_dict({name: _tensor(arrays[f"network.{name}"], v) for name, v in network.items()})
+        self.adam.state.clear()
+        for name, parameter in self.network.named_parameters():
+            if f"step.{name}" in arrays:
+                shapes = {"step": torch.tensor(0.0), "exp_avg": parameter, "exp_avg_sq": parameter}
+                self.adam.state[parameter] = {m: _tensor(arrays[f"{m}.{name}"], like) for m, like in shapes.items()}
+        self._level = arrays["level"].copy()
+        self._lens = arrays["lens"].copy() if "lens" in arrays else None
+        kept = (name for name in arrays if name.startswith("mask."))
+        self._kept = {int(name.removeprefix("mask.")): arrays[name] for name in kept}
+
+    def _predict(self, view: int) -> Tensor:
+        """M [h, w] at the mask's resolution; rows and columns that fill up the last blocks are part of it."""
+        pixels = self.images.pixels(view)
+        picture = _filled(pixels.astype(np.float32) / 255, self.config.shrink)
+        extra = None
+        if self.config.lens:
+            size = picture.shape[0] // self.config.shrink, picture.shape[1] // self.config.shrink
+            lens = np.zeros(size, np.float32) if self._lens is None else _resized(self._lens, size)
+            extra = torch.from_numpy(lens / np.float32(self.regulariser))[None, None]
+        planes = torch.from_numpy(picture).permute(2, 0, 1)[None]
+        return self.network(planes, extra)[0, 0]
+
+    def _shrunk(self, view: int, loss: NDArray, factor: int) -> Map:
+        """A loss map averaged over factor x factor pixels of the whole picture."""
+        height, width = self.images.pixels(view).shape[:2]
+        whole = _filled(_resized(loss.astype(np.float32), (height, width)), self.config.shrink)
+        return _resized(whole, (whole.shape[0] // factor, whole.shape[1] // factor))
+
+    def _observe(self, typical: float) -> None:
+        level, count = self._level
+        count = min(count + 1, LEVEL_MEMORY)
+        self._level = np.array([level + (typical - level) / count, count])
+
+    def _see(self, view: int, loss: NDArray) -> None:
+        """Take a loss map into the running mean over views."""
+        here = self._shrunk(view, loss, self.config.shrink)
+        if self._lens is None:
+            self._lens = here
+        else:
+            share = np.float32(1 / min(self._level[1], len(self.images)))
+            self._lens = self._lens + share * (_resized(here, self._lens.shape) - self._lens)
+
+
+def _tensor(array: NDArray, like: Tensor) -> Tensor:
+    """A copy in the shape of another tensor: files turn single numbers into arrays of one."""
+    return torch.from_numpy(np.array(array)).reshape(like.shape)
+
+
+def _filled(plane: NDArray, block: int) -> NDArray:
+    """[H, W, ...] with its last row and column repeated until both sides are multiples of `block`."""
+    height, width = plane.shape[:2]
+    return cv2.copyMakeBorder(plane, 0, -height % block, 0, -width % block, cv2.BORDER_REPLICATE)
+
+
+def _resized(plane: Map, size: tuple[int, ...]) -> Map:
+    """[H, W] at another size: averaged over areas where smaller, linear where larger."""
+    if plane.shape == tuple(size):
+        return plane
+    smaller = size[0] <= plane.shape[0]
+    mode = cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(plane, (size[1], size[0]), interpolation=mode), np.float32)
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """The order in which torch adds up, and so the last bits, depends on the number of threads."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
