@@ -57,7 +57,8 @@ class MaskConfig:
 class OcclusionMasks:
     """The masks of a scene's training views, and the network that they come from.
 
-    A view's mask is predicted when it is asked for and kept until the network has learnt from that view again.
+    A view's mask is the one that the network last learnt from, or if it never has, one predicted when asked for. So
+    where the network learns in the same iteration, before the weights are asked for, both steps have the same L.
     Nothing depends on torch's threads or global random numbers: the same seed, losses and calls give the same bits.
     """
 
@@ -102,7 +103,7 @@ class OcclusionMasks:
         if view not in self._kept:
             with _one_thread(), torch.no_grad():
                 self.network.eval()
-                self._kept[view] = np.rint(self._predict(view).numpy() * 255).astype(np.uint8)
+                self._kept[view] = _rounded(self._predict(view))
         mask = self._kept[view].astype(np.float32) / 255
         height, width = self.images.pixels(view).shape[:2]
         pixels = self.config.shrink // self.config.fine
@@ -126,9 +127,10 @@ class OcclusionMasks:
             self.network.train()
             self._see(view, loss)
             self.adam.zero_grad()
-            (masked_loss(self._predict(view), wanted, self.regulariser) / self.regulariser).backward()
+            mask = self._predict(view)
+            (masked_loss(mask, wanted, self.regulariser) / self.regulariser).backward()
             self.adam.step()
-        self._kept.pop(view, None)
+        self._kept[view] = _rounded(mask)
 
     @property
     def regulariser(self) -> float:
@@ -200,6 +202,10 @@ class OcclusionMasks:
 def _tensor(array: NDArray, like: Tensor) -> Tensor:
     """A copy in the shape of another tensor: files turn single numbers into arrays of one."""
     return torch.from_numpy(np.array(array)).reshape(like.shape)
+
+
+def _rounded(mask: Tensor) -> NDArray[np.uint8]:
+    return np.rint(mask.detach().numpy() * 255).astype(np.uint8)
 
 
 def _filled(plane: NDArray, block: int) -> NDArray:
