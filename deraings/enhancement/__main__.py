@@ -1,0 +1,144 @@
+"""python -m deraings.enhancement train | validate | enhance | describe."""
+
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import torch
+import tyro
+from tqdm import tqdm
+
+from deraings.enhancement.config import TrainingConfig, Upkeep
+from deraings.enhancement.enhance import enhance
+from deraings.enhancement.network import CONFIGS
+from deraings.enhancement.pair_folders import PairFolder
+from deraings.enhancement.pairs import DrawnRain, Source
+from deraings.enhancement.photographs import read_photographs, split_photographs
+from deraings.enhancement.rain import LENSES, bake_pool
+from deraings.enhancement.size import describe
+from deraings.enhancement.training import Training, train
+from deraings.enhancement.validation import as_columns, as_json, scores, table, validation_set
+from deraings.enhancement.weights import load_enhancer, save_network
+from hydroviews.commands import run_command
+from hydroviews.files import write_json
+from hydroviews.images import list_images, read_image, write_png
+
+WATCHED = 4  # held-out photographs that are looked at while training; all of them at the end
+VALIDATION_SEED = 1000  # of the validation rain, whatever the training's seed
+
+
+@dataclass(frozen=True)
+class Data:
+    """What to learn from."""
+
+    photographs: Path  # folder of clean photographs; every tenth by name is held out
+    pairs: tuple[Path, ...] = ()  # folders of published pairs, each as often as the photographs
+    cache: Path = Path("results/enhancement/rain")  # keeps what Blender bakes
+
+
+@dataclass(frozen=True)
+class Request:
+    """A training."""
+
+    data: tyro.conf.OmitArgPrefixes[Data]
+    training: tyro.conf.OmitArgPrefixes[TrainingConfig] = field(default_factory=TrainingConfig)
+    upkeep: tyro.conf.OmitArgPrefixes[Upkeep] = field(default_factory=Upkeep)
+    out: Path = Path("results/enhancement/small")  # gets checkpoint, curve, weights and data card
+    threads: int = 0  # 0: as many as there are cores
+
+
+def train_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
+    """Train a network; the same command goes on where an earlier one stopped."""
+    if request.threads:
+        torch.set_num_threads(request.threads)
+    data, config, split = request.data, request.training, split_photographs(request.data.photographs)
+    pool = bake_pool(data.cache, config.seed)
+    sources: list[Source] = [DrawnRain(read_photographs(split.training), pool)]
+    sources += [PairFolder(folder) for folder in data.pairs]
+    watched = validation_set(split.held_out[:WATCHED], VALIDATION_SEED, data.cache / "validation")
+    said = ", ".join([f"{len(split.training)} photographs of {data.photographs.name}", *(p.name for p in data.pairs)])
+    said += f"; {LENSES} wet lenses a frame"
+    training = train(
+        request.out, config, sources, said, lambda network: as_columns(scores(network, watched)), request.upkeep
+    )
+    finish(request, training, said)
+
+
+def finish(request: Request, training: Training, said: str) -> None:
+    """Validate on all held-out photographs, and write weights and data card."""
+    held_out = split_photographs(request.data.photographs).held_out
+    rows = scores(training.averaged, validation_set(held_out, VALIDATION_SEED, request.data.cache / "validation"))
+    settings = asdict(request.training)
+    card: dict[str, Any] = {
+        "data": said,
+        "steps": training.step,
+        "seed": request.training.seed,
+        "seconds": round(training.seconds),
+        "training": {name: value for name, value in settings.items() if name not in ("network", "seed", "steps")},
+        "held out": [file.name for file in held_out],
+        "validation": as_json(rows),
+    }
+    path = request.out / "weights.safetensors"
+    save_network(path, request.training.network, training.averaged.state_dict(), card)
+    write_json(path.with_suffix(".json"), {"network": settings["network"], **card})
+    print(f"\n{table(rows)}\n\n{path}: {path.stat().st_size / 1e6:.1f} MB")
+
+
+def validate_command(
+    photographs: Path, weights: str = "small", cache: Path = Path("results/enhancement/rain"), pictures: int = 0
+) -> None:
+    """Print what weights gain on held-out photographs.
+
+    Args:
+        photographs: the folder that was trained on; what it holds out is looked at.
+        weights: shipped ones, or a file.
+        cache: keeps what Blender bakes.
+        pictures: how many photographs, 0 for all.
+    """
+    enhancer = load_enhancer(weights)
+    print(enhancer.reason)
+    files = split_photographs(photographs).held_out[: pictures or None]
+    print(table(scores(enhancer.network, validation_set(files, VALIDATION_SEED, cache / "validation"))))
+
+
+def enhance_command(pictures: tyro.conf.Positional[Path], out: Path, weights: str = "small") -> None:
+    """Enhance a picture, or all of a folder, and write PNG.
+
+    Args:
+        pictures: file or folder.
+        out: folder.
+        weights: shipped ones, or a file.
+    """
+    enhancer = load_enhancer(weights)
+    print(enhancer.reason)
+    files = list_images(pictures) if pictures.is_dir() else [pictures]
+    for file in tqdm(files, desc="enhancing", unit="picture"):
+        write_png(out / f"{file.stem}.png", enhance(read_image(file), enhancer))
+
+
+def describe_command(network: Literal["paper", "small"] = "small", width: int = 400, height: int = 300) -> None:
+    """Print parameters and multiply-adds of a network for pictures of a size.
+
+    Args:
+        network: which.
+        width: of a picture in pixels.
+        height: of a picture in pixels.
+    """
+    print(describe(CONFIGS[network], width, height))
+
+
+def main() -> None:
+    """Entry point."""
+    run_command(
+        {
+            "train": train_command,
+            "validate": validate_command,
+            "enhance": enhance_command,
+            "describe": describe_command,
+        },
+        prog="deraings.enhancement",
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,97 @@
+"""Enhance a picture with a trained network: any size, in overlapping tiles where it is large."""
+
+from functools import cache
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from deraings.enhancement.network import EnhancementNetwork
+from deraings.enhancement.weights import Enhancer, load_enhancer
+from hydroviews.images import Image
+
+TILE = 768  # pixels along a side, beyond which a picture is taken in tiles
+OVERLAP = 96  # pixels in which neighbouring tiles are blended
+
+
+def enhance(image: Image, enhancer: Enhancer | None = None, tile: int = TILE, overlap: int = OVERLAP) -> Image:
+    """Take the rain out of a picture, as far as the network can.
+
+    Args:
+        image: float32 [H, W, 3], sRGB-encoded, [0, 1], of any size.
+        enhancer: the network; the shipped one if there is none.
+        tile: pixels along a tile's side, at most.
+        overlap: pixels, less than a tile.
+
+    Returns:
+        The same shape and range.
+
+    Raises:
+        ValueError: not [H, W, 3], or with values that are not finite.
+        InputError: the shipped weights cannot be read.
+    """
+    if image.ndim != 3 or image.shape[2] != 3 or min(image.shape) < 1:
+        raise ValueError(f"expected an image [H, W, 3], got shape {image.shape}")
+    if not np.isfinite(image).all():
+        raise ValueError("the image has values that are not finite")
+    network = (enhancer or shipped()).network
+    rows, columns = (spans(size, tile, overlap) for size in image.shape[:2])
+    total = np.zeros(image.shape, np.float32)
+    weight = np.zeros((*image.shape[:2], 1), np.float32)
+    for top, bottom in rows:
+        for left, right in columns:
+            part = _enhance_part(np.ascontiguousarray(image[top:bottom, left:right], np.float32), network)
+            ramp = _ramp(bottom - top, overlap)[:, None, None] * _ramp(right - left, overlap)[None, :, None]
+            total[top:bottom, left:right] += ramp * part
+            weight[top:bottom, left:right] += ramp
+    return np.clip(total / weight, 0, 1)
+
+
+@cache
+def shipped() -> Enhancer:
+    """The shipped weights, read once."""
+    return load_enhancer()
+
+
+def spans(size: int, tile: int, overlap: int) -> list[tuple[int, int]]:
+    """Starts and ends of tiles of equal length that cover `size` pixels and overlap by at least `overlap`.
+
+    Raises:
+        ValueError: tiles that are no longer than their overlap.
+    """
+    if tile <= overlap:
+        raise ValueError(f"tiles of {tile} pixels cannot overlap by {overlap}")
+    if size <= tile:
+        return [(0, size)]
+    count = -(-(size - overlap) // (tile - overlap))
+    starts = np.rint(np.linspace(0, size - tile, count)).astype(int).tolist()
+    return [(start, start + tile) for start in starts]
+
+
+def _ramp(size: int, overlap: int) -> NDArray[np.float32]:
+    """Weight [size] of a tile's pixels: rises from its ends within the overlap."""
+    ends = np.minimum(np.arange(1, size + 1), np.arange(size, 0, -1))
+    return np.minimum(ends / (overlap + 1), 1).astype(np.float32)
+
+
+def _enhance_part(image: Image, network: EnhancementNetwork) -> Image:
+    batch = torch.from_numpy(image).permute(2, 0, 1)[None]
+    with torch.inference_mode():
+        enhanced = run_padded(network, batch)
+    return np.asarray(enhanced[0].permute(1, 2, 0).numpy(), np.float32)
+
+
+def run_padded(network: EnhancementNetwork, batch: Tensor) -> Tensor:
+    """The network on pictures [N, 3, H, W] of any size, mirrored beyond their lower and right borders."""
+    height, width = batch.shape[-2:]
+    missing = [-size % network.multiple for size in (height, width)]
+    index = [mirrored(size, size + more) for size, more in zip((height, width), missing, strict=True)]
+    result: Tensor = network(batch[..., index[0], :][..., index[1]])[..., :height, :width]
+    return result
+
+
+def mirrored(size: int, wanted: int) -> Tensor:
+    """Indices [wanted] into `size` pixels that are continued by their mirror images, however few they are."""
+    index = torch.arange(wanted) % (2 * size)
+    return torch.minimum(index, 2 * size - 1 - index)

@@ -1,0 +1,212 @@
+"""The enhancement network of DeRainGS: local features, global features, global refinement, at five levels.
+
+An encoder of convolutional blocks, a bottleneck of attention across channels, and a decoder of the same attention kept
+to its strongest entries (DeRainGS, section Rainy Image Enhancement and its pipeline figure). Level i has width 2^i
+channels at 1 / (stem 2^i) of the picture's resolution. Read from top to bottom: configuration, blocks, network.
+
+Tensors are [N, C, H, W] in channels-last memory, so that layer normalisation and 1x1 convolutions touch contiguous
+numbers.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import cast
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+LEVELS = 5
+KEPT = (1 / 2, 2 / 3, 3 / 4, 4 / 5)  # shares of its entries that a row of sparse attention keeps (Chen et al. 2023)
+KEPT_WEIGHT = 0.2  # of each share, to begin with
+SHORTEST = 1e-6  # length of a query or key that scores are divided by
+SQUEEZE = 4  # channels in a channel attention's middle layer: a fourth
+
+
+@dataclass(frozen=True)
+class NetworkConfig:
+    """Width and depth; the defaults are the paper's depths, at the width of its references."""
+
+    width: int = 48  # channels of the finest level; each coarser one has twice as many
+    encoder: tuple[int, int, int, int] = (4, 6, 7, 8)  # local blocks a level, finest first
+    bottleneck: int = 8  # attention blocks at the coarsest level
+    decoder: tuple[int, int, int, int] = (3, 6, 7, 8)  # sparse attention blocks a level, finest first
+    head_width: int = 48  # channels of an attention head
+    stem: int = 1  # the picture is taken in squares of so many pixels: 2 makes every level four times smaller
+    gain: bool = False  # predict I' = I + g I + r instead of I' = I + r, g and r from the network: a veil is undone so
+
+
+PAPER = NetworkConfig()
+SMALL = NetworkConfig(
+    width=24, encoder=(1, 2, 3, 3), bottleneck=2, decoder=(1, 2, 2, 2), head_width=24, stem=2, gain=True
+)
+CONFIGS = {"paper": PAPER, "small": SMALL}
+
+
+class ChannelNorm(nn.Module):
+    """Layer normalisation over the channels of each pixel (Ba et al. 2016)."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.norm = nn.LayerNorm(channels)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """[N, C, H, W] to the same."""
+        normed: Tensor = self.norm(x.permute(0, 2, 3, 1))
+        return normed.permute(0, 3, 1, 2)
+
+
+class ChannelAttention(nn.Module):
+    """Channels weighed by what the whole picture has of them (Hu et al. 2018)."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.squeeze = nn.Conv2d(channels, channels // SQUEEZE, 1)
+        self.excite = nn.Conv2d(channels // SQUEEZE, channels, 1)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """[N, C, H, W] to the same."""
+        pooled = x.mean(dim=(2, 3), keepdim=True)
+        return x * torch.sigmoid(self.excite(functional.relu(self.squeeze(pooled))))
+
+
+class LocalBlock(nn.Module):
+    """Local feature extraction: twice the channels, depthwise convolutions, channel attention, back; residual."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        wide = 2 * channels
+        self.body = nn.Sequential(
+            nn.Conv2d(channels, wide, 1),
+            nn.Conv2d(wide, wide, 3, padding=1, groups=wide),
+            ChannelNorm(wide),
+            nn.GELU(),
+            nn.Conv2d(wide, wide, 3, padding=1, groups=wide),
+            ChannelAttention(wide),
+            nn.Conv2d(wide, channels, 1),
+        )
+
+    def forward(self, x: Tensor) -> Tensor:
+        """[N, C, H, W] to the same."""
+        result: Tensor = x + self.body(x)
+        return result
+
+
+class TransposedAttention(nn.Module):
+    """Attention between channels instead of pixels (Zamir et al. 2022), so that its cost is linear in the pixels."""
+
+    def __init__(self, channels: int, heads: int) -> None:
+        super().__init__()
+        self.heads = heads
+        self.norm = ChannelNorm(channels)
+        self.project = nn.Conv2d(channels, 3 * channels, 1)
+        self.gather = nn.Conv2d(3 * channels, 3 * channels, 3, padding=1, groups=3 * channels)
+        self.scale = nn.Parameter(torch.ones(heads, 1, 1))
+        self.output = nn.Conv2d(channels, channels, 1)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """[N, C, H, W] to the same."""
+        n, channels, height, width = x.shape
+        mixed = self.gather(self.project(self.norm(x))).permute(0, 2, 3, 1).reshape(n, height * width, 3 * channels)
+        query, key, value = (part.unflatten(-1, (self.heads, -1)) for part in mixed.chunk(3, dim=-1))
+        scores = precise(torch.einsum("nphc,nphd->nhcd", query, key))
+        lengths = torch.einsum("nhc,nhd->nhcd", length(query), length(key))  # cheaper than normalising every pixel
+        attention = self.weights(self.scale * scores / lengths)
+        attended = torch.einsum("nhcd,nphd->nphc", attention.to(value.dtype), value)
+        attended = attended.reshape(n, height, width, channels).permute(0, 3, 1, 2)
+        result: Tensor = x + self.output(attended)
+        return result
+
+    def weights(self, scores: Tensor) -> Tensor:
+        """Attention [N, heads, C, C], rows of sum 1, of scores of the same shape."""
+        return scores.softmax(dim=-1)
+
+
+def length(part: Tensor) -> Tensor:
+    """Euclidean length over the pixels of queries or keys [N, P, heads, C]: [N, heads, C]."""
+    return precise(torch.linalg.vector_norm(part, dim=1)).clamp_min(SHORTEST)
+
+
+def precise(x: Tensor) -> Tensor:
+    """At least float32, whatever convolutions are computed in."""
+    return x.to(torch.promote_types(x.dtype, torch.float32))
+
+
+class SparseAttention(TransposedAttention):
+    """Attention between channels of which each row keeps its largest entries, for several shares of them (DRSformer).
+
+    The softmax is over what is kept; the shares' results are added with learnt weights.
+    """
+
+    def __init__(self, channels: int, heads: int) -> None:
+        super().__init__(channels, heads)
+        self.kept = nn.Parameter(torch.full((len(KEPT),), KEPT_WEIGHT))
+
+    def weights(self, scores: Tensor) -> Tensor:
+        """See TransposedAttention; rows sum to the sum of the learnt weights."""
+        size = scores.shape[-1]
+        ordered = scores.detach().sort(dim=-1, descending=True).values
+        total = torch.zeros_like(scores)
+        for weight, share in zip(self.kept, KEPT, strict=True):
+            least = ordered[..., max(1, int(size * share)) - 1, None]
+            total = total + weight * scores.masked_fill(scores < least, float("-inf")).softmax(dim=-1)
+        return total
+
+
+def stack(count: int, block: type[nn.Module], *arguments: int) -> nn.Sequential:
+    """So many blocks, one after another."""
+    return nn.Sequential(*(block(*arguments) for _ in range(count)))
+
+
+def initialise(module: nn.Module) -> None:
+    """Convolutions that keep the variance of what they are given, so that coarse levels are heard from the start."""
+    if isinstance(module, nn.Conv2d):
+        nn.init.kaiming_normal_(module.weight, nonlinearity="linear")
+        nn.init.zeros_(cast(Tensor, module.bias))
+        module.weight.data = module.weight.data.contiguous(memory_format=torch.channels_last)
+
+
+class EnhancementNetwork(nn.Module):
+    """Rainy picture in, enhanced picture out."""
+
+    def __init__(self, config: NetworkConfig) -> None:
+        super().__init__()
+        self.config = config
+        widths = [config.width * 2**level for level in range(LEVELS)]
+        heads = [max(1, width // config.head_width) for width in widths]
+        taken, given = 3 * config.stem**2, (6 if config.gain else 3) * config.stem**2
+        self.stem = nn.Sequential(nn.PixelUnshuffle(config.stem), nn.Conv2d(taken, widths[0], 3, padding=1))
+        self.encoder, self.down, self.up, self.skip, self.decoder = (nn.ModuleList() for _ in range(5))
+        for level, (fine, coarse) in enumerate(pairwise(widths)):
+            self.encoder.append(stack(config.encoder[level], LocalBlock, fine))
+            self.down.append(nn.Conv2d(fine, coarse, 2, stride=2))
+            self.up.append(nn.Sequential(nn.Conv2d(coarse, 4 * fine, 1), nn.PixelShuffle(2)))
+            self.skip.append(nn.Conv2d(2 * fine, fine, 1))
+            self.decoder.append(stack(config.decoder[level], SparseAttention, fine, heads[level]))
+        self.bottleneck = stack(config.bottleneck, TransposedAttention, widths[-1], heads[-1])
+        self.head = nn.Sequential(nn.Conv2d(widths[0], given, 3, padding=1), nn.PixelShuffle(config.stem))
+        self.apply(initialise)
+        nn.init.zeros_(cast(nn.Conv2d, self.head[0]).weight)  # an untrained network changes nothing
+
+    @property
+    def multiple(self) -> int:
+        """What height and width have to be multiples of."""
+        return self.config.stem * 2 ** (LEVELS - 1)
+
+    def forward(self, image: Tensor) -> Tensor:
+        """Enhance pictures [N, 3, H, W], sRGB-encoded, [0, 1]; the result is not clipped."""
+        x = self.stem(image.contiguous(memory_format=torch.channels_last))
+        skips = []
+        for blocks, down in zip(self.encoder, self.down, strict=True):
+            x = blocks(x)
+            skips.append(x)
+            x = down(x)
+        x = self.bottleneck(x)
+        for level in reversed(range(LEVELS - 1)):
+            x = torch.cat([self.up[level](x), skips[level]], dim=1)
+            x = self.decoder[level](self.skip[level](x))
+        predicted = self.head(x).to(image.dtype)
+        if not self.config.gain:
+            return image + predicted
+        gain, rest = predicted.chunk(2, dim=1)
+        return image + gain * image + rest

@@ -1,0 +1,148 @@
+"""Rain of all kinds and strengths for single photographs, drawn by the data set's own generator."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from deraings.enhancement.photographs import Bytes, Frame, frames
+from hydroviews.cameras import Camera
+from hydroviews.images import Image, to_linear
+from hydroviews.rain import drops_pattern, effects, severity, streaks
+from hydroviews.rain.drops_pattern import RaindropPattern
+from hydroviews.rain.lens_bake import bake_matte, moment_of
+from hydroviews.rain.light import expand_highlights, luminance
+from hydroviews.rain.mist import mist_veil
+from hydroviews.rain.path_matte import PathMatte
+from hydroviews.rain.seeds import generator
+from hydroviews.rain.setting import AIR, TINT
+
+FOCAL = 1.2  # focal length of a photograph in long sides: what a normal lens has
+LENSES = 10  # wet lenses baked for a frame; mist, photograph, flips and crops are new in every pair
+KINDS = {"streak": 0.45, "raindrop": 0.4, "both": 0.05, "clean": 0.1}  # shares of the pairs
+FEWEST = 20.0  # noise level n of the thinnest rain; the grades of bright, smooth scenes go as low
+BRIGHTER = 0.4  # share of the streaks brighter than the recipe's 0.8, as heavy grades have them
+NO_MIST = 0.15  # share of the wet lenses without mist
+OWN_MIST = (
+    0.5  # share of the lenses with the mist of their pattern; others have another, so that there are more of them
+)
+SPARSE = 4  # every so many rows and columns are looked at for the light of the air
+LINEAR = to_linear(np.arange(256, dtype=np.float32) / 255)  # of 8-bit values
+
+Window = tuple[slice, slice]  # rows and columns
+Pair = tuple[Image, Image]  # rainy and clean
+
+
+@dataclass(frozen=True, eq=False)
+class WetLens:
+    """Drops baked for a frame, and the pattern they are of."""
+
+    pattern: RaindropPattern
+    frame: int  # key frame
+    matte: PathMatte
+
+
+Pool = dict[Frame, tuple[WetLens, ...]]
+
+
+def camera_of(frame: Frame) -> Camera:
+    """A camera for a photograph of which nothing but the size is known."""
+    focal = FOCAL * max(frame)
+    return Camera(*frame, focal, focal, frame[0] / 2, frame[1] / 2, np.eye(4))
+
+
+def bake_pool(folder: Path, seed: int, lenses: int = LENSES) -> Pool:
+    """Wet lenses of all grades for every frame, kept in `folder`; Blender bakes what is missing, 3 s each.
+
+    Raises:
+        InputError: Blender failed, or a kept file is damaged.
+    """
+    wanted = [(frame, index) for index in range(lenses) for frame in frames()]
+    pool: dict[Frame, list[WetLens]] = {frame: [] for frame in frames()}
+    for frame, index in tqdm(wanted, desc="wet lenses", unit="lens"):
+        pool[frame].append(bake_lens(folder, seed, frame, index))
+    return {frame: tuple(wet) for frame, wet in pool.items()}
+
+
+def bake_lens(folder: Path, seed: int, frame: Frame, index: int) -> WetLens:
+    """One wet lens: grades and key frames in turn.
+
+    Raises:
+        InputError: see `bake_pool`.
+    """
+    rng = generator(seed, "lens", *frame, index)
+    pattern = drops_pattern.draw_pattern(rng, index % len(drops_pattern.COVERAGE))
+    key_frame = index % pattern.key_frames
+    place = folder / f"{frame[0]}x{frame[1]}-{seed}-{index:03d}"
+    return WetLens(pattern, key_frame, bake_matte(pattern, camera_of(frame), place, key_frame))
+
+
+def draw_rain(
+    photograph: Bytes, kind: str, lenses: Sequence[WetLens], window: Window, rng: np.random.Generator
+) -> Pair:
+    """A part of a photograph in rain, and clean.
+
+    Rain is drawn for the whole photograph, of which drops show parts far from them, and mist veils all of it.
+
+    Args:
+        photograph: [H, W, 3], of a frame's size.
+        kind: one of KINDS.
+        lenses: baked for the frame, at least one.
+        window: the part.
+        rng: of the pair.
+
+    Returns:
+        Rainy and clean [h, w, 3], sRGB-encoded, [0, 1].
+    """
+    clean = photograph[window].astype(np.float32) / 255
+    rainy = clean
+    if kind in ("raindrop", "both"):
+        rainy = wet_lens(photograph, lenses[rng.integers(len(lenses))], window, rng)
+    if kind in ("streak", "both"):
+        height, width = photograph.shape[:2]
+        pattern = draw_streaks(rng)
+        layer = streaks.streak_layer(pattern, width, height, rng)[window]
+        rainy = streaks.composite(rainy, layer, pattern.brightness)
+    return rainy, clean
+
+
+def draw_streaks(rng: np.random.Generator) -> streaks.StreakPattern:
+    """Streaks of any grade: the paper's lengths, angles and widths, n and brightness from all that grades set."""
+    drawn = streaks.draw_pattern(rng)
+    n = float(np.exp(rng.uniform(np.log(FEWEST), np.log(severity.MOST))))
+    brighter = rng.uniform() < BRIGHTER
+    brightness = float(rng.uniform(drawn.brightness, severity.BRIGHTEST)) if brighter else drawn.brightness
+    return replace(drawn, n=n, brightness=brightness)
+
+
+def draw_mist(lens: WetLens, rng: np.random.Generator) -> RaindropPattern:
+    """The pattern of a lens with mist of any thickness, thin ones more often, and sometimes of another form."""
+    level = 0.0 if rng.uniform() < NO_MIST else severity.THICKEST_MIST * float(rng.uniform()) ** 2
+    pattern = replace(lens.pattern, mist=level, air=drops_pattern.draw_pattern(rng).air)
+    if rng.uniform() < OWN_MIST:
+        return pattern
+    return replace(pattern, seed=int(rng.integers(2**31)), rivulets=0)
+
+
+def wet_lens(photograph: Bytes, lens: WetLens, window: Window, rng: np.random.Generator) -> Image:
+    """A part of a photograph [H, W, 3] seen through drops and mist, [h, w, 3]."""
+    height, width = photograph.shape[:2]
+    pattern = draw_mist(lens, rng)
+    linear = LINEAR[photograph]
+    air = air_light(linear) * np.array(pattern.air, np.float32)
+    veil = mist_veil(pattern, width, height, moment_of(pattern, lens.frame))[window]
+    mask = lens.matte.mask[window]
+    radiance = lens.matte.apply(expand_highlights(linear))[window] + ((1 - mask) * veil)[..., None] * air
+    layers = {"M": mask, "V": veil, **{channel: radiance[..., i] for i, channel in enumerate("RGB")}}
+    return effects.composite("raindrop", {}, photograph[window].astype(np.float32) / 255, layers)
+
+
+def air_light(linear: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The light [3] of a scene's air, from one picture of linear light: see hydroviews.rain.setting."""
+    few = linear[::SPARSE, ::SPARSE].reshape(-1, 3)
+    brightness = luminance(few)
+    bright = few[brightness >= np.quantile(brightness, 1 - AIR)].mean(axis=0)
+    return np.asarray(TINT * bright + (1 - TINT) * luminance(bright), np.float32)

@@ -1,0 +1,169 @@
+"""Train an enhancement network; an interrupted training goes on and ends with the same bits."""
+
+import csv
+import io
+import json
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+from tqdm import tqdm
+
+from baselines.splatting.checkpoints import read_arrays, write_arrays
+from deraings.enhancement.config import TrainingConfig, Upkeep
+from deraings.enhancement.loss import enhancement_loss
+from deraings.enhancement.network import EnhancementNetwork
+from deraings.enhancement.pairs import Pairs, Source, batches
+from deraings.enhancement.weights import to_arrays, to_tensors
+from hydroviews.errors import InputError
+from hydroviews.files import write_bytes
+
+CHECKPOINT, CURVE = "checkpoint.safetensors", "curve.csv"
+MOMENTS = ("exp_avg", "exp_avg_sq")
+SMOOTHING = 0.99  # of the loss that is shown
+
+Validate = Callable[[EnhancementNetwork], dict[str, float]]  # what a row of the curve says beside step, loss and rate
+
+
+class Training:
+    """A network, its averaged weights, its optimiser and how far it is."""
+
+    def __init__(self, config: TrainingConfig) -> None:
+        torch.manual_seed(config.seed)
+        self.config = config
+        self.network = EnhancementNetwork(config.network)
+        self.averaged = EnhancementNetwork(config.network).requires_grad_(False)
+        self.averaged.load_state_dict(self.network.state_dict())
+        self.optimiser = torch.optim.AdamW(
+            self.network.parameters(), config.rate, weight_decay=config.weight_decay, fused=True
+        )
+        self.step = 0
+        self.seconds = 0.0
+        self.loss = math.nan
+        self.curve: list[dict[str, float]] = []
+
+    def learn(self, rainy: Tensor, clean: Tensor) -> None:
+        """One step, on a batch [N, 3, P, P] twice."""
+        start = time.perf_counter()
+        rate = rate_at(self.step, self.config)
+        for group in self.optimiser.param_groups:
+            group["lr"] = rate
+        self.optimiser.zero_grad(set_to_none=True)
+        with torch.autocast("cpu", torch.bfloat16, enabled=self.config.precision == "bfloat16"):
+            enhanced = self.network(rainy)
+        loss = enhancement_loss(enhanced.float(), clean, rainy, self.config.frequency, self.config.floor)
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(self.network.parameters(), self.config.clip, error_if_nonfinite=True)
+        self.optimiser.step()
+        self._average()
+        value = loss.item()
+        self.loss = value if math.isnan(self.loss) else SMOOTHING * self.loss + (1 - SMOOTHING) * value
+        self.step += 1
+        self.seconds += time.perf_counter() - start
+
+    def _average(self) -> None:
+        """Early weights are forgotten sooner, so that the average is worth something from the beginning."""
+        kept = min(self.config.averaging, (1 + self.step) / (10 + self.step))
+        with torch.no_grad():
+            torch._foreach_lerp_(list(self.averaged.parameters()), list(self.network.parameters()), 1 - kept)
+
+    def save(self, path: Path, fingerprint: dict[str, Any]) -> None:
+        """Write all of it."""
+        tensors = {f"network.{name}": value for name, value in self.network.state_dict().items()}
+        tensors |= {f"averaged.{name}": value for name, value in self.averaged.state_dict().items()}
+        for name, parameter in self.network.named_parameters():
+            tensors |= {f"{moment}.{name}": self.optimiser.state[parameter][moment] for moment in MOMENTS}
+        progress = {"step": self.step, "seconds": self.seconds, "loss": self.loss, "curve": self.curve}
+        write_arrays(path, to_arrays(tensors), {"fingerprint": fingerprint, "progress": progress})
+
+    def restore(self, path: Path, fingerprint: dict[str, Any]) -> None:
+        """Take over what `save` wrote.
+
+        Raises:
+            InputError: damaged, or of another training.
+        """
+        arrays, about = read_arrays(path)
+        found, expected = about.get("fingerprint"), json.loads(json.dumps(fingerprint))
+        if found != expected:
+            raise InputError(
+                f"{path}: the checkpoint is of another training",
+                found=found,
+                expected=expected,
+                fix="train in another folder, or remove the checkpoint to start again",
+            )
+        parts: dict[str, dict[str, Tensor]] = {}
+        for name, value in to_tensors(arrays).items():
+            part, _, rest = name.partition(".")
+            parts.setdefault(part, {})[rest] = value
+        self.network.load_state_dict(parts["network"])
+        self.averaged.load_state_dict(parts["averaged"])
+        for name, value in about["progress"].items():
+            setattr(self, name, value)
+        for name, parameter in self.network.named_parameters():
+            moments = {moment: torch.empty_like(parameter).copy_(parts[moment][name]) for moment in MOMENTS}
+            self.optimiser.state[parameter] = {"step": torch.tensor(float(self.step)), **moments}
+
+
+def rate_at(step: int, config: TrainingConfig) -> float:
+    """The learning rate of a step: up linearly, then down along half a cosine."""
+    if step < config.warm_up:
+        return config.rate * (step + 1) / config.warm_up
+    done = (step - config.warm_up) / max(1, config.steps - config.warm_up)
+    return config.final_rate + (config.rate - config.final_rate) * 0.5 * (1 + math.cos(math.pi * done))
+
+
+def train(
+    folder: Path,
+    config: TrainingConfig,
+    sources: Sequence[Source],
+    data: str,
+    validate: Validate,
+    upkeep: Upkeep,
+) -> Training:
+    """Train in `folder`, from the checkpoint there if there is one.
+
+    Args:
+        folder: gets the checkpoint and curve.csv.
+        config: of the training.
+        sources: of pairs.
+        data: what they are, as it stands in the checkpoint; another one is refused.
+        validate: scores of the averaged network.
+        upkeep: what does not change the result.
+
+    Raises:
+        InputError: the checkpoint is damaged or of another training.
+    """
+    fingerprint = {"configuration": asdict(config), "data": data}
+    training, checkpoint = Training(config), folder / CHECKPOINT
+    if checkpoint.is_file():
+        training.restore(checkpoint, fingerprint)
+    pairs = Pairs(sources, config.patch, config.seed)
+    loader = batches(pairs, config.batch, training.step, config.steps, upkeep.workers)
+    with tqdm(total=config.steps, initial=training.step, desc="training", unit="step") as bar:
+        for rainy, clean in loader:
+            training.learn(rainy, clean)
+            bar.set_postfix(loss=f"{training.loss:.4f}", refresh=False)
+            bar.update()
+            last = training.step == config.steps
+            if last or training.step % upkeep.validate_every == 0:
+                _note(training, validate, folder / CURVE)
+            if last or training.step % upkeep.checkpoint_every == 0:
+                training.save(checkpoint, fingerprint)
+    return training
+
+
+def _note(training: Training, validate: Validate, path: Path) -> None:
+    """Validate, and write the curve so far."""
+    scores = validate(training.averaged)
+    row = {"step": training.step, "seconds": training.seconds, "loss": training.loss, **scores}
+    training.curve.append({name: round(value, 5) for name, value in row.items()})
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(row), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(training.curve)
+    write_bytes(path, text.getvalue().encode())

@@ -1,0 +1,81 @@
+"""Trained networks on disk: safetensors with their configuration and data card."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from baselines.splatting.checkpoints import read_arrays, write_arrays
+from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
+from hydroviews.errors import InputError
+
+SHIPPED = Path(__file__).parent / "weights"
+DEFAULT = "small"
+
+
+@dataclass(frozen=True, eq=False)
+class Enhancer:
+    """A trained network, ready to use."""
+
+    network: EnhancementNetwork
+    card: dict[str, Any]  # data, seed, steps, validation
+    reason: str  # which weights these are and why
+
+
+def load_enhancer(weights: str | Path = DEFAULT) -> Enhancer:
+    """The network of the named shipped weights, or of a file.
+
+    Args:
+        weights: `small`, or the path of a .safetensors file that `python -m deraings.enhancement train` wrote.
+
+    Raises:
+        InputError: no such weights, or the file is damaged or holds another network.
+    """
+    shipped = SHIPPED / f"{weights}.safetensors"
+    is_name = Path(weights).suffix == ""
+    path = shipped if is_name else Path(weights)
+    if is_name and not path.is_file():
+        names = ", ".join(sorted(file.stem for file in SHIPPED.glob("*.safetensors")))
+        raise InputError(
+            f"enhancement weights {weights}: none of that name are shipped",
+            expected=f"one of: {names or 'none'}; or the path of a .safetensors file",
+        )
+    arrays, about = read_arrays(path)
+    network = build(path, about, arrays)
+    origin = f"shipped as {weights}" if is_name else f"from {path}, as asked for"
+    card = about["card"]
+    return Enhancer(network, card, f"enhancement weights {origin}: {card['steps']} steps on {card['data']}")
+
+
+def save_network(path: Path, config: NetworkConfig, tensors: dict[str, Tensor], card: dict[str, Any]) -> None:
+    """Write weights with what is needed to use and to judge them."""
+    write_arrays(path, to_arrays(tensors), {"network": asdict(config), "card": card})
+
+
+def build(path: Path, about: dict[str, Any], arrays: dict[str, NDArray]) -> EnhancementNetwork:
+    """The network that weights are of, ready for pictures.
+
+    Raises:
+        InputError: they are not of such a network.
+    """
+    try:
+        parts: dict[str, Any] = {n: tuple(v) if isinstance(v, list) else v for n, v in about["network"].items()}
+        network = EnhancementNetwork(NetworkConfig(**parts))
+        network.load_state_dict(to_tensors(arrays))
+    except (KeyError, TypeError, RuntimeError) as error:
+        raise InputError(f"{path}: not an enhancement network of this version", found=error) from error
+    return network.eval().requires_grad_(False)
+
+
+def to_arrays(tensors: dict[str, Tensor]) -> dict[str, NDArray]:
+    """For safetensors, which wants rows first."""
+    return {name: np.ascontiguousarray(value.detach().cpu().numpy()) for name, value in tensors.items()}
+
+
+def to_tensors(arrays: dict[str, NDArray]) -> dict[str, Tensor]:
+    """The opposite."""
+    return {name: torch.from_numpy(value) for name, value in arrays.items()}

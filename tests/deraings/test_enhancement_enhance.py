@@ -1,0 +1,87 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from deraings.enhancement.enhance import enhance, spans
+from deraings.enhancement.network import SMALL, EnhancementNetwork
+from deraings.enhancement.weights import Enhancer
+
+TINY = replace(SMALL, width=8, encoder=(1, 1, 1, 1), bottleneck=1, decoder=(1, 1, 1, 1), head_width=8)
+
+
+def untrained_enhancer() -> Enhancer:
+    torch.manual_seed(0)
+    return Enhancer(EnhancementNetwork(TINY).requires_grad_(False), {}, "for a test")
+
+
+def awake_enhancer() -> Enhancer:
+    """One that changes pictures."""
+    enhancer = untrained_enhancer()
+    torch.nn.init.normal_(enhancer.network.head[0].weight, std=0.001)
+    return enhancer
+
+
+def picture(height: int, width: int, seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).random((height, width, 3)).astype(np.float32)
+
+
+@pytest.mark.parametrize("size", [1, 40, 64, 65, 100, 500, 1001])
+def test_tiles_cover_everything_and_overlap(size):
+    parts = spans(size, 64, 16)
+    assert parts[0][0] == 0
+    assert parts[-1][1] == size
+    assert all(end - start == min(64, size) for start, end in parts)
+    assert all(one[1] - other[0] >= 16 for one, other in zip(parts, parts[1:], strict=False))
+
+
+def test_tiles_that_are_all_overlap_are_refused():
+    with pytest.raises(ValueError, match="overlap"):
+        spans(100, 16, 16)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (7, 93), (64, 64), (150, 90)])
+def test_tiles_of_an_untrained_network_add_up_to_the_picture(size):
+    image = picture(*size)
+    np.testing.assert_allclose(enhance(image, untrained_enhancer(), tile=64, overlap=16), image, atol=1e-6)
+
+
+def test_a_picture_no_larger_than_a_tile_is_taken_whole():
+    image, enhancer = picture(60, 64), awake_enhancer()
+    whole = enhance(image, enhancer)
+    np.testing.assert_allclose(enhance(image, enhancer, tile=64, overlap=16), whole, atol=1e-6)
+    assert np.abs(whole - image).max() > 0.01
+    assert whole.dtype == np.float32
+    assert whole.min() >= 0
+    assert whole.max() <= 1
+
+
+class Mean(torch.nn.Module):
+    """Answers every tile with its own mean."""
+
+    multiple = 1
+
+    def forward(self, batch):
+        return batch.mean().expand_as(batch)
+
+
+def test_tiles_are_blended_without_a_seam():
+    ramp = np.linspace(0, 1, 160, dtype=np.float32)[:, None, None].repeat(64, 1).repeat(3, 2)
+    enhanced = enhance(ramp, Enhancer(Mean(), {}, "for a test"), tile=96, overlap=32)[:, 0, 0]
+    assert enhanced[0] == pytest.approx(ramp[:96].mean(), abs=1e-5)
+    assert enhanced[-1] == pytest.approx(ramp[64:].mean(), abs=1e-5)
+    between = np.diff(enhanced)
+    assert between.min() > -1e-6
+    assert between.max() < 1.1 * (enhanced[-1] - enhanced[0]) / 33
+
+
+def test_the_same_picture_gives_the_same_result():
+    image, enhancer = picture(50, 70), awake_enhancer()
+    np.testing.assert_array_equal(enhance(image, enhancer), enhance(image.copy(), enhancer))
+
+
+@pytest.mark.parametrize("broken", [np.zeros((4, 4), np.float32), np.full((4, 4, 3), np.nan, np.float32)])
+def test_what_is_no_picture_is_refused(broken):
+    with pytest.raises(ValueError, match=r"expected an image|not finite"):
+        enhance(broken, untrained_enhancer())

@@ -1,0 +1,158 @@
+import csv
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from deraings.enhancement.config import TrainingConfig, Upkeep
+from deraings.enhancement.loss import enhancement_loss
+from deraings.enhancement.network import SMALL
+from deraings.enhancement.training import CHECKPOINT, CURVE, rate_at, train
+from deraings.enhancement.weights import load_enhancer, save_network
+from hydroviews.errors import InputError
+
+TINY = replace(SMALL, width=8, encoder=(1, 1, 1, 1), bottleneck=1, decoder=(1, 1, 1, 1), head_width=8)
+CONFIG = TrainingConfig(network=TINY, steps=6, batch=2, patch=32, warm_up=2, precision="float32")
+UPKEEP = Upkeep(checkpoint_every=2, validate_every=3, workers=0)
+
+
+class Brighter:
+    """Pictures that rain has made brighter by a fifth."""
+
+    def pair(self, patch, rng):
+        clean = rng.uniform(0, 0.8, (patch, patch, 3)).astype(np.float32)
+        return clean + np.float32(0.2), clean
+
+
+class Interrupting(Brighter):
+    """The same until the sixth pair is asked for."""
+
+    def __init__(self):
+        self.count = 0
+
+    def pair(self, patch, rng):
+        self.count += 1
+        if self.count > 5:
+            raise KeyboardInterrupt
+        return super().pair(patch, rng)
+
+
+def learn(folder, config=CONFIG, source=None, data="brighter", upkeep=UPKEEP):
+    torch.set_num_threads(1)
+    scores = iter(range(100))
+    return train(folder, config, [source or Brighter()], data, lambda _: {"score": float(next(scores))}, upkeep)
+
+
+def weights_of(training):
+    return torch.cat([p.flatten() for p in training.averaged.parameters()])
+
+
+def test_training_removes_what_it_can(tmp_path):
+    config = replace(CONFIG, steps=60, rate=3e-3, batch=4, averaging=0.9)
+    training = learn(tmp_path, config)
+    rainy, clean = torch.full((1, 3, 32, 32), 0.6), torch.full((1, 3, 32, 32), 0.4)
+    assert (training.averaged(rainy) - clean).abs().mean() < 0.08
+    assert training.loss < 1
+
+
+@pytest.mark.parametrize("precision", ["float32", "bfloat16"])
+def test_an_interrupted_training_ends_with_the_same_bits(tmp_path, precision):
+    config = replace(CONFIG, precision=precision)
+    whole = learn(tmp_path / "whole", config)
+    with pytest.raises(KeyboardInterrupt):
+        learn(tmp_path / "parts", config, Interrupting())
+    parts = learn(tmp_path / "parts", config)
+    assert parts.step == whole.step == 6
+    assert torch.equal(weights_of(whole), weights_of(parts))
+    assert whole.loss == parts.loss
+
+
+def test_workers_do_not_change_the_result(tmp_path):
+    alone = learn(tmp_path / "alone")
+    helped = learn(tmp_path / "helped", upkeep=replace(UPKEEP, workers=2))
+    assert torch.equal(weights_of(alone), weights_of(helped))
+
+
+def test_every_seed_is_another_training_and_nought_is_one(tmp_path):
+    first, again, other = (learn(tmp_path / str(i), replace(CONFIG, seed=seed)) for i, seed in enumerate((0, 0, 1)))
+    assert torch.equal(weights_of(first), weights_of(again))
+    assert not torch.equal(weights_of(first), weights_of(other))
+
+
+def test_a_finished_training_is_not_trained_again(tmp_path):
+    done = learn(tmp_path)
+    assert torch.equal(weights_of(done), weights_of(learn(tmp_path, source=Interrupting())))
+
+
+@pytest.mark.parametrize("changed", [{"config": replace(CONFIG, rate=1.0)}, {"data": "darker"}])
+def test_a_checkpoint_of_another_training_is_refused(tmp_path, changed):
+    learn(tmp_path)
+    with pytest.raises(InputError, match="another training"):
+        learn(tmp_path, **changed)
+
+
+def test_a_damaged_checkpoint_is_refused(tmp_path):
+    learn(tmp_path)
+    (tmp_path / CHECKPOINT).write_bytes((tmp_path / CHECKPOINT).read_bytes()[:1000])
+    with pytest.raises(InputError, match="damaged"):
+        learn(tmp_path)
+
+
+def test_the_curve_has_a_row_a_validation(tmp_path):
+    learn(tmp_path)
+    rows = list(csv.DictReader((tmp_path / CURVE).open()))
+    assert [int(row["step"]) for row in rows] == [3, 6]
+    assert [float(row["score"]) for row in rows] == [0, 1]
+    assert all(0 < float(row["loss"]) < 3 for row in rows)
+
+
+def test_the_rate_rises_and_falls():
+    config = TrainingConfig(steps=100, warm_up=10, rate=1.0, final_rate=0.1)
+    rates = [rate_at(step, config) for step in range(100)]
+    assert rates[0] == pytest.approx(0.1)
+    assert rates[9] == pytest.approx(1.0)
+    assert rates[54] == pytest.approx(0.557, abs=0.01)
+    assert rates[-1] == pytest.approx(0.1, abs=0.01)
+    assert all(one >= other for one, other in zip(rates[9:], rates[10:], strict=False))
+
+
+def test_loss_is_the_share_of_the_rain_that_is_left():
+    clean = torch.zeros(2, 3, 16, 16)
+    rainy = clean + torch.tensor([0.1, 0.4]).reshape(2, 1, 1, 1)
+    half = clean + 0.5 * rainy
+    assert enhancement_loss(rainy, clean, rainy, 0.0, 0.0) == pytest.approx(1)
+    assert enhancement_loss(half, clean, rainy, 0.0, 0.0) == pytest.approx(0.5)
+    assert enhancement_loss(clean, clean, clean, 0.1, 0.02) == 0
+    assert enhancement_loss(clean + 0.01, clean, clean, 0.0, 0.02) == pytest.approx(0.5)
+
+
+def test_noise_is_as_large_in_coefficients_as_in_pixels():
+    noise = 0.1 * torch.randn(1, 3, 64, 64, generator=torch.Generator().manual_seed(0))
+    clean, rainy = torch.zeros_like(noise), torch.ones_like(noise)
+    pixels = enhancement_loss(noise, clean, rainy, 0.0, 0.0)
+    both = enhancement_loss(noise, clean, rainy, 1.0, 0.0)
+    assert float((both - pixels) / pixels) == pytest.approx(np.pi / 2 / np.sqrt(2), rel=0.05)  # Rayleigh, half-normal
+
+
+def test_weights_come_back_with_their_card(tmp_path):
+    training = learn(tmp_path)
+    card = {"data": "brighter", "steps": 6}
+    path = tmp_path / "weights.safetensors"
+    save_network(path, TINY, training.averaged.state_dict(), card)
+    enhancer = load_enhancer(path)
+    assert enhancer.card == card
+    assert "6 steps on brighter" in enhancer.reason
+    assert str(path) in enhancer.reason
+    image = torch.rand(1, 3, 32, 32)
+    assert torch.equal(enhancer.network(image), training.averaged(image))
+
+
+def test_weights_that_are_not_there_or_of_something_else_are_refused(tmp_path):
+    with pytest.raises(InputError, match="none of that name"):
+        load_enhancer("enormous")
+    with pytest.raises(InputError, match="no such file"):
+        load_enhancer(tmp_path / "weights.safetensors")
+    save_network(tmp_path / "other.safetensors", TINY, {"w": torch.zeros(1)}, {"data": "", "steps": 0})
+    with pytest.raises(InputError, match="not an enhancement network"):
+        load_enhancer(tmp_path / "other.safetensors")
