@@ -1,0 +1,171 @@
+"""What DeRainGS compares its renders with the photographs by: the photometric loss, seen through a model of the rain.
+
+    seen = lens veil over (falling rain over the rendered scene);  loss = photometric(seen, photograph; weights)
+
+`rain_lens` has the veil of mist, `rain_falling` the falling rain, `rain_drops` the weights behind drops. All are
+learned while the scene is, and each switches itself on only where the photographs call for it; `found` says what was.
+"""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.splatting.objective import Objective, TrainingImages
+from baselines.splatting.photometric import Target, photometric_loss
+from baselines.splatting.rasterizer import Workspace
+from deraings.rain_drops import DropConfig, Drops, Spread
+from deraings.rain_falling import FallingConfig, FallingRain
+from deraings.rain_lens import Veil, VeilConfig
+from hydroviews.images import Image
+
+Plane = NDArray[np.float32]
+PixelWeights = Callable[[int, tuple[int, int], int], Plane | None]  # of (view, (H, W), iteration)
+
+
+@dataclass(frozen=True)
+class RainConfig:
+    """Which kinds of rain are looked for; None leaves one out."""
+
+    veil: VeilConfig | None = field(default_factory=VeilConfig)
+    drops: DropConfig | None = field(default_factory=DropConfig)
+    falling: FallingConfig | None = field(default_factory=FallingConfig)
+
+
+class RainObjective(Objective):
+    """The photometric loss of the scene as it is seen through the rain."""
+
+    def __init__(
+        self,
+        images: TrainingImages,
+        iterations: int,
+        config: RainConfig | None = None,
+        ssim_share: float = 0.2,
+        pixel_weights: PixelWeights | None = None,
+    ) -> None:
+        """A model of the rain, before anything is known of it.
+
+        Args:
+            images: the training photographs, in order of name.
+            iterations: of the training.
+            config: which kinds of rain are looked for.
+            ssim_share: lambda of the photometric loss.
+            pixel_weights: further factors [H, W] on each pixel's share of the loss, such as 1 - M of a learned mask,
+                for (view, (H, W), iteration); None for a view, or for all, where there are none.
+        """
+        super().__init__(images, ssim_share)
+        self.config = config = config or RainConfig()
+        self._pixel_weights, self._iterations = pixel_weights, iterations
+        count = len(images)
+        pictures = [images.pixels(view) for view in range(count)]
+        self.veil = Veil(pictures, iterations, config.veil) if config.veil else None
+        self.falling = FallingRain(iterations, config.falling) if config.falling else None
+        self.drops = Drops(Spread(pictures, config.drops), count, iterations, config.drops) if config.drops else None
+
+    def __call__(self, image: Image, view: int, iteration: int, workspace: Workspace) -> tuple[float, Image]:
+        """See Objective; learns of the rain as well."""
+        target = self.images.target(view, (image.shape[0], image.shape[1]))
+        finite = _finite(image)
+        image = image if finite is None else np.where(finite[..., None], image, np.float32(0))
+        seen, behind = self._seen(image, view, iteration, workspace)
+        passing = np.float32(1 - self.cover)  # of the scene's light, in this step
+        weights = self._weights(target, finite, view, iteration)
+        self._observe(seen, target, weights, view, iteration)
+        loss, gradient = photometric_loss(seen, target, self.ssim_share, weights, workspace)
+        if self.veil and self.veil.due(iteration):
+            gradient = self.veil.learn(behind, view, gradient, iteration, workspace)
+        return loss, gradient * passing
+
+    def residual(self, image: Image, view: int, workspace: Workspace) -> float:
+        """See Objective."""
+        seen, _ = self._seen(image, view, self._iterations, workspace)
+        return photometric_loss(seen, self.images.target(view), self.ssim_share, workspace=workspace)[0]
+
+    @property
+    def cover(self) -> float:
+        """Median cover by falling rain, 0 to 1."""
+        return float(self.falling.cover[0]) if self.falling else 0.0
+
+    def _seen(self, image: Image, view: int, iteration: int, workspace: Workspace) -> tuple[Image, Image]:
+        """The scene through all the rain, and through the falling rain alone."""
+        if self.falling and self.cover > 0:
+            brightness = self.falling.brightness
+            image = image * np.float32(1 - self.cover) + np.float32(self.cover * brightness)
+        if self.veil and self.veil.due(iteration):
+            return self.veil.apply(image, view, workspace), image
+        return image, image
+
+    def _weights(self, target: Target, finite: NDArray | None, view: int, iteration: int) -> Plane | None:
+        """Factors on each pixel's share of the loss [H, W]; None where all are 1. What is hidden counts for nothing."""
+        size = target.pixels.shape[0], target.pixels.shape[1] // 3
+        parts = [
+            self.drops.weights(view, size, iteration) if self.drops else None,
+            self._pixel_weights(view, size, iteration) if self._pixel_weights else None,
+            None if finite is None else finite.astype(np.float32),
+            target.shown,
+        ]
+        weights = None
+        for part in parts:
+            if part is not None:
+                weights = part if weights is None else weights * part
+        return weights
+
+    def _observe(self, seen: Image, target: Target, weights: Plane | None, view: int, iteration: int) -> None:
+        photograph = target.pixels.reshape(seen.shape)
+        if self.drops:
+            difference = photograph - seen
+            self.drops.observe(difference if target.shown is None else difference * target.shown[..., None], view)
+        if self.falling and self.falling.due(iteration):
+            self.falling.observe(photograph, seen, weights)
+
+    def veil_share(self, view: int, size: tuple[int, int]) -> Plane:
+        """V [H, W] of a training view; nought where no veil is looked for."""
+        return self.veil.share(view, size) if self.veil else np.zeros(size, np.float32)
+
+    def drop_weights(self, view: int, size: tuple[int, int]) -> Plane:
+        """Weights [H, W] of a training view at the end: 0 behind drops, else 1."""
+        weights = self.drops.weights(view, size, self.drops.iterations) if self.drops else None
+        return np.ones(size, np.float32) if weights is None else weights
+
+    def found(self) -> dict[str, float | list[float]]:
+        """What rain was found, for the record: nought where there was none."""
+        report: dict[str, float | list[float]] = {}
+        middle = len(self.images) // 2
+        size = self.images.pixels(middle).shape[0], self.images.pixels(middle).shape[1]
+        if self.veil:
+            share = self.veil_share(middle, size)
+            report |= {"veil_mean": float(share.mean()), "veil_most": float(share.max())}
+            report["veil_light"] = [round(float(c), 4) for c in self.veil.colour]
+        if self.drops:
+            report["drops"] = float((self.drop_weights(middle, size) < 0.5).mean())
+        if self.falling:
+            report |= {"falling_certainty": self.falling.certainty(), "falling_cover": self.cover}
+            report["falling_angle"] = float(self.falling.angle())
+        return {name: round(value, 4) if isinstance(value, float) else value for name, value in report.items()}
+
+    def about(self) -> dict[str, Any]:
+        """See Objective."""
+        return {**super().about(), "rain": asdict(self.config)}
+
+    def arrays(self) -> dict[str, NDArray]:
+        """See Objective."""
+        return {f"{part}.{name}": value for part, model in self._parts() for name, value in model.arrays().items()}
+
+    def restore(self, arrays: dict[str, NDArray]) -> None:
+        """See Objective."""
+        for part, model in self._parts():
+            start = f"{part}."
+            model.restore({name[len(start) :]: value for name, value in arrays.items() if name.startswith(start)})
+
+    def _parts(self) -> list[tuple[str, Any]]:
+        parts = (("veil", self.veil), ("drops", self.drops), ("falling", self.falling))
+        return [(name, model) for name, model in parts if model is not None]
+
+
+def _finite(image: Image) -> NDArray[np.bool_] | None:
+    """Which pixels [H, W] of a render are finite; None where all are."""
+    if np.isfinite(image.sum(dtype=np.float64)):
+        return None
+    return np.asarray(np.isfinite(image).all(axis=2))

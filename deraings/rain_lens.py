@@ -1,0 +1,171 @@
+"""Mist on the lens: a smooth veil that is the same in every view while the scene is not, learned with the scene.
+
+A view is R = encode((1 - V(x)) decode(B) + V(x) a) (see `rain_light`), B the rendered scene. V lies on a coarse grid
+over the picture, at a few moments of the film between which it changes steadily, views in order of name being taken
+one after another; V and the colour a are learned by Adam from the gradient of the photometric loss. A pilot that did
+so in encoded values regained 9.7 of the 10.6 dB that drops and mist had cost.
+
+What the photographs cannot tell: a veil that is equally dense everywhere is as good as a scene of less contrast. A
+penalty on the mean of V decides for the scene, so that a veil's thinnest place is clear. Nothing in space can take the
+rest of the veil's place: real fog and white walls move over the lens as the camera moves.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.splatting.adam import adam_step
+from baselines.splatting.rasterizer import Workspace
+from deraings.rain_light import veiled, veiled_gradient
+from hydroviews.images import Image, to_linear
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # of linear sRGB
+
+
+@dataclass(frozen=True)
+class VeilConfig:
+    """How mist is learned."""
+
+    cells: int = 12  # of the grid along the longer side
+    views_a_moment: int = 12  # no moment of the film is told from fewer views
+    most_moments: int = 3
+    start: float = 0.2  # share of the iterations before it: places that no Gaussian has filled yet look like mist
+    root: float = 0.05  # sqrt(V) at the start
+    brightest: float = 0.1  # share of the pixels, the brightest, whose light is expected of the mist
+    tint: float = 0.3  # share of their colour that it has
+    rate: float = 8e-3  # Adam's, of sqrt(V)
+    colour_rate: float = 1e-3
+    final: float = 0.1  # what the rates have fallen to at the end, as a factor
+    penalty: float = 3e-3  # factor of the mean of V in the loss
+    roughness: float = 0.05  # of the mean of the knots' squared differences to their neighbours, in sqrt(V)
+    colour_penalty: float = 0.01  # of the squared difference of a to what is expected
+    thickest: float = 0.95
+
+
+def moments_of(n_views: int, views_a_moment: int, most: int) -> int:
+    """How many moments of a film of so many views are told apart."""
+    return int(np.clip(n_views // views_a_moment, 1, most))
+
+
+def moment_weights(view: int, n_views: int, moments: int) -> NDArray[np.float32]:
+    """Shares [T] of the moments in a view: hat functions over the film, 1 in all."""
+    time = view / max(n_views - 1, 1) * (moments - 1)
+    return np.maximum(0, 1 - np.abs(np.arange(moments) - time)).astype(np.float32)
+
+
+class Veil:
+    """The share V and the colour of mist on the lens, and how they are learned."""
+
+    def __init__(self, pictures: Sequence[NDArray[np.uint8]], iterations: int, config: VeilConfig) -> None:
+        self._config, self._n_views, self._iterations = config, len(pictures), iterations
+        self._first = round(config.start * iterations)
+        height, width = pictures[0].shape[:2]
+        cell = max(height, width) / config.cells
+        moments = moments_of(len(pictures), config.views_a_moment, config.most_moments)
+        grid = (moments, max(2, round(height / cell) + 1), max(2, round(width / cell) + 1))
+        self.roots = np.full(grid, config.root, np.float32)  # of V, at the knots
+        self.expected = mist_light(pictures, config.brightest, config.tint)  # a, before anything is learned
+        self.colour = self.expected.copy()  # a [3], linear light
+        self._adam = {name: np.zeros(shape, np.float32) for name, shape in self._moment_shapes().items()}
+
+    def due(self, iteration: int) -> bool:
+        """Whether mist is looked for in this step."""
+        return iteration >= self._first
+
+    def share(self, view: int, size: tuple[int, int]) -> NDArray[np.float32]:
+        """V [H, W] of a training view."""
+        roots = np.tensordot(self._weights(view), self.roots, 1)
+        return np.square(_spread(roots, size))
+
+    def apply(self, image: Image, view: int, workspace: Workspace) -> Image:
+        """The rendered view [H, W, 3] seen through the mist."""
+        return veiled(image, self.share(view, (image.shape[0], image.shape[1])), self.colour, workspace)
+
+    def learn(self, image: Image, view: int, gradient: Image, iteration: int, workspace: Workspace) -> Image:
+        """One step of Adam; returns the gradient by the image.
+
+        Args:
+            image: as given to `apply`, [H, W, 3].
+            view: likewise.
+            gradient: of the loss by what `apply` returned.
+            iteration: from 0.
+            workspace: the result is one of its buffers.
+        """
+        config, size = self._config, (image.shape[0], image.shape[1])
+        weights = self._weights(view)
+        root = _spread(np.tensordot(weights, self.roots, 1), size)
+        g_image, g_share, g_colour = veiled_gradient(image, np.square(root), self.colour, gradient, workspace)
+        penalised = g_share + np.float32(config.penalty / root.size)
+        by_knot = weights[:, None, None] * _gather(2 * root * penalised, self.roots.shape[1:])
+        by_knot += np.float32(config.roughness / self.roots[0].size) * roughness_gradient(self.roots)
+        g_colour += np.float32(2 * config.colour_penalty) * (self.colour - self.expected)
+        decay = config.final ** (iteration / max(self._iterations, 1))
+        self._step("roots", self.roots, by_knot, iteration, config.rate * decay)
+        self._step("colour", self.colour, g_colour, iteration, config.colour_rate * decay)
+        np.clip(self.roots, 0, np.sqrt(config.thickest), out=self.roots)
+        np.clip(self.colour, 0, 1, out=self.colour)
+        return g_image
+
+    def arrays(self) -> dict[str, NDArray]:
+        """All that is learned, for checkpoints."""
+        return {"roots": self.roots, "colour": self.colour, **self._adam}
+
+    def restore(self, arrays: dict[str, NDArray]) -> None:
+        """Take back what `arrays` returned."""
+        self.roots, self.colour = arrays["roots"].copy(), arrays["colour"].copy()
+        self._adam = {name: arrays[name].copy() for name in self._adam}
+
+    def _weights(self, view: int) -> NDArray[np.float32]:
+        return moment_weights(view, self._n_views, len(self.roots))
+
+    def _moment_shapes(self) -> dict[str, tuple[int, ...]]:
+        learnt = {"roots": self.roots.shape, "colour": self.colour.shape}
+        return {f"{name}.{order}": shape for name, shape in learnt.items() for order in ("first", "second")}
+
+    def _step(self, name: str, values: NDArray, gradient: NDArray, iteration: int, rate: float) -> None:
+        first, second = self._adam[f"{name}.first"], self._adam[f"{name}.second"]
+        step = iteration - self._first + 1
+        adam_step(values, np.ascontiguousarray(gradient, np.float32), first, second, step, rate)
+
+
+def mist_light(pictures: Sequence[NDArray[np.uint8]], brightest: float, tint: float) -> NDArray[np.float32]:
+    """The linear light [3] that mist should have: that of the brightest pixels of all pictures [H, W, 3], paler.
+
+    Mist is lit from all around, so it is as bright as the sky or what else is bright, and nearly grey.
+    """
+    samples = [picture[::8, ::8].reshape(-1, 3) for picture in pictures]
+    light = to_linear(np.concatenate(samples).astype(np.float32) / np.float32(255))
+    luminance = light @ LUMINANCE
+    colour = light[luminance >= np.quantile(luminance, 1 - brightest)].mean(axis=0)
+    return np.asarray(tint * colour + (1 - tint) * (colour @ LUMINANCE), np.float32)
+
+
+def roughness_gradient(knots: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Of half the sum of squared differences of neighbouring knots [T, h, w], in space and in time."""
+    gradient = np.zeros_like(knots)
+    for axis in range(3):
+        steps = np.diff(knots, axis=axis)
+        before = [(1, 0) if a == axis else (0, 0) for a in range(3)]
+        after = [(0, 1) if a == axis else (0, 0) for a in range(3)]
+        gradient += np.pad(steps, before) - np.pad(steps, after)
+    return gradient
+
+
+def _spread(knots: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
+    """Values of a grid [h, w] at all pixels [H, W]: bilinear, outermost knots on the picture's edge."""
+    rows, columns = (_hats(pixels, n) for pixels, n in zip(size, knots.shape, strict=True))
+    return rows @ knots @ columns.T
+
+
+def _gather(plane: NDArray[np.float32], grid: tuple[int, ...]) -> NDArray[np.float32]:
+    """The transpose of `_spread`: from a gradient by pixels [H, W] to one by knots [h, w]."""
+    rows, columns = (_hats(pixels, n) for pixels, n in zip(plane.shape, grid, strict=True))
+    return rows.T @ plane @ columns
+
+
+def _hats(pixels: int, knots: int) -> NDArray[np.float32]:
+    """Weights [pixels, knots] of linear interpolation."""
+    place = (np.arange(pixels) + 0.5) / pixels * (knots - 1)
+    return np.maximum(0, 1 - np.abs(place[:, None] - np.arange(knots))).astype(np.float32)
