@@ -10,6 +10,7 @@ that look alike have in common. lambda_reg is `regularisation` typical losses, s
 asked for M <= 1 / (2 regularisation), whatever the scene's level: masks can neither take everything nor nothing.
 """
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -25,8 +26,8 @@ from baselines.splatting.objective import Size, TrainingImages
 from deraings.masking_network import MaskNetwork, masked_loss
 
 Map = NDArray[np.float32]  # [H, W]
+SMALLEST_SHARE = 0.01  # views further away count for nothing
 LEVEL_MEMORY = 100  # network steps over which the typical loss is averaged
-LENS_FEATURES = 1  # what the network sees beside the photograph: the loss at its place on the lens
 
 
 @dataclass(frozen=True)
@@ -36,20 +37,22 @@ class MaskConfig:
     start: float = 0.5  # share of the iterations after which the masks weigh the loss
     warm_up: float = 0.2  # the network learns for this share before
     every: int = 4  # iterations to a step of the network
-    regularisation: float = 1.0  # lambda_reg in typical losses: at r of them a pixel is half masked, at 2 r wholly
+    regularisation: float = 0.5  # lambda_reg in typical losses
+    price: float = 1.0  # losses up to this many typical ones are not worth masking; 0 is the paper
     least_loss: float = 0.02  # the typical loss is taken to be at least this, so that well-fitted scenes stay unmasked
-    rate: float = 1e-3  # of Adam, the paper's
+    rate: float = 5e-3  # of Adam; the paper's, for 70,000 iterations, is 1e-3
     shrink: int = 4  # the network works at this fraction of the picture's resolution
     fine: int = 2  # and gives this many mask pixels a side for each of its own
     width: int = 16  # channels of the encoder
     cutoff: float = 0.125  # of the high-pass filter, in cycles a pixel of the network's resolution
-    lens: bool = True  # whether the network sees the mean loss of all views at the same place on the lens
+    lens_views: float = 8.0  # standard deviation, in views, of the window over which losses on the lens are averaged;
+    # 0 shows the network nothing but the photograph
 
     def __post_init__(self) -> None:
         if not (0 < self.start <= 1 and 0 <= self.warm_up <= self.start and self.every >= 1):
             raise ValueError(f"start {self.start}, warm_up {self.warm_up}, every {self.every}: no such schedule")
-        if self.regularisation <= 0 or self.least_loss <= 0 or self.rate <= 0:
-            raise ValueError("regularisation, least_loss and rate must be positive")
+        if min(self.regularisation, self.least_loss, self.rate) <= 0 or min(self.price, self.lens_views) < 0:
+            raise ValueError("regularisation, least_loss and rate must be positive, price and lens_views not negative")
         if self.shrink % self.fine:
             raise ValueError(f"fine {self.fine} must divide shrink {self.shrink}")
 
@@ -78,10 +81,10 @@ class OcclusionMasks:
         c = self.config
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
-            self.network = MaskNetwork(c.shrink, c.fine, c.width, c.cutoff, LENS_FEATURES if c.lens else 0)
+            self.network = MaskNetwork(c.shrink, c.fine, c.width, c.cutoff, extra=1 if c.lens_views else 0)
         self.adam = torch.optim.Adam(self.network.parameters(), c.rate, foreach=True)
         self._level = np.zeros(2)  # typical loss, and from how many losses it is known
-        self._lens: Map | None = None  # mean loss of all views at the network's resolution
+        self._losses: dict[int, Map] = {}  # last losses of views at the network's resolution
         self._kept: dict[int, NDArray[np.uint8]] = {}  # masks of views at the mask's resolution
 
     def due(self, iteration: int) -> bool:
@@ -123,19 +126,25 @@ class OcclusionMasks:
             return
         self._observe(float(typical))
         wanted = torch.from_numpy(self._shrunk(view, loss, self.config.shrink // self.config.fine))
+        self._losses[view] = self._shrunk(view, loss, self.config.shrink)
         with _one_thread():
             self.network.train()
-            self._see(view, loss)
             self.adam.zero_grad()
             mask = self._predict(view)
-            (masked_loss(mask, wanted, self.regulariser) / self.regulariser).backward()
+            price = self.config.price * self.typical
+            (masked_loss(mask, wanted, self.regulariser, price) / self.regulariser).backward()
             self.adam.step()
         self._kept[view] = _rounded(mask)
 
     @property
     def regulariser(self) -> float:
         """lambda_reg as it is now."""
-        return self.config.regularisation * max(float(self._level[0]), self.config.least_loss)
+        return self.config.regularisation * self.typical
+
+    @property
+    def typical(self) -> float:
+        """The median loss of a pixel, averaged over the last lessons, and at least `least_loss`."""
+        return max(float(self._level[0]), self.config.least_loss)
 
     def about(self) -> dict[str, Any]:
         """The settings; a checkpoint made with others is another run's."""
@@ -147,8 +156,7 @@ class OcclusionMasks:
         for name, parameter in self.network.named_parameters():
             for moment, value in self.adam.state.get(parameter, {}).items():
                 arrays[f"{moment}.{name}"] = value.numpy().copy()
-        if self._lens is not None:
-            arrays["lens"] = self._lens.copy()
+        arrays |= {f"loss.{view}": loss.copy() for view, loss in self._losses.items()}
         arrays |= {f"mask.{view}": mask for view, mask in self._kept.items()}
         return {**arrays, "level": self._level.copy()}
 
@@ -162,19 +170,16 @@ class OcclusionMasks:
                 shapes = {"step": torch.tensor(0.0), "exp_avg": parameter, "exp_avg_sq": parameter}
                 self.adam.state[parameter] = {m: _tensor(arrays[f"{m}.{name}"], like) for m, like in shapes.items()}
         self._level = arrays["level"].copy()
-        self._lens = arrays["lens"].copy() if "lens" in arrays else None
-        kept = (name for name in arrays if name.startswith("mask."))
-        self._kept = {int(name.removeprefix("mask.")): arrays[name] for name in kept}
+        self._losses, self._kept = _by_view(arrays, "loss."), _by_view(arrays, "mask.")
 
     def _predict(self, view: int) -> Tensor:
         """M [h, w] at the mask's resolution; rows and columns that fill up the last blocks are part of it."""
         pixels = self.images.pixels(view)
         picture = _filled(pixels.astype(np.float32) / 255, self.config.shrink)
         extra = None
-        if self.config.lens:
+        if self.config.lens_views:
             size = picture.shape[0] // self.config.shrink, picture.shape[1] // self.config.shrink
-            lens = np.zeros(size, np.float32) if self._lens is None else _resized(self._lens, size)
-            extra = torch.from_numpy(lens / np.float32(self.regulariser))[None, None]
+            extra = torch.from_numpy(self._around(view, size))[None, None]
         planes = torch.from_numpy(picture).permute(2, 0, 1)[None]
         return self.network(planes, extra)[0, 0]
 
@@ -189,14 +194,22 @@ class OcclusionMasks:
         count = min(count + 1, LEVEL_MEMORY)
         self._level = np.array([level + (typical - level) / count, count])
 
-    def _see(self, view: int, loss: NDArray) -> None:
-        """Take a loss map into the running mean over views."""
-        here = self._shrunk(view, loss, self.config.shrink)
-        if self._lens is None:
-            self._lens = here
-        else:
-            share = np.float32(1 / min(self._level[1], len(self.images)))
-            self._lens = self._lens + share * (_resized(here, self._lens.shape) - self._lens)
+    def _around(self, view: int, size: Size) -> Map:
+        """Mean loss of the views taken before and after at the same place on the lens, in typical losses; not its own.
+
+        What stays on the lens is lost in all of them, what is fine in the scene moves from view to view.
+        """
+        mean, total = np.zeros(size, np.float32), 0.0
+        for other, loss in sorted(self._losses.items()):  # sums in one order, whatever that of the lessons
+            share = math.exp(-0.5 * ((other - view) / self.config.lens_views) ** 2) if other != view else 0.0
+            if share > SMALLEST_SHARE:
+                mean += np.float32(share) * _resized(loss, size)
+                total += share
+        return mean / np.float32(total * self.typical) if total else np.ones(size, np.float32)
+
+
+def _by_view(arrays: dict[str, NDArray], prefix: str) -> dict[int, NDArray]:
+    return {int(name.removeprefix(prefix)): value for name, value in arrays.items() if name.startswith(prefix)}
 
 
 def _tensor(array: NDArray, like: Tensor) -> Tensor:

@@ -17,17 +17,19 @@ SMALLEST = 2**LEVELS  # pixels a side: batch statistics need more than one value
 FIRST_MASK = 0.02  # what an untrained network predicts about everywhere
 
 
-def masked_loss(mask: Tensor, loss: Tensor, regulariser: float) -> Tensor:
-    """mean((1 - M) l) + lambda_reg mean(M^2), by the network; least where M = l / (2 lambda_reg), clipped to [0, 1].
+def masked_loss(mask: Tensor, loss: Tensor, regulariser: float, price: float = 0.0) -> Tensor:
+    """mean((1 - M) l) + lambda_reg mean(M^2) + price mean(M), for the network to make small.
 
-    The paper sums M^2; as a mean lambda_reg does not depend on the number of pixels.
+    Least where M = (l - price) / (2 lambda_reg), clipped to [0, 1]. The paper has no price, and sums M^2; as a mean
+    lambda_reg does not depend on the number of pixels.
 
     Args:
         mask: M, in [0, 1].
         loss: l, what each pixel adds to the photometric loss, of the same shape.
         regulariser: lambda_reg.
+        price: a loss that is not worth masking.
     """
-    return ((1 - mask) * loss + regulariser * mask**2).mean()
+    return ((1 - mask) * loss + regulariser * mask**2 + price * mask).mean()
 
 
 def high_pass(height: int, width: int, cutoff: float) -> Tensor:
