@@ -34,6 +34,9 @@ class RainConfig:
     falling: FallingConfig | None = field(default_factory=FallingConfig)
 
 
+THIN, FEW = 0.004, 0.03  # mean of a veil, and share of the lens behind drops, that are as good as none
+
+
 class RainObjective(Objective):
     """The photometric loss of the scene as it is seen through the rain."""
 
@@ -129,21 +132,29 @@ class RainObjective(Objective):
         weights = self.drops.weights(view, size, self.drops.iterations) if self.drops else None
         return np.ones(size, np.float32) if weights is None else weights
 
-    def found(self) -> dict[str, float | list[float]]:
-        """What rain was found, for the record: nought where there was none."""
-        report: dict[str, float | list[float]] = {}
+    def found(self) -> dict[str, Any]:
+        """What rain was found, for the record, at the middle of the film.
+
+        Returns:
+            `needed`: which of veil, drops and falling were called for; then means and maxima of what they are. A part
+            that is not looked for is left out.
+        """
         middle = len(self.images) // 2
         size = self.images.pixels(middle).shape[0], self.images.pixels(middle).shape[1]
+        report: dict[str, Any] = {}
         if self.veil:
             share = self.veil_share(middle, size)
-            report |= {"veil_mean": float(share.mean()), "veil_most": float(share.max())}
-            report["veil_light"] = [round(float(c), 4) for c in self.veil.colour]
+            report |= {"veil_mean": share.mean(), "veil_most": share.max()}
+            report |= {f"veil_{channel}": light for channel, light in zip("rgb", self.veil.colour, strict=True)}
         if self.drops:
-            report["drops"] = float((self.drop_weights(middle, size) < 0.5).mean())
+            report["drops"] = (self.drop_weights(middle, size) < 0.5).mean()
         if self.falling:
-            report |= {"falling_certainty": self.falling.certainty(), "falling_cover": self.cover}
-            report["falling_angle"] = float(self.falling.angle())
-        return {name: round(value, 4) if isinstance(value, float) else value for name, value in report.items()}
+            report |= {"falling": self.cover, "falling_certainty": self.falling.certainty()}
+            report["falling_angle"] = self.falling.angle()
+        limits = {"veil_mean": THIN, "drops": FEW, "falling": THIN}
+        numbers = {name: round(float(value), 4) for name, value in report.items()}
+        needed = [name.removesuffix("_mean") for name, limit in limits.items() if numbers.get(name, 0) > limit]
+        return {"needed": needed, **numbers}
 
     def about(self) -> dict[str, Any]:
         """See Objective."""

@@ -36,8 +36,8 @@ class FallingConfig:
     memory: int = 60  # looks that running sums remember
     dry: float = 0.045  # skew of one direction over the others up to which it does not rain
     rainy: float = 0.075  # and from which it surely does
-    darkest_photographed: float = 5e-4  # quantile of the photographs
-    darkest_rendered: float = 3e-3  # and of the renders, which are smoother, that are the same in dry weather
+    darkest_photographed: float = 2e-4  # quantile of the photographs
+    darkest_rendered: float = 5e-3  # and of the renders, which are smoother, that are the same in dry weather
     most: float = 0.5  # cover
 
 

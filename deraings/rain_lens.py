@@ -6,8 +6,11 @@ one after another; V and the colour a are learned by Adam from the gradient of t
 so in encoded values regained 9.7 of the 10.6 dB that drops and mist had cost.
 
 What the photographs cannot tell: a veil that is equally dense everywhere is as good as a scene of less contrast. A
-penalty on the mean of V decides for the scene, so that a veil's thinnest place is clear. Nothing in space can take the
-rest of the veil's place: real fog and white walls move over the lens as the camera moves.
+penalty on the mean of V decides for the scene, so that a veil's thinnest place is clear. Nor can they tell thin mist
+of bright light from thicker mist of less: a is held near what mist should look like (`mist_light`). Nothing in space
+can take the rest of the veil's place: real fog and white walls move over the lens as the camera moves. But a sky that
+no Gaussian fills yet looks like mist, so V is learned only when the scene has taken shape; and what has not become
+thicker than `thinnest` halfway is given up for good.
 """
 
 from collections.abc import Sequence
@@ -31,17 +34,19 @@ class VeilConfig:
     cells: int = 12  # of the grid along the longer side
     views_a_moment: int = 12  # no moment of the film is told from fewer views
     most_moments: int = 3
-    start: float = 0.2  # share of the iterations before it: places that no Gaussian has filled yet look like mist
+    start: float = 0.15  # share of the iterations before it: places that no Gaussian has filled yet look like mist
     root: float = 0.05  # sqrt(V) at the start
     brightest: float = 0.1  # share of the pixels, the brightest, whose light is expected of the mist
     tint: float = 0.3  # share of their colour that it has
     rate: float = 8e-3  # Adam's, of sqrt(V)
     colour_rate: float = 1e-3
     final: float = 0.1  # what the rates have fallen to at the end, as a factor
-    penalty: float = 3e-3  # factor of the mean of V in the loss
-    roughness: float = 0.05  # of the mean of the knots' squared differences to their neighbours, in sqrt(V)
+    penalty: float = 1e-3  # factor of the mean of V in the loss
+    roughness: float = 0.01  # of the mean of the knots' squared differences to their neighbours, in sqrt(V)
     colour_penalty: float = 0.01  # of the squared difference of a to what is expected
     thickest: float = 0.95
+    settled: float = 0.5  # share of the iterations after which mist that is too thin is given up
+    thinnest: float = 0.006  # mean V that is not
 
 
 def moments_of(n_views: int, views_a_moment: int, most: int) -> int:
@@ -68,11 +73,12 @@ class Veil:
         self.roots = np.full(grid, config.root, np.float32)  # of V, at the knots
         self.expected = mist_light(pictures, config.brightest, config.tint)  # a, before anything is learned
         self.colour = self.expected.copy()  # a [3], linear light
+        self.wanted = np.ones(1, np.uint8)  # 0 once mist is given up
         self._adam = {name: np.zeros(shape, np.float32) for name, shape in self._moment_shapes().items()}
 
     def due(self, iteration: int) -> bool:
         """Whether mist is looked for in this step."""
-        return iteration >= self._first
+        return iteration >= self._first and bool(self.wanted[0])
 
     def share(self, view: int, size: tuple[int, int]) -> NDArray[np.float32]:
         """V [H, W] of a training view."""
@@ -106,15 +112,18 @@ class Veil:
         self._step("colour", self.colour, g_colour, iteration, config.colour_rate * decay)
         np.clip(self.roots, 0, np.sqrt(config.thickest), out=self.roots)
         np.clip(self.colour, 0, 1, out=self.colour)
+        if iteration == round(config.settled * self._iterations) and np.square(self.roots).mean() < config.thinnest:
+            self.roots[:], self.wanted[:] = 0, 0
         return g_image
 
     def arrays(self) -> dict[str, NDArray]:
         """All that is learned, for checkpoints."""
-        return {"roots": self.roots, "colour": self.colour, **self._adam}
+        return {"roots": self.roots, "colour": self.colour, "wanted": self.wanted, **self._adam}
 
     def restore(self, arrays: dict[str, NDArray]) -> None:
         """Take back what `arrays` returned."""
-        self.roots, self.colour = arrays["roots"].copy(), arrays["colour"].copy()
+        self.roots, self.colour, self.wanted = (arrays[name].copy() for name in ("roots", "colour", "wanted"))
+        self.wanted = np.ones(1, np.uint8)  # 0 once mist is given up
         self._adam = {name: arrays[name].copy() for name in self._adam}
 
     def _weights(self, view: int) -> NDArray[np.float32]:

@@ -159,4 +159,4 @@ def test_weights_from_elsewhere_count_as_well():
 def test_what_was_found_and_the_settings_can_be_written_down():
     objective = objective_of(scene_of(3))
     assert json.loads(json.dumps(objective.about())) == json.loads(json.dumps(objective.about()))
-    assert json.loads(json.dumps(objective.found()))["falling_cover"] == 0
+    assert json.loads(json.dumps(objective.found()))["falling"] == 0

@@ -41,6 +41,13 @@ def test_dry_views_and_fog_in_the_scene_have_none(paler):
     assert share_of(learn(scene, scene)).max() < 0.01
 
 
+def test_mist_that_is_too_thin_to_tell_is_given_up():
+    scene = panorama.views_of(panorama.paint(), 8)
+    veil = learn(scene, scene)
+    assert not veil.due(STEPS)
+    assert not share_of(veil).any()
+
+
 def test_a_veil_that_drifts_is_followed():
     scene = panorama.views_of(panorama.paint(), 24)
     first, last = panorama.slanted_veil(0.4), panorama.slanted_veil(0.4)[:, ::-1]
