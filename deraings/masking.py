@@ -2,18 +2,19 @@
 
 The photometric loss l of every pixel is weighed by 1 - M, and M is what a network sees in the photograph:
 
-    L = mean((1 - M) l) + lambda_reg mean(M^2)
+    L = mean((1 - M) l) + lambda_reg mean(M^2) + price mean(M)
 
-The Gaussians and the network minimise the same L in alternation of their steps. A network free to choose every pixel
-ends at M = l / (2 lambda_reg), clipped to [0, 1]; ours, of limited size and shared by all views, at what photographs
-that look alike have in common. lambda_reg is `regularisation` typical losses, so that at least half of all pixels are
-asked for M <= 1 / (2 regularisation), whatever the scene's level: masks can neither take everything nor nothing.
+The Gaussians and the network minimise the same L, a step of the network to every few of the Gaussians. A network free
+to choose every pixel ends at M = (l - price) / (2 lambda_reg), clipped to [0, 1]; ours, of limited size and shared by
+all views, at what places that look alike have in common. lambda_reg and the price are multiples of the typical loss, a
+running median, so that masks neither take everything nor nothing: at the default, the half of all pixels whose loss is
+below the median is worth no mask, whatever the scene's level. The paper has no price.
 """
 
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import cv2
@@ -23,38 +24,12 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from baselines.splatting.objective import Size, TrainingImages
+from deraings.masking_config import MaskConfig
 from deraings.masking_network import MaskNetwork, masked_loss
 
 Map = NDArray[np.float32]  # [H, W]
 SMALLEST_SHARE = 0.01  # views further away count for nothing
 LEVEL_MEMORY = 100  # network steps over which the typical loss is averaged
-
-
-@dataclass(frozen=True)
-class MaskConfig:
-    """How masks are learnt."""
-
-    start: float = 0.5  # share of the iterations after which the masks weigh the loss
-    warm_up: float = 0.2  # the network learns for this share before
-    every: int = 4  # iterations to a step of the network
-    regularisation: float = 0.5  # lambda_reg in typical losses
-    price: float = 1.0  # losses up to this many typical ones are not worth masking; 0 is the paper
-    least_loss: float = 0.02  # the typical loss is taken to be at least this, so that well-fitted scenes stay unmasked
-    rate: float = 5e-3  # of Adam; the paper's, for 70,000 iterations, is 1e-3
-    shrink: int = 4  # the network works at this fraction of the picture's resolution
-    fine: int = 2  # and gives this many mask pixels a side for each of its own
-    width: int = 16  # channels of the encoder
-    cutoff: float = 0.125  # of the high-pass filter, in cycles a pixel of the network's resolution
-    lens_views: float = 8.0  # standard deviation, in views, of the window over which losses on the lens are averaged;
-    # 0 shows the network nothing but the photograph
-
-    def __post_init__(self) -> None:
-        if not (0 < self.start <= 1 and 0 <= self.warm_up <= self.start and self.every >= 1):
-            raise ValueError(f"start {self.start}, warm_up {self.warm_up}, every {self.every}: no such schedule")
-        if min(self.regularisation, self.least_loss, self.rate) <= 0 or min(self.price, self.lens_views) < 0:
-            raise ValueError("regularisation, least_loss and rate must be positive, price and lens_views not negative")
-        if self.shrink % self.fine:
-            raise ValueError(f"fine {self.fine} must divide shrink {self.shrink}")
 
 
 class OcclusionMasks:
@@ -99,15 +74,15 @@ class OcclusionMasks:
             size: height and width wanted.
             iteration: of the training.
         """
-        return None if iteration < self.first else 1 - self.mask(view, size)
+        if iteration < self.first:
+            return None
+        if view not in self._kept:
+            self._kept[view] = self._look(view)
+        return 1 - self.mask(view, size)
 
     def mask(self, view: int, size: Size) -> Map:
-        """M of a training view, [H, W] in [0, 1]."""
-        if view not in self._kept:
-            with _one_thread(), torch.no_grad():
-                self.network.eval()
-                self._kept[view] = _rounded(self._predict(view))
-        mask = self._kept[view].astype(np.float32) / 255
+        """M of a training view, [H, W] in [0, 1]; asking for it changes nothing."""
+        mask = (self._kept[view] if view in self._kept else self._look(view)).astype(np.float32) / 255
         height, width = self.images.pixels(view).shape[:2]
         pixels = self.config.shrink // self.config.fine
         whole = _resized(mask, (mask.shape[0] * pixels, mask.shape[1] * pixels))
@@ -121,10 +96,10 @@ class OcclusionMasks:
             loss: what each pixel adds to the photometric loss before it is weighed, [H, W], at any size of the view.
             iteration: of the training; nothing is learnt before it is `due` for the first time.
         """
-        typical = np.median(loss[loss > 0]) if (loss > 0).any() else 0.0
-        if iteration < self.first_lesson or not np.isfinite(typical) or typical == 0:
+        loss = np.where(np.isfinite(loss), loss, 0)
+        if iteration < self.first_lesson or not (loss > 0).any():
             return
-        self._observe(float(typical))
+        self._observe(float(np.median(loss[loss > 0])))
         wanted = torch.from_numpy(self._shrunk(view, loss, self.config.shrink // self.config.fine))
         self._losses[view] = self._shrunk(view, loss, self.config.shrink)
         with _one_thread():
@@ -171,6 +146,12 @@ class OcclusionMasks:
                 self.adam.state[parameter] = {m: _tensor(arrays[f"{m}.{name}"], like) for m, like in shapes.items()}
         self._level = arrays["level"].copy()
         self._losses, self._kept = _by_view(arrays, "loss."), _by_view(arrays, "mask.")
+
+    def _look(self, view: int) -> NDArray[np.uint8]:
+        """M as the network predicts it without learning."""
+        with _one_thread(), torch.no_grad():
+            self.network.eval()
+            return _rounded(self._predict(view))
 
     def _predict(self, view: int) -> Tensor:
         """M [h, w] at the mask's resolution; rows and columns that fill up the last blocks are part of it."""

@@ -8,7 +8,8 @@ import torch
 
 from baselines.splatting.checkpoints import read_arrays, write_arrays
 from baselines.splatting.objective import TrainingImages
-from deraings.masking import MaskConfig, OcclusionMasks
+from deraings.masking import OcclusionMasks
+from deraings.masking_config import MaskConfig
 from deraings.masking_network import masked_loss
 
 HEIGHT, WIDTH = 46, 70  # no multiples of what the network works at
@@ -156,19 +157,29 @@ def test_a_loss_that_says_nothing_teaches_nothing(value):
     assert all(array.tobytes() == before[name].tobytes() for name, array in masks.arrays().items())
 
 
+def test_broken_pixels_do_not_spoil_the_network():
+    pictures, drops = drop_pictures(0)
+    broken = losses(drops)
+    broken[:, 5, 6:9], broken[:, 7, 7] = np.nan, np.inf
+    masks = taught(pictures, broken, lessons=3)
+    assert np.isfinite(masks.mask(0, (HEIGHT, WIDTH))).all()
+    assert all(np.isfinite(value).all() for value in masks.arrays().values())
+
+
 @pytest.mark.parametrize("lessons", [0, 1, 7])
 def test_an_interruption_leaves_no_trace(tmp_path, lessons):
     pictures, drops = drop_pictures(0)
     loss = losses(drops)
     whole, first = taught(pictures, loss, lessons=12), taught(pictures, loss, lessons=lessons)
+    first.weights(2, (HEIGHT, WIDTH), 500)
     whole.mask(2, (HEIGHT, WIDTH))
-    first.mask(2, (HEIGHT, WIDTH))
     write_arrays(tmp_path / "masks.safetensors", first.arrays(), {})
     again = OcclusionMasks(TrainingImages(list(pictures)), 1000, 5, ALWAYS)  # whose first weights are others
     again.restore(read_arrays(tmp_path / "masks.safetensors")[0])
+    kept = first.mask(2, (HEIGHT, WIDTH))
+    assert again.mask(2, (HEIGHT, WIDTH)).tobytes() == kept.tobytes()
     for i in range(lessons, 12):
         again.learn(-i % len(pictures), loss[-i % len(pictures)], i)
-    again.mask(2, (HEIGHT, WIDTH))
     expected = whole.arrays()
     assert {name: a.tobytes() for name, a in again.arrays().items()} == {n: a.tobytes() for n, a in expected.items()}
 
