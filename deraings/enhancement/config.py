@@ -13,16 +13,16 @@ class TrainingConfig:
     """Everything but the data that the trained weights depend on."""
 
     network: NetworkConfig = SMALL
-    steps: int = 12_000
+    steps: int = 30_000
     batch: int = 4
     patch: int = 192  # pixels along a side; at most the shorter side of a photograph's smaller frame
     rate: float = 1e-3  # of AdamW (Loshchilov and Hutter 2019), after the warm-up
     final_rate: float = 1e-6  # at the end of the cosine
     warm_up: int = 200  # steps in which the rate rises linearly
     weight_decay: float = 1e-4
-    clip: float = 0.5  # largest norm of a step's gradient
-    frequency: float = 0.05  # weight of the loss in Fourier coefficients
-    floor: float = 0.02  # of the mean absolute error by rain that a picture's loss is a share of
+    clip: float = 2.0  # largest norm of a step's gradient
+    frequency: float = 3.0  # weight of the loss in Fourier coefficients
+    floor: float = 0.1  # added to the mean absolute error by rain that a picture's loss is a share of
     averaging: float = 0.999  # what an average of the weights keeps of itself in a step
     precision: Precision = "bfloat16"  # of convolutions and attention in training; weights are float32 in both
     seed: int = 0
@@ -32,6 +32,6 @@ class TrainingConfig:
 class Upkeep:
     """What the trained weights do not depend on."""
 
-    checkpoint_every: int = 250  # steps
+    checkpoint_every: int = 100  # steps
     validate_every: int = 500
-    workers: int = 1  # processes that draw pairs ahead
+    workers: int = 0  # processes that draw pairs ahead

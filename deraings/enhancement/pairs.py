@@ -9,13 +9,12 @@ from torch import Tensor
 from torch.utils.data import DataLoader, Dataset
 
 from deraings.enhancement.photographs import Bytes, Frame
-from deraings.enhancement.rain import KINDS, Pair, Pool, Window, draw_rain
-from hydroviews.images import to_linear, to_srgb
+from deraings.enhancement.rain import KINDS, LINEAR, Pair, Pool, Window, draw_rain
+from hydroviews.images import to_srgb
 from hydroviews.rain.seeds import generator
 
 DIMMEST = 0.35  # the darkest exposure that photographs are given, in linear light
 CAST = 0.1  # by how much the channels' exposures differ, at most
-LEVELS = to_linear(np.arange(256, dtype=np.float32) / 255)
 
 
 class Source(Protocol):
@@ -49,7 +48,7 @@ class DrawnRain:
 def exposed(photograph: Bytes, rng: np.random.Generator) -> Bytes:
     """The photograph [H, W, 3] as a shorter exposure in other light, so that dark scenes are learned too."""
     gains = rng.uniform(DIMMEST, 1) * rng.uniform(1 - CAST, 1, 3)
-    table = np.stack([np.rint(255 * to_srgb(LEVELS * gain)) for gain in gains], axis=1).astype(np.uint8)
+    table = np.stack([np.rint(255 * to_srgb(LINEAR * gain)) for gain in gains], axis=1).astype(np.uint8)
     return np.stack([table[photograph[..., channel], channel] for channel in range(3)], axis=-1)
 
 
@@ -83,8 +82,4 @@ class Pairs(Dataset):
 def batches(pairs: Pairs, batch: int, first: int, last: int, workers: int) -> DataLoader:
     """The batches of steps `first` to `last` - 1, drawn ahead by so many processes; by this one if there are none."""
     indices = [list(range(step * batch, (step + 1) * batch)) for step in range(first, last)]
-    return DataLoader(pairs, batch_sampler=indices, num_workers=workers, worker_init_fn=_one_thread)
-
-
-def _one_thread(_: int) -> None:
-    torch.set_num_threads(1)
+    return DataLoader(pairs, batch_sampler=indices, num_workers=workers)

@@ -112,7 +112,7 @@ def draw_rain(
 def draw_streaks(rng: np.random.Generator) -> streaks.StreakPattern:
     """Streaks of any grade: the paper's lengths, angles and widths, n and brightness from all that grades set."""
     drawn = streaks.draw_pattern(rng)
-    n = float(np.exp(rng.uniform(np.log(FEWEST), np.log(severity.MOST))))
+    n = float(rng.uniform(FEWEST, severity.MOST))
     brighter = rng.uniform() < BRIGHTER
     brightness = float(rng.uniform(drawn.brightness, severity.BRIGHTEST)) if brighter else drawn.brightness
     return replace(drawn, n=n, brightness=brightness)

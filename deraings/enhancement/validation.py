@@ -21,7 +21,7 @@ from hydroviews.rain.setting import FINE, SAMPLED_SIDE, Light, Setting
 from hydroviews.scenes import Points, View
 
 LONG_SIDE = 384  # pixels of the validation pictures
-RARITY = 0.06  # as of a capture in which a place is seen by about 17 views: see hydroviews.rain.severity
+RARITY, DETAIL = 0.06, 0.0017  # medians of the benchmark's embedded scenes, LLFF flower and Mip-NeRF 360 bonsai
 EFFECTS = ("streak", "raindrop")
 
 
@@ -46,14 +46,16 @@ class Score:
 
 
 def setting_of(photograph: Path, image: Image, seed: int) -> Setting:
-    """A photograph as if it were a scene: severity grades rain by the photograph's own detail, contrast and light.
+    """A photograph as if it were a scene, for severity to grade rain by its detail, contrast and light.
 
-    How well a scene can be reconstructed from many views a single photograph cannot say; the benchmark's assumption
-    for unknown captures stands in.
+    How often places of a scene are seen is taken from the benchmark's scenes, how well it can be reconstructed is what
+    the benchmark assumes of unknown captures, and a photograph with less detail than its scenes, such as a smooth or
+    a softly focused one, gets the rain of one with as much: otherwise the graded rain would be hardly visible.
     """
     height, width = image.shape[:2]
     scale = max(1.0, max(width, height) / SAMPLED_SIDE)
     small = resize_area(image, round(width / scale), round(height / scale))
+    fine = image - cv2.GaussianBlur(image, (0, 0), FINE)
     linear = to_linear(image)
     mean, air = linear.mean(axis=(0, 1), dtype=np.float64), air_light(linear)
     return Setting(
@@ -63,7 +65,7 @@ def setting_of(photograph: Path, image: Image, seed: int) -> Setting:
         points=Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8)),
         rarity=RARITY,
         samples=(small,),
-        detail=float(np.mean((image - cv2.GaussianBlur(image, (0, 0), FINE)) ** 2, dtype=np.float64)),
+        detail=max(DETAIL, float(np.mean(fine**2, dtype=np.float64))),
         light=Light(tuple(mean.tolist()), tuple(air.tolist())),
     )
 

@@ -1,3 +1,4 @@
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -33,7 +34,7 @@ def test_tiles_cover_everything_and_overlap(size):
     assert parts[0][0] == 0
     assert parts[-1][1] == size
     assert all(end - start == min(64, size) for start, end in parts)
-    assert all(one[1] - other[0] >= 16 for one, other in zip(parts, parts[1:], strict=False))
+    assert all(one[1] - other[0] >= 16 for one, other in itertools.pairwise(parts))
 
 
 def test_tiles_that_are_all_overlap_are_refused():

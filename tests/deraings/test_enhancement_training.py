@@ -1,4 +1,5 @@
 import csv
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -114,7 +115,7 @@ def test_the_rate_rises_and_falls():
     assert rates[9] == pytest.approx(1.0)
     assert rates[54] == pytest.approx(0.557, abs=0.01)
     assert rates[-1] == pytest.approx(0.1, abs=0.01)
-    assert all(one >= other for one, other in zip(rates[9:], rates[10:], strict=False))
+    assert all(one >= other for one, other in itertools.pairwise(rates))
 
 
 def test_loss_is_the_share_of_the_rain_that_is_left():
