@@ -63,7 +63,8 @@ class RainObjective(Objective):
         self._pixel_weights, self._iterations = pixel_weights, iterations
         count = len(images)
         pictures = [images.pixels(view) for view in range(count)]
-        self.veil = Veil(pictures, iterations, config.veil) if config.veil else None
+        hidden = [images.ignored(view) for view in range(count)]
+        self.veil = Veil(pictures, iterations, config.veil, hidden) if config.veil else None
         self.falling = FallingRain(iterations, config.falling) if config.falling else None
         self.drops = Drops(Spread(pictures, config.drops), count, iterations, config.drops) if config.drops else None
 

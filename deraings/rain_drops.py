@@ -54,7 +54,7 @@ class Drops:
     def observe(self, difference: Image, view: int) -> None:
         """Take in photograph minus render [H, W, 3] of a view, mist and rain accounted for."""
         height, width = self._spread.shape[1:]
-        squares = np.square(difference).mean(axis=2)
+        squares = np.einsum("hwc,hwc->hw", difference, difference) / np.float32(3)
         if squares.shape != (height, width):
             squares = cv2.resize(squares, (width, height), interpolation=cv2.INTER_AREA)
         for moment, weight in enumerate(moment_weights(view, self._n_views, len(self._spread))):

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from hydroviews.images import Image
 
 ANGLES = tuple(range(0, 180, 15))  # degrees counter-clockwise from +x
+THIRDS = np.full(3, 1 / 3, np.float32)
 LEVELS = 512  # bins of a histogram of encoded values in [0, 1]
 
 
@@ -71,7 +72,7 @@ class FallingRain:
         config = self._config
         clear = None if weights is None else weights > 0.5
         keep = 1 - 1 / config.memory
-        grey = [np.ascontiguousarray(image.mean(axis=2)) for image in (photograph, seen)]
+        grey = [image @ THIRDS for image in (photograph, seen)]
         self.powers = keep * self.powers + line_powers(grey[0] - grey[1], config.line, clear)
         self.levels = keep * self.levels + np.stack([_histogram(image, clear) for image in grey])
         self.cover[0] = min(self.certainty() * self.lightened(), config.most)

@@ -8,9 +8,10 @@ so in encoded values regained 9.7 of the 10.6 dB that drops and mist had cost.
 What the photographs cannot tell: a veil that is equally dense everywhere is as good as a scene of less contrast. A
 penalty on the mean of V decides for the scene, so that a veil's thinnest place is clear. Nor can they tell thin mist
 of bright light from thicker mist of less: a is held near what mist should look like (`mist_light`). Nothing in space
-can take the rest of the veil's place: real fog and white walls move over the lens as the camera moves. But a sky that
-no Gaussian fills yet looks like mist, so V is learned only when the scene has taken shape; and what has not become
-thicker than `thinnest` halfway is given up for good.
+can take the rest of the veil's place: real fog and white walls move over the lens as the camera moves. A sky that is
+always in the same corner does not; but mist only adds light, and V a cannot be lighter than the darkest that a place of
+the lens ever shows. That bound, less its own smallest value, is also where V starts from. What has not become thicker
+than `thinnest` halfway is given up for good.
 """
 
 from collections.abc import Sequence
@@ -24,6 +25,8 @@ from baselines.splatting.rasterizer import Workspace
 from deraings.rain_light import veiled, veiled_gradient
 from hydroviews.images import Image, to_linear
 
+SENSIBLE = 1e-3  # V at least as thick learns; none at all would have no gradient
+SEEN = 40  # pictures that are looked at beforehand
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # of linear sRGB
 
 
@@ -34,17 +37,19 @@ class VeilConfig:
     cells: int = 12  # of the grid along the longer side
     views_a_moment: int = 12  # no moment of the film is told from fewer views
     most_moments: int = 3
-    start: float = 0.15  # share of the iterations before it: places that no Gaussian has filled yet look like mist
-    root: float = 0.05  # sqrt(V) at the start
+    start: float = 0.03  # share of the iterations before it
+    likely: float = 0.7  # V at the start over the thickest possible, less what is possible everywhere
+    slack: float = 1.3  # factor by which V may be thicker than `thickest_veil` says
     brightest: float = 0.1  # share of the pixels, the brightest, whose light is expected of the mist
     tint: float = 0.3  # share of their colour that it has
-    rate: float = 8e-3  # Adam's, of sqrt(V)
+    rate: float = 1e-2  # Adam's, of sqrt(V)
     colour_rate: float = 1e-3
     final: float = 0.1  # what the rates have fallen to at the end, as a factor
     penalty: float = 1e-3  # factor of the mean of V in the loss
     roughness: float = 0.01  # of the mean of the knots' squared differences to their neighbours, in sqrt(V)
-    colour_penalty: float = 0.01  # of the squared difference of a to what is expected
+    colour_penalty: float = 0.1  # of the squared difference of a to what is expected
     thickest: float = 0.95
+    darkest: float = 0.05  # quantile of what a place of the lens shows that mist cannot be lighter than
     settled: float = 0.5  # share of the iterations after which mist that is too thin is given up
     thinnest: float = 0.006  # mean V that is not
 
@@ -63,16 +68,25 @@ def moment_weights(view: int, n_views: int, moments: int) -> NDArray[np.float32]
 class Veil:
     """The share V and the colour of mist on the lens, and how they are learned."""
 
-    def __init__(self, pictures: Sequence[NDArray[np.uint8]], iterations: int, config: VeilConfig) -> None:
+    def __init__(
+        self,
+        pictures: Sequence[NDArray[np.uint8]],
+        iterations: int,
+        config: VeilConfig,
+        hidden: Sequence[NDArray[np.bool_] | None] = (),
+    ) -> None:
         self._config, self._n_views, self._iterations = config, len(pictures), iterations
         self._first = round(config.start * iterations)
         height, width = pictures[0].shape[:2]
         cell = max(height, width) / config.cells
         moments = moments_of(len(pictures), config.views_a_moment, config.most_moments)
         grid = (moments, max(2, round(height / cell) + 1), max(2, round(width / cell) + 1))
-        self.roots = np.full(grid, config.root, np.float32)  # of V, at the knots
         self.expected = mist_light(pictures, config.brightest, config.tint)  # a, before anything is learned
         self.colour = self.expected.copy()  # a [3], linear light
+        bound = thickest_veil(pictures, self.expected, grid, config.darkest, hidden)
+        self._most = np.sqrt(np.minimum(config.slack * bound + SENSIBLE, config.thickest))  # sqrt(V)
+        likely = config.likely * (bound - bound.min()) + SENSIBLE
+        self.roots = np.minimum(np.sqrt(likely), self._most)  # sqrt(V) at the knots
         self.wanted = np.ones(1, np.uint8)  # 0 once mist is given up
         self._adam = {name: np.zeros(shape, np.float32) for name, shape in self._moment_shapes().items()}
 
@@ -110,7 +124,7 @@ class Veil:
         decay = config.final ** (iteration / max(self._iterations, 1))
         self._step("roots", self.roots, by_knot, iteration, config.rate * decay)
         self._step("colour", self.colour, g_colour, iteration, config.colour_rate * decay)
-        np.clip(self.roots, 0, np.sqrt(config.thickest), out=self.roots)
+        np.clip(self.roots, 0, self._most, out=self.roots)
         np.clip(self.colour, 0, 1, out=self.colour)
         if iteration == round(config.settled * self._iterations) and np.square(self.roots).mean() < config.thinnest:
             self.roots[:], self.wanted[:] = 0, 0
@@ -123,7 +137,6 @@ class Veil:
     def restore(self, arrays: dict[str, NDArray]) -> None:
         """Take back what `arrays` returned."""
         self.roots, self.colour, self.wanted = (arrays[name].copy() for name in ("roots", "colour", "wanted"))
-        self.wanted = np.ones(1, np.uint8)  # 0 once mist is given up
         self._adam = {name: arrays[name].copy() for name in self._adam}
 
     def _weights(self, view: int) -> NDArray[np.float32]:
@@ -149,6 +162,55 @@ def mist_light(pictures: Sequence[NDArray[np.uint8]], brightest: float, tint: fl
     luminance = light @ LUMINANCE
     colour = light[luminance >= np.quantile(luminance, 1 - brightest)].mean(axis=0)
     return np.asarray(tint * colour + (1 - tint) * (colour @ LUMINANCE), np.float32)
+
+
+def thickest_veil(
+    pictures: Sequence[NDArray[np.uint8]],
+    colour: NDArray[np.float32],
+    grid: tuple[int, int, int],
+    darkest: float,
+    hidden: Sequence[NDArray[np.bool_] | None] = (),
+) -> NDArray[np.float32]:
+    """The thickest V that any knot [T, h, w] may have: V a is nowhere lighter than the dark things seen through it.
+
+    Args:
+        pictures: [H, W, 3] each; up to SEEN a moment are looked at.
+        colour: a [3], linear light.
+        grid: T, h and w.
+        darkest: quantile of all pixels of a cell in all pictures that counts as dark.
+        hidden: masks [H, W] of pixels that are not looked at.
+
+    Returns:
+        The largest V of the cells around each knot; 1 where nothing was seen.
+    """
+    moments, height, width = grid
+    masks = tuple(hidden) or (None,) * len(pictures)
+    table = to_linear(np.arange(256, dtype=np.float32) / 255)
+    bound = np.empty(grid, np.float32)
+    for moment in range(moments):
+        near = [i for i in range(len(pictures)) if moment_weights(i, len(pictures), moments)[moment] >= 0.5]
+        shares = []
+        for index in near[:: -(-len(near) // SEEN)]:
+            share, mask = (table[pictures[index]] / np.maximum(colour, SENSIBLE)).min(axis=2), masks[index]
+            shares.append(share if mask is None else np.where(mask, np.float32(np.nan), share))
+        cells = np.pad(_cell_quantiles(shares, (height - 1, width - 1), darkest), 1)
+        around = [cells[i : i + height, j : j + width] for i in (0, 1) for j in (0, 1)]
+        bound[moment] = np.maximum.reduce(around)
+    return bound
+
+
+def _cell_quantiles(planes: list[NDArray[np.float32]], cells: tuple[int, int], share: float) -> NDArray[np.float32]:
+    """A quantile of all values of several planes in each of h x w cells; 1 where all values are NaN."""
+    rows, columns = (np.array_split(np.arange(n), k) for n, k in zip(planes[0].shape, cells, strict=True))
+    quantiles = np.ones(cells, np.float32)
+    for i, row in enumerate(rows):
+        for j, column in enumerate(columns):
+            inside = slice(row[0], row[-1] + 1), slice(column[0], column[-1] + 1)
+            values = np.concatenate([plane[inside].ravel() for plane in planes])
+            values = values[np.isfinite(values)]
+            if values.size:
+                quantiles[i, j] = np.quantile(values, share)
+    return quantiles
 
 
 def roughness_gradient(knots: NDArray[np.float32]) -> NDArray[np.float32]:
