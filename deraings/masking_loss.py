@@ -1,44 +1,14 @@
-# Numba infers the types of kernels.
-# mypy: allow-untyped-defs
 """The unreduced photometric loss: what each pixel adds to it, for masks to learn from.
 
 The same arithmetic as `baselines.splatting.photometric`, which sums the map up as it goes and keeps none.
 """
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from baselines.splatting.jit import kernel
-from baselines.splatting.photometric import C1, C2, ONE, TWO, Target, filter_products, filter_vertically
+from baselines.splatting.photometric import C1, C2, Target, filter_products, filter_vertically
 from baselines.splatting.rasterizer import Workspace
 from hydroviews.images import Image
-
-
-@kernel
-def combine(x, y, mean_y, mean_yy, planes, share, darker, out):
-    """(1 - share) L1 + share (1 - SSIM) of rows [H, 3 W], averaged over the three channels into out [H, W].
-
-    Args:
-        planes: filtered x, x^2 and x y, [3, H, 3 W].
-        share: lambda.
-        darker: factor where y is darker than x.
-    """
-    height, width = out.shape
-    l1_share, ssim_share, factor = np.float32(1 - share), np.float32(share), np.float32(darker)
-    third = np.float32(1 / 3)
-    for row in prange(height):
-        for pixel in range(width):
-            total, excess = np.float32(0), np.float32(0)
-            for i in range(3 * pixel, 3 * pixel + 3):
-                mx, my = planes[0, row, i], mean_y[row, i]
-                a1, a2 = TWO * mx * my + C1, TWO * (planes[2, row, i] - mx * my) + C2
-                b1 = mx * mx + my * my + C1
-                b2 = (planes[1, row, i] - mx * mx) + (mean_yy[row, i] - my * my) + C2
-                difference = y[row, i] - x[row, i]
-                excess += difference
-                total += l1_share * abs(difference) + ssim_share * (ONE - a1 * a2 / (b1 * b2))
-            out[row, pixel] = third * total * (factor if excess < 0 else ONE)
 
 
 def loss_map(
@@ -54,7 +24,7 @@ def loss_map(
         ssim_share: lambda.
         darker: factor on the loss of pixels that are darker than rendered. Falling rain only adds light: with less
             than 1, masks learn less from the gaps between streaks, which a brightened render misses as well.
-        workspace: buffers to reuse; the map is one of them.
+        workspace: buffers to reuse.
 
     Raises:
         ValueError: image and target differ in size.
@@ -68,10 +38,21 @@ def loss_map(
     x = np.ascontiguousarray(image, np.float32).reshape(height, -1)
     rows = workspace.array("mask_rows", (3, *x.shape))
     planes = workspace.array("mask_planes", (3, *x.shape))
-    out = workspace.array("mask_loss", (height, width))
     filter_products(x, target.pixels, rows)
     filter_vertically(rows, planes)
-    combine(x, target.pixels, target.mean, target.mean_square, planes, ssim_share, darker, out)
+    difference = target.pixels - x
+    losses = (1 - ssim_share) * np.abs(difference) + ssim_share * (1 - _similarity(target, planes))
+    out, excess = (plane.reshape(height, width, 3).mean(axis=2) for plane in (losses, difference))
+    if darker != 1:
+        out[excess < 0] *= darker
     if target.shown is not None:
         out[target.shown == 0] = 0
-    return out
+    return np.asarray(out, np.float32)
+
+
+def _similarity(target: Target, planes: NDArray[np.float32]) -> NDArray[np.float32]:
+    """SSIM [H, 3 W] from the filtered x, x^2 and x y of the render, planes [3, H, 3 W]."""
+    mean, mean_square, mean_product = planes
+    product, squares = mean * target.mean, mean * mean + target.mean * target.mean
+    variances = mean_square + target.mean_square - squares
+    return (2 * product + C1) * (2 * (mean_product - product) + C2) / ((squares + C1) * (variances + C2))
