@@ -1,4 +1,4 @@
-"""python -m deraings.enhancement train | validate | enhance | describe."""
+"""python -m deraings.enhancement train | export | validate | enhance | describe."""
 
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -10,16 +10,17 @@ from tqdm import tqdm
 
 from deraings.enhancement.config import TrainingConfig, Upkeep
 from deraings.enhancement.enhance import enhance
-from deraings.enhancement.network import CONFIGS
+from deraings.enhancement.network import CONFIGS, EnhancementNetwork
 from deraings.enhancement.pair_folders import PairFolder
 from deraings.enhancement.pairs import DrawnRain, Source
 from deraings.enhancement.photographs import read_photographs, split_photographs
 from deraings.enhancement.rain import LENSES, bake_pool
 from deraings.enhancement.size import describe
-from deraings.enhancement.training import Training, train
+from deraings.enhancement.training import Training, resume, train
 from deraings.enhancement.validation import as_columns, as_json, scores, table, validation_set
 from deraings.enhancement.weights import load_enhancer, save_network
 from hydroviews.commands import run_command
+from hydroviews.errors import InputError
 from hydroviews.files import write_json
 from hydroviews.images import list_images, read_image, write_png
 
@@ -45,10 +46,11 @@ class Request:
     upkeep: tyro.conf.OmitArgPrefixes[Upkeep] = field(default_factory=Upkeep)
     out: Path = Path("results/enhancement/small")  # gets checkpoint, curve, weights and data card
     threads: int = 0  # 0: as many as there are cores
+    validated: int = 0  # held-out photographs that the weights are validated on in the end, 0 for all
 
 
 def train_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
-    """Train a network; the same command goes on where an earlier one stopped."""
+    """Train a network, write its weights and data card; the same command goes on where an earlier one stopped."""
     if request.threads:
         torch.set_num_threads(request.threads)
     data, config, split = request.data, request.training, split_photographs(request.data.photographs)
@@ -56,23 +58,42 @@ def train_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
     sources: list[Source] = [DrawnRain(read_photographs(split.training), pool)]
     sources += [PairFolder(folder) for folder in data.pairs]
     watched = validation_set(split.held_out[:WATCHED], VALIDATION_SEED, data.cache / "validation")
-    said = ", ".join([f"{len(split.training)} photographs of {data.photographs.name}", *(p.name for p in data.pairs)])
-    said += f"; {LENSES} wet lenses a frame"
-    training = train(
-        request.out, config, sources, said, lambda network: as_columns(scores(network, watched)), request.upkeep
-    )
-    finish(request, training, said)
+
+    def validate(network: EnhancementNetwork) -> dict[str, float]:
+        return as_columns(scores(network, watched))
+
+    training = train(request.out, config, sources, described(data), validate, request.upkeep)
+    write_weights(request, training)
 
 
-def finish(request: Request, training: Training, said: str) -> None:
-    """Validate on all held-out photographs, and write weights and data card."""
-    held_out = split_photographs(request.data.photographs).held_out
+def export_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
+    """Write weights and data card of a training as far as it is; settings as for `train`."""
+    if request.threads:
+        torch.set_num_threads(request.threads)
+    training = resume(request.out, request.training, described(request.data))
+    if training.step == 0:
+        raise InputError(f"{request.out}: nothing has been trained there", fix="give the folder of a training")
+    write_weights(request, training)
+
+
+def described(data: Data) -> str:
+    """The data in words, for checkpoint and card."""
+    count = len(split_photographs(data.photographs).training)
+    folders = [f"{count} photographs ({data.photographs.parent.name}/{data.photographs.name})"]
+    folders += [f"pairs of {folder.parent.name}/{folder.name}" for folder in data.pairs]
+    return f"{', '.join(folders)}; {LENSES} wet lenses a frame"
+
+
+def write_weights(request: Request, training: Training) -> None:
+    """Validate on held-out photographs, and write weights and data card."""
+    held_out = split_photographs(request.data.photographs).held_out[: request.validated or None]
     rows = scores(training.averaged, validation_set(held_out, VALIDATION_SEED, request.data.cache / "validation"))
     settings = asdict(request.training)
     card: dict[str, Any] = {
-        "data": said,
-        "steps": training.step,
+        "data": described(request.data),
         "seed": request.training.seed,
+        "steps": training.step,
+        "of": request.training.steps,
         "seconds": round(training.seconds),
         "training": {name: value for name, value in settings.items() if name not in ("network", "seed", "steps")},
         "held out": [file.name for file in held_out],
@@ -132,6 +153,7 @@ def main() -> None:
     run_command(
         {
             "train": train_command,
+            "export": export_command,
             "validate": validate_command,
             "enhance": enhance_command,
             "describe": describe_command,

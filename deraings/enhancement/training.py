@@ -117,6 +117,23 @@ def rate_at(step: int, config: TrainingConfig) -> float:
     return config.final_rate + (config.rate - config.final_rate) * 0.5 * (1 + math.cos(math.pi * done))
 
 
+def fingerprint_of(config: TrainingConfig, data: str) -> dict[str, Any]:
+    """What a checkpoint must agree with."""
+    return {"configuration": asdict(config), "data": data}
+
+
+def resume(folder: Path, config: TrainingConfig, data: str) -> Training:
+    """The training in a folder as far as it is, from the beginning if nothing is there.
+
+    Raises:
+        InputError: the checkpoint is damaged or of another training.
+    """
+    training, checkpoint = Training(config), folder / CHECKPOINT
+    if checkpoint.is_file():
+        training.restore(checkpoint, fingerprint_of(config, data))
+    return training
+
+
 def train(
     folder: Path,
     config: TrainingConfig,
@@ -138,10 +155,7 @@ def train(
     Raises:
         InputError: the checkpoint is damaged or of another training.
     """
-    fingerprint = {"configuration": asdict(config), "data": data}
-    training, checkpoint = Training(config), folder / CHECKPOINT
-    if checkpoint.is_file():
-        training.restore(checkpoint, fingerprint)
+    training, fingerprint, checkpoint = resume(folder, config, data), fingerprint_of(config, data), folder / CHECKPOINT
     pairs = Pairs(sources, config.patch, config.seed)
     loader = batches(pairs, config.batch, training.step, config.steps, upkeep.workers)
     with tqdm(total=config.steps, initial=training.step, desc="training", unit="step") as bar:

@@ -1,5 +1,5 @@
-import itertools
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ def test_tiles_cover_everything_and_overlap(size):
     assert parts[0][0] == 0
     assert parts[-1][1] == size
     assert all(end - start == min(64, size) for start, end in parts)
-    assert all(one[1] - other[0] >= 16 for one, other in itertools.pairwise(parts))
+    assert all(one[1] - other[0] >= 16 for one, other in pairwise(parts))
 
 
 def test_tiles_that_are_all_overlap_are_refused():

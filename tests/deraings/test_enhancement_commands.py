@@ -1,0 +1,65 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deraings.enhancement.__main__ import Data, Request, describe_command, enhance_command, export_command
+from deraings.enhancement.network import SMALL, EnhancementNetwork
+from deraings.enhancement.validation import Rainy, as_columns, as_json, scores, table
+from deraings.enhancement.weights import save_network
+from hydroviews.errors import InputError
+from hydroviews.images import read_image, write_png
+
+TINY = replace(SMALL, width=8, encoder=(1, 1, 1, 1), bottleneck=1, decoder=(1, 1, 1, 1), head_width=8)
+
+
+def pictures(folder, count: int = 2):
+    rng = np.random.default_rng(0)
+    for i in range(count):
+        write_png(folder / f"{i}.png", rng.integers(0, 256, (40, 50, 3)).astype(np.uint8))
+
+
+@pytest.fixture
+def weights(tmp_path):
+    """Of a network that changes nothing."""
+    path = tmp_path / "weights.safetensors"
+    network = EnhancementNetwork(TINY)
+    save_network(path, TINY, network.state_dict(), {"data": "nothing", "steps": 0})
+    return path
+
+
+def test_a_folder_of_pictures_is_enhanced(tmp_path, weights, capsys):
+    pictures(tmp_path / "in")
+    enhance_command(tmp_path / "in", tmp_path / "out", str(weights))
+    assert "nothing" in capsys.readouterr().out
+    for name in ("0.png", "1.png"):
+        np.testing.assert_array_equal(read_image(tmp_path / "out" / name), read_image(tmp_path / "in" / name))
+
+
+def test_describe_counts(capsys):
+    describe_command("small", 400, 300)
+    assert "3,422,693" in capsys.readouterr().out
+
+
+def test_nothing_is_exported_where_nothing_was_trained(tmp_path):
+    pictures(tmp_path / "photographs")
+    with pytest.raises(InputError, match="nothing has been trained"):
+        export_command(Request(Data(tmp_path / "photographs"), out=tmp_path / "empty"))
+
+
+def test_scores_are_means_by_kind():
+    clean = np.full((32, 32, 3), 0.5, np.float32)
+    network = EnhancementNetwork(TINY).requires_grad_(False)
+    rows = scores(network, [Rainy("mist", clean + 0.1, clean), Rainy("mist", clean + 0.01, clean)])
+    assert [row.kind for row in rows] == ["mist"]
+    assert (rows[0].before, rows[0].after) == (pytest.approx(30, abs=1e-3), pytest.approx(30, abs=1e-3))
+    assert rows[0].brightness == pytest.approx(255 * 0.055, abs=1e-3)
+    assert as_columns(rows) == {"mist": rows[0].after}
+    assert "| mist | 2 | 30.00 | 30.00 | +0.00 | 14.03/255 |" in table(rows)
+
+
+def test_clean_pictures_that_stay_the_same_have_no_number():
+    clean = np.full((32, 32, 3), 0.5, np.float32)
+    rows = scores(EnhancementNetwork(TINY).requires_grad_(False), [Rainy("clean", clean, clean)])
+    assert as_json(rows)[0]["before"] is None
+    assert "the same" in table(rows)
