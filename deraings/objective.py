@@ -34,7 +34,7 @@ class RainConfig:
     falling: FallingConfig | None = field(default_factory=FallingConfig)
 
 
-THIN, FEW = 0.004, 0.03  # mean of a veil, and share of the lens behind drops, that are as good as none
+THIN = 0.004  # cover by falling rain that is as good as none
 
 
 class RainObjective(Objective):
@@ -152,7 +152,7 @@ class RainObjective(Objective):
         if self.falling:
             report |= {"falling": self.cover, "falling_certainty": self.falling.certainty()}
             report["falling_angle"] = self.falling.angle()
-        limits = {"veil_mean": THIN, "drops": FEW, "falling": THIN}
+        limits = {"veil_mean": 0.0, "drops": 0.0, "falling": THIN}
         numbers = {name: round(float(value), 4) for name, value in report.items()}
         needed = [name.removesuffix("_mean") for name, limit in limits.items() if numbers.get(name, 0) > limit]
         return {"needed": needed, **numbers}

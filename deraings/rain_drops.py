@@ -34,8 +34,9 @@ class DropConfig:
     most_moments: int = 3
     fewest_views: int = 6  # fewer say nothing about what is usual at a place of the lens
     start: float = 0.2  # share of the iterations after which pixels are left out
-    hidden: float = 0.75  # e / s from which a place counts for less than half
+    hidden: float = 0.6  # e / s from which a place counts for less than half
     softness: float = 0.2  # part of that by which e / s falls short of it where a place counts in full
+    fewest: float = 0.02  # share of the lens behind drops from which there are any
     most: float = 0.6  # share of the lens, at most, that is left out
     around: float = 0.15  # side, in longer sides of the picture, of the surroundings that a place is compared with
     excess: float = 1.75  # e / s must exceed that of the surroundings by this factor, where the scene is hard to render
@@ -83,10 +84,11 @@ class Drops:
         side = max(1, round(max(ratio.shape) * config.around)) | 1
         surroundings = cv2.blur(np.minimum(ratio, 1), (side, side))
         ratio = ratio / np.maximum(config.hidden, config.excess * surroundings)
-        if (ratio > 1).mean() > config.most:
-            ratio /= np.quantile(ratio, 1 - config.most)
-        if ratio.max() <= 1 - config.softness:
+        share = float((ratio > 1).mean())
+        if share < config.fewest:
             return None
+        if share > config.most:
+            ratio /= np.quantile(ratio, 1 - config.most)
         weights = np.clip((1 + config.softness - ratio) / (2 * config.softness), 0, 1).astype(np.float32)
         if weights.shape == size:
             return weights

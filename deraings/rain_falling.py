@@ -32,7 +32,7 @@ class FallingConfig:
 
     brightness: float = 0.88  # beta, the encoded value of what streaks are made of
     line: float = 1 / 45  # length of the lines in longer sides of the picture
-    start: float = 0.1  # share of the iterations before the first look
+    start: float = 0.2  # share of the iterations before the first look
     looks: int = 240  # in all, spread evenly
     memory: int = 60  # looks that running sums remember
     dry: float = 0.045  # skew of one direction over the others up to which it does not rain

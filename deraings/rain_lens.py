@@ -10,8 +10,8 @@ penalty on the mean of V decides for the scene, so that a veil's thinnest place 
 of bright light from thicker mist of less: a is held near what mist should look like (`mist_light`). Nothing in space
 can take the rest of the veil's place: real fog and white walls move over the lens as the camera moves. A sky that is
 always in the same corner does not; but mist only adds light, and V a cannot be lighter than the darkest that a place of
-the lens ever shows. That bound, less its own smallest value, is also where V starts from. What has not become thicker
-than `thinnest` halfway is given up for good.
+the lens ever shows. That bound, less its own smallest value, is where V starts from. Where every place of the lens
+shows something dark now and then, there is no mist, and none is looked for.
 """
 
 from collections.abc import Sequence
@@ -50,8 +50,8 @@ class VeilConfig:
     colour_penalty: float = 0.1  # of the squared difference of a to what is expected
     thickest: float = 0.95
     darkest: float = 0.05  # quantile of what a place of the lens shows that mist cannot be lighter than
-    settled: float = 0.5  # share of the iterations after which mist that is too thin is given up
-    thinnest: float = 0.006  # mean V that is not
+    thinnest: float = 0.015  # lower quartile over the lens of what mist may be there, from which it is looked for
+    evenness: float = 3.0  # V is at most so many times the median over the lens of what may be there
 
 
 def moments_of(n_views: int, views_a_moment: int, most: int) -> int:
@@ -84,15 +84,17 @@ class Veil:
         self.expected = mist_light(pictures, config.brightest, config.tint)  # a, before anything is learned
         self.colour = self.expected.copy()  # a [3], linear light
         bound = thickest_veil(pictures, self.expected, grid, config.darkest, hidden)
-        self._most = np.sqrt(np.minimum(config.slack * bound + SENSIBLE, config.thickest))  # sqrt(V)
-        likely = config.likely * (bound - bound.min()) + SENSIBLE
-        self.roots = np.minimum(np.sqrt(likely), self._most)  # sqrt(V) at the knots
-        self.wanted = np.ones(1, np.uint8)  # 0 once mist is given up
+        possible = bound - bound.min()
+        self.wanted = bool(np.quantile(possible, 0.25) >= config.thinnest)
+        even = config.evenness * np.median(possible)
+        self._most = np.sqrt(np.minimum(config.slack * np.minimum(bound, even), config.thickest))  # sqrt(V)
+        likely = config.likely * np.minimum(possible, even) + SENSIBLE
+        self.roots = np.minimum(np.sqrt(likely), self._most) * self.wanted  # sqrt(V) at the knots
         self._adam = {name: np.zeros(shape, np.float32) for name, shape in self._moment_shapes().items()}
 
     def due(self, iteration: int) -> bool:
         """Whether mist is looked for in this step."""
-        return iteration >= self._first and bool(self.wanted[0])
+        return iteration >= self._first and self.wanted
 
     def share(self, view: int, size: tuple[int, int]) -> NDArray[np.float32]:
         """V [H, W] of a training view."""
@@ -126,17 +128,15 @@ class Veil:
         self._step("colour", self.colour, g_colour, iteration, config.colour_rate * decay)
         np.clip(self.roots, 0, self._most, out=self.roots)
         np.clip(self.colour, 0, 1, out=self.colour)
-        if iteration == round(config.settled * self._iterations) and np.square(self.roots).mean() < config.thinnest:
-            self.roots[:], self.wanted[:] = 0, 0
         return g_image
 
     def arrays(self) -> dict[str, NDArray]:
         """All that is learned, for checkpoints."""
-        return {"roots": self.roots, "colour": self.colour, "wanted": self.wanted, **self._adam}
+        return {"roots": self.roots, "colour": self.colour, **self._adam}
 
     def restore(self, arrays: dict[str, NDArray]) -> None:
         """Take back what `arrays` returned."""
-        self.roots, self.colour, self.wanted = (arrays[name].copy() for name in ("roots", "colour", "wanted"))
+        self.roots, self.colour = arrays["roots"].copy(), arrays["colour"].copy()
         self._adam = {name: arrays[name].copy() for name in self._adam}
 
     def _weights(self, view: int) -> NDArray[np.float32]:

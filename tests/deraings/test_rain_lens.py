@@ -4,7 +4,7 @@ import pytest
 
 from baselines.splatting.photometric import photometric_loss, prepare
 from baselines.splatting.rasterizer import Workspace
-from deraings.rain_lens import Veil, VeilConfig, _gather, _spread, moment_weights, roughness_gradient
+from deraings.rain_lens import Veil, VeilConfig, _gather, _spread, moment_weights, roughness_gradient, thickest_veil
 
 AIR = np.array([0.55, 0.6, 0.65], np.float32)
 STEPS = 400
@@ -41,11 +41,24 @@ def test_dry_views_and_fog_in_the_scene_have_none(paler):
     assert share_of(learn(scene, scene)).max() < 0.01
 
 
-def test_mist_that_is_too_thin_to_tell_is_given_up():
+def test_where_every_place_of_the_lens_shows_something_dark_no_mist_is_looked_for():
     scene = panorama.views_of(panorama.paint(), 8)
-    veil = learn(scene, scene)
-    assert not veil.due(STEPS)
+    veil = Veil(panorama.eight_bit(scene), STEPS, VeilConfig(start=0))
+    assert not veil.due(0)
     assert not share_of(veil).any()
+
+
+def test_mist_is_never_lighter_than_the_dark_things_behind_it():
+    scene = panorama.views_of(panorama.paint(), 12)
+    true = panorama.slanted_veil(0.4)
+    pictures = panorama.eight_bit(panorama.misted(scene, true, AIR))
+    hidden = np.zeros(true.shape, bool)
+    hidden[:, :30] = True
+    bound = thickest_veil(pictures, AIR, (1, 4, 5), 0.05)[0]
+    knots = np.linspace(0, 0.4, 5)
+    assert (VeilConfig().slack * bound > knots - 0.03).all()
+    assert np.abs(bound - knots).max() < 0.2
+    assert (thickest_veil(pictures, AIR, (1, 4, 5), 0.05, [hidden] * 12)[0, :, 0] == 1).all()
 
 
 def test_a_veil_that_drifts_is_followed():
