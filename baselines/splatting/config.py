@@ -23,10 +23,18 @@ class Pruning:
     at: tuple[float, ...] = (0.8,)  # when, in shares of the iterations
     share: float = 0.0  # this share of the Gaussians is removed, those with the smallest sum of weights
     threshold: float = 0.0  # and those whose sum over all pixels of all training views is smaller than this
+    budget: int | None = None  # no more are left in the end: every moment takes an equal part of the surplus
 
     def due(self, iteration: int, iterations: int) -> bool:
         """Whether to prune after step `iteration`."""
-        return iteration + 1 in {round(share * iterations) for share in self.at}
+        return iteration + 1 in self._moments(iterations)
+
+    def left(self, iteration: int, iterations: int) -> int:
+        """How many moments are left after step `iteration`, that one included."""
+        return sum(moment > iteration for moment in self._moments(iterations))
+
+    def _moments(self, iterations: int) -> set[int]:
+        return {round(share * iterations) for share in self.at}
 
 
 @dataclass(frozen=True)

@@ -36,8 +36,17 @@ def contributions(
     return total / C0
 
 
-def prune(state: TrainingState, weights: NDArray[np.float64], pruning: Pruning) -> TrainingState:
-    """Without the Gaussians of the smallest weights [N]; those that stay keep their moments and statistics."""
+def prune(state: TrainingState, weights: NDArray[np.float64], pruning: Pruning, left: int = 1) -> TrainingState:
+    """Without the Gaussians of the smallest weights; those that stay keep their moments and statistics.
+
+    Args:
+        state: trained so far.
+        weights: from `contributions`, [N].
+        pruning: the settings.
+        left: moments of pruning that are left, this one included.
+    """
     keep = weights >= pruning.threshold
-    keep[np.argsort(weights, kind="stable")[: int(pruning.share * len(weights))]] = False
+    surplus = 0 if pruning.budget is None else max(0, len(weights) - pruning.budget)
+    removed = max(int(pruning.share * len(weights)), -(-surplus // left))
+    keep[np.argsort(weights, kind="stable")[:removed]] = False
     return state.keep(keep)

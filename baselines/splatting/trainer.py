@@ -166,7 +166,8 @@ class _Run:
             state = config.densification.refine(state, self.extent, self.seed)
         backend.put(state)
         if config.pruning and config.pruning.due(done - 1, config.iterations):
-            state = prune(state, backend.contributions(self.cameras), config.pruning)
+            left = config.pruning.left(done - 1, config.iterations)
+            state = prune(state, backend.contributions(self.cameras), config.pruning, left)
             backend.put(state)
         if self.looked(done):
             degree = schedule.sh_degree_at(done - 1, config.sh_every, config.sh_degree)

@@ -57,6 +57,9 @@ def test_the_backend_says_the_same():
         (Pruning(threshold=2.0), [0, 4]),
         (Pruning(share=0.2, threshold=1.5), [0, 2, 4]),
         (Pruning(), range(5)),
+        (Pruning(budget=3), [0, 2, 4]),
+        (Pruning(budget=3, share=0.8), [4]),
+        (Pruning(budget=9), range(5)),
     ],
 )
 def test_the_smallest_weights_go_with_all_that_is_known_of_them(pruning, kept):
@@ -66,6 +69,15 @@ def test_the_smallest_weights_go_with_all_that_is_known_of_them(pruning, kept):
     after = prune(state, np.array([5.0, 0.0, 1.5, 1.0, 9.0]), pruning)
     assert after.seen.tolist() == after.first.means[:, 0].tolist() == list(kept)
     assert np.array_equal(after.gaussians.sh, state.gaussians.sh[list(kept)])
+
+
+def test_a_budget_is_reached_in_equal_parts():
+    pruning, state, counts = Pruning(at=(0.2, 0.5, 0.6), budget=3), fresh_state(cloud(13, 0)), []
+    for iteration in (i for i in range(100) if pruning.due(i, 100)):
+        weights = np.random.default_rng(iteration).random(len(state.gaussians))
+        state = prune(state, weights, pruning, pruning.left(iteration, 100))
+        counts.append(len(state.gaussians))
+    assert counts == [9, 6, 3]
 
 
 def test_moments_are_shares_of_the_iterations():
