@@ -16,13 +16,10 @@ import pandas as pd
 import tyro
 from tqdm import tqdm
 
-from baselines.gaussian_splatting import PROFILES
+from baselines.gaussian_splatting import PROFILES, SPLATS, GaussianSplatting, within
 from baselines.splatting.config import EarlyStop, Pruning, TrainerConfig
 from baselines.splatting.densification import Densification
-from baselines.splatting.ply import write_ply
-from baselines.splatting.rasterizer import Workspace, render
 from baselines.splatting.relocation import Relocation
-from baselines.splatting.trainer import Trained, train
 from hydroviews.files import write_bytes
 from hydroviews.metrics import psnr, ssim
 from hydroviews.profiles import find_profile
@@ -35,13 +32,15 @@ def cases(profile: TrainerConfig) -> Iterator[tuple[str, TrainerConfig]]:
     """Names and configurations, most telling first: each changes one thing of the profile."""
     growth = profile.densification
     assert isinstance(growth, Densification)
-    relocation = Relocation(start=growth.start, stop=growth.stop, every=growth.every, budget=growth.budget)
+    half = growth.budget // 2
     yield "profile", profile
-    for share in (1, 2, 4):
-        budget = growth.budget // share
-        if share > 1:
-            yield f"densification, {budget} Gaussians", replace(profile, densification=replace(growth, budget=budget))
-        yield f"relocation, {budget} Gaussians", replace(profile, densification=replace(relocation, budget=budget))
+    yield f"densification, {half} Gaussians", replace(profile, densification=replace(growth, budget=half))
+    yield f"pruned to {half} Gaussians, 5/3 of the iterations", within(half, profile)
+    yield f"pruned to {half // 2} Gaussians, 5/3 of the iterations", within(half // 2, profile)
+    relocation = Relocation(start=growth.start, stop=growth.stop, every=growth.every, budget=half)
+    yield f"relocation, {half} Gaussians", replace(profile, densification=relocation)
+    weaker = replace(relocation, growth=0.15, noise=5e3, opacity_penalty=1e-3, scale_penalty=1e-3, spread=0.7)
+    yield f"relocation with weaker noise and penalties, {half} Gaussians", replace(profile, densification=weaker)
     for share in (0.3, 0.5):
         pruned = replace(profile, pruning=Pruning(at=(0.75,), share=share))
         yield f"{share:.0%} pruned by contribution", pruned
@@ -52,26 +51,23 @@ def cases(profile: TrainerConfig) -> Iterator[tuple[str, TrainerConfig]]:
     yield "early stop", replace(profile, early_stop=EarlyStop(every=max(1, profile.iterations // 24)))
 
 
-def measure(name: str, trained: Trained, scene: Scene, config: TrainerConfig, folder: Path) -> dict[str, Any]:
-    """A row of the table."""
-    workspace, background = Workspace(), np.asarray(config.background, np.float32)
+def measure(name: str, config: TrainerConfig, scene: Scene, seed: int, folder: Path) -> dict[str, Any]:
+    """Train, and score all held-out views: a row of the table."""
+    method = GaussianSplatting(config, seed)
+    method.fit(scene, folder)
+    method.save(folder)
     scores = []
     for view in tqdm(scene.test_views, desc="held-out views", unit="view", leave=False):
-        image, _ = render(
-            trained.gaussians, view.camera, background, near=trained.near, antialiased=config.antialiased,
-            workspace=workspace,
-        )  # fmt: skip
-        shown, truth = np.clip(image, 0, 1), view.image()
+        shown, truth = method.render(view.camera), view.image()
         scores.append((psnr(shown, truth), ssim(shown, truth)))
-    write_ply(folder / "splats.ply", trained.gaussians)
+    statistics = method.statistics()
     return {
         "case": name,
         "PSNR": round(float(np.mean([p for p, _ in scores])), 2),
         "SSIM": round(float(np.mean([s for _, s in scores])), 4),
-        "Gaussians": len(trained.gaussians),
-        "ply MB": round((folder / "splats.ply").stat().st_size / 1e6, 2),
-        "iterations": trained.iterations,
-        "train s": round(trained.seconds),
+        "Gaussians": statistics.n_primitives,
+        "ply MB": round((folder / SPLATS).stat().st_size / 1e6, 2),
+        "train s": round(statistics.train_seconds),
     }
 
 
@@ -104,8 +100,7 @@ def main(
             continue
         print(f"{name}:")
         place = folder / name.replace(" ", "-").replace(",", "").replace("%", "")
-        trained = train(clean, config, seed, place)
-        rows.append(measure(name, trained, clean, config, place))
+        rows.append(measure(name, config, clean, seed, place))
         write_bytes(table, pd.DataFrame(rows).to_csv(index=False).encode())
     print(f"\n{pd.DataFrame(rows).to_string(index=False)}")
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import torch
 from splats import camera, cloud, photographed, with_values
-from trainings import CONFIG, assert_identical, psnr
+from trainings import CONFIG, DENSIFY, assert_identical, psnr
 
-from baselines.gaussian_splatting import BudgetedSplatting, GaussianSplatting
+from baselines.gaussian_splatting import BudgetedSplatting, GaussianSplatting, within
 from baselines.method import find_method
 from baselines.splatting.densification import Densification, rotation_matrices
 from baselines.splatting.gaussians import FIELDS
@@ -217,9 +217,26 @@ def test_strategies_are_told_apart_by_their_settings(scene):
 
 
 def test_the_budgeted_method_has_half_the_gaussians():
-    assert find_method("baselines.gaussian_splatting:BudgetedSplattingClean").trains_on == "clean"
+    assert find_method("3dgs-budget-clean").trains_on == "clean"
     for profile in ("demo", "quick"):
         budgeted, plain = (kind.configuration(profile) for kind in (BudgetedSplatting, GaussianSplatting))
-        assert 2 * budgeted.densification.budget == plain.densification.budget
-        assert replace(budgeted, densification=plain.densification) == plain
+        assert 2 * budgeted.pruning.budget == plain.densification.budget
+        grown = budgeted.densification.stop / budgeted.iterations
+        assert grown < min(budgeted.pruning.at)  # what is pruned does not come back
     assert BudgetedSplatting.configuration("paper").densification == Relocation()
+
+
+def test_a_budget_is_exceeded_early_and_kept_in_the_end(scene, tmp_path):
+    config = within(100, replace(CONFIG, densification=replace(DENSIFY, stop=120)))
+    sizes = []
+
+    class Watched(Densification):
+        def refine(self, state, extent, seed):
+            refined = super().refine(state, extent, seed)
+            sizes.append(len(refined.gaussians))
+            return refined
+
+    growth = Watched(**vars(config.densification))
+    trained = train(scene, replace(config, densification=growth), 0, tmp_path)
+    assert trained.iterations == 333
+    assert max(sizes) > 100 == len(trained.gaussians)
