@@ -3,9 +3,10 @@
 With adaptive density control, as the benchmark's reference rows have it, or with half the Gaussians.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from baselines.method import Method, Statistics
 from baselines.splatting.checkpoints import read_model, write_model
 from baselines.splatting.config import Pruning
 from baselines.splatting.densification import Densification
+from baselines.splatting.objective import Objective
 from baselines.splatting.ply import write_ply
 from baselines.splatting.rasterizer import Workspace, render
 from baselines.splatting.relocation import Relocation
@@ -82,17 +84,16 @@ class GaussianSplatting(Method):
     """Plain 3DGS: takes rain for part of the scene."""
 
     trains_on: ClassVar[Literal["rainy", "clean"]] = "rainy"
-    profiles: ClassVar[dict[str, TrainerConfig]] = PROFILES
-    config: TrainerConfig
+    profiles: ClassVar[Mapping[str, Any]] = PROFILES
 
-    def __init__(self, config: TrainerConfig, seed: int) -> None:
+    def __init__(self, config: Any, seed: int) -> None:
         super().__init__(config, seed)
         self._trained: Trained | None = None
         self._model_mb: float | None = None
         self._workspace = Workspace()
 
     @classmethod
-    def configuration(cls, profile: str) -> TrainerConfig:
+    def configuration(cls, profile: str) -> Any:
         """See Method.
 
         Raises:
@@ -104,18 +105,28 @@ class GaussianSplatting(Method):
 
     def fit(self, scene: Scene, folder: Path) -> None:
         """See Method."""
-        self._trained = train(scene, self.config, self.seed, folder)
+        self._trained = train(scene, self.splatting, self.seed, folder, self.objective(scene, folder))
+
+    @property
+    def splatting(self) -> TrainerConfig:
+        """How the Gaussians are trained; here all the settings there are."""
+        config: TrainerConfig = self.config
+        return config
+
+    def objective(self, scene: Scene, folder: Path) -> Objective | None:
+        """What renders are compared with in `fit`, where it is not the photographs; `folder` may keep what it needs."""
+        return None
 
     def render(self, camera: Camera) -> Image:
         """See Method; always with our own kernels, so that pixels do not depend on where a model was trained."""
         trained = self._require()
-        background = np.asarray(self.config.background, np.float32)
+        background = np.asarray(self.splatting.background, np.float32)
         image, _ = render(
             trained.gaussians,
             camera,
             background,
             near=trained.near,
-            antialiased=self.config.antialiased,
+            antialiased=self.splatting.antialiased,
             workspace=self._workspace,
         )
         return np.clip(image, 0, 1)
@@ -129,7 +140,7 @@ class GaussianSplatting(Method):
         self._model_mb = (folder / MODEL).stat().st_size / 1e6
 
     @classmethod
-    def load(cls, config: TrainerConfig, seed: int, folder: Path) -> Self:
+    def load(cls, config: Any, seed: int, folder: Path) -> Self:
         """See Method."""
         gaussians, about = read_model(folder / MODEL)
         method = cls(config, seed)
@@ -158,7 +169,7 @@ class GaussianSplattingClean(GaussianSplatting):
 class BudgetedSplatting(GaussianSplatting):
     """Plain 3DGS with half the Gaussians: pruned by contribution, or at full size by relocation (3DGS-MCMC)."""
 
-    profiles: ClassVar[dict[str, TrainerConfig]] = BUDGETED
+    profiles: ClassVar[Mapping[str, Any]] = BUDGETED
 
 
 class BudgetedSplattingClean(BudgetedSplatting):

@@ -25,6 +25,7 @@ class Statistics:
     n_primitives: int | None  # Gaussians, for methods that have them
     model_mb: float | None  # the saved model, in 10^6 bytes
     device: str  # "cpu" or the GPU's name
+    used: str = ""  # what the method found that these photographs call for, if it looks
 
 
 class Method(ABC):

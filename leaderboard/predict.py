@@ -40,6 +40,7 @@ def predict(run: Run) -> None:
             "n_primitives": statistics.n_primitives,
             "model_mb": statistics.model_mb,
             "device": statistics.device,
+            "used": statistics.used,
         },
     )
 

@@ -45,6 +45,7 @@ class Record:
     n_primitives: int | None = None
     model_mb: float | None = None
     device: str = ""
+    used: str = ""  # what the method found that the photographs call for, if it looks
     profile: str = ""
     version: str = ""
     data_sha256: str = ""
