@@ -17,7 +17,6 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from typing import Any
 
-import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -25,9 +24,9 @@ from torch import Tensor
 
 from baselines.splatting.objective import Size, TrainingImages
 from deraings.masking_config import MaskConfig
+from deraings.masking_maps import Map, evidence, filled, resized
 from deraings.masking_network import MaskNetwork, masked_loss
 
-Map = NDArray[np.float32]  # [H, W]
 SMALLEST_SHARE = 0.01  # views further away count for nothing
 LEVEL_MEMORY = 100  # network steps over which the typical loss is averaged
 
@@ -59,15 +58,31 @@ class OcclusionMasks:
             self.network = MaskNetwork(c.shrink, c.fine, c.width, c.cutoff, extra=1 if c.lens_views else 0)
         self.adam = torch.optim.Adam(self.network.parameters(), c.rate, foreach=True)
         self._level = np.zeros(2)  # typical loss, and from how many losses it is known
+        self._evidence: float | None = None  # for something on the lens, once the masks have started
         self._losses: dict[int, Map] = {}  # last losses of views at the network's resolution
         self._kept: dict[int, NDArray[np.uint8]] = {}  # masks of views at the mask's resolution
 
     def due(self, iteration: int) -> bool:
         """Whether the network should learn in this iteration."""
-        return iteration >= self.first_lesson and iteration % self.config.every == 0
+        return self.needed and iteration >= self.first_lesson and iteration % self.config.every == 0
+
+    @property
+    def needed(self) -> bool:
+        """Whether something is on the lens; taken for granted until the masks start."""
+        return self._evidence is None or self._evidence >= self.config.least_evidence
+
+    def found(self) -> dict[str, float | bool]:
+        """For the record: what spoke for masks, whether they were used, and their mean."""
+        means = [float(mask.mean()) / 255 for mask in self._kept.values()]
+        used = self._evidence is not None and self.needed
+        return {
+            "evidence": round(self._evidence or 0.0, 2),
+            "used": used,
+            "mask_mean": round(float(np.mean(means)), 4) if used and means else 0.0,
+        }
 
     def weights(self, view: int, size: Size, iteration: int) -> Map | None:
-        """1 - M of a training view, [H, W] in [0, 1]; None before masks start.
+        """1 - M of a training view, [H, W] in [0, 1]; None before masks start, or where nothing is on the lens.
 
         Args:
             view: its index.
@@ -76,17 +91,23 @@ class OcclusionMasks:
         """
         if iteration < self.first:
             return None
+        if self._evidence is None:
+            self._evidence = evidence([self._losses[view] for view in sorted(self._losses)])
+        if not self.needed:
+            return None
         if view not in self._kept:
             self._kept[view] = self._look(view)
         return 1 - self.mask(view, size)
 
     def mask(self, view: int, size: Size) -> Map:
         """M of a training view, [H, W] in [0, 1]; asking for it changes nothing."""
+        if not self.needed:
+            return np.zeros(size, np.float32)
         mask = (self._kept[view] if view in self._kept else self._look(view)).astype(np.float32) / 255
         height, width = self.images.pixels(view).shape[:2]
         pixels = self.config.shrink // self.config.fine
-        whole = _resized(mask, (mask.shape[0] * pixels, mask.shape[1] * pixels))
-        return _resized(whole[:height, :width], size)
+        whole = resized(mask, (mask.shape[0] * pixels, mask.shape[1] * pixels))
+        return resized(whole[:height, :width], size)
 
     def learn(self, view: int, loss: NDArray, iteration: int) -> None:
         """One step of the network.
@@ -133,6 +154,8 @@ class OcclusionMasks:
                 arrays[f"{moment}.{name}"] = value.numpy().copy()
         arrays |= {f"loss.{view}": loss.copy() for view, loss in self._losses.items()}
         arrays |= {f"mask.{view}": mask for view, mask in self._kept.items()}
+        if self._evidence is not None:
+            arrays["evidence"] = np.array([self._evidence])
         return {**arrays, "level": self._level.copy()}
 
     def restore(self, arrays: dict[str, NDArray]) -> None:
@@ -145,6 +168,7 @@ class OcclusionMasks:
                 shapes = {"step": torch.tensor(0.0), "exp_avg": parameter, "exp_avg_sq": parameter}
                 self.adam.state[parameter] = {m: _tensor(arrays[f"{m}.{name}"], like) for m, like in shapes.items()}
         self._level = arrays["level"].copy()
+        self._evidence = float(arrays["evidence"][0]) if "evidence" in arrays else None
         self._losses, self._kept = _by_view(arrays, "loss."), _by_view(arrays, "mask.")
 
     def _look(self, view: int) -> NDArray[np.uint8]:
@@ -156,7 +180,7 @@ class OcclusionMasks:
     def _predict(self, view: int) -> Tensor:
         """M [h, w] at the mask's resolution; rows and columns that fill up the last blocks are part of it."""
         pixels = self.images.pixels(view)
-        picture = _filled(pixels.astype(np.float32) / 255, self.config.shrink)
+        picture = filled(pixels.astype(np.float32) / 255, self.config.shrink)
         extra = None
         if self.config.lens_views:
             size = picture.shape[0] // self.config.shrink, picture.shape[1] // self.config.shrink
@@ -167,8 +191,8 @@ class OcclusionMasks:
     def _shrunk(self, view: int, loss: NDArray, factor: int) -> Map:
         """A loss map averaged over factor x factor pixels of the whole picture."""
         height, width = self.images.pixels(view).shape[:2]
-        whole = _filled(_resized(loss.astype(np.float32), (height, width)), self.config.shrink)
-        return _resized(whole, (whole.shape[0] // factor, whole.shape[1] // factor))
+        whole = filled(resized(loss.astype(np.float32), (height, width)), self.config.shrink)
+        return resized(whole, (whole.shape[0] // factor, whole.shape[1] // factor))
 
     def _observe(self, typical: float) -> None:
         level, count = self._level
@@ -184,7 +208,7 @@ class OcclusionMasks:
         for other, loss in sorted(self._losses.items()):  # sums in one order, whatever that of the lessons
             share = math.exp(-0.5 * ((other - view) / self.config.lens_views) ** 2) if other != view else 0.0
             if share > SMALLEST_SHARE:
-                mean += np.float32(share) * _resized(loss, size)
+                mean += np.float32(share) * resized(loss, size)
                 total += share
         return mean / np.float32(total * self.typical) if total else np.ones(size, np.float32)
 
@@ -200,21 +224,6 @@ def _tensor(array: NDArray, like: Tensor) -> Tensor:
 
 def _rounded(mask: Tensor) -> NDArray[np.uint8]:
     return np.rint(mask.detach().numpy() * 255).astype(np.uint8)
-
-
-def _filled(plane: NDArray, block: int) -> NDArray:
-    """[H, W, ...] with its last row and column repeated until both sides are multiples of `block`."""
-    height, width = plane.shape[:2]
-    return cv2.copyMakeBorder(plane, 0, -height % block, 0, -width % block, cv2.BORDER_REPLICATE)
-
-
-def _resized(plane: Map, size: tuple[int, ...]) -> Map:
-    """[H, W] at another size: averaged over areas where smaller, linear where larger."""
-    if plane.shape == tuple(size):
-        return plane
-    smaller = size[0] <= plane.shape[0]
-    mode = cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
-    return np.asarray(cv2.resize(plane, (size[1], size[0]), interpolation=mode), np.float32)
 
 
 @contextmanager

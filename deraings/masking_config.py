@@ -7,12 +7,13 @@ from dataclasses import dataclass
 class MaskConfig:
     """How masks are learnt."""
 
-    start: float = 0.5  # share of the iterations after which the masks weigh the loss
+    start: float = 0.3  # share of the iterations after which the masks weigh the loss
     warm_up: float = 0.2  # the network learns for this share before
     every: int = 4  # iterations to a step of the network
     regularisation: float = 0.5  # lambda_reg in typical losses
     price: float = 1.0  # losses up to this many typical ones are not worth masking; 0 is the paper
     least_loss: float = 0.02  # the typical loss is taken to be at least this, so that well-fitted scenes stay unmasked
+    least_evidence: float = 5.0  # for something on the lens, below which nothing is masked; 0 masks always
     rate: float = 5e-3  # of Adam; the paper's, for 70,000 iterations, is 1e-3
     shrink: int = 4  # the network works at this fraction of the picture's resolution
     fine: int = 2  # and gives this many mask pixels a side for each of its own

@@ -10,10 +10,11 @@ from baselines.splatting.checkpoints import read_arrays, write_arrays
 from baselines.splatting.objective import TrainingImages
 from deraings.masking import OcclusionMasks
 from deraings.masking_config import MaskConfig
+from deraings.masking_maps import evidence
 from deraings.masking_network import masked_loss
 
 HEIGHT, WIDTH = 46, 70  # no multiples of what the network works at
-ALWAYS = MaskConfig(start=1e-9, warm_up=0, every=1, rate=1e-2, width=8)
+ALWAYS = MaskConfig(start=1e-9, warm_up=0, every=1, rate=1e-2, width=8, least_evidence=0)
 PAPER = replace(ALWAYS, regularisation=1.0, price=0.0)
 
 
@@ -101,6 +102,29 @@ def test_drops_that_cannot_be_seen_are_found_by_their_place_on_the_lens():
     assert found[drops[3]].mean() > found[~drops[3]].mean() + 0.25
 
 
+def test_evidence_is_in_what_views_share_place_by_place():
+    rng = np.random.default_rng(0)
+    dry = rng.random((12, 30, 40), np.float32) * np.linspace(0.5, 1.5, 30, dtype=np.float32)[:, None]  # sky above
+    drops = dry + (rng.random((30, 40)) < 0.1)
+    assert evidence(list(dry)) == pytest.approx(1, abs=0.3)
+    assert evidence(list(drops.astype(np.float32))) > 5
+    assert evidence([]) == evidence([dry[0]]) == 0
+
+
+@pytest.mark.parametrize("fixed", [True, False])
+def test_masks_are_used_only_where_something_is_on_the_lens(fixed):
+    pictures, drops = drop_pictures(0, count=8, fixed=fixed)
+    config = replace(ALWAYS, least_evidence=5.0)
+    masks = taught(pictures, losses(drops), config, lessons=8)
+    assert masks.due(9)
+    weights = masks.weights(0, (HEIGHT, WIDTH), 9)
+    assert (weights is not None) == masks.due(10) == masks.found()["used"] == fixed
+    assert masks.mask(0, (HEIGHT, WIDTH)).any() == fixed
+    again = OcclusionMasks(TrainingImages(list(pictures)), 1000, 0, config)
+    again.restore(masks.arrays())
+    assert again.found() == masks.found()
+
+
 def test_a_scene_that_is_fitted_is_hardly_masked():
     pictures, drops = drop_pictures(0)
     masks = taught(pictures, 1e-2 * losses(drops), lessons=40)
@@ -110,7 +134,7 @@ def test_a_scene_that_is_fitted_is_hardly_masked():
 
 def test_nothing_is_masked_before_the_start_and_nothing_learnt_before_the_lessons():
     pictures, drops = drop_pictures(0)
-    config = MaskConfig(start=0.5, warm_up=0.2, every=4)
+    config = MaskConfig(start=0.5, warm_up=0.2, every=4, least_evidence=0)
     masks = OcclusionMasks(TrainingImages(list(pictures)), 1000, 0, config)
     before = masks.arrays()
     masks.learn(0, losses(drops)[0], 299)
@@ -170,16 +194,15 @@ def test_broken_pixels_do_not_spoil_the_network():
 def test_an_interruption_leaves_no_trace(tmp_path, lessons):
     pictures, drops = drop_pictures(0)
     loss = losses(drops)
-    whole, first = taught(pictures, loss, lessons=12), taught(pictures, loss, lessons=lessons)
-    first.weights(2, (HEIGHT, WIDTH), 500)
-    whole.mask(2, (HEIGHT, WIDTH))
-    write_arrays(tmp_path / "masks.safetensors", first.arrays(), {})
+    whole = taught(pictures, loss, lessons=lessons)
+    whole.weights(2, (HEIGHT, WIDTH), 500)
+    write_arrays(tmp_path / "masks.safetensors", whole.arrays(), {})
     again = OcclusionMasks(TrainingImages(list(pictures)), 1000, 5, ALWAYS)  # whose first weights are others
     again.restore(read_arrays(tmp_path / "masks.safetensors")[0])
-    kept = first.mask(2, (HEIGHT, WIDTH))
-    assert again.mask(2, (HEIGHT, WIDTH)).tobytes() == kept.tobytes()
+    assert again.mask(2, (HEIGHT, WIDTH)).tobytes() == whole.mask(2, (HEIGHT, WIDTH)).tobytes()
     for i in range(lessons, 12):
-        again.learn(-i % len(pictures), loss[-i % len(pictures)], i)
+        for masks in (whole, again):
+            masks.learn(-i % len(pictures), loss[-i % len(pictures)], i)
     expected = whole.arrays()
     assert {name: a.tobytes() for name, a in again.arrays().items()} == {n: a.tobytes() for n, a in expected.items()}
 
@@ -202,7 +225,7 @@ def test_seeds_and_other_peoples_random_numbers_and_threads():
 def test_settings_are_told_and_checked():
     pictures, _ = drop_pictures(0)
     about = OcclusionMasks(TrainingImages(list(pictures)), 1000, 7).about()
-    assert (about["seed"], about["first"], about["first_lesson"], about["cutoff"]) == (7, 500, 300, 0.125)
+    assert (about["seed"], about["first"], about["first_lesson"], about["cutoff"]) == (7, 300, 100, 0.125)
     for wrong in ({"start": 0}, {"warm_up": 0.6}, {"every": 0}, {"regularisation": 0}, {"fine": 3}):
         with pytest.raises(ValueError, match=r"start|regularisation|fine"):
             MaskConfig(**wrong)

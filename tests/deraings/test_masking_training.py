@@ -18,7 +18,7 @@ from deraings.masking_loss import loss_map
 from hydroviews.errors import InputError
 
 CONFIG = TrainerConfig(iterations=24, sh_degree=1, densification=Densification(start=99), device="cpu")
-MASKS = MaskConfig(start=0.4, warm_up=0.2, every=2, width=8, rate=0.02)
+MASKS = MaskConfig(start=0.4, warm_up=0.2, every=2, width=8, rate=0.02, least_evidence=0)
 
 
 class Masked(Objective):

@@ -1,0 +1,42 @@
+"""Planes at the resolutions of masks, and what the losses of many views say about the lens."""
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Map = NDArray[np.float32]  # [H, W]
+BLUR = 3.0  # pixels of the network's resolution: coarser features of a loss are no sign of drops
+
+
+def evidence(losses: Sequence[Map]) -> float:
+    """How much more alike the fine detail of views' losses is, place by place on the lens, than by chance.
+
+    The variance, over the lens, of the mean over n views, times n, over the variance of a single view about that mean:
+    about 1 where views have nothing in common, as when it is dry or rain falls in front of the lens; 0 for fewer than
+    two views.
+
+    Args:
+        losses: of views, [h, w] each; others than the first are brought to its size.
+    """
+    if len(losses) < 2:
+        return 0.0
+    size = losses[0].shape
+    fine = np.stack([loss - cv2.GaussianBlur(loss, (0, 0), BLUR) for loss in (resized(x, size) for x in losses)])
+    return float(len(fine) * fine.mean(axis=0).var() / max(float(fine.var(axis=0, ddof=1).mean()), 1e-12))
+
+
+def filled(plane: NDArray, block: int) -> NDArray:
+    """[H, W, ...] with its last row and column repeated until both sides are multiples of `block`."""
+    height, width = plane.shape[:2]
+    return cv2.copyMakeBorder(plane, 0, -height % block, 0, -width % block, cv2.BORDER_REPLICATE)
+
+
+def resized(plane: Map, size: tuple[int, ...]) -> Map:
+    """[H, W] at another size: averaged over areas where smaller, linear where larger."""
+    if plane.shape == tuple(size):
+        return plane
+    smaller = size[0] <= plane.shape[0]
+    mode = cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(plane, (size[1], size[0]), interpolation=mode), np.float32)
