@@ -23,6 +23,7 @@ class TrainingConfig:
     clip: float = 2.0  # largest norm of a step's gradient
     frequency: float = 3.0  # weight of the loss in Fourier coefficients
     floor: float = 0.1  # added to the mean absolute error by rain that a picture's loss is a share of
+    detection: float = 0.5  # weight of the loss in the cover by rain, where the network predicts it
     averaging: float = 0.999  # what an average of the weights keeps of itself in a step
     precision: Precision = "bfloat16"  # of convolutions and attention in training; weights are float32 in both
     seed: int = 0

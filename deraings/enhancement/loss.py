@@ -2,6 +2,7 @@
 
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 
 def enhancement_loss(enhanced: Tensor, clean: Tensor, rainy: Tensor, frequency: float, floor: float) -> Tensor:
@@ -28,3 +29,20 @@ def enhancement_loss(enhanced: Tensor, clean: Tensor, rainy: Tensor, frequency: 
         size = size + frequency * torch.fft.rfft2(error, norm="ortho").abs().mean(dim=(1, 2, 3))
     rain = (rainy - clean).abs().mean(dim=(1, 2, 3))
     return (size / (rain + floor)).mean()
+
+
+def cover_loss(found: Tensor, cover: Tensor) -> Tensor:
+    """Cross entropy of the cover by streaks, drops and mist, which the generator knows of what it has drawn.
+
+    To find drops pays only once they can be filled in as well, so the picture's own loss is long silent about them.
+
+    Args:
+        found: [N, 3, H, W], as logits.
+        cover: the same shape, [0, 1]; NaN where nobody knows, which does not count.
+
+    Returns:
+        A scalar; 0 where nothing is known.
+    """
+    known = ~cover.isnan()
+    every = functional.binary_cross_entropy_with_logits(found, cover.nan_to_num(), reduction="none")
+    return (every * known).sum() / known.sum().clamp_min(1)

@@ -33,12 +33,13 @@ class NetworkConfig:
     decoder: tuple[int, int, int, int] = (3, 6, 7, 8)  # sparse attention blocks a level, finest first
     head_width: int = 48  # channels of an attention head
     stem: int = 1  # the picture is taken in squares of so many pixels: 2 makes every level four times smaller
+    cover: bool = False  # in training also say how much of each pixel streaks, drops and mist cover
     gain: bool = False  # predict I' = I + g I + r instead of I' = I + r, g and r from the network: a veil is undone so
 
 
 PAPER = NetworkConfig()
 SMALL = NetworkConfig(
-    width=24, encoder=(1, 2, 3, 3), bottleneck=2, decoder=(1, 2, 2, 2), head_width=24, stem=2, gain=True
+    width=24, encoder=(1, 2, 3, 3), bottleneck=2, decoder=(1, 2, 2, 2), head_width=24, stem=2, cover=True, gain=True
 )
 CONFIGS = {"paper": PAPER, "small": SMALL}
 
@@ -185,6 +186,8 @@ class EnhancementNetwork(nn.Module):
             self.decoder.append(stack(config.decoder[level], SparseAttention, fine, heads[level]))
         self.bottleneck = stack(config.bottleneck, TransposedAttention, widths[-1], heads[-1])
         self.head = nn.Sequential(nn.Conv2d(widths[0], given, 3, padding=1), nn.PixelShuffle(config.stem))
+        if config.cover:
+            self.cover = nn.Sequential(nn.Conv2d(widths[0], taken, 3, padding=1), nn.PixelShuffle(config.stem))
         self.apply(initialise)
         nn.init.zeros_(cast(nn.Conv2d, self.head[0]).weight)  # an untrained network changes nothing
 
@@ -195,6 +198,10 @@ class EnhancementNetwork(nn.Module):
 
     def forward(self, image: Tensor) -> Tensor:
         """Enhance pictures [N, 3, H, W], sRGB-encoded, [0, 1]; the result is not clipped."""
+        return self.enhanced(image, self.features(image))
+
+    def features(self, image: Tensor) -> Tensor:
+        """What the decoder ends with, [N, width, H / stem, W / stem]."""
         x = self.stem(image.contiguous(memory_format=torch.channels_last))
         skips = []
         for blocks, down in zip(self.encoder, self.down, strict=True):
@@ -205,7 +212,11 @@ class EnhancementNetwork(nn.Module):
         for level in reversed(range(LEVELS - 1)):
             x = torch.cat([self.up[level](x), skips[level]], dim=1)
             x = self.decoder[level](self.skip[level](x))
-        predicted = self.head(x).to(image.dtype)
+        return x
+
+    def enhanced(self, image: Tensor, features: Tensor) -> Tensor:
+        """The picture that features lead to."""
+        predicted = self.head(features).to(image.dtype)
         if not self.config.gain:
             return image + predicted
         gain, rest = predicted.chunk(2, dim=1)

@@ -44,7 +44,7 @@ class PairFolder:
         if min(rainy.shape[:2]) < patch:
             raise InputError(f"{files[0]}: too small", found=rainy.shape, expected=f"at least {patch}x{patch}")
         part = window(rainy.shape[0], rainy.shape[1], patch, rng)
-        return flipped((rainy[part], clean[part]), rng)
+        return flipped(Pair(rainy[part], clean[part], np.full_like(clean[part], np.nan)), rng)
 
 
 def find_pairs(folder: Path) -> list[Files]:

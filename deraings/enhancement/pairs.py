@@ -21,7 +21,7 @@ class Source(Protocol):
     """Where pairs come from."""
 
     def pair(self, patch: int, rng: np.random.Generator) -> Pair:
-        """Rainy and clean [patch, patch, 3], sRGB-encoded, [0, 1]; all chance comes from the generator."""
+        """A pair of [patch, patch] pixels; all chance comes from the generator."""
         ...
 
 
@@ -41,8 +41,7 @@ class DrawnRain:
         height, width = photograph.shape[:2]
         kind = str(rng.choice(list(KINDS), p=list(KINDS.values())))
         frame: Frame = (width, height)
-        rainy, clean = draw_rain(photograph, kind, self._pool[frame], window(height, width, patch, rng), rng)
-        return flipped((rainy, clean), rng)
+        return flipped(draw_rain(photograph, kind, self._pool[frame], window(height, width, patch, rng), rng), rng)
 
 
 def exposed(photograph: Bytes, rng: np.random.Generator) -> Bytes:
@@ -59,10 +58,8 @@ def window(height: int, width: int, patch: int, rng: np.random.Generator) -> Win
 
 
 def flipped(pair: Pair, rng: np.random.Generator) -> Pair:
-    """Both mirrored left to right, or not: rain leans both ways, but does not fall up."""
-    if rng.uniform() < 0.5:
-        return pair[0][:, ::-1], pair[1][:, ::-1]
-    return pair
+    """All of it mirrored left to right, or not: rain leans both ways, but does not fall up."""
+    return Pair(*(plane[:, ::-1] for plane in pair)) if rng.uniform() < 0.5 else pair
 
 
 class Pairs(Dataset):
@@ -71,12 +68,12 @@ class Pairs(Dataset):
     def __init__(self, sources: Sequence[Source], patch: int, seed: int) -> None:
         self._sources, self._patch, self._seed = sources, patch, seed
 
-    def __getitem__(self, index: int) -> tuple[Tensor, Tensor]:
-        """Rainy and clean [3, patch, patch]."""
+    def __getitem__(self, index: int) -> tuple[Tensor, ...]:
+        """Rainy, clean and cover, [3, patch, patch]."""
         rng = generator(self._seed, "pair", index)
         source = self._sources[rng.integers(len(self._sources))]
-        rainy, clean = (np.ascontiguousarray(image.transpose(2, 0, 1)) for image in source.pair(self._patch, rng))
-        return torch.from_numpy(rainy), torch.from_numpy(clean)
+        planes = (plane.transpose(2, 0, 1) for plane in source.pair(self._patch, rng))
+        return tuple(torch.from_numpy(np.ascontiguousarray(plane)) for plane in planes)
 
 
 def batches(pairs: Pairs, batch: int, first: int, last: int, workers: int) -> DataLoader:

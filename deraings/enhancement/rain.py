@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ from hydroviews.rain.setting import AIR, TINT
 
 FOCAL = 1.2  # focal length of a photograph in long sides: what a normal lens has
 LENSES = 10  # wet lenses baked for a frame; mist, photograph, flips and crops are new in every pair
-KINDS = {"streak": 0.45, "raindrop": 0.4, "both": 0.05, "clean": 0.1}  # shares of the pairs
+KINDS = {"streak": 0.35, "raindrop": 0.5, "both": 0.05, "clean": 0.1}  # shares of the pairs
 FEWEST = 20.0  # noise level n of the thinnest rain; the grades of bright, smooth scenes go as low
 BRIGHTER = 0.4  # share of the streaks brighter than the recipe's 0.8, as heavy grades have them
 NO_MIST = 0.15  # share of the wet lenses without mist
@@ -33,7 +34,6 @@ SPARSE = 4  # every so many rows and columns are looked at for the light of the 
 LINEAR = to_linear(np.arange(256, dtype=np.float32) / 255)  # of 8-bit values
 
 Window = tuple[slice, slice]  # rows and columns
-Pair = tuple[Image, Image]  # rainy and clean
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +43,14 @@ class WetLens:
     pattern: RaindropPattern
     frame: int  # key frame
     matte: PathMatte
+
+
+class Pair(NamedTuple):
+    """A picture in rain, and what was added to it."""
+
+    rainy: Image  # [H, W, 3]
+    clean: Image  # [H, W, 3]
+    cover: NDArray[np.float32]  # [H, W, 3], by streaks, drops and mist, [0, 1]; NaN where nobody knows
 
 
 Pool = dict[Frame, tuple[WetLens, ...]]
@@ -95,18 +103,18 @@ def draw_rain(
         rng: of the pair.
 
     Returns:
-        Rainy and clean [h, w, 3], sRGB-encoded, [0, 1].
+        Of the window's size.
     """
     clean = photograph[window].astype(np.float32) / 255
-    rainy = clean
+    rainy, cover = clean, np.zeros_like(clean)
     if kind in ("raindrop", "both"):
-        rainy = wet_lens(photograph, lenses[rng.integers(len(lenses))], window, rng)
+        rainy, cover[..., 1], cover[..., 2] = wet_lens(photograph, lenses[rng.integers(len(lenses))], window, rng)
     if kind in ("streak", "both"):
         height, width = photograph.shape[:2]
         pattern = draw_streaks(rng)
-        layer = streaks.streak_layer(pattern, width, height, rng)[window]
-        rainy = streaks.composite(rainy, layer, pattern.brightness)
-    return rainy, clean
+        cover[..., 0] = streaks.streak_layer(pattern, width, height, rng)[window]
+        rainy = streaks.composite(rainy, cover[..., 0], pattern.brightness)
+    return Pair(rainy, clean, cover)
 
 
 def draw_streaks(rng: np.random.Generator) -> streaks.StreakPattern:
@@ -120,15 +128,17 @@ def draw_streaks(rng: np.random.Generator) -> streaks.StreakPattern:
 
 def draw_mist(lens: WetLens, rng: np.random.Generator) -> RaindropPattern:
     """The pattern of a lens with mist of any thickness, thin ones more often, and sometimes of another form."""
-    level = 0.0 if rng.uniform() < NO_MIST else severity.THICKEST_MIST * float(rng.uniform()) ** 2
+    level = 0.0 if rng.uniform() < NO_MIST else severity.THICKEST_MIST * float(rng.uniform()) ** 3
     pattern = replace(lens.pattern, mist=level, air=drops_pattern.draw_pattern(rng).air)
     if rng.uniform() < OWN_MIST:
         return pattern
     return replace(pattern, seed=int(rng.integers(2**31)), rivulets=0)
 
 
-def wet_lens(photograph: Bytes, lens: WetLens, window: Window, rng: np.random.Generator) -> Image:
-    """A part of a photograph [H, W, 3] seen through drops and mist, [h, w, 3]."""
+def wet_lens(
+    photograph: Bytes, lens: WetLens, window: Window, rng: np.random.Generator
+) -> tuple[Image, NDArray[np.float32], NDArray[np.float32]]:
+    """A part of a photograph [H, W, 3] seen through drops and mist, [h, w, 3]; its cover by both, [h, w]."""
     height, width = photograph.shape[:2]
     pattern = draw_mist(lens, rng)
     linear = LINEAR[photograph]
@@ -137,7 +147,7 @@ def wet_lens(photograph: Bytes, lens: WetLens, window: Window, rng: np.random.Ge
     mask = lens.matte.mask[window]
     radiance = lens.matte.apply(expand_highlights(linear))[window] + ((1 - mask) * veil)[..., None] * air
     layers = {"M": mask, "V": veil, **{channel: radiance[..., i] for i, channel in enumerate("RGB")}}
-    return effects.composite("raindrop", {}, photograph[window].astype(np.float32) / 255, layers)
+    return effects.composite("raindrop", {}, photograph[window].astype(np.float32) / 255, layers), mask, veil
 
 
 def air_light(linear: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from baselines.splatting.checkpoints import read_arrays, write_arrays
 from deraings.enhancement.config import TrainingConfig, Upkeep
-from deraings.enhancement.loss import enhancement_loss
+from deraings.enhancement.loss import cover_loss, enhancement_loss
 from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.pairs import Pairs, Source, batches
 from deraings.enhancement.weights import to_arrays, to_tensors
@@ -47,16 +47,20 @@ class Training:
         self.loss = math.nan
         self.curve: list[dict[str, float]] = []
 
-    def learn(self, rainy: Tensor, clean: Tensor) -> None:
-        """One step, on a batch [N, 3, P, P] twice."""
+    def learn(self, rainy: Tensor, clean: Tensor, cover: Tensor) -> None:
+        """One step, on a batch [N, 3, P, P] of pictures, what they should become, and their cover by rain."""
         start = time.perf_counter()
         rate = rate_at(self.step, self.config)
         for group in self.optimiser.param_groups:
             group["lr"] = rate
         self.optimiser.zero_grad(set_to_none=True)
         with torch.autocast("cpu", torch.bfloat16, enabled=self.config.precision == "bfloat16"):
-            enhanced = self.network(rainy)
+            features = self.network.features(rainy)
+            enhanced = self.network.enhanced(rainy, features)
+            found = self.network.cover(features) if self.config.network.cover else None
         loss = enhancement_loss(enhanced.float(), clean, rainy, self.config.frequency, self.config.floor)
+        if found is not None:
+            loss = loss + self.config.detection * cover_loss(found.float(), cover)
         loss.backward()
         torch.nn.utils.clip_grad_norm_(self.network.parameters(), self.config.clip, error_if_nonfinite=True)
         self.optimiser.step()
@@ -159,8 +163,8 @@ def train(
     pairs = Pairs(sources, config.patch, config.seed)
     loader = batches(pairs, config.batch, training.step, config.steps, upkeep.workers)
     with tqdm(total=config.steps, initial=training.step, desc="training", unit="step") as bar:
-        for rainy, clean in loader:
-            training.learn(rainy, clean)
+        for rainy, clean, cover in loader:
+            training.learn(rainy, clean, cover)
             bar.set_postfix(loss=f"{training.loss:.4f}", refresh=False)
             bar.update()
             last = training.step == config.steps

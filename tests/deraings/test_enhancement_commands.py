@@ -38,7 +38,7 @@ def test_a_folder_of_pictures_is_enhanced(tmp_path, weights, capsys):
 
 def test_describe_counts(capsys):
     describe_command("small", 400, 300)
-    assert "3,422,693" in capsys.readouterr().out
+    assert "1,207,328" in capsys.readouterr().out
 
 
 def test_nothing_is_exported_where_nothing_was_trained(tmp_path):

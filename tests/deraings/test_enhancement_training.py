@@ -7,9 +7,10 @@ import pytest
 import torch
 
 from deraings.enhancement.config import TrainingConfig, Upkeep
-from deraings.enhancement.loss import enhancement_loss
+from deraings.enhancement.loss import cover_loss, enhancement_loss
 from deraings.enhancement.network import SMALL
-from deraings.enhancement.training import CHECKPOINT, CURVE, rate_at, train
+from deraings.enhancement.rain import Pair
+from deraings.enhancement.training import CHECKPOINT, CURVE, Training, rate_at, train
 from deraings.enhancement.weights import load_enhancer, save_network
 from hydroviews.errors import InputError
 
@@ -23,7 +24,7 @@ class Brighter:
 
     def pair(self, patch, rng):
         clean = rng.uniform(0, 0.8, (patch, patch, 3)).astype(np.float32)
-        return clean + np.float32(0.2), clean
+        return Pair(clean + np.float32(0.2), clean, np.full_like(clean, 0.25))
 
 
 class Interrupting(Brighter):
@@ -134,6 +135,25 @@ def test_noise_is_as_large_in_coefficients_as_in_pixels():
     pixels = enhancement_loss(noise, clean, rainy, 0.0, 0.0)
     both = enhancement_loss(noise, clean, rainy, 1.0, 0.0)
     assert float((both - pixels) / pixels) == pytest.approx(np.pi / 2 / np.sqrt(2), rel=0.05)  # Rayleigh, half-normal
+
+
+def test_cover_is_learned_where_it_is_known():
+    found, cover = torch.zeros(1, 3, 4, 4), torch.full((1, 3, 4, 4), 0.5)
+    assert cover_loss(found, cover) == pytest.approx(np.log(2))
+    assert cover_loss(found + 9, torch.ones_like(cover)) < 1e-3 < cover_loss(found - 9, torch.ones_like(cover))
+    cover[:, 1] = torch.nan
+    assert cover_loss(found, cover) == pytest.approx(np.log(2))
+    assert cover_loss(found, torch.full_like(cover, torch.nan)) == 0
+
+
+def test_the_network_finds_the_cover_and_says_nothing_of_what_nobody_knows(tmp_path):
+    training = learn(tmp_path, replace(CONFIG, steps=60, rate=3e-3, averaging=0.9))
+    with torch.no_grad():
+        found = torch.sigmoid(training.averaged.cover(training.averaged.features(torch.rand(1, 3, 32, 32))))
+    assert (found - 0.25).abs().mean() < 0.1
+    unknown = Training(CONFIG)
+    unknown.learn(torch.rand(1, 3, 32, 32), torch.rand(1, 3, 32, 32), torch.full((1, 3, 32, 32), torch.nan))
+    assert not unknown.network.cover[0].bias.any()
 
 
 def test_weights_come_back_with_their_card(tmp_path):
