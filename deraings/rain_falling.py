@@ -23,6 +23,7 @@ from hydroviews.images import Image
 
 ANGLES = tuple(range(0, 180, 15))  # degrees counter-clockwise from +x
 THIRDS = np.full(3, 1 / 3, np.float32)
+LONG_SIDE = 480  # pixels; streaks are looked for in no larger pictures
 LEVELS = 512  # bins of a histogram of encoded values in [0, 1]
 
 
@@ -33,6 +34,7 @@ class FallingConfig:
     brightness: float = 0.88  # beta, the encoded value of what streaks are made of
     line: float = 1 / 45  # length of the lines in longer sides of the picture
     start: float = 0.2  # share of the iterations before the first look
+    end: float = 0.5  # and before the last: later the render learns single streaks, and gaps between them
     looks: int = 240  # in all, spread evenly
     memory: int = 60  # looks that running sums remember
     dry: float = 0.045  # skew of one direction over the others up to which it does not rain
@@ -46,8 +48,9 @@ class FallingRain:
     """Running statistics of photographs and renders, and the median cover that follows."""
 
     def __init__(self, iterations: int, config: FallingConfig) -> None:
-        self._config, self._iterations = config, iterations
-        self._every = max(1, round(iterations * (1 - config.start) / config.looks))
+        self._config = config
+        self._first, self._last = round(config.start * iterations), round(config.end * iterations)
+        self._every = max(1, (self._last - self._first) // config.looks)
         self.powers = np.zeros((len(ANGLES), 3))  # sums of weights, squares and cubes of differences along lines
         self.levels = np.zeros((2, LEVELS))  # histograms of photographs and renders
         self.cover = np.zeros(1)  # S
@@ -59,20 +62,20 @@ class FallingRain:
 
     def due(self, iteration: int) -> bool:
         """Whether to look at a view in this step."""
-        return iteration >= self._config.start * self._iterations and iteration % self._every == 0
+        return self._first <= iteration <= self._last and iteration % self._every == 0
 
     def observe(self, photograph: Image, seen: Image, weights: NDArray[np.float32] | None) -> None:
         """Look at a view, and renew the cover.
 
         Args:
             photograph: [H, W, 3].
-            seen: what the model expects of it without falling rain, [H, W, 3]: the scene, learned lighter than it is.
+            seen: what the model expects of it, [H, W, 3], with the rain that it knows of.
             weights: of the pixels [H, W]; those of weight 0 are not looked at.
         """
         config = self._config
-        clear = None if weights is None else weights > 0.5
         keep = 1 - 1 / config.memory
-        grey = [image @ THIRDS for image in (photograph, seen)]
+        grey = [_small(image @ THIRDS) for image in (photograph, seen)]
+        clear = None if weights is None else _small(weights) > 0.5
         self.powers = keep * self.powers + line_powers(grey[0] - grey[1], config.line, clear)
         self.levels = keep * self.levels + np.stack([_histogram(image, clear) for image in grey])
         self.cover[0] = min(self.certainty() * self.lightened(), config.most)
@@ -149,6 +152,15 @@ def _skews(powers: NDArray) -> NDArray:
     count, squares, cubes = powers.T
     scale = squares**1.5 / np.sqrt(np.maximum(count, 1e-12))
     return np.divide(cubes, scale, out=np.zeros(len(powers)), where=scale > 0)
+
+
+def _small(plane: NDArray[np.float32]) -> NDArray[np.float32]:
+    """A plane [H, W], averaged down to a longer side of LONG_SIDE."""
+    shrink = max(plane.shape) / LONG_SIDE
+    if shrink <= 1:
+        return plane
+    height, width = (max(1, round(side / shrink)) for side in plane.shape)
+    return np.asarray(cv2.resize(plane, (width, height), interpolation=cv2.INTER_AREA), np.float32)
 
 
 def _histogram(image: NDArray[np.float32], clear: NDArray[np.bool_] | None) -> NDArray:

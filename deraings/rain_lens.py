@@ -89,7 +89,7 @@ class Veil:
         even = config.evenness * np.median(possible)
         self._most = np.sqrt(np.minimum(config.slack * np.minimum(bound, even), config.thickest))  # sqrt(V)
         likely = config.likely * np.minimum(possible, even) + SENSIBLE
-        self.roots = np.minimum(np.sqrt(likely), self._most) * self.wanted  # sqrt(V) at the knots
+        self.roots = (np.minimum(np.sqrt(likely), self._most) * self.wanted).astype(np.float32)  # sqrt(V) at the knots
         self._adam = {name: np.zeros(shape, np.float32) for name, shape in self._moment_shapes().items()}
 
     def due(self, iteration: int) -> bool:

@@ -76,6 +76,14 @@ def test_more_light_in_one_direction_is_skew():
     assert wet > 0.3
 
 
+def test_looks_are_spread_over_the_middle_of_the_training():
+    falling = FallingRain(1000, FallingConfig(looks=50))
+    looks = [iteration for iteration in range(1000) if falling.due(iteration)]
+    assert 200 <= looks[0] < 206
+    assert 494 < looks[-1] <= 500
+    assert len(looks) == 50
+
+
 @pytest.mark.parametrize("angle", ANGLES)
 def test_a_line_kernel_sums_to_one_and_turns_counter_clockwise(angle):
     kernel = line_kernel(9, angle)
