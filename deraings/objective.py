@@ -122,7 +122,7 @@ class RainObjective(Objective):
             difference = photograph - seen
             self.drops.observe(difference if target.shown is None else difference * target.shown[..., None], view)
         if self.falling and self.falling.due(iteration):
-            self.falling.observe(photograph, seen, weights)
+            self.falling.observe(photograph, seen, weights, iteration)
 
     def veil_share(self, view: int, size: tuple[int, int]) -> Plane:
         """V [H, W] of a training view; nought where no veil is looked for."""

@@ -36,7 +36,7 @@ class DropConfig:
     start: float = 0.2  # share of the iterations after which pixels are left out
     hidden: float = 0.6  # e / s from which a place counts for less than half
     softness: float = 0.2  # part of that by which e / s falls short of it where a place counts in full
-    fewest: float = 0.02  # share of the lens behind drops from which there are any
+    fewest: float = 0.03  # share of the lens behind drops from which there are any
     most: float = 0.6  # share of the lens, at most, that is left out
     around: float = 0.15  # side, in longer sides of the picture, of the surroundings that a place is compared with
     excess: float = 1.75  # e / s must exceed that of the surroundings by this factor, where the scene is hard to render

@@ -34,7 +34,9 @@ class FallingConfig:
     brightness: float = 0.88  # beta, the encoded value of what streaks are made of
     line: float = 1 / 45  # length of the lines in longer sides of the picture
     start: float = 0.2  # share of the iterations before the first look
-    end: float = 0.5  # and before the last: later the render learns single streaks, and gaps between them
+    settled: float = (
+        0.5  # and after which, if it surely rains, the cover stays: the render learns single streaks by then
+    )
     looks: int = 240  # in all, spread evenly
     memory: int = 60  # looks that running sums remember
     dry: float = 0.045  # skew of one direction over the others up to which it does not rain
@@ -49,8 +51,8 @@ class FallingRain:
 
     def __init__(self, iterations: int, config: FallingConfig) -> None:
         self._config = config
-        self._first, self._last = round(config.start * iterations), round(config.end * iterations)
-        self._every = max(1, (self._last - self._first) // config.looks)
+        self._first, self._settled = round(config.start * iterations), round(config.settled * iterations)
+        self._every = max(1, (iterations - self._first) // config.looks)
         self.powers = np.zeros((len(ANGLES), 3))  # sums of weights, squares and cubes of differences along lines
         self.levels = np.zeros((2, LEVELS))  # histograms of photographs and renders
         self.cover = np.zeros(1)  # S
@@ -62,22 +64,24 @@ class FallingRain:
 
     def due(self, iteration: int) -> bool:
         """Whether to look at a view in this step."""
-        return self._first <= iteration <= self._last and iteration % self._every == 0
+        return iteration >= self._first and iteration % self._every == 0
 
-    def observe(self, photograph: Image, seen: Image, weights: NDArray[np.float32] | None) -> None:
+    def observe(self, photograph: Image, seen: Image, weights: NDArray[np.float32] | None, iteration: int) -> None:
         """Look at a view, and renew the cover.
 
         Args:
             photograph: [H, W, 3].
             seen: what the model expects of it, [H, W, 3], with the rain that it knows of.
             weights: of the pixels [H, W]; those of weight 0 are not looked at.
+            iteration: of the training.
         """
         config = self._config
         keep = 1 - 1 / config.memory
         grey = [_small(image @ THIRDS) for image in (photograph, seen)]
         clear = None if weights is None else _small(weights) > 0.5
         self.powers = keep * self.powers + line_powers(grey[0] - grey[1], config.line, clear)
-        self.levels = keep * self.levels + np.stack([_histogram(image, clear) for image in grey])
+        if iteration < self._settled or self.certainty() < 1:
+            self.levels = keep * self.levels + np.stack([_histogram(image, clear) for image in grey])
         self.cover[0] = min(self.certainty() * self.lightened(), config.most)
 
     def certainty(self) -> float:
