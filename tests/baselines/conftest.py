@@ -1,24 +1,6 @@
 import sys
 from pathlib import Path
 
-import numba
-import pytest
-
-from baselines.splatting.kernels import warm_up
+from kernel_fixtures import compiled_kernels, one_thread  # noqa: F401
 
 sys.path.insert(0, str(Path(__file__).parent))
-
-
-@pytest.fixture(scope="session", autouse=True)
-def compiled_kernels():
-    """Compiled as a run compiles them, by a process of their own: code fresh from the compiler rounds differently."""
-    warm_up(3)
-
-
-@pytest.fixture(autouse=True)
-def one_thread():
-    """Tiny scenes on a busy machine: threads would wait for each other most of the time."""
-    before = numba.get_num_threads()
-    numba.set_num_threads(1)
-    yield
-    numba.set_num_threads(before)

@@ -5,7 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-HERE = Path(__file__).parent
+TESTS = Path(__file__).parents[1]
 TRAIN = """
 import hashlib, sys
 from dataclasses import replace
@@ -24,7 +24,7 @@ print(hashlib.sha256(b"".join(getattr(gaussians, name).tobytes() for name in FIE
 
 def trained(folder: Path, cache: Path) -> subprocess.CompletedProcess:
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "NUMBA_NUM_THREADS": "1"}
-    command = [sys.executable, "-c", TRAIN, str(HERE), str(HERE.parents[1]), str(folder)]
+    command = [sys.executable, "-c", TRAIN, str(TESTS / "helpers"), str(TESTS.parent), str(folder)]
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
 
 

@@ -81,7 +81,7 @@ train(photographed(folder / "scene"), replace(CONFIG, checkpoint_seconds=0.0), 0
 
 
 def test_a_killed_process_leaves_no_trace(scene, undisturbed, tmp_path):
-    command = [sys.executable, "-c", KILLED, str(Path(__file__).parent), str(tmp_path)]
+    command = [sys.executable, "-c", KILLED, str(Path(__file__).parents[1] / "helpers"), str(tmp_path)]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     checkpoint = tmp_path / "run" / CHECKPOINT
     wait_until(checkpoint.exists, process)

@@ -1,0 +1,1 @@
+from kernel_fixtures import compiled_kernels, one_thread  # noqa: F401
