@@ -6,7 +6,6 @@
 learned while the scene is, and each switches itself on only where the photographs call for it; `found` says what was.
 """
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -16,13 +15,14 @@ from numpy.typing import NDArray
 from baselines.splatting.objective import Objective, TrainingImages
 from baselines.splatting.photometric import Target, photometric_loss
 from baselines.splatting.rasterizer import Workspace
+from deraings.masking import OcclusionMasks
+from deraings.masking_loss import loss_map
 from deraings.rain_drops import DropConfig, Drops, Spread
 from deraings.rain_falling import FallingConfig, FallingRain
 from deraings.rain_lens import Veil, VeilConfig
 from hydroviews.images import Image
 
 Plane = NDArray[np.float32]
-PixelWeights = Callable[[int, tuple[int, int], int], Plane | None]  # of (view, (H, W), iteration)
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class RainObjective(Objective):
         iterations: int,
         config: RainConfig | None = None,
         ssim_share: float = 0.2,
-        pixel_weights: PixelWeights | None = None,
+        masks: OcclusionMasks | None = None,
     ) -> None:
         """A model of the rain, before anything is known of it.
 
@@ -55,12 +55,11 @@ class RainObjective(Objective):
             iterations: of the training.
             config: which kinds of rain are looked for.
             ssim_share: lambda of the photometric loss.
-            pixel_weights: further factors [H, W] on each pixel's share of the loss, such as 1 - M of a learned mask,
-                for (view, (H, W), iteration); None for a view, or for all, where there are none.
+            masks: occlusion masks to be learned as well; what the rain model explains is not for them to mask.
         """
         super().__init__(images, ssim_share)
         self.config = config = config or RainConfig()
-        self._pixel_weights, self._iterations = pixel_weights, iterations
+        self.masks, self._iterations = masks, iterations
         count = len(images)
         pictures = [images.pixels(view) for view in range(count)]
         hidden = [images.ignored(view) for view in range(count)]
@@ -75,6 +74,8 @@ class RainObjective(Objective):
         image = image if finite is None else np.where(finite[..., None], image, np.float32(0))
         seen, behind = self._seen(image, view, iteration, workspace)
         passing = np.float32(1 - self.cover)  # of the scene's light, in this step
+        if self.masks and self.masks.due(iteration):
+            self.masks.learn(view, loss_map(seen, target, self.ssim_share, workspace=workspace), iteration)
         weights = self._weights(target, finite, view, iteration)
         self._observe(seen, target, weights, view, iteration)
         loss, gradient = photometric_loss(seen, target, self.ssim_share, weights, workspace)
@@ -106,7 +107,7 @@ class RainObjective(Objective):
         size = target.pixels.shape[0], target.pixels.shape[1] // 3
         parts = [
             self.drops.weights(view, size, iteration) if self.drops else None,
-            self._pixel_weights(view, size, iteration) if self._pixel_weights else None,
+            self.masks.weights(view, size, iteration) if self.masks else None,
             None if finite is None else finite.astype(np.float32),
             target.shown,
         ]
@@ -137,8 +138,8 @@ class RainObjective(Objective):
         """What rain was found, for the record, at the middle of the film.
 
         Returns:
-            `needed`: which of veil, drops and falling were called for; then means and maxima of what they are. A part
-            that is not looked for is left out.
+            `needed`: which of veil, drops, falling and masks were called for; then means and maxima of what they are.
+            A part that is not looked for is left out.
         """
         middle = len(self.images) // 2
         size = self.images.pixels(middle).shape[0], self.images.pixels(middle).shape[1]
@@ -152,14 +153,17 @@ class RainObjective(Objective):
         if self.falling:
             report |= {"falling": self.cover, "falling_certainty": self.falling.certainty()}
             report["falling_angle"] = self.falling.angle()
-        limits = {"veil_mean": 0.0, "drops": 0.0, "falling": THIN}
+        if self.masks:
+            report["masks"] = self.masks.found()["mask_mean"]
+        limits = {"veil_mean": 0.0, "drops": 0.0, "falling": THIN, "masks": 0.0}
         numbers = {name: round(float(value), 4) for name, value in report.items()}
         needed = [name.removesuffix("_mean") for name, limit in limits.items() if numbers.get(name, 0) > limit]
         return {"needed": needed, **numbers}
 
     def about(self) -> dict[str, Any]:
         """See Objective."""
-        return {**super().about(), "rain": asdict(self.config)}
+        masks = self.masks.about() if self.masks else None
+        return {**super().about(), "rain": asdict(self.config), "masks": masks}
 
     def arrays(self) -> dict[str, NDArray]:
         """See Objective."""
@@ -172,7 +176,7 @@ class RainObjective(Objective):
             model.restore({name[len(start) :]: value for name, value in arrays.items() if name.startswith(start)})
 
     def _parts(self) -> list[tuple[str, Any]]:
-        parts = (("veil", self.veil), ("drops", self.drops), ("falling", self.falling))
+        parts = (("veil", self.veil), ("drops", self.drops), ("falling", self.falling), ("masks", self.masks))
         return [(name, model) for name, model in parts if model is not None]
 
 

@@ -7,6 +7,8 @@ import pytest
 
 from baselines.splatting.objective import Objective, TrainingImages
 from baselines.splatting.rasterizer import Workspace
+from deraings.masking import OcclusionMasks
+from deraings.masking_config import MaskConfig
 from deraings.objective import RainConfig, RainObjective
 from deraings.rain_drops import DropConfig
 from deraings.rain_falling import FallingConfig
@@ -139,19 +141,26 @@ def test_smaller_renders_are_compared_with_smaller_photographs():
     assert gradient.shape == (23, 31, 3)
 
 
-def test_weights_from_elsewhere_count_as_well():
+def test_masks_learn_from_the_loss_and_weigh_it():
     scene = scene_of(8)
-    asked = []
+    learned = []
 
-    def weights(view, size, iteration):
-        asked.append((view, size, iteration))
-        plane = np.ones(size, np.float32)
-        plane[:, :30] = 0
-        return plane
+    class Left(OcclusionMasks):
+        """Masks the left of every view."""
 
-    objective = objective_of(scene, RainConfig(None, None, None), pixel_weights=weights)
-    (_, gradient), *_ = steps(objective, renders(scene), 0, 1)
-    assert asked == [(0, (panorama.HEIGHT, panorama.WIDTH), 0)]
+        def learn(self, view, loss, iteration):
+            learned.append((view, iteration, loss.shape))
+
+        def weights(self, view, size, iteration):
+            plane = np.ones(size, np.float32)
+            plane[:, :30] = 0
+            return plane
+
+    masks = Left(TrainingImages(panorama.eight_bit(scene)), 10, 0, MaskConfig(start=0.2, warm_up=0.2, every=2))
+    objective = objective_of(scene, RainConfig(None, None, None), masks=masks)
+    (_, gradient), *_ = steps(objective, renders(scene), 0, 3)
+    size = panorama.HEIGHT, panorama.WIDTH
+    assert learned == [(0, 0, size), (2, 2, size)]
     assert not gradient[:, :24].any()
     assert gradient[:, 36:].any()
 

@@ -1,0 +1,119 @@
+"""DeRainGS: enhancement of the photographs, then Gaussians and occlusion masks learned from them together.
+
+`DeRainGS` is the paper's method, `DeRainGSPlus` ours, which models the rain that is seen in the photographs. The
+classes after them leave parts out, for the ablation.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+from baselines.gaussian_splatting import PROFILES, GaussianSplatting
+from baselines.method import Statistics
+from baselines.splatting.config import TrainerConfig
+from baselines.splatting.objective import read_images
+from deraings.enhanced import enhanced_images
+from deraings.enhancement.weights import load_enhancer
+from deraings.masking import OcclusionMasks
+from deraings.masking_config import MaskConfig
+from deraings.objective import RainConfig, RainObjective
+from hydroviews.files import read_json, write_json
+from hydroviews.scenes import Scene
+
+FOUND = "rain.json"
+NOTHING = RainConfig(veil=None, drops=None, falling=None)
+
+
+@dataclass(frozen=True)
+class DeRainGSConfig:
+    """Three switches on top of splatting; each works with or without the others."""
+
+    splatting: TrainerConfig
+    enhancement: str | None = None  # weights, by name or path: photographs are enhanced before anything is learned
+    masks: MaskConfig | None = None  # occlusion masks
+    rain: RainConfig = NOTHING  # kinds of rain that are modelled where the photographs call for them
+
+
+def profiles(configure: Callable[[TrainerConfig], DeRainGSConfig]) -> dict[str, DeRainGSConfig]:
+    """A configuration for every profile of plain splatting, which trains the same Gaussians for as long."""
+    return {name: configure(splatting) for name, splatting in PROFILES.items()}
+
+
+class DeRainGS(GaussianSplatting):
+    """The paper's method: enhancement, and masks with spectral channel attention."""
+
+    profiles: ClassVar[Mapping[str, Any]] = profiles(
+        lambda splatting: DeRainGSConfig(splatting, enhancement="small", masks=MaskConfig())
+    )
+
+    def __init__(self, config: DeRainGSConfig, seed: int) -> None:
+        super().__init__(config, seed)
+        self._objective: RainObjective | None = None
+        self._found: dict[str, Any] = {}
+
+    @property
+    def splatting(self) -> TrainerConfig:
+        """See GaussianSplatting."""
+        config: DeRainGSConfig = self.config
+        return config.splatting
+
+    def objective(self, scene: Scene, folder: Path) -> RainObjective:
+        """See GaussianSplatting; enhanced views are kept in `folder`.
+
+        Raises:
+            InputError: an unreadable picture, or no such weights.
+        """
+        config: DeRainGSConfig = self.config
+        images = read_images(scene.train_views)
+        if config.enhancement:
+            enhancer = load_enhancer(config.enhancement)
+            print(enhancer.reason)
+            names = [view.name for view in scene.train_views]
+            images = enhanced_images(images, names, enhancer, folder / "enhanced")
+            self._found["enhancement"] = config.enhancement
+        iterations = config.splatting.iterations
+        masks = OcclusionMasks(images, iterations, self.seed, config.masks) if config.masks else None
+        self._objective = RainObjective(images, iterations, config.rain, config.splatting.ssim_share, masks)
+        return self._objective
+
+    def fit(self, scene: Scene, folder: Path) -> None:
+        """See Method."""
+        super().fit(scene, folder)
+        assert self._objective is not None
+        self._found |= self._objective.found()
+
+    def save(self, folder: Path) -> None:
+        """The model, a .ply, and what rain was found."""
+        super().save(folder)
+        write_json(folder / FOUND, self._found)
+
+    @classmethod
+    def load(cls, config: Any, seed: int, folder: Path) -> Self:
+        """See Method."""
+        method = super().load(config, seed, folder)
+        method._found = read_json(folder / FOUND)
+        return method
+
+    def statistics(self) -> Statistics:
+        """See Method; `used` says what was found in the photographs."""
+        used = ", ".join(f"{name} {value}" for name, value in self._found.items())
+        return replace(super().statistics(), used=used)
+
+
+class DeRainGSPlus(DeRainGS):
+    """The rain is modelled: a veil and drops on the lens, falling rain that only adds light."""
+
+    profiles: ClassVar[Mapping[str, Any]] = profiles(lambda splatting: DeRainGSConfig(splatting, rain=RainConfig()))
+
+
+class Masks(DeRainGS):
+    """Ablation (c): masks on the photographs as they are."""
+
+    profiles: ClassVar[Mapping[str, Any]] = profiles(lambda splatting: DeRainGSConfig(splatting, masks=MaskConfig()))
+
+
+class Enhancement(DeRainGS):
+    """Ablation (d): enhanced photographs, no masks."""
+
+    profiles: ClassVar[Mapping[str, Any]] = profiles(lambda splatting: DeRainGSConfig(splatting, enhancement="small"))

@@ -1,0 +1,109 @@
+"""The whole method: what it needs of the photographs, that it resumes, and that it comes back from disk."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from splats import photographed
+from trainings import CONFIG, assert_identical
+
+from baselines.method import find_method
+from baselines.splatting.objective import read_images
+from deraings import method as methods
+from deraings.enhanced import enhanced_images
+from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
+from deraings.enhancement.weights import load_enhancer, save_network
+from deraings.masking_config import MaskConfig
+from deraings.method import DeRainGS, DeRainGSConfig, DeRainGSPlus
+from deraings.objective import RainConfig
+from hydroviews.images import read_image
+
+TINY = NetworkConfig(width=4, encoder=(1, 1, 1, 1), bottleneck=1, decoder=(1, 1, 1, 1), head_width=4, stem=2)
+MASKED = MaskConfig(start=0.3, warm_up=0.2, every=2, least_evidence=0)
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    return photographed(tmp_path_factory.mktemp("scene"))
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory):
+    """Of a network that makes every picture darker by 0.1."""
+    network = EnhancementNetwork(TINY)
+    with torch.no_grad():
+        network.head[0].bias.fill_(-0.1)
+    path = tmp_path_factory.mktemp("weights") / "darker.safetensors"
+    save_network(path, TINY, network.state_dict(), {"steps": 0, "data": "nothing"})
+    return path
+
+
+def test_photographs_are_enhanced_once(scene, weights, tmp_path):
+    images, enhancer = read_images(scene.train_views), load_enhancer(weights)
+    names = [view.name for view in scene.train_views]
+    enhanced = enhanced_images(images, names, enhancer, tmp_path)
+    expected = np.clip(images.pixels(0) / 255 - 0.1, 0, 1)
+    assert np.abs(enhanced.pixels(0) / 255 - expected).max() < 0.01
+    (kept,) = tmp_path.iterdir()
+    assert np.array_equal(enhanced.pixels(0), np.rint(255 * read_image(kept / f"{names[0]}.png")))
+    times = [path.stat().st_mtime_ns for path in sorted(kept.iterdir())]
+    assert enhanced_images(images, names, enhancer, tmp_path).digest() == enhanced.digest()
+    assert times == [path.stat().st_mtime_ns for path in sorted(kept.iterdir())]
+
+
+def test_other_weights_enhance_anew(scene, weights, tmp_path):
+    images, enhancer = read_images(scene.train_views), load_enhancer(weights)
+    names = [view.name for view in scene.train_views]
+    enhanced_images(images, names, enhancer, tmp_path)
+    with torch.no_grad():
+        enhancer.network.head[0].bias.fill_(0.1)
+    brighter = enhanced_images(images, names, enhancer, tmp_path)
+    assert brighter.pixels(0).mean() > images.pixels(0).mean()
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+@pytest.mark.parametrize(
+    "switches",
+    [{"masks": MASKED}, {"rain": RainConfig()}, {"masks": MASKED, "rain": RainConfig(), "enhancement": True}],
+    ids=["masks", "rain", "all"],
+)
+def test_it_learns_resumes_and_comes_back(scene, weights, tmp_path, switches, monkeypatch):
+    if "enhancement" in switches:
+        switches = {**switches, "enhancement": str(weights)}
+    config = DeRainGSConfig(replace(CONFIG, checkpoint_seconds=0.0), **switches)
+    undisturbed = DeRainGS(config, 0)
+    undisturbed.fit(scene, tmp_path / "undisturbed")
+
+    interrupted = methods.RainObjective.__call__
+
+    def crash(self, image, view, iteration, workspace):
+        if iteration == 130:
+            raise RuntimeError("power cut")
+        return interrupted(self, image, view, iteration, workspace)
+
+    with monkeypatch.context() as patch, pytest.raises(RuntimeError, match="power cut"):
+        patch.setattr(methods.RainObjective, "__call__", crash)
+        DeRainGS(config, 0).fit(scene, tmp_path / "run")
+    resumed = DeRainGS(config, 0)
+    resumed.fit(scene, tmp_path / "run")
+    assert_identical(undisturbed._trained, resumed._trained)
+    assert resumed.statistics().used == undisturbed.statistics().used
+
+    resumed.save(tmp_path / "run")
+    loaded = DeRainGS.load(config, 0, tmp_path / "run")
+    camera = scene.views[0].camera
+    assert np.array_equal(loaded.render(camera), resumed.render(camera))
+    assert loaded.statistics() == resumed.statistics()
+
+
+def test_methods_are_found_and_differ_in_their_switches():
+    assert find_method("deraings") is DeRainGS
+    assert find_method("deraings-plus") is DeRainGSPlus
+    plus = DeRainGSPlus.configuration("demo")
+    assert plus.rain == RainConfig()
+    paper = DeRainGS.configuration("demo")
+    assert paper.enhancement
+    assert paper.masks
+    assert paper.rain == methods.NOTHING
+    assert paper.splatting == plus.splatting
