@@ -12,6 +12,7 @@ PATTERNS ?=
 DATA    ?= data
 RESULTS ?= results
 EXTRAS  ?= blender,viewer,compression,dev
+SEEDS   ?= 0
 BENCH   ?= splatting
 BENCH_ARGS ?=
 PIP_ARGS ?=
@@ -20,6 +21,8 @@ PORT    ?= 8080
 OUT     ?= film.mp4
 FILM_ARGS ?=
 
+ABLATION := deraings.method:Masks deraings.method:Enhancement deraings.method:WithoutAttention deraings \
+            deraings-plus deraings.method:Everything
 BIN      := $(VENV)/bin
 READY    := $(VENV)/.ready
 comma    := ,
@@ -42,7 +45,7 @@ $(error RUN= is missing: name the folder of a finished run, such as RUN=$(RESULT
 endif
 endif
 
-.PHONY: setup dataset eval severity leaderboard view film bench test lint
+.PHONY: setup dataset eval severity ablation leaderboard view film bench test lint
 
 setup: $(READY)  ## everything into .venv, at the versions of constraints.txt
 
@@ -61,6 +64,9 @@ eval: $(READY)  ## build what is missing, run the method and the reference rows,
 severity: $(READY)  ## what plain 3DGS loses to each of a scene's six patterns, entered into its data card
 	$(MAKE) eval METHOD=3dgs PATTERNS=raindrop-0,raindrop-1,raindrop-2,streak-0,streak-1,streak-2
 	$(BIN)/python -m hydroviews card '$(DATA)/$(PROFILE)' --results '$(RESULTS)'
+
+ablation: $(READY)  ## DeRainGS with parts left out and with the rain model, on SCENE= for every seed of SEEDS="0 1 2"
+	set -e; for seed in $(SEEDS); do for method in $(ABLATION); do $(MAKE) eval METHOD=$$method SEED=$$seed; done; done
 
 leaderboard: $(READY)  ## gather all records into results/leaderboard.csv and tables.md
 	$(BIN)/python -m leaderboard table --results '$(RESULTS)'

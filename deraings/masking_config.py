@@ -18,6 +18,7 @@ class MaskConfig:
     shrink: int = 4  # the network works at this fraction of the picture's resolution
     fine: int = 2  # and gives this many mask pixels a side for each of its own
     width: int = 16  # channels of the encoder
+    attention: bool = True  # whether channels are weighed by their high frequencies
     cutoff: float = 0.125  # of the high-pass filter, in cycles a pixel of the network's resolution
     lens_views: float = 8.0  # views before and after whose losses the network sees, as a standard deviation; or 0
 

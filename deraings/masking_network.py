@@ -115,7 +115,9 @@ class UNet(nn.Module):
 class MaskNetwork(nn.Module):
     """Predicts M [N, 1, H, W] in (0, 1) from pictures [N, 3, H, W] in [0, 1]."""
 
-    def __init__(self, shrink: int, fine: int, width: int, cutoff: float, extra: int = 0) -> None:
+    def __init__(
+        self, shrink: int, fine: int, width: int, cutoff: float, extra: int = 0, attention: bool = True
+    ) -> None:
         super().__init__()
         self.shrink, self.fine = shrink, fine
         widths = tuple(round(width * factor) for factor in (1, 1.5, 2, 3, 4))
@@ -124,7 +126,7 @@ class MaskNetwork(nn.Module):
             convolution(width, width, 3),
             convolution(width, width, 1, active=False),
         )
-        self.attention = ChannelAttention(width, cutoff)
+        self.attention = ChannelAttention(width, cutoff) if attention else nn.Identity()
         self.unet = UNet(widths, fine**2)
 
     def forward(self, pictures: Tensor, extra: Tensor | None = None) -> Tensor:

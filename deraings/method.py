@@ -117,3 +117,19 @@ class Enhancement(DeRainGS):
     """Ablation (d): enhanced photographs, no masks."""
 
     profiles: ClassVar[Mapping[str, Any]] = profiles(lambda splatting: DeRainGSConfig(splatting, enhancement="small"))
+
+
+class WithoutAttention(DeRainGS):
+    """Ablation (e): all of the paper's method but the attention in the mask network."""
+
+    profiles: ClassVar[Mapping[str, Any]] = profiles(
+        lambda splatting: DeRainGSConfig(splatting, enhancement="small", masks=MaskConfig(attention=False))
+    )
+
+
+class Everything(DeRainGS):
+    """Enhancement, masks and the rain model."""
+
+    profiles: ClassVar[Mapping[str, Any]] = profiles(
+        lambda splatting: DeRainGSConfig(splatting, enhancement="small", masks=MaskConfig(), rain=RainConfig())
+    )

@@ -96,8 +96,10 @@ def test_the_network_has_the_papers_parts_and_starts_with_hardly_any_mask():
     assert torch.allclose(mask, torch.tensor(0.02))
 
 
-def test_every_weight_learns():
-    network = MaskNetwork(shrink=2, fine=1, width=8, cutoff=0.125)
+@pytest.mark.parametrize("attention", [True, False])
+def test_every_weight_learns(attention):
+    network = MaskNetwork(shrink=2, fine=1, width=8, cutoff=0.125, attention=attention)
+    assert any("mlp" in name for name, _ in network.named_parameters()) == attention
     picture = torch.rand(1, 3, 66, 70, generator=torch.Generator().manual_seed(0))
     descent = torch.optim.SGD(network.parameters(), 0.1)
     for _ in range(2):  # the last layer starts at zero and lets nothing through at first

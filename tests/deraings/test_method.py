@@ -15,7 +15,7 @@ from deraings.enhanced import enhanced_images
 from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
 from deraings.enhancement.weights import load_enhancer, save_network
 from deraings.masking_config import MaskConfig
-from deraings.method import DeRainGS, DeRainGSConfig, DeRainGSPlus
+from deraings.method import DeRainGS, DeRainGSConfig, DeRainGSPlus, WithoutAttention
 from deraings.objective import RainConfig
 from hydroviews.images import read_image
 
@@ -107,3 +107,5 @@ def test_methods_are_found_and_differ_in_their_switches():
     assert paper.masks
     assert paper.rain == methods.NOTHING
     assert paper.splatting == plus.splatting
+    less = WithoutAttention.configuration("demo")
+    assert replace(less, masks=replace(less.masks, attention=True)) == paper
