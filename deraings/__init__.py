@@ -1,1 +1,1 @@
-"""DeRainGS, the method the benchmark is named after. Nothing is registered here yet."""
+"""DeRainGS, the method the benchmark is named after, and its continuation that models the rain."""
