@@ -18,7 +18,7 @@ from deraings.enhancement.rain import LENSES, bake_pool
 from deraings.enhancement.size import describe
 from deraings.enhancement.training import Training, resume, train
 from deraings.enhancement.validation import as_columns, as_json, scores, table, validation_set
-from deraings.enhancement.weights import load_enhancer, save_network
+from deraings.enhancement.weights import load_enhancer, rounded, save_network
 from hydroviews.commands import run_command
 from hydroviews.errors import InputError
 from hydroviews.files import write_json
@@ -87,6 +87,7 @@ def described(data: Data) -> str:
 def write_weights(request: Request, training: Training) -> None:
     """Validate on held-out photographs, and write weights and data card."""
     held_out = split_photographs(request.data.photographs).held_out[: request.validated or None]
+    training.averaged.load_state_dict(rounded(training.averaged.state_dict()))
     rows = scores(training.averaged, validation_set(held_out, VALIDATION_SEED, request.data.cache / "validation"))
     settings = asdict(request.training)
     card: dict[str, Any] = {

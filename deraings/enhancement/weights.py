@@ -52,8 +52,12 @@ def load_enhancer(weights: str | Path = DEFAULT) -> Enhancer:
 
 
 def save_network(path: Path, config: NetworkConfig, tensors: dict[str, Tensor], card: dict[str, Any]) -> None:
-    """Write weights with what is needed to use and to judge them."""
-    write_arrays(path, to_arrays(tensors), {"network": asdict(config), "card": card})
+    """Write weights, as half floats, with what is needed to use and to judge them."""
+    write_arrays(
+        path,
+        to_arrays({name: value.half() for name, value in tensors.items()}),
+        {"network": asdict(config), "card": card},
+    )
 
 
 def build(path: Path, about: dict[str, Any], arrays: dict[str, NDArray]) -> EnhancementNetwork:
@@ -69,6 +73,11 @@ def build(path: Path, about: dict[str, Any], arrays: dict[str, NDArray]) -> Enha
     except (KeyError, TypeError, RuntimeError) as error:
         raise InputError(f"{path}: not an enhancement network of this version", found=error) from error
     return network.eval().requires_grad_(False)
+
+
+def rounded(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    """Weights as they come back from a file."""
+    return {name: value.half().float() for name, value in tensors.items()}
 
 
 def to_arrays(tensors: dict[str, Tensor]) -> dict[str, NDArray]:

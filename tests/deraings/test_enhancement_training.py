@@ -11,7 +11,7 @@ from deraings.enhancement.loss import cover_loss, enhancement_loss
 from deraings.enhancement.network import SMALL
 from deraings.enhancement.rain import Pair
 from deraings.enhancement.training import CHECKPOINT, CURVE, Training, rate_at, train
-from deraings.enhancement.weights import load_enhancer, save_network
+from deraings.enhancement.weights import load_enhancer, rounded, save_network
 from hydroviews.errors import InputError
 
 TINY = replace(SMALL, width=8, encoder=(1, 1, 1, 1), bottleneck=1, decoder=(1, 1, 1, 1), head_width=8)
@@ -166,6 +166,7 @@ def test_weights_come_back_with_their_card(tmp_path):
     assert "6 steps on brighter" in enhancer.reason
     assert str(path) in enhancer.reason
     image = torch.rand(1, 3, 32, 32)
+    training.averaged.load_state_dict(rounded(training.averaged.state_dict()))
     assert torch.equal(enhancer.network(image), training.averaged(image))
 
 
