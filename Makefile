@@ -13,6 +13,7 @@ DATA    ?= data
 RESULTS ?= results
 EXTRAS  ?= blender,viewer,compression,dev
 SEEDS   ?= 0
+PHOTOGRAPHS ?=
 BENCH   ?= splatting
 BENCH_ARGS ?=
 PIP_ARGS ?=
@@ -45,7 +46,7 @@ $(error RUN= is missing: name the folder of a finished run, such as RUN=$(RESULT
 endif
 endif
 
-.PHONY: setup dataset eval severity ablation leaderboard view film bench test lint
+.PHONY: setup dataset eval severity enhancer ablation leaderboard view film bench test lint
 
 setup: $(READY)  ## everything into .venv, at the versions of constraints.txt
 
@@ -64,6 +65,9 @@ eval: $(READY)  ## build what is missing, run the method and the reference rows,
 severity: $(READY)  ## what plain 3DGS loses to each of a scene's six patterns, entered into its data card
 	$(MAKE) eval METHOD=3dgs PATTERNS=raindrop-0,raindrop-1,raindrop-2,streak-0,streak-1,streak-2
 	$(BIN)/python -m hydroviews card '$(DATA)/$(PROFILE)' --results '$(RESULTS)'
+
+enhancer: $(READY)  ## train the enhancement network: PHOTOGRAPHS=a folder of clean photographs
+	$(BIN)/python -m deraings.enhancement train --photographs '$(PHOTOGRAPHS)' --cache '$(RESULTS)/enhancement/rain' --out '$(RESULTS)/enhancement/small'
 
 ablation: $(READY)  ## DeRainGS with parts left out and with the rain model, on SCENE= for every seed of SEEDS="0 1 2"
 	set -e; for seed in $(SEEDS); do for method in $(ABLATION); do $(MAKE) eval METHOD=$$method SEED=$$seed; done; done
