@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from baselines.splatting.adam import adam_step
 from baselines.splatting.rasterizer import Workspace
-from deraings.rain_light import veiled, veiled_gradient
+from deraings.rain_light import veiled, veiled_gradient, warm_up
 from hydroviews.images import Image, to_linear
 
 SENSIBLE = 1e-3  # V at least as thick learns; none at all would have no gradient
@@ -86,6 +86,8 @@ class Veil:
         bound = thickest_veil(pictures, self.expected, grid, config.darkest, hidden)
         possible = bound - bound.min()
         self.wanted = bool(np.quantile(possible, 0.25) >= config.thinnest)
+        if self.wanted:
+            warm_up()
         even = config.evenness * np.median(possible)
         self._most = np.sqrt(np.minimum(config.slack * np.minimum(bound, even), config.thickest))  # sqrt(V)
         likely = config.likely * np.minimum(possible, even) + SENSIBLE

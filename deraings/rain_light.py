@@ -7,11 +7,14 @@ an encoded 0 into 0.25. The sRGB curve (IEC 61966-2-1) and its slope come from t
 of light, where it is nearly straight; the largest error of an encoded value is below 1e-5.
 """
 
+from pathlib import Path
+
 import numpy as np
 from numba import prange
 from numpy.typing import NDArray
 
 from baselines.splatting.jit import inlined, kernel
+from baselines.splatting.kernels import compile_apart
 from baselines.splatting.rasterizer import Workspace
 from hydroviews.images import Image
 
@@ -82,6 +85,19 @@ def _veiled_gradient(image, share, colour, decode, decode_slope, encode_slope, g
                 g_share[row, i] = by_share
         for c in range(3):
             g_colour[band, c] = total[c]
+
+
+def warm_up() -> None:
+    """Load the kernels; see `kernels.compile_apart`."""
+    compile_apart(f"from {__name__} import exercise_kernels; exercise_kernels()", [Path(__file__)])
+    exercise_kernels()
+
+
+def exercise_kernels() -> None:
+    """Both kernels once, on a picture of one pixel."""
+    pixel, share, workspace = np.zeros((1, 1, 3), np.float32), np.zeros((1, 1), np.float32), Workspace()
+    veiled(pixel, share, pixel[0, 0], workspace)
+    veiled_gradient(pixel, share, pixel[0, 0], pixel, workspace)
 
 
 def veiled(image: Image, share: NDArray[np.float32], colour: NDArray[np.float32], workspace: Workspace) -> Image:

@@ -4,6 +4,7 @@ import hashlib
 import os
 import sys
 import time
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,20 +26,29 @@ from hydroviews.scenes import no_points
 
 
 def warm_up(sh_degree: int) -> float:
-    """Load every kernel, so that training time is training; seconds.
-
-    Kernels that were never compiled are compiled by a process of their own: code fresh from the compiler rounds
-    differently from the same code read back from the cache, and a run must not depend on being the first.
-    """
+    """Load every kernel, so that training time is training; seconds."""
     start = time.perf_counter()
-    mark = Path(FOLDER) / f"compiled-{_sources_digest()}"
-    if not mark.is_file():
-        print("compiling the kernels: once, up to a minute", file=sys.stderr, flush=True)
-        code = f"from {__name__} import exercise_kernels; exercise_kernels({sh_degree})"
-        run_process([sys.executable, "-c", code], {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})
-        write_bytes(mark, b"")
+    compile_apart(f"from {__name__} import exercise_kernels; exercise_kernels({sh_degree})", HERE.glob("*.py"))
     exercise_kernels(sh_degree)
     return time.perf_counter() - start
+
+
+def compile_apart(code: str, sources: Iterable[Path]) -> None:
+    """Have kernels that were never compiled compiled by a process of their own.
+
+    Code fresh from the compiler rounds differently from the same code read back from the cache, and a run must not
+    depend on being the first.
+
+    Args:
+        code: calls them all.
+        sources: the files that they are in; an edited one is compiled again.
+    """
+    digest = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(sources))).hexdigest()[:12]
+    mark = Path(FOLDER) / f"compiled-{digest}"
+    if not mark.is_file():
+        print("compiling the kernels: once, up to a minute", file=sys.stderr, flush=True)
+        run_process([sys.executable, "-c", code], {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})
+        write_bytes(mark, b"")
 
 
 def exercise_kernels(sh_degree: int) -> None:
@@ -52,8 +62,3 @@ def exercise_kernels(sh_degree: int) -> None:
     rates = schedule.rates_at(0, 1, LearningRates(), 1.0, sh_degree)
     for strategy in (Densification(), Relocation()):
         backend.step(camera, 0, 0, sh_degree, rates, strategy.duties(0, 1e-4, 1.0, 0))
-
-
-def _sources_digest() -> str:
-    """Changes with any of our files: a kernel that was edited is compiled again, and by a process of its own."""
-    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(HERE.glob("*.py")))).hexdigest()[:12]
