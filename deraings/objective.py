@@ -2,8 +2,9 @@
 
     seen = lens veil over (falling rain over the rendered scene);  loss = photometric(seen, photograph; weights)
 
-`rain_lens` has the veil of mist, `rain_falling` the falling rain, `rain_drops` the weights behind drops. All are
-learned while the scene is, and each switches itself on only where the photographs call for it; `found` says what was.
+`rain_lens` has the veil of mist, `rain_falling` what falling rain covers evenly, `rain_streaks` how much more or less
+that is in every pixel of a view, `rain_drops` the weights behind drops. All are learned while the scene is, and each
+switches itself on only where the photographs call for it; `found` says what was.
 """
 
 from dataclasses import asdict, dataclass, field
@@ -20,6 +21,7 @@ from deraings.masking_loss import loss_map
 from deraings.rain_drops import DropConfig, Drops, Spread
 from deraings.rain_falling import FallingConfig, FallingRain
 from deraings.rain_lens import Veil, VeilConfig
+from deraings.rain_streaks import StreakConfig, Streaks, along_rain
 from hydroviews.images import Image
 
 Plane = NDArray[np.float32]
@@ -32,6 +34,7 @@ class RainConfig:
     veil: VeilConfig | None = field(default_factory=VeilConfig)
     drops: DropConfig | None = field(default_factory=DropConfig)
     falling: FallingConfig | None = field(default_factory=FallingConfig)
+    streaks: StreakConfig | None = field(default_factory=StreakConfig)  # where falling rain is looked for
 
 
 THIN = 0.004  # cover by falling rain that is as good as none
@@ -65,6 +68,8 @@ class RainObjective(Objective):
         hidden = [images.ignored(view) for view in range(count)]
         self.veil = Veil(pictures, iterations, config.veil, hidden) if config.veil else None
         self.falling = FallingRain(iterations, config.falling) if config.falling else None
+        sizes = [(picture.shape[0], picture.shape[1]) for picture in pictures]
+        self.streaks = Streaks(sizes, config.streaks) if config.falling and config.streaks else None
         self.drops = Drops(Spread(pictures, config.drops), count, iterations, config.drops) if config.drops else None
 
     def __call__(self, image: Image, view: int, iteration: int, workspace: Workspace) -> tuple[float, Image]:
@@ -72,20 +77,22 @@ class RainObjective(Objective):
         target = self.images.target(view, (image.shape[0], image.shape[1]))
         finite = _finite(image)
         image = image if finite is None else np.where(finite[..., None], image, np.float32(0))
-        seen, behind = self._seen(image, view, iteration, workspace)
-        passing = np.float32(1 - self.cover)  # of the scene's light, in this step
+        even = self._behind_even_rain(image, view, iteration, workspace)
+        cover = self._cover(view, (image.shape[0], image.shape[1]))
+        seen, behind = self._seen(image, cover, view, iteration, workspace)
         if self.masks and self.masks.due(iteration):
             self.masks.learn(view, loss_map(seen, target, self.ssim_share, workspace=workspace), iteration)
         weights = self._weights(target, finite, view, iteration)
-        self._observe(seen, target, weights, view, iteration)
+        self._observe(seen, seen if even is None else even, target, weights, view, iteration)
         loss, gradient = photometric_loss(seen, target, self.ssim_share, weights, workspace)
         if self.veil and self.veil.due(iteration):
             gradient = self.veil.learn(behind, view, gradient, iteration, workspace)
-        return loss, gradient * passing
+        return loss, gradient * (1 - cover)
 
     def residual(self, image: Image, view: int, workspace: Workspace) -> float:
         """See Objective."""
-        seen, _ = self._seen(image, view, self._iterations, workspace)
+        cover = self._cover(view, (image.shape[0], image.shape[1]))
+        seen, _ = self._seen(image, cover, view, self._iterations, workspace)
         return photometric_loss(seen, self.images.target(view), self.ssim_share, workspace=workspace)[0]
 
     @property
@@ -93,11 +100,30 @@ class RainObjective(Objective):
         """Median cover by falling rain, 0 to 1."""
         return float(self.falling.cover[0]) if self.falling else 0.0
 
-    def _seen(self, image: Image, view: int, iteration: int, workspace: Workspace) -> tuple[Image, Image]:
+    def _cover(self, view: int, size: tuple[int, int]) -> NDArray[np.float32]:
+        """Cover by falling rain: one number, or [H, W, 1] where a view's single streaks are known."""
+        if self.streaks and self.cover > THIN:
+            cover = self.streaks.cover(view, self.cover, size)
+            if cover is not None:
+                return cover[..., None]
+        return np.asarray(self.cover, np.float32)
+
+    def _behind_even_rain(self, image: Image, view: int, iteration: int, workspace: Workspace) -> Image | None:
+        """The view without its single streaks, to learn of the rain; None where none are known, or nobody looks."""
+        looked = self.falling and (self.falling.due(iteration) or self._streaks_due(view, image))
+        if not looked or self._cover(view, (image.shape[0], image.shape[1])).ndim == 0:
+            return None
+        return self._seen(image, np.asarray(self.cover, np.float32), view, iteration, workspace)[0].copy()
+
+    def _streaks_due(self, view: int, image: Image) -> bool:
+        return bool(self.streaks and self.cover > THIN and self.streaks.due(view, (image.shape[0], image.shape[1])))
+
+    def _seen(
+        self, image: Image, cover: NDArray[np.float32], view: int, iteration: int, workspace: Workspace
+    ) -> tuple[Image, Image]:
         """The scene through all the rain, and through the falling rain alone."""
-        if self.falling and self.cover > 0:
-            brightness = self.falling.brightness
-            image = image * np.float32(1 - self.cover) + np.float32(self.cover * brightness)
+        if self.falling and cover.any():
+            image = image * (1 - cover) + cover * np.float32(self.falling.brightness)
         if self.veil and self.veil.due(iteration):
             return self.veil.apply(image, view, workspace), image
         return image, image
@@ -117,13 +143,22 @@ class RainObjective(Objective):
                 weights = part if weights is None else weights * part
         return weights
 
-    def _observe(self, seen: Image, target: Target, weights: Plane | None, view: int, iteration: int) -> None:
+    def _observe(
+        self, seen: Image, even: Image, target: Target, weights: Plane | None, view: int, iteration: int
+    ) -> None:
+        """Learn of the rain from what is seen, and from what is seen without single streaks."""
         photograph = target.pixels.reshape(seen.shape)
         if self.drops:
             difference = photograph - seen
             self.drops.observe(difference if target.shown is None else difference * target.shown[..., None], view)
-        if self.falling and self.falling.due(iteration):
-            self.falling.observe(photograph, seen, weights, iteration)
+        if not self.falling:
+            return
+        if self.streaks and self._streaks_due(view, seen) and self.falling.certainty() == 1:
+            along, contrast = along_rain(photograph, even, self.cover, self.falling.brightness)
+            clear = np.float32(1) if weights is None else weights
+            self.streaks.observe(along * clear, contrast * clear, self.falling.angle(), view)
+        if self.falling.due(iteration):
+            self.falling.observe(photograph, even, weights, iteration)
 
     def veil_share(self, view: int, size: tuple[int, int]) -> Plane:
         """V [H, W] of a training view; nought where no veil is looked for."""
@@ -138,8 +173,8 @@ class RainObjective(Objective):
         """What rain was found, for the record, at the middle of the film.
 
         Returns:
-            `needed`: which of veil, drops, falling and masks were called for; then means and maxima of what they are.
-            A part that is not looked for is left out.
+            `needed`: which of veil, drops, falling, streaks and masks were called for; then means and maxima of what
+            they are. A part that is not looked for is left out.
         """
         middle = len(self.images) // 2
         size = self.images.pixels(middle).shape[0], self.images.pixels(middle).shape[1]
@@ -153,9 +188,11 @@ class RainObjective(Objective):
         if self.falling:
             report |= {"falling": self.cover, "falling_certainty": self.falling.certainty()}
             report["falling_angle"] = self.falling.angle()
+        if self.streaks:
+            report["streaks"] = np.abs(self.streaks.deviation(middle)).mean()
         if self.masks:
             report["masks"] = self.masks.found()["mask_mean"]
-        limits = {"veil_mean": 0.0, "drops": 0.0, "falling": THIN, "masks": 0.0}
+        limits = {"veil_mean": 0.0, "drops": 0.0, "falling": THIN, "streaks": 0.0, "masks": 0.0}
         numbers = {name: round(float(value), 4) for name, value in report.items()}
         needed = [name.removesuffix("_mean") for name, limit in limits.items() if numbers.get(name, 0) > limit]
         return {"needed": needed, **numbers}
@@ -176,7 +213,13 @@ class RainObjective(Objective):
             model.restore({name[len(start) :]: value for name, value in arrays.items() if name.startswith(start)})
 
     def _parts(self) -> list[tuple[str, Any]]:
-        parts = (("veil", self.veil), ("drops", self.drops), ("falling", self.falling), ("masks", self.masks))
+        parts = (
+            ("veil", self.veil),
+            ("drops", self.drops),
+            ("falling", self.falling),
+            ("streaks", self.streaks),
+            ("masks", self.masks),
+        )
         return [(name, model) for name, model in parts if model is not None]
 
 
