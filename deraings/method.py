@@ -97,8 +97,8 @@ class DeRainGS(GaussianSplatting):
 
     def statistics(self) -> Statistics:
         """See Method; `used` says what was found in the photographs."""
-        used = ", ".join(f"{name} {value}" for name, value in self._found.items())
-        return replace(super().statistics(), used=used)
+        texts = {name: " and ".join(v) or "nothing" if isinstance(v, list) else v for name, v in self._found.items()}
+        return replace(super().statistics(), used=", ".join(f"{name} {text}" for name, text in texts.items()))
 
 
 class DeRainGSPlus(DeRainGS):

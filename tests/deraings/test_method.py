@@ -89,6 +89,8 @@ def test_it_learns_resumes_and_comes_back(scene, weights, tmp_path, switches, mo
     resumed.fit(scene, tmp_path / "run")
     assert_identical(undisturbed._trained, resumed._trained)
     assert resumed.statistics().used == undisturbed.statistics().used
+    assert "needed " in resumed.statistics().used
+    assert "[" not in resumed.statistics().used
 
     resumed.save(tmp_path / "run")
     loaded = DeRainGS.load(config, 0, tmp_path / "run")
