@@ -24,8 +24,9 @@ from torch import Tensor
 
 from baselines.splatting.objective import Size, TrainingImages
 from deraings.masking_config import MaskConfig
-from deraings.masking_maps import Map, evidence, filled, resized
+from deraings.masking_maps import evidence, filled
 from deraings.masking_network import MaskNetwork, masked_loss
+from deraings.planes import Plane, resized
 
 SMALLEST_SHARE = 0.01  # views further away count for nothing
 LEVEL_MEMORY = 100  # network steps over which the typical loss is averaged
@@ -59,7 +60,7 @@ class OcclusionMasks:
         self.adam = torch.optim.Adam(self.network.parameters(), c.rate, foreach=True)
         self._level = np.zeros(2)  # typical loss, and from how many losses it is known
         self._evidence: float | None = None  # for something on the lens, once the masks have started
-        self._losses: dict[int, Map] = {}  # last losses of views at the network's resolution
+        self._losses: dict[int, Plane] = {}  # last losses of views at the network's resolution
         self._kept: dict[int, NDArray[np.uint8]] = {}  # masks of views at the mask's resolution
 
     def due(self, iteration: int) -> bool:
@@ -81,7 +82,7 @@ class OcclusionMasks:
             "mask_mean": round(float(np.mean(means)), 4) if used and means else 0.0,
         }
 
-    def weights(self, view: int, size: Size, iteration: int) -> Map | None:
+    def weights(self, view: int, size: Size, iteration: int) -> Plane | None:
         """1 - M of a training view, [H, W] in [0, 1]; None before masks start, or where nothing is on the lens.
 
         Args:
@@ -99,7 +100,7 @@ class OcclusionMasks:
             self._kept[view] = self._look(view)
         return 1 - self.mask(view, size)
 
-    def mask(self, view: int, size: Size) -> Map:
+    def mask(self, view: int, size: Size) -> Plane:
         """M of a training view, [H, W] in [0, 1]; asking for it changes nothing."""
         if not self.needed:
             return np.zeros(size, np.float32)
@@ -188,7 +189,7 @@ class OcclusionMasks:
         planes = torch.from_numpy(picture).permute(2, 0, 1)[None]
         return self.network(planes, extra)[0, 0]
 
-    def _shrunk(self, view: int, loss: NDArray, factor: int) -> Map:
+    def _shrunk(self, view: int, loss: NDArray, factor: int) -> Plane:
         """A loss map averaged over factor x factor pixels of the whole picture."""
         height, width = self.images.pixels(view).shape[:2]
         whole = filled(resized(loss.astype(np.float32), (height, width)), self.config.shrink)
@@ -199,7 +200,7 @@ class OcclusionMasks:
         count = min(count + 1, LEVEL_MEMORY)
         self._level = np.array([level + (typical - level) / count, count])
 
-    def _around(self, view: int, size: Size) -> Map:
+    def _around(self, view: int, size: Size) -> Plane:
         """Mean loss of the views taken before and after at the same place on the lens, in typical losses; not its own.
 
         What stays on the lens is lost in all of them, what is fine in the scene moves from view to view.

@@ -12,18 +12,16 @@ from hydroviews.images import Image
 
 
 def loss_map(
-    image: Image, target: Target, ssim_share: float = 0.2, darker: float = 1.0, workspace: Workspace | None = None
+    image: Image, target: Target, ssim_share: float = 0.2, workspace: Workspace | None = None
 ) -> NDArray[np.float32]:
     """(1 - lambda) |C^ - C| + lambda (1 - SSIM) of every pixel [H, W], averaged over channels; 0 where hidden.
 
-    Its mean is what `photometric_loss` returns, where `darker` is 1.
+    Its mean is what `photometric_loss` returns.
 
     Args:
         image: rendered, float32 [H, W, 3].
         target: what it should look like.
         ssim_share: lambda.
-        darker: factor on the loss of pixels that are darker than rendered. Falling rain only adds light: with less
-            than 1, masks learn less from the gaps between streaks, which a brightened render misses as well.
         workspace: buffers to reuse.
 
     Raises:
@@ -40,11 +38,8 @@ def loss_map(
     planes = workspace.array("mask_planes", (3, *x.shape))
     filter_products(x, target.pixels, rows)
     filter_vertically(rows, planes)
-    difference = target.pixels - x
-    losses = (1 - ssim_share) * np.abs(difference) + ssim_share * (1 - _similarity(target, planes))
-    out, excess = (plane.reshape(height, width, 3).mean(axis=2) for plane in (losses, difference))
-    if darker != 1:
-        out[excess < 0] *= darker
+    losses = (1 - ssim_share) * np.abs(target.pixels - x) + ssim_share * (1 - _similarity(target, planes))
+    out = losses.reshape(height, width, 3).mean(axis=2)
     if target.shown is not None:
         out[target.shown == 0] = 0
     return np.asarray(out, np.float32)

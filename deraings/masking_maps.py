@@ -1,4 +1,4 @@
-"""Planes at the resolutions of masks, and what the losses of many views say about the lens."""
+"""Planes in blocks of the mask network, and what the losses of many views say about the lens."""
 
 from collections.abc import Sequence
 
@@ -6,11 +6,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-Map = NDArray[np.float32]  # [H, W]
+from deraings.planes import Plane, resized
+
 BLUR = 3.0  # pixels of the network's resolution: coarser features of a loss are no sign of drops
 
 
-def evidence(losses: Sequence[Map]) -> float:
+def evidence(losses: Sequence[Plane]) -> float:
     """How much more alike the fine detail of views' losses is, place by place on the lens, than by chance.
 
     The variance, over the lens, of the mean over n views, times n, over the variance of a single view about that mean:
@@ -31,12 +32,3 @@ def filled(plane: NDArray, block: int) -> NDArray:
     """[H, W, ...] with its last row and column repeated until both sides are multiples of `block`."""
     height, width = plane.shape[:2]
     return cv2.copyMakeBorder(plane, 0, -height % block, 0, -width % block, cv2.BORDER_REPLICATE)
-
-
-def resized(plane: Map, size: tuple[int, ...]) -> Map:
-    """[H, W] at another size: averaged over areas where smaller, linear where larger."""
-    if plane.shape == tuple(size):
-        return plane
-    smaller = size[0] <= plane.shape[0]
-    mode = cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
-    return np.asarray(cv2.resize(plane, (size[1], size[0]), interpolation=mode), np.float32)

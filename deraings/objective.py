@@ -18,13 +18,12 @@ from baselines.splatting.photometric import Target, photometric_loss
 from baselines.splatting.rasterizer import Workspace
 from deraings.masking import OcclusionMasks
 from deraings.masking_loss import loss_map
+from deraings.planes import Plane
 from deraings.rain_drops import DropConfig, Drops, Spread
 from deraings.rain_falling import FallingConfig, FallingRain
 from deraings.rain_lens import Veil, VeilConfig
 from deraings.rain_streaks import StreakConfig, Streaks, along_rain
 from hydroviews.images import Image
-
-Plane = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -77,8 +76,8 @@ class RainObjective(Objective):
         target = self.images.target(view, (image.shape[0], image.shape[1]))
         finite = _finite(image)
         image = image if finite is None else np.where(finite[..., None], image, np.float32(0))
-        even = self._behind_even_rain(image, view, iteration, workspace)
         cover = self._cover(view, (image.shape[0], image.shape[1]))
+        even = self._behind_even_rain(image, cover, view, iteration, workspace)
         seen, behind = self._seen(image, cover, view, iteration, workspace)
         if self.masks and self.masks.due(iteration):
             self.masks.learn(view, loss_map(seen, target, self.ssim_share, workspace=workspace), iteration)
@@ -108,10 +107,12 @@ class RainObjective(Objective):
                 return cover[..., None]
         return np.asarray(self.cover, np.float32)
 
-    def _behind_even_rain(self, image: Image, view: int, iteration: int, workspace: Workspace) -> Image | None:
+    def _behind_even_rain(
+        self, image: Image, cover: NDArray[np.float32], view: int, iteration: int, workspace: Workspace
+    ) -> Image | None:
         """The view without its single streaks, to learn of the rain; None where none are known, or nobody looks."""
         looked = self.falling and (self.falling.due(iteration) or self._streaks_due(view, image))
-        if not looked or self._cover(view, (image.shape[0], image.shape[1])).ndim == 0:
+        if not looked or cover.ndim == 0:
             return None
         return self._seen(image, np.asarray(self.cover, np.float32), view, iteration, workspace)[0].copy()
 

@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from deraings.planes import within_side
 from deraings.rain_lens import moment_weights, moments_of
 from hydroviews.images import Image
 
@@ -108,9 +109,8 @@ class Spread:
 
     def __init__(self, pictures: list[NDArray[np.uint8]], config: DropConfig) -> None:
         n = len(pictures)
-        height, width = pictures[0].shape[:2]
-        shrink = max(1.0, max(height, width) / config.long_side)
-        size = max(1, round(width / shrink)), max(1, round(height / shrink))
+        height, width = within_side(pictures[0].shape[:2], config.long_side)
+        size = width, height
         moments = moments_of(n, config.views_a_moment, config.most_moments)
         sums = np.zeros((3, moments, size[1], size[0], 3), np.float32)
         for index, pixels in enumerate(pictures):

@@ -19,6 +19,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from deraings.planes import Plane, resized, within_side
 from hydroviews.images import Image
 
 ANGLES = tuple(range(0, 180, 15))  # degrees counter-clockwise from +x
@@ -158,13 +159,9 @@ def _skews(powers: NDArray) -> NDArray:
     return np.divide(cubes, scale, out=np.zeros(len(powers)), where=scale > 0)
 
 
-def _small(plane: NDArray[np.float32]) -> NDArray[np.float32]:
+def _small(plane: Plane) -> Plane:
     """A plane [H, W], averaged down to a longer side of LONG_SIDE."""
-    shrink = max(plane.shape) / LONG_SIDE
-    if shrink <= 1:
-        return plane
-    height, width = (max(1, round(side / shrink)) for side in plane.shape)
-    return np.asarray(cv2.resize(plane, (width, height), interpolation=cv2.INTER_AREA), np.float32)
+    return resized(plane, within_side(plane.shape, LONG_SIDE))
 
 
 def _histogram(image: NDArray[np.float32], clear: NDArray[np.bool_] | None) -> NDArray:

@@ -24,10 +24,10 @@ from baselines.splatting.adam import adam_step
 from baselines.splatting.rasterizer import Workspace
 from deraings.rain_light import veiled, veiled_gradient, warm_up
 from hydroviews.images import Image, to_linear
+from hydroviews.rain.light import air_light
 
 SENSIBLE = 1e-3  # V at least as thick learns; none at all would have no gradient
 SEEN = 40  # pictures that are looked at beforehand
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # of linear sRGB
 
 
 @dataclass(frozen=True)
@@ -161,9 +161,7 @@ def mist_light(pictures: Sequence[NDArray[np.uint8]], brightest: float, tint: fl
     """
     samples = [picture[::8, ::8].reshape(-1, 3) for picture in pictures]
     light = to_linear(np.concatenate(samples).astype(np.float32) / np.float32(255))
-    luminance = light @ LUMINANCE
-    colour = light[luminance >= np.quantile(luminance, 1 - brightest)].mean(axis=0)
-    return np.asarray(tint * colour + (1 - tint) * (colour @ LUMINANCE), np.float32)
+    return air_light(light, brightest, tint)
 
 
 def thickest_veil(

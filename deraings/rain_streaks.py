@@ -22,10 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from deraings.planes import Plane, resized
+from deraings.rain_falling import LONG_SIDE
 from hydroviews.images import Image
 
-Plane = NDArray[np.float32]
-LONG_SIDE = 480  # pixels; streaks are looked for in no larger pictures
 EVEN, STEP = 128, 1 / 200  # the 8 bits of D: what stands for nought, and for a difference of one
 RINGS = 64  # of frequencies, to one cycle a pixel
 LEAST = 0.1  # encoded; in front of what is nearer to beta than that, streaks are hardly seen
@@ -47,7 +47,7 @@ class Streaks:
     def __init__(self, sizes: Sequence[tuple[int, int]], config: StreakConfig) -> None:
         """Nothing known yet of the views, whose sizes are (height, width)."""
         self._config = config
-        shrink = max(1.0, max(max(size) for size in sizes) / LONG_SIDE)
+        shrink = max(1.0, max(max(size) for size in sizes) / LONG_SIDE)  # one for all: they share a spectrum
         small = [(max(1, round(h / shrink)), max(1, round(w / shrink))) for h, w in sizes]
         self._full, self._small = list(sizes), small
         self._canvas = tuple(fft.next_fast_len(max(side), real=True) for side in zip(*small, strict=True))
@@ -71,7 +71,7 @@ class Streaks:
             view: index of the view.
         """
         size = self._small[view]
-        difference, contrast = _fitted(difference, size), _fitted(contrast, size)
+        difference, contrast = resized(difference, size), resized(contrast, size)
         spectrum = fft.rfft2(difference, self._canvas)
         spectrum[0, 0] = 0  # the mean is the even cover's
         if self.looks < len(self.visits):
@@ -97,7 +97,7 @@ class Streaks:
         """S + D [H, W] of a view; None where nothing is known but S."""
         if view not in self.deviations:
             return None
-        return np.clip(np.float32(even) + _fitted(self.deviation(view), size), 0, np.float32(self._config.most))
+        return np.clip(np.float32(even) + resized(self.deviation(view), size), 0, np.float32(self._config.most))
 
     def arrays(self) -> dict[str, NDArray]:
         """All that was observed, for checkpoints."""
@@ -165,11 +165,3 @@ def _averaged(power: NDArray, width: int, side: int) -> NDArray:
     blurred = cv2.blur(wide, (side, side))
     half = side // 2
     return np.asarray(blurred[half : half + power.shape[0], half : half + power.shape[1]])
-
-
-def _fitted(plane: Plane, size: tuple[int, int]) -> Plane:
-    """A plane [H, W] at another size, averaged over areas or interpolated."""
-    if plane.shape == size:
-        return plane
-    way = cv2.INTER_AREA if size[0] < plane.shape[0] else cv2.INTER_LINEAR
-    return np.asarray(cv2.resize(plane, size[::-1], interpolation=way), np.float32)

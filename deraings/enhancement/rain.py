@@ -12,10 +12,9 @@ from tqdm import tqdm
 from deraings.enhancement.photographs import Bytes, Frame, frames
 from hydroviews.cameras import Camera
 from hydroviews.images import Image, to_linear
-from hydroviews.rain import drops_pattern, effects, severity, streaks
+from hydroviews.rain import drops_pattern, effects, light, severity, streaks
 from hydroviews.rain.drops_pattern import RaindropPattern
 from hydroviews.rain.lens_bake import bake_matte, moment_of
-from hydroviews.rain.light import expand_highlights, luminance
 from hydroviews.rain.mist import mist_veil
 from hydroviews.rain.path_matte import PathMatte
 from hydroviews.rain.seeds import generator
@@ -145,14 +144,11 @@ def wet_lens(
     air = air_light(linear) * np.array(pattern.air, np.float32)
     veil = mist_veil(pattern, width, height, moment_of(pattern, lens.frame))[window]
     mask = lens.matte.mask[window]
-    radiance = lens.matte.apply(expand_highlights(linear))[window] + ((1 - mask) * veil)[..., None] * air
+    radiance = lens.matte.apply(light.expand_highlights(linear))[window] + ((1 - mask) * veil)[..., None] * air
     layers = {"M": mask, "V": veil, **{channel: radiance[..., i] for i, channel in enumerate("RGB")}}
     return effects.composite("raindrop", {}, photograph[window].astype(np.float32) / 255, layers), mask, veil
 
 
 def air_light(linear: NDArray[np.float32]) -> NDArray[np.float32]:
     """The light [3] of a scene's air, from one picture of linear light: see hydroviews.rain.setting."""
-    few = linear[::SPARSE, ::SPARSE].reshape(-1, 3)
-    brightness = luminance(few)
-    bright = few[brightness >= np.quantile(brightness, 1 - AIR)].mean(axis=0)
-    return np.asarray(TINT * bright + (1 - TINT) * luminance(bright), np.float32)
+    return light.air_light(linear[::SPARSE, ::SPARSE].reshape(-1, 3), AIR, TINT)

@@ -22,6 +22,19 @@ def luminance(linear: Linear) -> NDArray[np.float32]:
     return linear @ LUMINANCE
 
 
+def air_light(linear: Linear, share: float, tint: float) -> NDArray[np.float32]:
+    """The light [3] that mist scatters: as bright as the brightest pixels, and paler.
+
+    Args:
+        linear: pixels [N, 3] of linear light.
+        share: of the pixels, the brightest, whose mean it is.
+        tint: share of their colour that it has.
+    """
+    brightness = luminance(linear)
+    bright = linear[brightness >= np.quantile(brightness, 1 - share)].mean(axis=0)
+    return np.asarray(tint * bright + (1 - tint) * luminance(bright), np.float32)
+
+
 def expand_highlights(linear: Linear) -> Linear:
     """Give saturated pixels back some of the light that the camera could not record.
 

@@ -33,14 +33,6 @@ def test_the_map_is_l1_and_ssim_of_each_pixel():
     assert np.abs(loss_map(image, prepare(target)) - expected).max() < 1e-4
 
 
-def test_pixels_darker_than_rendered_count_for_less():
-    image, target = pictures()
-    darker = (target - image).sum(axis=2) < 0
-    whole, part = loss_map(image, prepare(target)), loss_map(image, prepare(target), darker=0.25)
-    assert np.allclose(part, np.where(darker, 0.25, 1) * whole)
-    assert 0.2 < darker.mean() < 0.8
-
-
 def test_hidden_pixels_have_no_loss_and_leave_no_trace():
     image, target = pictures()
     ignored = np.zeros(image.shape[:2], bool)

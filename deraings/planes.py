@@ -1,0 +1,22 @@
+"""Planes of one value a pixel, at other sizes."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Plane = NDArray[np.float32]  # [H, W]
+
+
+def resized(plane: Plane, size: tuple[int, ...]) -> Plane:
+    """A plane at (height, width): averaged over areas where smaller, linear where larger."""
+    if plane.shape == tuple(size):
+        return plane
+    smaller = size[0] < plane.shape[0] or size[1] < plane.shape[1]
+    mode = cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(plane, (size[1], size[0]), interpolation=mode), np.float32)
+
+
+def within_side(size: tuple[int, ...], long_side: int) -> tuple[int, int]:
+    """Height and width of the same shape, the longer of which is at most `long_side`."""
+    shrink = max(1.0, max(size) / long_side)
+    return max(1, round(size[0] / shrink)), max(1, round(size[1] / shrink))
