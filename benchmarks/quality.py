@@ -6,6 +6,7 @@ Trains plain 3DGS on the clean views once for every case, one after another; pri
 Finished cases are kept, an interrupted one goes on where it stopped.
 """
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -35,8 +36,8 @@ def cases(profile: TrainerConfig) -> Iterator[tuple[str, TrainerConfig]]:
     half = growth.budget // 2
     yield "profile", profile
     yield f"densification, {half} Gaussians", replace(profile, densification=replace(growth, budget=half))
-    yield f"pruned to {half} Gaussians, 5/3 of the iterations", within(half, profile)
-    yield f"pruned to {half // 2} Gaussians, 5/3 of the iterations", within(half // 2, profile)
+    yield f"pruned to {half} Gaussians, twice the iterations", within(half, profile)
+    yield f"pruned to {half // 2} Gaussians, twice the iterations", within(half // 2, profile)
     relocation = Relocation(start=growth.start, stop=growth.stop, every=growth.every, budget=half)
     yield f"relocation, {half} Gaussians", replace(profile, densification=relocation)
     weaker = replace(relocation, growth=0.15, noise=5e3, opacity_penalty=1e-3, scale_penalty=1e-3, spread=0.7)
@@ -99,7 +100,7 @@ def main(
         if any(row["case"] == name for row in rows):
             continue
         print(f"{name}:")
-        place = folder / name.replace(" ", "-").replace(",", "").replace("%", "")
+        place = folder / re.sub(r"[^a-z0-9]+", "-", name.lower())
         rows.append(measure(name, config, clean, seed, place))
         write_bytes(table, pd.DataFrame(rows).to_csv(index=False).encode())
     print(f"\n{pd.DataFrame(rows).to_string(index=False)}")
