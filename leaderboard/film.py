@@ -1,7 +1,9 @@
 """A film of a trained scene: a camera on a smooth path, rendered with the method itself."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 from tqdm import tqdm
@@ -12,6 +14,7 @@ from hydroviews.claims import claim
 from hydroviews.errors import InputError
 from hydroviews.files import read_json, remove_tree, replacing
 from hydroviews.images import read_image, to_uint8, write_png
+from hydroviews.scenes import Scene
 from leaderboard.camera_paths import camera_path
 from leaderboard.finished import load_method, open_run
 from leaderboard.predict import PREDICTION
@@ -45,7 +48,7 @@ class FilmChoice:
 
 
 def film(folder: Path, data: Path, out: Path, choice: FilmChoice) -> None:
-    """Render a camera path through a run's scene to a film; frames are kept beside it until it is whole.
+    """Render a camera path through a run's scene to a film.
 
     Args:
         folder: of a finished run.
@@ -58,18 +61,34 @@ def film(folder: Path, data: Path, out: Path, choice: FilmChoice) -> None:
     """
     codec_of(out)
     run = open_run(folder, data)
-    scene = run.training_scene()
+    about = {"run": str(run.folder), "trained": read_json(run.folder / PREDICTION)}
+    draw_film(load_method(run), run.training_scene(), out, choice, about)
+
+
+def draw_film(method: Method, scene: Scene, out: Path, choice: FilmChoice, about: Mapping[str, Any]) -> None:
+    """Render a camera path through a scene to a film; frames are kept beside it until it is whole.
+
+    Args:
+        method: trained.
+        scene: whose training views the path follows.
+        out: the film, .mp4 or .webm.
+        choice: how long, how smooth, how large.
+        about: JSON values that say of what it is: frames of something else are not mixed in.
+
+    Raises:
+        InputError: another suffix, no encoder, or frames of another film are there.
+    """
     cameras = [view.camera for view in scene.train_views]
     path = [fitted(camera, choice.size) for camera in camera_path(cameras, scene.points, choice.n_frames)]
     frames = out.with_name(out.stem + FRAMES)
     claim(
         frames / SETTINGS,
-        {"run": str(run.folder), "trained": read_json(run.folder / PREDICTION), **vars(choice)},
+        {**about, **vars(choice)},
         taken="holds frames of another film",
         foreign="is not a folder of frames",
         fix="choose another --out, or remove the folder",
     )
-    render_frames(load_method(run), path, frames)
+    render_frames(method, path, frames)
     write_film(out, frames, len(path), choice.fps)
     remove_tree(frames)
     print(f"{out}: {len(path)} frames of {path[0].width}x{path[0].height}, {out.stat().st_size / 1e6:.1f} MB")

@@ -49,6 +49,12 @@ def read_scene(folder: Path, name: str | None = None, images: str | None = None)
     )
 
 
+def has_cameras(folder: Path) -> bool:
+    """Whether `read_scene` would find cameras there, of whatever quality."""
+    files = (folder / nerfstudio.CAMERA_FILE, folder / llff.CAMERA_FILE)
+    return bool(find_models(folder)) or any(file.is_file() for file in files) or is_nsvf(folder)
+
+
 def _read_cameras(folder: Path, name: str, images: str | None) -> Scene:
     if find_models(folder):
         return read_colmap(folder, name, images)

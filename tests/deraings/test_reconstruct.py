@@ -1,0 +1,121 @@
+"""From photographs to a scene in one call: everything is there, and what is there is not made again."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from splats import photographed
+from trainings import CONFIG
+
+from baselines.gaussian_splatting import SPLATS
+from baselines.splatting.ply import read_ply
+from deraings import reconstruct as module
+from deraings.method import FOUND, DeRainGSConfig, DeRainGSPlus
+from deraings.objective import RainConfig
+from deraings.reconstruct import FILM, SHEET, TRAINING, Reconstruction, find_scene, reconstruct
+from hydroviews.errors import InputError
+from hydroviews.files import read_json
+from hydroviews.images import read_image, write_png
+from hydroviews.writers import write_colmap
+from leaderboard.film import FilmChoice
+
+
+class Short(DeRainGSPlus):
+    """The method, in 60 iterations."""
+
+    profiles = {"demo": DeRainGSConfig(replace(CONFIG, iterations=60), rain=RainConfig())}  # noqa: RUF012
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("capture")
+    scene = photographed(folder / "images")
+    for view in scene.views:
+        view.path.rename(view.path.with_name(f"{view.name}.png"))
+    write_colmap(scene, folder / "sparse" / "0")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def request_of(capture, tmp_path_factory):
+    def make(**changes):
+        film = FilmChoice(seconds=0.2, fps=10, size=32)
+        request = Reconstruction(capture, tmp_path_factory.getbasetemp() / "scene", "short", "demo", film=film)
+        return replace(request, **changes)
+
+    return make
+
+
+@pytest.fixture(autouse=True)
+def found_by_name(monkeypatch):
+    monkeypatch.setattr(module, "find_method", {"short": Short}.__getitem__)
+
+
+def stamps(folder):
+    return {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}
+
+
+def test_a_capture_becomes_a_scene_of_all_its_photographs(request_of, capsys):
+    folder = reconstruct(request_of())
+    learned = {path.name for path in folder.iterdir()}
+    assert learned == {"reconstruction.json", TRAINING, FILM, SHEET}
+    assert len(read_ply(folder / TRAINING / SPLATS)) > 20
+    assert read_json(folder / TRAINING / FOUND)["needed"] == []
+    assert "found in the photographs: needed nothing" in capsys.readouterr().out
+    sheet = read_image(folder / SHEET)
+    assert sheet.shape[1] > 4 * 48
+    assert sheet.std() > 0.05
+
+
+def test_the_same_call_ends_with_the_same_scene(request_of):
+    folder = reconstruct(request_of())
+    before = (folder / TRAINING / SPLATS).read_bytes()
+    (folder / FILM).unlink()
+    reconstruct(request_of(film=FilmChoice(seconds=0.3, fps=10, size=32)))
+    assert (folder / FILM).is_file()
+    assert (folder / TRAINING / SPLATS).read_bytes() == before
+    with pytest.raises(InputError, match="other settings"):
+        reconstruct(request_of(seed=1))
+
+
+def test_all_photographs_are_learned_from(request_of):
+    scene = module.all_views(find_scene(request_of(), request_of().folder))
+    assert len(scene.train_views) == len(scene.views) == 12
+    assert not scene.test_views
+
+
+def test_photographs_without_cameras_have_them_estimated(request_of, tmp_path, monkeypatch):
+    for i in range(3):
+        write_png(tmp_path / "photographs" / f"{i}.png", np.full((8, 8, 3), 0.1 * i, np.float32))
+    asked = []
+    monkeypatch.setattr(module, "estimate_poses", lambda *given, **named: asked.append((given, named)))
+    find_scene(request_of(photographs=tmp_path / "photographs"), tmp_path / "capture")
+    assert asked == [((tmp_path / "photographs", tmp_path / "capture"), {"seed": 0, "rainy": True})]
+
+
+def test_a_film_becomes_a_capture(request_of, tmp_path, monkeypatch):
+    (tmp_path / "walk.mp4").write_bytes(b"film")
+    asked = []
+    monkeypatch.setattr(module, "capture_video", lambda *given, **named: asked.append(given) or "scene")
+    assert find_scene(request_of(photographs=tmp_path / "walk.mp4", rate=2.0), tmp_path / "capture") == "scene"
+    assert asked[0][:2] == (tmp_path / "walk.mp4", tmp_path / "capture")
+    assert asked[0][2].rate == 2.0
+
+
+def test_what_cannot_be_reconstructed_is_refused(request_of, tmp_path, monkeypatch):
+    (tmp_path / "empty").mkdir()
+    for path in (tmp_path / "empty", tmp_path / "nowhere"):
+        with pytest.raises(InputError, match="nothing to reconstruct from"):
+            reconstruct(request_of(photographs=path, out=tmp_path / "scene"))
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "letter.txt").write_text("dear")
+    with pytest.raises(InputError, match="holds other files"):
+        reconstruct(request_of(out=tmp_path / "full"))
+    monkeypatch.setattr(Short, "trains_on", "clean")
+    with pytest.raises(InputError, match="learns from clean views"):
+        reconstruct(request_of())
+
+
+def test_the_scene_goes_beside_the_photographs(tmp_path):
+    assert Reconstruction(tmp_path / "walk.mp4").folder == tmp_path / "walk-scene"
+    assert Reconstruction(tmp_path / "photos").folder == tmp_path / "photos-scene"
