@@ -23,7 +23,7 @@ OUT     ?= film.mp4
 FILM_ARGS ?=
 
 ABLATION := deraings.method:Masks deraings.method:Enhancement deraings.method:WithoutAttention deraings \
-            deraings-plus deraings.method:Everything
+            deraings.method:RainModel deraings-plus deraings.method:Everything
 BIN      := $(VENV)/bin
 READY    := $(VENV)/.ready
 comma    := ,

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from tqdm import tqdm
 
 from baselines.splatting.objective import TrainingImages
@@ -13,26 +14,43 @@ from deraings.enhancement.weights import Enhancer
 from hydroviews.images import read_image, to_uint8, write_png
 
 
-def enhanced_images(images: TrainingImages, names: Sequence[str], enhancer: Enhancer, folder: Path) -> TrainingImages:
-    """Enhance every photograph, showing progress; those that an earlier call finished are read.
+class EnhancedViews:
+    """The photographs enhanced, each when it is first asked for."""
 
-    Args:
-        images: the photographs; what is hidden of them stays hidden.
-        names: theirs, for the files.
-        enhancer: the network.
-        folder: where enhanced pictures are kept, apart for other photographs and other weights.
+    def __init__(self, images: TrainingImages, names: Sequence[str], enhancer: Enhancer, folder: Path) -> None:
+        """Of training photographs.
+
+        Args:
+            images: the photographs.
+            names: theirs, for the files.
+            enhancer: the network.
+            folder: where enhanced pictures are kept, apart for other photographs and other weights.
+        """
+        self._images, self._names, self._enhancer = images, names, enhancer
+        self.digest = _fingerprint(images, enhancer)
+        self._kept = folder / self.digest
+
+    def pixels(self, index: int) -> NDArray[np.uint8]:
+        """One picture [H, W, 3]; read if an earlier call has finished it.
+
+        Raises:
+            InputError: a kept picture is damaged.
+        """
+        path = self._kept / f"{self._names[index]}.png"
+        if not path.is_file():
+            write_png(path, enhance(self._images.pixels(index).astype(np.float32) / 255, self._enhancer))
+        return to_uint8(read_image(path))
+
+
+def enhanced_images(images: TrainingImages, names: Sequence[str], enhancer: Enhancer, folder: Path) -> TrainingImages:
+    """Enhance every photograph, showing progress; arguments as of `EnhancedViews`. What is hidden stays hidden.
 
     Raises:
         InputError: a kept picture is damaged.
     """
-    kept = folder / _fingerprint(images, enhancer)
-    pictures = []
-    for index, name in enumerate(tqdm(names, desc="enhancing", unit="view", leave=False)):
-        path = kept / f"{name}.png"
-        if not path.is_file():
-            write_png(path, enhance(images.pixels(index).astype(np.float32) / 255, enhancer))
-        pictures.append(to_uint8(read_image(path)))
-    return TrainingImages(pictures, [images.ignored(index) for index in range(len(images))])
+    views = EnhancedViews(images, names, enhancer, folder)
+    progress = tqdm(range(len(images)), desc="enhancing", unit="view", leave=False)
+    return TrainingImages([views.pixels(i) for i in progress], [images.ignored(i) for i in range(len(images))])
 
 
 def _fingerprint(images: TrainingImages, enhancer: Enhancer) -> str:

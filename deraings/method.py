@@ -13,7 +13,7 @@ from baselines.gaussian_splatting import PROFILES, GaussianSplatting
 from baselines.method import Statistics
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.objective import read_images
-from deraings.enhanced import enhanced_images
+from deraings.enhanced import EnhancedViews, enhanced_images
 from deraings.enhancement.weights import load_enhancer
 from deraings.masking import OcclusionMasks
 from deraings.masking_config import MaskConfig
@@ -33,6 +33,7 @@ class DeRainGSConfig:
     enhancement: str | None = None  # weights, by name or path: photographs are enhanced before anything is learned
     masks: MaskConfig | None = None  # occlusion masks
     rain: RainConfig = NOTHING  # kinds of rain that are modelled where the photographs call for them
+    witness: str | None = None  # weights: enhanced photographs help to find single streaks, where it rains
 
 
 def profiles(configure: Callable[[TrainerConfig], DeRainGSConfig]) -> dict[str, DeRainGSConfig]:
@@ -65,16 +66,17 @@ class DeRainGS(GaussianSplatting):
             InputError: an unreadable picture, or no such weights.
         """
         config: DeRainGSConfig = self.config
-        images = read_images(scene.train_views)
+        images, names = read_images(scene.train_views), [view.name for view in scene.train_views]
+        kept = folder / "enhanced"
         if config.enhancement:
             enhancer = load_enhancer(config.enhancement)
             print(enhancer.reason)
-            names = [view.name for view in scene.train_views]
-            images = enhanced_images(images, names, enhancer, folder / "enhanced")
+            images = enhanced_images(images, names, enhancer, kept)
             self._found["enhancement"] = config.enhancement
         iterations = config.splatting.iterations
         masks = OcclusionMasks(images, iterations, self.seed, config.masks) if config.masks else None
-        self._objective = RainObjective(images, iterations, config.rain, config.splatting.ssim_share, masks)
+        derained = EnhancedViews(images, names, load_enhancer(config.witness), kept) if config.witness else None
+        self._objective = RainObjective(images, iterations, config.rain, config.splatting.ssim_share, masks, derained)
         return self._objective
 
     def fit(self, scene: Scene, folder: Path) -> None:
@@ -102,7 +104,18 @@ class DeRainGS(GaussianSplatting):
 
 
 class DeRainGSPlus(DeRainGS):
-    """The rain is modelled: a veil and drops on the lens, falling rain that only adds light."""
+    """The rain is modelled: a veil and drops on the lens, falling rain that only adds light; the network is a witness.
+
+    The photographs stay what the scene is learned from; where it rains, enhanced ones help to tell what is rain.
+    """
+
+    profiles: ClassVar[Mapping[str, Any]] = profiles(
+        lambda splatting: DeRainGSConfig(splatting, rain=RainConfig(), witness="small")
+    )
+
+
+class RainModel(DeRainGS):
+    """Ablation: the rain model without a network."""
 
     profiles: ClassVar[Mapping[str, Any]] = profiles(lambda splatting: DeRainGSConfig(splatting, rain=RainConfig()))
 

@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 from baselines.splatting.objective import Objective, TrainingImages
 from baselines.splatting.photometric import Target, photometric_loss
 from baselines.splatting.rasterizer import Workspace
+from deraings.enhanced import EnhancedViews
 from deraings.masking import OcclusionMasks
 from deraings.masking_loss import loss_map
 from deraings.planes import Plane
 from deraings.rain_drops import DropConfig, Drops, Spread
 from deraings.rain_falling import FallingConfig, FallingRain
 from deraings.rain_lens import Veil, VeilConfig
-from deraings.rain_streaks import StreakConfig, Streaks, along_rain
+from deraings.rain_streaks import StreakConfig, Streaks, along_rain, cover_between
 from hydroviews.images import Image
 
 
@@ -49,6 +50,7 @@ class RainObjective(Objective):
         config: RainConfig | None = None,
         ssim_share: float = 0.2,
         masks: OcclusionMasks | None = None,
+        derained: EnhancedViews | None = None,
     ) -> None:
         """A model of the rain, before anything is known of it.
 
@@ -58,10 +60,12 @@ class RainObjective(Objective):
             config: which kinds of rain are looked for.
             ssim_share: lambda of the photometric loss.
             masks: occlusion masks to be learned as well; what the rain model explains is not for them to mask.
+            derained: the photographs without rain as far as a network sees it, a witness where single streaks are
+                looked for; asked for only if it surely rains.
         """
         super().__init__(images, ssim_share)
         self.config = config = config or RainConfig()
-        self.masks, self._iterations = masks, iterations
+        self.masks, self.derained, self._iterations = masks, derained, iterations
         count = len(images)
         pictures = [images.pixels(view) for view in range(count)]
         hidden = [images.ignored(view) for view in range(count)]
@@ -69,10 +73,14 @@ class RainObjective(Objective):
         self.falling = FallingRain(iterations, config.falling) if config.falling else None
         sizes = [(picture.shape[0], picture.shape[1]) for picture in pictures]
         self.streaks = Streaks(sizes, config.streaks) if config.falling and config.streaks else None
+        renewed = config.streaks.renewed if config.streaks else ()
+        self._renewals = {round(share * iterations) for share in renewed}
         self.drops = Drops(Spread(pictures, config.drops), count, iterations, config.drops) if config.drops else None
 
     def __call__(self, image: Image, view: int, iteration: int, workspace: Workspace) -> tuple[float, Image]:
         """See Objective; learns of the rain as well."""
+        if self.streaks and iteration in self._renewals:
+            self.streaks.renew()
         target = self.images.target(view, (image.shape[0], image.shape[1]))
         finite = _finite(image)
         image = image if finite is None else np.where(finite[..., None], image, np.float32(0))
@@ -157,9 +165,21 @@ class RainObjective(Objective):
         if self.streaks and self._streaks_due(view, seen) and self.falling.certainty() == 1:
             along, contrast = along_rain(photograph, even, self.cover, self.falling.brightness)
             clear = np.float32(1) if weights is None else weights
-            self.streaks.observe(along * clear, contrast * clear, self.falling.angle(), view)
+            self.streaks.observe(
+                along * clear, contrast * clear, self.falling.angle(), view, self._witness(photograph, view)
+            )
         if self.falling.due(iteration):
             self.falling.observe(photograph, even, weights, iteration)
+
+    def _witness(self, photograph: Image, view: int) -> Plane | None:
+        """What the network takes for rain of a view [H, W] beyond the median, which is told to `falling`."""
+        if self.derained is None or self.falling is None:
+            return None
+        dry = self.derained.pixels(view).astype(np.float32) / 255
+        cover = cover_between(photograph, dry, self.falling.brightness)
+        median = np.median(cover)
+        self.falling.hear(float(median))
+        return cover - median
 
     def veil_share(self, view: int, size: tuple[int, int]) -> Plane:
         """V [H, W] of a training view; nought where no veil is looked for."""
@@ -201,7 +221,8 @@ class RainObjective(Objective):
     def about(self) -> dict[str, Any]:
         """See Objective."""
         masks = self.masks.about() if self.masks else None
-        return {**super().about(), "rain": asdict(self.config), "masks": masks}
+        witness = self.derained.digest if self.derained else None
+        return {**super().about(), "rain": asdict(self.config), "masks": masks, "witness": witness}
 
     def arrays(self) -> dict[str, NDArray]:
         """See Objective."""

@@ -25,6 +25,7 @@ from hydroviews.images import Image
 ANGLES = tuple(range(0, 180, 15))  # degrees counter-clockwise from +x
 THIRDS = np.full(3, 1 / 3, np.float32)
 LONG_SIDE = 480  # pixels; streaks are looked for in no larger pictures
+LEARNED = ("powers", "levels", "heard", "cover")
 LEVELS = 512  # bins of a histogram of encoded values in [0, 1]
 
 
@@ -56,6 +57,7 @@ class FallingRain:
         self._every = max(1, (iterations - self._first) // config.looks)
         self.powers = np.zeros((len(ANGLES), 3))  # sums of weights, squares and cubes of differences along lines
         self.levels = np.zeros((2, LEVELS))  # histograms of photographs and renders
+        self.heard = np.zeros(2)  # sum and number of a witness's median covers
         self.cover = np.zeros(1)  # S
 
     @property
@@ -83,7 +85,17 @@ class FallingRain:
         self.powers = keep * self.powers + line_powers(grey[0] - grey[1], config.line, clear)
         if iteration < self._settled or self.certainty() < 1:
             self.levels = keep * self.levels + np.stack([_histogram(image, clear) for image in grey])
-        self.cover[0] = min(self.certainty() * self.lightened(), config.most)
+        self.cover[0] = min(self.certainty() * self.even(), config.most)
+
+    def hear(self, median: float) -> None:
+        """Take in a witness's median cover of a view."""
+        self.heard += median, 1
+
+    def even(self) -> float:
+        """The median cover if it rains: of the darkest pixels, and of the witness if there is one, the mean."""
+        if not self.heard[1]:
+            return self.lightened()
+        return 0.5 * (self.lightened() + max(0.0, self.heard[0] / self.heard[1]))
 
     def certainty(self) -> float:
         """How sure it is that it rains, 0 to 1."""
@@ -105,11 +117,12 @@ class FallingRain:
 
     def arrays(self) -> dict[str, NDArray]:
         """All that was observed, for checkpoints."""
-        return {"powers": self.powers, "levels": self.levels, "cover": self.cover}
+        return {name: getattr(self, name) for name in LEARNED}
 
     def restore(self, arrays: dict[str, NDArray]) -> None:
         """Take back what `arrays` returned."""
-        self.powers, self.levels, self.cover = (arrays[name].copy() for name in ("powers", "levels", "cover"))
+        for name in LEARNED:
+            setattr(self, name, arrays[name].copy())
 
 
 def line_powers(difference: NDArray[np.float32], length: float, clear: NDArray[np.bool_] | None) -> NDArray:

@@ -11,7 +11,8 @@ what a scene leaves is much alike in all directions. What the wedge holds beyond
 rain, and D is that part of the difference: a Wiener filter, whose power spectra are means over the views.
 
 A training of a few thousand iterations learns streaks one by one, each from its view. So D is taken soon after it is
-sure that it rains, as the mean over a few visits of a view, and kept.
+sure that it rains, as the mean over a few visits of a view, and kept; and taken anew, twice, when the scene is known
+better, which has forgotten the streaks that D has explained.
 """
 
 from collections.abc import Sequence
@@ -28,6 +29,7 @@ from hydroviews.images import Image
 
 EVEN, STEP = 128, 1 / 200  # the 8 bits of D: what stands for nought, and for a difference of one
 RINGS = 64  # of frequencies, to one cycle a pixel
+VIEW = "view"  # begins the names of what is known of a view
 LEAST = 0.1  # encoded; in front of what is nearer to beta than that, streaks are hardly seen
 
 
@@ -38,6 +40,7 @@ class StreakConfig:
     wedge: float = 35.0  # degrees to either side of the rain's direction
     smooth: int = 9  # frequencies, each way, over which the power is averaged
     visits: int = 3  # of each view, over which D is averaged; before, as many looks as views for the spectra
+    renewed: tuple[float, ...] = (0.45, 0.65)  # shares of the iterations at which all that is taken anew
     most: float = 0.95  # cover
 
 
@@ -61,7 +64,13 @@ class Streaks:
         """Whether a view, rendered at (height, width), is to be looked at if it surely rains."""
         return self.visits[view] < self._config.visits and size == self._full[view]
 
-    def observe(self, difference: Plane, contrast: Plane, angle: float, view: int) -> None:
+    def renew(self) -> None:
+        """Look at everything anew: the scene is known better now. Until then what was found is kept."""
+        self.power[:], self.looks[:], self.visits[:] = 0, 0, 0
+
+    def observe(
+        self, difference: Plane, contrast: Plane, angle: float, view: int, witness: Plane | None = None
+    ) -> None:
         """Look at a view for its streaks.
 
         Args:
@@ -69,6 +78,7 @@ class Streaks:
             contrast: of rain and scene [H, W], both as of `along_rain`; where nothing is to be found both are 0.
             angle: of the streaks, degrees counter-clockwise from +x.
             view: index of the view.
+            witness: what somebody else takes D for [H, W], of whom as much is believed.
         """
         size = self._small[view]
         difference, contrast = resized(difference, size), resized(contrast, size)
@@ -82,6 +92,8 @@ class Streaks:
             return
         streaks = fft.irfft2(spectrum * self.gain, self._canvas)[: size[0], : size[1]]
         found = streaks * contrast / (contrast**2 + np.float32(LEAST**2))
+        if witness is not None:
+            found = (found + resized(witness, size)) / 2
         n = self.visits[view]
         mean = (n * self.deviation(view) + found) / (n + 1)
         self.deviations[view] = np.clip(np.rint(mean / STEP) + EVEN, 0, 255).astype(np.uint8)
@@ -101,15 +113,15 @@ class Streaks:
 
     def arrays(self) -> dict[str, NDArray]:
         """All that was observed, for checkpoints."""
-        views = {f"view{view}": deviation for view, deviation in self.deviations.items()}
+        views = {f"{VIEW}{view}": deviation for view, deviation in self.deviations.items()}
         return {"power": self.power, "gain": self.gain, "looks": self.looks, "visits": self.visits, **views}
 
     def restore(self, arrays: dict[str, NDArray]) -> None:
         """Take back what `arrays` returned."""
         self.power, self.gain = arrays["power"].copy(), arrays["gain"].copy()
         self.looks, self.visits = arrays["looks"].copy(), arrays["visits"].copy()
-        views = np.flatnonzero(self.visits)
-        self.deviations = {int(view): arrays[f"view{view}"].copy() for view in views}
+        views = [name for name in arrays if name.startswith(VIEW)]
+        self.deviations = {int(name.removeprefix(VIEW)): arrays[name].copy() for name in views}
 
 
 def along_rain(photograph: Image, seen: Image, cover: float, brightness: float) -> tuple[Plane, Plane]:
@@ -130,6 +142,16 @@ def along_rain(photograph: Image, seen: Image, cover: float, brightness: float) 
     length = np.sqrt(np.einsum("hwc,hwc->hw", contrast, contrast))
     along = np.einsum("hwc,hwc->hw", photograph - seen, contrast) / np.maximum(length, np.float32(1e-3))
     return along, length
+
+
+def cover_between(photograph: Image, dry: Image, brightness: float) -> Plane:
+    """The cover by rain [H, W] that makes a photograph [H, W, 3] of a dry picture of the same; little if S is unclear.
+
+    Least squares over the channels of O - B = S (beta - B), of which what is near to beta says little.
+    """
+    contrast = np.maximum(np.float32(brightness) - dry, 0)
+    along = np.einsum("hwc,hwc->hw", photograph - dry, contrast)
+    return np.asarray(along / (np.einsum("hwc,hwc->hw", contrast, contrast) + np.float32(LEAST**2)), np.float32)
 
 
 def wiener_gain(power: NDArray, width: int, angle: float, config: StreakConfig) -> Plane:

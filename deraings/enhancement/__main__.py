@@ -12,7 +12,7 @@ from deraings.enhancement.config import TrainingConfig, Upkeep
 from deraings.enhancement.enhance import enhance
 from deraings.enhancement.network import CONFIGS, EnhancementNetwork
 from deraings.enhancement.pair_folders import PairFolder
-from deraings.enhancement.pairs import DrawnRain, Source
+from deraings.enhancement.pairs import DrawnRain, Pairs
 from deraings.enhancement.photographs import read_photographs, split_photographs
 from deraings.enhancement.rain import LENSES, bake_pool
 from deraings.enhancement.size import describe
@@ -55,14 +55,14 @@ def train_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
         torch.set_num_threads(request.threads)
     data, config, split = request.data, request.training, split_photographs(request.data.photographs)
     pool = bake_pool(data.cache, config.seed)
-    sources: list[Source] = [DrawnRain(read_photographs(split.training), pool)]
-    sources += [PairFolder(folder) for folder in data.pairs]
+    published = [PairFolder(folder, config.patch) for folder in data.pairs]
+    pairs = Pairs(DrawnRain(read_photographs(split.training), pool), published, config.patch, config.seed)
     watched = validation_set(split.held_out[:WATCHED], VALIDATION_SEED, data.cache / "validation")
 
     def validate(network: EnhancementNetwork) -> dict[str, float]:
         return as_columns(scores(network, watched))
 
-    training = train(request.out, config, sources, described(data), validate, request.upkeep)
+    training = train(request.out, config, pairs, described(data), validate, request.upkeep)
     write_weights(request, training)
 
 

@@ -13,7 +13,7 @@ class TrainingConfig:
     """Everything but the data that the trained weights depend on."""
 
     network: NetworkConfig = SMALL
-    steps: int = 30_000
+    steps: int = 5_000
     batch: int = 4
     patch: int = 192  # pixels along a side; at most the shorter side of a photograph's smaller frame
     rate: float = 1e-3  # of AdamW (Loshchilov and Hutter 2019), after the warm-up
@@ -22,7 +22,9 @@ class TrainingConfig:
     weight_decay: float = 1e-4
     clip: float = 2.0  # largest norm of a step's gradient
     frequency: float = 3.0  # weight of the loss in Fourier coefficients
+    smooth: float = 1.0  # weight of the loss in means of squares
     floor: float = 0.1  # added to the mean absolute error by rain that a picture's loss is a share of
+    lifting: float = 0.5  # weight of the loss of the veil alone, where the network has one
     detection: float = 0.5  # weight of the loss in the cover by rain, where the network predicts it
     averaging: float = 0.999  # what an average of the weights keeps of itself in a step
     precision: Precision = "bfloat16"  # of convolutions and attention in training; weights are float32 in both

@@ -36,12 +36,13 @@ def enhance(image: Image, enhancer: Enhancer | None = None, tile: int = TILE, ov
     if not np.isfinite(image).all():
         raise ValueError("the image has values that are not finite")
     network = (enhancer or shipped()).network
+    image = _lift(image, network)
     rows, columns = (spans(size, tile, overlap) for size in image.shape[:2])
     total = np.zeros(image.shape, np.float32)
     weight = np.zeros((*image.shape[:2], 1), np.float32)
     for top, bottom in rows:
         for left, right in columns:
-            part = _enhance_part(np.ascontiguousarray(image[top:bottom, left:right], np.float32), network)
+            part = _refine(image[top:bottom, left:right], network)
             ramp = _ramp(bottom - top, overlap)[:, None, None] * _ramp(right - left, overlap)[None, :, None]
             total[top:bottom, left:right] += ramp * part
             weight[top:bottom, left:right] += ramp
@@ -75,20 +76,30 @@ def _ramp(size: int, overlap: int) -> NDArray[np.float32]:
     return np.minimum(ends / (overlap + 1), 1).astype(np.float32)
 
 
-def _enhance_part(image: Image, network: EnhancementNetwork) -> Image:
-    batch = torch.from_numpy(image).permute(2, 0, 1)[None]
+def _lift(image: Image, network: EnhancementNetwork) -> Image:
     with torch.inference_mode():
-        enhanced = run_padded(network, batch)
-    return np.asarray(enhanced[0].permute(1, 2, 0).numpy(), np.float32)
+        return _image(network.lift(_batch(image)))
 
 
-def run_padded(network: EnhancementNetwork, batch: Tensor) -> Tensor:
-    """The network on pictures [N, 3, H, W] of any size, mirrored beyond their lower and right borders."""
+def _refine(part: Image, network: EnhancementNetwork) -> Image:
+    with torch.inference_mode():
+        return _image(refine_padded(network, _batch(part)))
+
+
+def _batch(image: Image) -> Tensor:
+    return torch.from_numpy(np.ascontiguousarray(image, np.float32)).permute(2, 0, 1)[None]
+
+
+def _image(batch: Tensor) -> Image:
+    return np.ascontiguousarray(batch[0].permute(1, 2, 0).numpy(), np.float32)
+
+
+def refine_padded(network: EnhancementNetwork, batch: Tensor) -> Tensor:
+    """The network after the veil, on pictures [N, 3, H, W] of any size, mirrored beyond lower and right borders."""
     height, width = batch.shape[-2:]
     missing = [-size % network.multiple for size in (height, width)]
     index = [mirrored(size, size + more) for size, more in zip((height, width), missing, strict=True)]
-    result: Tensor = network(batch[..., index[0], :][..., index[1]])[..., :height, :width]
-    return result
+    return network.refine(batch[..., index[0], :][..., index[1]])[..., :height, :width]
 
 
 def mirrored(size: int, wanted: int) -> Tensor:

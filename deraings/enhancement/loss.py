@@ -4,20 +4,26 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+SMOOTH = 16  # pixels along a side of the squares whose mean errors count
 
-def enhancement_loss(enhanced: Tensor, clean: Tensor, rainy: Tensor, frequency: float, floor: float) -> Tensor:
-    """Absolute error of pictures and of their Fourier coefficients, as a share of what rain did to each picture.
+
+def enhancement_loss(
+    enhanced: Tensor, clean: Tensor, rainy: Tensor, frequency: float, smooth: float, floor: float
+) -> Tensor:
+    """Absolute error of pixels, of squares and of Fourier coefficients, as a share of what rain did to each picture.
 
     The coefficients (Cho et al. 2021, MIMO-UNet) are scaled so that white noise has as large an error in them as in
-    pixels; what is smooth, such as a veil, or oriented, such as streaks, is concentrated in few of them. The share
-    makes thin rain count more like thick rain, as a gain in dB does; without it what is learned is mostly thick mist,
-    and with a floor of 0.02 that any change is dangerous.
+    pixels. An oriented error, such as streaks, is large in many of them. A smooth one, such as mist, is concentrated
+    in so few that their mean hardly notices; the squares' means are for that. The share makes thin rain count more
+    like thick rain, as a gain in dB does; without it what is learned is mostly thick mist, and with a floor of 0.02
+    that any change is dangerous.
 
     Args:
         enhanced: [N, 3, H, W].
         clean: the same shape.
         rainy: the same shape.
         frequency: weight of the coefficients.
+        smooth: weight of the squares.
         floor: added to a rainy picture's mean absolute error, so that thin rain does not count without bounds.
 
     Returns:
@@ -27,6 +33,8 @@ def enhancement_loss(enhanced: Tensor, clean: Tensor, rainy: Tensor, frequency: 
     size = error.abs().mean(dim=(1, 2, 3))
     if frequency > 0:
         size = size + frequency * torch.fft.rfft2(error, norm="ortho").abs().mean(dim=(1, 2, 3))
+    if smooth > 0:
+        size = size + smooth * functional.avg_pool2d(error, SMOOTH, ceil_mode=True).abs().mean(dim=(1, 2, 3))
     rain = (rainy - clean).abs().mean(dim=(1, 2, 3))
     return (size / (rain + floor)).mean()
 

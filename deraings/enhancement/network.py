@@ -1,6 +1,7 @@
 """The enhancement network of DeRainGS: local features, global features, global refinement, at five levels.
 
-An encoder of convolutional blocks, a bottleneck of attention across channels, and a decoder of the same attention kept
+A small network for the veil over the whole picture comes first, where the configuration asks for one: `veil.py`. Then
+an encoder of convolutional blocks, a bottleneck of attention across channels, and a decoder of the same attention kept
 to its strongest entries (DeRainGS, section Rainy Image Enhancement and its pipeline figure). Level i has width 2^i
 channels at 1 / (stem 2^i) of the picture's resolution. Read from top to bottom: configuration, blocks, network.
 
@@ -15,6 +16,8 @@ from typing import cast
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
+
+from deraings.enhancement.veil import VeilNetwork, cut, lifted
 
 LEVELS = 5
 KEPT = (1 / 2, 2 / 3, 3 / 4, 4 / 5)  # shares of its entries that a row of sparse attention keeps (Chen et al. 2023)
@@ -34,12 +37,21 @@ class NetworkConfig:
     head_width: int = 48  # channels of an attention head
     stem: int = 1  # the picture is taken in squares of so many pixels: 2 makes every level four times smaller
     cover: bool = False  # in training also say how much of each pixel streaks, drops and mist cover
-    gain: bool = False  # predict I' = I + g I + r instead of I' = I + r, g and r from the network: a veil is undone so
+    gain: bool = False  # predict I' = I + g I + r instead of I' = I + r, g and r from the network
+    veil: int = 0  # channels of a network that takes a smooth veil off the whole picture first; 0: there is none
 
 
 PAPER = NetworkConfig()
 SMALL = NetworkConfig(
-    width=24, encoder=(1, 2, 3, 3), bottleneck=2, decoder=(1, 2, 2, 2), head_width=24, stem=2, cover=True, gain=True
+    width=24,
+    encoder=(1, 2, 3, 3),
+    bottleneck=2,
+    decoder=(1, 2, 2, 2),
+    head_width=24,
+    stem=2,
+    cover=True,
+    gain=True,
+    veil=48,
 )
 CONFIGS = {"paper": PAPER, "small": SMALL}
 
@@ -188,8 +200,12 @@ class EnhancementNetwork(nn.Module):
         self.head = nn.Sequential(nn.Conv2d(widths[0], given, 3, padding=1), nn.PixelShuffle(config.stem))
         if config.cover:
             self.cover = nn.Sequential(nn.Conv2d(widths[0], taken, 3, padding=1), nn.PixelShuffle(config.stem))
+        if config.veil:
+            self.veil = VeilNetwork(config.veil)
         self.apply(initialise)
         nn.init.zeros_(cast(nn.Conv2d, self.head[0]).weight)  # an untrained network changes nothing
+        if config.veil:
+            nn.init.zeros_(self.veil.end.weight)
 
     @property
     def multiple(self) -> int:
@@ -197,7 +213,18 @@ class EnhancementNetwork(nn.Module):
         return self.config.stem * 2 ** (LEVELS - 1)
 
     def forward(self, image: Tensor) -> Tensor:
-        """Enhance pictures [N, 3, H, W], sRGB-encoded, [0, 1]; the result is not clipped."""
+        """Enhance whole pictures [N, 3, H, W], sRGB-encoded, [0, 1]; the result is not clipped."""
+        return self.refine(self.lift(image))
+
+    def lift(self, image: Tensor) -> Tensor:
+        """Whole pictures without the smooth veil over them, if the network looks for one."""
+        if not self.config.veil:
+            return image
+        whole = torch.tensor([[0.0, 1.0, 0.0, 1.0]], device=image.device).expand(len(image), -1)
+        return lifted(image, cut(self.veil(image), whole, image.shape[-2], image.shape[-1]))
+
+    def refine(self, image: Tensor) -> Tensor:
+        """The rest, for pictures or parts of pictures that are free of the veil."""
         return self.enhanced(image, self.features(image))
 
     def features(self, image: Tensor) -> Tensor:

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from deraings.enhancement.pairs import flipped, window
 from deraings.enhancement.rain import Pair
 from hydroviews.errors import InputError
 from hydroviews.images import list_images, read_image
@@ -26,25 +25,26 @@ Files = tuple[Path, Path]  # of a rainy and a clean picture
 
 
 class PairFolder:
-    """Pairs of a published data set, in random parts."""
+    """Pairs of a published data set."""
 
-    def __init__(self, folder: Path) -> None:
-        self._files = find_pairs(folder)
+    def __init__(self, folder: Path, smallest: int) -> None:
+        """Of pictures with at least so many pixels along a side."""
+        self._files, self._smallest = find_pairs(folder), smallest
 
-    def pair(self, patch: int, rng: np.random.Generator) -> Pair:
+    def pair(self, rng: np.random.Generator) -> Pair:
         """See pairs.Source.
 
         Raises:
-            InputError: a picture is unreadable or smaller than the part, or a pair's pictures differ in size.
+            InputError: a picture is unreadable or too small, or a pair's pictures differ in size.
         """
         files = self._files[rng.integers(len(self._files))]
         rainy, clean = (read_image(file) for file in files)
         if rainy.shape != clean.shape:
             raise InputError(f"{files[0]}: not of its clean picture's size", found=rainy.shape, expected=clean.shape)
-        if min(rainy.shape[:2]) < patch:
-            raise InputError(f"{files[0]}: too small", found=rainy.shape, expected=f"at least {patch}x{patch}")
-        part = window(rainy.shape[0], rainy.shape[1], patch, rng)
-        return flipped(Pair(rainy[part], clean[part], np.full_like(clean[part], np.nan)), rng)
+        if min(rainy.shape[:2]) < self._smallest:
+            expected = f"at least {self._smallest} pixels along every side"
+            raise InputError(f"{files[0]}: too small", found=rainy.shape, expected=expected)
+        return Pair(rainy, clean, np.full_like(clean, np.nan), np.full((*clean.shape[:2], 4), np.nan, np.float32))
 
 
 def find_pairs(folder: Path) -> list[Files]:

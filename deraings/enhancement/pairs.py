@@ -1,27 +1,28 @@
 """Pairs to learn from: rain drawn on photographs, or folders of pairs that others have published."""
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset
 
 from deraings.enhancement.photographs import Bytes, Frame
-from deraings.enhancement.rain import KINDS, LINEAR, Pair, Pool, Window, draw_rain
-from hydroviews.images import to_srgb
+from deraings.enhancement.rain import KINDS, LINEAR, Pair, Pool, draw_exposure, draw_rain, draw_veil
+from deraings.enhancement.veil import Box, squeezed
+from hydroviews.images import Image, to_srgb
 from hydroviews.rain.seeds import generator
 
-DIMMEST = 0.35  # the darkest exposure that photographs are given, in linear light
-CAST = 0.1  # by how much the channels' exposures differ, at most
+VEILED = 4  # small whole pictures in mist alone that come with every pair: the veil's network wants many
 
 
 class Source(Protocol):
     """Where pairs come from."""
 
-    def pair(self, patch: int, rng: np.random.Generator) -> Pair:
-        """A pair of [patch, patch] pixels; all chance comes from the generator."""
+    def pair(self, rng: np.random.Generator) -> Pair:
+        """A whole picture in rain, and clean; all chance comes from the generator."""
         ...
 
 
@@ -31,49 +32,81 @@ class DrawnRain:
     def __init__(self, photographs: Sequence[dict[int, Bytes]], pool: Pool) -> None:
         self._photographs, self._pool = photographs, pool
 
-    def pair(self, patch: int, rng: np.random.Generator) -> Pair:
+    def pair(self, rng: np.random.Generator) -> Pair:
         """See Source."""
-        sides = self._photographs[rng.integers(len(self._photographs))]
-        photograph = sides[int(rng.choice(list(sides)))]
-        if rng.uniform() < 0.5:
-            photograph = photograph[:, ::-1]
-        photograph = exposed(photograph, rng)
+        photograph = exposed(self._photograph(rng), rng)
         height, width = photograph.shape[:2]
         kind = str(rng.choice(list(KINDS), p=list(KINDS.values())))
         frame: Frame = (width, height)
-        return flipped(draw_rain(photograph, kind, self._pool[frame], window(height, width, patch, rng), rng), rng)
+        return draw_rain(photograph, kind, self._pool[frame], rng)
+
+    def veiled(self, rng: np.random.Generator) -> tuple[Image, Image, NDArray[np.float32]]:
+        """A small whole picture in mist alone, clean, and its veil: see rain.draw_veil."""
+        return draw_veil(self._photograph(rng), rng)
+
+    def _photograph(self, rng: np.random.Generator) -> Bytes:
+        """Any of them, mirrored or not."""
+        sides = self._photographs[rng.integers(len(self._photographs))]
+        photograph = sides[int(rng.choice(list(sides)))]
+        return photograph[:, ::-1] if rng.uniform() < 0.5 else photograph
 
 
 def exposed(photograph: Bytes, rng: np.random.Generator) -> Bytes:
     """The photograph [H, W, 3] as a shorter exposure in other light, so that dark scenes are learned too."""
-    gains = rng.uniform(DIMMEST, 1) * rng.uniform(1 - CAST, 1, 3)
+    gains = draw_exposure(rng)
     table = np.stack([np.rint(255 * to_srgb(LINEAR * gain)) for gain in gains], axis=1).astype(np.uint8)
     return np.stack([table[photograph[..., channel], channel] for channel in range(3)], axis=-1)
 
 
-def window(height: int, width: int, patch: int, rng: np.random.Generator) -> Window:
-    """A square part of a picture, anywhere in it."""
-    top, left = int(rng.integers(height - patch + 1)), int(rng.integers(width - patch + 1))
-    return slice(top, top + patch), slice(left, left + patch)
+class Sample(NamedTuple):
+    """What a network learns from: a part of a pair, and the whole of it in small. A batch has them stacked."""
 
-
-def flipped(pair: Pair, rng: np.random.Generator) -> Pair:
-    """All of it mirrored left to right, or not: rain leans both ways, but does not fall up."""
-    return Pair(*(plane[:, ::-1] for plane in pair)) if rng.uniform() < 0.5 else pair
+    rainy: Tensor  # [3, patch, patch]
+    clean: Tensor  # [3, patch, patch]
+    cover: Tensor  # [3, patch, patch]
+    box: Tensor  # [4], which part it is: see veil.Box
+    whole_rainy: Tensor  # [1 + VEILED, 3, 128, 128], the pair's, then others in mist alone
+    whole_clean: Tensor  # [1 + VEILED, 3, 128, 128]
+    whole_veil: Tensor  # [1 + VEILED, 4, 128, 128], as in rain.Pair
 
 
 class Pairs(Dataset):
-    """Pair i, whoever asks for it and whenever: of one of the sources, all equally often."""
+    """Sample i, whoever asks for it and whenever: of photographs in drawn rain or of a published pair, by turns."""
 
-    def __init__(self, sources: Sequence[Source], patch: int, seed: int) -> None:
-        self._sources, self._patch, self._seed = sources, patch, seed
+    def __init__(self, drawn: DrawnRain, published: Sequence[Source], patch: int, seed: int) -> None:
+        self._drawn, self._sources, self._patch, self._seed = drawn, [drawn, *published], patch, seed
 
-    def __getitem__(self, index: int) -> tuple[Tensor, ...]:
-        """Rainy, clean and cover, [3, patch, patch]."""
+    def __getitem__(self, index: int) -> Sample:
+        """Mirrored left to right or not, since rain leans both ways but does not fall up; any part of it.
+
+        Raises:
+            ValueError: the picture is smaller than the part.
+        """
         rng = generator(self._seed, "pair", index)
-        source = self._sources[rng.integers(len(self._sources))]
-        planes = (plane.transpose(2, 0, 1) for plane in source.pair(self._patch, rng))
-        return tuple(torch.from_numpy(np.ascontiguousarray(plane)) for plane in planes)
+        pair = self._sources[rng.integers(len(self._sources))].pair(rng)
+        if rng.uniform() < 0.5:
+            pair = Pair(*(plane[:, ::-1] for plane in pair))
+        rows, columns, box = part_of(pair.rainy.shape[0], pair.rainy.shape[1], self._patch, rng)
+        parts = [_planes(plane[rows, columns]) for plane in (pair.rainy, pair.clean, pair.cover)]
+        own = [_small(plane) for plane in (pair.rainy, pair.clean, pair.veil)]
+        others = [[_planes(plane) for plane in self._drawn.veiled(rng)] for _ in range(VEILED)]
+        wholes = [torch.stack(planes) for planes in zip(own, *others, strict=True)]
+        return Sample(*parts, torch.tensor(box), *wholes)  # type: ignore[call-arg]
+
+
+def part_of(height: int, width: int, patch: int, rng: np.random.Generator) -> tuple[slice, slice, Box]:
+    """Rows and columns of a square part of a picture, anywhere in it."""
+    top, left = int(rng.integers(height - patch + 1)), int(rng.integers(width - patch + 1))
+    box = top / height, (top + patch) / height, left / width, (left + patch) / width
+    return slice(top, top + patch), slice(left, left + patch), box
+
+
+def _planes(picture: Image) -> Tensor:
+    return torch.from_numpy(np.ascontiguousarray(picture.transpose(2, 0, 1), np.float32))
+
+
+def _small(picture: Image) -> Tensor:
+    return squeezed(_planes(picture)[None])[0]
 
 
 def batches(pairs: Pairs, batch: int, first: int, last: int, workers: int) -> DataLoader:

@@ -5,13 +5,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
 from deraings.enhancement.photographs import Bytes, Frame, frames
+from deraings.enhancement.veil import SIDE
 from hydroviews.cameras import Camera
-from hydroviews.images import Image, to_linear
+from hydroviews.images import Image, to_linear, to_srgb
 from hydroviews.rain import drops_pattern, effects, light, severity, streaks
 from hydroviews.rain.drops_pattern import RaindropPattern
 from hydroviews.rain.lens_bake import bake_matte, moment_of
@@ -25,14 +27,13 @@ LENSES = 10  # wet lenses baked for a frame; mist, photograph, flips and crops a
 KINDS = {"streak": 0.35, "raindrop": 0.5, "both": 0.05, "clean": 0.1}  # shares of the pairs
 FEWEST = 20.0  # noise level n of the thinnest rain; the grades of bright, smooth scenes go as low
 BRIGHTER = 0.4  # share of the streaks brighter than the recipe's 0.8, as heavy grades have them
+DIMMEST = 0.35  # the darkest exposure that photographs are given, in linear light
+CAST = 0.1  # by how much the channels' exposures differ, at most
 NO_MIST = 0.15  # share of the wet lenses without mist
-OWN_MIST = (
-    0.5  # share of the lenses with the mist of their pattern; others have another, so that there are more of them
-)
+OWN_MIST = 0.5  # share of the lenses with the mist of their pattern; others have another, for there to be more
+COARSER = 6  # times: mist for pictures of mist alone is drawn in so much smaller
 SPARSE = 4  # every so many rows and columns are looked at for the light of the air
 LINEAR = to_linear(np.arange(256, dtype=np.float32) / 255)  # of 8-bit values
-
-Window = tuple[slice, slice]  # rows and columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +51,7 @@ class Pair(NamedTuple):
     rainy: Image  # [H, W, 3]
     clean: Image  # [H, W, 3]
     cover: NDArray[np.float32]  # [H, W, 3], by streaks, drops and mist, [0, 1]; NaN where nobody knows
+    veil: NDArray[np.float32]  # [H, W, 4], V and V w, linear light; NaN where it is not mist alone that veils
 
 
 Pool = dict[Frame, tuple[WetLens, ...]]
@@ -87,33 +89,26 @@ def bake_lens(folder: Path, seed: int, frame: Frame, index: int) -> WetLens:
     return WetLens(pattern, key_frame, bake_matte(pattern, camera_of(frame), place, key_frame))
 
 
-def draw_rain(
-    photograph: Bytes, kind: str, lenses: Sequence[WetLens], window: Window, rng: np.random.Generator
-) -> Pair:
-    """A part of a photograph in rain, and clean.
-
-    Rain is drawn for the whole photograph, of which drops show parts far from them, and mist veils all of it.
+def draw_rain(photograph: Bytes, kind: str, lenses: Sequence[WetLens], rng: np.random.Generator) -> Pair:
+    """A photograph in rain, and clean.
 
     Args:
         photograph: [H, W, 3], of a frame's size.
         kind: one of KINDS.
         lenses: baked for the frame, at least one.
-        window: the part.
         rng: of the pair.
-
-    Returns:
-        Of the window's size.
     """
-    clean = photograph[window].astype(np.float32) / 255
-    rainy, cover = clean, np.zeros_like(clean)
+    clean = photograph.astype(np.float32) / 255
+    rainy, cover, veil = clean, np.zeros_like(clean), np.zeros((*clean.shape[:2], 4), np.float32)
     if kind in ("raindrop", "both"):
-        rainy, cover[..., 1], cover[..., 2] = wet_lens(photograph, lenses[rng.integers(len(lenses))], window, rng)
+        rainy, cover[..., 1], veil = wet_lens(photograph, lenses[rng.integers(len(lenses))], rng)
+        cover[..., 2] = veil[..., 0]
     if kind in ("streak", "both"):
         height, width = photograph.shape[:2]
         pattern = draw_streaks(rng)
-        cover[..., 0] = streaks.streak_layer(pattern, width, height, rng)[window]
-        rainy = streaks.composite(rainy, cover[..., 0], pattern.brightness)
-    return Pair(rainy, clean, cover)
+        cover[..., 0] = streaks.streak_layer(pattern, width, height, rng)
+        rainy, veil = streaks.composite(rainy, cover[..., 0], pattern.brightness), np.full_like(veil, np.nan)
+    return Pair(rainy, clean, cover, veil)
 
 
 def draw_streaks(rng: np.random.Generator) -> streaks.StreakPattern:
@@ -127,26 +122,54 @@ def draw_streaks(rng: np.random.Generator) -> streaks.StreakPattern:
 
 def draw_mist(lens: WetLens, rng: np.random.Generator) -> RaindropPattern:
     """The pattern of a lens with mist of any thickness, thin ones more often, and sometimes of another form."""
-    level = 0.0 if rng.uniform() < NO_MIST else severity.THICKEST_MIST * float(rng.uniform()) ** 3
-    pattern = replace(lens.pattern, mist=level, air=drops_pattern.draw_pattern(rng).air)
+    pattern = replace(lens.pattern, mist=draw_level(rng), air=drops_pattern.draw_pattern(rng).air)
     if rng.uniform() < OWN_MIST:
         return pattern
     return replace(pattern, seed=int(rng.integers(2**31)), rivulets=0)
 
 
+def draw_exposure(rng: np.random.Generator) -> NDArray[np.float32]:
+    """Factors on linear light [3] that make of a photograph a shorter exposure in other light."""
+    return np.asarray(rng.uniform(DIMMEST, 1) * rng.uniform(1 - CAST, 1, 3), np.float32)
+
+
+def draw_level(rng: np.random.Generator) -> float:
+    """How thick mist is at most, sometimes none."""
+    return 0.0 if rng.uniform() < NO_MIST else severity.THICKEST_MIST * float(rng.uniform()) ** 2
+
+
 def wet_lens(
-    photograph: Bytes, lens: WetLens, window: Window, rng: np.random.Generator
+    photograph: Bytes, lens: WetLens, rng: np.random.Generator
 ) -> tuple[Image, NDArray[np.float32], NDArray[np.float32]]:
-    """A part of a photograph [H, W, 3] seen through drops and mist, [h, w, 3]; its cover by both, [h, w]."""
+    """A photograph [H, W, 3] seen through drops and mist, its cover by drops [H, W], and the veil as in `Pair`."""
     height, width = photograph.shape[:2]
-    pattern = draw_mist(lens, rng)
+    pattern, mask = draw_mist(lens, rng), lens.matte.mask
     linear = LINEAR[photograph]
     air = air_light(linear) * np.array(pattern.air, np.float32)
-    veil = mist_veil(pattern, width, height, moment_of(pattern, lens.frame))[window]
-    mask = lens.matte.mask[window]
-    radiance = lens.matte.apply(light.expand_highlights(linear))[window] + ((1 - mask) * veil)[..., None] * air
+    veil = mist_veil(pattern, width, height, moment_of(pattern, lens.frame))
+    radiance = lens.matte.apply(light.expand_highlights(linear)) + ((1 - mask) * veil)[..., None] * air
     layers = {"M": mask, "V": veil, **{channel: radiance[..., i] for i, channel in enumerate("RGB")}}
-    return effects.composite("raindrop", {}, photograph[window].astype(np.float32) / 255, layers), mask, veil
+    rainy = effects.composite("raindrop", {}, photograph.astype(np.float32) / 255, layers)
+    return rainy, mask, with_light(veil, air)
+
+
+def with_light(veil: NDArray[np.float32], air: NDArray[np.float32]) -> NDArray[np.float32]:
+    """V and V w, [H, W, 4], of V [H, W] and w [3]."""
+    return veil[..., None] * np.append(np.float32(1), air)
+
+
+def draw_veil(photograph: Bytes, rng: np.random.Generator) -> tuple[Image, Image, NDArray[np.float32]]:
+    """A photograph [H, W, 3], exposed anyhow, in mist alone or none, clean, and its veil as in `Pair`.
+
+    They are [128, 128], which costs little.
+    """
+    height, width = (round(side / COARSER) for side in photograph.shape[:2])
+    pattern = replace(drops_pattern.draw_pattern(rng), mist=draw_level(rng))
+    pattern = pattern if rng.uniform() < OWN_MIST else replace(pattern, rivulets=0)
+    linear = LINEAR[cv2.resize(photograph, (SIDE, SIDE), interpolation=cv2.INTER_AREA)] * draw_exposure(rng)
+    share = np.asarray(cv2.resize(mist_veil(pattern, width, height, float(rng.uniform())), (SIDE, SIDE)), np.float32)
+    veil = with_light(share, air_light(linear) * np.array(pattern.air, np.float32))
+    return to_srgb((1 - veil[..., :1]) * linear + veil[..., 1:]), to_srgb(linear), veil
 
 
 def air_light(linear: NDArray[np.float32]) -> NDArray[np.float32]:

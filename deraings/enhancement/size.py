@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from deraings.enhancement.enhance import run_padded
+from deraings.enhancement.enhance import refine_padded
 from deraings.enhancement.network import EnhancementNetwork, NetworkConfig, TransposedAttention
 
 
@@ -30,7 +30,7 @@ def measure(config: NetworkConfig, width: int, height: int) -> dict[str, Part]:
         for name, module in network.named_modules():
             if isinstance(module, nn.Conv2d | TransposedAttention):
                 module.register_forward_hook(_count_into(parts[name.split(".")[0]]))
-        run_padded(network, picture)
+        refine_padded(network, network.lift(picture))
     return parts
 
 

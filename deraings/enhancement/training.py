@@ -5,7 +5,7 @@ import io
 import json
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,8 @@ from baselines.splatting.checkpoints import read_arrays, write_arrays
 from deraings.enhancement.config import TrainingConfig, Upkeep
 from deraings.enhancement.loss import cover_loss, enhancement_loss
 from deraings.enhancement.network import EnhancementNetwork
-from deraings.enhancement.pairs import Pairs, Source, batches
+from deraings.enhancement.pairs import Pairs, Sample, batches
+from deraings.enhancement.veil import cut, lifted, veil_loss
 from deraings.enhancement.weights import to_arrays, to_tensors
 from hydroviews.errors import InputError
 from hydroviews.files import write_bytes
@@ -47,20 +48,14 @@ class Training:
         self.loss = math.nan
         self.curve: list[dict[str, float]] = []
 
-    def learn(self, rainy: Tensor, clean: Tensor, cover: Tensor) -> None:
-        """One step, on a batch [N, 3, P, P] of pictures, what they should become, and their cover by rain."""
+    def learn(self, batch: Sample) -> None:
+        """One step."""
         start = time.perf_counter()
         rate = rate_at(self.step, self.config)
         for group in self.optimiser.param_groups:
             group["lr"] = rate
         self.optimiser.zero_grad(set_to_none=True)
-        with torch.autocast("cpu", torch.bfloat16, enabled=self.config.precision == "bfloat16"):
-            features = self.network.features(rainy)
-            enhanced = self.network.enhanced(rainy, features)
-            found = self.network.cover(features) if self.config.network.cover else None
-        loss = enhancement_loss(enhanced.float(), clean, rainy, self.config.frequency, self.config.floor)
-        if found is not None:
-            loss = loss + self.config.detection * cover_loss(found.float(), cover)
+        loss = self._loss(batch)
         loss.backward()
         torch.nn.utils.clip_grad_norm_(self.network.parameters(), self.config.clip, error_if_nonfinite=True)
         self.optimiser.step()
@@ -69,6 +64,23 @@ class Training:
         self.loss = value if math.isnan(self.loss) else SMOOTHING * self.loss + (1 - SMOOTHING) * value
         self.step += 1
         self.seconds += time.perf_counter() - start
+
+    def _loss(self, batch: Sample) -> Tensor:
+        config, network, rainy, extra = self.config, self.network, batch.rainy, torch.zeros(())
+        if config.network.veil:
+            wholes = (whole.flatten(0, 1) for whole in (batch.whole_rainy, batch.whole_clean, batch.whole_veil))
+            veils = network.veil(batch.whole_rainy.flatten(0, 1))
+            extra = config.lifting * veil_loss(veils, *wholes)
+            own = veils.unflatten(0, batch.whole_rainy.shape[:2])[:, 0]
+            rainy = lifted(rainy, cut(own, batch.box, rainy.shape[-2], rainy.shape[-1]))
+        with torch.autocast("cpu", torch.bfloat16, enabled=config.precision == "bfloat16"):
+            features = network.features(rainy)
+            enhanced = network.enhanced(rainy, features)
+            found = network.cover(features) if config.network.cover else None
+        if found is not None:
+            extra = extra + config.detection * cover_loss(found.float(), batch.cover)
+        weights = config.frequency, config.smooth, config.floor
+        return extra + enhancement_loss(enhanced.float(), batch.clean, batch.rainy, *weights)
 
     def _average(self) -> None:
         """Early weights are forgotten sooner, so that the average is worth something from the beginning."""
@@ -141,7 +153,7 @@ def resume(folder: Path, config: TrainingConfig, data: str) -> Training:
 def train(
     folder: Path,
     config: TrainingConfig,
-    sources: Sequence[Source],
+    pairs: Pairs,
     data: str,
     validate: Validate,
     upkeep: Upkeep,
@@ -151,7 +163,7 @@ def train(
     Args:
         folder: gets the checkpoint and curve.csv.
         config: of the training.
-        sources: of pairs.
+        pairs: to learn from.
         data: what they are, as it stands in the checkpoint; another one is refused.
         validate: scores of the averaged network.
         upkeep: what does not change the result.
@@ -160,11 +172,10 @@ def train(
         InputError: the checkpoint is damaged or of another training.
     """
     training, fingerprint, checkpoint = resume(folder, config, data), fingerprint_of(config, data), folder / CHECKPOINT
-    pairs = Pairs(sources, config.patch, config.seed)
     loader = batches(pairs, config.batch, training.step, config.steps, upkeep.workers)
     with tqdm(total=config.steps, initial=training.step, desc="training", unit="step") as bar:
-        for rainy, clean, cover in loader:
-            training.learn(rainy, clean, cover)
+        for batch in loader:
+            training.learn(batch)
             bar.set_postfix(loss=f"{training.loss:.4f}", refresh=False)
             bar.update()
             last = training.step == config.steps

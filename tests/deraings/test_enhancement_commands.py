@@ -1,16 +1,13 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from tiny_network import TINY
 
 from deraings.enhancement.__main__ import Data, Request, describe_command, enhance_command, export_command
-from deraings.enhancement.network import SMALL, EnhancementNetwork
+from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.validation import Rainy, as_columns, as_json, scores, table
 from deraings.enhancement.weights import save_network
 from hydroviews.errors import InputError
 from hydroviews.images import read_image, write_png
-
-TINY = replace(SMALL, width=8, encoder=(1, 1, 1, 1), bottleneck=1, decoder=(1, 1, 1, 1), head_width=8)
 
 
 def pictures(folder, count: int = 2):

@@ -1,15 +1,13 @@
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 import torch
+from tiny_network import TINY
 
 from deraings.enhancement.enhance import enhance, spans
-from deraings.enhancement.network import SMALL, EnhancementNetwork
+from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.weights import Enhancer
-
-TINY = replace(SMALL, width=8, encoder=(1, 1, 1, 1), bottleneck=1, decoder=(1, 1, 1, 1), head_width=8)
 
 
 def untrained_enhancer() -> Enhancer:
@@ -63,7 +61,10 @@ class Mean(torch.nn.Module):
 
     multiple = 1
 
-    def forward(self, batch):
+    def lift(self, batch):
+        return batch
+
+    def refine(self, batch):
         return batch.mean().expand_as(batch)
 
 

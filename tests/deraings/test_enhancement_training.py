@@ -5,45 +5,50 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import torch
+from tiny_network import TINY
 
 from deraings.enhancement.config import TrainingConfig, Upkeep
 from deraings.enhancement.loss import cover_loss, enhancement_loss
-from deraings.enhancement.network import SMALL
+from deraings.enhancement.pairs import DrawnRain, Pairs, Sample
 from deraings.enhancement.rain import Pair
 from deraings.enhancement.training import CHECKPOINT, CURVE, Training, rate_at, train
 from deraings.enhancement.weights import load_enhancer, rounded, save_network
 from hydroviews.errors import InputError
 
-TINY = replace(SMALL, width=8, encoder=(1, 1, 1, 1), bottleneck=1, decoder=(1, 1, 1, 1), head_width=8)
 CONFIG = TrainingConfig(network=TINY, steps=6, batch=2, patch=32, warm_up=2, precision="float32")
 UPKEEP = Upkeep(checkpoint_every=2, validate_every=3, workers=0)
 
 
-class Brighter:
+class Brighter(DrawnRain):
     """Pictures that rain has made brighter by a fifth."""
 
-    def pair(self, patch, rng):
-        clean = rng.uniform(0, 0.8, (patch, patch, 3)).astype(np.float32)
-        return Pair(clean + np.float32(0.2), clean, np.full_like(clean, 0.25))
+    def __init__(self):
+        super().__init__([{48: np.full((48, 40, 3), 100, np.uint8)}], {})
+
+    def pair(self, rng):
+        clean = rng.uniform(0, 0.8, (48, 40, 3)).astype(np.float32)
+        return Pair(clean + np.float32(0.2), clean, np.full_like(clean, 0.25), np.full((48, 40, 4), np.nan, np.float32))
 
 
 class Interrupting(Brighter):
     """The same until the sixth pair is asked for."""
 
     def __init__(self):
+        super().__init__()
         self.count = 0
 
-    def pair(self, patch, rng):
+    def pair(self, rng):
         self.count += 1
         if self.count > 5:
             raise KeyboardInterrupt
-        return super().pair(patch, rng)
+        return super().pair(rng)
 
 
 def learn(folder, config=CONFIG, source=None, data="brighter", upkeep=UPKEEP):
     torch.set_num_threads(1)
     scores = iter(range(100))
-    return train(folder, config, [source or Brighter()], data, lambda _: {"score": float(next(scores))}, upkeep)
+    pairs = Pairs(source or Brighter(), [], config.patch, config.seed)
+    return train(folder, config, pairs, data, lambda _: {"score": float(next(scores))}, upkeep)
 
 
 def weights_of(training):
@@ -123,18 +128,28 @@ def test_loss_is_the_share_of_the_rain_that_is_left():
     clean = torch.zeros(2, 3, 16, 16)
     rainy = clean + torch.tensor([0.1, 0.4]).reshape(2, 1, 1, 1)
     half = clean + 0.5 * rainy
-    assert enhancement_loss(rainy, clean, rainy, 0.0, 0.0) == pytest.approx(1)
-    assert enhancement_loss(half, clean, rainy, 0.0, 0.0) == pytest.approx(0.5)
-    assert enhancement_loss(clean, clean, clean, 0.1, 0.02) == 0
-    assert enhancement_loss(clean + 0.01, clean, clean, 0.0, 0.02) == pytest.approx(0.5)
+    assert enhancement_loss(rainy, clean, rainy, 0.0, 0.0, 0.0) == pytest.approx(1)
+    assert enhancement_loss(half, clean, rainy, 0.0, 0.0, 0.0) == pytest.approx(0.5)
+    assert enhancement_loss(clean, clean, clean, 0.1, 0.1, 0.02) == 0
+    assert enhancement_loss(clean + 0.01, clean, clean, 0.0, 0.0, 0.02) == pytest.approx(0.5)
 
 
 def test_noise_is_as_large_in_coefficients_as_in_pixels():
     noise = 0.1 * torch.randn(1, 3, 64, 64, generator=torch.Generator().manual_seed(0))
     clean, rainy = torch.zeros_like(noise), torch.ones_like(noise)
-    pixels = enhancement_loss(noise, clean, rainy, 0.0, 0.0)
-    both = enhancement_loss(noise, clean, rainy, 1.0, 0.0)
+    pixels = enhancement_loss(noise, clean, rainy, 0.0, 0.0, 0.0)
+    both = enhancement_loss(noise, clean, rainy, 1.0, 0.0, 0.0)
     assert float((both - pixels) / pixels) == pytest.approx(np.pi / 2 / np.sqrt(2), rel=0.05)  # Rayleigh, half-normal
+
+
+def test_squares_see_what_is_smooth_and_coefficients_what_is_not():
+    noise = 0.1 * torch.randn(1, 3, 64, 64, generator=torch.Generator().manual_seed(0))
+    smooth, clean = torch.full_like(noise, noise.abs().mean()), torch.zeros_like(noise)
+    loss = lambda error, *weights: float(enhancement_loss(error, clean, torch.ones_like(noise), *weights, 0.0))  # noqa: E731
+    assert loss(noise, 0.0, 0.0) == pytest.approx(loss(smooth, 0.0, 0.0))
+    assert loss(smooth, 0.0, 1.0) == pytest.approx(2 * loss(smooth, 0.0, 0.0))
+    assert loss(noise, 0.0, 1.0) < 1.2 * loss(noise, 0.0, 0.0)
+    assert loss(smooth, 1.0, 0.0) < 1.2 * loss(smooth, 0.0, 0.0)
 
 
 def test_cover_is_learned_where_it_is_known():
@@ -152,7 +167,10 @@ def test_the_network_finds_the_cover_and_says_nothing_of_what_nobody_knows(tmp_p
         found = torch.sigmoid(training.averaged.cover(training.averaged.features(torch.rand(1, 3, 32, 32))))
     assert (found - 0.25).abs().mean() < 0.1
     unknown = Training(CONFIG)
-    unknown.learn(torch.rand(1, 3, 32, 32), torch.rand(1, 3, 32, 32), torch.full((1, 3, 32, 32), torch.nan))
+    part, whole, box = torch.rand(1, 3, 32, 32), torch.rand(1, 2, 3, 128, 128), torch.tensor([[0.0, 1.0, 0.0, 1.0]])
+    veil = torch.full((1, 2, 4, 128, 128), torch.nan)
+    unknown.learn(Sample(part, part, torch.full_like(part, torch.nan), box, whole, whole, veil))
+    assert all(torch.isfinite(p).all() for p in unknown.network.parameters())
     assert not unknown.network.cover[0].bias.any()
 
 

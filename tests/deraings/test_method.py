@@ -11,11 +11,11 @@ from trainings import CONFIG, assert_identical
 from baselines.method import find_method
 from baselines.splatting.objective import read_images
 from deraings import method as methods
-from deraings.enhanced import enhanced_images
+from deraings.enhanced import EnhancedViews, enhanced_images
 from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
 from deraings.enhancement.weights import load_enhancer, save_network
 from deraings.masking_config import MaskConfig
-from deraings.method import DeRainGS, DeRainGSConfig, DeRainGSPlus, WithoutAttention
+from deraings.method import DeRainGS, DeRainGSConfig, DeRainGSPlus, RainModel, WithoutAttention
 from deraings.objective import RainConfig
 from hydroviews.images import read_image
 
@@ -99,11 +99,25 @@ def test_it_learns_resumes_and_comes_back(scene, weights, tmp_path, switches, mo
     assert loaded.statistics() == resumed.statistics()
 
 
+def test_photographs_are_enhanced_only_when_they_are_asked_for(scene, weights, tmp_path):
+    images = read_images(scene.train_views)
+    views = EnhancedViews(images, [view.name for view in scene.train_views], load_enhancer(weights), tmp_path)
+    assert not list(tmp_path.iterdir())
+    expected = np.clip(images.pixels(2) / 255 - 0.1, 0, 1)
+    assert np.abs(views.pixels(2) / 255 - expected).max() < 0.01
+    (kept,) = (tmp_path / views.digest).iterdir()
+    before = kept.stat().st_mtime_ns
+    assert np.array_equal(views.pixels(2), views.pixels(2))
+    assert kept.stat().st_mtime_ns == before
+
+
 def test_methods_are_found_and_differ_in_their_switches():
     assert find_method("deraings") is DeRainGS
     assert find_method("deraings-plus") is DeRainGSPlus
     plus = DeRainGSPlus.configuration("demo")
     assert plus.rain == RainConfig()
+    assert plus.witness
+    assert replace(plus, witness=None) == RainModel.configuration("demo")
     paper = DeRainGS.configuration("demo")
     assert paper.enhancement
     assert paper.masks

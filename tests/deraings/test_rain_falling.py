@@ -76,6 +76,19 @@ def test_more_light_in_one_direction_is_skew():
     assert wet > 0.3
 
 
+def test_a_witness_of_the_even_cover_is_believed_by_half():
+    falling = FallingRain(100, FallingConfig())
+    for _ in range(3):
+        falling.hear(0.1)
+    assert falling.even() == pytest.approx(0.05)
+    falling.hear(-0.5)
+    assert falling.even() == 0
+    again = FallingRain(100, FallingConfig())
+    again.restore(falling.arrays())
+    assert again.even() == falling.even()
+    assert again.heard[1] == 4
+
+
 def test_the_cover_stays_once_it_is_settled(scene):
     photographs, layers = rained_on(scene)
     falling = watch(photographs, learned(scene, float(np.median(layers))))

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import panorama
@@ -8,7 +10,7 @@ from baselines.splatting.objective import TrainingImages
 from baselines.splatting.rasterizer import Workspace
 from deraings.objective import RainConfig, RainObjective
 from deraings.rain_falling import FallingConfig
-from deraings.rain_streaks import StreakConfig, Streaks, along_rain, wiener_gain
+from deraings.rain_streaks import StreakConfig, Streaks, along_rain, cover_between, wiener_gain
 from hydroviews.images import to_uint8
 from hydroviews.rain.streaks import StreakPattern, composite, streak_layer
 
@@ -80,6 +82,50 @@ def test_without_streaks_hardly_anything_is_found(scene):
     assert np.sqrt(np.mean(found**2)) < 0.25 * layers().std()
 
 
+def test_a_dry_picture_tells_the_cover(scene):
+    covers = layers()[0]
+    dark = np.minimum(scene[0], 0.5)
+    found = cover_between(composite(dark, covers, BETA), dark, BETA)
+    assert np.abs(found - covers).max() < 0.08 * covers.max()
+    assert not cover_between(dark, dark, BETA).any()
+    white = np.ones_like(dark)
+    assert not cover_between(white, white, BETA).any()
+
+
+def test_a_witness_is_believed_as_much_as_the_differences(scene):
+    covers = layers()
+    even, photographs, known = float(np.median(covers)), rained_on(scene, covers), learned(scene)
+    alone, helped = (Streaks([SIZE] * COUNT, StreakConfig()) for _ in range(2))
+    blind = np.random.default_rng(1).normal(0, 0.5, (COUNT, *SIZE)).astype(np.float32) * covers.std()
+    for _ in range(2):
+        for view in range(COUNT):
+            seen = (known[view] * (1 - even) + even * BETA).astype(np.float32)
+            observed = *along_rain(photographs[view], seen, even, BETA), 75, view
+            alone.observe(*observed)
+            helped.observe(*observed, covers[view] - even + blind[view])
+    errors = [
+        np.mean([np.mean((s.cover(view, even, SIZE) - covers[view]) ** 2) for view in range(COUNT)])
+        for s in (alone, helped)
+    ]
+    assert errors[1] < 0.7 * errors[0]
+
+
+def test_what_was_found_is_kept_until_it_is_found_anew(scene):
+    photographs = rained_on(scene, layers())
+    streaks = watch(photographs, learned(scene), 0.15, rounds=4)
+    before = [streaks.deviation(view) for view in range(COUNT)]
+    streaks.renew()
+    assert all(streaks.due(view, SIZE) for view in range(COUNT))
+    again = Streaks([SIZE] * COUNT, StreakConfig())
+    again.restore(streaks.arrays())
+    assert all(np.array_equal(again.deviation(view), before[view]) for view in range(COUNT))
+    for _ in range(2):
+        for view in range(COUNT):
+            seen = (scene[view] * 0.85 + 0.15 * BETA).astype(np.float32)
+            streaks.observe(*along_rain(photographs[view], seen, 0.15, BETA), 75, view)
+    assert correlation(streaks.deviation(0), layers()[0]) > correlation(before[0], layers()[0])
+
+
 def test_nothing_is_said_before_the_spectra_are_known_nor_renewed_after_the_visits(scene):
     photographs = rained_on(scene, layers())
     assert watch(photographs, learned(scene), 0.15, rounds=1).cover(0, 0.15, SIZE) is None
@@ -136,8 +182,8 @@ def steps(objective, images, first, last):
     return out
 
 
-def objective_of(photographs, config=EAGER):
-    return RainObjective(TrainingImages([to_uint8(photograph) for photograph in photographs]), 100, config)
+def objective_of(photographs, config=EAGER, **more):
+    return RainObjective(TrainingImages([to_uint8(photograph) for photograph in photographs]), 100, config, **more)
 
 
 def test_in_a_training_streaks_lower_the_loss_and_it_resumes_exactly(scene):
@@ -152,6 +198,36 @@ def test_in_a_training_streaks_lower_the_loss_and_it_resumes_exactly(scene):
         assert loss == expected
         assert np.array_equal(gradient, g)
     assert all(np.array_equal(value, second.arrays()[name]) for name, value in whole.arrays().items())
+
+
+class Derained:
+    """What a network that errs makes of the photographs, and how often it was asked."""
+
+    digest = "of a test"
+
+    def __init__(self, scene):
+        self.pictures, self.asked = [to_uint8(view) for view in learned(scene, seed=9)], []
+
+    def pixels(self, index):
+        self.asked.append(index)
+        return self.pictures[index]
+
+
+def test_a_network_helps_where_it_rains_and_is_not_asked_where_not(scene):
+    covers = layers()
+    errors = []
+    for derained in (None, Derained(scene)):
+        objective = objective_of(rained_on(scene, covers), derained=derained)
+        steps(objective, learned(scene), 0, 60)
+        found = [objective.streaks.deviation(view) - (covers[view] - np.median(covers)) for view in range(COUNT)]
+        errors.append(np.mean(np.square(found)))
+    assert errors[1] < 0.8 * errors[0]
+    assert derained.asked
+    dry = Derained(scene)
+    wary = replace(EAGER, falling=FallingConfig(start=0.0))
+    steps(objective_of(scene, wary, derained=dry), learned(scene), 0, 60)
+    assert not dry.asked
+    assert objective.about()["witness"] == "of a test"
 
 
 def test_in_dry_weather_nothing_changes(scene):
