@@ -82,8 +82,12 @@ class DeRainGS(GaussianSplatting):
     def fit(self, scene: Scene, folder: Path) -> None:
         """See Method."""
         super().fit(scene, folder)
+        self._found |= self.learned().found()
+
+    def learned(self) -> RainObjective:
+        """What was learned of the rain in the training views, after `fit`."""
         assert self._objective is not None
-        self._found |= self._objective.found()
+        return self._objective
 
     def save(self, folder: Path) -> None:
         """The model, a .ply, and what rain was found."""

@@ -185,6 +185,11 @@ class RainObjective(Objective):
         """V [H, W] of a training view; nought where no veil is looked for."""
         return self.veil.share(view, size) if self.veil else np.zeros(size, np.float32)
 
+    def falling_share(self, view: int, size: tuple[int, int]) -> Plane:
+        """S + D [H, W] of a training view: its cover by falling rain."""
+        cover = self._cover(view, size)
+        return np.array(np.broadcast_to(cover if cover.ndim == 0 else cover[..., 0], size))
+
     def drop_weights(self, view: int, size: tuple[int, int]) -> Plane:
         """Weights [H, W] of a training view at the end: 0 behind drops, else 1."""
         weights = self.drops.weights(view, size, self.drops.iterations) if self.drops else None

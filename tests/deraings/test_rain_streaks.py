@@ -228,6 +228,9 @@ def test_a_network_helps_where_it_rains_and_is_not_asked_where_not(scene):
     steps(objective_of(scene, wary, derained=dry), learned(scene), 0, 60)
     assert not dry.asked
     assert objective.about()["witness"] == "of a test"
+    share = objective.falling_share(0, SIZE)
+    assert correlation(share, covers[0]) > 0.8
+    assert share.mean() == pytest.approx(covers[0].mean(), abs=0.05)
 
 
 def test_in_dry_weather_nothing_changes(scene):
