@@ -14,11 +14,11 @@ from baselines.method import Statistics
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.objective import read_images
 from deraings.enhanced import EnhancedViews, enhanced_images
-from deraings.enhancement.weights import load_enhancer
+from deraings.enhancement.weights import find_weights, load_enhancer
 from deraings.masking import OcclusionMasks
 from deraings.masking_config import MaskConfig
 from deraings.objective import RainConfig, RainObjective
-from hydroviews.files import read_json, write_json
+from hydroviews.files import read_json, sha256, write_json
 from hydroviews.scenes import Scene
 
 FOUND = "rain.json"
@@ -34,6 +34,7 @@ class DeRainGSConfig:
     masks: MaskConfig | None = None  # occlusion masks
     rain: RainConfig = NOTHING  # kinds of rain that are modelled where the photographs call for them
     witness: str | None = None  # weights: enhanced photographs help to find single streaks, where it rains
+    weights_sha256: str | None = None  # of their file: runs with other weights are other runs
 
 
 def profiles(configure: Callable[[TrainerConfig], DeRainGSConfig]) -> dict[str, DeRainGSConfig]:
@@ -52,6 +53,17 @@ class DeRainGS(GaussianSplatting):
         super().__init__(config, seed)
         self._objective: RainObjective | None = None
         self._found: dict[str, Any] = {}
+
+    @classmethod
+    def configuration(cls, profile: str) -> Any:
+        """See GaussianSplatting.
+
+        Raises:
+            InputError: no such profile, or no such weights.
+        """
+        config: DeRainGSConfig = super().configuration(profile)
+        weights = config.enhancement or config.witness
+        return replace(config, weights_sha256=sha256(find_weights(weights))) if weights else config
 
     @property
     def splatting(self) -> TrainerConfig:

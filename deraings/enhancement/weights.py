@@ -35,20 +35,30 @@ def load_enhancer(weights: str | Path = DEFAULT) -> Enhancer:
     Raises:
         InputError: no such weights, or the file is damaged or holds another network.
     """
-    shipped = SHIPPED / f"{weights}.safetensors"
-    is_name = Path(weights).suffix == ""
-    path = shipped if is_name else Path(weights)
-    if is_name and not path.is_file():
+    path = find_weights(weights)
+    arrays, about = read_arrays(path)
+    network = build(path, about, arrays)
+    origin = f"shipped as {weights}" if path.parent == SHIPPED else f"from {path}, as asked for"
+    card = about["card"]
+    return Enhancer(network, card, f"enhancement weights {origin}: {card['steps']} steps on {card['data']}")
+
+
+def find_weights(weights: str | Path) -> Path:
+    """The file of the named shipped weights, or the file itself.
+
+    Raises:
+        InputError: no weights of that name are shipped.
+    """
+    if Path(weights).suffix:
+        return Path(weights)
+    path = SHIPPED / f"{weights}.safetensors"
+    if not path.is_file():
         names = ", ".join(sorted(file.stem for file in SHIPPED.glob("*.safetensors")))
         raise InputError(
             f"enhancement weights {weights}: none of that name are shipped",
             expected=f"one of: {names or 'none'}; or the path of a .safetensors file",
         )
-    arrays, about = read_arrays(path)
-    network = build(path, about, arrays)
-    origin = f"shipped as {weights}" if is_name else f"from {path}, as asked for"
-    card = about["card"]
-    return Enhancer(network, card, f"enhancement weights {origin}: {card['steps']} steps on {card['data']}")
+    return path
 
 
 def save_network(path: Path, config: NetworkConfig, tensors: dict[str, Tensor], card: dict[str, Any]) -> None:

@@ -13,10 +13,11 @@ from baselines.splatting.objective import read_images
 from deraings import method as methods
 from deraings.enhanced import EnhancedViews, enhanced_images
 from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
-from deraings.enhancement.weights import load_enhancer, save_network
+from deraings.enhancement.weights import find_weights, load_enhancer, save_network
 from deraings.masking_config import MaskConfig
 from deraings.method import DeRainGS, DeRainGSConfig, DeRainGSPlus, RainModel, WithoutAttention
 from deraings.objective import RainConfig
+from hydroviews.files import sha256
 from hydroviews.images import read_image
 
 TINY = NetworkConfig(width=4, encoder=(1, 1, 1, 1), bottleneck=1, decoder=(1, 1, 1, 1), head_width=4, stem=2)
@@ -117,7 +118,8 @@ def test_methods_are_found_and_differ_in_their_switches():
     plus = DeRainGSPlus.configuration("demo")
     assert plus.rain == RainConfig()
     assert plus.witness
-    assert replace(plus, witness=None) == RainModel.configuration("demo")
+    assert replace(plus, witness=None, weights_sha256=None) == RainModel.configuration("demo")
+    assert plus.weights_sha256 == sha256(find_weights("small")) == DeRainGS.configuration("quick").weights_sha256
     paper = DeRainGS.configuration("demo")
     assert paper.enhancement
     assert paper.masks
