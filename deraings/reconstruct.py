@@ -80,7 +80,7 @@ def reconstruct(request: Reconstruction) -> Path:
     method = kind(kind.configuration(request.profile), request.seed)
     method.fit(scene, folder / TRAINING)
     method.save(folder / TRAINING)
-    write_png(folder / SHEET, compared(method, scene))
+    write_png(folder / SHEET, compared(method, scene, request.photographs.resolve().stem))
     draw_film(method, scene, folder / FILM, request.film, {"scene": settings})
     print(f"found in the photographs: {method.statistics().used or 'nothing was looked for'}")
     print(f"{folder}: {TRAINING}/{SPLATS} for splat viewers, {FILM}, {SHEET}")
@@ -124,7 +124,7 @@ def all_views(scene: Scene) -> Scene:
     return replace(scene, split=Split(names, (), scene.split.sparse))
 
 
-def compared(method: Method, scene: Scene) -> Canvas:
+def compared(method: Method, scene: Scene, title: str) -> Canvas:
     """A sheet of a few photographs, each above what the scene looks like from there."""
     names = spread([view.name for view in scene.views], SHOWN)
     views = [view for view in scene.views if view.name in set(names)]
@@ -132,4 +132,4 @@ def compared(method: Method, scene: Scene) -> Canvas:
         Row("photographs", "", [Tile(view.image(), view.name) for view in views]),
         Row("the scene", "from the same places", [Tile(method.render(view.camera)) for view in views]),
     ]
-    return draw_sheet(scene.name, f"{len(scene.views)} photographs", rows, SHEET_WIDTH)
+    return draw_sheet(title, f"{len(scene.views)} photographs", rows, SHEET_WIDTH)
