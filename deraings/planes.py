@@ -18,5 +18,9 @@ def resized(plane: Plane, size: tuple[int, ...]) -> Plane:
 
 def within_side(size: tuple[int, ...], long_side: int) -> tuple[int, int]:
     """Height and width of the same shape, the longer of which is at most `long_side`."""
-    shrink = max(1.0, max(size) / long_side)
-    return max(1, round(size[0] / shrink)), max(1, round(size[1] / shrink))
+    return shrunk(size, max(1.0, max(size) / long_side))
+
+
+def shrunk(size: tuple[int, ...], factor: float) -> tuple[int, int]:
+    """Height and width so many times smaller, at least one pixel."""
+    return max(1, round(size[0] / factor)), max(1, round(size[1] / factor))

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from deraings.planes import Plane, resized
+from deraings.planes import Plane, resized, shrunk
 from deraings.rain_falling import LONG_SIDE
 from hydroviews.images import Image
 
@@ -50,8 +50,8 @@ class Streaks:
     def __init__(self, sizes: Sequence[tuple[int, int]], config: StreakConfig) -> None:
         """Nothing known yet of the views, whose sizes are (height, width)."""
         self._config = config
-        shrink = max(1.0, max(max(size) for size in sizes) / LONG_SIDE)  # one for all: they share a spectrum
-        small = [(max(1, round(h / shrink)), max(1, round(w / shrink))) for h, w in sizes]
+        factor = max(1.0, max(max(size) for size in sizes) / LONG_SIDE)  # one for all: they share a spectrum
+        small = [shrunk(size, factor) for size in sizes]
         self._full, self._small = list(sizes), small
         self._canvas = tuple(fft.next_fast_len(max(side), real=True) for side in zip(*small, strict=True))
         self.power = np.zeros((self._canvas[0], self._canvas[1] // 2 + 1))  # sums of squared amplitudes

@@ -12,7 +12,7 @@ from deraings.enhancement.config import TrainingConfig, Upkeep
 from deraings.enhancement.enhance import enhance
 from deraings.enhancement.network import CONFIGS, EnhancementNetwork
 from deraings.enhancement.pair_folders import PairFolder
-from deraings.enhancement.pairs import DrawnRain, Pairs
+from deraings.enhancement.pairs import VEILED, DrawnRain, Pairs
 from deraings.enhancement.photographs import read_photographs, split_photographs
 from deraings.enhancement.rain import LENSES, bake_pool
 from deraings.enhancement.size import describe
@@ -56,7 +56,8 @@ def train_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
     data, config, split = request.data, request.training, split_photographs(request.data.photographs)
     pool = bake_pool(data.cache, config.seed)
     published = [PairFolder(folder, config.patch) for folder in data.pairs]
-    pairs = Pairs(DrawnRain(read_photographs(split.training), pool), published, config.patch, config.seed)
+    drawn, veiled = DrawnRain(read_photographs(split.training), pool), VEILED if config.network.veil else 0
+    pairs = Pairs(drawn, published, config.patch, config.seed, veiled)
     watched = validation_set(split.held_out[:WATCHED], VALIDATION_SEED, data.cache / "validation")
 
     def validate(network: EnhancementNetwork) -> dict[str, float]:

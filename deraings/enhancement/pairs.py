@@ -15,7 +15,7 @@ from deraings.enhancement.veil import Box, squeezed
 from hydroviews.images import Image, to_srgb
 from hydroviews.rain.seeds import generator
 
-VEILED = 4  # small whole pictures in mist alone that come with every pair: the veil's network wants many
+VEILED = 4  # small whole pictures in mist alone that come with a pair where a network for the veil learns of many
 
 
 class Source(Protocol):
@@ -65,16 +65,19 @@ class Sample(NamedTuple):
     clean: Tensor  # [3, patch, patch]
     cover: Tensor  # [3, patch, patch]
     box: Tensor  # [4], which part it is: see veil.Box
-    whole_rainy: Tensor  # [1 + VEILED, 3, 128, 128], the pair's, then others in mist alone
-    whole_clean: Tensor  # [1 + VEILED, 3, 128, 128]
-    whole_veil: Tensor  # [1 + VEILED, 4, 128, 128], as in rain.Pair
+    whole_rainy: Tensor  # [1 + veiled, 3, 128, 128], the pair's, then others in mist alone
+    whole_clean: Tensor  # [1 + veiled, 3, 128, 128]
+    whole_veil: Tensor  # [1 + veiled, 4, 128, 128], as in rain.Pair
 
 
 class Pairs(Dataset):
     """Sample i, whoever asks for it and whenever: of photographs in drawn rain or of a published pair, by turns."""
 
-    def __init__(self, drawn: DrawnRain, published: Sequence[Source], patch: int, seed: int) -> None:
+    def __init__(
+        self, drawn: DrawnRain, published: Sequence[Source], patch: int, seed: int, veiled: int = VEILED
+    ) -> None:
         self._drawn, self._sources, self._patch, self._seed = drawn, [drawn, *published], patch, seed
+        self._veiled = veiled
 
     def __getitem__(self, index: int) -> Sample:
         """Mirrored left to right or not, since rain leans both ways but does not fall up; any part of it.
@@ -89,7 +92,7 @@ class Pairs(Dataset):
         rows, columns, box = part_of(pair.rainy.shape[0], pair.rainy.shape[1], self._patch, rng)
         parts = [_planes(plane[rows, columns]) for plane in (pair.rainy, pair.clean, pair.cover)]
         own = [_small(plane) for plane in (pair.rainy, pair.clean, pair.veil)]
-        others = [[_planes(plane) for plane in self._drawn.veiled(rng)] for _ in range(VEILED)]
+        others = [[_planes(plane) for plane in self._drawn.veiled(rng)] for _ in range(self._veiled)]
         wholes = [torch.stack(planes) for planes in zip(own, *others, strict=True)]
         return Sample(*parts, torch.tensor(box), *wholes)  # type: ignore[call-arg]
 

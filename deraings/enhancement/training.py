@@ -68,8 +68,8 @@ class Training:
     def _loss(self, batch: Sample) -> Tensor:
         config, network, rainy, extra = self.config, self.network, batch.rainy, torch.zeros(())
         if config.network.veil:
-            wholes = (whole.flatten(0, 1) for whole in (batch.whole_rainy, batch.whole_clean, batch.whole_veil))
-            veils = network.veil(batch.whole_rainy.flatten(0, 1))
+            wholes = [whole.flatten(0, 1) for whole in (batch.whole_rainy, batch.whole_clean, batch.whole_veil)]
+            veils = network.veil(wholes[0])
             extra = config.lifting * veil_loss(veils, *wholes)
             own = veils.unflatten(0, batch.whole_rainy.shape[:2])[:, 0]
             rainy = lifted(rainy, cut(own, batch.box, rainy.shape[-2], rainy.shape[-1]))

@@ -1,5 +1,6 @@
 """Captures on disk, in any of the usual forms, as scenes."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,16 @@ from hydroviews.readers.nerfstudio import read_nerfstudio
 from hydroviews.readers.nsvf import is_nsvf, read_nsvf
 from hydroviews.readers.photographs import photographs_below
 from hydroviews.scenes import Scene
+
+Read = Callable[[Path, str, str | None], Scene]  # a folder, the scene's name, and the photographs' folder inside it
+
+# What tells each kind of capture, and what reads it; the first that fits is taken.
+READERS: tuple[tuple[Callable[[Path], bool], Read], ...] = (
+    (lambda folder: bool(find_models(folder)), read_colmap),
+    (lambda folder: (folder / nerfstudio.CAMERA_FILE).is_file(), lambda folder, name, _: read_nerfstudio(folder, name)),
+    (lambda folder: (folder / llff.CAMERA_FILE).is_file(), read_llff),
+    (is_nsvf, lambda folder, name, _: read_nsvf(folder, name)),
+)
 
 
 def read_scene(folder: Path, name: str | None = None, images: str | None = None) -> Scene:
@@ -51,19 +62,13 @@ def read_scene(folder: Path, name: str | None = None, images: str | None = None)
 
 def has_cameras(folder: Path) -> bool:
     """Whether `read_scene` would find cameras there, of whatever quality."""
-    files = (folder / nerfstudio.CAMERA_FILE, folder / llff.CAMERA_FILE)
-    return bool(find_models(folder)) or any(file.is_file() for file in files) or is_nsvf(folder)
+    return any(is_one(folder) for is_one, _ in READERS)
 
 
 def _read_cameras(folder: Path, name: str, images: str | None) -> Scene:
-    if find_models(folder):
-        return read_colmap(folder, name, images)
-    if (folder / nerfstudio.CAMERA_FILE).is_file():
-        return read_nerfstudio(folder, name)
-    if (folder / llff.CAMERA_FILE).is_file():
-        return read_llff(folder, name, images)
-    if is_nsvf(folder):
-        return read_nsvf(folder, name)
+    for is_one, read in READERS:
+        if is_one(folder):
+            return read(folder, name, images)
     count = len(photographs_below(folder))
     raise InputError(
         f"{folder}: no cameras",

@@ -152,6 +152,9 @@ def test_a_pair_depends_on_seed_and_number_alone():
         assert batch.rainy.shape == batch.clean.shape == batch.cover.shape == (2, 3, 64, 64)
         assert batch.whole_rainy.shape == batch.whole_clean.shape == (2, 1 + VEILED, 3, 128, 128)
         assert np.array_equal(batch.rainy[1], Pairs(source, [], 64, seed=0)[7][0])
+    few = Pairs(source, [], 64, seed=0, veiled=0)[7]
+    assert few.whole_rainy.shape == (1, 3, 128, 128)
+    assert np.array_equal(few.rainy, first[7].rainy)
     assert not np.array_equal(first[0][0], Pairs(source, [], 64, seed=1)[0][0])
 
 
