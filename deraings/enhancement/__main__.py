@@ -12,9 +12,7 @@ from deraings.enhancement.config import TrainingConfig, Upkeep
 from deraings.enhancement.enhance import enhance
 from deraings.enhancement.network import CONFIGS, EnhancementNetwork
 from deraings.enhancement.pair_folders import PairFolder
-from deraings.enhancement.pairs import VEILED, DrawnRain, Pairs
-from deraings.enhancement.photographs import read_photographs, split_photographs
-from deraings.enhancement.rain import LENSES, bake_pool
+from deraings.enhancement.pairs import VEILED, Pairs
 from deraings.enhancement.size import describe
 from deraings.enhancement.training import Training, resume, train
 from deraings.enhancement.validation import as_columns, as_json, scores, table, validation_set
@@ -23,6 +21,9 @@ from hydroviews.commands import run_command
 from hydroviews.errors import InputError
 from hydroviews.files import write_json
 from hydroviews.images import list_images, read_image, write_png
+from hydroviews.pairs.drawing import LENSES, bake_pool
+from hydroviews.pairs.drawn import DrawnRain
+from hydroviews.pairs.photographs import read_photographs, split_photographs
 
 WATCHED = 4  # held-out photographs that are looked at while training; all of them at the end
 VALIDATION_SEED = 1000  # of the validation rain, whatever the training's seed

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from deraings.enhancement.rain import Pair
 from hydroviews.errors import InputError
 from hydroviews.images import list_images, read_image
+from hydroviews.pairs.drawing import Pair
 
 RAINY = ("input", "rain", "rainy", "lq", "data")
 CLEAN = ("target", "norain", "gt", "clean", "groundtruth")

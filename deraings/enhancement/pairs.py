@@ -5,14 +5,13 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset
 
-from deraings.enhancement.photographs import Bytes, Frame
-from deraings.enhancement.rain import KINDS, LINEAR, Pair, Pool, draw_exposure, draw_rain, draw_veil
-from deraings.enhancement.veil import Box, squeezed
-from hydroviews.images import Image, to_srgb
+from deraings.enhancement.veil import SIDE, Box, squeezed
+from hydroviews.images import Image
+from hydroviews.pairs.drawing import Pair
+from hydroviews.pairs.drawn import DrawnRain
 from hydroviews.rain.seeds import generator
 
 VEILED = 4  # small whole pictures in mist alone that come with a pair where a network for the veil learns of many
@@ -26,38 +25,6 @@ class Source(Protocol):
         ...
 
 
-class DrawnRain:
-    """Photographs with rain drawn when it is asked for."""
-
-    def __init__(self, photographs: Sequence[dict[int, Bytes]], pool: Pool) -> None:
-        self._photographs, self._pool = photographs, pool
-
-    def pair(self, rng: np.random.Generator) -> Pair:
-        """See Source."""
-        photograph = exposed(self._photograph(rng), rng)
-        height, width = photograph.shape[:2]
-        kind = str(rng.choice(list(KINDS), p=list(KINDS.values())))
-        frame: Frame = (width, height)
-        return draw_rain(photograph, kind, self._pool[frame], rng)
-
-    def veiled(self, rng: np.random.Generator) -> tuple[Image, Image, NDArray[np.float32]]:
-        """A small whole picture in mist alone, clean, and its veil: see rain.draw_veil."""
-        return draw_veil(self._photograph(rng), rng)
-
-    def _photograph(self, rng: np.random.Generator) -> Bytes:
-        """Any of them, mirrored or not."""
-        sides = self._photographs[rng.integers(len(self._photographs))]
-        photograph = sides[int(rng.choice(list(sides)))]
-        return photograph[:, ::-1] if rng.uniform() < 0.5 else photograph
-
-
-def exposed(photograph: Bytes, rng: np.random.Generator) -> Bytes:
-    """The photograph [H, W, 3] as a shorter exposure in other light, so that dark scenes are learned too."""
-    gains = draw_exposure(rng)
-    table = np.stack([np.rint(255 * to_srgb(LINEAR * gain)) for gain in gains], axis=1).astype(np.uint8)
-    return np.stack([table[photograph[..., channel], channel] for channel in range(3)], axis=-1)
-
-
 class Sample(NamedTuple):
     """What a network learns from: a part of a pair, and the whole of it in small. A batch has them stacked."""
 
@@ -67,7 +34,7 @@ class Sample(NamedTuple):
     box: Tensor  # [4], which part it is: see veil.Box
     whole_rainy: Tensor  # [1 + veiled, 3, 128, 128], the pair's, then others in mist alone
     whole_clean: Tensor  # [1 + veiled, 3, 128, 128]
-    whole_veil: Tensor  # [1 + veiled, 4, 128, 128], as in rain.Pair
+    whole_veil: Tensor  # [1 + veiled, 4, 128, 128], as in drawing.Pair
 
 
 class Pairs(Dataset):
@@ -92,7 +59,7 @@ class Pairs(Dataset):
         rows, columns, box = part_of(pair.rainy.shape[0], pair.rainy.shape[1], self._patch, rng)
         parts = [_planes(plane[rows, columns]) for plane in (pair.rainy, pair.clean, pair.cover)]
         own = [_small(plane) for plane in (pair.rainy, pair.clean, pair.veil)]
-        others = [[_planes(plane) for plane in self._drawn.veiled(rng)] for _ in range(self._veiled)]
+        others = [[_planes(plane) for plane in self._drawn.veiled(rng, SIDE)] for _ in range(self._veiled)]
         wholes = [torch.stack(planes) for planes in zip(own, *others, strict=True)]
         return Sample(*parts, torch.tensor(box), *wholes)  # type: ignore[call-arg]
 

@@ -10,11 +10,11 @@ from tqdm import tqdm
 
 from deraings.enhancement.enhance import enhance
 from deraings.enhancement.network import EnhancementNetwork
-from deraings.enhancement.photographs import fit_frame, frame_of
-from deraings.enhancement.rain import air_light, camera_of
 from deraings.enhancement.weights import Enhancer
 from hydroviews.images import Image, image_size, read_image, resize_area, to_linear
 from hydroviews.metrics import psnr
+from hydroviews.pairs.drawing import air_light, camera_of
+from hydroviews.pairs.photographs import fit_frame, frame_of
 from hydroviews.rain import effects
 from hydroviews.rain.patterns import GRADES, Pattern
 from hydroviews.rain.setting import FINE, SAMPLED_SIDE, Light, Setting

@@ -9,11 +9,12 @@ from tiny_network import TINY
 
 from deraings.enhancement.config import TrainingConfig, Upkeep
 from deraings.enhancement.loss import cover_loss, enhancement_loss
-from deraings.enhancement.pairs import DrawnRain, Pairs, Sample
-from deraings.enhancement.rain import Pair
+from deraings.enhancement.pairs import Pairs, Sample
 from deraings.enhancement.training import CHECKPOINT, CURVE, Training, rate_at, train
 from deraings.enhancement.weights import load_enhancer, rounded, save_network
 from hydroviews.errors import InputError
+from hydroviews.pairs.drawing import Pair
+from hydroviews.pairs.drawn import DrawnRain
 
 CONFIG = TrainingConfig(network=TINY, steps=6, batch=2, patch=32, warm_up=2, precision="float32")
 UPKEEP = Upkeep(checkpoint_every=2, validate_every=3, workers=0)

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from deraings.enhancement.photographs import Bytes, Frame, frames
-from deraings.enhancement.veil import SIDE
 from hydroviews.cameras import Camera
 from hydroviews.images import Image, to_linear, to_srgb
+from hydroviews.pairs.photographs import Bytes, Frame, frames
 from hydroviews.rain import drops_pattern, effects, light, severity, streaks
 from hydroviews.rain.drops_pattern import RaindropPattern
 from hydroviews.rain.lens_bake import bake_matte, moment_of
@@ -158,16 +157,16 @@ def with_light(veil: NDArray[np.float32], air: NDArray[np.float32]) -> NDArray[n
     return veil[..., None] * np.append(np.float32(1), air)
 
 
-def draw_veil(photograph: Bytes, rng: np.random.Generator) -> tuple[Image, Image, NDArray[np.float32]]:
+def draw_veil(photograph: Bytes, rng: np.random.Generator, side: int) -> tuple[Image, Image, NDArray[np.float32]]:
     """A photograph [H, W, 3], exposed anyhow, in mist alone or none, clean, and its veil as in `Pair`.
 
-    They are [128, 128], which costs little.
+    All are squeezed to [side, side] pixels, which costs little.
     """
-    height, width = (round(side / COARSER) for side in photograph.shape[:2])
+    height, width = (round(length / COARSER) for length in photograph.shape[:2])
     pattern = replace(drops_pattern.draw_pattern(rng), mist=draw_level(rng))
     pattern = pattern if rng.uniform() < OWN_MIST else replace(pattern, rivulets=0)
-    linear = LINEAR[cv2.resize(photograph, (SIDE, SIDE), interpolation=cv2.INTER_AREA)] * draw_exposure(rng)
-    share = np.asarray(cv2.resize(mist_veil(pattern, width, height, float(rng.uniform())), (SIDE, SIDE)), np.float32)
+    linear = LINEAR[cv2.resize(photograph, (side, side), interpolation=cv2.INTER_AREA)] * draw_exposure(rng)
+    share = np.asarray(cv2.resize(mist_veil(pattern, width, height, float(rng.uniform())), (side, side)), np.float32)
     veil = with_light(share, air_light(linear) * np.array(pattern.air, np.float32))
     return to_srgb((1 - veil[..., :1]) * linear + veil[..., 1:]), to_srgb(linear), veil
 

@@ -1,0 +1,1 @@
+"""Rainy and clean pairs of single photographs, for networks to learn from."""
