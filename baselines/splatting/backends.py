@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.adam import adam_step
+from baselines.splatting.appearance import Dressed, dressed
 from baselines.splatting.densification import observe
+from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.objective import Objective
 from baselines.splatting.pruning import contributions
-from baselines.splatting.rasterizer import RenderState, Workspace, backward, render
+from baselines.splatting.rasterizer import Gradients, RenderState, Workspace, backward, render
 from baselines.splatting.relocation import add_noise, add_penalties
 from baselines.splatting.state import TrainingState, finite
 from baselines.splatting.strategies import Duties
@@ -70,6 +72,7 @@ class CpuBackend:
         self._background = background
         self._near, self._antialiased = near, antialiased
         self._workspace = Workspace()
+        self._others: list[Workspace] = []  # for a view's other looks
         self._state: TrainingState | None = None
 
     def put(self, state: TrainingState) -> None:
@@ -88,7 +91,9 @@ class CpuBackend:
 
     def residual(self, camera: Camera, view: int, degree: int) -> float:
         """See Backend."""
-        image, _ = self._render(camera, degree)
+        assert self._state is not None
+        shown = dressed(self._state.gaussians, self._objective.appearance, camera, view, degree)
+        image, _ = self._render(shown, camera, degree, self._workspace)
         return self._objective.residual(image, view, self._workspace)
 
     def contributions(self, cameras: Sequence[Camera]) -> NDArray[np.float64]:
@@ -100,9 +105,7 @@ class CpuBackend:
         """See Backend."""
         state, workspace = self._state, self._workspace
         assert state is not None
-        image, rendering = self._render(camera, degree)
-        loss, grad_image = self._objective(image, view, iteration, workspace)
-        gradients = backward(rendering, grad_image)
+        loss, gradients, rendering = self._learn(state.gaussians, camera, view, iteration, degree)
         if duties.watch:
             means2d = gradients.means2d_absolute if duties.absolute else gradients.means2d
             observe(state, rendering.rank, means2d, (camera.width, camera.height))
@@ -115,16 +118,37 @@ class CpuBackend:
             add_noise(state.gaussians, duties, workspace.array("noise", state.gaussians.means.shape))
         return loss
 
-    def _render(self, camera: Camera, degree: int) -> tuple[Image, RenderState]:
-        assert self._state is not None
+    def _learn(
+        self, gaussians: Gaussians, camera: Camera, view: int, iteration: int, degree: int
+    ) -> tuple[float, Gradients, RenderState]:
+        """The loss of a view and its gradients; an appearance has taken its own step."""
+        appearance, objective = self._objective.appearance, self._objective
+        if appearance is None:
+            image, rendering = self._render(gaussians, camera, degree, self._workspace)
+            loss, grad_image = objective(image, view, iteration, self._workspace)
+            return loss, backward(rendering, grad_image), rendering
+        clothes = Dressed(gaussians, appearance, camera, view, degree)
+        self._others += [Workspace() for _ in range(len(clothes.looks) - 1 - len(self._others))]
+        spaces = zip(clothes.looks, (self._workspace, *self._others), strict=True)
+        renders = [self._render(look, camera, degree, workspace) for look, workspace in spaces]
+        loss, grad_images = objective.compare([image for image, _ in renders], view, iteration, self._workspace)
+        parts = [backward(rendering, grad) for (_, rendering), grad in zip(renders, grad_images, strict=True)]
+        parameters = clothes.backward([part.parameters for part in parts])
+        appearance.learn(iteration)
+        means2d, absolute = (sum(getattr(part, name) for part in parts) for name in ("means2d", "means2d_absolute"))
+        return loss, Gradients(parameters, means2d, absolute), renders[0][1]
+
+    def _render(
+        self, gaussians: Gaussians, camera: Camera, degree: int, workspace: Workspace
+    ) -> tuple[Image, RenderState]:
         return render(
-            self._state.gaussians,
+            gaussians,
             camera,
             self._background,
-            degree,
+            min(degree, gaussians.sh_degree),
             near=self._near,
             antialiased=self._antialiased,
-            workspace=self._workspace,
+            workspace=workspace,
         )
 
 

@@ -12,7 +12,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.gaussians import FIELDS, Gaussians
+from baselines.splatting.gaussians import FEATURES, FIELDS, Gaussians
 from baselines.splatting.objective import Objective
 from baselines.splatting.state import TrainingState
 from hydroviews.errors import InputError
@@ -75,8 +75,9 @@ def read_checkpoint(path: Path, fingerprint: dict[str, Any]) -> tuple[TrainingSt
     arrays, about = read_arrays(path)
     _check_fingerprint(path, about.get("fingerprint", {}), fingerprint)
     origin = arrays["origin"]
+    names = (*FIELDS, FEATURES) if f"gaussians.{FEATURES}" in arrays else FIELDS
     gaussians, first, second = (
-        Gaussians(**{name: arrays[f"{part}.{name}"] for name in FIELDS}, origin=origin) for part in PARTS
+        Gaussians(**{name: arrays[f"{part}.{name}"] for name in names}, origin=origin) for part in PARTS
     )
     learnt = {name.removeprefix("learnt."): v for name, v in arrays.items() if name.startswith("learnt.")}
     statistics = arrays["gradient_sum"], arrays["seen"]

@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from baselines.splatting.adam import BETA1, BETA2, EPSILON
+from baselines.splatting.appearance import moved
 from baselines.splatting.constants import LOW_PASS
-from baselines.splatting.gaussians import FIELDS, Gaussians
+from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.objective import Objective, Size
 from baselines.splatting.rasterizer import Workspace
 from baselines.splatting.reference import photometric_loss
-from baselines.splatting.spherical_harmonics import C0
+from baselines.splatting.spherical_harmonics import C0, degree_of
 from baselines.splatting.state import TrainingState
 from baselines.splatting.strategies import Duties
 from baselines.splatting.torch_steps import drawn, finite_rows, noise, penalty_gradient, without_broken
@@ -54,6 +55,8 @@ class CudaBackend:
         self._near, self._mode = near, "antialiased" if antialiased else "classic"
         self._workspace = Workspace()
         self._state: _DeviceState | None = None
+        if objective.appearance is not None:
+            objective.appearance.cuda()
         self._targets: dict[tuple[int, Size], tuple[Tensor, Tensor | None]] = {}  # pixels, and which are shown
 
     def put(self, state: TrainingState) -> None:
@@ -92,7 +95,8 @@ class CudaBackend:
         """See Backend."""
         state = self._current()
         with torch.no_grad():
-            image, _ = self._rasterize(state.parameters, state.origin, camera, degree)
+            look = self._looks(state.parameters, camera, view, degree)[0]
+            image, _ = self._rasterize(look, state.origin, camera, degree)
         return self._objective.residual(image.cpu().numpy(), view, self._workspace)
 
     def contributions(self, cameras: Sequence[Camera]) -> NDArray[np.float64]:
@@ -113,14 +117,18 @@ class CudaBackend:
         """See Backend."""
         state = self._current()
         leaves = {name: value.detach().requires_grad_() for name, value in state.parameters.items()}
-        image, details = self._rasterize(leaves, state.origin, camera, degree, duties.absolute)
+        looks = self._looks(leaves, camera, view, degree)
+        renders = [self._rasterize(look, state.origin, camera, degree, duties.absolute) for look in looks]
         if duties.watch:
-            details["means2d"].retain_grad()
-        loss = self._backward(image, view, iteration)
+            for _, details in renders:
+                details["means2d"].retain_grad()
+        loss = self._backward([image for image, _ in renders], view, iteration)
+        if self._objective.appearance is not None:
+            self._objective.appearance.learn(iteration)
         with torch.no_grad():
             if duties.watch:
-                _observe(state, details, duties, camera)
-            for name in FIELDS:
+                _observe(state, [details for _, details in renders], duties, camera)
+            for name in leaves:
                 parts = [leaves[name].grad, penalty_gradient(name, state.parameters[name], duties)]
                 given = [part for part in parts if part is not None]
                 if given:
@@ -139,6 +147,16 @@ class CudaBackend:
     def _current(self) -> _DeviceState:
         assert self._state is not None
         return self._state
+
+    def _looks(
+        self, parameters: dict[str, Tensor], camera: Camera, view: int, degree: int
+    ) -> tuple[dict[str, Tensor], ...]:
+        """What the view shows of the Gaussians, and what else is compared: see appearance.Appearance."""
+        appearance = self._objective.appearance
+        if appearance is None:
+            return (parameters,)
+        seen_from = moved(camera, self._current().origin)
+        return appearance.looks(without_broken(parameters)[0], seen_from, view, degree)
 
     def _rasterize(
         self,
@@ -164,16 +182,17 @@ class CudaBackend:
             near_plane=self._near,
             rasterize_mode=self._mode,
             eps2d=LOW_PASS,
-            sh_degree=degree,
+            sh_degree=min(degree, degree_of(parameters["sh"].shape[1])),
             packed=False,
             absgrad=absolute,
             backgrounds=self._background[None],
         )
         return images[0], details
 
-    def _backward(self, image: Tensor, view: int, iteration: int) -> float:
-        """Backpropagate the objective: the plain one on the GPU, a method's own one through its numpy gradient."""
+    def _backward(self, renders: Sequence[Tensor], view: int, iteration: int) -> float:
+        """Backpropagate the objective: the plain one on the GPU, a method's own one through its numpy gradients."""
         if type(self._objective) is Objective:
+            image = renders[0]
             images, size = self._objective.images, (image.shape[0], image.shape[1])
             if (view, size) not in self._targets:
                 ignored = images.ignored(view, size)
@@ -183,17 +202,18 @@ class CudaBackend:
             loss = photometric_loss(image, target / 255, self._objective.ssim_share, shown)
             loss.backward()
             return float(loss.detach())
-        value, gradient = self._objective(image.detach().cpu().numpy(), view, iteration, self._workspace)
-        image.backward(torch.from_numpy(np.ascontiguousarray(gradient)).cuda())
+        pictures = [image.detach().cpu().numpy() for image in renders]
+        value, gradients = self._objective.compare(pictures, view, iteration, self._workspace)
+        torch.autograd.backward(renders, [torch.from_numpy(np.ascontiguousarray(g)).cuda() for g in gradients])
         return value
 
 
-def _observe(state: _DeviceState, details: dict[str, Any], duties: Duties, camera: Camera) -> None:
+def _observe(state: _DeviceState, renders: Sequence[dict[str, Any]], duties: Duties, camera: Camera) -> None:
     half_size = state.seen.new_tensor([camera.width / 2, camera.height / 2])
-    shown = (details["radii"][0] > 0).all(dim=-1)
-    means2d = details["means2d"]
-    gradient = means2d.absgrad if duties.absolute else means2d.grad
-    state.gradient_sum += (gradient[0] * half_size).norm(dim=-1) * shown
+    shown = (renders[0]["radii"][0] > 0).all(dim=-1)
+    means2d = [details["means2d"] for details in renders]
+    gradient = sum((m.absgrad if duties.absolute else m.grad)[0] for m in means2d)
+    state.gradient_sum += (gradient * half_size).norm(dim=-1) * shown
     state.seen += shown
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from baselines.splatting.spherical_harmonics import degree_of, from_colour
 
 FIELDS = ("means", "quaternions", "log_scales", "opacity_logits", "sh")
+FEATURES = "features"
 
 
 @dataclass(frozen=True)
@@ -24,11 +25,14 @@ class Gaussians:
     opacity_logits: NDArray[np.float32]  # [N], opacity = sigmoid
     sh: NDArray[np.float32]  # [N, K, 3], K = 1, 4, 9 or 16; colour = 0.5 + sh . basis(direction), not below 0
     origin: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    features: NDArray[np.float32] | None = None  # [N, F], what an `Appearance` makes colours of; renderers want none
 
     def __post_init__(self) -> None:
         n = len(self.means)
         expected = {"means": (n, 3), "quaternions": (n, 4), "log_scales": (n, 3), "opacity_logits": (n,)}
         expected["sh"] = (n, *self.sh.shape[1:2], 3)
+        if self.features is not None:
+            expected[FEATURES] = (n, *self.features.shape[1:2])
         for name, shape in expected.items():
             value = getattr(self, name)
             if value.shape != shape or value.dtype != np.float32 or not value.flags.c_contiguous:
@@ -46,8 +50,13 @@ class Gaussians:
         return degree_of(self.sh.shape[1])
 
     def arrays(self) -> dict[str, NDArray[np.float32]]:
-        """The parameters by name, in the order of FIELDS."""
-        return {name: getattr(self, name) for name in FIELDS}
+        """The parameters by name, in the order of FIELDS, then the features where there are any."""
+        arrays = {name: getattr(self, name) for name in FIELDS}
+        return arrays if self.features is None else {**arrays, FEATURES: self.features}
+
+    def bare(self) -> "Gaussians":
+        """The same without features, as renderers want them."""
+        return replace(self, features=None)
 
     def map(self, function: Callable[[NDArray], NDArray]) -> "Gaussians":
         """The same function applied to every parameter array."""
@@ -60,7 +69,7 @@ class Gaussians:
 
     def coloured(self, colours: NDArray[np.float32]) -> "Gaussians":
         """The same with given colours [N, 3] instead of spherical harmonics; below 0 they are shown as 0."""
-        return replace(self, sh=np.ascontiguousarray(from_colour(colours)[:, None], np.float32))
+        return replace(self.bare(), sh=np.ascontiguousarray(from_colour(colours)[:, None], np.float32))
 
     def zeros(self) -> "Gaussians":
         """As many, with every parameter zero: a place for gradients or moments."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from baselines.splatting.appearance import Appearance
 from baselines.splatting.photometric import Target, photometric_loss, prepare
 from baselines.splatting.rasterizer import Workspace
 from hydroviews.images import Image, to_uint8
@@ -97,9 +98,17 @@ class Objective:
     checkpoints hold it.
     """
 
-    def __init__(self, images: TrainingImages, ssim_share: float = 0.2):
+    def __init__(self, images: TrainingImages, ssim_share: float = 0.2, appearance: Appearance | None = None):
         self.images = images
         self.ssim_share = ssim_share
+        self.appearance = appearance  # what gives Gaussians their colours, where it is not spherical harmonics alone
+
+    def compare(
+        self, images: Sequence[Image], view: int, iteration: int, workspace: Workspace
+    ) -> tuple[float, Sequence[Image]]:
+        """The loss of a view's looks, in the order of `Appearance.looks`, and its gradients by each of them."""
+        loss, gradient = self(images[0], view, iteration, workspace)
+        return loss, [gradient, *(np.zeros_like(image) for image in images[1:])]
 
     def __call__(self, image: Image, view: int, iteration: int, workspace: Workspace) -> tuple[float, Image]:
         """The loss of a rendered training view, at its own size or a smaller one, and its gradient by the image.
@@ -119,11 +128,16 @@ class Objective:
 
     def about(self) -> dict[str, Any]:
         """The settings; a checkpoint made with others is refused."""
-        return {"name": type(self).__name__, "ssim_share": self.ssim_share}
+        settings = {"name": type(self).__name__, "ssim_share": self.ssim_share}
+        return settings if self.appearance is None else {**settings, "appearance": self.appearance.about()}
 
     def arrays(self) -> dict[str, NDArray]:
         """What has been learnt beside the Gaussians."""
-        return {}
+        learnt = {} if self.appearance is None else self.appearance.arrays()
+        return {f"appearance.{name}": value for name, value in learnt.items()}
 
     def restore(self, arrays: dict[str, NDArray]) -> None:
         """Take back what `arrays` returned."""
+        if self.appearance is not None:
+            start = "appearance."
+            self.appearance.restore({k.removeprefix(start): v for k, v in arrays.items() if k.startswith(start)})

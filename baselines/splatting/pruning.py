@@ -28,7 +28,7 @@ def contributions(
     """Blending weights [N], summed over all pixels of all cameras, >= 0."""
     workspace = workspace or Workspace()
     # grey, so that no colour is clamped at zero, where it would have no gradient
-    grey = replace(gaussians, sh=np.zeros((len(gaussians), 1, 3), np.float32))
+    grey = replace(gaussians.bare(), sh=np.zeros((len(gaussians), 1, 3), np.float32))
     total = np.zeros(len(gaussians))
     for camera in cameras:
         image, state = render(grey, camera, near=near, antialiased=antialiased, workspace=workspace)

@@ -14,10 +14,11 @@ import numpy as np
 from tqdm import tqdm
 
 from baselines.splatting import schedule
+from baselines.splatting.appearance import equipped
 from baselines.splatting.backends import Backend, make_backend
 from baselines.splatting.checkpoints import fingerprint_of, read_checkpoint, write_checkpoint
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.gaussians import Gaussians
+from baselines.splatting.gaussians import FEATURES, Gaussians
 from baselines.splatting.initialisation import initialise, scene_extent
 from baselines.splatting.kernels import warm_up
 from baselines.splatting.objective import Objective, read_images
@@ -77,7 +78,8 @@ def train(scene: Scene, config: TrainerConfig, seed: int, folder: Path, objectiv
         state, learnt = read_checkpoint(run.checkpoint, fingerprint)
         objective.restore(learnt)
     else:
-        state = fresh_state(initialise(scene.points, cameras, config.sh_degree, seed))
+        start = initialise(scene.points, cameras, config.sh_degree, seed)
+        state = fresh_state(equipped(start, objective.appearance))
     state = run.finish(state)
     return Trained(
         gaussians=state.gaussians,
@@ -143,6 +145,8 @@ class _Run:
         shrink = schedule.shrink_at(iteration, config.iterations, config.resolutions)
         degree = schedule.sh_degree_at(iteration, config.sh_every, config.sh_degree)
         rates = schedule.rates_at(iteration, config.iterations, config.rates, self.extent, config.sh_degree)
+        if self.objective.appearance is not None:
+            rates |= {FEATURES: self.objective.appearance.feature_rate(iteration)}
         duties = config.densification.duties(iteration, float(rates["means"]), self.extent, self.seed)
         return self.backend.step(schedule.shrunk(self.cameras[view], shrink), view, iteration, degree, rates, duties)
 

@@ -1,0 +1,45 @@
+"""What torch has learnt, as named numpy arrays for checkpoints, and back: parameters, buffers and Adam's moments."""
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+MOMENTS = ("exp_avg", "exp_avg_sq")
+
+
+def module_arrays(module: nn.Module, optimiser: torch.optim.Optimizer | None = None) -> dict[str, NDArray]:
+    """Copies of all parameters and buffers by name; with an optimiser of Adam's kind its moments and steps as well."""
+    arrays = {f"network.{name}": _array(value) for name, value in module.state_dict().items()}
+    if optimiser:
+        for name, parameter in module.named_parameters():
+            state = optimiser.state.get(parameter, {})
+            arrays |= {f"{key}.{name}": _array(torch.as_tensor(state[key])) for key in ("step", *MOMENTS) if state}
+    return arrays
+
+
+def restore_module(
+    module: nn.Module, arrays: dict[str, NDArray], optimiser: torch.optim.Optimizer | None = None
+) -> None:
+    """Take over what `module_arrays` returned, on the device the module is on.
+
+    Raises:
+        KeyError: a parameter or buffer is missing.
+        RuntimeError: one has another number of elements.
+    """
+    state = module.state_dict()
+    module.load_state_dict({name: _tensor(arrays[f"network.{name}"], value) for name, value in state.items()})
+    if optimiser:
+        for name, parameter in module.named_parameters():
+            if f"step.{name}" in arrays:
+                moments = {key: _tensor(arrays[f"{key}.{name}"], parameter) for key in MOMENTS}
+                optimiser.state[parameter] = {"step": _tensor(arrays[f"step.{name}"], torch.tensor(0.0)), **moments}
+
+
+def _array(value: Tensor) -> NDArray:
+    return np.asarray(value.detach().cpu().numpy()).copy()
+
+
+def _tensor(array: NDArray, like: Tensor) -> Tensor:
+    """A copy in the shape of another tensor: files turn single numbers into arrays of one."""
+    return torch.from_numpy(np.array(array)).reshape(like.shape).to(like)
