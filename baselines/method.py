@@ -4,7 +4,7 @@ import importlib
 import os
 import sys
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self
@@ -14,7 +14,8 @@ from hydroviews.errors import InputError
 from hydroviews.images import Image
 from hydroviews.scenes import Scene
 
-ENTRY_POINTS = "hydroviews.methods"
+METHODS = "hydroviews.methods"  # entry points: subclasses of Method
+WRAPPERS = "hydroviews.wrappers"  # entry points: functions that make a method of a method
 
 
 @dataclass(frozen=True)
@@ -44,11 +45,24 @@ class Method(ABC):
     @classmethod
     @abstractmethod
     def configuration(cls, profile: str) -> Any:
-        """The dataclass of settings for profile demo, quick or paper; it is printed into `config.json`."""
+        """The dataclass of settings for profile demo, quick or paper; it is printed into `config.json`.
+
+        Raises:
+            InputError: no such profile.
+        """
+
+    @classmethod
+    def shortened(cls, config: Any, steps: int) -> Any:
+        """The same settings with no more than `steps` training steps, so that a method can be checked quickly.
+
+        This limits `iterations` of the dataclass and of those it holds, and leaves others as they are. A method that
+        counts otherwise, or whose schedule breaks when it is cut short, says here what to do.
+        """
+        return _limited(config, steps)
 
     @abstractmethod
     def fit(self, scene: Scene, folder: Path) -> None:
-        """Learn from `scene.train_views` alone, showing progress.
+        """Learn from `scene.train_views` alone, showing progress; what `View.ignored` hides is not looked at.
 
         Checkpoints go to `folder`; if it holds one of this configuration and seed, training goes on from it
         and ends as if it had never been interrupted.
@@ -82,26 +96,58 @@ class Method(ABC):
 def find_method(name: str) -> type[Method]:
     """The method class of a registered name, or of `package.module:Class`.
 
+    `NAME+WRAPPER` is a method that a wrapper makes of another; wrappers are registered too, or are
+    `package.module:function`.
+
     Raises:
-        InputError: no such method.
+        InputError: no such method or wrapper.
     """
-    registered = {point.name: point.value for point in entry_points(group=ENTRY_POINTS)}
-    target = registered.get(name, name)
-    module_name, _, class_name = target.partition(":")
-    if not (module_name and class_name) or module_name.startswith("."):
+    first, *wrappers = name.split("+")
+    found = _checked(name, first, _load(name, first, METHODS))
+    for part in wrappers:
+        wrap = _load(name, part, WRAPPERS)
+        if isinstance(wrap, type) or not callable(wrap):
+            raise InputError(f"METHOD={name}: {part} is not a wrapper", expected="a function from Method to Method")
+        found = _checked(name, part, wrap(found))
+    return found
+
+
+def _load(name: str, part: str, group: str) -> Any:
+    """What a part of a method's name stands for, in a group of entry points or in a module."""
+    registered = {point.name: point.value for point in entry_points(group=group)}
+    target = registered.get(part, part)
+    module_name, _, member = target.partition(":")
+    if not (module_name and member) or module_name.startswith("."):
+        kind, own = ("method", "Class") if group == METHODS else ("wrapper", "function")
         raise InputError(
-            f"METHOD={name}: no such method",
-            expected=f"one of {', '.join(sorted(registered))}, or package.module:Class for your own",
+            f"METHOD={name}: no such {kind}",
+            found=part,
+            expected=f"one of {', '.join(sorted(registered))}, or package.module:{own} for your own",
         )
     try:
         if os.getcwd() not in sys.path:  # one's own method, however the command was started
             sys.path.append(os.getcwd())
-        found = getattr(importlib.import_module(module_name), class_name)
+        return getattr(importlib.import_module(module_name), member)
     except Exception as error:  # whatever stands in a user's module
         found_error = f"{type(error).__name__}: {error}"
         raise InputError(f"METHOD={name}: cannot import {target}", found=found_error) from error
+
+
+def _checked(name: str, part: str, found: Any) -> type[Method]:
     if not (isinstance(found, type) and issubclass(found, Method)):
-        raise InputError(f"METHOD={name}: {target} is not a method", expected="a subclass of baselines.method.Method")
+        raise InputError(
+            f"METHOD={name}: {part} is not a method", found=found, expected="a subclass of baselines.method.Method"
+        )
     if found.trains_on not in ("rainy", "clean"):
         raise InputError(f"METHOD={name}: unknown trains_on", found=found.trains_on, expected="rainy or clean")
     return found
+
+
+def _limited(settings: Any, steps: int) -> Any:
+    """A dataclass with at most so many `iterations`, in itself and in the dataclasses it holds."""
+    if not is_dataclass(settings) or isinstance(settings, type):
+        return settings
+    values = {field.name: _limited(getattr(settings, field.name), steps) for field in fields(settings) if field.init}
+    if isinstance(values.get("iterations"), int):
+        values["iterations"] = min(values["iterations"], steps)
+    return replace(settings, **values)

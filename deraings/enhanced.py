@@ -30,16 +30,20 @@ class EnhancedViews:
         self.digest = _fingerprint(images, enhancer)
         self._kept = folder / self.digest
 
+    def file(self, index: int) -> Path:
+        """One picture as a PNG, written unless an earlier call has finished it."""
+        path = self._kept / f"{self._names[index]}.png"
+        if not path.is_file():
+            write_png(path, enhance(self._images.pixels(index).astype(np.float32) / 255, self._enhancer))
+        return path
+
     def pixels(self, index: int) -> NDArray[np.uint8]:
-        """One picture [H, W, 3]; read if an earlier call has finished it.
+        """One picture [H, W, 3].
 
         Raises:
             InputError: a kept picture is damaged.
         """
-        path = self._kept / f"{self._names[index]}.png"
-        if not path.is_file():
-            write_png(path, enhance(self._images.pixels(index).astype(np.float32) / 255, self._enhancer))
-        return to_uint8(read_image(path))
+        return to_uint8(read_image(self.file(index)))
 
 
 def enhanced_images(images: TrainingImages, names: Sequence[str], enhancer: Enhancer, folder: Path) -> TrainingImages:
