@@ -1,0 +1,126 @@
+"""Speed and error of enhancement: networks of several widths, trained alike.
+
+    python -m benchmarks.enhancement --photographs FOLDER --out results/bench/enhancement
+
+Each width is trained for the same number of steps on the same pairs, then validated on held-out photographs; an
+interrupted run goes on where it stopped. Prints a table and writes enhancement.csv. Times are processor time of one
+thread, the least of several turns; memory is the peak of a process of its own with a picture of 1.1 megapixels, over
+that with a small one.
+"""
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import torch
+import tyro
+
+from deraings.enhancement.__main__ import VALIDATION_SEED, WATCHED, Data, described
+from deraings.enhancement.config import TrainingConfig, Upkeep
+from deraings.enhancement.enhance import enhance
+from deraings.enhancement.network import CONFIGS, EnhancementNetwork, NetworkConfig
+from deraings.enhancement.pairs import Pairs
+from deraings.enhancement.size import measure
+from deraings.enhancement.training import train
+from deraings.enhancement.validation import as_columns, scores, validation_set
+from deraings.enhancement.weights import Enhancer
+from hydroviews.files import write_bytes
+from hydroviews.pairs.drawing import bake_pool
+from hydroviews.pairs.drawn import DrawnRain
+from hydroviews.pairs.photographs import read_photographs, split_photographs
+
+SIZE = 400, 300
+LARGE = 1200, 900
+MEMORY = """
+import sys, torch
+from deraings.enhancement.enhance import enhance
+from deraings.enhancement.network import CONFIGS, EnhancementNetwork
+from deraings.enhancement.enhance import enhance
+from deraings.enhancement.weights import Enhancer
+from dataclasses import replace
+from leaderboard.predict import peak_memory_mb
+torch.set_num_threads(1)
+width, columns, rows = (int(word) for word in sys.argv[2:])
+network = EnhancementNetwork(replace(CONFIGS[sys.argv[1]], width=width, head_width=width)).eval()
+enhance(torch.rand(rows, columns, 3).numpy(), Enhancer(network, {}, "being measured"))
+print(peak_memory_mb())
+"""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What to compare."""
+
+    photographs: Path  # to train on; every tenth by name is held out
+    out: Path = Path("results/bench/enhancement")
+    cache: Path = Path("results/enhancement/rain")  # keeps what Blender bakes
+    network: str = "small"  # of which the width is changed
+    widths: tuple[int, ...] = (12, 24, 36)
+    steps: int = 400
+
+
+def seconds_a_picture(network: EnhancementNetwork, turns: int = 3) -> float:
+    """Processor time of one picture on one thread, the least of several turns."""
+    picture, enhancer, times = torch.rand(SIZE[1], SIZE[0], 3).numpy(), Enhancer(network, {}, "being measured"), []
+    for _ in range(turns + 1):  # the first one is not counted
+        start = time.process_time()
+        enhance(picture, enhancer)
+        times.append(time.process_time() - start)
+    return min(times[1:])
+
+
+def megabytes(name: str, width: int) -> float:
+    """Memory that a large picture needs beyond a small one, in 10^6 bytes."""
+
+    def peak(columns: int, rows: int) -> float:
+        command = [sys.executable, "-c", MEMORY, name, *map(str, (width, columns, rows))]
+        return float(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+
+    return peak(*LARGE) - peak(64, 64)
+
+
+def row(choice: Choice, config: NetworkConfig, pairs: Pairs, validate: Callable) -> dict[str, Any]:
+    """One width: size, time, memory, and PSNR after training."""
+    training = replace(TrainingConfig(), network=config, steps=choice.steps)
+    upkeep = Upkeep(validate_every=choice.steps)
+    data = described(Data(choice.photographs, cache=choice.cache))
+    trained = train(choice.out / f"width-{config.width}", training, pairs, data, validate, upkeep)
+    parts = measure(config, *SIZE).values()
+    megapixels = SIZE[0] * SIZE[1] / 1e6
+    return {
+        "width": config.width,
+        "parameters_m": round(sum(part.parameters for part in parts) / 1e6, 2),
+        "operations_g": round(sum(part.operations for part in parts) / 1e9, 2),
+        "s_per_megapixel": round(seconds_a_picture(trained.averaged) / megapixels, 2),
+        "mb_at_1.1_megapixels": round(megabytes(choice.network, config.width)),
+        "training_s": round(trained.seconds),
+        **{name: round(value, 2) for name, value in trained.curve[-1].items() if name not in ("step", "seconds")},
+    }
+
+
+def main() -> None:
+    """Entry point."""
+    choice = tyro.cli(Choice)
+    torch.set_num_threads(1)
+    config, split = CONFIGS[choice.network], split_photographs(choice.photographs)
+    seed, patch = TrainingConfig().seed, TrainingConfig().patch
+    drawn = DrawnRain(read_photographs(split.training), bake_pool(choice.cache, seed))
+    pairs = Pairs(drawn, [], patch, seed)
+    watched = validation_set(split.held_out[:WATCHED], VALIDATION_SEED, choice.cache / "validation")
+
+    def validate(network: EnhancementNetwork) -> dict[str, float]:
+        return as_columns(scores(network, watched))
+
+    rows = [row(choice, replace(config, width=width, head_width=width), pairs, validate) for width in choice.widths]
+    table = pd.DataFrame(rows)
+    write_bytes(choice.out / "enhancement.csv", table.to_csv(index=False).encode())
+    print(table.to_string(index=False))
+
+
+if __name__ == "__main__":
+    main()
