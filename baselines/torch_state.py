@@ -14,7 +14,7 @@ def module_arrays(module: nn.Module, optimiser: torch.optim.Optimizer | None = N
     if optimiser:
         for name, parameter in module.named_parameters():
             state = optimiser.state.get(parameter, {})
-            arrays |= {f"{key}.{name}": _array(torch.as_tensor(state[key])) for key in ("step", *MOMENTS) if state}
+            arrays |= {f"{key}.{name}": _array(state[key]) for key in ("step", *MOMENTS) if state}
     return arrays
 
 
@@ -30,16 +30,18 @@ def restore_module(
     state = module.state_dict()
     module.load_state_dict({name: _tensor(arrays[f"network.{name}"], value) for name, value in state.items()})
     if optimiser:
+        optimiser.state.clear()
         for name, parameter in module.named_parameters():
-            if f"step.{name}" in arrays:
+            if f"exp_avg.{name}" in arrays:
                 moments = {key: _tensor(arrays[f"{key}.{name}"], parameter) for key in MOMENTS}
-                optimiser.state[parameter] = {"step": _tensor(arrays[f"step.{name}"], torch.tensor(0.0)), **moments}
+                step = _tensor(arrays[f"step.{name}"], torch.tensor(0.0))
+                optimiser.state[parameter] = {"step": step, **moments}
 
 
 def _array(value: Tensor) -> NDArray:
-    return np.asarray(value.detach().cpu().numpy()).copy()
+    return np.array(value.detach().cpu().numpy(), order="C")
 
 
 def _tensor(array: NDArray, like: Tensor) -> Tensor:
-    """A copy in the shape of another tensor: files turn single numbers into arrays of one."""
-    return torch.from_numpy(np.array(array)).reshape(like.shape).to(like)
+    """A copy in shape and memory layout of another tensor: files turn single numbers into arrays of one."""
+    return torch.empty_like(like).copy_(torch.from_numpy(array).reshape(like.shape))

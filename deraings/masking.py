@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from baselines.splatting.objective import Size, TrainingImages
+from baselines.torch_state import module_arrays, restore_module
 from deraings.masking_config import MaskConfig
 from deraings.masking_maps import evidence, filled
 from deraings.masking_network import MaskNetwork, masked_loss
@@ -149,10 +150,7 @@ class OcclusionMasks:
 
     def arrays(self) -> dict[str, NDArray]:
         """All that was learnt: weights, batch statistics, moments, typical loss, loss on the lens, masks kept."""
-        arrays = {f"network.{name}": value.numpy().copy() for name, value in self.network.state_dict().items()}
-        for name, parameter in self.network.named_parameters():
-            for moment, value in self.adam.state.get(parameter, {}).items():
-                arrays[f"{moment}.{name}"] = value.numpy().copy()
+        arrays = module_arrays(self.network, self.adam)
         arrays |= {f"loss.{view}": loss.copy() for view, loss in self._losses.items()}
         arrays |= {f"mask.{view}": mask for view, mask in self._kept.items()}
         if self._evidence is not None:
@@ -161,13 +159,7 @@ class OcclusionMasks:
 
     def restore(self, arrays: dict[str, NDArray]) -> None:
         """Take back what `arrays` returned."""
-        network = self.network.state_dict()
-        self.network.load_state_dict({name: _tensor(arrays[f"network.{name}"], v) for name, v in network.items()})
-        self.adam.state.clear()
-        for name, parameter in self.network.named_parameters():
-            if f"step.{name}" in arrays:
-                shapes = {"step": torch.tensor(0.0), "exp_avg": parameter, "exp_avg_sq": parameter}
-                self.adam.state[parameter] = {m: _tensor(arrays[f"{m}.{name}"], like) for m, like in shapes.items()}
+        restore_module(self.network, arrays, self.adam)
         self._level = arrays["level"].copy()
         self._evidence = float(arrays["evidence"][0]) if "evidence" in arrays else None
         self._losses, self._kept = _by_view(arrays, "loss."), _by_view(arrays, "mask.")
@@ -216,11 +208,6 @@ class OcclusionMasks:
 
 def _by_view(arrays: dict[str, NDArray], prefix: str) -> dict[int, NDArray]:
     return {int(name.removeprefix(prefix)): value for name, value in arrays.items() if name.startswith(prefix)}
-
-
-def _tensor(array: NDArray, like: Tensor) -> Tensor:
-    """A copy in the shape of another tensor: files turn single numbers into arrays of one."""
-    return torch.from_numpy(np.array(array)).reshape(like.shape)
 
 
 def _rounded(mask: Tensor) -> NDArray[np.uint8]:

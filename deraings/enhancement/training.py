@@ -15,6 +15,7 @@ from torch import Tensor
 from tqdm import tqdm
 
 from baselines.splatting.checkpoints import read_arrays, write_arrays
+from baselines.torch_state import module_arrays, restore_module
 from deraings.enhancement.config import TrainingConfig, Upkeep
 from deraings.enhancement.loss import cover_loss, enhancement_loss
 from deraings.enhancement.network import EnhancementNetwork
@@ -25,7 +26,7 @@ from hydroviews.errors import InputError
 from hydroviews.files import write_bytes
 
 CHECKPOINT, CURVE = "checkpoint.safetensors", "curve.csv"
-MOMENTS = ("exp_avg", "exp_avg_sq")
+AVERAGED = "averaged."  # before the names of the averaged weights in a checkpoint
 SMOOTHING = 0.99  # of the loss that is shown
 
 Validate = Callable[[EnhancementNetwork], dict[str, float]]  # what a row of the curve says beside step, loss and rate
@@ -90,12 +91,10 @@ class Training:
 
     def save(self, path: Path, fingerprint: dict[str, Any]) -> None:
         """Write all of it."""
-        tensors = {f"network.{name}": value for name, value in self.network.state_dict().items()}
-        tensors |= {f"averaged.{name}": value for name, value in self.averaged.state_dict().items()}
-        for name, parameter in self.network.named_parameters():
-            tensors |= {f"{moment}.{name}": self.optimiser.state[parameter][moment] for moment in MOMENTS}
+        averaged = to_arrays({f"{AVERAGED}{name}": value for name, value in self.averaged.state_dict().items()})
         progress = {"step": self.step, "seconds": self.seconds, "loss": self.loss, "curve": self.curve}
-        write_arrays(path, to_arrays(tensors), {"fingerprint": fingerprint, "progress": progress})
+        arrays = {**module_arrays(self.network, self.optimiser), **averaged}
+        write_arrays(path, arrays, {"fingerprint": fingerprint, "progress": progress})
 
     def restore(self, path: Path, fingerprint: dict[str, Any]) -> None:
         """Take over what `save` wrote.
@@ -112,17 +111,11 @@ class Training:
                 expected=expected,
                 fix="train in another folder, or remove the checkpoint to start again",
             )
-        parts: dict[str, dict[str, Tensor]] = {}
-        for name, value in to_tensors(arrays).items():
-            part, _, rest = name.partition(".")
-            parts.setdefault(part, {})[rest] = value
-        self.network.load_state_dict(parts["network"])
-        self.averaged.load_state_dict(parts["averaged"])
+        averaged = {name.removeprefix(AVERAGED): v for name, v in arrays.items() if name.startswith(AVERAGED)}
+        self.averaged.load_state_dict(to_tensors(averaged))
+        restore_module(self.network, arrays, self.optimiser)
         for name, value in about["progress"].items():
             setattr(self, name, value)
-        for name, parameter in self.network.named_parameters():
-            moments = {moment: torch.empty_like(parameter).copy_(parts[moment][name]) for moment in MOMENTS}
-            self.optimiser.state[parameter] = {"step": torch.tensor(float(self.step)), **moments}
 
 
 def rate_at(step: int, config: TrainingConfig) -> float:
