@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.splatting.loss_map import loss_map
 from baselines.splatting.objective import Objective, TrainingImages
 from baselines.splatting.photometric import Target, photometric_loss
 from baselines.splatting.rasterizer import Workspace
 from deraings.enhanced import EnhancedViews
 from deraings.masking import OcclusionMasks
-from deraings.masking_loss import loss_map
 from deraings.planes import Plane
 from deraings.rain_drops import DropConfig, Drops, Spread
 from deraings.rain_falling import FallingConfig, FallingRain

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
+from baselines.splatting.loss_map import loss_map
 from baselines.splatting.photometric import photometric_loss, prepare
-from deraings.masking_loss import loss_map
 from deraings.masking_network import MaskNetwork, high_pass, spectral_pooling
 from hydroviews.metrics.ssim import ssim_map
 

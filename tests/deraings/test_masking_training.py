@@ -9,12 +9,12 @@ from synthetic import capture_in
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.densification import Densification
 from baselines.splatting.gaussians import FIELDS
+from baselines.splatting.loss_map import loss_map
 from baselines.splatting.objective import Objective, read_images
 from baselines.splatting.photometric import photometric_loss
 from baselines.splatting.trainer import train
 from deraings.masking import OcclusionMasks
 from deraings.masking_config import MaskConfig
-from deraings.masking_loss import loss_map
 from hydroviews.errors import InputError
 
 CONFIG = TrainerConfig(iterations=24, sh_degree=1, densification=Densification(start=99), device="cpu")

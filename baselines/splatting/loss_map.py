@@ -1,6 +1,6 @@
 """The unreduced photometric loss: what each pixel adds to it, for masks to learn from.
 
-The same arithmetic as `baselines.splatting.photometric`, which sums the map up as it goes and keeps none.
+The same arithmetic as `photometric`, which sums the map up as it goes and keeps none.
 """
 
 import numpy as np
