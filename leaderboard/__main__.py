@@ -1,4 +1,4 @@
-"""python -m leaderboard evaluate | table | score | picture | view | film | export | predict."""
+"""python -m leaderboard evaluate | check | table | score | picture | view | film | export | predict."""
 
 import sys
 from pathlib import Path
@@ -10,6 +10,7 @@ from hydroviews.errors import InputError
 from hydroviews.files import write_json
 from hydroviews.profiles import find_profile
 from hydroviews.rain.patterns import choose_patterns
+from leaderboard.check import Result, check
 from leaderboard.evaluate import FAILURE, Evaluation, evaluate
 from leaderboard.export import Format, export
 from leaderboard.film import FilmChoice, film
@@ -28,6 +29,21 @@ def evaluate_command(request: tyro.conf.OmitArgPrefixes[Evaluation]) -> None:
     """Run a method and the reference rows on a scene, building what is missing; print and write the tables."""
     records = evaluate(request)
     if any(record.status != "done" for record in records):
+        sys.exit(1)
+
+
+def check_command(
+    method: tyro.conf.Positional[str], profile: str = "demo", steps: int = 30, json: Path | None = None
+) -> None:
+    """Try a method on a small room and say whether it keeps its contract, a line a promise; exit status 1 if not.
+
+    Args:
+        method: a registered name, or package.module:Class.
+        profile: whose configuration is shortened.
+        steps: of training, where the configuration counts them; trainings that are interrupted take some seconds.
+        json: a file to write the outcome to.
+    """
+    if any(outcome.result == Result.FAILED for outcome in check(method, profile, steps, json)):
         sys.exit(1)
 
 
@@ -164,6 +180,7 @@ def main() -> None:
     run_command(
         {
             "evaluate": evaluate_command,
+            "check": check_command,
             "table": table_command,
             "score": score_command,
             "picture": picture_command,

@@ -1,0 +1,148 @@
+"""A training that is interrupted by Ctrl-C or SIGTERM and taken up again ends as one that was left alone.
+
+Every training runs in a process of its own, as runs of the benchmark do, and long enough to be met half-way.
+"""
+
+import multiprocessing
+import os
+import shutil
+import signal
+import sys
+import time
+from dataclasses import dataclass
+from functools import cache
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import Any
+
+from baselines.method import find_method
+from hydroviews.files import read_json, write_json
+from hydroviews.images import Image
+from hydroviews.scenes import Scene
+from leaderboard.contract.case import Case, Failed, NotTestable, files_in, must_equal, some
+from leaderboard.predict import only_training
+
+SECONDS = 3.0  # of training, as far as the configured steps reach
+ATTEMPTS = 3  # to meet it half-way
+PATIENCE = 60.0  # seconds until an interrupted process has to have ended
+BEGUN, ENDED, OUTPUT = "begun", "ended.json", "output.txt"
+
+
+@dataclass(frozen=True)
+class LeftAlone:
+    """A training that nobody disturbed."""
+
+    config: Any
+    steps: int
+    folder: Path
+    setup: float  # seconds from the start of `fit` to the first step
+    seconds: float  # from there to the last
+
+    def pixels(self, case: Case, folder: Path) -> list[Image]:
+        """What a model renders that such a training has left in a folder."""
+        return case.renders(case.kind.load(self.config, 0, folder))
+
+
+def ctrl_c(case: Case) -> str:
+    """Ctrl-C, and on."""
+    return _interrupted(case, signal.SIGINT)
+
+
+def termination(case: Case) -> str:
+    """SIGTERM, and on."""
+    return _interrupted(case, signal.SIGTERM)
+
+
+def _interrupted(case: Case, number: signal.Signals) -> str:
+    alone, share, reason = left_alone(case), 0.5, ""
+    expected = alone.pixels(case, alone.folder)
+    for attempt in range(ATTEMPTS):
+        folder = case.folder / f"{number.name}-{attempt}"
+        moment = alone.setup + share * alone.seconds
+        exit_code = _run(case, alone.steps, folder, number, moment)
+        left = files_in(folder)
+        if (_notes(folder) / ENDED).exists():
+            if exit_code == 0:
+                message = f"after {number.name} fit returned as if it had ended, with other pixels"
+                must_equal(alone.pixels(case, folder), expected, message)
+            reason, share = f"done before it can be met: {alone.seconds:.2f} s of training", share / 2
+        elif not left:
+            reason, share = f"stopped after {moment:.1f} s, it leaves no checkpoint", (1 + share) / 2
+        else:
+            if _run(case, alone.steps, folder) != 0:
+                raise Failed(f"stopped after {moment:.1f} s, it does not go on: {_last_words(folder)}")
+            must_equal(alone.pixels(case, folder), expected, "taken up again, it ends with other pixels")
+            whole = alone.setup + alone.seconds
+            return f"stopped after {moment:.1f} of {whole:.1f} s, goes on from {some(left)}: the same pixels"
+    raise NotTestable(reason)
+
+
+@cache
+def left_alone(case: Case) -> LeftAlone:
+    """Train for as many steps as take some seconds."""
+    before = case.train(case.scene, "timed").statistics().train_seconds
+    steps = max(case.steps, round(case.steps * SECONDS / max(before, 1e-3)))
+    folder = case.folder / "left-alone"
+    if _run(case, steps, folder) != 0:
+        raise Failed(f"in a process of its own, {steps} steps: {_last_words(folder)}")
+    took = read_json(_notes(folder) / ENDED)
+    seconds = min(took["fit"], took["training"])
+    return LeftAlone(case.config(steps), steps, folder, setup=took["fit"] - seconds, seconds=seconds)
+
+
+def _run(case: Case, steps: int, folder: Path, number: signal.Signals | None = None, moment: float = 0) -> int | None:
+    """Train in a process of its own, and interrupt it so many seconds after `fit` began; its exit code."""
+    notes = _notes(folder)
+    shutil.rmtree(notes, ignore_errors=True)
+    for new in (folder, notes):
+        new.mkdir(parents=True, exist_ok=True)
+    arguments = case.name, case.profile, steps, only_training(case.scene), folder, notes
+    process = multiprocessing.get_context("spawn").Process(target=_train, args=arguments)
+    process.start()
+    try:
+        if number is not None:
+            _interrupt(process, number, notes / BEGUN, moment)
+        process.join()
+    finally:
+        process.kill()
+        process.join()
+    return process.exitcode
+
+
+def _interrupt(process: BaseProcess, number: signal.Signals, begun: Path, moment: float) -> None:
+    """Send a signal, unless the process ends before; it has to end then."""
+    while not begun.exists() and process.is_alive():
+        process.join(0.02)
+    process.join(moment)
+    if process.is_alive() and process.pid is not None:
+        os.kill(process.pid, number)
+        process.join(PATIENCE)
+        if process.is_alive():
+            raise Failed(f"{number.name} has not ended it after {PATIENCE:.0f} s")
+
+
+def _train(name: str, profile: str, steps: int, scene: Scene, folder: Path, notes: Path) -> None:
+    """What the process does: as in a run of the benchmark, SIGINT is KeyboardInterrupt and SIGTERM ends it."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, lambda received, _: sys.exit(128 + received))
+    with (notes / OUTPUT).open("wb") as output:
+        for stream in (1, 2):
+            os.dup2(output.fileno(), stream)
+    kind = find_method(name)
+    method = kind(kind.shortened(kind.configuration(profile), steps), 0)
+    (notes / BEGUN).touch()
+    start = time.perf_counter()
+    method.fit(scene, folder)
+    write_json(notes / ENDED, {"fit": time.perf_counter() - start, "training": method.statistics().train_seconds})
+    method.save(folder)
+
+
+def _notes(folder: Path) -> Path:
+    """Where a process leaves word: not in the run's folder, which is the method's."""
+    return folder.with_name(f"{folder.name}-notes")
+
+
+def _last_words(folder: Path) -> str:
+    """The last line that a process wrote."""
+    lines = (_notes(folder) / OUTPUT).read_text(errors="replace").strip().splitlines()
+    return lines[-1] if lines else "no word"
