@@ -1,0 +1,87 @@
+"""How large the networks are and how they are trained: as data, so that a checkpoint and a data card can say it."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+Precision = Literal["float32", "bfloat16"]
+Perceptual = Literal["alex", "vgg"]
+
+
+@dataclass(frozen=True)
+class GeneratorConfig:
+    """Attention and autoencoder; the defaults are those of Qian et al. 2018 and its public re-implementation."""
+
+    iterations: int = 4  # N of the recurrent attention
+    attention_width: int = 32  # channels of residual blocks and LSTM
+    attention_blocks: int = 5
+    attention_stride: int = 1  # attention is found in squares of so many pixels along a side
+    width: int = 64  # channels of the autoencoder at full resolution; doubled at a half, and again at a fourth
+    residual: bool = False  # the autoencoder gives what is added to the picture, instead of the picture
+
+
+@dataclass(frozen=True)
+class DiscriminatorConfig:
+    """Real or derained, looked at most where the attention is."""
+
+    stride: int = 1  # pictures are taken in squares of so many pixels along a side
+    widths: tuple[int, ...] = (8, 16, 32, 64, 128, 128)  # channels of the convolutions before the map
+    reduced: tuple[int, ...] = (64, 32)  # and of those after it, each a fourth of the size
+    pooled: int = 14  # what is left is brought to so many squares a side: no change for patches of 224 pixels
+    hidden: int = 1024
+
+
+@dataclass(frozen=True)
+class LossConfig:
+    """Weights of the losses, those of Qian et al. 2018."""
+
+    attention_decay: float = 0.8  # theta: map t of N counts theta^(N - t)
+    scales: tuple[float, float, float] = (0.6, 0.8, 1.0)  # lambda, at a fourth, a half and the whole resolution
+    perceptual: Perceptual = "vgg"
+    perceptual_weight: float = 1.0
+    adversarial: float = 0.01
+    discriminator_map: float = 0.05  # gamma
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """Everything but the data that the trained weights depend on."""
+
+    generator: GeneratorConfig = field(default_factory=GeneratorConfig)
+    discriminator: DiscriminatorConfig = field(default_factory=DiscriminatorConfig)
+    losses: LossConfig = field(default_factory=LossConfig)
+    steps: int = 100_000
+    patch: int = 224  # pixels along a side
+    crops: int = 1  # patches cut from one drawn picture
+    batch: int = 4  # drawn pictures a step
+    rate: float = 2e-4  # of Adam (Kingma and Ba 2015), after the warm-up
+    final_rate: float = 1e-6  # at the end of the cosine
+    warm_up: int = 100  # steps in which the rate rises linearly
+    clip: float = 1.0  # largest norm of a step's gradient
+    averaging: float = 0.999  # what the average of the generator's weights keeps of itself in a step
+    precision: Precision = "float32"  # of convolutions in training; weights are float32 in both
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Upkeep:
+    """What the trained weights do not depend on."""
+
+    checkpoint_every: int = 50  # steps
+    validate_every: int = 500
+
+
+SMALL_GENERATOR = GeneratorConfig(attention_width=32, attention_blocks=3, attention_stride=2, width=24, residual=True)
+CONFIGS = {
+    "paper": TrainingConfig(),
+    "small": TrainingConfig(
+        generator=SMALL_GENERATOR,
+        discriminator=DiscriminatorConfig(stride=4, widths=(16, 32, 32), reduced=(32, 16), pooled=2, hidden=64),
+        losses=LossConfig(perceptual="alex", perceptual_weight=0.05),
+        steps=2_000,
+        patch=128,
+        crops=4,
+        batch=1,
+        rate=1e-3,
+        precision="bfloat16",
+    ),
+}
