@@ -1,0 +1,89 @@
+"""The pixels that a field learns from: drawn from all training views by seed and iteration alone."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from baselines.splatting.objective import TrainingImages
+from baselines.volumetric.rays import CameraArrays
+from baselines.volumetric.spaces import Rays, Space
+from hydroviews.cameras import Camera
+from hydroviews.errors import InputError
+from hydroviews.rain.seeds import generator
+
+
+@dataclass(frozen=True)
+class Batch:
+    """R pixels and their rays."""
+
+    rays: Rays
+    colours: Tensor  # [R, 3] in [0, 1]
+    weights: Tensor  # [R] in [0, 1]: how much each counts
+    views: Tensor  # [R], index of the training view
+
+
+class TrainingPixels:
+    """All pixels of the training views with their weights."""
+
+    def __init__(
+        self,
+        cameras: Sequence[Camera],
+        images: TrainingImages,
+        weights: Sequence[NDArray[np.float32]] | None = None,
+    ):
+        """Gather them.
+
+        Args:
+            cameras: of the training views.
+            images: of the same views; what their masks hide has weight 0.
+            weights: [H, W] a view, in [0, 1]; everything counts 1 where none are given.
+
+        Raises:
+            InputError: weights of another number or size than the images, or outside [0, 1]; nothing that counts.
+        """
+        if weights is not None:
+            _check_weights(weights, images)
+        self.images, self._cameras = images, CameraArrays(cameras)
+        self._widths = np.array([camera.width for camera in cameras])
+        sizes = np.array([camera.width * camera.height for camera in cameras])
+        self._ends = np.cumsum(sizes)
+        self._starts = self._ends - sizes
+        self._colours = np.concatenate([images.pixels(view).reshape(-1, 3) for view in range(len(cameras))])
+        self._weights = np.concatenate([_counting(images, weights, view) for view in range(len(cameras))])
+        if not self._weights.any():
+            raise InputError("the training views: no pixel counts", fix="hide less of the photographs")
+
+    def digest(self) -> str:
+        """SHA-256 of all weights; that of the pixels is `images.digest()`."""
+        return hashlib.sha256(self._weights.tobytes()).hexdigest()
+
+    def draw(self, seed: int, iteration: int, rays: int, space: Space, device: torch.device) -> Batch:
+        """Pixels drawn evenly from all views; those with weight 0 are drawn too, and do not count."""
+        chosen = generator(seed, "rays", iteration).integers(0, self._ends[-1], rays)
+        views = np.searchsorted(self._ends, chosen, side="right")
+        rows, columns = np.divmod(chosen - self._starts[views], self._widths[views])
+        world = self._cameras.rays(views, columns + 0.5, rows + 0.5)
+        colours = torch.from_numpy(self._colours[chosen]).to(device).float() / 255
+        weights = torch.from_numpy(self._weights[chosen]).to(device)
+        return Batch(space.enter(world, device), colours, weights, torch.from_numpy(views).to(device))
+
+
+def _counting(images: TrainingImages, weights: Sequence[NDArray[np.float32]] | None, view: int) -> NDArray[np.float32]:
+    counting = np.ones(images.pixels(view).shape[:2], np.float32) if weights is None else weights[view]
+    ignored = images.ignored(view)
+    counting = counting if ignored is None else np.where(ignored, 0, counting)
+    return np.ascontiguousarray(counting, np.float32).ravel()
+
+
+def _check_weights(weights: Sequence[NDArray[np.float32]], images: TrainingImages) -> None:
+    expected = [images.pixels(view).shape[:2] for view in range(len(images))]
+    found = [weight.shape for weight in weights]
+    if found != expected:
+        raise InputError("weights of the pixels: not those of the views", found=found[:3], expected=expected[:3])
+    if not all(np.isfinite(weight).all() and weight.min() >= 0 and weight.max() <= 1 for weight in weights):
+        raise InputError("weights of the pixels: out of range", expected="numbers from 0 to 1")

@@ -1,0 +1,31 @@
+"""What networks are given instead of positions and directions."""
+
+import math
+
+import torch
+from torch import Tensor
+
+from baselines.splatting.reference import basis
+
+
+def positional(values: Tensor, octaves: int) -> Tensor:
+    """The values [..., C] and sines and cosines of 2^k pi times them (NeRF, equation 4): [..., C (1 + 2 octaves)]."""
+    frequencies = math.pi * 2.0 ** torch.arange(octaves, device=values.device, dtype=values.dtype)
+    scaled = (values[..., None] * frequencies).flatten(-2)
+    return torch.cat([values, scaled.sin(), scaled.cos()], -1)
+
+
+def harmonics(directions: Tensor, degree: int = 3) -> Tensor:
+    """Spherical harmonics [R, (degree + 1)^2] of unit vectors [R, 3]."""
+    return basis(degree, directions)
+
+
+def linear(inputs: int, outputs: int, generator: torch.Generator, bias: bool = True) -> torch.nn.Linear:
+    """A layer whose start is drawn from the generator (He et al. 2015, uniform); biases start at zero."""
+    layer = torch.nn.Linear(inputs, outputs, bias=bias)
+    bound = math.sqrt(6 / inputs)
+    with torch.no_grad():
+        layer.weight.uniform_(-bound, bound, generator=generator)
+        if bias:
+            layer.bias.zero_()
+    return layer

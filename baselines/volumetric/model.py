@@ -1,0 +1,143 @@
+"""A radiance field that is rendered along rays: samples, shading, compositing. Methods derive from it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from baselines.volumetric.compositing import along_ray, interval_lengths, weights_of
+from baselines.volumetric.config import HashFieldConfig, VolumetricConfig
+from baselines.volumetric.fields import HashField, HashGuide, MlpField
+from baselines.volumetric.rays import camera_rays
+from baselines.volumetric.sampling import even_edges, resample
+from baselines.volumetric.spaces import Rays, Space
+from hydroviews.cameras import Camera
+from hydroviews.images import Image
+
+CHUNK = 2**17  # samples that are rendered at once: what bounds the memory
+
+
+@dataclass(frozen=True)
+class Practice:
+    """What a step of training adds to rendering."""
+
+    views: Tensor  # index of the training view [R] that each ray belongs to
+    jitter: Tensor  # [2, R] in [0, 1), of the guide's and of the field's samples
+    sharpness: float = 1.0  # exponent of the guide's weights
+    teach: bool = True  # whether the guide learns
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Intervals along R rays."""
+
+    edges: Tensor  # [R, S + 1] in [0, 1]
+    lengths: Tensor  # [R, S]
+    points: Tensor  # [R, S, 3], the intervals' middles in the unit cube
+    t: Tensor  # [R, S], where those lie
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """What was seen along R rays, and how."""
+
+    colour: Tensor  # [R, 3]
+    weights: Tensor  # [R, S]
+    samples: Samples
+    guide_edges: Tensor  # [R, G + 1]
+    guide_weights: Tensor  # [R, G]
+    coarse_colour: Tensor | None = None  # [R, 3], where the guide is a field with colours
+    more: dict[str, Tensor] = field(default_factory=dict)  # what a method's loss wants besides
+
+    @property
+    def depth(self) -> Tensor:
+        """Mean t [R] of what is seen."""
+        return (self.weights * self.samples.t).sum(1) / self.weights.sum(1).clamp_min(1e-8)
+
+
+class RadianceModel(nn.Module):
+    """A field and the guide of its samples, in a space."""
+
+    def __init__(self, config: VolumetricConfig, space: Space, generator: torch.Generator, codes: int = 0):
+        """Random start.
+
+        Args:
+            config: settings.
+            space: of the scene.
+            generator: of the start, on the CPU.
+            codes: numbers a ray beside its direction that colours depend on.
+        """
+        super().__init__()
+        self.config, self.space = config, space
+        self.field: HashField | MlpField
+        self.guide: HashGuide | MlpField
+        if isinstance(config.field, HashFieldConfig):
+            self.field, self.guide = HashField(config.field, codes, generator), HashGuide(config.field, generator)
+        else:
+            self.field, self.guide = MlpField(config.field, codes, generator), MlpField(config.field, 0, generator)
+
+    def forward(self, rays: Rays, practice: Practice | None = None) -> Rendering:
+        """Look along rays; with `practice` as a step of training does, without as the scene is to be shown."""
+        guide_edges, guide_weights, coarse = self._survey(rays, practice)
+        jitter = None if practice is None else practice.jitter[1]
+        sharpness = 1.0 if practice is None else practice.sharpness
+        edges = resample(guide_edges, guide_weights.detach(), self.config.samples, jitter, sharpness)
+        if coarse is not None:  # NeRF evaluates the fine field at the coarse samples as well
+            edges = torch.sort(torch.cat([edges, guide_edges[:, 1:-1]], 1), 1).values
+        rendering = self.shade(rays, self.place(rays, edges), practice)
+        return replace(rendering, guide_edges=guide_edges, guide_weights=guide_weights, coarse_colour=coarse)
+
+    def shade(self, rays: Rays, samples: Samples, practice: Practice | None) -> Rendering:
+        """Field and compositing; the part that methods replace."""
+        density, features = self.field.geometry(samples.points)
+        weights, left = weights_of(density, samples.lengths)
+        colour = self.over_background(along_ray(weights, self.field.colour(features, rays.viewing)), left)
+        return Rendering(colour, weights, samples, samples.edges, weights)
+
+    def over_background(self, colour: Tensor, left: Tensor) -> Tensor:
+        """Colours [R, 3] with the background behind them, of which a share [R] is seen."""
+        if self.config.background is None:
+            return colour
+        return colour + left[:, None] * torch.tensor(self.config.background, device=colour.device)
+
+    def place(self, rays: Rays, edges: Tensor) -> Samples:
+        """The intervals between edges [R, S + 1] in [0, 1]."""
+        t = self.space.along(edges)
+        middles = (t[:, 1:] + t[:, :-1]) / 2
+        lengths = interval_lengths(t, rays.directions, self.config.background is None)
+        return Samples(edges, lengths, self.space.unit(rays.points(middles)), middles)
+
+    def _survey(self, rays: Rays, practice: Practice | None) -> tuple[Tensor, Tensor, Tensor | None]:
+        """The guide's histogram: edges [R, G + 1], weights [R, G], and colours [R, 3] if it has any."""
+        count, device = len(rays.origins), rays.origins.device
+        jitter = None if practice is None else practice.jitter[0]
+        samples = self.place(rays, even_edges(count, self.config.guide_samples, jitter, device))
+        with torch.set_grad_enabled(torch.is_grad_enabled() and (practice is None or practice.teach)):
+            if isinstance(self.guide, HashGuide):
+                density = self.guide.density(samples.points)
+                return samples.edges, weights_of(density, samples.lengths)[0], None
+            density, features = self.guide.geometry(samples.points)
+            weights, left = weights_of(density, samples.lengths)
+            colour = along_ray(weights, self.guide.colour(features, rays.viewing))
+            return samples.edges, weights, self.over_background(colour, left)
+
+    def groups(self) -> list[dict[str, Any]]:
+        """Parameters for Adam, each with its learning rate."""
+        return [{"params": list(self.parameters()), "lr": self.config.field.rate}]
+
+    def chunks(self, rays: Rays) -> Iterator[Rays]:
+        """The rays in parts that fit into a bounded memory."""
+        step = max(1, CHUNK // (self.config.samples + self.config.guide_samples))
+        for start in range(0, len(rays.origins), step):
+            yield rays.part(start, start + step)
+
+    @torch.no_grad()
+    def render(self, camera: Camera) -> Image:
+        """What a camera sees: float32 [H, W, 3] in [0, 1]."""
+        rays = self.space.enter(camera_rays(camera), next(self.parameters()).device)
+        colours = torch.cat([self(part).colour for part in self.chunks(rays)])
+        image: Image = colours.clamp(0, 1).view(camera.height, camera.width, 3).cpu().numpy().astype(np.float32)
+        return image

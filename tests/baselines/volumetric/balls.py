@@ -1,0 +1,60 @@
+"""A ball with coloured stripes before a grey wall all round, photographed by exact ray casting."""
+
+from pathlib import Path
+
+import numpy as np
+from splats import camera
+
+from baselines.volumetric.config import GridConfig, HashFieldConfig, VolumetricConfig
+from baselines.volumetric.rays import camera_rays
+from hydroviews.images import write_png
+from hydroviews.scenes import Points, Scene, View, make_scene
+
+SMALL = VolumetricConfig(
+    iterations=250,
+    rays=512,
+    guide_samples=32,
+    samples=16,
+    anneal=100,
+    teach_always=150,
+    rising=10,
+    field=HashFieldConfig(
+        grid=GridConfig(4, 12, 8, 64), hidden=16, colour_layers=1, guide_grid=GridConfig(3, 10, 8, 32)
+    ),
+)
+
+
+def seen(view_camera, radius: float = 1.0) -> np.ndarray:
+    """The picture [H, W, 3]: stripes on the ball, elsewhere a grey that depends on the ray's height."""
+    rays = camera_rays(view_camera)
+    directions = rays.directions / np.linalg.norm(rays.directions, axis=1, keepdims=True)
+    middle = -(rays.origins * directions).sum(1)
+    inside = middle**2 - (rays.origins**2).sum(1) + radius**2
+    t = middle - np.sqrt(np.maximum(inside, 0))
+    points = rays.origins + t[:, None] * directions
+    stripes = 0.5 + 0.4 * np.sin(4 * points + [0, 1, 2])
+    wall = (0.4 + 0.3 * directions[:, 1:2]) * np.ones(3)
+    image = np.where(inside[:, None] > 0, stripes, wall)
+    return image.reshape(view_camera.height, view_camera.width, 3).astype(np.float32)
+
+
+def photographed(folder: Path, n_views: int = 12, width: int = 40, height: int = 30, change=None) -> Scene:
+    """Cameras in a ring; `change(image, index)` spoils the training views' pictures."""
+    views, pictures = [], []
+    for index in range(n_views):
+        path = folder / f"{index:02d}.png"
+        views.append(View(f"view-{index:02d}", camera(width, height, 2 * np.pi * index / n_views), path))
+        pictures.append(seen(views[-1].camera))
+    directions = np.random.default_rng(0).normal(size=(200, 3))
+    points = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    scene = make_scene("ball", views, Points(points, np.full((200, 3), 128, np.uint8)))
+    for index, (view, picture) in enumerate(zip(views, pictures, strict=True)):
+        spoilt = change is not None and view.name in scene.split.train
+        write_png(view.path, change(picture, index) if spoilt else picture)
+    return scene
+
+
+def psnr(render, views) -> float:
+    """Mean over views of a function from camera to picture."""
+    errors = [np.mean((render(view.camera) - view.image()) ** 2) for view in views]
+    return float(np.mean(-10 * np.log10(errors)))

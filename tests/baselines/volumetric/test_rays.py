@@ -1,0 +1,132 @@
+"""Rays against projection, depth ranges, and the two spaces against what is known of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from splats import camera
+
+from baselines.volumetric.rays import CameraArrays, WorldRays, camera_rays, depth_range
+from baselines.volumetric.spaces import Contracted, Forward, choose_space, contract, expand, space_from
+from hydroviews.cameras import Camera
+from hydroviews.errors import InputError
+from hydroviews.scenes import Points, no_points
+
+CPU = torch.device("cpu")
+
+
+def forward_cameras(n: int = 5) -> list[Camera]:
+    """Side by side, turned a little, looking along +z."""
+    cameras = []
+    for index in range(n):
+        turn = 0.05 * (index - n // 2)
+        pose = np.eye(4)
+        pose[:3, :3] = [[np.cos(turn), 0, -np.sin(turn)], [0, 1, 0], [np.sin(turn), 0, np.cos(turn)]]
+        pose[:3, 3] = -pose[:3, :3] @ [0.3 * (index - n // 2), 0.1 * index, 0.05 * index]
+        cameras.append(Camera(40, 30, 36.0, 38.0, 20.5, 14.0, pose))
+    return cameras
+
+
+def points_at(depths, n=50) -> Points:
+    generator = np.random.default_rng(0)
+    positions = np.concatenate(
+        [np.column_stack([generator.uniform(-0.1, 0.1, (n, 2)) * d, np.full(n, d)]) for d in depths]
+    )
+    return Points(positions, np.zeros((len(positions), 3), np.uint8))
+
+
+def test_points_on_rays_project_onto_pixel_centres_at_their_depth():
+    view = replace(camera(7, 5), fx=6.0, fy=9.0, cx=3.1, cy=2.7)
+    rays = camera_rays(view)
+    depths = np.random.default_rng(0).uniform(0.5, 9, 35)
+    pixels, found = view.project(rays.origins + depths[:, None] * rays.directions)
+    rows, columns = np.mgrid[:5, :7] + 0.5
+    np.testing.assert_allclose(pixels, np.stack([columns.ravel(), rows.ravel()], 1), atol=1e-9)
+    np.testing.assert_allclose(found, depths)
+
+
+def test_rays_of_many_cameras_are_those_of_each():
+    cameras = forward_cameras()
+    views, columns, rows = np.array([3, 0, 4]), np.array([0.5, 39.5, 7.25]), np.array([29.5, 0.5, 3.0])
+    together = CameraArrays(cameras).rays(views, columns, rows)
+    for k, view in enumerate(views):
+        alone = CameraArrays([cameras[view]]).rays(np.zeros(1, int), columns[k : k + 1], rows[k : k + 1])
+        np.testing.assert_array_equal(together.origins[k], alone.origins[0])
+        np.testing.assert_allclose(together.directions[k], alone.directions[0], rtol=1e-14)
+
+
+def test_depths_of_visible_points_bound_the_range():
+    cameras = [Camera(40, 30, 36.0, 36.0, 20.0, 15.0, np.eye(4))]
+    assert depth_range(cameras, points_at([2.0, 5.0, 9.0]), 1.0) == pytest.approx((2, 9))
+    behind = Points(-points_at([2.0]).positions, np.zeros((50, 3), np.uint8))
+    assert depth_range(cameras, behind, 3.0) == pytest.approx((0.3, 30))  # nothing seen
+    assert depth_range(cameras, no_points(), 3.0) == pytest.approx((0.3, 30))
+    stray = points_at([5.0] * 40 + [1e-5], 50)  # a camera among the points: more than a permille is that near
+    assert depth_range(cameras, stray, 1.0)[0] == pytest.approx(0.05)
+
+
+def test_contraction_of_known_points():
+    points = torch.tensor([[0, 0, 0], [0.6, 0, 0.8], [2, 0, 0], [0, -4, 0], [0, 0, 1e9]], dtype=torch.float64)
+    expected = [[0, 0, 0], [0.6, 0, 0.8], [1.5, 0, 0], [0, -1.75, 0], [0, 0, 2]]
+    np.testing.assert_allclose(contract(points), expected, atol=1e-8)
+
+
+def test_contraction_and_its_inverse():
+    points = torch.from_numpy(np.random.default_rng(0).normal(size=(500, 3)) * np.logspace(-2, 3, 500)[:, None])
+    np.testing.assert_allclose(expand(contract(points)), points, rtol=1e-9)
+    assert contract(points).norm(dim=1).max() < 2
+
+
+def test_device_coordinates_are_those_of_projected_points():
+    cameras = forward_cameras()
+    space = choose_space(cameras, points_at([3.0, 8.0]), "auto")
+    assert isinstance(space, Forward)
+    rays = camera_rays(cameras[1])
+    entered = space.enter(rays, CPU)
+    local = rays.origins[:, None] + np.array([4.0, 10, 1e3])[:, None] * rays.directions[:, None]
+    mean = Camera(2, 2, 1 / space.slopes[0], 1 / space.slopes[1], 0, 0, np.array(space.pose))
+    pixels, z = mean.project(local.reshape(-1, 3))
+    known = np.column_stack([pixels, 1 - 2 * space.near / z]).reshape(-1, 3, 3)
+    t = (known[..., 2] + 1) / 2  # z runs evenly from -1 at the near plane to 1
+    np.testing.assert_allclose(entered.points(torch.from_numpy(t.astype(np.float32))), known, atol=2e-6)
+
+
+def test_every_training_ray_stays_in_the_cube():
+    cameras = forward_cameras()
+    space = choose_space(cameras, points_at([3.0, 8.0]), "ndc")
+    for view in cameras:
+        rays = space.enter(camera_rays(view), CPU)
+        inside = space.unit(rays.points(torch.linspace(0, 1, 5).expand(len(rays.origins), -1)))
+        assert inside.min() > -1e-6
+        assert inside.max() < 1 + 1e-6
+
+
+def test_cameras_all_round_are_contracted_into_the_unit_ball():
+    cameras = [camera(20, 15, angle) for angle in np.linspace(0, 6, 9)]
+    space = choose_space(cameras, points_at([0.5], 100), "auto")
+    assert isinstance(space, Contracted)
+    rays = space.enter(camera_rays(cameras[0]), CPU)
+    assert rays.origins.norm(dim=1).max() < 1
+    assert torch.allclose(rays.viewing.norm(dim=1), torch.ones(300))
+    t = space.along(torch.tensor([0.0, 0.5, 1.0]))
+    np.testing.assert_allclose(t, [space.near, np.sqrt(space.near * space.far), space.far], rtol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["contracted", "ndc"])
+def test_a_space_comes_back_from_what_is_written_of_it(kind):
+    space = choose_space(forward_cameras(), points_at([3.0]), kind)
+    assert space_from(space.about()) == space
+
+
+def test_what_cannot_be_a_space_is_refused():
+    all_round = [camera(20, 15, angle) for angle in np.linspace(0, 6, 9)]
+    with pytest.raises(InputError, match="look every way"):
+        choose_space(all_round, no_points(), "ndc")
+    with pytest.raises(InputError, match="unknown"):
+        choose_space(all_round, no_points(), "flat")
+    with pytest.raises(InputError, match="no training views"):
+        choose_space([], no_points())
+    space = choose_space(forward_cameras(), points_at([3.0]), "ndc")
+    with pytest.raises(InputError, match="backwards"):
+        space.enter(WorldRays(np.zeros((1, 3)), np.array([[0, 0, -1.0]])), CPU)

@@ -1,0 +1,97 @@
+"""Sampling against analytic distributions, and the losses on histograms against their definitions."""
+
+import numpy as np
+import torch
+
+from baselines.volumetric.sampling import PADDING, annealed, distortion_loss, even_edges, interlevel_loss, resample
+
+CPU = torch.device("cpu")
+
+
+def histogram(weights):
+    weights = torch.tensor(weights)[None]
+    return torch.linspace(0, 1, weights.shape[1] + 1)[None], weights
+
+
+def random_histogram(rays, n, seed):
+    generator = torch.Generator().manual_seed(seed)
+    inner = torch.rand(rays, n - 1, generator=generator).sort(1).values
+    edges = torch.cat([torch.zeros(rays, 1), inner, torch.ones(rays, 1)], 1).double()
+    weights = torch.rand(rays, n, generator=generator).double()
+    return edges, weights / weights.sum(1, keepdim=True)
+
+
+def test_even_edges_are_jittered_together():
+    edges = even_edges(2, 4, torch.tensor([0.0, 0.75]), CPU)
+    np.testing.assert_allclose(edges, [[0, 0.125, 0.375, 0.625, 1], [0, 0.3125, 0.5625, 0.8125, 1]])
+    np.testing.assert_allclose(even_edges(1, 2, None, CPU), [[0, 0.5, 1]])
+
+
+def test_samples_follow_the_analytic_distribution():
+    x = (np.arange(400) + 0.5) / 400
+    edges, weights = histogram((2 * x).tolist())  # density 2 s, cumulative s^2
+    found = resample(edges, weights, 100, None)[0].numpy()
+    cumulative = (found**2 + PADDING * found) / (1 + PADDING)
+    np.testing.assert_allclose(cumulative, np.linspace(0, 1, 101), atol=1e-5)
+
+
+def test_samples_gather_where_the_weight_is():
+    edges = resample(*histogram([0.0, 0, 1, 0]), 50, None)[0]
+    assert 0.95 < ((edges >= 0.5) & (edges <= 0.75)).float().mean() < 1
+
+
+def test_empty_rays_are_sampled_evenly_and_sharp_ones_in_order():
+    edges, weights = histogram([0.0] * 5)
+    np.testing.assert_allclose(resample(edges, weights, 10, None), np.linspace(0, 1, 11)[None], atol=1e-6)
+    edges, weights = histogram([0.0, 1e-30, 0, 1, 1e-7])
+    found = resample(edges, weights, 64, torch.tensor([0.3]), 0.5)
+    assert torch.isfinite(found).all()
+    assert (found.diff(dim=1) >= 0).all()
+
+
+def test_sharpness_flattens_the_histogram():
+    edges, weights = histogram([0.9, 0.1])
+    sharp, soft, none = (resample(edges, weights, 100, None, s)[0] for s in (1.0, 0.5, 0.0))
+    counts = [int((found < 0.5).sum()) for found in (sharp, soft, none)]
+    assert counts[0] > counts[1] > counts[2] == 50
+    assert annealed(0, 100) == 0
+    assert annealed(100, 100) == annealed(500, 100) == 1
+    assert annealed(50, 100) > 0.5
+
+
+def test_the_bound_holds_for_a_histogram_of_itself_and_of_its_parts():
+    edges, weights = random_histogram(20, 12, 0)
+    assert float(interlevel_loss(edges, weights, edges, weights).max()) < 1e-12
+    coarse = edges[:, ::3].contiguous()
+    merged = weights.reshape(20, 4, 3).sum(2)
+    assert float(interlevel_loss(edges, weights, coarse, merged).max()) < 1e-12
+
+
+def test_the_interlevel_loss_is_its_definition():
+    edges, weights = random_histogram(5, 6, 1)
+    guide_edges, guide_weights = random_histogram(5, 9, 2)
+    for ray in range(5):
+        expected = 0.0
+        for i in range(6):
+            overlaps = (guide_edges[ray, :-1] < edges[ray, i + 1]) & (guide_edges[ray, 1:] > edges[ray, i])
+            lacking = max(0.0, float(weights[ray, i] - guide_weights[ray][overlaps].sum()))
+            expected += lacking**2 / (float(weights[ray, i]) + 1e-7)
+        found = interlevel_loss(*(a[ray : ray + 1] for a in (edges, weights, guide_edges, guide_weights)))
+        np.testing.assert_allclose(float(found), expected, rtol=1e-6, atol=1e-12)
+
+
+def test_only_the_guide_learns_from_the_bound():
+    edges, weights = random_histogram(5, 6, 1)
+    guide_edges, guide_weights = random_histogram(5, 9, 2)
+    weights.requires_grad_(), guide_weights.requires_grad_()
+    interlevel_loss(edges, weights, guide_edges, guide_weights).sum().backward()
+    assert weights.grad is None
+    assert float(guide_weights.grad.abs().sum()) > 0
+
+
+def test_the_distortion_loss_is_its_definition():
+    edges, weights = random_histogram(5, 8, 3)
+    middles, lengths = (edges[:, 1:] + edges[:, :-1]) / 2, edges.diff(dim=1)
+    pairs = weights[:, :, None] * weights[:, None] * (middles[:, :, None] - middles[:, None]).abs()
+    expected = pairs.sum((1, 2)) + (weights**2 * lengths).sum(1) / 3
+    np.testing.assert_allclose(distortion_loss(edges, weights), expected, rtol=1e-9)

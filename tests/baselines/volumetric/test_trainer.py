@@ -1,0 +1,165 @@
+"""Training of plain fields: what it must reach, and that interruptions leave no trace."""
+
+import os
+import signal
+from dataclasses import replace
+
+import balls
+import numpy as np
+import pytest
+import torch
+from balls import SMALL, photographed
+
+from baselines.volumetric.config import MlpFieldConfig
+from baselines.volumetric.losses import photometric_terms
+from baselines.volumetric.model import RadianceModel
+from baselines.volumetric.trainer import CHECKPOINT, rate_at, train
+from hydroviews.errors import InputError
+from hydroviews.images import write_png
+
+SHORT = replace(SMALL, iterations=30, rays=64, teach_always=10)
+
+
+def fit(scene, config, folder, seed=0, loss=None, **more):
+    return train(scene, config, seed, folder, lambda s, g, _: RadianceModel(config, s, g), loss, **more)
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    return photographed(tmp_path_factory.mktemp("scene"))
+
+
+@pytest.fixture(scope="module")
+def undisturbed(scene, tmp_path_factory):
+    torch.set_num_threads(1)
+    return fit(scene, SHORT, tmp_path_factory.mktemp("run"))
+
+
+def assert_identical(one, two):
+    for (name, values), others in zip(one.model.state_dict().items(), two.model.state_dict().values(), strict=True):
+        assert torch.equal(values, others), name
+
+
+def disturbed(config, at, action):
+    """The plain loss, which does something at one call."""
+    calls = []
+
+    def loss(rendering, batch):
+        calls.append(0)
+        if len(calls) == at:
+            action()
+        return photometric_terms(config)(rendering, batch)
+
+    return loss
+
+
+def test_a_ball_is_learnt(scene, tmp_path):
+    trained = fit(scene, SMALL, tmp_path)
+    assert balls.psnr(trained.model.render, scene.train_views) > 26
+    assert balls.psnr(trained.model.render, scene.test_views) > 22
+
+
+def test_the_network_of_the_papers_learns_too(scene, tmp_path):
+    field = MlpFieldConfig(width=32, depth=4, skip=2, position_octaves=4, direction_octaves=1, rate=3e-3)
+    config = replace(SMALL, field=field, iterations=150, rays=256, guide_samples=16)
+    trained = fit(scene, config, tmp_path)
+    grey = np.mean([view.image().mean() for view in scene.train_views])
+    assert balls.psnr(trained.model.render, scene.test_views) > 3 + balls.psnr(lambda _: grey, scene.test_views)
+
+
+def test_the_same_seed_gives_the_same_bits(scene, undisturbed, tmp_path):
+    assert_identical(undisturbed, fit(scene, SHORT, tmp_path / "same"))
+    other = fit(scene, SHORT, tmp_path / "other", seed=1)
+    assert not torch.equal(other.model.field.inner.weight, undisturbed.model.field.inner.weight)
+
+
+@pytest.mark.parametrize("iteration", [1, 11, 24])
+def test_a_crash_leaves_no_trace(scene, undisturbed, tmp_path, iteration):
+    def crash():
+        raise RuntimeError("power cut")
+
+    config = replace(SHORT, checkpoint_seconds=0.0)
+    with pytest.raises(RuntimeError, match="power cut"):
+        fit(scene, config, tmp_path, loss=disturbed(config, iteration, crash))
+    assert_identical(undisturbed, fit(scene, config, tmp_path))
+
+
+@pytest.mark.parametrize(("number", "error"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit)])
+def test_signals_end_the_run_after_a_checkpoint(scene, undisturbed, tmp_path, number, error):
+    handler = signal.getsignal(number)
+    with pytest.raises(error):
+        fit(scene, SHORT, tmp_path, loss=disturbed(SHORT, 7, lambda: os.kill(os.getpid(), number)))
+    assert signal.getsignal(number) is handler
+    first = fit(scene, SHORT, tmp_path)
+    assert_identical(undisturbed, first)
+    again = fit(scene, SHORT, tmp_path)  # nothing left to do
+    assert 0 < first.seconds <= again.seconds < first.seconds + 1
+
+
+@pytest.mark.parametrize("change", ["configuration", "seed", "images", "weights", "about"])
+def test_a_checkpoint_of_another_run_is_refused(scene, tmp_path, change):
+    config, seed, more = replace(SHORT, iterations=2), 0, {}
+    fit(scene, config, tmp_path)
+    if change == "configuration":
+        config = replace(config, samples=8)
+    elif change == "seed":
+        seed = 1
+    elif change == "about":
+        more["about"] = {"share": 0.5}
+    elif change == "weights":
+        more["weights"] = [np.full((30, 40), 0.5, np.float32) for _ in scene.train_views]
+    else:
+        view = scene.train_views[0]
+        write_png(tmp_path / "other.png", 1 - view.image())
+        views = tuple(replace(v, path=tmp_path / "other.png") if v is view else v for v in scene.views)
+        scene = replace(scene, views=views)
+    with pytest.raises(InputError, match=change):
+        fit(scene, config, tmp_path, seed, **more)
+
+
+def test_pixels_of_weight_zero_leave_no_trace(scene, tmp_path):
+    weights = [np.ones((30, 40), np.float32) for _ in scene.train_views]
+    for weight in weights:
+        weight[10:20, 15:30] = 0
+    trained = []
+    for take, seed in (("one", 1), ("two", 2)):
+        noise, views = np.random.default_rng(seed), []
+        for view in scene.views:
+            pixels = view.image()
+            pixels[10:20, 15:30] = noise.random((10, 15, 3))
+            write_png(tmp_path / take / view.path.name, pixels)
+            views.append(replace(view, path=tmp_path / take / view.path.name))
+        changed = replace(scene, views=tuple(views))
+        trained.append(fit(changed, SHORT, tmp_path / f"run-{take}", weights=weights))
+    assert_identical(*trained)
+
+
+def test_bad_input_is_refused(scene, tmp_path):
+    with pytest.raises(InputError, match="no training views"):
+        fit(replace(scene, split=replace(scene.split, train=())), SHORT, tmp_path)
+    for weights in ([np.ones((30, 40), np.float32)], [np.full((30, 40), 1.5, np.float32) for _ in scene.train_views]):
+        with pytest.raises(InputError, match="weights of the pixels"):
+            fit(scene, SHORT, tmp_path, weights=weights)
+    with pytest.raises(InputError, match="no pixel counts"):
+        fit(scene, SHORT, tmp_path, weights=[np.zeros((30, 40), np.float32) for _ in scene.train_views])
+    (tmp_path / CHECKPOINT).write_bytes(b"nothing")
+    with pytest.raises(InputError, match="damaged"):
+        fit(scene, SHORT, tmp_path)
+
+
+def test_rates_rise_and_fall():
+    config = replace(SMALL, iterations=1000, rising=10, final_rate=0.01)
+    assert rate_at(0, config) == pytest.approx(0.1)
+    assert rate_at(500, config) == pytest.approx(0.1)
+    assert rate_at(1000, config) == pytest.approx(0.01)
+
+
+def test_memory_does_not_grow_with_the_picture(undisturbed, monkeypatch):
+    from baselines.volumetric import model
+
+    view = balls.camera(37, 23)
+    whole = undisturbed.model.render(view)
+    monkeypatch.setattr(model, "CHUNK", 48 * 100)
+    np.testing.assert_allclose(undisturbed.model.render(view), whole, atol=1e-5)
+    assert whole.shape == (23, 37, 3)
+    assert whole.dtype == np.float32
