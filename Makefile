@@ -46,7 +46,7 @@ $(error RUN= is missing: name the folder of a finished run, such as RUN=$(RESULT
 endif
 endif
 
-.PHONY: setup dataset eval severity enhancer ablation leaderboard view film bench test lint
+.PHONY: setup dataset eval check severity enhancer ablation leaderboard view film bench test lint
 
 setup: $(READY)  ## everything into .venv, at the versions of constraints.txt
 
@@ -61,6 +61,9 @@ dataset: $(READY)  ## a capture, its clean views, cameras and rainy variants; wi
 
 eval: $(READY)  ## build what is missing, run the method and the reference rows, print the table
 	$(BIN)/python -m leaderboard evaluate --method '$(METHOD)' --scene '$(SCENE)' --profile $(PROFILE) --seed $(SEED) --track $(TRACK) --data '$(DATA)' --results '$(RESULTS)' $(patterns) $(overwrite)
+
+check: $(READY)  ## whether METHOD= keeps the contract of a method, on a room that is learned in seconds
+	$(BIN)/python -m leaderboard check '$(METHOD)' --profile $(PROFILE)
 
 severity: $(READY)  ## what plain 3DGS loses to each of a scene's six patterns, entered into its data card
 	$(MAKE) eval METHOD=3dgs PATTERNS=raindrop-0,raindrop-1,raindrop-2,streak-0,streak-1,streak-2

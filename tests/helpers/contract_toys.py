@@ -1,0 +1,199 @@
+"""Methods that learn one colour in small steps: one that keeps the contract, and others that each break it once."""
+
+import hashlib
+import json
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from baselines.method import Method, Statistics
+from hydroviews.cameras import Camera
+from hydroviews.errors import InputError
+from hydroviews.files import read_json, write_json
+from hydroviews.images import Image, read_image
+from hydroviews.rain.seeds import generator
+from hydroviews.scenes import Scene, View
+
+PAUSE = 0.003  # seconds a step, at least
+
+
+@dataclass(frozen=True)
+class Config:
+    iterations: int = 100_000
+    rate: float = 0.05
+
+
+class Good(Method):
+    """Moves its colour towards that of a view drawn at random, step by step."""
+
+    checkpoint = "checkpoint.json"
+
+    def __init__(self, config: Config, seed: int) -> None:
+        super().__init__(config, seed)
+        self.state = 0, [0.5, 0.5, 0.5], 0.0  # steps, colour, seconds
+
+    @classmethod
+    def configuration(cls, profile: str) -> Any:
+        if profile not in ("demo", "quick"):
+            raise InputError(f"PROFILE={profile}: unknown")
+        return Config()
+
+    def fit(self, scene: Scene, folder: Path) -> None:
+        colours = [self.colour_of(view) for view in scene.train_views]
+        self.restore(folder / self.checkpoint, self.fingerprint(colours))
+        try:
+            while self.state[0] < self.config.iterations:
+                self.step(colours)
+        finally:
+            state = {"fingerprint": self.fingerprint(colours), "state": self.state}
+            write_json(folder / self.checkpoint, state)
+
+    def step(self, colours: list) -> None:
+        done, colour, seconds = self.state
+        start = time.perf_counter()
+        time.sleep(PAUSE)
+        target = colours[self.draw(done, len(colours))]
+        moved = [c + self.config.rate * (t - c) for c, t in zip(colour, target, strict=True)]
+        self.state = done + 1, moved, seconds + time.perf_counter() - start
+
+    def draw(self, step: int, n_views: int) -> int:
+        return int(generator(self.seed, "view", step).integers(n_views))
+
+    def colour_of(self, view: View) -> list[float]:
+        image, ignored = view.image(), view.ignored()
+        return (image if ignored is None else image[~ignored]).reshape(-1, 3).mean(axis=0).tolist()
+
+    def fingerprint(self, colours: list) -> dict:
+        digest = hashlib.sha256(json.dumps(colours).encode()).hexdigest()
+        return {"config": asdict(self.config), "seed": self.seed, "colours": digest}
+
+    def restore(self, path: Path, expected: dict) -> None:
+        if path.is_file():
+            kept = read_json(path)
+            if kept["fingerprint"] != expected:
+                raise InputError(f"{path}: of another run")
+            self.state = tuple(kept["state"])
+
+    def render(self, camera: Camera) -> Image:
+        return np.broadcast_to(np.float32(self.state[1]), (camera.height, camera.width, 3)).copy()
+
+    def save(self, folder: Path) -> None:
+        write_json(folder / "model.json", self.state)
+
+    @classmethod
+    def load(cls, config: Config, seed: int, folder: Path) -> Self:
+        method = cls(config, seed)
+        method.state = tuple(read_json(folder / "model.json"))
+        return method
+
+    def statistics(self) -> Statistics:
+        return Statistics(self.state[2], None, 0.001, "cpu")
+
+
+class NoCheckpoint(Good):
+    """All is well, but there is nothing to go on from."""
+
+    def fit(self, scene: Scene, folder: Path) -> None:
+        colours = [self.colour_of(view) for view in scene.train_views]
+        while self.state[0] < self.config.iterations:
+            self.step(colours)
+
+
+class AnyProfile(Good):
+    @classmethod
+    def configuration(cls, profile: str) -> Any:
+        return Config()
+
+
+class Unrecordable(Good):
+    @classmethod
+    def configuration(cls, profile: str) -> Any:
+        return super().configuration(profile) and {"iterations": 3}
+
+
+class Crashes(Good):
+    def fit(self, scene: Scene, folder: Path) -> None:
+        raise ArithmeticError("diverged\nat step 7")
+
+
+class OneSize(Good):
+    def render(self, camera: Camera) -> Image:
+        return np.full((36, 48, 3), 0.5, np.float32)
+
+
+class Doubles(Good):
+    def render(self, camera: Camera) -> Image:
+        return super().render(camera).astype(np.float64)
+
+
+class TooBright(Good):
+    def render(self, camera: Camera) -> Image:
+        return super().render(camera) + np.float32(0.6)
+
+
+class Rounds(Good):
+    def save(self, folder: Path) -> None:
+        write_json(folder / "model.json", [self.state[0], np.round(self.state[1], 2).tolist(), self.state[2]])
+
+
+class NoTime(Good):
+    def statistics(self) -> Statistics:
+        return Statistics(float("nan"), None, None, "cpu")
+
+
+class Unseeded(Good):
+    def draw(self, step: int, n_views: int) -> int:
+        return int(np.random.default_rng().integers(n_views))
+
+
+class Peeks(Good):
+    def fit(self, scene: Scene, folder: Path) -> None:
+        shown = {view.path for view in scene.views}
+        beside = set(scene.views[0].path.parent.glob("view-*.png")) - shown
+        self.beside = [read_image(path).mean() for path in sorted(beside)]
+        super().fit(scene, folder)
+
+    def colour_of(self, view: View) -> list[float]:
+        return [c * float(np.mean(self.beside)) for c in super().colour_of(view)]
+
+
+class LooksBehindMasks(Good):
+    def colour_of(self, view: View) -> list[float]:
+        return view.image().mean(axis=(0, 1)).tolist()
+
+
+class ForgetsWhatIsBad(Good):
+    def colour_of(self, view: View) -> list[float]:
+        if not view.path.is_file():
+            raise FileNotFoundError(view.path)
+        return super().colour_of(view)
+
+
+class TakesAnything(Good):
+    def restore(self, path: Path, expected: dict) -> None:
+        if path.is_file():
+            self.state = tuple(read_json(path)["state"])
+
+
+class GoesOnElsewhere(Good):
+    """Draws views anew when it is taken up again."""
+
+    def restore(self, path: Path, expected: dict) -> None:
+        super().restore(path, expected)
+        self.first = self.state[0]
+
+    def draw(self, step: int, n_views: int) -> int:
+        return super().draw(step - self.first, n_views)
+
+
+class EndsWhenInterrupted(Good):
+    """Takes Ctrl-C for the end of the training."""
+
+    def fit(self, scene: Scene, folder: Path) -> None:
+        try:
+            super().fit(scene, folder)
+        except KeyboardInterrupt:
+            return
