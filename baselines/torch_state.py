@@ -1,5 +1,8 @@
 """What torch has learnt, as named numpy arrays for checkpoints, and back: parameters, buffers and Adam's moments."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -45,3 +48,14 @@ def _array(value: Tensor) -> NDArray:
 def _tensor(array: NDArray, like: Tensor) -> Tensor:
     """A copy in shape and memory layout of another tensor: files turn single numbers into arrays of one."""
     return torch.empty_like(like).copy_(torch.from_numpy(array).reshape(like.shape))
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """The order in which torch adds up, and so the last bits, depends on the number of threads."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)

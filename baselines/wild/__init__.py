@@ -1,0 +1,1 @@
+"""The parts of WildGaussians: appearance by view, uncertainty from frozen features, Gaussians for the sky."""

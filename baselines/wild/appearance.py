@@ -1,0 +1,146 @@
+"""The appearance model of WildGaussians (Kulhanek et al. 2024, section 3.2): an affine toning of every Gaussian.
+
+A network looks at the embedding e of a view, at the embedding g of a Gaussian and at its base colour c, and gives a
+gain and an offset for each channel: in that view the Gaussian has the colour gain * colour + offset from wherever it is
+seen. Spherical harmonics are toned exactly: all coefficients take the gain, the first one the rest (`toned`).
+
+Where it deviates from the authors' code: the gain starts at one instead of at zero, so that training starts from the
+colours of the points; and the constant 0.5 of the colours takes the gain as well.
+"""
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from baselines.splatting.appearance import Appearance, in_sight, set_of
+from baselines.splatting.gaussians import Gaussians
+from baselines.splatting.spherical_harmonics import C0
+from baselines.torch_state import module_arrays, restore_module
+from baselines.wild.sky import Bounds
+from hydroviews.cameras import Camera
+
+VIEW_SIZE = 32  # of a view's embedding
+FREQUENCIES = 4  # of the Fourier features that Gaussians' embeddings start as
+SPREAD = 0.1  # standard deviation of views' embeddings before the first step
+MIDDLE = 0.5  # the constant of colours that are spherical harmonics
+
+
+@dataclass(frozen=True)
+class AppearanceConfig:
+    """The network and Adam's rates; the defaults are the authors'."""
+
+    width: int = 128  # of both hidden layers
+    scale: float = 0.01  # on what the network gives
+    rate: float = 5e-4  # of the network
+    view_rate: float = 1e-3  # of the views' embeddings
+    gaussian_rate: float = 5e-3  # of the Gaussians' embeddings
+    final: float = 1.0  # what all rates have fallen to at the end, as a factor
+
+
+class WildAppearance(Appearance):
+    """Two looks a view: toned, which is what the view shows, and plain."""
+
+    def __init__(self, views: int, bounds: Bounds, iterations: int, config: AppearanceConfig, seed: int) -> None:
+        """An appearance that changes next to nothing yet.
+
+        Args:
+            views: how many are trained on.
+            bounds: of the scene.
+            iterations: of the training.
+            config: settings.
+            seed: of the first weights and embeddings.
+        """
+        super().__init__()
+        self._bounds, self._iterations, self._config = bounds, iterations, config
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            self.views = nn.Parameter(SPREAD * torch.randn(views, VIEW_SIZE))
+            # The first layer in two parts, since every Gaussian of a view shares what comes from the view's embedding.
+            self.of_gaussian = nn.Linear(3 + 6 * FREQUENCIES, config.width)
+            self.of_view = nn.Linear(VIEW_SIZE, config.width, bias=False)
+            self.rest = nn.Sequential(
+                nn.ReLU(), nn.Linear(config.width, config.width), nn.ReLU(), nn.Linear(config.width, 6)
+            )
+        network = [p for name, p in self.named_parameters() if name != "views"]
+        self._adam = torch.optim.Adam(
+            [{"params": network, "rate": config.rate}, {"params": [self.views], "rate": config.view_rate}], foreach=True
+        )
+
+    def features(self, gaussians: Gaussians) -> NDArray[np.float32]:
+        """Fourier features [N, 24] of the positions in the scene's bounds."""
+        return fourier((gaussians.origin + gaussians.means - self._bounds.centre) / self._bounds.radius)
+
+    def looks(
+        self, parameters: dict[str, Tensor], camera: Camera, view: int | None, degree: int
+    ) -> tuple[dict[str, Tensor], ...]:
+        """See Appearance; a view that was not trained on has the mean of the training embeddings."""
+        sh, seen = parameters["sh"], in_sight(parameters, camera).nonzero()[:, 0]
+        toned_sh = self.tone(sh[seen], parameters["features"][seen], self.embedding(view))
+        return set_of(parameters, sh.index_put((seen,), toned_sh)), set_of(parameters, sh)
+
+    def embedding(self, view: int | None) -> Tensor:
+        """That of a training view [32]; the mean of all for None."""
+        return self.views.mean(dim=0) if view is None else self.views[view]
+
+    def tone(self, sh: Tensor, features: Tensor, embedding: Tensor) -> Tensor:
+        """Coefficients [N, K, 3] of Gaussians in the view with an embedding [32]."""
+        base = MIDDLE + C0 * sh[:, 0]
+        hidden = self.of_gaussian(torch.cat([base, features], dim=1)) + self.of_view(embedding)
+        change, offset = (self._config.scale * self.rest(hidden)).split(3, dim=1)
+        return toned(sh, 1 + change, offset)
+
+    @torch.no_grad()
+    def mean_look(self, gaussians: Gaussians) -> Gaussians:
+        """Ordinary Gaussians in the colours of the mean embedding."""
+        assert gaussians.features is not None
+        sh, features = (torch.from_numpy(v).to(self.views.device) for v in (gaussians.sh, gaussians.features))
+        shown = self.tone(sh, features, self.embedding(None)).cpu().numpy()
+        return Gaussians(**{**gaussians.bare().arrays(), "sh": np.ascontiguousarray(shown)}, origin=gaussians.origin)
+
+    def learn(self, iteration: int) -> None:
+        """See Appearance."""
+        for group in self._adam.param_groups:
+            group["lr"] = group["rate"] * self._decay(iteration)
+        self._adam.step()
+        self._adam.zero_grad()
+
+    def feature_rate(self, iteration: int) -> float:
+        """See Appearance."""
+        return self._config.gaussian_rate * self._decay(iteration)
+
+    def about(self) -> dict[str, Any]:
+        """See Appearance."""
+        return {**super().about(), **asdict(self._config)}
+
+    def arrays(self) -> dict[str, NDArray]:
+        """See Appearance."""
+        return module_arrays(self, self._adam)
+
+    def restore(self, arrays: dict[str, NDArray]) -> None:
+        """See Appearance."""
+        restore_module(self, arrays, self._adam)
+
+    def _decay(self, iteration: int) -> float:
+        return math.exp(iteration / max(self._iterations, 1) * math.log(self._config.final))
+
+
+def fourier(positions: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Sines and cosines [N, 24] of positions [N, 3]: [-1, 1] is a period of the lowest of four octaves."""
+    turns = math.pi * positions[:, :, None] * 2.0 ** np.arange(FREQUENCIES)
+    return np.concatenate([np.sin(turns), np.cos(turns)], axis=2).reshape(len(positions), -1).astype(np.float32)
+
+
+def toned(sh: Tensor, gain: Tensor, offset: Tensor) -> Tensor:
+    """The coefficients [N, K, 3] of gain * colour + offset, where colour = 0.5 + sh . basis, for gains, offsets [N, 3].
+
+    gain (0.5 + sh . basis) + offset = 0.5 + (gain sh) . basis + 0.5 (gain - 1) + offset; what is constant goes to the
+    first coefficient, whose basis is C0.
+    """
+    constant = (MIDDLE * (gain - 1) + offset) / C0
+    scaled = sh * gain[:, None]
+    return torch.cat([scaled[:, :1] + constant[:, None], scaled[:, 1:]], dim=1)

@@ -1,0 +1,176 @@
+"""Where a photograph shows what is not of the scene (WildGaussians, Kulhanek et al. 2024, section 3.3).
+
+A layer on frozen features of the photograph predicts an uncertainty u. It learns from how unlike the render's features
+are to the photograph's, d in [0, 1],
+
+    L = mean(d / (2 u^2)) + lambda mean(log u),      smallest at u = sqrt(d / lambda)
+
+and a pixel's photometric loss counts if 1 / (2 u^2) > 1, and else not at all: with lambda = 0.5, where d < 1/4. What
+looks alike to the features has one u, in all views.
+
+Where it deviates from the authors' code: features are standardised by their statistics over all training photographs,
+which are known before the training, where theirs are of the batch of one picture; L is taken at the features'
+resolution; dropout is for learning only, not for the weights; features of photograph and render have one size.
+"""
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn.functional import interpolate, softplus
+from tqdm import tqdm
+
+from baselines.splatting.densification import Densification
+from baselines.splatting.objective import Size, TrainingImages
+from baselines.splatting.relocation import Relocation
+from baselines.splatting.schedule import random_stream
+from baselines.torch_state import module_arrays, restore_module
+from baselines.wild.features import Features, Wanted, unlikeness
+from hydroviews.images import Image
+
+DROPOUT = 5  # random stream
+CERTAIN = math.log(math.e - 1)  # softplus of it is 1
+FLAT = 1e-6  # features that vary less are left out
+
+
+@dataclass(frozen=True)
+class UncertaintyConfig:
+    """Settings; the defaults are the authors'. Iterations count from 0."""
+
+    features: Wanted = "auto"  # dinov2, alexnet, or the first of them that can be had
+    start: int = 10_000  # all pixels count before
+    warm_up: int = 1800  # iterations over which the weights turn from 1 to those predicted
+    protected: int = 500  # iterations after a reset of the opacities in which nothing is learnt from the renders
+    every: int = 1  # iterations from one lesson to the next
+    regulariser: float = 0.5  # lambda
+    rate: float = 1e-3  # Adam's
+    dropout: float = 0.5  # share of the features that a lesson leaves out
+    least: float = 0.1  # u is never smaller
+
+
+class Uncertainty:
+    """Predicts the uncertainties of a scene's training views, and learns to."""
+
+    def __init__(
+        self,
+        images: TrainingImages,
+        features: Features,
+        config: UncertaintyConfig,
+        densification: Densification | Relocation,
+        seed: int,
+    ) -> None:
+        """Look at all photographs, showing progress.
+
+        Args:
+            images: the photographs.
+            features: what is seen of them.
+            config: settings.
+            densification: says when opacities are reset.
+            seed: of the first weights and of dropout.
+        """
+        self.images, self.features, self.config, self.seed = images, features, config, seed
+        self._resets = densification.reset_every if isinstance(densification, Densification) else None
+        self._last = densification.stop
+        pictures = tqdm(range(len(images)), desc="features of the photographs", unit="image", leave=False)
+        self._seen = [features(images.pixels(view) / np.float32(255)) for view in pictures]
+        everywhere = torch.cat([seen.flatten(1) for seen in self._seen], dim=1)
+        self._mean, deviation = everywhere.mean(dim=1)[:, None, None], everywhere.std(dim=1)[:, None, None]
+        self._factor = torch.where(deviation > FLAT, 1 / deviation.clamp(min=FLAT), 0.0)
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            self.head = nn.Linear(len(everywhere), 1)
+            nn.init.normal_(self.head.weight, 0, 0.01)
+            nn.init.zeros_(self.head.bias)
+        self.head.to(everywhere.device)
+        self._adam = torch.optim.Adam(self.head.parameters(), config.rate)
+
+    def weights(self, view: int, size: Size, iteration: int) -> NDArray[np.float32] | None:
+        """Factors on the photometric loss of a view's pixels, [H, W] in [0, 1]; None while all are 1."""
+        strength = warmed(iteration, self.config)
+        if not strength:
+            return None
+        return (1 - strength * ~counted(self.uncertainty(view, size))).astype(np.float32)
+
+    @torch.no_grad()
+    def uncertainty(self, view: int, size: Size) -> NDArray[np.float32]:
+        """u of a view's pixels, [H, W], at least `config.least`."""
+        u = interpolate(self._predict(view)[None, None], size=size, mode="bilinear")[0, 0]
+        return u.clamp(min=self.config.least).cpu().numpy()
+
+    def learn(self, image: Image, view: int, iteration: int) -> None:
+        """A step towards how unlike the photograph a render [H, W, 3] of its view is, if one is due."""
+        if iteration % self.config.every or self.is_protected(iteration):
+            return
+        ignored = self.images.ignored(view, (image.shape[0], image.shape[1]))
+        image = image if ignored is None else np.where(ignored[..., None], np.float32(0), image)  # as in the photograph
+        unlike = self.unlike(image, view)
+        u = self._predict(view, self._dropped(iteration)).clamp(min=self.config.least)
+        loss = (uncertainty_loss(unlike, u, self.config.regulariser) * self._shown(view, u)).mean()
+        loss.backward()
+        self._adam.step()
+        self._adam.zero_grad()
+
+    def unlike(self, image: Image, view: int) -> Tensor:
+        """d [h, w] in [0, 1]: how unlike the photograph a render [H, W, 3] of a view is."""
+        full = self.images.pixels(view).shape
+        if image.shape != full:
+            image = np.asarray(cv2.resize(image, (full[1], full[0]), interpolation=cv2.INTER_LINEAR), np.float32)
+        found = unlikeness(self.features(np.clip(image, 0, 1)), self._seen[view])
+        return ((found - self.features.alike) / (self.features.unlike - self.features.alike)).clamp(0, 1)
+
+    def is_protected(self, iteration: int) -> bool:
+        """Whether opacities were reset so short a time ago that renders are not to be learnt from."""
+        if self._resets is None or iteration < self._resets:
+            return False
+        latest = min(iteration, self._last - 1) // self._resets * self._resets
+        return iteration - latest < self.config.protected
+
+    def about(self) -> dict[str, Any]:
+        """The settings; a checkpoint made with others is another run's."""
+        return {**asdict(self.config), "features": self.features.name, "seed": self.seed}
+
+    def arrays(self) -> dict[str, NDArray]:
+        """What was learnt."""
+        return module_arrays(self.head, self._adam)
+
+    def restore(self, arrays: dict[str, NDArray]) -> None:
+        """Take back what `arrays` returned."""
+        restore_module(self.head, arrays, self._adam)
+
+    def _predict(self, view: int, factors: Tensor | float = 1.0) -> Tensor:
+        """u [h, w] without a floor; `factors` [C, 1, 1] leave features out."""
+        standard = (self._seen[view] - self._mean) * self._factor * factors
+        return softplus(self.head(standard.permute(1, 2, 0))[..., 0] + CERTAIN)
+
+    def _dropped(self, iteration: int) -> Tensor:
+        """Factors [C, 1, 1] that leave some of the features out, and make up for it."""
+        kept = random_stream(self.seed, DROPOUT, iteration).random(self.head.in_features) >= self.config.dropout
+        return torch.from_numpy(kept / (1 - self.config.dropout)).to(self._mean)[:, None, None]
+
+    def _shown(self, view: int, like: Tensor) -> Tensor | float:
+        """The shares of the features' positions [h, w] that are not hidden."""
+        ignored = self.images.ignored(view)
+        if ignored is None:
+            return 1.0
+        size = like.shape[1], like.shape[0]
+        return torch.from_numpy(cv2.resize((~ignored).astype(np.float32), size, interpolation=cv2.INTER_AREA)).to(like)
+
+
+def uncertainty_loss(unlike: Tensor, u: Tensor, regulariser: float) -> Tensor:
+    """d / (2 u^2) + lambda log u, unreduced."""
+    return unlike / (2 * u**2) + regulariser * u.log()
+
+
+def counted(u: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Which pixels count: 1 / (2 u^2) > 1."""
+    return 2 * u**2 < 1
+
+
+def warmed(iteration: int, config: UncertaintyConfig) -> float:
+    """How far the weights have turned from 1 to those predicted, [0, 1]."""
+    return min(1.0, max(0.0, (iteration - config.start) / max(config.warm_up, 1)))

@@ -1,0 +1,194 @@
+"""WildGaussians (Kulhanek et al. 2024): splatting for photographs in changing light with things in the way.
+
+Gaussians are toned for each view by an appearance model (`wild/appearance.py`), and pixels that show what is not of
+the scene, told by frozen features, do not count (`wild/uncertainty.py`). Two looks of the Gaussians are rendered a
+step: the toned one is compared by L1, the plain one by SSIM. Some Gaussians start far off, for the sky
+(`wild/sky.py`). Views that were not trained on are shown with the mean embedding of those that were.
+
+Where it deviates from the paper, beside what those files say: the densification is ours, by absolute gradients as
+theirs, without Mip-Splatting's 3D filter; the 2D one is there in the profile `paper`.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.gaussian_splatting import PROFILES as PLAIN
+from baselines.gaussian_splatting import GaussianSplatting
+from baselines.method import Statistics
+from baselines.splatting.backends import chosen_device
+from baselines.splatting.config import TrainerConfig
+from baselines.splatting.densification import Densification
+from baselines.splatting.initialisation import scene_extent
+from baselines.splatting.objective import Objective, TrainingImages, read_images
+from baselines.splatting.photometric import photometric_loss
+from baselines.splatting.rasterizer import Workspace
+from baselines.splatting.schedule import LearningRates
+from baselines.splatting.trainer import train
+from baselines.torch_state import one_thread
+from baselines.wild.appearance import AppearanceConfig, WildAppearance
+from baselines.wild.features import find_features
+from baselines.wild.sky import bounds_of, with_room, with_sky
+from baselines.wild.uncertainty import Uncertainty, UncertaintyConfig
+from hydroviews.files import read_json, write_json
+from hydroviews.images import Image
+from hydroviews.scenes import Scene
+
+FOUND = "wild.json"
+
+
+@dataclass(frozen=True)
+class WildConfig:
+    """Splatting, and what is added to it; None or 0 leaves a part out."""
+
+    splatting: TrainerConfig
+    appearance: AppearanceConfig | None = field(default_factory=AppearanceConfig)
+    uncertainty: UncertaintyConfig | None = field(default_factory=UncertaintyConfig)
+    sky: int = 0  # points spread over the sky's sphere; those that a view may see become Gaussians
+
+
+def short(plain: TrainerConfig, start: int, warm_up: int, **changes: Any) -> WildConfig:
+    """A profile of plain splatting with larger steps and a smaller network for the appearance."""
+    return WildConfig(
+        replace(plain, **changes),
+        AppearanceConfig(width=32, scale=0.1, rate=2e-3, view_rate=5e-3, gaussian_rate=5e-3, final=0.1),
+        UncertaintyConfig(features="alexnet", start=start, warm_up=warm_up, protected=0, every=2, rate=5e-3),
+    )
+
+
+# The authors' schedule for casual captures: 70,000 iterations, slow rates, growth by absolute gradients.
+PAPER = TrainerConfig(
+    iterations=70_000,
+    rates=LearningRates(means=1.6e-5, means_final=1.6e-7, scales=5e-4),
+    densification=Densification(start=1800, stop=35_000, every=1500, absolute=True, reset_every=5000),
+    antialiased=True,
+)
+PROFILES = {
+    "demo": short(PLAIN["demo"], start=1000, warm_up=300),
+    "quick": short(PLAIN["quick"], start=4000, warm_up=1000),
+    "paper": WildConfig(PAPER, sky=50_000),
+}
+
+
+class WildObjective(Objective):
+    """L1 of the toned look and SSIM of the plain one, over the pixels that are taken for the scene's."""
+
+    def __init__(
+        self,
+        images: TrainingImages,
+        ssim_share: float,
+        appearance: WildAppearance | None,
+        uncertainty: Uncertainty | None,
+    ) -> None:
+        super().__init__(images, ssim_share, appearance)
+        self._uncertainty = uncertainty
+
+    def __call__(self, image: Image, view: int, iteration: int, workspace: Workspace) -> tuple[float, Image]:
+        """See Objective: the same without an appearance."""
+        weights = self._weights(image, view, iteration)
+        target = self.images.target(view, (image.shape[0], image.shape[1]))
+        return photometric_loss(image, target, self.ssim_share, weights, workspace)
+
+    def compare(
+        self, images: Sequence[Image], view: int, iteration: int, workspace: Workspace
+    ) -> tuple[float, Sequence[Image]]:
+        """See Objective."""
+        toned, plain = images
+        weights = self._weights(toned, view, iteration)
+        target = self.images.target(view, (toned.shape[0], toned.shape[1]))
+        total, gradients = 0.0, []
+        for image, ssim_share, share in ((toned, 0.0, 1 - self.ssim_share), (plain, 1.0, self.ssim_share)):
+            loss, gradient = photometric_loss(image, target, ssim_share, weights, workspace)
+            total += share * loss
+            gradients.append(np.float32(share) * gradient)  # a copy: the next call writes over it
+        return total, gradients
+
+    def about(self) -> dict[str, Any]:
+        """See Objective."""
+        return {**super().about(), "uncertainty": self._uncertainty and self._uncertainty.about()}
+
+    def arrays(self) -> dict[str, NDArray]:
+        """See Objective."""
+        learnt = self._uncertainty.arrays() if self._uncertainty else {}
+        return super().arrays() | {f"uncertainty.{name}": value for name, value in learnt.items()}
+
+    def restore(self, arrays: dict[str, NDArray]) -> None:
+        """See Objective."""
+        super().restore(arrays)
+        if self._uncertainty:
+            start = "uncertainty."
+            self._uncertainty.restore({k.removeprefix(start): v for k, v in arrays.items() if k.startswith(start)})
+
+    def _weights(self, image: Image, view: int, iteration: int) -> NDArray[np.float32] | None:
+        """What pixels of a view weigh; the uncertainty learns from its render."""
+        if self._uncertainty is None:
+            return None
+        weights = self._uncertainty.weights(view, (image.shape[0], image.shape[1]), iteration)
+        self._uncertainty.learn(image, view, iteration)
+        return weights
+
+
+class WildGaussians(GaussianSplatting):
+    """Splatting with appearance, uncertainty and sky. The trained model is its mean look: ordinary Gaussians."""
+
+    profiles: ClassVar[Mapping[str, Any]] = PROFILES
+
+    def __init__(self, config: WildConfig, seed: int) -> None:
+        super().__init__(config, seed)
+        self._found: dict[str, Any] = {}
+
+    @property
+    def splatting(self) -> TrainerConfig:
+        """See GaussianSplatting."""
+        config: WildConfig = self.config
+        return config.splatting
+
+    def fit(self, scene: Scene, folder: Path) -> None:
+        """See Method."""
+        config: WildConfig = self.config
+        bounds, before = bounds_of(scene), len(scene.points)
+        extent = scene_extent([view.camera for view in scene.train_views])[1]
+        scene = with_sky(scene, bounds, config.sky)
+        splatting = with_room(config.splatting, bounds, config.sky, extent)
+        images, appearance = read_images(scene.train_views), None
+        if config.appearance:
+            appearance = WildAppearance(len(images), bounds, splatting.iterations, config.appearance, self.seed)
+        with one_thread():
+            objective = WildObjective(images, splatting.ssim_share, appearance, self._uncertainty(images))
+            trained = train(scene, splatting, self.seed, folder, objective)
+            if appearance:
+                trained = replace(trained, gaussians=appearance.mean_look(trained.gaussians))
+        self._trained = trained
+        self._found["sky"] = len(scene.points) - before
+
+    def _uncertainty(self, images: TrainingImages) -> Uncertainty | None:
+        """Untaught, if it is wanted; `used` will say from which features."""
+        config: WildConfig = self.config
+        if not config.uncertainty:
+            return None
+        features = find_features(config.uncertainty.features, chosen_device(config.splatting.device))
+        self._found["uncertainty"] = features.name
+        return Uncertainty(images, features, config.uncertainty, config.splatting.densification, self.seed)
+
+    def save(self, folder: Path) -> None:
+        """The mean look as a model and a .ply, and what the uncertainty was told by."""
+        super().save(folder)
+        write_json(folder / FOUND, self._found)
+
+    @classmethod
+    def load(cls, config: Any, seed: int, folder: Path) -> Self:
+        """See Method."""
+        method = super().load(config, seed, folder)
+        method._found = read_json(folder / FOUND)
+        return method
+
+    def statistics(self) -> Statistics:
+        """See Method; `used` names the features that the uncertainty had, and how many Gaussians began as sky."""
+        found = self._found
+        parts = [f"uncertainty from {found['uncertainty']}"] if "uncertainty" in found else []
+        parts += [f"{found['sky']} Gaussians for the sky"] if found.get("sky") else []
+        return replace(super().statistics(), used=", ".join(parts))
