@@ -1,0 +1,141 @@
+"""How a radiance model meets the contract of methods: trained, rendered, saved and loaded. Methods derive from it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from baselines.method import Method, Statistics
+from baselines.splatting.backends import chosen_device
+from baselines.splatting.checkpoints import read_arrays, write_arrays
+from baselines.torch_state import module_arrays, restore_module
+from baselines.volumetric.config import VolumetricConfig
+from baselines.volumetric.losses import Loss, photometric_terms
+from baselines.volumetric.model import RadianceModel
+from baselines.volumetric.spaces import Space, space_from
+from baselines.volumetric.trainer import Trained, train
+from hydroviews.cameras import Camera
+from hydroviews.errors import InputError
+from hydroviews.images import Image
+from hydroviews.scenes import Scene
+
+MODEL = "model.safetensors"
+
+
+@dataclass(frozen=True)
+class _Learnt:
+    """A trained model and what is said of it."""
+
+    trained: Trained
+    views: int  # that it was trained on
+
+
+class RadianceMethod(Method):
+    """A plain radiance field; methods replace its model, its loss, and how much each pixel counts."""
+
+    profiles: ClassVar[Mapping[str, Any]]
+
+    def __init__(self, config: Any, seed: int) -> None:
+        super().__init__(config, seed)
+        self._learnt: _Learnt | None = None
+        self._model_mb: float | None = None
+
+    @classmethod
+    def configuration(cls, profile: str) -> Any:
+        """See Method.
+
+        Raises:
+            InputError: no such profile.
+        """
+        if profile not in cls.profiles:
+            raise InputError(f"PROFILE={profile}: unknown", expected=", ".join(cls.profiles))
+        return cls.profiles[profile]
+
+    @property
+    def volumetric(self) -> VolumetricConfig:
+        """How the field is rendered and trained; here all the settings there are."""
+        config: VolumetricConfig = self.config
+        return config
+
+    def make(self, space: Space, generator: torch.Generator, views: int) -> RadianceModel:
+        """The untrained model of a scene with so many training views."""
+        return RadianceModel(self.volumetric, space, generator)
+
+    def loss(self) -> Loss:
+        """What training minimises."""
+        return photometric_terms(self.volumetric)
+
+    def about(self) -> dict[str, Any]:
+        """Settings beside those of `volumetric` that lead to another result, for JSON."""
+        return {}
+
+    def weights(self, scene: Scene, folder: Path) -> Sequence[NDArray[np.float32]] | None:
+        """How much each pixel of the training views counts, [H, W] in [0, 1] a view; `folder` may keep what it needs."""
+        return None
+
+    def fit(self, scene: Scene, folder: Path) -> None:
+        """See Method."""
+        weights = self.weights(scene, folder)
+        trained = train(
+            scene,
+            self.volumetric,
+            self.seed,
+            folder,
+            self.make,
+            self.loss(),
+            about={"method": type(self).__name__, **self.about()},
+            weights=weights,
+        )
+        self._learnt = _Learnt(trained, len(scene.train_views))
+
+    def render(self, camera: Camera) -> Image:
+        """See Method."""
+        return self._require().trained.model.render(camera)
+
+    def save(self, folder: Path) -> None:
+        """See Method."""
+        learnt = self._require()
+        trained = learnt.trained
+        about = {
+            "space": trained.model.space.about(),
+            "views": learnt.views,
+            "seconds": trained.seconds,
+            "device": trained.device,
+        }
+        write_arrays(folder / MODEL, module_arrays(trained.model), about)
+        self._model_mb = (folder / MODEL).stat().st_size / 1e6
+
+    @classmethod
+    def load(cls, config: Any, seed: int, folder: Path) -> Self:
+        """See Method.
+
+        Raises:
+            InputError: no model there, or one of another configuration.
+        """
+        arrays, about = read_arrays(folder / MODEL)
+        method = cls(config, seed)
+        try:
+            model = method.make(space_from(about["space"]), torch.Generator(), about["views"])
+            restore_module(model, arrays)
+        except (KeyError, RuntimeError) as error:
+            raise InputError(
+                f"{folder / MODEL}: not a model of this configuration", found=error, fix="train the method again"
+            ) from error
+        model = model.to(chosen_device(method.volumetric.device))
+        method._learnt = _Learnt(Trained(model, about["seconds"], about["device"]), about["views"])
+        method._model_mb = (folder / MODEL).stat().st_size / 1e6
+        return method
+
+    def statistics(self) -> Statistics:
+        """See Method."""
+        trained = self._require().trained
+        return Statistics(trained.seconds, None, self._model_mb, trained.device)
+
+    def _require(self) -> _Learnt:
+        if self._learnt is None:
+            raise InputError(f"{type(self).__name__}: not trained", fix="call fit or load first")
+        return self._learnt
