@@ -1,0 +1,174 @@
+"""NeRF in the Wild (Martin-Brualla et al. 2021): a look for every photograph, and transient matter that only it has seen.
+
+Section 4.1, latent appearance: every training view i has a code l_i^(a), given to the colour head. Section 4.2,
+transient objects: a second head turns the trunk's features and a code l_i^(tau) into density, colour and uncertainty of
+what is in view i alone. Rendered without that head and with the mean code, the scene is as it is without the rain.
+
+Where this deviates, and why:
+
+* Static and transient share what an interval emits in proportion to their densities, the exact integral over matter
+  that is mixed evenly; the paper's alphas of both (its equation 8) add up to more than one where both are opaque, as in
+  the last interval they always would be.
+* beta_min is added after compositing, as in the public implementation. In the paper it is part of every sample's
+  beta, which leaves rays without transient matter with no uncertainty at all, and its logarithm without a bound.
+* Codes start near zero instead of at unit variance: where photographs look alike the mean code is then one that was
+  trained, not a point between far-apart ones.
+* Small profiles have a hash grid for the networks' eight layers, and proposals for the coarse network (which then has
+  no colours: the loss that teaches it is Mip-NeRF 360's). The paper profile has the networks; its units are the public
+  implementation's (256, not 512).
+* Test views are rendered with the mean code; the paper fits a code to one half of each test view.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, ClassVar, Literal
+
+import torch
+from torch import Tensor, nn
+
+from baselines.volumetric.batches import Batch
+from baselines.volumetric.compositing import along_ray, weights_of
+from baselines.volumetric.config import MlpFieldConfig, VolumetricConfig
+from baselines.volumetric.encodings import linear
+from baselines.volumetric.losses import Loss, Terms, guide_terms
+from baselines.volumetric.method import RadianceMethod
+from baselines.volumetric.model import Practice, RadianceModel, Rendering, Samples
+from baselines.volumetric.spaces import Rays, Space
+
+START = 0.01  # standard deviation of codes before training
+
+
+@dataclass(frozen=True)
+class NerfWConfig:
+    """A field, the codes of the views, and the four-term loss."""
+
+    volumetric: VolumetricConfig = field(default_factory=VolumetricConfig)
+    appearance: int = 48  # numbers of a view's appearance code
+    transient: int = 16  # and of its transient code
+    transient_width: int = 32  # units of the transient head's layers
+    transient_layers: int = 2
+    beta_min: float = 0.03
+    density_weight: float = 0.01  # lambda_u, of the mean transient density
+    code_rate: float = 1e-3  # learning rate of the codes
+
+
+class TransientHead(nn.Module):
+    """Density, colour and uncertainty of what only one view has seen, from features and that view's code."""
+
+    def __init__(self, features: int, config: NerfWConfig, generator: torch.Generator):
+        super().__init__()
+        width = config.transient_width
+        self.entry = linear(features, width, generator)
+        self.code_entry = linear(config.transient, width, generator, bias=False)
+        self.middle = nn.ModuleList(linear(width, width, generator) for _ in range(config.transient_layers - 1))
+        self.exit = linear(width, 5, generator)
+
+    def forward(self, features: Tensor, codes: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Densities [R, S], colours [R, S, 3] and uncertainties [R, S] for features [R, S, F], codes [R, C]."""
+        hidden = torch.relu(self.entry(features) + self.code_entry(codes)[:, None])
+        for layer in self.middle:
+            hidden = torch.relu(layer(hidden))
+        outputs = self.exit(hidden)
+        softplus = nn.functional.softplus
+        return softplus(outputs[..., 0]), torch.sigmoid(outputs[..., 1:4]), softplus(outputs[..., 4])
+
+
+class NerfWModel(RadianceModel):
+    """The field with codes and a transient head."""
+
+    def __init__(self, config: NerfWConfig, space: Space, generator: torch.Generator, views: int):
+        super().__init__(config.volumetric, space, generator, config.appearance)
+        self.rate, self.beta_min = config.code_rate, config.beta_min
+        self.appearance = nn.Parameter(START * torch.randn(views, config.appearance, generator=generator))
+        self.transient = nn.Parameter(START * torch.randn(views, config.transient, generator=generator))
+        self.head = TransientHead(self.field.features, config, generator)
+
+    def groups(self) -> list[dict[str, Any]]:
+        """See RadianceModel; codes have their own rate."""
+        codes = [self.appearance, self.transient]
+        others = [p for p in self.parameters() if all(p is not code for code in codes)]
+        return [{"params": others, "lr": self.config.field.rate}, {"params": codes, "lr": self.rate}]
+
+    def shade(self, rays: Rays, samples: Samples, practice: Practice | None) -> Rendering:
+        """See RadianceModel; without `practice` the static scene in its mean look."""
+        density, features = self.field.geometry(samples.points)
+        if practice is None:
+            codes = self.appearance.mean(0).expand(len(rays.origins), -1)
+            colours = self.field.colour(features, rays.viewing, codes)
+            weights, left = weights_of(density, samples.lengths)
+            seen = self.over_background(along_ray(weights, colours), left)
+            return Rendering(seen, weights, samples, samples.edges, weights)
+        colours = self.field.colour(features, rays.viewing, self.appearance[practice.views])
+        passing, passing_colours, uncertainty = self.head(features, self.transient[practice.views])
+        weights, left = weights_of(density + passing, samples.lengths)
+        share = passing / (density + passing).clamp_min(1e-12)
+        static, transient = weights * (1 - share), weights * share
+        seen = along_ray(static, colours) + along_ray(transient, passing_colours)
+        more = {"beta": self.beta_min + (transient * uncertainty).sum(1), "density": passing}
+        return Rendering(self.over_background(seen, left), weights, samples, samples.edges, weights, more=more)
+
+
+def nerf_w_terms(config: NerfWConfig) -> Loss:
+    """The loss (equation 13): error over uncertainty, the uncertainty's logarithm, transient density, the guide."""
+
+    def loss(rendering: Rendering, batch: Batch) -> Terms:
+        beta = rendering.more["beta"]
+        error = (rendering.colour - batch.colours).square().mean(1)
+        terms = {
+            "colour": (batch.weights * error / (2 * beta**2)).mean(),
+            "uncertainty": (batch.weights * beta.log()).mean(),
+            "density": config.density_weight * (batch.weights[:, None] * rendering.more["density"]).mean(),
+        }
+        guide = guide_terms(rendering, batch, config.volumetric)
+        if "coarse" in guide:
+            guide["coarse"] = guide["coarse"] / 2
+        return terms | guide
+
+    return loss
+
+
+PAPER = VolumetricConfig(
+    iterations=300_000,
+    rays=1024,
+    field=MlpFieldConfig(),
+    guide_samples=64,
+    samples=64,
+    final_rate=0.01,
+    rising=0,
+    anneal=0,
+)
+PROFILES = {
+    "demo": NerfWConfig(VolumetricConfig(iterations=3500)),
+    "quick": NerfWConfig(VolumetricConfig(iterations=15_000)),
+    "paper": NerfWConfig(PAPER, transient_width=128, transient_layers=4, code_rate=5e-4),
+}
+
+
+class NerfW(RadianceMethod):
+    """NeRF-W: rain is transient matter, if anything is."""
+
+    profiles: ClassVar[Mapping[str, Any]] = PROFILES
+
+    @property
+    def volumetric(self) -> VolumetricConfig:
+        """See RadianceMethod."""
+        config: NerfWConfig = self.config
+        return config.volumetric
+
+    def make(self, space: Space, generator: torch.Generator, views: int) -> NerfWModel:
+        """See RadianceMethod."""
+        return NerfWModel(self.config, space, generator, views)
+
+    def loss(self) -> Loss:
+        """See RadianceMethod."""
+        return nerf_w_terms(self.config)
+
+    def about(self) -> dict[str, Any]:
+        """See RadianceMethod."""
+        return asdict(replace(self.config, volumetric=VolumetricConfig()))
+
+
+class NerfWClean(NerfW):
+    """The same, shown the clean photographs."""
+
+    trains_on: ClassVar[Literal["rainy", "clean"]] = "clean"
