@@ -1,0 +1,174 @@
+"""GS-W, Gaussian in the Wild (Zhang et al. 2024): splatting for photographs that do not look alike.
+
+Every Gaussian has an intrinsic feature of its own and a dynamic one, which is read from feature maps of the reference
+picture, in training the view itself: where the view shows the Gaussian (projection map) and at learnt coordinates
+(K adaptive maps). A network makes colours of both and the viewing direction. What else comes and goes is left out of
+the loss by a visibility mask. The parts are in `gs_wild`.
+
+Departures from the paper, in all profiles:
+  - Held-out views are rendered with the mean of each Gaussian's dynamic features over the training views, as the
+    benchmark's protocol asks; the paper takes them from the held-out photograph itself.
+  - Networks say what is added to the intrinsic feature's first three numbers, a colour, and not the colour itself.
+  - The mask weighs the loss of each pixel; the authors' code multiplies both pictures by it.
+  - No batch normalisation in training; see `gs_wild.encoder`. ResNet-18 learns from scratch unless
+    $HYDROVIEWS_RESNET18 names a file of its weights, which the record then names.
+  - The coordinates' box is as large as the map from the start.
+Short profiles besides: a small U-Net on a reference of half the size, smaller networks, larger rates, no LPIPS.
+"""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from baselines.gaussian_splatting import MODEL, PROFILES, RECORDED, SPLATS, GaussianSplatting
+from baselines.gs_wild.appearance import WildAppearance
+from baselines.gs_wild.config import SHORT, WildConfig
+from baselines.gs_wild.encoder import load_resnet
+from baselines.gs_wild.fusion import Fusion
+from baselines.gs_wild.mean_look import averaged, from_everywhere, looking
+from baselines.gs_wild.objective import VisibleObjective
+from baselines.method import Statistics
+from baselines.splatting.checkpoints import read_arrays, write_arrays, write_model
+from baselines.splatting.config import TrainerConfig
+from baselines.splatting.densification import Densification
+from baselines.splatting.objective import read_images
+from baselines.splatting.ply import write_ply
+from baselines.splatting.rasterizer import render
+from baselines.splatting.schedule import LearningRates
+from baselines.torch_state import module_arrays, restore_module
+from hydroviews.cameras import Camera
+from hydroviews.errors import InputError
+from hydroviews.files import sha256
+from hydroviews.images import Image
+from hydroviews.scenes import Scene
+
+NETWORK = "network.safetensors"
+SHOWN = "shown"  # colours for viewers, beside the network
+WEIGHTS = "HYDROVIEWS_RESNET18"
+
+
+@dataclass(frozen=True)
+class GSWConfig:
+    """Gaussians and networks."""
+
+    splatting: TrainerConfig
+    wild: WildConfig = field(default_factory=WildConfig)
+
+
+class GaussianInTheWild(GaussianSplatting):
+    """Splatting with colours by view, and what comes and goes left out."""
+
+    profiles: ClassVar[Mapping[str, Any]] = {
+        "demo": GSWConfig(replace(PROFILES["demo"], sh_degree=1), SHORT),
+        "quick": GSWConfig(replace(PROFILES["quick"], sh_degree=1), SHORT),
+        "paper": GSWConfig(
+            TrainerConfig(
+                iterations=70_000,
+                rates=LearningRates(means_final=1.6e-7, sh=1.25e-4, sh_rest=1.25e-4),
+                densification=Densification(gradient=4e-4),
+            )
+        ),
+    }
+
+    def __init__(self, config: GSWConfig, seed: int) -> None:
+        super().__init__(config, seed)
+        self._wild: WildAppearance | None = None
+        self._fusion = Fusion(config.wild, config.splatting.sh_degree)
+        self._shown = np.zeros((0, 3), np.float32)
+
+    @classmethod
+    def configuration(cls, profile: str) -> Any:
+        """See GaussianSplatting.
+
+        Raises:
+            InputError: no such profile, or no such weights.
+        """
+        config: GSWConfig = super().configuration(profile)
+        named = os.environ.get(WEIGHTS)
+        if config.wild.backbone != "resnet18" or not named:
+            return config
+        if not Path(named).is_file():
+            raise InputError(f"{named}: no such file", expected="weights of ResNet-18", fix=f"correct {WEIGHTS}")
+        return replace(config, wild=replace(config.wild, weights=named, weights_sha256=sha256(Path(named))))
+
+    @property
+    def splatting(self) -> TrainerConfig:
+        """See GaussianSplatting."""
+        config: GSWConfig = self.config
+        return config.splatting
+
+    def objective(self, scene: Scene, folder: Path) -> VisibleObjective:
+        """See GaussianSplatting.
+
+        Raises:
+            InputError: an unreadable picture, or weights that are none.
+        """
+        config: GSWConfig = self.config
+        splatting, images = config.splatting, read_images(scene.train_views)
+        self._wild = WildAppearance(images, config.wild, splatting.sh_degree, splatting.iterations, self.seed)
+        if config.wild.weights:
+            load_resnet(self._wild.encoder, Path(config.wild.weights))
+        return VisibleObjective(images, splatting.ssim_share, self._wild)
+
+    def fit(self, scene: Scene, folder: Path) -> None:
+        """See Method; then the references have done their part."""
+        super().fit(scene, folder)
+        trained, wild = self._require(), self._wild
+        assert wild is not None
+        cameras = [view.camera for view in scene.train_views]
+        seen_with = trained.near, self.splatting.antialiased
+        gaussians = averaged(trained.gaussians, wild, cameras, *seen_with)
+        self._trained = replace(trained, gaussians=gaussians)
+        self._fusion = wild.fusion.cpu()
+        self._shown = from_everywhere(gaussians, self._fusion, cameras, *seen_with)
+
+    def render(self, camera: Camera) -> Image:
+        """See GaussianSplatting; the mean look."""
+        trained = self._require()
+        image, _ = render(
+            looking(trained.gaussians, self._fusion, camera),
+            camera,
+            np.asarray(self.splatting.background, np.float32),
+            near=trained.near,
+            antialiased=self.splatting.antialiased,
+            workspace=self._workspace,
+        )
+        return np.clip(image, 0, 1)
+
+    def save(self, folder: Path) -> None:
+        """Write the exact model, and a .ply whose colours are means over the training cameras."""
+        trained = self._require()
+        about = {name: getattr(trained, name) for name in RECORDED}
+        write_arrays(folder / NETWORK, {**module_arrays(self._fusion), SHOWN: self._shown}, {})
+        write_model(folder / MODEL, trained.gaussians, about)
+        shown = np.ascontiguousarray(self._shown[:, None])
+        write_ply(folder / SPLATS, replace(trained.gaussians.bare(), sh=shown))
+        self._model_mb = _megabytes(folder)
+
+    @classmethod
+    def load(cls, config: Any, seed: int, folder: Path) -> Self:
+        """See Method."""
+        method = super().load(config, seed, folder)
+        arrays, _ = read_arrays(folder / NETWORK)
+        try:
+            restore_module(method._fusion, arrays)
+            method._shown = arrays[SHOWN]
+        except (KeyError, RuntimeError) as error:
+            fix = "load it with the settings it was trained with, or train it again"
+            raise InputError(f"{folder / NETWORK}: another network", found=error, fix=fix) from error
+        method._model_mb = _megabytes(folder)
+        return method
+
+    def statistics(self) -> Statistics:
+        """See Method; `used` names the encoder."""
+        wild: WildConfig = self.config.wild
+        weights = Path(wild.weights).name if wild.weights else "from scratch"
+        return replace(super().statistics(), used=f"encoder {wild.backbone} {weights}")
+
+
+def _megabytes(folder: Path) -> float:
+    return sum((folder / name).stat().st_size for name in (MODEL, NETWORK)) / 1e6

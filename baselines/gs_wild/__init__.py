@@ -1,0 +1,1 @@
+"""The parts of GS-W, Gaussian in the Wild (Zhang et al. 2024)."""

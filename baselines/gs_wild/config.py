@@ -1,0 +1,59 @@
+"""How GS-W's networks are built and trained."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class WildConfig:
+    """Settings beside those of the Gaussians; the defaults are those of Zhang et al. 2024 and of their public code."""
+
+    backbone: Literal["resnet18", "small"] = "resnet18"  # of the U-Net that looks at the reference picture
+    weights: str | None = None  # file of ResNet-18 weights; None learns from scratch
+    weights_sha256: str | None = None  # of that file: runs with other weights are other runs
+    shrink: int = 1  # the reference is looked at this many times smaller
+    maps: int = 2  # K, adaptive feature maps; there is one projection map besides
+    channels: int = 16  # of each map
+    frequencies: int = 10  # of the positions' Fourier features
+    encoder: tuple[int, ...] = (128, 96, 64)  # hidden layers of the fusion network's first half
+    decoder: tuple[int, ...] = (48,)  # of its second half
+    colour: tuple[int, ...] = (48,)  # of the colour network
+    fused: int = 48  # length of the feature between them
+    dropout: float = 0.1  # share of what the Gaussians have of each map that a step leaves out
+    rate_maps: float = 2e-3  # Adam's rate of the U-Net
+    rate_colour: float = 5e-4  # of the fusion and colour networks
+    rate_coordinates: float = 4e-3  # of the coordinates in the maps, whose sides are 2 long
+    final: float = 0.1  # what these rates have fallen to at the end, as a factor
+    box: float = 1e-3  # weight of mean(relu(|coordinate| - 1)) in the loss
+    visible_from: float = 2500 / 70_000  # share of the iterations after which the visibility mask weighs the loss
+    visible_price: float = 0.15  # weight of mean((1 - m)^2) in the loss
+    lpips: float = 0.005  # weight of LPIPS (VGG) in the loss
+
+    def __post_init__(self) -> None:
+        if min(self.shrink, self.maps, self.channels) < 1 or not 0 <= self.dropout < 1:
+            raise ValueError(f"shrink {self.shrink}, maps {self.maps}, channels {self.channels}: expected 1 or more")
+        if min(self.rate_maps, self.rate_colour, self.rate_coordinates, self.final, self.visible_price) <= 0:
+            raise ValueError("rates, final and visible_price must be positive")
+
+    @property
+    def dynamic(self) -> int:
+        """Length of the dynamic feature: all maps' channels, the projection map's first."""
+        return (1 + self.maps) * self.channels
+
+
+# Two cores: a reference of half the size, a U-Net of 0.2 million weights, fewer and narrower layers, no LPIPS; larger
+# steps, since there are a twentieth of the iterations.
+SHORT = WildConfig(
+    backbone="small",
+    shrink=2,
+    frequencies=2,
+    encoder=(48,),
+    decoder=(),
+    colour=(32,),
+    fused=32,
+    rate_maps=2e-3,
+    rate_colour=2e-3,
+    rate_coordinates=1e-2,
+    visible_from=0.1,
+    lpips=0.0,
+)

@@ -1,0 +1,95 @@
+"""From what a Gaussian is and what a picture makes of it to its colour (GS-W).
+
+    encoder(position, dynamic, intrinsic) -> fused
+    decoder(fused, intrinsic) -> fused
+    colour(fused, direction) -> rgb
+
+The intrinsic feature is the Gaussian's own; its first three numbers are the degree-0 coefficients of a colour, and
+begin as those of its point. Ours adds that colour to what the networks say, whose last layer begins at zero: so the
+first picture has the points' colours, as that of plain splatting. The paper has the networks alone.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn import functional
+
+from baselines.gs_wild.config import WildConfig
+from baselines.splatting.spherical_harmonics import C0, coefficients
+from hydroviews.cameras import Camera
+
+
+def layers(inputs: int, hidden: Sequence[int], outputs: int) -> nn.Sequential:
+    """Linear layers with rectifiers between them."""
+    parts: list[nn.Module] = []
+    for a, b in pairwise((inputs, *hidden, outputs)):
+        linear = nn.Linear(a, b)
+        nn.init.xavier_uniform_(linear.weight)
+        nn.init.zeros_(linear.bias)
+        parts += [linear, nn.ReLU()]
+    return nn.Sequential(*parts[:-1])
+
+
+def fourier(x: Tensor, frequencies: int) -> Tensor:
+    """x [N, D] and its sines and cosines at L frequencies (Mildenhall et al. 2020, eq. 4): [N, D (1 + 2 L)]."""
+    scaled = (x[:, None] * (torch.pi * 2.0 ** torch.arange(frequencies).to(x))[:, None]).flatten(1)
+    return torch.cat([x, scaled.sin(), scaled.cos()], dim=1)
+
+
+class Fusion(nn.Module):
+    """Colours of Gaussians; the cube that positions are told in is part of the state."""
+
+    def __init__(self, config: WildConfig, sh_degree: int) -> None:
+        super().__init__()
+        self.frequencies = config.frequencies
+        intrinsic, position = 3 * coefficients(sh_degree), 3 * (1 + 2 * config.frequencies)
+        self.encoder = layers(position + config.dynamic + intrinsic, config.encoder, config.fused)
+        self.decoder = layers(config.fused + intrinsic, config.decoder, config.fused)
+        self.colour = layers(config.fused + 3, config.colour, 3)
+        for parameter in self.colour[-1].parameters():
+            nn.init.zeros_(parameter)
+        self.middle: Tensor
+        self.side: Tensor
+        self.register_buffer("middle", torch.zeros(3))  # of the cube, relative to the Gaussians' origin
+        self.register_buffer("side", torch.ones(()))  # half of its length
+
+    def forward(self, intrinsic: Tensor, dynamic: Tensor, means: Tensor, directions: Tensor) -> Tensor:
+        """What is added to the intrinsic colours [n, 3].
+
+        Args:
+            intrinsic: [n, I].
+            dynamic: [n, D].
+            means: positions [n, 3].
+            directions: from the camera, of length one [n, 3].
+        """
+        positions = fourier((means - self.middle) / self.side, self.frequencies)
+        fused = functional.relu(self.encoder(torch.cat([positions, dynamic, intrinsic], dim=1)))
+        fused = functional.relu(self.decoder(torch.cat([fused, intrinsic], dim=1)))
+        offset: Tensor = self.colour(torch.cat([fused, directions], dim=1))
+        return offset
+
+    def coloured(self, parameters: dict[str, Tensor], camera: Camera, dynamic: Tensor, seen: Tensor) -> Tensor:
+        """Coefficients [N, 1, 3] of degree 0 that Gaussians show to a camera; networks look at those `seen` alone.
+
+        No gradient goes by way of colours to positions: that by where splats lie is left to place them.
+
+        Args:
+            parameters: of `Gaussians.arrays()`.
+            camera: that looks, relative to the Gaussians' origin.
+            dynamic: features [n, D] of those that are seen.
+            seen: their indices [n].
+        """
+        means, sh = parameters["means"].detach()[seen], parameters["sh"]
+        directions = functional.normalize(means - torch.from_numpy(camera.centre).to(means), dim=1)
+        offset = self(sh[seen].flatten(1), dynamic, means, directions)
+        return sh[:, :1].index_add(0, seen, offset[:, None] / C0)
+
+    def enclose(self, points: NDArray[np.float32]) -> None:
+        """Tell positions in a cube that holds 95 % of the points [N, 3] along each axis."""
+        low, high = np.quantile(points, 0.025, axis=0), np.quantile(points, 0.975, axis=0)
+        self.middle.copy_(torch.from_numpy((low + high) / 2))
+        self.side.fill_(max(float((high - low).max()) / 2, 1e-6))

@@ -1,0 +1,77 @@
+"""What GS-W's renders are compared with: the photographs, where its visibility mask m has the scene seen.
+
+    L = mean(m l) + price mean((1 - m)^2),      l = (1 - lambda) |C^ - C| + lambda (1 - SSIM) of every pixel
+
+Free to choose, m would end at 1 - l / (2 price), not below 0. The authors' code multiplies both pictures by m before it
+compares them; weighing each pixel's loss differs at the edges of SSIM's windows alone. The paper adds LPIPS, unmasked.
+"""
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn import functional
+
+from baselines.gs_wild.appearance import WildAppearance
+from baselines.splatting.loss_map import loss_map
+from baselines.splatting.objective import Objective, TrainingImages
+from baselines.splatting.photometric import photometric_loss
+from baselines.splatting.rasterizer import Workspace
+from hydroviews.images import Image
+from hydroviews.metrics.lpips import lpips
+
+
+class VisibleObjective(Objective):
+    """The photometric loss under the mask, which learns from the same loss."""
+
+    def __init__(self, images: TrainingImages, ssim_share: float, wild: WildAppearance) -> None:
+        super().__init__(images, ssim_share, wild)
+        self.wild = wild
+        self.first = round(wild.config.visible_from * wild.iterations)
+
+    def __call__(self, image: Image, view: int, iteration: int, workspace: Workspace) -> tuple[float, Image]:
+        """See Objective; gradients by the mask are left where `WildAppearance.learn` finds them."""
+        target = self.images.target(view, (image.shape[0], image.shape[1]))
+        weights = None
+        if iteration >= self.first:
+            losses = loss_map(image, target, self.ssim_share, workspace)
+            weights = learn_visibility(self.wild.visible, losses, self.wild.config.visible_price)
+        loss, gradient = photometric_loss(image, target, self.ssim_share, weights, workspace)
+        if self.wild.config.lpips:
+            ignored = self.images.ignored(view, (image.shape[0], image.shape[1]))
+            value, more = perceptual_loss(image, target.pixels.reshape(image.shape), ignored)
+            loss, gradient = loss + self.wild.config.lpips * value, gradient + self.wild.config.lpips * more
+        return loss, gradient
+
+
+def visibility_loss(visible: Tensor, losses: Tensor, price: float) -> tuple[Tensor, Tensor]:
+    """mean(m l) + price mean((1 - m)^2), and m at the loss's size.
+
+    Args:
+        visible: m [h, w] in [0, 1].
+        losses: l [H, W], what each pixel adds to the photometric loss.
+        price: of what is not seen.
+    """
+    size = (losses.shape[0], losses.shape[1])
+    whole = functional.interpolate(visible[None, None], size=size, mode="bilinear", align_corners=False)[0, 0]
+    return (whole * losses).mean() + price * ((1 - visible) ** 2).mean(), whole
+
+
+def learn_visibility(visible: Tensor, losses: NDArray[np.float32], price: float) -> NDArray[np.float32]:
+    """The weights [H, W] that a mask gives to the pixels; its gradient is added to `visible.grad`."""
+    loss, whole = visibility_loss(visible, torch.from_numpy(losses).to(visible), price)
+    loss.backward()
+    return whole.detach().cpu().numpy()
+
+
+def perceptual_loss(
+    image: Image, photograph: Image, ignored: NDArray[np.bool_] | None = None
+) -> tuple[float, NDArray[np.float32]]:
+    """LPIPS (VGG) of two pictures [H, W, 3], and its gradient by the first."""
+    leaf = torch.from_numpy(np.ascontiguousarray(image)).requires_grad_()
+    pictures = [x.clamp(0, 1).permute(2, 0, 1)[None] for x in (leaf, torch.from_numpy(photograph.copy()))]
+    score = lpips(pictures[0], pictures[1], "vgg", None if ignored is None else torch.from_numpy(ignored)[None])
+    assert isinstance(score, Tensor)
+    score.sum().backward()
+    assert leaf.grad is not None
+    return float(score.detach()), leaf.grad.numpy()
