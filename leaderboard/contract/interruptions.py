@@ -23,6 +23,7 @@ from leaderboard.contract.case import Case, Failed, NotTestable, files_in, must_
 from leaderboard.predict import only_training
 
 SECONDS = 3.0  # of training, as far as the configured steps reach
+SHORTEST = 0.1  # seconds of training below which nobody can meet it half-way
 ATTEMPTS = 3  # to meet it half-way
 PATIENCE = 60.0  # seconds until an interrupted process has to have ended
 BEGUN, ENDED, OUTPUT = "begun", "ended.json", "output.txt"
@@ -55,6 +56,8 @@ def termination(case: Case) -> str:
 
 def _interrupted(case: Case, number: signal.Signals) -> str:
     alone, share, reason = left_alone(case), 0.5, ""
+    if alone.seconds < SHORTEST:
+        raise NotTestable(f"done before it can be met: {alone.seconds:.2f} s of training")
     expected = alone.pixels(case, alone.folder)
     for attempt in range(ATTEMPTS):
         folder = case.folder / f"{number.name}-{attempt}"

@@ -18,20 +18,21 @@ WAVES = 5.0  # radians per unit of the walls' patterns, typically
 POINTS = 40  # a view
 
 
-def draw_room(folder: Path, seed: int = 0) -> Scene:
-    """Nine views from a circle across a room with coloured walls, two of them held out, with points on the walls.
+def draw_room(folder: Path, seed: int = 0, n_views: int = N_VIEWS) -> Scene:
+    """Views from a circle across a room with coloured walls, every eighth held out, with points on the walls.
 
     Args:
         folder: for the pictures.
         seed: another one gives walls of other colours.
+        n_views: evenly along the circle.
     """
     paint = generator(seed, "room", "walls")
     waves, phases = paint.normal(0, WAVES, (3, 3)), paint.uniform(0, 2 * np.pi, 3)
     views, positions = [], []
-    for index in range(N_VIEWS):
-        camera = _camera(2 * np.pi * index / N_VIEWS)
+    for index in range(n_views):
+        camera = _camera(2 * np.pi * index / n_views)
         hits = _hits(camera)
-        view = View(f"view-{index}", camera, folder / f"view-{index}.png")
+        view = View(f"view-{index:02d}", camera, folder / f"view-{index:02d}.png")
         write_png(view.path, _colours(hits, waves, phases))
         views.append(view)
         positions.append(generator(0, "room", "points", index).choice(hits.reshape(-1, 3), POINTS, replace=False))
