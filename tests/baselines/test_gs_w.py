@@ -1,0 +1,190 @@
+"""GS-W as a method: what it is for, its files, resumption, and the profiles."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from splats import photographed
+
+from baselines.gaussian_splatting import SHORT_RATES, SPLATS, GaussianSplatting
+from baselines.gs_w import NETWORK, GaussianInTheWild, GSWConfig
+from baselines.gs_wild.config import SHORT
+from baselines.gs_wild.mean_look import averaged, looking
+from baselines.splatting.appearance import dressed
+from baselines.splatting.checkpoints import read_arrays
+from baselines.splatting.config import TrainerConfig
+from baselines.splatting.densification import Densification
+from baselines.splatting.ply import read_ply
+from baselines.splatting.rasterizer import render
+from hydroviews.errors import InputError
+from hydroviews.images import write_png
+from hydroviews.metrics.psnr import psnr
+
+SPLATTING = TrainerConfig(
+    iterations=300, sh_degree=1, sh_every=50, rates=SHORT_RATES, densification=Densification(start=999), device="cpu"
+)
+GROWING = replace(SPLATTING, iterations=12, densification=Densification(start=3, stop=11, every=4, gradient=1e-7))
+CLOSE = replace(SHORT, shrink=1, rate_maps=5e-3, visible_from=0.05)  # the small pictures are looked at as they are
+
+
+def taught(kind, config, scene, folder):
+    method = kind(config, 0)
+    method.fit(scene, folder)
+    return method
+
+
+def held_out(method, scene, truth, exposed=False):
+    """PSNR of the held-out views; where `exposed`, after the best gain a channel and view, which a cast leaves open."""
+    scores = []
+    for view in scene.test_views:
+        image, expected = method.render(view.camera), truth[view.name]
+        gain = (image * expected).sum(axis=(0, 1)) / (image**2).sum(axis=(0, 1)) if exposed else 1
+        scores.append(psnr(np.clip(image * gain, 0, 1), expected))
+    return float(np.mean(scores))
+
+
+def true_pictures(scene):
+    return {view.name: view.image() for view in scene.views}
+
+
+def cast(scene):
+    """Every photograph with a gain of its own in each channel."""
+    rng = np.random.default_rng(1)
+    for view in scene.train_views:
+        write_png(view.path, np.clip(view.image() * np.exp(rng.normal(-0.5, 0.4, 3)).astype(np.float32), 0, 1))
+
+
+def occlude(scene, side=24):
+    """A bright block somewhere in every third photograph."""
+    rng = np.random.default_rng(0)
+    for view in scene.train_views[::3]:
+        image = view.image()
+        top, left = rng.integers(0, image.shape[0] - side + 1), rng.integers(0, image.shape[1] - side + 1)
+        image[top : top + side, left : left + side] = (1, 0.9, 0.2)
+        write_png(view.path, image)
+
+
+def test_a_colour_cast_a_view_is_told_from_the_scene(tmp_path):
+    scene = photographed(tmp_path)
+    truth = true_pictures(scene)
+    cast(scene)
+    plain = taught(GaussianSplatting, SPLATTING, scene, tmp_path / "plain")
+    wild = taught(GaussianInTheWild, GSWConfig(SPLATTING, SHORT), scene, tmp_path / "wild")
+    assert held_out(wild, scene, truth, exposed=True) > held_out(plain, scene, truth, exposed=True) + 0.5
+
+
+def test_what_comes_and_goes_is_left_out_by_the_mask(tmp_path):
+    scene = photographed(tmp_path)
+    truth = true_pictures(scene)
+    occlude(scene)
+    found = [
+        held_out(taught(GaussianInTheWild, GSWConfig(SPLATTING, wild), scene, tmp_path / str(k)), scene, truth)
+        for k, wild in enumerate((CLOSE, replace(CLOSE, visible_from=2.0)))
+    ]
+    assert found[0] > found[1] + 0.7
+
+
+def test_the_same_pixels_from_disk_and_colours_for_viewers(tmp_path):
+    scene = photographed(tmp_path, n_views=6, width=37, height=29)
+    config = GSWConfig(GROWING, SHORT)
+    method = taught(GaussianInTheWild, config, scene, tmp_path)
+    method.save(tmp_path)
+    again = GaussianInTheWild.load(config, 0, tmp_path)
+    for view in scene.views:
+        assert np.array_equal(again.render(view.camera), method.render(view.camera))
+    assert again.statistics() == method.statistics()
+    assert method.statistics().used == "encoder small from scratch"
+    shown = read_ply(tmp_path / SPLATS)
+    assert shown.sh.shape == (len(shown), 1, 3)
+    camera = scene.train_views[0].camera
+    assert psnr(np.clip(render(shown, camera)[0], 0, 1), method.render(camera)) > 25
+    again.save(tmp_path / "copy")
+    first, second = (read_arrays(folder / NETWORK)[0] for folder in (tmp_path, tmp_path / "copy"))
+    assert all(np.array_equal(value, second[name]) for name, value in first.items())
+    other = replace(config, wild=replace(SHORT, fused=16))
+    with pytest.raises(InputError, match="another network"):
+        GaussianInTheWild.load(other, 0, tmp_path)
+
+
+def test_an_interrupted_run_ends_with_the_same_bits_as_a_whole_one(tmp_path, monkeypatch):
+    scene = photographed(tmp_path, n_views=6)
+    config = GSWConfig(replace(GROWING, checkpoint_seconds=0.0), replace(SHORT, visible_from=0.3))
+    whole = taught(GaussianInTheWild, config, scene, tmp_path / "whole")
+    assert len(whole._trained.gaussians) > len(scene.points)
+
+    learn = GaussianInTheWild.objective
+
+    def cut(self, scene, folder):
+        objective = learn(self, scene, folder)
+        step = objective.wild.learn
+
+        def failing(iteration):
+            if iteration == 7:
+                raise RuntimeError("cut")
+            step(iteration)
+
+        objective.wild.learn = failing
+        return objective
+
+    monkeypatch.setattr(GaussianInTheWild, "objective", cut)
+    with pytest.raises(RuntimeError, match="cut"):
+        taught(GaussianInTheWild, config, scene, tmp_path / "cut")
+    monkeypatch.undo()
+    resumed = taught(GaussianInTheWild, config, scene, tmp_path / "cut")
+    finished = taught(GaussianInTheWild, config, scene, tmp_path / "whole")  # from the checkpoint of the end
+    for other in (resumed, finished):
+        theirs = other._trained.gaussians.arrays()
+        assert all(np.array_equal(v, theirs[k]) for k, v in whole._trained.gaussians.arrays().items())
+        assert np.array_equal(other.render(scene.views[0].camera), whole.render(scene.views[0].camera))
+        assert np.array_equal(other._shown, whole._shown)
+    with pytest.raises(InputError, match="another run"):
+        taught(GaussianInTheWild, replace(config, wild=replace(config.wild, box=1.0)), scene, tmp_path / "cut")
+
+
+def test_the_mean_look_is_that_of_the_views_where_they_agree(tmp_path):
+    """With one reference for all adaptive maps to read, and no projection, the mean is what each view has."""
+    scene = photographed(tmp_path, n_views=6)
+    for view in scene.train_views:
+        write_png(view.path, np.full((36, 48, 3), 0.4, np.float32))
+    method = taught(GaussianInTheWild, GSWConfig(GROWING, replace(SHORT, dropout=0.0)), scene, tmp_path)
+    wild, trained = method._wild, method._trained
+    cameras = [view.camera for view in scene.train_views]
+    flat = wild.encode(0)[0].detach().mean(dim=(1, 2), keepdim=True).expand(-1, 4, 4)
+    wild.encode = lambda view: (flat, None)
+    coordinates = wild.features(trained.gaussians)
+    parameters = replace(trained.gaussians, features=coordinates)
+    mean = averaged(parameters, wild, cameras, trained.near, False)
+    assert np.allclose(mean.features, flat[:, 0, 0].numpy(), atol=1e-5)
+    wild._look_at = lambda view: (flat, None)
+    own = dressed(parameters, wild, cameras[1], 1, 1)
+    assert np.allclose(looking(mean, method._fusion, cameras[1]).sh, own.sh, atol=1e-4)
+    assert np.allclose(dressed(mean, wild, cameras[1], None, 1).sh, own.sh, atol=1e-4)
+
+
+def test_weights_of_the_encoder_come_from_a_file_that_is_named(tmp_path, monkeypatch):
+    monkeypatch.delenv("HYDROVIEWS_RESNET18", raising=False)
+    assert GaussianInTheWild.configuration("paper").wild.weights is None
+    path = tmp_path / "resnet18.pth"
+    monkeypatch.setenv("HYDROVIEWS_RESNET18", str(path))
+    with pytest.raises(InputError, match="no such file"):
+        GaussianInTheWild.configuration("paper")
+    path.write_bytes(b"damaged")
+    config = GaussianInTheWild.configuration("paper")
+    assert len(config.wild.weights_sha256) == 64
+    with pytest.raises(InputError, match="not weights of ResNet-18"):
+        GaussianInTheWild(config, 0).objective(photographed(tmp_path, n_views=3), tmp_path)
+    assert GaussianInTheWild.configuration("demo").wild == SHORT
+    with pytest.raises(InputError, match="unknown"):
+        GaussianInTheWild.configuration("long")
+
+
+def test_the_papers_networks_take_a_step(tmp_path):
+    scene = photographed(tmp_path, n_views=4)
+    config = GaussianInTheWild.configuration("paper")
+    config = GaussianInTheWild.shortened(config, 2)
+    config = replace(config, wild=replace(config.wild, lpips=0.0), splatting=replace(config.splatting, device="cpu"))
+    method = taught(GaussianInTheWild, config, scene, tmp_path)
+    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
+    assert method.statistics().used == "encoder resnet18 from scratch"
+    assert torch.isfinite(method._wild.encode(0)[0]).all()
