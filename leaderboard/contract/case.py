@@ -70,7 +70,7 @@ class Case:
     def renders(self, method: Method) -> list[Image]:
         """The held-out views, then one of another size."""
         cameras = [view.camera for view in self.scene.test_views]
-        return [method.render(camera) for camera in [*cameras, cameras[0].resized(*ODD_SIZE)]]
+        return [np.array(method.render(camera)) for camera in [*cameras, cameras[0].resized(*ODD_SIZE)]]
 
 
 def files_in(folder: Path) -> list[str]:

@@ -74,8 +74,13 @@ def rendering(case: Case) -> str:
     for asked in (camera, camera.resized(*ODD_SIZE), replace(camera, world_to_camera=turned)):
         image = case.trained.render(asked)
         _must_be_image(image, asked)
-        if not np.array_equal(image, case.trained.render(asked)):
+        kept = image.copy()
+        again = case.trained.render(asked)
+        if not np.array_equal(kept, again):
             raise Failed("asked again, other pixels")
+        again[:] = 0.5
+        if not np.array_equal(kept, image):
+            raise Failed("one render writes into the array of an earlier one")
     return f"{WIDTH}x{HEIGHT}, {ODD_SIZE[0]}x{ODD_SIZE[1]}, turned away: finite float32 in [0, 1]"
 
 
