@@ -5,6 +5,8 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 START = 0.5  # of the map that the first look is given
+DRY = -2.0  # logit of a map before anything is learned: about the share of drops
+SHRUNK = 0.5  # of a residual block's second convolution at the start, so that features do not grow from block to block
 State = tuple[Tensor, Tensor]  # hidden and cell [N, C, H, W]
 
 
@@ -57,11 +59,24 @@ class RecurrentAttention(nn.Module):
         self.blocks = nn.Sequential(*(ResidualBlock(width) for _ in range(blocks)))
         self.memory = ConvLSTM(width)
         self.map = nn.Conv2d(width, 1, 3, padding=1)
+        self._begin()
+
+    def _begin(self) -> None:
+        """Random weights that hand on what they are given (He et al. 2015): a memory that hardly sees learns late."""
+        for layer in self.modules():
+            if isinstance(layer, nn.Conv2d):
+                nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
+                nn.init.zeros_(layer.bias)  # type: ignore[arg-type]
+        with torch.no_grad():
+            for block in self.blocks.children():
+                assert isinstance(block, ResidualBlock)
+                block.second.weight.mul_(SHRUNK)
+            self.map.bias.fill_(DRY)  # type: ignore[union-attr]
 
     def forward(self, picture: Tensor) -> tuple[Tensor, ...]:
-        """N maps [B, 1, H / stride, W / stride] in (0, 1) of pictures [B, 3, H, W]; the same weights find each.
+        """N maps [B, 1, H / stride, W / stride] in (0, 1), each found with the same weights.
 
-        Height and width are multiples of the stride.
+        Of pictures [B, 3, H, W] in [-1, 1], height and width multiples of the stride.
         """
         squares = functional.pixel_unshuffle(picture, self.stride)
         attention = torch.full_like(squares[:, :1], START)

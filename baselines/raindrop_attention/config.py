@@ -53,6 +53,7 @@ class TrainingConfig:
     patch: int = 224  # pixels along a side
     crops: int = 1  # patches cut from one drawn picture
     batch: int = 4  # drawn pictures a step
+    removal_every: int = 1  # steps; in those between the attention alone learns, which is cheaper
     rate: float = 2e-4  # of Adam (Kingma and Ba 2015), after the warm-up
     final_rate: float = 1e-6  # at the end of the cosine
     warm_up: int = 100  # steps in which the rate rises linearly
@@ -77,11 +78,13 @@ CONFIGS = {
         generator=SMALL_GENERATOR,
         discriminator=DiscriminatorConfig(stride=4, widths=(16, 32, 32), reduced=(32, 16), pooled=2, hidden=64),
         losses=LossConfig(perceptual="alex", perceptual_weight=0.05),
-        steps=2_000,
+        steps=2_500,
         patch=128,
-        crops=4,
-        batch=1,
-        rate=1e-3,
+        crops=2,
+        batch=2,
+        removal_every=4,
+        rate=2e-3,
+        averaging=0.998,
         precision="bfloat16",
     ),
 }

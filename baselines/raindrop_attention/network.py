@@ -38,11 +38,20 @@ class Generator(nn.Module):
 
     def forward(self, picture: Tensor) -> Derained:
         """Of pictures [N, 3, H, W], sRGB-encoded in [0, 1], H and W multiples of `multiple`."""
-        maps = self.attention(picture)
-        frames = self.autoencoder(picture, full_size(maps[-1], picture))
+        maps = self.maps(picture)
+        frames = self.autoencoder(_centred(picture), full_size(maps[-1], picture))
         if self.config.residual:
             frames = Frames(*(own + added for own, added in zip(frames_of(picture), frames, strict=True)))
         return Derained(maps, frames)
+
+    def maps(self, picture: Tensor) -> tuple[Tensor, ...]:
+        """The attention alone: see `Derained`."""
+        return self.attention(_centred(picture))
+
+
+def _centred(picture: Tensor) -> Tensor:
+    """[0, 1] as [-1, 1]."""
+    return 2 * picture - 1
 
 
 def full_size(attention: Tensor, picture: Tensor) -> Tensor:

@@ -18,7 +18,7 @@ from tqdm import tqdm
 
 from baselines.raindrop_attention.config import TrainingConfig, Upkeep
 from baselines.raindrop_attention.discriminator import Discriminator
-from baselines.raindrop_attention.losses import GeneratorLosses, discriminator_loss, generator_losses
+from baselines.raindrop_attention.losses import attention_loss, discriminator_loss, generator_losses
 from baselines.raindrop_attention.network import Generator
 from baselines.raindrop_attention.pairs import Batch, Patches
 from baselines.splatting.checkpoints import read_arrays, write_arrays
@@ -28,7 +28,7 @@ from hydroviews.files import write_bytes
 
 CHECKPOINT, CURVE = "checkpoint.safetensors", "curve.csv"
 SMOOTHING = 0.99  # of the losses that are shown
-BETAS = (0.5, 0.999)  # of Adam, as is usual where two networks learn from each other
+BETAS = {"generator": (0.9, 0.999), "discriminator": (0.5, 0.999)}  # of Adam
 
 Validate = Callable[[Generator], dict[str, float]]  # what a row of the curve says beside step, losses and rate
 
@@ -45,7 +45,7 @@ class Training:
         self.averaged.load_state_dict(self.generator.state_dict())
         learning = {"generator": self.generator, "discriminator": self.discriminator}
         self.optimisers = {
-            name: torch.optim.Adam(network.parameters(), config.rate, BETAS) for name, network in learning.items()
+            name: torch.optim.Adam(network.parameters(), config.rate, BETAS[name]) for name, network in learning.items()
         }
         self.step = 0
         self.seconds = 0.0
@@ -53,22 +53,27 @@ class Training:
         self.curve: list[dict[str, float]] = []
 
     def learn(self, batch: Batch) -> None:
-        """One step of the generator, one of the discriminator."""
+        """One step of the generator; where removal learns, one of the discriminator as well."""
         start = time.perf_counter()
         for optimiser in self.optimisers.values():
             for group in optimiser.param_groups:
                 group["lr"] = rate_at(self.step, self.config)
         batch = Batch(*(plane.contiguous(memory_format=torch.channels_last) for plane in batch))
-        losses, derained, attention = self._learn_to_derain(batch)
-        judged = self._learn_to_judge(derained, batch.clean, attention)
+        removing = self.step % self.config.removal_every == 0
+        for name, value in (self._learn_all(batch) if removing else self._learn_attention(batch)).items():
+            self.losses[name] = SMOOTHING * self.losses.get(name, value.item()) + (1 - SMOOTHING) * value.item()
         self._average()
-        for name, value in {**losses._asdict(), "discriminator": judged}.items():
-            old = self.losses.get(name, value.item())
-            self.losses[name] = SMOOTHING * old + (1 - SMOOTHING) * value.item()
         self.step += 1
         self.seconds += time.perf_counter() - start
 
-    def _learn_to_derain(self, batch: Batch) -> tuple[GeneratorLosses, Tensor, Tensor]:
+    def _learn_attention(self, batch: Batch) -> dict[str, Tensor]:
+        with self._precision():
+            maps = self.generator.maps(batch.rainy)
+        loss = attention_loss(maps, batch.cover, self.config.losses.attention_decay)
+        self._descend("generator", self.generator, loss)
+        return {"attention": loss}
+
+    def _learn_all(self, batch: Batch) -> dict[str, Tensor]:
         self.discriminator.requires_grad_(False)
         with self._precision():
             found = self.generator(batch.rainy)
@@ -76,7 +81,8 @@ class Training:
         losses = generator_losses(found, batch.clean, batch.cover, judged, self.config.losses)
         self._descend("generator", self.generator, losses.total(self.config.losses))
         self.discriminator.requires_grad_(True)
-        return losses, found.frames.whole.detach(), found.maps[-1].detach()
+        told = self._learn_to_judge(found.frames.whole.detach(), batch.clean, found.maps[-1].detach())
+        return {**losses._asdict(), "discriminator": told}
 
     def _learn_to_judge(self, derained: Tensor, clean: Tensor, attention: Tensor) -> Tensor:
         with self._precision():

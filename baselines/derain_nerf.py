@@ -1,0 +1,167 @@
+"""DerainNeRF (Li et al. 2024): a radiance field that learns nothing from the pixels where drops lie on the lens.
+
+A network finds the drops of every photograph once (`raindrop_attention`: Qian et al. 2018, as in the paper). Where its
+last attention map reaches a threshold a pixel is hidden, M = 1, and the field is trained with
+
+    L = mean over rays of (1 - M) |C - C*|^2, for the coarse and for the fine rendering.
+
+Rays are drawn over all pixels; those that are hidden count nothing. The network's other half, the photographs without
+their drops, is not used: C* is the photograph as it was taken, as in the paper.
+
+Where this deviates: the map is widened by a few pixels, since attention fades at the rims of drops, which are the
+darkest part of them; the field is a hash grid in the short profiles, that of NeRF in `paper`; scenes that are seen from
+all sides are contracted and not in normalised device coordinates, which have no room for them; no noise is added to
+densities.
+"""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from baselines.method import Statistics
+from baselines.raindrop_attention.detection import detect
+from baselines.raindrop_attention.network import Generator
+from baselines.raindrop_attention.weights import find_weights, load_detector
+from baselines.splatting.objective import TrainingImages, read_images
+from baselines.volumetric.config import MlpFieldConfig, VolumetricConfig
+from baselines.volumetric.method import RadianceMethod
+from hydroviews.files import sha256
+from hydroviews.masks import Ignored, mask_name, read_ignored, write_ignored
+from hydroviews.scenes import Scene
+
+MASKS = "drops"
+
+
+@dataclass(frozen=True)
+class DropConfig:
+    """What is taken for a drop."""
+
+    weights: str = "small"  # of the network, by name or path
+    threshold: float = 0.5  # attention from which on a pixel is hidden
+    widened: int = 1  # pixels by which what is hidden grows on every side
+    weights_sha256: str | None = None  # of their file: runs with other weights are other runs
+
+
+@dataclass(frozen=True)
+class DerainNeRFConfig:
+    """A field, and what it does not learn from."""
+
+    volumetric: VolumetricConfig
+    drops: DropConfig = field(default_factory=DropConfig)
+
+
+# The released code's training: 200,000 steps of 1,024 rays, 64 and 64 samples, a tenth of the rate in 250,000 steps.
+PAPER = VolumetricConfig(
+    iterations=200_000,
+    rays=1024,
+    field=MlpFieldConfig(),
+    guide_samples=64,
+    samples=64,
+    final_rate=0.1 ** (200 / 250),
+    rising=0,
+    anneal=0,
+    teach_every=1,
+)
+PROFILES = {
+    "demo": DerainNeRFConfig(VolumetricConfig(iterations=4500)),
+    "quick": DerainNeRFConfig(VolumetricConfig(iterations=15_000)),
+    "paper": DerainNeRFConfig(PAPER),
+}
+
+
+class DerainNeRF(RadianceMethod):
+    """The paper's method."""
+
+    trains_on: ClassVar[Literal["rainy", "clean"]] = "rainy"
+    profiles: ClassVar[Mapping[str, Any]] = PROFILES
+
+    def __init__(self, config: DerainNeRFConfig, seed: int) -> None:
+        super().__init__(config, seed)
+        self._hidden: float | None = None  # share of the training pixels
+
+    @classmethod
+    def configuration(cls, profile: str) -> DerainNeRFConfig:
+        """See Method.
+
+        Raises:
+            InputError: no such profile, or no such weights.
+        """
+        config: DerainNeRFConfig = super().configuration(profile)
+        drops = replace(config.drops, weights_sha256=sha256(find_weights(config.drops.weights)))
+        return replace(config, drops=drops)
+
+    @property
+    def volumetric(self) -> VolumetricConfig:
+        """See RadianceMethod."""
+        config: DerainNeRFConfig = self.config
+        return config.volumetric
+
+    def about(self) -> dict[str, Any]:
+        """See RadianceMethod."""
+        return asdict(self.config.drops)
+
+    def weights(self, scene: Scene, folder: Path) -> Sequence[NDArray[np.float32]]:
+        """See RadianceMethod; 1 - M, and M is kept in `folder` as pictures."""
+        images, names = read_images(scene.train_views), [view.name for view in scene.train_views]
+        masks = drop_masks(images, names, self.config.drops, folder / MASKS)
+        self._hidden = float(np.mean(np.concatenate([mask.ravel() for mask in masks])))
+        return [1 - mask.astype(np.float32) for mask in masks]
+
+    def statistics(self) -> Statistics:
+        """See Method."""
+        used = "" if self._hidden is None else f"{self._hidden:.1%} of the pixels hidden as drops"
+        return replace(super().statistics(), used=used)
+
+
+class DerainNeRFClean(DerainNeRF):
+    """The same, shown the clean photographs: what the field is worth, whatever is hidden without need."""
+
+    trains_on: ClassVar[Literal["rainy", "clean"]] = "clean"
+
+
+class PlainField(RadianceMethod):
+    """The same field with every pixel counting: what the masks are worth."""
+
+    profiles: ClassVar[Mapping[str, Any]] = {name: config.volumetric for name, config in PROFILES.items()}
+
+
+def drop_masks(images: TrainingImages, names: list[str], config: DropConfig, folder: Path) -> list[Ignored]:
+    """What is hidden of every photograph, bool [H, W]; found once, and kept in `folder`.
+
+    Args:
+        images: the photographs.
+        names: theirs, for the files.
+        config: of the detection.
+        folder: where masks are kept, apart for other photographs and other settings.
+
+    Raises:
+        InputError: no such weights, or a kept mask is damaged.
+    """
+    settings = repr((config.threshold, config.widened, sha256(find_weights(config.weights))))
+    kept = folder / hashlib.sha256((images.digest() + settings).encode()).hexdigest()[:16]
+    generator = load_detector(config.weights).generator
+    progress = tqdm(names, desc="detecting drops", unit="view", leave=False)
+    return [_mask(images.pixels(i), generator, config, kept / mask_name(name)) for i, name in enumerate(progress)]
+
+
+def _mask(pixels: NDArray[np.uint8], generator: Generator, config: DropConfig, path: Path) -> Ignored:
+    """One photograph's mask; read if an earlier call has finished it."""
+    if not path.is_file():
+        attention = detect(pixels.astype(np.float32) / 255, generator).attention
+        write_ignored(path, hidden(attention, config))
+    return read_ignored(path)
+
+
+def hidden(attention: NDArray[np.float32], config: DropConfig) -> Ignored:
+    """Attention [H, W] from the threshold on, widened."""
+    found = (attention >= config.threshold).astype(np.uint8)
+    side = 2 * config.widened + 1
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
+    return np.asarray(cv2.dilate(found, kernel) > 0)
