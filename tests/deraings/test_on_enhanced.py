@@ -105,7 +105,7 @@ def test_what_is_hidden_stays_hidden_behind_a_lens_too(scene, weights, tmp_path)
 
 def test_it_is_found_by_name():
     registered = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]["entry-points"][WRAPPERS]
-    assert registered == {"enhance": ON_ENHANCED}
+    assert registered["enhance"] == ON_ENHANCED
     wrapped = find_method(f"3dgs+{ON_ENHANCED}")
     assert wrapped is on_enhanced(GaussianSplatting)
     assert wrapped.trains_on == "rainy"
