@@ -76,7 +76,8 @@ class WildAppearance(Appearance):
         """Dynamic features [n, D] of the Gaussians `seen`, from the maps [D, h, w] of a view and its camera."""
         own = boxed(parameters["features"], self.config.box)[seen].unflatten(1, (-1, 2))
         shown = projected(parameters["means"].detach()[seen], camera)
-        return sample(maps.unflatten(0, (1 + self.config.maps, -1)), torch.cat([shown[:, None], own], dim=1))
+        projection, adaptive = maps.unflatten(0, (1 + self.config.maps, -1)).split([1, self.config.maps])
+        return torch.cat([sample(projection, shown[:, None]), sample(adaptive, own)], dim=1)
 
     def encode(self, view: int) -> tuple[Tensor, Tensor]:
         """The maps [D, h, w] and the visibility mask [h', w'] of a training view."""

@@ -25,7 +25,7 @@ class WildConfig:
     rate_coordinates: float = 4e-3  # of the coordinates in the maps, whose sides are 2 long
     final: float = 0.1  # what these rates have fallen to at the end, as a factor
     box: float = 1e-3  # weight of mean(relu(|coordinate| - 1)) in the loss
-    visible_from: float = 2500 / 70_000  # share of the iterations after which the visibility mask weighs the loss
+    visible_from: float = 2500 / 70_000  # share of the iterations after which the mask weighs the loss; above 1 never
     visible_price: float = 0.15  # weight of mean((1 - m)^2) in the loss
     lpips: float = 0.005  # weight of LPIPS (VGG) in the loss
 

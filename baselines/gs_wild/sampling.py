@@ -21,12 +21,14 @@ class _Bilinear(torch.autograd.Function):
         return _blended(rows, corners, _outer(1 - low, low, 1 - right, right))
 
     @staticmethod
-    def backward(context: Any, gradient: Tensor) -> tuple[Tensor, None, Tensor, Tensor]:
+    def backward(context: Any, gradient: Tensor) -> tuple[Tensor | None, ...]:
         rows, corners, right, low = context.saved_tensors
         weights, one = _outer(1 - low, low, 1 - right, right), torch.ones_like(low)
         by_rows = torch.zeros_like(rows)
         for k in range(4):
             by_rows.index_add_(0, corners[:, k], gradient * weights[:, k : k + 1])
+        if not context.needs_input_grad[2]:
+            return by_rows, None, None, None
         by_right = (_blended(rows, corners, _outer(1 - low, low, -one, one)) * gradient).sum(dim=1)
         by_low = (_blended(rows, corners, _outer(-one, one, 1 - right, right)) * gradient).sum(dim=1)
         return by_rows, None, by_right, by_low
