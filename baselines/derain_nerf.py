@@ -33,6 +33,7 @@ from baselines.splatting.objective import TrainingImages, read_images
 from baselines.volumetric.config import MlpFieldConfig, VolumetricConfig
 from baselines.volumetric.method import RadianceMethod
 from hydroviews.files import sha256
+from hydroviews.images import Image, resize_area
 from hydroviews.masks import Ignored, mask_name, read_ignored, write_ignored
 from hydroviews.scenes import Scene
 
@@ -46,6 +47,7 @@ class DropConfig:
     weights: str = "small"  # of the network, by name or path
     threshold: float = 0.5  # attention from which on a pixel is hidden
     widened: int = 1  # pixels by which what is hidden grows on every side
+    longest: int = 480  # larger pictures are looked at with so many pixels a side, as the network has learnt to
     weights_sha256: str | None = None  # of their file: runs with other weights are other runs
 
 
@@ -144,7 +146,7 @@ def drop_masks(images: TrainingImages, names: list[str], config: DropConfig, fol
     Raises:
         InputError: no such weights, or a kept mask is damaged.
     """
-    settings = repr((config.threshold, config.widened, sha256(find_weights(config.weights))))
+    settings = repr((config.threshold, config.widened, config.longest, sha256(find_weights(config.weights))))
     kept = folder / hashlib.sha256((images.digest() + settings).encode()).hexdigest()[:16]
     generator = load_detector(config.weights).generator
     progress = tqdm(names, desc="detecting drops", unit="view", leave=False)
@@ -154,9 +156,18 @@ def drop_masks(images: TrainingImages, names: list[str], config: DropConfig, fol
 def _mask(pixels: NDArray[np.uint8], generator: Generator, config: DropConfig, path: Path) -> Ignored:
     """One photograph's mask; read if an earlier call has finished it."""
     if not path.is_file():
-        attention = detect(pixels.astype(np.float32) / 255, generator).attention
+        attention = attention_of(pixels.astype(np.float32) / 255, generator, config.longest)
         write_ignored(path, hidden(attention, config))
     return read_ignored(path)
+
+
+def attention_of(image: Image, generator: Generator, longest: int) -> NDArray[np.float32]:
+    """The network's last map [H, W] of a picture [H, W, 3], which is looked at with `longest` pixels a side at most."""
+    height, width = image.shape[:2]
+    scale = min(1.0, longest / max(height, width))
+    small = resize_area(image, max(1, round(width * scale)), max(1, round(height * scale)))
+    found = detect(small, generator).attention
+    return np.asarray(cv2.resize(found, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
 
 
 def hidden(attention: NDArray[np.float32], config: DropConfig) -> Ignored:

@@ -10,7 +10,16 @@ import torch
 from tiny_attention import GENERATOR
 
 from baselines import derain_nerf
-from baselines.derain_nerf import MASKS, DerainNeRF, DerainNeRFConfig, DropConfig, PlainField, drop_masks, hidden
+from baselines.derain_nerf import (
+    MASKS,
+    DerainNeRF,
+    DerainNeRFConfig,
+    DropConfig,
+    PlainField,
+    attention_of,
+    drop_masks,
+    hidden,
+)
 from baselines.raindrop_attention.detection import Found
 from baselines.raindrop_attention.network import Generator
 from baselines.raindrop_attention.weights import save_generator
@@ -137,6 +146,22 @@ def test_what_is_hidden_is_widened():
     assert hidden(attention, DropConfig(widened=1)).sum() == 5
     assert hidden(attention, DropConfig(widened=2))[2:7, 4].all()
     assert not hidden(attention, DropConfig(widened=2))[1, 1]
+
+
+def test_large_pictures_are_looked_at_as_small_ones(monkeypatch):
+    seen = []
+
+    def look(image, _):
+        seen.append(image.shape)
+        return Found(np.full(image.shape[:2], image[0, 0, 0], np.float32), image)
+
+    monkeypatch.setattr(derain_nerf, "detect", look)
+    image = np.full((30, 90, 3), 0.25, np.float32)
+    for longest in (45, 90, 480):
+        attention = attention_of(image, Generator(GENERATOR), longest)
+        assert attention.shape == (30, 90)
+        np.testing.assert_allclose(attention, 0.25)
+    assert seen == [(15, 45, 3), (30, 90, 3), (30, 90, 3)]
 
 
 def test_other_weights_are_another_configuration_and_odd_profiles_are_refused(tmp_path, monkeypatch):
