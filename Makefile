@@ -46,7 +46,7 @@ $(error RUN= is missing: name the folder of a finished run, such as RUN=$(RESULT
 endif
 endif
 
-.PHONY: setup dataset eval check severity enhancer ablation leaderboard view film bench test lint
+.PHONY: setup dataset eval check severity enhancer drop-finder ablation leaderboard view film bench test lint
 
 setup: $(READY)  ## everything into .venv, at the versions of constraints.txt
 
@@ -71,6 +71,9 @@ severity: $(READY)  ## what plain 3DGS loses to each of a scene's six patterns, 
 
 enhancer: $(READY)  ## train the enhancement network: PHOTOGRAPHS=a folder of clean photographs
 	$(BIN)/python -m deraings.enhancement train --photographs '$(PHOTOGRAPHS)' --cache '$(RESULTS)/enhancement/rain' --out '$(RESULTS)/enhancement/small'
+
+drop-finder: $(READY)  ## train the network that finds drops for derain-nerf: PHOTOGRAPHS=a folder of clean photographs
+	$(BIN)/python -m baselines.raindrop_attention train --photographs '$(PHOTOGRAPHS)' --cache '$(RESULTS)/enhancement/rain' --out '$(RESULTS)/raindrop-attention/small'
 
 ablation: $(READY)  ## DeRainGS with parts left out and with the rain model, on SCENE= for every seed of SEEDS="0 1 2"
 	set -e; for seed in $(SEEDS); do for method in $(ABLATION); do $(MAKE) eval METHOD=$$method SEED=$$seed; done; done
