@@ -25,7 +25,6 @@ from hydroviews.pairs.drawn import DrawnRain
 from hydroviews.pairs.photographs import read_photographs, split_photographs
 
 CACHE = Path("results/raindrop-attention/rain")
-WATCHED = 4  # held-out photographs that are looked at while training; all of them at the end
 VALIDATION_SEED = 1000  # of lenses and rain of the validation, whatever the training's seed
 
 
@@ -40,6 +39,8 @@ class Request:
     cache: Path = CACHE  # keeps what Blender bakes
     out: Path = Path("results/raindrop-attention/small")  # gets checkpoint, curve, weights and data card
     threads: int = 0  # 0: as many as there are cores
+    watched: int = 4  # held-out photographs that are looked at while training
+    validated: int = 0  # and that the weights are validated on in the end, 0 for all
 
     def training(self) -> TrainingConfig:
         """The configuration that is asked for."""
@@ -53,7 +54,7 @@ def train_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
     config, split = request.training(), split_photographs(request.photographs)
     drawn = DrawnRain(read_photographs(split.training), lenses(request.cache, config.seed), KINDS)
     patches = Patches(drawn, config.patch, config.crops, config.batch, config.seed)
-    pictures = _held_out(request.photographs, request.cache, WATCHED)
+    pictures = _held_out(request.photographs, request.cache, request.watched)
 
     def validate(generator: Generator) -> dict[str, float]:
         return as_columns(scores(generator, pictures))
@@ -73,7 +74,7 @@ def export_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
 def write_weights(request: Request, training: Training) -> None:
     """Validate on held-out photographs, and write weights and data card."""
     training.averaged.load_state_dict(rounded(training.averaged.state_dict()))
-    rows = scores(training.averaged, _held_out(request.photographs, request.cache))
+    rows = scores(training.averaged, _held_out(request.photographs, request.cache, request.validated))
     settings = asdict(training.config)
     generator = settings.pop("generator")
     card: dict[str, Any] = {
@@ -123,8 +124,8 @@ def described(request: Request) -> str:
     return f"{count} photographs ({folder.parent.name}/{folder.name}); {LENSES} wet lenses a frame, and mist alone"
 
 
-def _held_out(photographs: Path, cache: Path, count: int | None = None) -> list[Watched]:
-    files = split_photographs(photographs).held_out[:count]
+def _held_out(photographs: Path, cache: Path, count: int = 0) -> list[Watched]:
+    files = split_photographs(photographs).held_out[: count or None]
     return watched(read_photographs(files), cache / "attention", VALIDATION_SEED)
 
 
