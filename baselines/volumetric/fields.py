@@ -51,16 +51,16 @@ class HashField(nn.Module):
 
     def geometry(self, points: Tensor) -> tuple[Tensor, Tensor]:
         """See Field."""
-        hidden = torch.relu(self.inner(self.grid(points.reshape(-1, 3))))
+        hidden = self.inner(self.grid(points.reshape(-1, 3))).relu_()
         outputs = self.outer(hidden).view(*points.shape[:2], -1)
         return exponential(outputs[..., 0]), outputs[..., 1:]
 
     def colour(self, features: Tensor, directions: Tensor, codes: Tensor | None = None) -> Tensor:
         """See Field."""
         ray = harmonics(directions) if codes is None else torch.cat([harmonics(directions), codes], 1)
-        hidden = torch.relu(self.entry(features) + self.ray_entry(ray)[:, None])
+        hidden = (self.entry(features) + self.ray_entry(ray)[:, None]).relu_()
         for layer in self.middle:
-            hidden = torch.relu(layer(hidden))
+            hidden = layer(hidden).relu_()
         return torch.sigmoid(self.exit(hidden))
 
 
@@ -75,7 +75,7 @@ class HashGuide(nn.Module):
 
     def density(self, points: Tensor) -> Tensor:
         """Density [R, S] at points [R, S, 3] of the unit cube."""
-        hidden = torch.relu(self.inner(self.grid(points.reshape(-1, 3))))
+        hidden = self.inner(self.grid(points.reshape(-1, 3))).relu_()
         return exponential(self.outer(hidden)).view(points.shape[:2])
 
 
@@ -100,11 +100,11 @@ class MlpField(nn.Module):
         hidden = encoded
         for index, layer in enumerate(self.trunk):
             hidden = torch.cat([hidden, encoded], -1) if index == self._config.skip else hidden
-            hidden = torch.relu(layer(hidden))
+            hidden = layer(hidden).relu_()
         return nn.functional.softplus(self.density(hidden)[..., 0]), self.final(hidden)
 
     def colour(self, features: Tensor, directions: Tensor, codes: Tensor | None = None) -> Tensor:
         """See Field."""
         encoded = positional(directions, self._config.direction_octaves)
         ray = encoded if codes is None else torch.cat([encoded, codes], 1)
-        return torch.sigmoid(self.exit(torch.relu(self.entry(features) + self.ray_entry(ray)[:, None])))
+        return torch.sigmoid(self.exit((self.entry(features) + self.ray_entry(ray)[:, None]).relu_()))

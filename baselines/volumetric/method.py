@@ -74,7 +74,7 @@ class RadianceMethod(Method):
         return {}
 
     def weights(self, scene: Scene, folder: Path) -> Sequence[NDArray[np.float32]] | None:
-        """How much each pixel of the training views counts, [H, W] in [0, 1] a view; `folder` may keep what it needs."""
+        """How much each pixel of the training views counts, [H, W] in [0, 1]; `folder` may keep what it needs."""
         return None
 
     def fit(self, scene: Scene, folder: Path) -> None:

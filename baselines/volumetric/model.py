@@ -37,7 +37,6 @@ class Samples:
     edges: Tensor  # [R, S + 1] in [0, 1]
     lengths: Tensor  # [R, S]
     points: Tensor  # [R, S, 3], the intervals' middles in the unit cube
-    t: Tensor  # [R, S], where those lie
 
 
 @dataclass(frozen=True)
@@ -51,11 +50,6 @@ class Rendering:
     guide_weights: Tensor  # [R, G]
     coarse_colour: Tensor | None = None  # [R, 3], where the guide is a field with colours
     more: dict[str, Tensor] = field(default_factory=dict)  # what a method's loss wants besides
-
-    @property
-    def depth(self) -> Tensor:
-        """Mean t [R] of what is seen."""
-        return (self.weights * self.samples.t).sum(1) / self.weights.sum(1).clamp_min(1e-8)
 
 
 class RadianceModel(nn.Module):
@@ -107,8 +101,11 @@ class RadianceModel(nn.Module):
         """The intervals between edges [R, S + 1] in [0, 1]."""
         t = self.space.along(edges)
         middles = (t[:, 1:] + t[:, :-1]) / 2
-        lengths = interval_lengths(t, rays.directions, self.config.background is None)
-        return Samples(edges, lengths, self.space.unit(rays.points(middles)), middles)
+        open_end = self.config.background is None
+        if open_end:  # the last interval stands for all that is far away: the sky has no parallax
+            middles = torch.cat([middles[:, :-1], torch.full_like(middles[:, :1], self.space.horizon)], 1)
+        lengths = interval_lengths(t, rays.directions, open_end)
+        return Samples(edges, lengths, self.space.unit(rays.points(middles)))
 
     def _survey(self, rays: Rays, practice: Practice | None) -> tuple[Tensor, Tensor, Tensor | None]:
         """The guide's histogram: edges [R, G + 1], weights [R, G], and colours [R, 3] if it has any."""

@@ -64,7 +64,7 @@ def interlevel_loss(edges: Tensor, weights: Tensor, guide_edges: Tensor, guide_w
     """
     edges, weights = edges.detach(), weights.detach()
     cumulative = torch.cat([torch.zeros_like(guide_weights[:, :1]), guide_weights.cumsum(1)], 1)
-    last = guide_weights.shape[1]
+    guide_edges, last = guide_edges.contiguous(), guide_weights.shape[1]
     first = (torch.searchsorted(guide_edges, edges[:, :-1].contiguous(), right=True) - 1).clamp(0, last)
     behind = torch.searchsorted(guide_edges, edges[:, 1:].contiguous(), right=False).clamp(0, last)
     bound = cumulative.gather(1, behind) - cumulative.gather(1, first)

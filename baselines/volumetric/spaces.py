@@ -20,7 +20,7 @@ from hydroviews.errors import InputError
 from hydroviews.scenes import Points
 
 KINDS = ("auto", "contracted", "ndc")
-BEYOND = 2.0  # contracted rays end at this many times the farthest points: what is behind them is the last interval's
+BEYOND = 2.0  # times the farthest points: where contracted rays end, but for what is infinitely far away
 STEEPEST = 0.2  # of a forward-facing scene's rays: smallest cosine with the mean viewing direction
 
 
@@ -43,6 +43,10 @@ class Rays:
 
 class Space(Protocol):
     """A scene's coordinates."""
+
+    @property
+    def horizon(self) -> float:
+        """The t of what is infinitely far away."""
 
     def enter(self, rays: WorldRays, device: torch.device) -> Rays:
         """World rays in this space's coordinates, in float32."""
@@ -74,6 +78,7 @@ class Contracted:
     """Cameras in the unit ball, everything else contracted around it; samples are spread evenly over log t."""
 
     kind: ClassVar[str] = "contracted"
+    horizon: ClassVar[float] = 1e6
     middle: tuple[float, ...]  # world position of the origin
     radius: float  # world units a unit
     near: float  # in units
@@ -103,6 +108,7 @@ class Forward:
     """The frustum of a mean camera from its near plane to infinity as a cube (NeRF, appendix C)."""
 
     kind: ClassVar[str] = "ndc"
+    horizon: ClassVar[float] = 1.0
     pose: tuple[tuple[float, ...], ...]  # world to the mean camera [4, 4]
     slopes: tuple[float, float]  # x / z and y / z at the sides of the frustum
     near: float  # world units

@@ -1,4 +1,4 @@
-"""A ball with coloured stripes before a grey wall all round, photographed by exact ray casting."""
+"""A ball with coloured stripes before a patterned sky, photographed by exact ray casting."""
 
 from pathlib import Path
 
@@ -11,21 +11,21 @@ from hydroviews.images import write_png
 from hydroviews.scenes import Points, Scene, View, make_scene
 
 SMALL = VolumetricConfig(
-    iterations=250,
-    rays=512,
+    iterations=300,
+    rays=256,
     guide_samples=32,
     samples=16,
     anneal=100,
     teach_always=150,
     rising=10,
     field=HashFieldConfig(
-        grid=GridConfig(4, 12, 8, 64), hidden=16, colour_layers=1, guide_grid=GridConfig(3, 10, 8, 32)
+        grid=GridConfig(4, 12, 8, 64), hidden=16, colour_layers=1, guide_grid=GridConfig(3, 10, 8, 32), rate=3e-2
     ),
 )
 
 
 def seen(view_camera, radius: float = 1.0) -> np.ndarray:
-    """The picture [H, W, 3]: stripes on the ball, elsewhere a grey that depends on the ray's height."""
+    """The picture [H, W, 3]: stripes on the ball, elsewhere a pattern infinitely far away."""
     rays = camera_rays(view_camera)
     directions = rays.directions / np.linalg.norm(rays.directions, axis=1, keepdims=True)
     middle = -(rays.origins * directions).sum(1)
@@ -33,12 +33,12 @@ def seen(view_camera, radius: float = 1.0) -> np.ndarray:
     t = middle - np.sqrt(np.maximum(inside, 0))
     points = rays.origins + t[:, None] * directions
     stripes = 0.5 + 0.4 * np.sin(4 * points + [0, 1, 2])
-    wall = (0.4 + 0.3 * directions[:, 1:2]) * np.ones(3)
-    image = np.where(inside[:, None] > 0, stripes, wall)
+    sky = 0.5 + 0.3 * np.sin(6 * directions + [2, 0, 1])
+    image = np.where(inside[:, None] > 0, stripes, sky)
     return image.reshape(view_camera.height, view_camera.width, 3).astype(np.float32)
 
 
-def photographed(folder: Path, n_views: int = 12, width: int = 40, height: int = 30, change=None) -> Scene:
+def photographed(folder: Path, n_views: int = 24, width: int = 32, height: int = 24, change=None) -> Scene:
     """Cameras in a ring; `change(image, index)` spoils the training views' pictures."""
     views, pictures = [], []
     for index in range(n_views):

@@ -76,13 +76,13 @@ def test_the_gradient_is_that_of_finite_differences():
     grid = grid_of(values, [2, 3, 9])
     grid(where).square().sum().backward()
     rng = np.random.default_rng(0)
-    for _ in range(20):
+    for _ in range(8):
         at = tuple(rng.integers(0, size) for size in values.shape)
         ends = []
         for step in (-1e-4, 1e-4):
             moved = values.clone()
             moved[at] += step
-            ends.append(float(grid_of(moved, [2, 3, 9])(where).square().sum()))
+            ends.append(grid_of(moved, [2, 3, 9])(where).square().sum().item())
         assert float(grid.tables.grad[at]) == pytest.approx((ends[1] - ends[0]) / 2e-4, rel=1e-5, abs=1e-7)
 
 

@@ -55,16 +55,16 @@ def disturbed(config, at, action):
 
 def test_a_ball_is_learnt(scene, tmp_path):
     trained = fit(scene, SMALL, tmp_path)
-    assert balls.psnr(trained.model.render, scene.train_views) > 26
-    assert balls.psnr(trained.model.render, scene.test_views) > 22
+    assert balls.psnr(trained.model.render, scene.train_views) > 24
+    assert balls.psnr(trained.model.render, scene.test_views) > 21.5
 
 
 def test_the_network_of_the_papers_learns_too(scene, tmp_path):
-    field = MlpFieldConfig(width=32, depth=4, skip=2, position_octaves=4, direction_octaves=1, rate=3e-3)
-    config = replace(SMALL, field=field, iterations=150, rays=256, guide_samples=16)
+    field = MlpFieldConfig(width=32, depth=4, skip=2, position_octaves=4, direction_octaves=1, rate=1e-2)
+    config = replace(SMALL, field=field, iterations=150, rays=128, guide_samples=16)
     trained = fit(scene, config, tmp_path)
-    grey = np.mean([view.image().mean() for view in scene.train_views])
-    assert balls.psnr(trained.model.render, scene.test_views) > 3 + balls.psnr(lambda _: grey, scene.test_views)
+    mean = np.mean([view.image() for view in scene.train_views], axis=0)
+    assert balls.psnr(trained.model.render, scene.test_views) > 1 + balls.psnr(lambda _: mean, scene.test_views)
 
 
 def test_the_same_seed_gives_the_same_bits(scene, undisturbed, tmp_path):
@@ -107,7 +107,7 @@ def test_a_checkpoint_of_another_run_is_refused(scene, tmp_path, change):
     elif change == "about":
         more["about"] = {"share": 0.5}
     elif change == "weights":
-        more["weights"] = [np.full((30, 40), 0.5, np.float32) for _ in scene.train_views]
+        more["weights"] = [np.full((24, 32), 0.5, np.float32) for _ in scene.train_views]
     else:
         view = scene.train_views[0]
         write_png(tmp_path / "other.png", 1 - view.image())
@@ -118,15 +118,15 @@ def test_a_checkpoint_of_another_run_is_refused(scene, tmp_path, change):
 
 
 def test_pixels_of_weight_zero_leave_no_trace(scene, tmp_path):
-    weights = [np.ones((30, 40), np.float32) for _ in scene.train_views]
+    weights = [np.ones((24, 32), np.float32) for _ in scene.train_views]
     for weight in weights:
-        weight[10:20, 15:30] = 0
+        weight[8:16, 10:20] = 0
     trained = []
     for take, seed in (("one", 1), ("two", 2)):
         noise, views = np.random.default_rng(seed), []
         for view in scene.views:
             pixels = view.image()
-            pixels[10:20, 15:30] = noise.random((10, 15, 3))
+            pixels[8:16, 10:20] = noise.random((8, 10, 3))
             write_png(tmp_path / take / view.path.name, pixels)
             views.append(replace(view, path=tmp_path / take / view.path.name))
         changed = replace(scene, views=tuple(views))
@@ -137,11 +137,11 @@ def test_pixels_of_weight_zero_leave_no_trace(scene, tmp_path):
 def test_bad_input_is_refused(scene, tmp_path):
     with pytest.raises(InputError, match="no training views"):
         fit(replace(scene, split=replace(scene.split, train=())), SHORT, tmp_path)
-    for weights in ([np.ones((30, 40), np.float32)], [np.full((30, 40), 1.5, np.float32) for _ in scene.train_views]):
+    for weights in ([np.ones((24, 32), np.float32)], [np.full((24, 32), 1.5, np.float32) for _ in scene.train_views]):
         with pytest.raises(InputError, match="weights of the pixels"):
             fit(scene, SHORT, tmp_path, weights=weights)
     with pytest.raises(InputError, match="no pixel counts"):
-        fit(scene, SHORT, tmp_path, weights=[np.zeros((30, 40), np.float32) for _ in scene.train_views])
+        fit(scene, SHORT, tmp_path, weights=[np.zeros((24, 32), np.float32) for _ in scene.train_views])
     (tmp_path / CHECKPOINT).write_bytes(b"nothing")
     with pytest.raises(InputError, match="damaged"):
         fit(scene, SHORT, tmp_path)
