@@ -34,7 +34,6 @@ from baselines.wild.features import Features, Wanted, unlikeness
 from hydroviews.images import Image
 
 DROPOUT = 5  # random stream
-CERTAIN = math.log(math.e - 1)  # softplus of it is 1
 FLAT = 1e-6  # features that vary less are left out
 
 
@@ -46,11 +45,13 @@ class UncertaintyConfig:
     start: int = 10_000  # all pixels count before
     warm_up: int = 1800  # iterations over which the weights turn from 1 to those predicted
     protected: int = 500  # iterations after a reset of the opacities in which nothing is learnt from the renders
+    first_lesson: int = 0  # nothing is learnt before
     every: int = 1  # iterations from one lesson to the next
     regulariser: float = 0.5  # lambda
     rate: float = 1e-3  # Adam's
     dropout: float = 0.5  # share of the features that a lesson leaves out
-    least: float = 0.1  # u is never smaller
+    prior: float = 1.0  # u before the first lesson
+    least: float = 0.1  # u is never smaller; pixels count where it is below 0.71
 
 
 class Uncertainty:
@@ -85,7 +86,7 @@ class Uncertainty:
             torch.manual_seed(seed)
             self.head = nn.Linear(len(everywhere), 1)
             nn.init.normal_(self.head.weight, 0, 0.01)
-            nn.init.zeros_(self.head.bias)
+            nn.init.constant_(self.head.bias, math.log(math.expm1(config.prior)))  # softplus of it is the prior
         self.head.to(everywhere.device)
         self._adam = torch.optim.Adam(self.head.parameters(), config.rate)
 
@@ -104,13 +105,14 @@ class Uncertainty:
 
     def learn(self, image: Image, view: int, iteration: int) -> None:
         """A step towards how unlike the photograph a render [H, W, 3] of its view is, if one is due."""
-        if iteration % self.config.every or self.is_protected(iteration):
+        config = self.config
+        if iteration < config.first_lesson or iteration % config.every or self.is_protected(iteration):
             return
         ignored = self.images.ignored(view, (image.shape[0], image.shape[1]))
         image = image if ignored is None else np.where(ignored[..., None], np.float32(0), image)  # as in the photograph
         unlike = self.unlike(image, view)
-        u = self._predict(view, self._dropped(iteration)).clamp(min=self.config.least)
-        loss = (uncertainty_loss(unlike, u, self.config.regulariser) * self._shown(view, u)).mean()
+        u = self._predict(view, self._dropped(iteration)).clamp(min=config.least)
+        loss = (uncertainty_loss(unlike, u, config.regulariser) * self._shown(view, u)).mean()
         loss.backward()
         self._adam.step()
         self._adam.zero_grad()
@@ -145,7 +147,7 @@ class Uncertainty:
     def _predict(self, view: int, factors: Tensor | float = 1.0) -> Tensor:
         """u [h, w] without a floor; `factors` [C, 1, 1] leave features out."""
         standard = (self._seen[view] - self._mean) * self._factor * factors
-        return softplus(self.head(standard.permute(1, 2, 0))[..., 0] + CERTAIN)
+        return softplus(self.head(standard.permute(1, 2, 0))[..., 0])
 
     def _dropped(self, iteration: int) -> Tensor:
         """Factors [C, 1, 1] that leave some of the features out, and make up for it."""

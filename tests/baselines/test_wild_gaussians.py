@@ -1,0 +1,181 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from splats import photographed
+from trainings import psnr
+
+import baselines.wild_gaussians as wild
+from baselines.gaussian_splatting import GaussianSplatting
+from baselines.method import find_method
+from baselines.splatting.config import TrainerConfig
+from baselines.splatting.densification import Densification
+from baselines.splatting.gaussians import FIELDS
+from baselines.splatting.objective import Objective
+from baselines.splatting.ply import read_ply
+from baselines.splatting.rasterizer import Workspace, render
+from baselines.wild.appearance import AppearanceConfig
+from baselines.wild.uncertainty import UncertaintyConfig
+from baselines.wild_gaussians import PROFILES, WildConfig, WildGaussians
+from hydroviews.errors import InputError
+from hydroviews.images import write_png
+
+GROWTH = Densification(start=10, stop=150, every=20, budget=300, gradient=5e-5, reset_every=None, largest=1.0)
+SPLATTING = TrainerConfig(iterations=240, sh_degree=0, densification=GROWTH, device="cpu")
+QUICK_APPEARANCE = AppearanceConfig(width=16, scale=0.3, rate=5e-3, view_rate=2e-2)
+CONFIG = WildConfig(
+    SPLATTING,
+    QUICK_APPEARANCE,
+    UncertaintyConfig("alexnet", start=60, warm_up=20, protected=0, rate=1e-2, every=2),
+)
+BRIEF = replace(CONFIG, splatting=replace(SPLATTING, iterations=16, checkpoint_seconds=0.0), sky=50)
+
+
+def fitted(config, scene, folder, kind=WildGaussians, seed=0):
+    method = kind(config, seed)
+    method.fit(scene, folder)
+    return method
+
+
+def disturbed(scene, folder, change):
+    """The scene with other photographs."""
+    views = []
+    for index, view in enumerate(scene.views):
+        write_png(folder / view.path.name, np.clip(change(view.image().copy(), index), 0, 1))
+        views.append(replace(view, path=folder / view.path.name))
+    return replace(scene, views=tuple(views))
+
+
+def assert_same(one, other):
+    for name in FIELDS:
+        assert getattr(one, name).tobytes() == getattr(other, name).tobytes(), name
+
+
+def test_a_colour_cast_in_every_view_is_taken_off(tmp_path):
+    scene = photographed(tmp_path, n_views=16)
+    casts = np.random.default_rng(0).uniform(0.6, 1.0, (16, 3))
+    casts /= casts.mean(axis=0) / 0.8
+    cast = disturbed(scene, tmp_path / "cast", lambda image, index: image * casts[index])
+    truth = disturbed(scene, tmp_path / "truth", lambda image, _: image * 0.8).test_views  # in the mean of all light
+    config = replace(CONFIG, uncertainty=None)
+    plain = psnr(fitted(SPLATTING, cast, tmp_path / "plain", GaussianSplatting), truth)
+    toned = psnr(fitted(config, cast, tmp_path / "toned"), truth)
+    assert toned > plain + 1.5
+
+
+class Blocks:
+    """Stands in for AlexNet, which sees too far for pictures this small: mean colours of 8x8 pixels, and a constant."""
+
+    name, alike, unlike = "blocks", 0.02, 0.3
+
+    def __call__(self, image):
+        planes = torch.from_numpy(np.ascontiguousarray(image, np.float32)).permute(2, 0, 1)
+        mean = torch.nn.functional.avg_pool2d(planes, 8) - 0.4
+        return torch.cat([mean, torch.full_like(mean[:1], 0.15)])
+
+
+def test_something_in_the_way_in_a_third_of_the_views_is_left_out(tmp_path, monkeypatch):
+    scene = photographed(tmp_path, n_views=24, width=96, height=72)
+    places = (np.random.default_rng(0).uniform(0.15, 0.35, (24, 2)) * (72, 96)).astype(int)
+
+    def pasted(image, index):
+        if index % 3 == 1:
+            y, x = places[index]
+            image[y : y + 48, x : x + 48] = (1.0, 0.9, 0.1)
+        return image
+
+    occluded = disturbed(scene, tmp_path / "occluded", pasted)
+    steady = replace(SPLATTING, iterations=400, densification=Densification(start=1000))
+    off = replace(CONFIG, splatting=steady, appearance=None, uncertainty=None)
+    taught = UncertaintyConfig(
+        "alexnet", start=80, warm_up=20, protected=0, first_lesson=30, rate=2e-2, prior=0.6, least=0.5
+    )
+    monkeypatch.setattr(wild, "find_features", lambda *_: Blocks())
+    without = psnr(fitted(off, occluded, tmp_path / "off"), scene.test_views)
+    told = psnr(fitted(replace(off, uncertainty=taught), occluded, tmp_path / "on"), scene.test_views)
+    assert told > without + 0.8
+
+
+def test_a_model_that_was_saved_shows_the_same_pixels(tmp_path):
+    scene = photographed(tmp_path, n_views=8)
+    method, camera = fitted(BRIEF, scene, tmp_path / "run"), scene.test_views[0].camera
+    method.save(tmp_path / "run")
+    again = WildGaussians.load(BRIEF, 0, tmp_path / "run")
+    assert np.array_equal(method.render(camera), again.render(camera))
+    shown = render(read_ply(tmp_path / "run" / "splats.ply"), camera, near=method._trained.near)[0]
+    assert np.abs(shown.clip(0, 1) - method.render(camera)).max() < 1e-5
+    used = again.statistics().used
+    assert used == method.statistics().used
+    assert "alexnet" in used
+    assert "for the sky" in used
+    assert method.statistics().n_primitives == len(method._trained.gaussians)
+
+
+def test_an_interrupted_run_ends_with_the_same_bits_and_so_does_a_second_one(tmp_path, monkeypatch):
+    scene = photographed(tmp_path, n_views=8)
+    config = replace(BRIEF, uncertainty=replace(BRIEF.uncertainty, start=4, warm_up=6, every=1))
+    whole, second = (fitted(config, scene, tmp_path / name) for name in ("whole", "second"))
+    assert_same(whole._trained.gaussians, second._trained.gaussians)
+
+    class Interrupted(wild.WildObjective):
+        def compare(self, images, view, iteration, workspace):
+            if iteration == 9:
+                raise RuntimeError("power cut")
+            return super().compare(images, view, iteration, workspace)
+
+    Interrupted.__name__ = "WildObjective"
+    with monkeypatch.context() as patch, pytest.raises(RuntimeError, match="power cut"):
+        patch.setattr(wild, "WildObjective", Interrupted)
+        fitted(config, scene, tmp_path / "cut")
+    assert_same(whole._trained.gaussians, fitted(config, scene, tmp_path / "cut")._trained.gaussians)
+    other = fitted(config, scene, tmp_path / "other", seed=1)
+    assert not np.array_equal(whole._trained.gaussians.sh, other._trained.gaussians.sh)
+
+
+def test_a_checkpoint_of_other_settings_is_refused(tmp_path):
+    scene = photographed(tmp_path, n_views=8)
+    fitted(BRIEF, scene, tmp_path / "run")
+    for other in (
+        replace(BRIEF, uncertainty=replace(BRIEF.uncertainty, regulariser=0.4)),
+        replace(BRIEF, appearance=replace(BRIEF.appearance, rate=1e-3)),
+        replace(BRIEF, sky=0),
+    ):
+        with pytest.raises(InputError, match="checkpoint is of another run"):
+            fitted(other, scene, tmp_path / "run")
+
+
+def test_the_loss_is_l1_of_the_toned_look_and_ssim_of_the_plain_one(tmp_path):
+    scene = photographed(tmp_path, n_views=4)
+    images = wild.read_images(scene.train_views)
+    plain, photograph = (np.random.default_rng(k).random((36, 48, 3)).astype(np.float32) for k in range(2))
+    exact = images.pixels(0) / np.float32(255)
+    ours, usual = wild.WildObjective(images, 0.2, None, None), Objective(images)
+    reference = usual(photograph, 0, 0, Workspace())
+    same = ours.compare([photograph, photograph], 0, 0, Workspace())
+    assert same[0] == pytest.approx(reference[0], rel=1e-5)
+    assert np.allclose(sum(same[1]), reference[1], atol=1e-8)
+    loss, (toned, other) = ours.compare([exact, plain], 0, 0, Workspace())
+    assert not toned.any()
+    assert loss == pytest.approx(0.2 * Objective(images, 1.0)(plain, 0, 0, Workspace())[0], rel=1e-5)
+    assert other.any()
+
+
+def test_identical_constant_photographs_are_learnt_without_harm(tmp_path):
+    scene = photographed(tmp_path, n_views=8)
+    grey = disturbed(scene, tmp_path / "grey", lambda image, _: np.full_like(image, 0.5))
+    method = fitted(BRIEF, grey, tmp_path / "run")
+    assert all(np.isfinite(value).all() for value in method._trained.gaussians.arrays().values())
+    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
+
+
+def test_the_profiles_are_the_methods(tmp_path):
+    assert find_method("wild-gaussians") is WildGaussians
+    assert PROFILES["paper"].uncertainty.features == "auto"
+    assert {PROFILES[name].uncertainty.features for name in ("demo", "quick")} == {"alexnet"}
+    shortened = WildGaussians.shortened(WildGaussians.configuration("demo"), 20)
+    assert shortened.splatting.iterations == 20
+    with pytest.raises(InputError, match="PROFILE=big"):
+        WildGaussians.configuration("big")
+    with pytest.raises(InputError, match="not trained"):
+        WildGaussians(BRIEF, 0).render(photographed(tmp_path).views[0].camera)

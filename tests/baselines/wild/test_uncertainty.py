@@ -1,0 +1,196 @@
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+
+from baselines.splatting.densification import Densification
+from baselines.splatting.objective import TrainingImages
+from baselines.splatting.relocation import Relocation
+from baselines.wild import features as networks
+from baselines.wild.features import AlexNet, DinoV2, find_features, shrunk, unlikeness
+from baselines.wild.uncertainty import Uncertainty, UncertaintyConfig, counted, uncertainty_loss, warmed
+from hydroviews.errors import InputError
+
+CONFIG = UncertaintyConfig(start=10, warm_up=20, rate=0.05)
+GROWTH = Densification(stop=100, reset_every=None)
+
+
+class Colours:
+    """Blocks of 8x8 pixels: their mean colour, and one minus it."""
+
+    name, alike, unlike = "colours", 0.0, 0.5
+
+    def __call__(self, image):
+        blocks = torch.from_numpy(np.ascontiguousarray(image, np.float32)).permute(2, 0, 1)
+        mean = torch.nn.functional.avg_pool2d(blocks, 8)
+        return torch.cat([mean, 1 - mean])
+
+
+def photographs(n=4, seed=0):
+    """Noise, in the left upper quarter of every other one a red square."""
+    pixels = np.random.default_rng(seed).integers(60, 120, (n, 32, 48, 3)).astype(np.uint8)
+    pixels[::2, :16, :24] = (250, 10, 10)
+    return TrainingImages(list(pixels))
+
+
+def model(images=None, config=CONFIG, growth=GROWTH, features=None, seed=0):
+    return Uncertainty(images or photographs(), features or Colours(), config, growth, seed)
+
+
+@pytest.mark.parametrize("d", [0.02, 0.2, 0.24, 0.26, 0.8])
+def test_the_loss_is_smallest_where_its_closed_form_says(d):
+    u = torch.linspace(0.1, 2, 19_001, dtype=torch.float64)
+    best = u[uncertainty_loss(torch.tensor(d), u, 0.5).argmin()]
+    assert best == pytest.approx(max(0.1, (d / 0.5) ** 0.5), abs=2e-4)
+    assert counted(best.numpy()) == (d < 0.25)
+    assert uncertainty_loss(torch.tensor(0.5), torch.tensor(2.0), 0.5) == pytest.approx(0.0625 + 0.5 * np.log(2))
+
+
+def test_weights_turn_from_one_to_those_predicted():
+    assert [warmed(i, CONFIG) for i in (0, 10, 15, 30, 99)] == [0, 0, 0.25, 1, 1]
+    assert warmed(11, replace(CONFIG, warm_up=0)) == 1
+    taught = model()
+    with torch.no_grad():
+        taught.head.bias.fill_(5.0)  # everything is uncertain
+    assert taught.weights(0, (32, 48), 10) is None
+    assert np.allclose(taught.weights(0, (32, 48), 15), 0.75)
+    assert not taught.weights(0, (16, 24), 30).any()
+    with torch.no_grad():
+        taught.head.bias.fill_(-9.0)
+    assert taught.weights(0, (32, 48), 30).min() == 1
+    assert taught.uncertainty(0, (32, 48)).min() == np.float32(CONFIG.least)
+    assert np.allclose(model().uncertainty(1, (32, 48)), 1, atol=0.1)  # as training starts
+
+
+def test_what_no_render_shows_becomes_uncertain_and_nothing_else():
+    images = photographs()
+    taught = model(images)
+    for iteration in range(200):
+        view = iteration % 4
+        render = images.pixels(view | 1) / np.float32(255)  # the noise of another picture, never a square
+        taught.learn(render, view, iteration)
+    for view in range(4):
+        weights = taught.weights(view, (32, 48), 1000)
+        assert weights[:, 28:].min() == 1
+        assert weights[20:].min() == 1
+        assert weights[2:12, 2:20].mean() == (view % 2)
+
+
+def test_lessons_wait_after_opacities_were_reset():
+    growth = Densification(reset_every=50, stop=120)
+    taught = model(config=replace(CONFIG, protected=10), growth=growth)
+    protected = [i for i in range(300) if taught.is_protected(i)]
+    assert protected == [*range(50, 60), *range(100, 110)]
+    before = taught.arrays()
+    taught.learn(np.zeros((32, 48, 3), np.float32), 0, 55)
+    assert all(np.array_equal(value, before[name]) for name, value in taught.arrays().items())
+    taught.learn(np.zeros((32, 48, 3), np.float32), 0, 60)
+    assert not np.array_equal(taught.arrays()["network.weight"], before["network.weight"])
+    assert not any(model(growth=Relocation()).is_protected(i) for i in range(300))
+
+
+def test_lessons_come_as_often_as_configured():
+    taught = model(config=replace(CONFIG, every=3))
+    before = taught.arrays()["network.weight"]
+    taught.learn(np.zeros((32, 48, 3), np.float32), 0, 1)
+    assert np.array_equal(taught.arrays()["network.weight"], before)
+    taught.learn(np.zeros((32, 48, 3), np.float32), 0, 3)
+    assert not np.array_equal(taught.arrays()["network.weight"], before)
+
+
+def test_dropout_is_of_the_seed_and_the_iteration():
+    def lesson(seed, iteration, restored=None):
+        taught = model(seed=seed)
+        if restored:
+            taught.restore(restored)
+        taught.learn(np.full((32, 48, 3), 0.3, np.float32), 0, iteration)
+        return taught.arrays()
+
+    one, same = lesson(0, 7), lesson(0, 7)
+    assert all(np.array_equal(value, same[name]) for name, value in one.items())
+    assert not np.array_equal(one["exp_avg.weight"], lesson(0, 8)["exp_avg.weight"])
+    assert not np.array_equal(one["exp_avg.weight"], lesson(1, 7)["exp_avg.weight"])
+    again, third = lesson(0, 8, one), lesson(3, 8, one)
+    assert again["step.weight"] == 2
+    assert not np.array_equal(again["network.weight"], third["network.weight"])  # another seed's dropout
+    assert ((model()._dropped(5) == 0) | (model()._dropped(5) == 2)).all()
+
+
+@pytest.mark.parametrize("level", [0, 128, 255])
+def test_constant_pictures_and_equal_renders_stay_finite(level):
+    images = TrainingImages([np.full((40, 40, 3), level, np.uint8)] * 2)
+    taught = model(images, features=AlexNet("cpu"))
+    for iteration in range(5):
+        taught.learn(images.pixels(0) / np.float32(255), 0, iteration)
+    assert all(np.isfinite(value).all() for value in taught.arrays().values())
+    assert not taught.unlike(images.pixels(0) / np.float32(255), 0).any()
+    assert np.isfinite(taught.uncertainty(0, (40, 40))).all()
+
+
+def test_nothing_is_learnt_from_what_is_hidden():
+    pixels = [image.copy() for image in (photographs().pixels(i) for i in range(4))]
+    mask = np.zeros((32, 48), bool)
+    mask[:16, :24] = True
+    taught, other = (model(TrainingImages(pixels, [mask] * 4)) for _ in range(2))
+    render = pixels[1] / np.float32(255)
+    changed = np.where(mask[..., None], np.float32(np.nan), render)
+    taught.learn(render, 0, 0)
+    other.learn(changed, 0, 0)
+    assert all(np.array_equal(value, other.arrays()[name]) for name, value in taught.arrays().items())
+    assert np.isfinite(taught.arrays()["network.weight"]).all()
+
+
+def test_small_renders_are_compared_at_the_size_of_the_photograph():
+    images = photographs()
+    taught = model(images)
+    assert taught.unlike(images.pixels(0)[::2, ::2] / np.float32(255), 0).shape == (4, 6)
+
+
+def test_alexnet_tells_a_blurred_picture_from_another():
+    generator = np.random.default_rng(0)
+    one, other = (generator.random((12, 16, 3)).repeat(8, 0).repeat(8, 1).astype(np.float32) for _ in range(2))
+    network = AlexNet("cpu")
+    dim = unlikeness(network(one), network(0.7 * one + 0.1))
+    assert unlikeness(network(one), network(one)).max() == 0
+    assert dim.mean() < 0.2
+    assert unlikeness(network(one), network(other)).mean() > 0.25
+    assert network(one).shape == (384, 5, 7)
+    with pytest.raises(InputError, match="too small"):
+        network(one[:20])
+    assert shrunk(np.zeros((700, 525, 3), np.float32)).shape == (350, 262, 3)
+
+
+class Patches(torch.nn.Module):
+    """Stands in for DINOv2: the mean colours of 14x14 patches."""
+
+    def get_intermediate_layers(self, x, n, reshape):
+        assert n == [5]
+        assert reshape
+        return (torch.nn.functional.avg_pool2d(x, 14),)
+
+
+def test_dinov2_sees_whole_patches(monkeypatch):
+    asked = []
+    monkeypatch.setattr(torch.hub, "load", lambda *names, **_: asked.append(names) or Patches())
+    network = find_features("auto", "cpu")
+    assert isinstance(network, DinoV2)
+    assert asked == [("facebookresearch/dinov2", "dinov2_vits14_reg")]
+    assert network(np.zeros((36, 48, 3), np.float32)).shape == (3, 3, 4)
+    assert network(np.full((28, 28, 3), 0.485, np.float32))[0].abs().max() < 1e-6
+
+
+def test_without_dinov2_alexnet_is_taken_and_named(monkeypatch, capsys):
+    def unreachable(*_, **__):
+        raise OSError("no route to host")
+
+    monkeypatch.setattr(torch.hub, "load", unreachable)
+    assert find_features("auto", "cpu").name == "alexnet"
+    assert "no route to host" in capsys.readouterr().err
+    with pytest.raises(InputError, match="dinov2"):
+        find_features("dinov2", "cpu")
+    monkeypatch.setattr(networks, "DinoV2", lambda device: SimpleNamespace(name="dinov2"))
+    assert find_features("dinov2", "cpu").name == "dinov2"
+    named = [model(features=network).about()["features"] for network in (Colours(), AlexNet("cpu"))]
+    assert named == ["colours", "alexnet"]

@@ -1,0 +1,106 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from splats import BACKGROUND, camera, cloud
+
+from baselines.splatting import reference
+from baselines.splatting.appearance import Dressed, equipped
+from baselines.splatting.rasterizer import backward, render
+from baselines.wild.appearance import MIDDLE, AppearanceConfig, WildAppearance, fourier, toned
+from baselines.wild.sky import Bounds
+
+BOUNDS = Bounds(np.zeros(3), 1.5)
+LIVELY = AppearanceConfig(width=16, scale=1.0)
+
+
+def appearance(views=3, config=LIVELY, seed=0):
+    return WildAppearance(views, BOUNDS, 100, config, seed)
+
+
+@pytest.mark.parametrize("degree", [0, 1, 3])
+def test_toned_coefficients_are_toned_colours(degree):
+    generator = torch.Generator().manual_seed(degree)
+    sh = torch.randn(20, (degree + 1) ** 2, 3, generator=generator, dtype=torch.float64)
+    gain, offset = (torch.randn(20, 3, generator=generator, dtype=torch.float64) for _ in range(2))
+    directions = torch.nn.functional.normalize(torch.randn(20, 3, generator=generator, dtype=torch.float64), dim=1)
+    basis = reference.basis(degree, directions)
+
+    def colour(coefficients):
+        return MIDDLE + (basis[:, :, None] * coefficients).sum(dim=1)
+
+    assert torch.allclose(colour(toned(sh, gain, offset)), gain * colour(sh) + offset, atol=1e-12)
+
+
+def test_gradients_are_those_of_float64():
+    ours, twin = appearance(), appearance().double()
+    gaussians, view = equipped(cloud(40, 1), ours), camera(24, 20)
+    weights = [np.random.default_rng(k).normal(size=(20, 24, 3)).astype(np.float32) for k in range(2)]
+    clothes = Dressed(gaussians, ours, view, 1, 1)
+    states = [render(look, view, BACKGROUND)[1] for look in clothes.looks]
+    found = clothes.backward([backward(s, w).parameters for s, w in zip(states, weights, strict=True)])
+
+    leaves = {name: torch.from_numpy(v).double().requires_grad_() for name, v in gaussians.arrays().items()}
+    background = torch.from_numpy(BACKGROUND).double()
+    loss = sum(
+        (reference.render(look, view, background, 1, 0.01) * torch.from_numpy(weight)).sum()
+        for look, weight in zip(twin.looks(leaves, view, 1, 1), weights, strict=True)
+    )
+    loss.backward()
+    for name in ("sh", "features", "means"):
+        expected = leaves[name].grad.numpy()
+        assert np.abs(getattr(found, name) - expected).max() < 2e-3 * np.abs(expected).max(), name
+    for (name, mine), other in zip(ours.named_parameters(), twin.parameters(), strict=True):
+        assert (mine.grad - other.grad).abs().max() < 2e-3 * other.grad.abs().max(), name
+    assert ours.views.grad[1].any()
+    assert not ours.views.grad[[0, 2]].any()
+
+
+def test_the_mean_look_is_what_a_new_view_shows():
+    model, view = appearance(), camera(24, 20)
+    gaussians = equipped(cloud(40, 1), model)
+    mean = model.mean_look(gaussians)
+    assert mean.features is None
+    shown = Dressed(gaussians, model, view, None, 1).looks
+    assert np.abs(render(mean, view)[0] - render(shown[0], view)[0]).max() < 1e-5
+    assert np.abs(render(shown[0], view)[0] - render(shown[1], view)[0]).max() > 0.05  # toned and plain
+    one, other = (Dressed(gaussians, model, view, index, 1).looks[0] for index in (0, 1))
+    assert np.abs(render(one, view)[0] - render(other, view)[0]).max() > 1e-3
+
+
+def test_it_starts_from_the_colours_as_they_are():
+    model = appearance(config=AppearanceConfig())
+    gaussians = equipped(cloud(40, 1), model)
+    assert np.abs(model.mean_look(gaussians).sh - gaussians.sh).max() < 0.02
+
+
+def test_fourier_features_tell_positions_apart():
+    positions = np.random.default_rng(0).uniform(-1, 1, (50, 3))
+    features = fourier(positions)
+    assert features.shape == (50, 24)
+    assert np.allclose(features**2 @ np.ones(24), 12)  # sine and cosine, four octaves, three axes
+    apart = np.linalg.norm(features[:, None] - features[None], axis=2) + 9 * np.eye(50)
+    assert apart.min() > 0.5
+    assert np.allclose(features[:, 0], np.sin(np.pi * positions[:, 0]), atol=1e-6)
+    moved = replace(cloud(5), origin=np.array([7.0, 0, 0]))
+    centred = WildAppearance(1, Bounds(np.array([7.0, 0, 0]), 1.5), 9, LIVELY, 0)
+    assert np.allclose(centred.features(moved), appearance().features(cloud(5)), atol=1e-6)
+
+
+def test_steps_survive_a_checkpoint_and_rates_fall():
+    def step(model, iteration):
+        for parameter in model.parameters():
+            parameter.grad = torch.full_like(parameter, 0.1)
+        model.learn(iteration)
+
+    one, other = appearance(), appearance(seed=1)
+    step(one, 0)
+    other.restore(one.arrays())
+    for model in (one, other):
+        step(model, 1)
+    assert all(np.array_equal(value, other.arrays()[name]) for name, value in one.arrays().items())
+    assert not any(parameter.grad is not None and parameter.grad.any() for parameter in one.parameters())
+    falling = appearance(config=AppearanceConfig(final=0.01))
+    assert falling.feature_rate(50) == pytest.approx(0.1 * falling.feature_rate(0))
+    assert falling.about() != appearance().about()
