@@ -32,7 +32,7 @@ def found_cover(objective: RainObjective, view: int, size: tuple[int, int], effe
     """What covers a training view [H, W], by all that was learned: falling rain, or what is on the lens."""
     if effect == "streak":
         return objective.falling_share(view, size)
-    shown = objective.drop_weights(view, size)
+    shown = 1 - objective.drop_cover(view, size)
     return 1 - shown if objective.masks is None else 1 - shown * (1 - objective.masks.mask(view, size))
 
 

@@ -18,6 +18,7 @@ from deraings.enhancement.weights import find_weights, load_enhancer
 from deraings.masking import OcclusionMasks
 from deraings.masking_config import MaskConfig
 from deraings.objective import RainConfig, RainObjective
+from deraings.rain_found import found
 from hydroviews.files import read_json, sha256, write_json
 from hydroviews.scenes import Scene
 
@@ -94,7 +95,7 @@ class DeRainGS(GaussianSplatting):
     def fit(self, scene: Scene, folder: Path) -> None:
         """See Method."""
         super().fit(scene, folder)
-        self._found |= self.learned().found()
+        self._found |= found(self.learned())
 
     def learned(self) -> RainObjective:
         """What was learned of the rain in the training views, after `fit`."""

@@ -1,10 +1,11 @@
 """What DeRainGS compares its renders with the photographs by: the photometric loss, seen through a model of the rain.
 
-    seen = lens veil over (falling rain over the rendered scene);  loss = photometric(seen, photograph; weights)
+    seen = drops over (lens veil over (falling rain over the rendered scene))
+    loss = photometric(seen, photograph; weights)
 
 `rain_lens` has the veil of mist, `rain_falling` what falling rain covers evenly, `rain_streaks` how much more or less
-that is in every pixel of a view, `rain_drops` the weights behind drops. All are learned while the scene is, and each
-switches itself on only where the photographs call for it; `found` says what was.
+that is in every pixel of a view, `rain_drops` the drops on the lens. All are learned while the scene is, and each
+switches itself on only where the photographs call for it; `rain_found` says what was.
 """
 
 from dataclasses import asdict, dataclass, field
@@ -20,8 +21,8 @@ from baselines.splatting.rasterizer import Workspace
 from deraings.enhanced import EnhancedViews
 from deraings.masking import OcclusionMasks
 from deraings.planes import Plane
-from deraings.rain_drops import DropConfig, Drops, Spread
-from deraings.rain_falling import FallingConfig, FallingRain
+from deraings.rain_drops import DropConfig, Drops, Water
+from deraings.rain_falling import THIN, FallingConfig, FallingRain
 from deraings.rain_lens import Veil, VeilConfig
 from deraings.rain_streaks import StreakConfig, Streaks, along_rain, cover_between
 from hydroviews.images import Image
@@ -35,9 +36,6 @@ class RainConfig:
     drops: DropConfig | None = field(default_factory=DropConfig)
     falling: FallingConfig | None = field(default_factory=FallingConfig)
     streaks: StreakConfig | None = field(default_factory=StreakConfig)  # where falling rain is looked for
-
-
-THIN = 0.004  # cover by falling rain that is as good as none
 
 
 class RainObjective(Objective):
@@ -75,7 +73,7 @@ class RainObjective(Objective):
         self.streaks = Streaks(sizes, config.streaks) if config.falling and config.streaks else None
         renewed = config.streaks.renewed if config.streaks else ()
         self._renewals = {round(share * iterations) for share in renewed}
-        self.drops = Drops(Spread(pictures, config.drops), count, iterations, config.drops) if config.drops else None
+        self.drops = Drops(sizes[0], count, iterations, config.drops) if config.drops else None
 
     def __call__(self, image: Image, view: int, iteration: int, workspace: Workspace) -> tuple[float, Image]:
         """See Objective; learns of the rain as well."""
@@ -84,22 +82,28 @@ class RainObjective(Objective):
         target = self.images.target(view, (image.shape[0], image.shape[1]))
         finite = _finite(image)
         image = image if finite is None else np.where(finite[..., None], image, np.float32(0))
-        cover = self._cover(view, (image.shape[0], image.shape[1]))
+        size = image.shape[0], image.shape[1]
+        cover, water = self._cover(view, size), self._water(view, size, iteration)
         even = self._behind_even_rain(image, cover, view, iteration, workspace)
-        seen, behind = self._seen(image, cover, view, iteration, workspace)
+        clear, behind = self._seen(image, cover, view, iteration, workspace)
+        seen = clear if water is None else water.over(clear)
         if self.masks and self.masks.due(iteration):
             self.masks.learn(view, loss_map(seen, target, self.ssim_share, workspace=workspace), iteration)
-        weights = self._weights(target, finite, view, iteration)
-        self._observe(seen, seen if even is None else even, target, weights, view, iteration)
+        weights = self._weights(target, finite, water, view, iteration)
+        self._observe(clear, clear if even is None else even, target, weights, water, view, iteration)
         loss, gradient = photometric_loss(seen, target, self.ssim_share, weights, workspace)
+        if water is not None:
+            gradient = gradient * (1 - water.cover)[..., None]
         if self.veil and self.veil.due(iteration):
             gradient = self.veil.learn(behind, view, gradient, iteration, workspace)
         return loss, gradient * (1 - cover)
 
     def residual(self, image: Image, view: int, workspace: Workspace) -> float:
         """See Objective."""
-        cover = self._cover(view, (image.shape[0], image.shape[1]))
-        seen, _ = self._seen(image, cover, view, self._iterations, workspace)
+        size = image.shape[0], image.shape[1]
+        water = self._water(view, size, self._iterations)
+        seen, _ = self._seen(image, self._cover(view, size), view, self._iterations, workspace)
+        seen = seen if water is None else water.over(seen)
         return photometric_loss(seen, self.images.target(view), self.ssim_share, workspace=workspace)[0]
 
     @property
@@ -114,6 +118,10 @@ class RainObjective(Objective):
             if cover is not None:
                 return cover[..., None]
         return np.asarray(self.cover, np.float32)
+
+    def _water(self, view: int, size: tuple[int, int], iteration: int) -> Water | None:
+        """The drops on the lens; None where there are none, or nobody looks."""
+        return self.drops.water(view, size, iteration) if self.drops else None
 
     def _behind_even_rain(
         self, image: Image, cover: NDArray[np.float32], view: int, iteration: int, workspace: Workspace
@@ -130,18 +138,20 @@ class RainObjective(Objective):
     def _seen(
         self, image: Image, cover: NDArray[np.float32], view: int, iteration: int, workspace: Workspace
     ) -> tuple[Image, Image]:
-        """The scene through all the rain, and through the falling rain alone."""
+        """The scene through all the rain but drops, and through the falling rain alone."""
         if self.falling and cover.any():
             image = image * (1 - cover) + cover * np.float32(self.falling.brightness)
         if self.veil and self.veil.due(iteration):
             return self.veil.apply(image, view, workspace), image
         return image, image
 
-    def _weights(self, target: Target, finite: NDArray | None, view: int, iteration: int) -> Plane | None:
+    def _weights(
+        self, target: Target, finite: NDArray | None, water: Water | None, view: int, iteration: int
+    ) -> Plane | None:
         """Factors on each pixel's share of the loss [H, W]; None where all are 1. What is hidden counts for nothing."""
         size = target.pixels.shape[0], target.pixels.shape[1] // 3
         parts = [
-            self.drops.weights(view, size, iteration) if self.drops else None,
+            None if water is None else water.weights,
             self.masks.weights(view, size, iteration) if self.masks else None,
             None if finite is None else finite.astype(np.float32),
             target.shown,
@@ -153,20 +163,30 @@ class RainObjective(Objective):
         return weights
 
     def _observe(
-        self, seen: Image, even: Image, target: Target, weights: Plane | None, view: int, iteration: int
+        self,
+        clear: Image,
+        even: Image,
+        target: Target,
+        weights: Plane | None,
+        water: Water | None,
+        view: int,
+        iteration: int,
     ) -> None:
-        """Learn of the rain from what is seen, and from what is seen without single streaks."""
-        photograph = target.pixels.reshape(seen.shape)
+        """Learn of the rain from what is seen but for drops, and from what is seen without single streaks as well."""
+        photograph = target.pixels.reshape(clear.shape)
         if self.drops:
-            difference = photograph - seen
-            self.drops.observe(difference if target.shown is None else difference * target.shown[..., None], view)
+            shown = np.float32(1) if target.shown is None else target.shown[..., None]
+            self.drops.observe(photograph * shown, clear * shown, view)
         if not self.falling:
             return
-        if self.streaks and self._streaks_due(view, seen) and self.falling.certainty() == 1:
+        if water is not None:  # falling rain is looked for beside drops
+            beside = (water.cover == 0).astype(np.float32)
+            weights = beside if weights is None else weights * beside
+        if self.streaks and self._streaks_due(view, clear) and self.falling.certainty() == 1:
             along, contrast = along_rain(photograph, even, self.cover, self.falling.brightness)
-            clear = np.float32(1) if weights is None else weights
+            factor = np.float32(1) if weights is None else weights
             self.streaks.observe(
-                along * clear, contrast * clear, self.falling.angle(), view, self._witness(photograph, view)
+                along * factor, contrast * factor, self.falling.angle(), view, self._witness(photograph, view)
             )
         if self.falling.due(iteration):
             self.falling.observe(photograph, even, weights, iteration)
@@ -190,38 +210,10 @@ class RainObjective(Objective):
         cover = self._cover(view, size)
         return np.array(np.broadcast_to(cover if cover.ndim == 0 else cover[..., 0], size))
 
-    def drop_weights(self, view: int, size: tuple[int, int]) -> Plane:
-        """Weights [H, W] of a training view at the end: 0 behind drops, else 1."""
-        weights = self.drops.weights(view, size, self.drops.iterations) if self.drops else None
-        return np.ones(size, np.float32) if weights is None else weights
-
-    def found(self) -> dict[str, Any]:
-        """What rain was found, for the record, at the middle of the film.
-
-        Returns:
-            `needed`: which of veil, drops, falling, streaks and masks were called for; then means and maxima of what
-            they are. A part that is not looked for is left out.
-        """
-        middle = len(self.images) // 2
-        size = self.images.pixels(middle).shape[0], self.images.pixels(middle).shape[1]
-        report: dict[str, Any] = {}
-        if self.veil:
-            share = self.veil_share(middle, size)
-            report |= {"veil_mean": share.mean(), "veil_most": share.max()}
-            report |= {f"veil_{channel}": light for channel, light in zip("rgb", self.veil.colour, strict=True)}
-        if self.drops:
-            report["drops"] = (self.drop_weights(middle, size) < 0.5).mean()
-        if self.falling:
-            report |= {"falling": self.cover, "falling_certainty": self.falling.certainty()}
-            report["falling_angle"] = self.falling.angle()
-        if self.streaks:
-            report["streaks"] = np.abs(self.streaks.deviation(middle)).mean()
-        if self.masks:
-            report["masks"] = self.masks.found()["mask_mean"]
-        limits = {"veil_mean": 0.0, "drops": 0.0, "falling": THIN, "streaks": 0.0, "masks": 0.0}
-        numbers = {name: round(float(value), 4) for name, value in report.items()}
-        needed = [name.removesuffix("_mean") for name, limit in limits.items() if numbers.get(name, 0) > limit]
-        return {"needed": needed, **numbers}
+    def drop_cover(self, view: int, size: tuple[int, int]) -> Plane:
+        """M [H, W] of a training view at the end: its cover by drops."""
+        water = self._water(view, size, self._iterations)
+        return np.zeros(size, np.float32) if water is None else water.cover
 
     def about(self) -> dict[str, Any]:
         """See Objective."""

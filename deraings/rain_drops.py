@@ -1,29 +1,35 @@
-"""Drops on the lens: where the rendered scene does not explain what the photographs show, view after view.
+"""Drops on the lens: what they take from the scene, and what they add, told from how photographs follow the render.
 
-At one place of the lens, over the views, let e be the mean squared difference of photograph and render, and s the
-variance of the photographs. Where the lens is clear the render predicts the photographs, whatever the scene, and e is
-a small part of s. Behind a drop it does not: what a drop shows hardly varies, and e exceeds s. So 1 - e / s, the
-coefficient of determination, tells drops from the scene's own fine detail, which is hard to render but moves over the
-lens. Bright texture, white walls and fog are explained like everything else that lies in space.
+A drop that covers a share M of a pixel leaves 1 - M of the scene, and adds light of its own, which hardly varies: it
+shows much of the scene at once, out of focus. Over the views, a pixel of the lens is therefore a line,
 
-While the render is still poor, or where foliage keeps it so, e is large over wide areas; drops are small, and must
-stand out of their surroundings. If water seems to cover nearly everything, only the worst is left out.
+    photograph = (1 - M) render + L,
 
-Drops grow and run: e and s are taken at a few moments of the film (see `rain_lens`).
+whose slope is the covariance of photograph and render over the render's variance. Where the lens is clear the slope is
+one, whatever the scene: what is hard to render makes the render smoother, not the photograph less like it. Bright
+texture, white walls and fog move over the lens and are followed like everything else that lies in space. The render is
+then compared as it is seen through the drops, so that pixels which are partly covered go on telling of the scene; where
+next to nothing is left of it, pixels count for nothing.
+
+What the photographs cannot tell: L without M would be a stain of light that any scene could lose to the lens; L is at
+most M times white, and M is nought where the slope is near one. Drops grow and run: lines are fitted at a few moments
+of the film (see `rain_lens`).
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from deraings.planes import within_side
+from deraings.planes import Plane, resized, within_side
 from deraings.rain_lens import moment_weights, moments_of
 from hydroviews.images import Image
 
-WINDOW = 3  # pixels of the lens over which e and s are averaged
-NOISE = 0.03  # encoded; less than that need not be explained
+WINDOW = 3  # pixels of the lens over which covariance and variance are averaged
+LEAST_WINDOW, LARGEST_WINDOW = 4, 32  # views that running means remember
+PLANES = 8  # photograph and render, three channels each; means over channels of their product and of its square
 
 
 @dataclass(frozen=True)
@@ -34,92 +40,105 @@ class DropConfig:
     views_a_moment: int = 12
     most_moments: int = 3
     fewest_views: int = 6  # fewer say nothing about what is usual at a place of the lens
-    start: float = 0.2  # share of the iterations after which pixels are left out
-    hidden: float = 0.6  # e / s from which a place counts for less than half
-    softness: float = 0.2  # part of that by which e / s falls short of it where a place counts in full
-    fewest: float = 0.03  # share of the lens behind drops from which there are any
-    most: float = 0.6  # share of the lens, at most, that is left out
-    around: float = 0.15  # side, in longer sides of the picture, of the surroundings that a place is compared with
-    excess: float = 1.75  # e / s must exceed that of the surroundings by this factor, where the scene is hard to render
+    start: float = 0.2  # share of the iterations after which the render is seen through drops
+    noise: float = 0.04  # encoded; where the render varies less, slopes are drawn to one
+    clear: float = 0.08  # M up to which the lens counts as clear
+    wet: float = 0.2  # M from which it counts for what it is
+    fewest: float = 0.03  # share of the lens more than half covered from which there are any drops
+    most: float = 0.6  # share of the lens that may be more than half covered
+    hidden: float = 0.9  # M from which a pixel does not count
+    shown: float = 0.6  # M up to which it counts in full
+
+
+class Water(NamedTuple):
+    """What drops do to a view."""
+
+    cover: Plane  # M [H, W] in [0, 1]
+    light: Image  # L [H, W, 3], sRGB-encoded
+    weights: Plane  # factors [H, W] on each pixel's share of the loss
+
+    def over(self, image: Image) -> Image:
+        """A view [H, W, 3] as it is seen through the drops."""
+        return (1 - self.cover)[..., None] * image + self.light
 
 
 class Drops:
-    """Running residuals by place on the lens, and the weights of pixels that follow."""
+    """Running sums by place on the lens, and the water that follows."""
 
-    def __init__(self, pictures: "Spread", n_views: int, iterations: int, config: DropConfig) -> None:
+    def __init__(self, size: tuple[int, int], n_views: int, iterations: int, config: DropConfig) -> None:
+        """A lens of which nothing is known.
+
+        Args:
+            size: height and width of the first view.
+            n_views: in order of the film.
+            iterations: of the training.
+            config: settings.
+        """
         self._config, self._n_views, self.iterations = config, n_views, iterations
-        self._spread = pictures.variance
-        self._window = max(4, min(32, n_views // len(self._spread)))  # views that a running mean remembers
-        self.residual = np.zeros_like(self._spread)  # sums of squared differences [T, h, w]
-        self.count = np.zeros(len(self._spread), np.float32)  # and of weights [T]
+        moments = moments_of(n_views, config.views_a_moment, config.most_moments)
+        self._window = max(LEAST_WINDOW, min(LARGEST_WINDOW, n_views // moments))
+        self.sums = np.zeros((moments, PLANES, *within_side(size, config.long_side)), np.float32)
+        self.count = np.zeros(moments, np.float32)  # sums of the views' weights
 
-    def observe(self, difference: Image, view: int) -> None:
-        """Take in photograph minus render [H, W, 3] of a view, mist and rain accounted for."""
-        height, width = self._spread.shape[1:]
-        squares = np.einsum("hwc,hwc->hw", difference, difference) / np.float32(3)
-        if squares.shape != (height, width):
-            squares = cv2.resize(squares, (width, height), interpolation=cv2.INTER_AREA)
-        for moment, weight in enumerate(moment_weights(view, self._n_views, len(self._spread))):
+    def observe(self, photograph: Image, seen: Image, view: int) -> None:
+        """Take in a photograph [H, W, 3] and its render, mist and falling rain accounted for, drops not."""
+        size = self.sums.shape[2:]
+        planes = np.empty((PLANES, *size), np.float32)
+        for at, image in ((0, photograph), (3, seen)):
+            small = image if image.shape[:2] == size else cv2.resize(image, size[::-1], interpolation=cv2.INTER_AREA)
+            planes[at : at + 3] = np.moveaxis(small, 2, 0)
+        np.einsum("chw,chw->hw", planes[:3], planes[3:6] / 3, out=planes[6])
+        np.einsum("chw,chw->hw", planes[3:6], planes[3:6] / 3, out=planes[7])
+        for moment, weight in enumerate(moment_weights(view, self._n_views, len(self.sums))):
             if weight > 0:
                 keep = np.float32(1 - weight / self._window)
-                self.residual[moment] = keep * self.residual[moment] + weight * squares
+                self.sums[moment] *= keep
+                self.sums[moment] += weight * planes
                 self.count[moment] = keep * self.count[moment] + weight
 
-    def unexplained(self, view: int) -> NDArray[np.float32]:
-        """e / s [h, w] at a view's moment; nought where nothing is known."""
-        weights = moment_weights(view, self._n_views, len(self._spread))
-        weights = weights * (self.count > 0)
+    def line(self, view: int) -> tuple[Plane, Image] | None:
+        """1 - slope [h, w] and M times light [h, w, 3] at a view's moment; None where nothing is known."""
+        weights = moment_weights(view, self._n_views, len(self.sums)) * (self.count > 0)
         if not weights.any():
-            return np.zeros(self._spread.shape[1:], np.float32)
-        mean = self.residual / np.maximum(self.count, 1e-6)[:, None, None]
-        residual = cv2.blur(np.tensordot(weights / weights.sum(), mean, 1), (WINDOW, WINDOW))
-        variance = cv2.blur(np.tensordot(weights / weights.sum(), self._spread, 1), (WINDOW, WINDOW))
-        return residual / (variance + np.float32(NOISE**2))
+            return None
+        config = self._config
+        mean = np.tensordot(weights, self.sums, 1) / np.float32(weights @ self.count)
+        photograph, seen = mean[:3], mean[3:6]
+        together = cv2.blur(mean[6] - (photograph * seen).mean(axis=0), (WINDOW, WINDOW))
+        alone = cv2.blur(np.maximum(mean[7] - (seen * seen).mean(axis=0), 0), (WINDOW, WINDOW))
+        lost = 1 - (together + config.noise**2) / (alone + config.noise**2)
+        cover = np.clip(lost, 0, 1) * _step(lost, config.clear, config.wet)
+        light = np.clip(photograph - (1 - cover) * seen, 0, cover)
+        return cover.astype(np.float32), np.ascontiguousarray(np.moveaxis(light, 0, 2), np.float32)
 
-    def weights(self, view: int, size: tuple[int, int], iteration: int) -> NDArray[np.float32] | None:
-        """Weight of each pixel [H, W] of a view: 0 behind drops; None where every pixel counts in full."""
+    def water(self, view: int, size: tuple[int, int], iteration: int) -> Water | None:
+        """What is on the lens in a view, at any size (height, width); None where there are no drops."""
         config = self._config
         if iteration < config.start * self.iterations or self._n_views < config.fewest_views:
             return None
-        ratio = self.unexplained(view)
-        side = max(1, round(max(ratio.shape) * config.around)) | 1
-        surroundings = cv2.blur(np.minimum(ratio, 1), (side, side))
-        ratio = ratio / np.maximum(config.hidden, config.excess * surroundings)
-        share = float((ratio > 1).mean())
-        if share < config.fewest:
+        found = self.line(view)
+        if found is None or (found[0] > 0.5).mean() < config.fewest:
             return None
-        if share > config.most:
-            ratio /= np.quantile(ratio, 1 - config.most)
-        weights = np.clip((1 + config.softness - ratio) / (2 * config.softness), 0, 1).astype(np.float32)
-        if weights.shape == size:
-            return weights
-        return np.asarray(cv2.resize(weights, size[::-1], interpolation=cv2.INTER_LINEAR), np.float32)
+        cover, light = found
+        excess = float(np.quantile(cover, 1 - config.most)) - 0.5
+        if excess > 0:  # a scene that is not learned yet, or water all over: part of the lens must go on teaching
+            cover = np.maximum(cover - excess, 0)
+            light = np.minimum(light, cover[..., None])
+        if cover.shape != size:
+            cover = resized(cover, size)
+            light = np.asarray(cv2.resize(light, size[::-1], interpolation=cv2.INTER_LINEAR), np.float32)
+        return Water(cover, light, 1 - _step(cover, config.shown, config.hidden).astype(np.float32))
 
     def arrays(self) -> dict[str, NDArray]:
         """All that was observed, for checkpoints."""
-        return {"residual": self.residual, "count": self.count}
+        return {"sums": self.sums, "count": self.count}
 
     def restore(self, arrays: dict[str, NDArray]) -> None:
         """Take back what `arrays` returned."""
-        self.residual, self.count = arrays["residual"].copy(), arrays["count"].copy()
+        self.sums, self.count = arrays["sums"].copy(), arrays["count"].copy()
 
 
-class Spread:
-    """How much photographs [N, H, W, 3] vary at each place of the lens, at each moment of the film."""
-
-    def __init__(self, pictures: list[NDArray[np.uint8]], config: DropConfig) -> None:
-        n = len(pictures)
-        height, width = within_side(pictures[0].shape[:2], config.long_side)
-        size = width, height
-        moments = moments_of(n, config.views_a_moment, config.most_moments)
-        sums = np.zeros((3, moments, size[1], size[0], 3), np.float32)
-        for index, pixels in enumerate(pictures):
-            small = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA) if pixels.shape[1::-1] != size else pixels
-            values = small.astype(np.float32) / np.float32(255)
-            for moment, weight in enumerate(moment_weights(index, n, moments)):
-                if weight > 0:
-                    sums[0, moment] += weight
-                    sums[1, moment] += weight * values
-                    sums[2, moment] += weight * values * values
-        mean = sums[1] / sums[0]
-        self.variance = np.maximum(sums[2] / sums[0] - mean * mean, 0).mean(axis=3)
+def _step(values: Plane, low: float, high: float) -> Plane:
+    """A smooth rise from 0 at `low` to 1 at `high`."""
+    rise = np.clip((values - low) / (high - low), 0, 1)
+    return rise * rise * (3 - 2 * rise)

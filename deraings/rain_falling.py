@@ -27,6 +27,7 @@ THIRDS = np.full(3, 1 / 3, np.float32)
 LONG_SIDE = 480  # pixels; streaks are looked for in no larger pictures
 LEARNED = ("powers", "levels", "heard", "cover")
 LEVELS = 512  # bins of a histogram of encoded values in [0, 1]
+THIN = 0.004  # cover that is as good as none
 
 
 @dataclass(frozen=True)

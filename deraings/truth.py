@@ -15,7 +15,7 @@ from hydroviews.rain.layers import read_layers
 from hydroviews.scenes import View
 
 Plane = NDArray[np.float32]
-WATER = 0.5  # cover by drops, or weight, from which a pixel counts as hidden
+WATER = 0.5  # cover by drops from which a pixel counts as hidden
 
 
 def true_layers(variant: Path, view: View) -> dict[str, Plane]:
@@ -72,8 +72,9 @@ def score_rain(objective: RainObjective, variant: Path, views: Sequence[View]) -
         views: its training views.
 
     Returns:
-        `veil_rms`, `veil_mean`, `veil_correlation`, `drops_iou`, `drops_precision`, `drops_recall` and
-        `falling_cover_error` (found less true median cover), as far as the variant has such layers.
+        `rms`, `mean` and `correlation` of the veil (`veil_rms`, ...) and of the cover by drops (`drops_rms`, ...),
+        `drops_iou`, `drops_precision`, `drops_recall`, and `falling_cover_error` (found less true median cover), as far
+        as the variant has such layers.
 
     Raises:
         InputError: a layer is missing or unreadable.
@@ -86,7 +87,8 @@ def score_rain(objective: RainObjective, variant: Path, views: Sequence[View]) -
         if "V" in true:
             parts["veil"] = plane_errors(objective.veil_share(index, size), true["V"])
         if "M" in true:
-            parts["drops"] = mask_scores(objective.drop_weights(index, size) < WATER, true["M"] > WATER)
+            cover = objective.drop_cover(index, size)
+            parts["drops"] = mask_scores(cover > WATER, true["M"] > WATER) | plane_errors(cover, true["M"])
         if "S" in true:
             parts["falling"] = {"cover_error": objective.cover - float(np.median(true["S"]))}
         for part, values in parts.items():

@@ -12,6 +12,7 @@ from deraings.masking_config import MaskConfig
 from deraings.objective import RainConfig, RainObjective
 from deraings.rain_drops import DropConfig
 from deraings.rain_falling import FallingConfig
+from deraings.rain_found import found
 from deraings.rain_lens import VeilConfig
 
 STEPS = 60
@@ -95,7 +96,7 @@ def test_training_taken_up_again_goes_on_the_same():
         assert loss == expected
         assert np.array_equal(gradient, g)
     assert all(np.array_equal(value, second.arrays()[name]) for name, value in whole.arrays().items())
-    assert second.found() == whole.found()
+    assert found(second) == found(whole)
 
 
 def test_pixels_that_are_not_finite_teach_nothing():
@@ -130,7 +131,7 @@ def test_one_view_is_enough_to_run(count):
     scene = scene_of(count)
     objective = objective_of(scene)
     assert all(np.isfinite(loss) for loss, _ in steps(objective, renders(scene), 0, 20))
-    assert objective.found()["drops"] == 0
+    assert found(objective)["drops"] == 0
 
 
 def test_smaller_renders_are_compared_with_smaller_photographs():
@@ -168,4 +169,4 @@ def test_masks_learn_from_the_loss_and_weigh_it():
 def test_what_was_found_and_the_settings_can_be_written_down():
     objective = objective_of(scene_of(3))
     assert json.loads(json.dumps(objective.about())) == json.loads(json.dumps(objective.about()))
-    assert json.loads(json.dumps(objective.found()))["falling"] == 0
+    assert json.loads(json.dumps(found(objective)))["falling"] == 0

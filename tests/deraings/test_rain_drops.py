@@ -1,8 +1,9 @@
+import cv2
 import numpy as np
 import panorama
 import pytest
 
-from deraings.rain_drops import DropConfig, Drops, Spread
+from deraings.rain_drops import DropConfig, Drops
 
 DISK = (slice(18, 30), slice(25, 37))  # of the lens, in pixels
 
@@ -16,18 +17,20 @@ def behind_drops(views):
 
 def watch(scene, photographs, config=None, epochs=3):
     """Drops that have seen all photographs of a known scene, learned with an error of 0.02."""
-    pictures = panorama.eight_bit(photographs)
-    config = config or DropConfig()
-    drops = Drops(Spread(pictures, config), len(scene), 100, config)
+    drops = Drops((panorama.HEIGHT, panorama.WIDTH), len(scene), 100, config or DropConfig())
     error = 0.02 * np.random.default_rng(3).standard_normal(scene.shape).astype(np.float32)
     for view in list(range(len(scene))) * epochs:
-        drops.observe(photographs[view] - scene[view] + error[view], view)
+        drops.observe(photographs[view], scene[view] - error[view], view)
     return drops
 
 
 def mask_of(drops, view=0):
-    weights = drops.weights(view, (panorama.HEIGHT, panorama.WIDTH), 100)
-    return np.zeros((panorama.HEIGHT, panorama.WIDTH), bool) if weights is None else weights < 0.5
+    water = water_of(drops, view)
+    return np.zeros((panorama.HEIGHT, panorama.WIDTH), bool) if water is None else water.cover > 0.5
+
+
+def water_of(drops, view=0):
+    return drops.water(view, (panorama.HEIGHT, panorama.WIDTH), 100)
 
 
 def test_a_drop_is_found_and_nothing_else():
@@ -36,6 +39,30 @@ def test_a_drop_is_found_and_nothing_else():
     assert mask[DISK].mean() > 0.95
     mask[DISK] = False
     assert mask.mean() < 0.05
+
+
+@pytest.mark.parametrize("cover", [0.3, 0.7])
+def test_a_drop_that_covers_in_part_is_a_line(cover):
+    scene = panorama.views_of(panorama.paint(), 24)
+    wet = scene.copy()
+    wet[(slice(None), *DISK)] = (1 - cover) * scene[(slice(None), *DISK)] + cover * np.float32([0.5, 0.6, 0.7])
+    water = water_of(watch(scene, wet, DropConfig(fewest=0)))
+    inside = (slice(DISK[0].start + 2, DISK[0].stop - 2), slice(DISK[1].start + 2, DISK[1].stop - 2))
+    assert water.cover[inside].mean() == pytest.approx(cover, abs=0.04)
+    assert np.allclose(water.light[inside].mean(axis=(0, 1)), cover * np.float32([0.5, 0.6, 0.7]), atol=0.04)
+    seen = water.over(scene[3])
+    assert np.abs(seen - wet[3])[inside].mean() < 0.02
+    outside = np.ones(water.cover.shape, bool)
+    outside[DISK[0].start - 2 : DISK[0].stop + 2, DISK[1].start - 2 : DISK[1].stop + 2] = False
+    assert water.cover[outside].max() < 0.1
+    assert (water.weights[outside] == 1).all()
+    assert (water.light <= water.cover[..., None]).all()
+
+
+def test_what_is_too_fine_to_render_is_no_drop():
+    scene = panorama.views_of(panorama.paint(), 24)
+    smooth = np.stack([cv2.GaussianBlur(view, (0, 0), 2.0) for view in scene])
+    assert not mask_of(watch(smooth, scene, DropConfig(fewest=0))).any()
 
 
 def test_dry_views_keep_every_pixel():
@@ -71,14 +98,21 @@ def test_a_scene_that_is_not_learned_yet_is_no_water():
 
 def test_too_few_views_tell_nothing():
     scene = panorama.views_of(panorama.paint(), 3)
-    assert not mask_of(watch(scene, behind_drops(scene))).any()
+    assert water_of(watch(scene, behind_drops(scene))) is None
 
 
 def test_not_before_its_start_and_at_any_size():
     scene = panorama.views_of(panorama.paint(), 14)
     drops = watch(scene, behind_drops(scene), DropConfig(long_side=40))
-    assert drops.weights(0, (panorama.HEIGHT, panorama.WIDTH), 0) is None
-    weights = drops.weights(0, (23, 31), 100)
-    assert weights.shape == (23, 31)
-    assert weights.min() == pytest.approx(0, abs=0.1)
-    assert weights.max() == 1
+    assert drops.water(0, (panorama.HEIGHT, panorama.WIDTH), 0) is None
+    water = drops.water(0, (23, 31), 100)
+    assert water.cover.shape == water.weights.shape == (23, 31)
+    assert water.light.shape == (23, 31, 3)
+    assert water.weights.min() == pytest.approx(0, abs=0.1)
+    assert water.weights.max() == 1
+
+
+def test_before_any_view_nothing_is_known():
+    drops = Drops((panorama.HEIGHT, panorama.WIDTH), 14, 100, DropConfig())
+    assert drops.line(0) is None
+    assert water_of(drops) is None

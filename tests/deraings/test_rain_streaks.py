@@ -10,6 +10,7 @@ from baselines.splatting.objective import TrainingImages
 from baselines.splatting.rasterizer import Workspace
 from deraings.objective import RainConfig, RainObjective
 from deraings.rain_falling import FallingConfig
+from deraings.rain_found import found
 from deraings.rain_streaks import StreakConfig, Streaks, along_rain, cover_between, wiener_gain
 from hydroviews.images import to_uint8
 from hydroviews.rain.streaks import StreakPattern, composite, streak_layer
@@ -190,7 +191,7 @@ def test_in_a_training_streaks_lower_the_loss_and_it_resumes_exactly(scene):
     photographs, images = rained_on(scene, layers()), learned(scene)
     whole, first, second = (objective_of(photographs) for _ in range(3))
     everything = steps(whole, images, 0, 60)
-    assert "streaks" in whole.found()["needed"]
+    assert "streaks" in found(whole)["needed"]
     assert all(now < 0.9 * before for (before, _), (now, _) in zip(everything[:10], everything[-10:], strict=True))
     steps(first, images, 0, 35)
     second.restore({name: value.copy() for name, value in first.arrays().items()})
@@ -240,4 +241,4 @@ def test_in_dry_weather_nothing_changes(scene):
     for (loss, gradient), (expected, g) in zip(steps(ours, images, 0, 60), steps(without, images, 0, 60), strict=True):
         assert loss == expected
         assert np.array_equal(gradient, g)
-    assert ours.found()["streaks"] == 0
+    assert found(ours)["streaks"] == 0
