@@ -1,10 +1,5 @@
 """The training loop: steps, what changes between them, checkpoints. What a step does is the backend's business."""
 
-import signal
-import threading
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -24,6 +19,7 @@ from baselines.splatting.kernels import warm_up
 from baselines.splatting.objective import Objective, read_images
 from baselines.splatting.pruning import prune
 from baselines.splatting.state import TrainingState, fresh_state, without_broken
+from baselines.stopping import Clock, end_stopped, stop_signals
 from hydroviews.cameras import Camera
 from hydroviews.scenes import Scene
 
@@ -117,10 +113,10 @@ class _Run:
         """All steps that are left, with a checkpoint now and then and at the end."""
         backend, total, done = self.backend, self.config.iterations, state.iteration
         backend.put(state)
-        clock = _Clock(state.seconds)
+        clock = Clock(state.seconds)
         saved, smooth = clock.seconds, 0.0
         bar = tqdm(total=total, initial=done, desc="training", unit="it", mininterval=1.0)
-        with _stop_signals() as stopped, bar:
+        with stop_signals() as stopped, bar:
             while done < total and not self.stalled(state):
                 loss = self.step(done)
                 done += 1
@@ -129,8 +125,7 @@ class _Run:
                 if stopped or clock.seconds - saved > self.config.checkpoint_seconds:
                     self.save(backend.get(done, clock.seconds))
                     saved = clock.seconds
-                if stopped:
-                    raise KeyboardInterrupt if stopped[0] == signal.SIGINT else SystemExit(128 + stopped[0])
+                end_stopped(stopped)
                 smooth = 0.98 * smooth + 0.02 * loss if smooth else loss
                 bar.set_postfix_str(f"loss {smooth:.4f}, {len(state.gaussians)} Gaussians", refresh=False)
                 bar.update()
@@ -190,30 +185,3 @@ class _Run:
     def save(self, state: TrainingState) -> None:
         """Write the checkpoint."""
         write_checkpoint(self.checkpoint, state, self.objective.arrays(), self.fingerprint)
-
-
-class _Clock:
-    """Seconds of training, going on from those of earlier sessions."""
-
-    def __init__(self, before: float):
-        self._zero = time.perf_counter() - before
-
-    @property
-    def seconds(self) -> float:
-        return time.perf_counter() - self._zero
-
-
-@contextmanager
-def _stop_signals() -> Iterator[list[int]]:
-    """Collects SIGINT and SIGTERM, so that a step is never cut in half; only the main thread may."""
-    received: list[int] = []
-    if threading.current_thread() is not threading.main_thread():
-        yield received
-        return
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    before = {n: signal.signal(n, lambda number, _: received.append(number)) for n in numbers}
-    try:
-        yield received
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
