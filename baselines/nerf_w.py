@@ -138,6 +138,7 @@ PAPER = VolumetricConfig(
     final_rate=0.01,
     rising=0,
     anneal=0,
+    teach_every=1,
 )
 PROFILES = {
     "demo": NerfWConfig(replace(SMALL, iterations=3500)),
