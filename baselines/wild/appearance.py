@@ -16,6 +16,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
+from torch.nn.functional import pad
 
 from baselines.splatting.appearance import Appearance, in_sight, set_of
 from baselines.splatting.gaussians import Gaussians
@@ -80,26 +81,27 @@ class WildAppearance(Appearance):
     ) -> tuple[dict[str, Tensor], ...]:
         """See Appearance; a view that was not trained on has the mean of the training embeddings."""
         sh, seen = parameters["sh"], in_sight(parameters, camera).nonzero()[:, 0]
-        toned_sh = self.tone(sh[seen], parameters["features"][seen], self.embedding(view))
-        return set_of(parameters, sh.index_put((seen,), toned_sh)), set_of(parameters, sh)
+        gain, offset = self.change(sh[seen, 0], parameters["features"][seen], self.embedding(view))
+        gains = sh.new_ones(len(sh), 3).index_put((seen,), gain)
+        offsets = sh.new_zeros(len(sh), 3).index_put((seen,), offset)
+        return set_of(parameters, toned(sh, gains, offsets)), set_of(parameters, sh)
 
     def embedding(self, view: int | None) -> Tensor:
         """That of a training view [32]; the mean of all for None."""
         return self.views.mean(dim=0) if view is None else self.views[view]
 
-    def tone(self, sh: Tensor, features: Tensor, embedding: Tensor) -> Tensor:
-        """Coefficients [N, K, 3] of Gaussians in the view with an embedding [32]."""
-        base = MIDDLE + C0 * sh[:, 0]
-        hidden = self.of_gaussian(torch.cat([base, features], dim=1)) + self.of_view(embedding)
-        change, offset = (self._config.scale * self.rest(hidden)).split(3, dim=1)
-        return toned(sh, 1 + change, offset)
+    def change(self, first: Tensor, features: Tensor, embedding: Tensor) -> tuple[Tensor, Tensor]:
+        """Gains and offsets [N, 3] in the view with an embedding [32], of Gaussians with first coefficients [N, 3]."""
+        hidden = self.of_gaussian(torch.cat([MIDDLE + C0 * first, features], dim=1)) + self.of_view(embedding)
+        gain, offset = (self._config.scale * self.rest(hidden)).split(3, dim=1)
+        return 1 + gain, offset
 
     @torch.no_grad()
     def mean_look(self, gaussians: Gaussians) -> Gaussians:
         """Ordinary Gaussians in the colours of the mean embedding."""
         assert gaussians.features is not None
         sh, features = (torch.from_numpy(v).to(self.views.device) for v in (gaussians.sh, gaussians.features))
-        shown = self.tone(sh, features, self.embedding(None)).cpu().numpy()
+        shown = toned(sh, *self.change(sh[:, 0], features, self.embedding(None))).cpu().numpy()
         return Gaussians(**{**gaussians.bare().arrays(), "sh": np.ascontiguousarray(shown)}, origin=gaussians.origin)
 
     def learn(self, iteration: int) -> None:
@@ -142,5 +144,4 @@ def toned(sh: Tensor, gain: Tensor, offset: Tensor) -> Tensor:
     first coefficient, whose basis is C0.
     """
     constant = (MIDDLE * (gain - 1) + offset) / C0
-    scaled = sh * gain[:, None]
-    return torch.cat([scaled[:, :1] + constant[:, None], scaled[:, 1:]], dim=1)
+    return torch.addcmul(pad(constant[:, None], (0, 0, 0, sh.shape[1] - 1)), sh, gain[:, None])
