@@ -45,7 +45,7 @@ class DropConfig:
     """What is taken for a drop."""
 
     weights: str = "small"  # of the network, by name or path
-    threshold: float = 0.5  # attention from which on a pixel is hidden
+    threshold: float = 0.2  # attention from which on a pixel is hidden
     widened: int = 1  # pixels by which what is hidden grows on every side
     longest: int = 480  # larger pictures are looked at with so many pixels a side, as the network has learnt to
     weights_sha256: str | None = None  # of their file: runs with other weights are other runs

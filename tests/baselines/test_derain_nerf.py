@@ -142,10 +142,10 @@ def test_a_damaged_mask_is_refused(tmp_path, drops):
 def test_what_is_hidden_is_widened():
     attention = np.zeros((9, 9), np.float32)
     attention[4, 4], attention[0, 0] = 0.5, 0.49
-    assert hidden(attention, DropConfig(widened=0)).sum() == 1
-    assert hidden(attention, DropConfig(widened=1)).sum() == 5
-    assert hidden(attention, DropConfig(widened=2))[2:7, 4].all()
-    assert not hidden(attention, DropConfig(widened=2))[1, 1]
+    assert hidden(attention, DropConfig(threshold=0.5, widened=0)).sum() == 1
+    assert hidden(attention, DropConfig(threshold=0.5, widened=1)).sum() == 5
+    assert hidden(attention, DropConfig(threshold=0.5, widened=2))[2:7, 4].all()
+    assert not hidden(attention, DropConfig(threshold=0.5, widened=2))[1, 1]
 
 
 def test_large_pictures_are_looked_at_as_small_ones(monkeypatch):
