@@ -20,10 +20,12 @@ from baselines.gs_wild.sampling import boxed, projected, sample
 from baselines.splatting.appearance import Appearance, in_sight, set_of
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.objective import TrainingImages
+from baselines.splatting.schedule import random_stream
 from baselines.torch_state import module_arrays, restore_module
 from hydroviews.cameras import Camera
 
 STEPS = "steps"
+DROPOUT = 5  # random stream
 
 
 class WildAppearance(Appearance):
@@ -136,9 +138,9 @@ class WildAppearance(Appearance):
         """
         if not self.config.dropout or not torch.is_grad_enabled():
             return dynamic
-        generator = torch.Generator().manual_seed(hash((self.seed, self._steps)) % 2**63)
         parts = dynamic.unflatten(1, (1 + self.config.maps, -1))
-        kept = (torch.rand((*parts.shape[:2], 1), generator=generator) >= self.config.dropout).to(dynamic)
+        drawn = random_stream(self.seed, DROPOUT, self._steps).random((*parts.shape[:2], 1), np.float32)
+        kept = torch.from_numpy(drawn >= self.config.dropout).to(dynamic)
         return (parts * (kept / (1 - self.config.dropout))).flatten(1)
 
     def _decay(self, iteration: int) -> float:
