@@ -115,6 +115,6 @@ def try_check(case: Case, name: str, function: Callable[[Case], str]) -> Outcome
         result, reason = Result.NOT_TESTABLE, str(why)
     except Failed as why:
         result, reason = Result.FAILED, str(why)
-    except (Exception, SystemExit) as error:  # whatever a method does
+    except Exception as error:  # whatever a method does
         result, reason, trace = Result.FAILED, f"{type(error).__name__}: {error}", traceback.format_exc()
     return Outcome(name, result, " ".join(reason.split()), round(time.perf_counter() - start, 2), trace)

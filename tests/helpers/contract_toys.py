@@ -144,11 +144,6 @@ class OneArray(Good):
         return array
 
 
-class Leaves(Good):
-    def fit(self, scene: Scene, folder: Path) -> None:
-        raise SystemExit("enough")
-
-
 class Rounds(Good):
     def save(self, folder: Path) -> None:
         write_json(folder / "model.json", [self.state[0], np.round(self.state[1], 2).tolist(), self.state[2]])
