@@ -24,7 +24,7 @@ from leaderboard.predict import only_training
 
 SECONDS = 3.0  # of training, as far as the configured steps reach
 SHORTEST = 0.1  # seconds of training below which nobody can meet it half-way
-ATTEMPTS = 3  # to meet it half-way
+ATTEMPTS = 4  # to meet it half-way
 PATIENCE = 60.0  # seconds until an interrupted process has to have ended
 BEGUN, ENDED, OUTPUT = "begun", "ended.json", "output.txt"
 
@@ -55,28 +55,29 @@ def termination(case: Case) -> str:
 
 
 def _interrupted(case: Case, number: signal.Signals) -> str:
-    alone, share, reason = left_alone(case), 0.5, ""
+    alone, reason = left_alone(case), ""
     if alone.seconds < SHORTEST:
         raise NotTestable(f"done before it can be met: {alone.seconds:.2f} s of training")
     expected = alone.pixels(case, alone.folder)
+    whole = alone.setup + alone.seconds
+    early, moment, late = 0.0, whole - alone.seconds / 2, whole  # bisected, as other things may keep the machine busy
     for attempt in range(ATTEMPTS):
         folder = case.folder / f"{number.name}-{attempt}"
-        moment = alone.setup + share * alone.seconds
         exit_code = _run(case, alone.steps, folder, number, moment)
         left = files_in(folder)
         if (_notes(folder) / ENDED).exists():
             if exit_code == 0:
                 message = f"after {number.name} fit returned as if it had ended, with other pixels"
                 must_equal(alone.pixels(case, folder), expected, message)
-            reason, share = f"done before it can be met: {alone.seconds:.2f} s of training", share / 2
+            reason, late = f"done before it is met: {alone.seconds:.2f} s of training", moment
         elif not left:
-            reason, share = f"stopped after {moment:.1f} s, it leaves no checkpoint", (1 + share) / 2
+            reason, early = f"stopped after {moment:.1f} s, it leaves no checkpoint", moment
         else:
             if _run(case, alone.steps, folder) != 0:
                 raise Failed(f"stopped after {moment:.1f} s, it does not go on: {_last_words(folder)}")
             must_equal(alone.pixels(case, folder), expected, "taken up again, it ends with other pixels")
-            whole = alone.setup + alone.seconds
             return f"stopped after {moment:.1f} of {whole:.1f} s, goes on from {some(left)}: the same pixels"
+        moment = (early + late) / 2
     raise NotTestable(reason)
 
 
