@@ -27,7 +27,6 @@ from deraings.planes import Plane, resized, within_side
 from deraings.rain_lens import moment_weights, moments_of
 from hydroviews.images import Image
 
-WINDOW = 3  # pixels of the lens over which covariance and variance are averaged
 LEAST_WINDOW, LARGEST_WINDOW = 4, 32  # views that running means remember
 PLANES = 8  # photograph and render, three channels each; means over channels of their product and of its square
 
@@ -41,13 +40,13 @@ class DropConfig:
     most_moments: int = 3
     fewest_views: int = 6  # fewer say nothing about what is usual at a place of the lens
     start: float = 0.2  # share of the iterations after which the render is seen through drops
-    noise: float = 0.04  # encoded; where the render varies less, slopes are drawn to one
-    clear: float = 0.08  # M up to which the lens counts as clear
-    wet: float = 0.2  # M from which it counts for what it is
+    noise: float = 0.05  # encoded; where the render varies less, slopes are drawn to one
+    clear: float = 0.1  # M up to which the lens counts as clear
+    wet: float = 0.25  # M from which it counts for what it is
     fewest: float = 0.03  # share of the lens more than half covered from which there are any drops
     most: float = 0.6  # share of the lens that may be more than half covered
-    hidden: float = 0.9  # M from which a pixel does not count
-    shown: float = 0.6  # M up to which it counts in full
+    hidden: float = 0.75  # M from which a pixel does not count
+    shown: float = 0.3  # M up to which it counts in full
 
 
 class Water(NamedTuple):
@@ -104,8 +103,8 @@ class Drops:
         config = self._config
         mean = np.tensordot(weights, self.sums, 1) / np.float32(weights @ self.count)
         photograph, seen = mean[:3], mean[3:6]
-        together = cv2.blur(mean[6] - (photograph * seen).mean(axis=0), (WINDOW, WINDOW))
-        alone = cv2.blur(np.maximum(mean[7] - (seen * seen).mean(axis=0), 0), (WINDOW, WINDOW))
+        together = mean[6] - (photograph * seen).mean(axis=0)
+        alone = np.maximum(mean[7] - (seen * seen).mean(axis=0), 0)
         lost = 1 - (together + config.noise**2) / (alone + config.noise**2)
         cover = np.clip(lost, 0, 1) * _step(lost, config.clear, config.wet)
         light = np.clip(photograph - (1 - cover) * seen, 0, cover)
