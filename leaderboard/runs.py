@@ -81,7 +81,7 @@ class Run:
             "profile": self.profile,
             "track": self.track,
             "data_sha256": data_hash(self.data, self.scene, self.pattern),
-            "config": _as_json(self.method, method.configuration(self.profile)),
+            "config": as_json(self.method, method.configuration(self.profile)),
         }
 
 
@@ -119,7 +119,7 @@ def claim(run: Run, overwrite: bool) -> None:
     )
 
 
-def _as_json(method: str, config: Any) -> Any:
+def as_json(method: str, config: Any) -> Any:
     """A configuration as it comes back from a JSON file.
 
     Raises:

@@ -56,7 +56,7 @@ def test_make_hands_the_folder_of_captures_on():
     assert "HYDROVIEWS_CAPTURES :=" not in make("--print-data-base", "dataset")
 
 
-@pytest.mark.parametrize("target", ["setup", "dataset", "eval", "leaderboard", "bench", "test", "lint"])
+@pytest.mark.parametrize("target", ["setup", "dataset", "eval", "check", "leaderboard", "bench", "test", "lint"])
 def test_make_targets(target):
     make(target)
 
@@ -66,6 +66,8 @@ def test_make_targets(target):
     [
         (("leaderboard", "evaluate", "--method", "nerf-x"), "METHOD=nerf-x: no such method"),
         (("leaderboard", "evaluate", "--method", "3dgs", "--profile", "huge"), "PROFILE=huge"),
+        (("leaderboard", "check", "nerf-x"), "METHOD=nerf-x: no such method"),
+        (("leaderboard", "check", "3dgs+fly"), "METHOD=3dgs+fly: no such wrapper"),
         (("leaderboard", "table", "--results", "/nowhere"), "no finished run"),
         (("hydroviews", "verify", "/nowhere"), "no manifest.json"),
         (("hydroviews", "build", "--scene", "/nowhere", "--out", "/nowhere"), "no such capture"),
@@ -91,7 +93,7 @@ def test_bad_input_ends_with_a_plain_error(arguments, message):
     ("package", "commands"),
     [
         ("hydroviews", ("build", "verify", "poses", "download")),
-        ("leaderboard", ("evaluate", "table", "score", "picture", "view", "film", "export")),
+        ("leaderboard", ("evaluate", "check", "table", "score", "picture", "view", "film", "export")),
     ],
 )
 def test_help_names_the_commands(package, commands):

@@ -31,7 +31,7 @@ from leaderboard.contract.case import (
     some,
 )
 from leaderboard.contract.room import HEIGHT, WIDTH
-from leaderboard.runs import _as_json
+from leaderboard.runs import as_json
 
 HIDDEN = slice(8, 24), slice(10, 34)  # rows and columns that masks hide
 
@@ -49,7 +49,7 @@ def configurations(case: Case) -> str:
             config = case.kind.configuration(profile)
         except InputError:
             continue
-        if _as_json(case.name, config) != _as_json(case.name, case.kind.configuration(profile)):
+        if as_json(case.name, config) != as_json(case.name, case.kind.configuration(profile)):
             raise Failed(f"{profile}: asked again, another configuration")
         claimed.append(profile)
     if not claimed:
@@ -60,7 +60,7 @@ def configurations(case: Case) -> str:
 
 def training(case: Case) -> str:
     """It trains."""
-    whole = _as_json(case.name, case.kind.configuration(case.profile)) == _as_json(case.name, case.config())
+    whole = as_json(case.name, case.kind.configuration(case.profile)) == as_json(case.name, case.config())
     method = case.trained
     length = "as long as it is configured (nothing to shorten)" if whole else f"{case.steps} steps"
     return f"{len(case.scene.train_views)} views of {WIDTH}x{HEIGHT}, {length}, seed {method.seed}"
@@ -173,7 +173,7 @@ def foreign(case: Case) -> str:
         "photographs": lambda: case.train(case.room("repainted", seed=1), "foreign"),
         "settings": lambda: case.train(case.scene, "foreign", config=shorter),
     }
-    if _as_json(case.name, shorter) == _as_json(case.name, case.config()):
+    if as_json(case.name, shorter) == as_json(case.name, case.config()):
         del trials["settings"]
     for what, trial in trials.items():
         must_refuse(f"a checkpoint ({some(left)}) with other {what}", trial)
