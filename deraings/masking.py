@@ -12,8 +12,6 @@ below the median is worth no mask, whatever the scene's level. The paper has no 
 """
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from typing import Any
 
@@ -23,7 +21,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from baselines.splatting.objective import Size, TrainingImages
-from baselines.torch_state import module_arrays, restore_module
+from baselines.torch_state import module_arrays, one_thread, restore_module
 from deraings.masking_config import MaskConfig
 from deraings.masking_maps import evidence, filled
 from deraings.masking_network import MaskNetwork, masked_loss
@@ -125,7 +123,7 @@ class OcclusionMasks:
         self._observe(float(np.median(loss[loss > 0])))
         wanted = torch.from_numpy(self._shrunk(view, loss, self.config.shrink // self.config.fine))
         self._losses[view] = self._shrunk(view, loss, self.config.shrink)
-        with _one_thread():
+        with one_thread():
             self.network.train()
             self.adam.zero_grad()
             mask = self._predict(view)
@@ -166,7 +164,7 @@ class OcclusionMasks:
 
     def _look(self, view: int) -> NDArray[np.uint8]:
         """M as the network predicts it without learning."""
-        with _one_thread(), torch.no_grad():
+        with one_thread(), torch.no_grad():
             self.network.eval()
             return _rounded(self._predict(view))
 
@@ -212,14 +210,3 @@ def _by_view(arrays: dict[str, NDArray], prefix: str) -> dict[int, NDArray]:
 
 def _rounded(mask: Tensor) -> NDArray[np.uint8]:
     return np.rint(mask.detach().numpy() * 255).astype(np.uint8)
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """The order in which torch adds up, and so the last bits, depends on the number of threads."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)

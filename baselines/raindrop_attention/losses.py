@@ -11,7 +11,7 @@ from baselines.raindrop_attention.autoencoder import Frames, frames_of
 from baselines.raindrop_attention.config import LossConfig, Perceptual
 from baselines.raindrop_attention.discriminator import Judgement
 from baselines.raindrop_attention.network import Derained
-from hydroviews.metrics.lpips import _features
+from hydroviews.metrics.lpips import activations
 
 
 class GeneratorLosses(NamedTuple):
@@ -68,8 +68,8 @@ def perceptual_loss(found: Tensor, clean: Tensor, network: Perceptual) -> Tensor
     AlexNet's. They are compared as they are, not as unit vectors, whose gradient is undefined where all are nought.
     """
     with torch.no_grad():
-        target = _features(network, clean)
-    pairs = zip(_features(network, found), target, strict=True)
+        target = activations(network, clean)
+    pairs = zip(activations(network, found), target, strict=True)
     return torch.stack([functional.mse_loss(a, b) for a, b in pairs]).mean()
 
 

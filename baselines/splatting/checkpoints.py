@@ -73,7 +73,7 @@ def read_checkpoint(path: Path, fingerprint: dict[str, Any]) -> tuple[TrainingSt
         InputError: damaged, or of another configuration, seed or scene.
     """
     arrays, about = read_arrays(path)
-    _check_fingerprint(path, about.get("fingerprint", {}), fingerprint)
+    check_fingerprint(path, about.get("fingerprint", {}), fingerprint)
     origin = arrays["origin"]
     names = (*FIELDS, FEATURES) if f"gaussians.{FEATURES}" in arrays else FIELDS
     gaussians, first, second = (
@@ -106,7 +106,17 @@ def fingerprint_of(config: TrainerConfig, seed: int, scene: Scene, objective: Ob
     }
 
 
-def _check_fingerprint(path: Path, found: dict[str, Any], expected: dict[str, Any]) -> None:
+def check_fingerprint(path: Path, found: dict[str, Any], expected: dict[str, Any]) -> None:
+    """Refuse a checkpoint of another run.
+
+    Args:
+        path: the checkpoint.
+        found: its fingerprint.
+        expected: that of this run.
+
+    Raises:
+        InputError: they differ; it says in what.
+    """
     expected = json.loads(json.dumps(expected))
     different = [name for name in sorted({*found, *expected}) if found.get(name) != expected.get(name)]
     if different:

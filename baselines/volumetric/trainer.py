@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from baselines.splatting.backends import chosen_device
-from baselines.splatting.checkpoints import _check_fingerprint, fingerprint_of, read_arrays, write_arrays
+from baselines.splatting.checkpoints import check_fingerprint, fingerprint_of, read_arrays, write_arrays
 from baselines.splatting.objective import Objective, TrainingImages, read_images
 from baselines.stopping import Clock, end_stopped, stop_signals
 from baselines.torch_state import module_arrays, restore_module
@@ -147,7 +147,7 @@ class _Run:
         if not self.checkpoint.exists():
             return 0, 0.0
         arrays, about = read_arrays(self.checkpoint)
-        _check_fingerprint(self.checkpoint, about.get("fingerprint", {}), self.fingerprint)
+        check_fingerprint(self.checkpoint, about.get("fingerprint", {}), self.fingerprint)
         restore_module(model, arrays, optimiser)
         return about["iteration"], about["seconds"]
 

@@ -67,15 +67,15 @@ def _distance(net: Net, image: Tensor, target: Tensor) -> Tensor:
             f"got {image.shape[-1]}x{image.shape[-2]}"
         )
     total = torch.zeros(len(image), device=image.device)
-    features = zip(_features(net, image), _features(net, target), strict=True)
+    features = zip(activations(net, image), activations(net, target), strict=True)
     for level, (a, b) in enumerate(features):
         head = _weights(net)[f"head.{level}"].to(a.device)
         total = total + (((_unit(a) - _unit(b)) ** 2) * head.view(1, -1, 1, 1)).sum(1).mean(dim=(1, 2))
     return total
 
 
-def _features(net: Net, x: Tensor) -> list[Tensor]:
-    """Activations after the ReLUs that LPIPS compares."""
+def activations(net: Net, x: Tensor) -> list[Tensor]:
+    """Those after the ReLUs that LPIPS compares, for images [N, 3, H, W] in [0, 1]."""
     weights = _weights(net)
     shift, scale = (x.new_tensor(v).view(1, 3, 1, 1) for v in (SHIFT, SCALE))
     x = (2 * x - 1 - shift) / scale

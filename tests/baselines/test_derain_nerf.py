@@ -1,9 +1,9 @@
 """What drops hide is not learned from; what they leave is."""
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
+import balls
 import numpy as np
 import pytest
 import torch
@@ -26,9 +26,6 @@ from baselines.raindrop_attention.weights import save_generator
 from baselines.splatting.objective import TrainingImages
 from hydroviews.errors import InputError
 from hydroviews.scenes import Scene
-
-sys.path.insert(0, str(Path(__file__).parent / "volumetric"))
-import balls
 
 SHORT = replace(balls.SMALL, iterations=20, rays=64, teach_always=10)
 DROP = np.array([1.0, 0.0, 1.0], np.float32)  # no colour of the scene

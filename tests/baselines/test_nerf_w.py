@@ -1,15 +1,11 @@
 """NeRF-W: its compositing and loss in the cases that break them, and that its mechanism does what it is for."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
+import balls
 import numpy as np
 import pytest
 import torch
-
-sys.path.insert(0, str(Path(__file__).parent / "volumetric"))
-import balls
 
 from baselines.method import find_method
 from baselines.nerf_w import NerfW, NerfWClean, NerfWConfig, NerfWModel, nerf_w_terms
