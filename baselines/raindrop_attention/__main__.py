@@ -9,13 +9,14 @@ import torch
 import tyro
 from tqdm import tqdm
 
+from baselines.network_training import rounded
 from baselines.raindrop_attention.config import CONFIGS, TrainingConfig, Upkeep
 from baselines.raindrop_attention.detection import detect
 from baselines.raindrop_attention.network import Generator
 from baselines.raindrop_attention.pairs import KINDS, Patches, Watched, lenses, watched
 from baselines.raindrop_attention.training import Training, resume, train
 from baselines.raindrop_attention.validation import as_columns, as_json, scores, table
-from baselines.raindrop_attention.weights import load_detector, rounded, save_generator
+from baselines.raindrop_attention.weights import load_detector, save_generator
 from hydroviews.commands import run_command
 from hydroviews.errors import InputError
 from hydroviews.files import write_json

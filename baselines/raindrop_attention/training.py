@@ -1,11 +1,6 @@
 """Train generator and discriminator; an interrupted training goes on and ends with the same bits."""
 
-import csv
-import io
-import json
-import math
 import time
-from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -14,23 +9,18 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn.utils import clip_grad_norm_
-from tqdm import tqdm
 
+from baselines.network_training import CHECKPOINT, Validate, average_in, rate_at, run
 from baselines.raindrop_attention.config import TrainingConfig, Upkeep
 from baselines.raindrop_attention.discriminator import Discriminator
 from baselines.raindrop_attention.losses import attention_loss, discriminator_loss, generator_losses
 from baselines.raindrop_attention.network import Generator
 from baselines.raindrop_attention.pairs import Batch, Patches
-from baselines.splatting.checkpoints import read_arrays, write_arrays
+from baselines.splatting.checkpoints import check_fingerprint, read_arrays, write_arrays
 from baselines.torch_state import module_arrays, restore_module
-from hydroviews.errors import InputError
-from hydroviews.files import write_bytes
 
-CHECKPOINT, CURVE = "checkpoint.safetensors", "curve.csv"
 SMOOTHING = 0.99  # of the losses that are shown
 BETAS = {"generator": (0.9, 0.999), "discriminator": (0.5, 0.999)}  # of Adam
-
-Validate = Callable[[Generator], dict[str, float]]  # what a row of the curve says beside step, losses and rate
 
 
 class Training:
@@ -52,6 +42,11 @@ class Training:
         self.losses: dict[str, float] = {}
         self.curve: list[dict[str, float]] = []
 
+    @property
+    def told(self) -> dict[str, float]:
+        """The smoothed losses, for the curve."""
+        return self.losses
+
     def learn(self, batch: Batch) -> None:
         """One step of the generator; where removal learns, one of the discriminator as well."""
         start = time.perf_counter()
@@ -62,7 +57,7 @@ class Training:
         removing = self.step % self.config.removal_every == 0
         for name, value in (self._learn_all(batch) if removing else self._learn_attention(batch)).items():
             self.losses[name] = SMOOTHING * self.losses.get(name, value.item()) + (1 - SMOOTHING) * value.item()
-        self._average()
+        average_in(self.averaged, self.generator, self.step, self.config.averaging)
         self.step += 1
         self.seconds += time.perf_counter() - start
 
@@ -100,12 +95,6 @@ class Training:
         clip_grad_norm_(network.parameters(), self.config.clip, error_if_nonfinite=True)
         self.optimisers[name].step()
 
-    def _average(self) -> None:
-        """Early weights are forgotten sooner, so that the average is worth something from the beginning."""
-        kept = min(self.config.averaging, (1 + self.step) / (10 + self.step))
-        with torch.no_grad():
-            torch._foreach_lerp_(list(self.averaged.parameters()), list(self.generator.parameters()), 1 - kept)
-
     def _parts(self) -> dict[str, tuple[nn.Module, torch.optim.Optimizer | None]]:
         learning = {name: (getattr(self, name), optimiser) for name, optimiser in self.optimisers.items()}
         return {**learning, "averaged": (self.averaged, None)}
@@ -125,11 +114,7 @@ class Training:
             InputError: damaged, or of another training.
         """
         arrays, about = read_arrays(path)
-        found, expected = about.get("fingerprint"), json.loads(json.dumps(fingerprint))
-        if found != expected:
-            fix = "train in another folder, or remove the checkpoint to start again"
-            what = f"{path}: the checkpoint is of another training"
-            raise InputError(what, found=found, expected=expected, fix=fix)
+        check_fingerprint(path, about.get("fingerprint", {}), fingerprint)
         for name, (network, optimiser) in self._parts().items():
             own = {key.removeprefix(f"{name}/"): value for key, value in arrays.items() if key.startswith(f"{name}/")}
             restore_module(network, own, optimiser)
@@ -140,14 +125,6 @@ class Training:
 def _fast(network: nn.Module) -> Any:
     """Channels last: what convolutions on processors are quickest with."""
     return network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-
-
-def rate_at(step: int, config: TrainingConfig) -> float:
-    """The learning rate of a step: up linearly, then down along half a cosine."""
-    if step < config.warm_up:
-        return config.rate * (step + 1) / config.warm_up
-    done = (step - config.warm_up) / max(1, config.steps - config.warm_up)
-    return config.final_rate + (config.rate - config.final_rate) * 0.5 * (1 + math.cos(math.pi * done))
 
 
 def resume(folder: Path, config: TrainingConfig, data: str) -> Training:
@@ -183,25 +160,6 @@ def train(
         InputError: the checkpoint is damaged or of another training.
     """
     training, fingerprint = resume(folder, config, data), _fingerprint(config, data)
-    with tqdm(total=config.steps, initial=training.step, desc="training", unit="step") as bar:
-        while training.step < config.steps:
-            training.learn(patches[training.step])
-            bar.set_postfix(attention=f"{training.losses['attention']:.4f}", refresh=False)
-            bar.update()
-            last = training.step == config.steps
-            if last or training.step % upkeep.validate_every == 0:
-                _note(training, validate, folder / CURVE)
-            if last or training.step % upkeep.checkpoint_every == 0:
-                training.save(folder / CHECKPOINT, fingerprint)
+    batches = (patches[step] for step in range(training.step, config.steps))
+    run(training, batches, config.steps, folder, fingerprint, validate, upkeep)
     return training
-
-
-def _note(training: Training, validate: Validate, path: Path) -> None:
-    """Validate, and write the curve so far."""
-    row = {"step": training.step, "seconds": training.seconds, **training.losses, **validate(training.averaged)}
-    training.curve.append({name: round(value, 5) for name, value in row.items()})
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(row), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(training.curve)
-    write_bytes(path, text.getvalue().encode())

@@ -8,6 +8,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from baselines.network_training import weights_file
 from baselines.raindrop_attention.config import GeneratorConfig
 from baselines.raindrop_attention.network import Generator
 from baselines.splatting.checkpoints import read_arrays, write_arrays
@@ -45,27 +46,13 @@ def find_weights(weights: str | Path) -> Path:
     Raises:
         InputError: no weights of that name are shipped.
     """
-    if Path(weights).suffix:
-        return Path(weights)
-    path = SHIPPED / f"{weights}.safetensors"
-    if not path.is_file():
-        names = ", ".join(sorted(file.stem for file in SHIPPED.glob("*.safetensors")))
-        raise InputError(
-            f"raindrop attention weights {weights}: none of that name are shipped",
-            expected=f"one of: {names or 'none'}; or the path of a .safetensors file",
-        )
-    return path
+    return weights_file(weights, SHIPPED, "raindrop attention")
 
 
 def save_generator(path: Path, config: GeneratorConfig, tensors: dict[str, Tensor], card: dict[str, Any]) -> None:
     """Write weights, as half floats, with what is needed to use and to judge them."""
     arrays = {name: value.detach().half().numpy() for name, value in tensors.items()}
     write_arrays(path, arrays, {"generator": asdict(config), "card": card})
-
-
-def rounded(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
-    """Weights as they come back from a file."""
-    return {name: value.half().float() for name, value in tensors.items()}
 
 
 def _build(path: Path, about: dict[str, Any], arrays: dict[str, NDArray]) -> Generator:

@@ -8,6 +8,7 @@ import torch
 import tyro
 from tqdm import tqdm
 
+from baselines.network_training import rounded
 from deraings.enhancement.config import TrainingConfig, Upkeep
 from deraings.enhancement.enhance import enhance
 from deraings.enhancement.network import CONFIGS, EnhancementNetwork
@@ -16,7 +17,7 @@ from deraings.enhancement.pairs import VEILED, Pairs
 from deraings.enhancement.size import describe
 from deraings.enhancement.training import Training, resume, train
 from deraings.enhancement.validation import as_columns, as_json, scores, table, validation_set
-from deraings.enhancement.weights import load_enhancer, rounded, save_network
+from deraings.enhancement.weights import load_enhancer, save_network
 from hydroviews.commands import run_command
 from hydroviews.errors import InputError
 from hydroviews.files import write_json

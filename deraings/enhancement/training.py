@@ -1,20 +1,16 @@
 """Train an enhancement network; an interrupted training goes on and ends with the same bits."""
 
-import csv
-import io
-import json
 import math
 import time
-from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import torch
 from torch import Tensor
-from tqdm import tqdm
 
-from baselines.splatting.checkpoints import read_arrays, write_arrays
+from baselines.network_training import CHECKPOINT, Validate, average_in, rate_at, run
+from baselines.splatting.checkpoints import check_fingerprint, read_arrays, write_arrays
 from baselines.torch_state import module_arrays, restore_module
 from deraings.enhancement.config import TrainingConfig, Upkeep
 from deraings.enhancement.loss import cover_loss, enhancement_loss
@@ -22,14 +18,9 @@ from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.pairs import Pairs, Sample, batches
 from deraings.enhancement.veil import cut, lifted, veil_loss
 from deraings.enhancement.weights import to_arrays, to_tensors
-from hydroviews.errors import InputError
-from hydroviews.files import write_bytes
 
-CHECKPOINT, CURVE = "checkpoint.safetensors", "curve.csv"
 AVERAGED = "averaged."  # before the names of the averaged weights in a checkpoint
 SMOOTHING = 0.99  # of the loss that is shown
-
-Validate = Callable[[EnhancementNetwork], dict[str, float]]  # what a row of the curve says beside step, loss and rate
 
 
 class Training:
@@ -49,6 +40,11 @@ class Training:
         self.loss = math.nan
         self.curve: list[dict[str, float]] = []
 
+    @property
+    def told(self) -> dict[str, float]:
+        """The smoothed loss, for the curve."""
+        return {"loss": self.loss}
+
     def learn(self, batch: Sample) -> None:
         """One step."""
         start = time.perf_counter()
@@ -60,7 +56,7 @@ class Training:
         loss.backward()
         torch.nn.utils.clip_grad_norm_(self.network.parameters(), self.config.clip, error_if_nonfinite=True)
         self.optimiser.step()
-        self._average()
+        average_in(self.averaged, self.network, self.step, self.config.averaging)
         value = loss.item()
         self.loss = value if math.isnan(self.loss) else SMOOTHING * self.loss + (1 - SMOOTHING) * value
         self.step += 1
@@ -83,12 +79,6 @@ class Training:
         weights = config.frequency, config.smooth, config.floor
         return extra + enhancement_loss(enhanced.float(), batch.clean, batch.rainy, *weights)
 
-    def _average(self) -> None:
-        """Early weights are forgotten sooner, so that the average is worth something from the beginning."""
-        kept = min(self.config.averaging, (1 + self.step) / (10 + self.step))
-        with torch.no_grad():
-            torch._foreach_lerp_(list(self.averaged.parameters()), list(self.network.parameters()), 1 - kept)
-
     def save(self, path: Path, fingerprint: dict[str, Any]) -> None:
         """Write all of it."""
         averaged = to_arrays({f"{AVERAGED}{name}": value for name, value in self.averaged.state_dict().items()})
@@ -103,27 +93,12 @@ class Training:
             InputError: damaged, or of another training.
         """
         arrays, about = read_arrays(path)
-        found, expected = about.get("fingerprint"), json.loads(json.dumps(fingerprint))
-        if found != expected:
-            raise InputError(
-                f"{path}: the checkpoint is of another training",
-                found=found,
-                expected=expected,
-                fix="train in another folder, or remove the checkpoint to start again",
-            )
+        check_fingerprint(path, about.get("fingerprint", {}), fingerprint)
         averaged = {name.removeprefix(AVERAGED): v for name, v in arrays.items() if name.startswith(AVERAGED)}
         self.averaged.load_state_dict(to_tensors(averaged))
         restore_module(self.network, arrays, self.optimiser)
         for name, value in about["progress"].items():
             setattr(self, name, value)
-
-
-def rate_at(step: int, config: TrainingConfig) -> float:
-    """The learning rate of a step: up linearly, then down along half a cosine."""
-    if step < config.warm_up:
-        return config.rate * (step + 1) / config.warm_up
-    done = (step - config.warm_up) / max(1, config.steps - config.warm_up)
-    return config.final_rate + (config.rate - config.final_rate) * 0.5 * (1 + math.cos(math.pi * done))
 
 
 def fingerprint_of(config: TrainingConfig, data: str) -> dict[str, Any]:
@@ -164,28 +139,7 @@ def train(
     Raises:
         InputError: the checkpoint is damaged or of another training.
     """
-    training, fingerprint, checkpoint = resume(folder, config, data), fingerprint_of(config, data), folder / CHECKPOINT
+    training, fingerprint = resume(folder, config, data), fingerprint_of(config, data)
     loader = batches(pairs, config.batch, training.step, config.steps, upkeep.workers)
-    with tqdm(total=config.steps, initial=training.step, desc="training", unit="step") as bar:
-        for batch in loader:
-            training.learn(batch)
-            bar.set_postfix(loss=f"{training.loss:.4f}", refresh=False)
-            bar.update()
-            last = training.step == config.steps
-            if last or training.step % upkeep.validate_every == 0:
-                _note(training, validate, folder / CURVE)
-            if last or training.step % upkeep.checkpoint_every == 0:
-                training.save(checkpoint, fingerprint)
+    run(training, loader, config.steps, folder, fingerprint, validate, upkeep)
     return training
-
-
-def _note(training: Training, validate: Validate, path: Path) -> None:
-    """Validate, and write the curve so far."""
-    scores = validate(training.averaged)
-    row = {"step": training.step, "seconds": training.seconds, "loss": training.loss, **scores}
-    training.curve.append({name: round(value, 5) for name, value in row.items()})
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(row), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(training.curve)
-    write_bytes(path, text.getvalue().encode())

@@ -9,6 +9,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from baselines.network_training import weights_file
 from baselines.splatting.checkpoints import read_arrays, write_arrays
 from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
 from hydroviews.errors import InputError
@@ -49,16 +50,7 @@ def find_weights(weights: str | Path) -> Path:
     Raises:
         InputError: no weights of that name are shipped.
     """
-    if Path(weights).suffix:
-        return Path(weights)
-    path = SHIPPED / f"{weights}.safetensors"
-    if not path.is_file():
-        names = ", ".join(sorted(file.stem for file in SHIPPED.glob("*.safetensors")))
-        raise InputError(
-            f"enhancement weights {weights}: none of that name are shipped",
-            expected=f"one of: {names or 'none'}; or the path of a .safetensors file",
-        )
-    return path
+    return weights_file(weights, SHIPPED, "enhancement")
 
 
 def save_network(path: Path, config: NetworkConfig, tensors: dict[str, Tensor], card: dict[str, Any]) -> None:
@@ -83,11 +75,6 @@ def build(path: Path, about: dict[str, Any], arrays: dict[str, NDArray]) -> Enha
     except (KeyError, TypeError, RuntimeError) as error:
         raise InputError(f"{path}: not an enhancement network of this version", found=error) from error
     return network.eval().requires_grad_(False)
-
-
-def rounded(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
-    """Weights as they come back from a file."""
-    return {name: value.half().float() for name, value in tensors.items()}
 
 
 def to_arrays(tensors: dict[str, Tensor]) -> dict[str, NDArray]:

@@ -7,11 +7,12 @@ import pytest
 import torch
 from tiny_network import TINY
 
+from baselines.network_training import CHECKPOINT, CURVE, rate_at, rounded
 from deraings.enhancement.config import TrainingConfig, Upkeep
 from deraings.enhancement.loss import cover_loss, enhancement_loss
 from deraings.enhancement.pairs import Pairs, Sample
-from deraings.enhancement.training import CHECKPOINT, CURVE, Training, rate_at, train
-from deraings.enhancement.weights import load_enhancer, rounded, save_network
+from deraings.enhancement.training import Training, train
+from deraings.enhancement.weights import load_enhancer, save_network
 from hydroviews.errors import InputError
 from hydroviews.pairs.drawing import Pair
 from hydroviews.pairs.drawn import DrawnRain
@@ -96,7 +97,7 @@ def test_a_finished_training_is_not_trained_again(tmp_path):
 @pytest.mark.parametrize("changed", [{"config": replace(CONFIG, rate=1.0)}, {"data": "darker"}])
 def test_a_checkpoint_of_another_training_is_refused(tmp_path, changed):
     learn(tmp_path)
-    with pytest.raises(InputError, match="another training"):
+    with pytest.raises(InputError, match="another run"):
         learn(tmp_path, **changed)
 
 

@@ -7,12 +7,13 @@ import torch
 from tiny_attention import GENERATOR, TRAINING
 from wet import lens, photograph
 
+from baselines.network_training import CHECKPOINT, CURVE, rate_at, rounded
 from baselines.raindrop_attention.config import LossConfig, Upkeep
 from baselines.raindrop_attention.network import Generator
 from baselines.raindrop_attention.pairs import Batch, Patches, Watched, without_drops
-from baselines.raindrop_attention.training import CHECKPOINT, CURVE, rate_at, train
+from baselines.raindrop_attention.training import train
 from baselines.raindrop_attention.validation import as_columns, as_json, average_precision, scores, table
-from baselines.raindrop_attention.weights import load_detector, rounded, save_generator
+from baselines.raindrop_attention.weights import load_detector, save_generator
 from hydroviews.errors import InputError
 from hydroviews.pairs.drawn import DrawnRain
 
@@ -97,7 +98,7 @@ def test_every_seed_is_another_training_and_nought_is_one(tmp_path):
 @pytest.mark.parametrize("changed", [{"config": replace(TRAINING, rate=1.0)}, {"data": "others"}])
 def test_a_checkpoint_of_another_training_is_refused(tmp_path, changed):
     learn(tmp_path)
-    with pytest.raises(InputError, match="another training"):
+    with pytest.raises(InputError, match="another run"):
         learn(tmp_path, **changed)
 
 
