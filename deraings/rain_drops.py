@@ -25,10 +25,11 @@ from numpy.typing import NDArray
 
 from deraings.planes import Plane, resized, within_side
 from deraings.rain_lens import moment_weights, moments_of
+from deraings.rain_lines import SUMS, add_view, fit_lines
 from hydroviews.images import Image
 
+HALF = np.float32(0.5)
 LEAST_WINDOW, LARGEST_WINDOW = 4, 32  # views that running means remember
-PLANES = 8  # photograph and render, three channels each; means over channels of their product and of its square
 
 
 @dataclass(frozen=True)
@@ -76,23 +77,23 @@ class Drops:
         self._config, self._n_views, self.iterations = config, n_views, iterations
         moments = moments_of(n_views, config.views_a_moment, config.most_moments)
         self._window = max(LEAST_WINDOW, min(LARGEST_WINDOW, n_views // moments))
-        self.sums = np.zeros((moments, PLANES, *within_side(size, config.long_side)), np.float32)
+        self.sums = np.zeros((moments, *within_side(size, config.long_side), SUMS), np.float32)
         self.count = np.zeros(moments, np.float32)  # sums of the views' weights
 
     def observe(self, photograph: Image, seen: Image, view: int) -> None:
         """Take in a photograph [H, W, 3] and its render, mist and falling rain accounted for, drops not."""
-        size = self.sums.shape[2:]
-        planes = np.empty((PLANES, *size), np.float32)
-        for at, image in ((0, photograph), (3, seen)):
-            small = image if image.shape[:2] == size else cv2.resize(image, size[::-1], interpolation=cv2.INTER_AREA)
-            planes[at : at + 3] = np.moveaxis(small, 2, 0)
-        np.einsum("chw,chw->hw", planes[:3], planes[3:6] / 3, out=planes[6])
-        np.einsum("chw,chw->hw", planes[3:6], planes[3:6] / 3, out=planes[7])
+        size = self.sums.shape[1:3]
+        small = [
+            np.ascontiguousarray(
+                image if image.shape[:2] == size else cv2.resize(image, size[::-1], interpolation=cv2.INTER_AREA),
+                np.float32,
+            )
+            for image in (photograph, seen)
+        ]
         for moment, weight in enumerate(moment_weights(view, self._n_views, len(self.sums))):
             if weight > 0:
                 keep = np.float32(1 - weight / self._window)
-                self.sums[moment] *= keep
-                self.sums[moment] += weight * planes
+                add_view(*small, keep, weight, self.sums[moment])
                 self.count[moment] = keep * self.count[moment] + weight
 
     def line(self, view: int) -> tuple[Plane, Image] | None:
@@ -100,15 +101,12 @@ class Drops:
         weights = moment_weights(view, self._n_views, len(self.sums)) * (self.count > 0)
         if not weights.any():
             return None
-        config = self._config
-        mean = np.tensordot(weights, self.sums, 1) / np.float32(weights @ self.count)
-        photograph, seen = mean[:3], mean[3:6]
-        together = mean[6] - (photograph * seen).mean(axis=0)
-        alone = np.maximum(mean[7] - (seen * seen).mean(axis=0), 0)
-        lost = 1 - (together + config.noise**2) / (alone + config.noise**2)
-        cover = np.clip(lost, 0, 1) * _step(lost, config.clear, config.wet)
-        light = np.clip(photograph - (1 - cover) * seen, 0, cover)
-        return cover.astype(np.float32), np.ascontiguousarray(np.moveaxis(light, 0, 2), np.float32)
+        config, size = self._config, self.sums.shape[1:3]
+        shares = (weights / np.float32(weights @ self.count)).astype(np.float32)
+        cover, light = np.empty(size, np.float32), np.empty((*size, 3), np.float32)
+        noise, clear, wet = (np.float32(value) for value in (config.noise, config.clear, config.wet))
+        fit_lines(self.sums, shares, noise, clear, wet, cover, light)
+        return cover, light
 
     def water(self, view: int, size: tuple[int, int], iteration: int) -> Water | None:
         """What is on the lens in a view, at any size (height, width); None where there are no drops."""
@@ -116,17 +114,21 @@ class Drops:
         if iteration < config.start * self.iterations or self._n_views < config.fewest_views:
             return None
         found = self.line(view)
-        if found is None or (found[0] > 0.5).mean() < config.fewest:
+        if found is None:
             return None
         cover, light = found
-        excess = float(np.quantile(cover, 1 - config.most)) - 0.5
-        if excess > 0:  # a scene that is not learned yet, or water all over: part of the lens must go on teaching
-            cover = np.maximum(cover - excess, 0)
+        share = float((cover > HALF).mean())
+        if share < config.fewest:
+            return None
+        if (
+            share > config.most
+        ):  # a scene that is not learned yet, or water all over: part of the lens must go on teaching
+            cover = np.maximum(cover - (np.quantile(cover, 1 - config.most) - HALF), 0).astype(np.float32)
             light = np.minimum(light, cover[..., None])
         if cover.shape != size:
             cover = resized(cover, size)
             light = np.asarray(cv2.resize(light, size[::-1], interpolation=cv2.INTER_LINEAR), np.float32)
-        return Water(cover, light, 1 - _step(cover, config.shown, config.hidden).astype(np.float32))
+        return Water(cover, light, _counted(cover, config.shown, config.hidden))
 
     def arrays(self) -> dict[str, NDArray]:
         """All that was observed, for checkpoints."""
@@ -137,7 +139,7 @@ class Drops:
         self.sums, self.count = arrays["sums"].copy(), arrays["count"].copy()
 
 
-def _step(values: Plane, low: float, high: float) -> Plane:
-    """A smooth rise from 0 at `low` to 1 at `high`."""
-    rise = np.clip((values - low) / (high - low), 0, 1)
-    return rise * rise * (3 - 2 * rise)
+def _counted(cover: Plane, shown: float, hidden: float) -> Plane:
+    """Factors on the loss: 1 up to a cover of `shown`, 0 from `hidden` on."""
+    fall = np.clip((np.float32(hidden) - cover) / np.float32(hidden - shown), 0, 1)
+    return fall * fall * (3 - 2 * fall)

@@ -112,6 +112,26 @@ def test_not_before_its_start_and_at_any_size():
     assert water.weights.max() == 1
 
 
+def test_lines_are_those_of_least_squares_over_the_views():
+    config = DropConfig(noise=0.0, clear=-2.0, wet=-1.0, most_moments=1)
+    rng = np.random.default_rng(0)
+    seen = rng.uniform(0.2, 0.8, (9, 5, 7, 3)).astype(np.float32)
+    photographs = (0.4 * seen + 0.2 + 0.05 * rng.standard_normal(seen.shape)).astype(np.float32)
+    drops = Drops((5, 7), 9, 100, config)
+    for view in range(9):
+        drops.observe(photographs[view], seen[view], view)
+    cover, light = drops.line(0)
+    weights = (1 - 1 / 9) ** np.arange(8, -1, -1)  # what running means remember
+    weights = (weights / weights.sum())[:, None, None, None]
+    means = [(weights * values.astype(np.float64)).sum(axis=0) for values in (photographs, seen)]
+    together = (weights * (photographs - means[0]) * (seen - means[1])).sum(axis=0).mean(axis=2)
+    alone = (weights * (seen - means[1]) ** 2).sum(axis=0).mean(axis=2)
+    expected = np.clip(1 - together / alone, 0, 1)
+    assert np.allclose(cover, expected, atol=1e-4)
+    rest = means[0] - (1 - expected)[..., None] * means[1]
+    assert np.allclose(light, np.clip(rest, 0, expected[..., None]), atol=1e-4)
+
+
 def test_before_any_view_nothing_is_known():
     drops = Drops((panorama.HEIGHT, panorama.WIDTH), 14, 100, DropConfig())
     assert drops.line(0) is None

@@ -1,0 +1,62 @@
+# Numba infers the types of kernels.
+# mypy: allow-untyped-defs
+"""Kernels of `rain_drops`: sums over views of what every pixel of the lens shows, and the lines that follow.
+
+A pixel's eight sums lie side by side: photograph and render, three channels each, and means over channels of their
+product and of the render's square.
+"""
+
+import numpy as np
+from numba import prange
+
+from baselines.splatting.jit import inlined, kernel
+
+SUMS = 8
+ZERO, ONE, THIRD = np.float32(0), np.float32(1), np.float32(1 / 3)
+
+
+@kernel
+def add_view(photograph, seen, keep, weight, sums):
+    """sums [h, w, 8] become keep sums + weight times those of one view, [h, w, 3] each."""
+    height, width = sums.shape[0], sums.shape[1]
+    for row in prange(height):
+        for i in range(width):
+            product, square = ZERO, ZERO
+            for c in range(3):
+                p, s = photograph[row, i, c], seen[row, i, c]
+                sums[row, i, c] = keep * sums[row, i, c] + weight * p
+                sums[row, i, 3 + c] = keep * sums[row, i, 3 + c] + weight * s
+                product += p * s
+                square += s * s
+            sums[row, i, 6] = keep * sums[row, i, 6] + weight * THIRD * product
+            sums[row, i, 7] = keep * sums[row, i, 7] + weight * THIRD * square
+
+
+@inlined
+def step(value, low, high):
+    """A smooth rise from 0 at `low` to 1 at `high`."""
+    rise = min(max((value - low) / (high - low), ZERO), ONE)
+    return rise * rise * (np.float32(3) - np.float32(2) * rise)
+
+
+@kernel
+def fit_lines(sums, shares, noise, clear, wet, cover, light):
+    """Fills cover M [h, w] and light L [h, w, 3] from sums [T, h, w, 8], those of moments weighed by shares [T]."""
+    moments, height, width = sums.shape[0], sums.shape[1], sums.shape[2]
+    for row in prange(height):
+        mean = np.zeros(SUMS, np.float32)
+        for i in range(width):
+            mean[:] = ZERO
+            for moment in range(moments):
+                if shares[moment] > 0:
+                    for k in range(SUMS):
+                        mean[k] += shares[moment] * sums[moment, row, i, k]
+            together, alone = mean[6], mean[7]
+            for c in range(3):
+                together -= THIRD * mean[c] * mean[3 + c]
+                alone -= THIRD * mean[3 + c] * mean[3 + c]
+            lost = ONE - (together + noise * noise) / (max(alone, ZERO) + noise * noise)
+            m = min(max(lost, ZERO), ONE) * step(lost, clear, wet)
+            cover[row, i] = m
+            for c in range(3):
+                light[row, i, c] = min(max(mean[c] - (ONE - m) * mean[3 + c], ZERO), m)
