@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from deraings.planes import Plane, resized, within_side
 from deraings.rain_lens import moment_weights, moments_of
-from deraings.rain_lines import SUMS, add_view, fit_lines
+from deraings.rain_lines import SUMS, add_view, fit_lines, warm_up
 from hydroviews.images import Image
 
 HALF = np.float32(0.5)
@@ -79,6 +79,7 @@ class Drops:
         self._window = max(LEAST_WINDOW, min(LARGEST_WINDOW, n_views // moments))
         self.sums = np.zeros((moments, *within_side(size, config.long_side), SUMS), np.float32)
         self.count = np.zeros(moments, np.float32)  # sums of the views' weights
+        warm_up()
 
     def observe(self, photograph: Image, seen: Image, view: int) -> None:
         """Take in a photograph [H, W, 3] and its render, mist and falling rain accounted for, drops not."""

@@ -6,13 +6,29 @@ A pixel's eight sums lie side by side: photograph and render, three channels eac
 product and of the render's square.
 """
 
+from pathlib import Path
+
 import numpy as np
 from numba import prange
 
 from baselines.splatting.jit import inlined, kernel
+from baselines.splatting.kernels import compile_apart
 
 SUMS = 8
 ZERO, ONE, THIRD = np.float32(0), np.float32(1), np.float32(1 / 3)
+
+
+def warm_up() -> None:
+    """Load the kernels; see `kernels.compile_apart`."""
+    compile_apart(f"from {__name__} import exercise_kernels; exercise_kernels()", [Path(__file__)])
+    exercise_kernels()
+
+
+def exercise_kernels() -> None:
+    """Both kernels once, on a lens of one pixel."""
+    pixel, sums = np.zeros((1, 1, 3), np.float32), np.zeros((1, 1, 1, SUMS), np.float32)
+    add_view(pixel, pixel, ONE, ONE, sums[0])
+    fit_lines(sums, np.ones(1, np.float32), ONE, ZERO, ONE, np.empty((1, 1), np.float32), pixel)
 
 
 @kernel
