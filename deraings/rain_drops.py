@@ -41,7 +41,7 @@ class DropConfig:
     most_moments: int = 3
     fewest_views: int = 6  # fewer say nothing about what is usual at a place of the lens
     start: float = 0.2  # share of the iterations after which the render is seen through drops
-    noise: float = 0.05  # encoded; where the render varies less, slopes are drawn to one
+    noise: float = 0.04  # encoded; where the render varies less, slopes are drawn to one
     clear: float = 0.1  # M up to which the lens counts as clear
     wet: float = 0.25  # M from which it counts for what it is
     fewest: float = 0.03  # share of the lens more than half covered from which there are any drops
