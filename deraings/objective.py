@@ -90,7 +90,7 @@ class RainObjective(Objective):
         if self.masks and self.masks.due(iteration):
             self.masks.learn(view, loss_map(seen, target, self.ssim_share, workspace=workspace), iteration)
         weights = self._weights(target, finite, water, view, iteration)
-        self._observe(clear, clear if even is None else even, target, weights, water, view, iteration)
+        self._observe(clear, clear if even is None else even, target, weights, view, iteration)
         loss, gradient = photometric_loss(seen, target, self.ssim_share, weights, workspace)
         if water is not None:
             gradient = gradient * (1 - water.cover)[..., None]
@@ -168,7 +168,6 @@ class RainObjective(Objective):
         even: Image,
         target: Target,
         weights: Plane | None,
-        water: Water | None,
         view: int,
         iteration: int,
     ) -> None:
@@ -179,9 +178,6 @@ class RainObjective(Objective):
             self.drops.observe(photograph * shown, clear * shown, view)
         if not self.falling:
             return
-        if water is not None:  # falling rain is looked for beside drops
-            beside = (water.cover == 0).astype(np.float32)
-            weights = beside if weights is None else weights * beside
         if self.streaks and self._streaks_due(view, clear) and self.falling.certainty() == 1:
             along, contrast = along_rain(photograph, even, self.cover, self.falling.brightness)
             factor = np.float32(1) if weights is None else weights
