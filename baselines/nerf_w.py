@@ -98,8 +98,10 @@ class NerfWModel(RadianceModel):
             weights, left = weights_of(density, samples.lengths)
             seen = self.over_background(along_ray(weights, colours), left)
             return Rendering(seen, weights, samples, samples.edges, weights)
-        colours = self.field.colour(features, rays.viewing, self.appearance[practice.views])
-        passing, passing_colours, uncertainty = self.head(features, self.transient[practice.views])
+        colours = self.field.colour(features, rays.viewing, nn.functional.embedding(practice.views, self.appearance))
+        passing, passing_colours, uncertainty = self.head(
+            features, nn.functional.embedding(practice.views, self.transient)
+        )
         weights, left = weights_of(density + passing, samples.lengths)
         share = passing / (density + passing).clamp_min(1e-12)
         static, transient = weights * (1 - share), weights * share

@@ -203,3 +203,18 @@ def test_it_is_found_by_name():
         NerfW.configuration("large")
     with pytest.raises(InputError, match="not trained"):
         NerfW(CONFIG, 0).statistics()
+
+
+def test_two_threads_give_the_same_bits_again(tmp_path):
+    scene = balls.photographed(tmp_path / "scene", n_views=6)
+    config = NerfWConfig(replace(balls.SMALL, iterations=15, rays=1024))
+    before, ends = torch.get_num_threads(), []
+    torch.set_num_threads(2)
+    try:
+        for name in ("one", "two"):
+            method = NerfW(config, 0)
+            method.fit(scene, tmp_path / name)
+            ends.append(method.render(scene.test_views[0].camera).tobytes())
+    finally:
+        torch.set_num_threads(before)
+    assert ends[0] == ends[1]
