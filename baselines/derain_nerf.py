@@ -29,13 +29,12 @@ from baselines.method import Statistics
 from baselines.raindrop_attention.detection import detect
 from baselines.raindrop_attention.network import Generator
 from baselines.raindrop_attention.weights import find_weights, load_detector
-from baselines.splatting.objective import TrainingImages, read_images
-from baselines.volumetric.config import MlpFieldConfig, VolumetricConfig
+from baselines.splatting.objective import TrainingImages
+from baselines.volumetric.config import NERF, VolumetricConfig
 from baselines.volumetric.method import RadianceMethod
 from hydroviews.files import sha256
 from hydroviews.images import Image, resize_area
 from hydroviews.masks import Ignored, mask_name, read_ignored, write_ignored
-from hydroviews.scenes import Scene
 
 MASKS = "drops"
 
@@ -60,17 +59,7 @@ class DerainNeRFConfig:
 
 
 # The released code's training: 200,000 steps of 1,024 rays, 64 and 64 samples, a tenth of the rate in 250,000 steps.
-PAPER = VolumetricConfig(
-    iterations=200_000,
-    rays=1024,
-    field=MlpFieldConfig(),
-    guide_samples=64,
-    samples=64,
-    final_rate=0.1 ** (200 / 250),
-    rising=0,
-    anneal=0,
-    teach_every=1,
-)
+PAPER = replace(NERF, iterations=200_000, final_rate=0.1 ** (200 / 250))
 PROFILES = {
     "demo": DerainNeRFConfig(VolumetricConfig(iterations=4500)),
     "quick": DerainNeRFConfig(VolumetricConfig(iterations=15_000)),
@@ -109,9 +98,8 @@ class DerainNeRF(RadianceMethod):
         """See RadianceMethod."""
         return asdict(self.config.drops)
 
-    def weights(self, scene: Scene, folder: Path) -> Sequence[NDArray[np.float32]]:
+    def weights(self, images: TrainingImages, names: Sequence[str], folder: Path) -> Sequence[NDArray[np.float32]]:
         """See RadianceMethod; 1 - M, and M is kept in `folder` as pictures."""
-        images, names = read_images(scene.train_views), [view.name for view in scene.train_views]
         masks = drop_masks(images, names, self.config.drops, folder / MASKS)
         self._hidden = float(np.mean(np.concatenate([mask.ravel() for mask in masks])))
         return [1 - mask.astype(np.float32) for mask in masks]
@@ -134,7 +122,7 @@ class PlainField(RadianceMethod):
     profiles: ClassVar[Mapping[str, Any]] = {name: config.volumetric for name, config in PROFILES.items()}
 
 
-def drop_masks(images: TrainingImages, names: list[str], config: DropConfig, folder: Path) -> list[Ignored]:
+def drop_masks(images: TrainingImages, names: Sequence[str], config: DropConfig, folder: Path) -> list[Ignored]:
     """What is hidden of every photograph, bool [H, W]; found once, and kept in `folder`.
 
     Args:

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
-from baselines.method import Method, Statistics
+from baselines.method import Method, Statistics, settings_of
 from baselines.splatting.checkpoints import read_model, write_model
 from baselines.splatting.config import Pruning
 from baselines.splatting.densification import Densification
@@ -99,9 +99,7 @@ class GaussianSplatting(Method):
         Raises:
             InputError: no such profile.
         """
-        if profile not in cls.profiles:
-            raise InputError(f"PROFILE={profile}: unknown", expected=", ".join(cls.profiles))
-        return cls.profiles[profile]
+        return settings_of(profile, cls.profiles)
 
     def fit(self, scene: Scene, folder: Path) -> None:
         """See Method."""

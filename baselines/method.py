@@ -4,6 +4,7 @@ import importlib
 import os
 import sys
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -91,6 +92,17 @@ class Method(ABC):
     @abstractmethod
     def statistics(self) -> Statistics:
         """Time and size of the trained model."""
+
+
+def settings_of(profile: str, profiles: Mapping[str, Any]) -> Any:
+    """A method's settings for a profile, where it keeps them by name.
+
+    Raises:
+        InputError: no such profile.
+    """
+    if profile not in profiles:
+        raise InputError(f"PROFILE={profile}: unknown", expected=", ".join(profiles))
+    return profiles[profile]
 
 
 def find_method(name: str) -> type[Method]:

@@ -28,7 +28,7 @@ from torch import Tensor, nn
 
 from baselines.volumetric.batches import Batch
 from baselines.volumetric.compositing import along_ray, weights_of
-from baselines.volumetric.config import HashFieldConfig, MlpFieldConfig, VolumetricConfig
+from baselines.volumetric.config import NERF, HashFieldConfig, VolumetricConfig
 from baselines.volumetric.encodings import linear
 from baselines.volumetric.losses import Loss, Terms, guide_terms
 from baselines.volumetric.method import RadianceMethod
@@ -131,17 +131,7 @@ def nerf_w_terms(config: NerfWConfig) -> Loss:
 
 # Short trainings want large steps: on a made-up scene 250 iterations reach 18 dB at a rate of 0.01, 24 at 0.03.
 SMALL = VolumetricConfig(field=HashFieldConfig(rate=2e-2))
-PAPER = VolumetricConfig(
-    iterations=300_000,
-    rays=1024,
-    field=MlpFieldConfig(),
-    guide_samples=64,
-    samples=64,
-    final_rate=0.01,
-    rising=0,
-    anneal=0,
-    teach_every=1,
-)
+PAPER = replace(NERF, iterations=300_000, final_rate=0.01)
 PROFILES = {
     "demo": NerfWConfig(replace(SMALL, iterations=3500)),
     "quick": NerfWConfig(replace(SMALL, iterations=15_000)),

@@ -50,3 +50,9 @@ class VolumetricConfig:
     distortion: float = 0.0  # weight of the loss against scattered density
     device: str = "auto"  # auto, cpu or cuda; $HYDROVIEWS_DEVICE comes first
     checkpoint_seconds: float = 30.0  # of training between two checkpoints
+
+
+# A coarse and a fine network as NeRF has them: the coarse one learns at every step, rates fall from the first one on.
+NERF = VolumetricConfig(
+    rays=1024, field=MlpFieldConfig(), guide_samples=64, samples=64, rising=0, anneal=0, teach_every=1
+)

@@ -9,9 +9,10 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from baselines.method import Method, Statistics
+from baselines.method import Method, Statistics, settings_of
 from baselines.splatting.backends import chosen_device
 from baselines.splatting.checkpoints import read_arrays, write_arrays
+from baselines.splatting.objective import TrainingImages, read_images
 from baselines.torch_state import module_arrays, restore_module
 from baselines.volumetric.config import VolumetricConfig
 from baselines.volumetric.losses import Loss, photometric_terms
@@ -51,9 +52,7 @@ class RadianceMethod(Method):
         Raises:
             InputError: no such profile.
         """
-        if profile not in cls.profiles:
-            raise InputError(f"PROFILE={profile}: unknown", expected=", ".join(cls.profiles))
-        return cls.profiles[profile]
+        return settings_of(profile, cls.profiles)
 
     @property
     def volumetric(self) -> VolumetricConfig:
@@ -73,13 +72,17 @@ class RadianceMethod(Method):
         """Settings beside those of `volumetric` that lead to another result, for JSON."""
         return {}
 
-    def weights(self, scene: Scene, folder: Path) -> Sequence[NDArray[np.float32]] | None:
+    def weights(
+        self, images: TrainingImages, names: Sequence[str], folder: Path
+    ) -> Sequence[NDArray[np.float32]] | None:
         """How much each pixel of the training views counts, [H, W] in [0, 1]; `folder` may keep what it needs."""
         return None
 
     def fit(self, scene: Scene, folder: Path) -> None:
         """See Method."""
-        weights = self.weights(scene, folder)
+        views = scene.train_views
+        images = read_images(views)
+        weights = self.weights(images, [view.name for view in views], folder)
         trained = train(
             scene,
             self.volumetric,
@@ -88,6 +91,7 @@ class RadianceMethod(Method):
             self.make,
             self.loss(),
             about={"method": type(self).__name__, **self.about()},
+            images=images,
             weights=weights,
         )
         self._learnt = _Learnt(trained, len(scene.train_views))
