@@ -14,6 +14,7 @@ from baselines.method import Method, Statistics, settings_of
 from baselines.splatting.checkpoints import read_model, write_model
 from baselines.splatting.config import Pruning
 from baselines.splatting.densification import Densification
+from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.objective import Objective
 from baselines.splatting.ply import write_ply
 from baselines.splatting.rasterizer import Workspace, render
@@ -120,7 +121,7 @@ class GaussianSplatting(Method):
         trained = self._require()
         background = np.asarray(self.splatting.background, np.float32)
         image, _ = render(
-            trained.gaussians,
+            self.seen_by(camera),
             camera,
             background,
             near=trained.near,
@@ -129,12 +130,20 @@ class GaussianSplatting(Method):
         )
         return np.clip(image, 0, 1)
 
+    def seen_by(self, camera: Camera) -> Gaussians:
+        """The Gaussians in the colours that a camera is shown; here all cameras are shown the same."""
+        return self._require().gaussians
+
+    def for_viewers(self) -> Gaussians:
+        """The Gaussians as a .ply can hold them."""
+        return self._require().gaussians
+
     def save(self, folder: Path) -> None:
         """Write the exact model, and a .ply for viewers."""
         trained = self._require()
         about = {name: getattr(trained, name) for name in RECORDED}
         write_model(folder / MODEL, trained.gaussians, about)
-        write_ply(folder / SPLATS, trained.gaussians)
+        write_ply(folder / SPLATS, self.for_viewers())
         self._model_mb = (folder / MODEL).stat().st_size / 1e6
 
     @classmethod

@@ -24,7 +24,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from baselines.gaussian_splatting import MODEL, PROFILES, RECORDED, SPLATS, GaussianSplatting
+from baselines.gaussian_splatting import MODEL, PROFILES, GaussianSplatting
 from baselines.gs_wild.appearance import WildAppearance
 from baselines.gs_wild.config import SHORT, WildConfig
 from baselines.gs_wild.encoder import load_resnet
@@ -32,18 +32,16 @@ from baselines.gs_wild.fusion import Fusion
 from baselines.gs_wild.mean_look import averaged, from_everywhere, looking
 from baselines.gs_wild.objective import VisibleObjective
 from baselines.method import Statistics
-from baselines.splatting.checkpoints import read_arrays, write_arrays, write_model
+from baselines.splatting.checkpoints import read_arrays, write_arrays
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.densification import Densification
+from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.objective import read_images
-from baselines.splatting.ply import write_ply
-from baselines.splatting.rasterizer import render
 from baselines.splatting.schedule import LearningRates
 from baselines.torch_state import module_arrays, restore_module
 from hydroviews.cameras import Camera
 from hydroviews.errors import InputError
 from hydroviews.files import sha256
-from hydroviews.images import Image
 from hydroviews.scenes import Scene
 
 NETWORK = "network.safetensors"
@@ -126,27 +124,18 @@ class GaussianInTheWild(GaussianSplatting):
         self._fusion = wild.fusion.cpu()
         self._shown = from_everywhere(gaussians, self._fusion, cameras, *seen_with)
 
-    def render(self, camera: Camera) -> Image:
+    def seen_by(self, camera: Camera) -> Gaussians:
         """See GaussianSplatting; the mean look."""
-        trained = self._require()
-        image, _ = render(
-            looking(trained.gaussians, self._fusion, camera),
-            camera,
-            np.asarray(self.splatting.background, np.float32),
-            near=trained.near,
-            antialiased=self.splatting.antialiased,
-            workspace=self._workspace,
-        )
-        return np.clip(image, 0, 1)
+        return looking(self._require().gaussians, self._fusion, camera)
+
+    def for_viewers(self) -> Gaussians:
+        """See GaussianSplatting; colours are means over the training cameras."""
+        return replace(self._require().gaussians.bare(), sh=np.ascontiguousarray(self._shown[:, None]))
 
     def save(self, folder: Path) -> None:
-        """Write the exact model, and a .ply whose colours are means over the training cameras."""
-        trained = self._require()
-        about = {name: getattr(trained, name) for name in RECORDED}
+        """See GaussianSplatting; and the network."""
+        super().save(folder)
         write_arrays(folder / NETWORK, {**module_arrays(self._fusion), SHOWN: self._shown}, {})
-        write_model(folder / MODEL, trained.gaussians, about)
-        shown = np.ascontiguousarray(self._shown[:, None])
-        write_ply(folder / SPLATS, replace(trained.gaussians.bare(), sh=shown))
         self._model_mb = _megabytes(folder)
 
     @classmethod

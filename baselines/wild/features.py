@@ -12,15 +12,15 @@ import cv2
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn.functional import conv2d, max_pool2d, normalize
+from torch.nn.functional import normalize
 
 from hydroviews.errors import InputError
 from hydroviews.images import Image
-from hydroviews.metrics.lpips import MINIMUM_SIZE, SCALE, SHIFT
-from hydroviews.metrics.lpips_weights import load_weights
+from hydroviews.metrics.lpips import MINIMUM_SIZE, activations, weights_of
 
 Wanted = Literal["dinov2", "alexnet", "auto"]
 LONGEST = 350  # pixels that the longer side of a picture is shrunk to
+LEVELS = 3  # of AlexNet's convolutions
 PATCH = 14  # pixels of DINOv2's patches
 BLOCK = 5  # of its twelve: the authors look at the sixth
 REPOSITORY, MODEL = "facebookresearch/dinov2", "dinov2_vits14_reg"
@@ -55,9 +55,8 @@ class AlexNet:
     unlike: ClassVar[float] = 0.84
 
     def __init__(self, device: str) -> None:
-        weights = load_weights("alex")
-        self._layers = [tuple(weights[f"conv.{i}.{part}"].to(device) for part in ("weight", "bias")) for i in range(3)]
-        self._shift, self._scale = (torch.tensor(v, device=device).view(3, 1, 1) for v in (SHIFT, SCALE))
+        self._device = torch.device(device)
+        weights_of("alex", self._device)  # now rather than at the first picture, so that a lack of them is told early
 
     @torch.no_grad()
     def __call__(self, image: Image) -> Tensor:
@@ -68,13 +67,7 @@ class AlexNet:
                 found=f"{image.shape[1]}x{image.shape[0]} pixels",
                 expected=f"at least {MINIMUM_SIZE['alex']} a side",
             )
-        x = (2 * planes(shrunk(image), self._shift.device) - 1 - self._shift) / self._scale
-        for (kernel, bias), stride, padding, pool in zip(
-            self._layers, (4, 1, 1), (2, 2, 1), (True, True, False), strict=True
-        ):
-            x = conv2d(x[None], kernel, bias, stride=stride, padding=padding).relu()[0]
-            x = max_pool2d(x, 3, stride=2) if pool else x
-        return x
+        return activations("alex", planes(shrunk(image), self._device)[None], LEVELS)[-1][0]
 
 
 class DinoV2:

@@ -56,8 +56,13 @@ def _layers(net: Net) -> tuple:
 
 
 @lru_cache
-def _weights(net: Net) -> dict[str, Tensor]:
-    return load_weights(net)
+def weights_of(net: Net, device: torch.device) -> dict[str, Tensor]:
+    """A network's weights on a device, read once.
+
+    Raises:
+        InputError: they can neither be found nor fetched.
+    """
+    return {name: value.to(device) for name, value in load_weights(net).items()}
 
 
 def _distance(net: Net, image: Tensor, target: Tensor) -> Tensor:
@@ -69,24 +74,26 @@ def _distance(net: Net, image: Tensor, target: Tensor) -> Tensor:
     total = torch.zeros(len(image), device=image.device)
     features = zip(activations(net, image), activations(net, target), strict=True)
     for level, (a, b) in enumerate(features):
-        head = _weights(net)[f"head.{level}"].to(a.device)
+        head = weights_of(net, a.device)[f"head.{level}"]
         total = total + (((_unit(a) - _unit(b)) ** 2) * head.view(1, -1, 1, 1)).sum(1).mean(dim=(1, 2))
     return total
 
 
-def activations(net: Net, x: Tensor) -> list[Tensor]:
-    """Those after the ReLUs that LPIPS compares, for images [N, 3, H, W] in [0, 1]."""
-    weights = _weights(net)
+def activations(net: Net, x: Tensor, levels: int | None = None) -> list[Tensor]:
+    """Those after the ReLUs that LPIPS compares, or the first `levels` of them, for images [N, 3, H, W] in [0, 1]."""
+    weights = weights_of(net, x.device)
     shift, scale = (x.new_tensor(v).view(1, 3, 1, 1) for v in (SHIFT, SCALE))
     x = (2 * x - 1 - shift) / scale
     taps, index = [], 0
     for layer in _layers(net):
         if layer == "tap":
             taps.append(x)
+            if len(taps) == levels:
+                break
         elif layer == "pool":
             x = max_pool2d(x, POOL_SIZE[net], stride=2)
         else:
-            kernel, bias = (weights[f"conv.{index}.{part}"].to(x.device) for part in ("weight", "bias"))
+            kernel, bias = (weights[f"conv.{index}.{part}"] for part in ("weight", "bias"))
             x = conv2d(x, kernel, bias, stride=layer[0], padding=layer[1]).relu()
             index += 1
     return taps
