@@ -18,7 +18,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import cv2
 import numpy as np
@@ -70,7 +70,6 @@ PROFILES = {
 class DerainNeRF(RadianceMethod):
     """The paper's method."""
 
-    trains_on: ClassVar[Literal["rainy", "clean"]] = "rainy"
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 
     def __init__(self, config: DerainNeRFConfig, seed: int) -> None:
@@ -108,12 +107,6 @@ class DerainNeRF(RadianceMethod):
         """See Method."""
         used = "" if self._hidden is None else f"{self._hidden:.1%} of the pixels hidden as drops"
         return replace(super().statistics(), used=used)
-
-
-class DerainNeRFClean(DerainNeRF):
-    """The same, shown the clean photographs: what the field is worth, whatever is hidden without need."""
-
-    trains_on: ClassVar[Literal["rainy", "clean"]] = "clean"
 
 
 class PlainField(RadianceMethod):

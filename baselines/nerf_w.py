@@ -21,7 +21,7 @@ Where this deviates, and why:
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -161,9 +161,3 @@ class NerfW(RadianceMethod):
     def about(self) -> dict[str, Any]:
         """See RadianceMethod."""
         return {name: value for name, value in asdict(self.config).items() if name != "volumetric"}
-
-
-class NerfWClean(NerfW):
-    """The same, shown the clean photographs."""
-
-    trains_on: ClassVar[Literal["rainy", "clean"]] = "clean"

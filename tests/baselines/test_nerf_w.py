@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from baselines.method import find_method
-from baselines.nerf_w import NerfW, NerfWClean, NerfWConfig, NerfWModel, nerf_w_terms
+from baselines.nerf_w import NerfW, NerfWConfig, NerfWModel, nerf_w_terms
 from baselines.volumetric.batches import Batch
 from baselines.volumetric.compositing import INFINITE
 from baselines.volumetric.method import RadianceMethod
@@ -196,7 +196,6 @@ def test_codes_are_as_many_as_the_views():
 
 def test_it_is_found_by_name():
     assert find_method("nerf-w") is NerfW
-    assert NerfWClean.trains_on == "clean"
     for profile in ("demo", "quick", "paper"):
         assert isinstance(NerfW.configuration(profile), NerfWConfig)
     with pytest.raises(InputError, match="PROFILE=large"):

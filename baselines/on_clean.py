@@ -1,0 +1,15 @@
+"""Any method on the clean photographs: `nerf-w+clean` is what `nerf-w` makes of a scene when it does not rain.
+
+A ceiling for what the method can do about rain, and a check that it is a fair opponent.
+"""
+
+from functools import cache
+
+from baselines.method import Method
+
+
+@cache
+def on_clean(method: type[Method]) -> type[Method]:
+    """The same method, shown the clean photographs; `3dgs+clean` computes what `3dgs-clean` does."""
+    about = {"__module__": __name__, "__doc__": f"{method.__name__} on clean photographs.", "trains_on": "clean"}
+    return type(f"{method.__name__}OnClean", (method,), about)

@@ -1,0 +1,19 @@
+"""Any method on clean photographs."""
+
+from baselines.gaussian_splatting import GaussianSplatting, GaussianSplattingClean
+from baselines.method import find_method
+from baselines.on_clean import on_clean
+from leaderboard.evaluate import needed_patterns
+
+
+def test_a_method_is_shown_the_clean_views_alone():
+    method = find_method("3dgs+clean")
+    assert method is on_clean(GaussianSplatting)
+    assert issubclass(method, GaussianSplatting)
+    assert method.trains_on == "clean" and GaussianSplatting.trains_on == "rainy"
+    assert needed_patterns("3dgs+clean", ["streak-1", "raindrop-1"]) == ["clean"]
+
+
+def test_only_what_it_is_shown_changes():
+    for profile in ("demo", "quick", "paper"):
+        assert on_clean(GaussianSplatting).configuration(profile) == GaussianSplattingClean.configuration(profile)
