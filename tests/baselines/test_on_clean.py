@@ -10,7 +10,8 @@ def test_a_method_is_shown_the_clean_views_alone():
     method = find_method("3dgs+clean")
     assert method is on_clean(GaussianSplatting)
     assert issubclass(method, GaussianSplatting)
-    assert method.trains_on == "clean" and GaussianSplatting.trains_on == "rainy"
+    assert method.trains_on == "clean"
+    assert GaussianSplatting.trains_on == "rainy"
     assert needed_patterns("3dgs+clean", ["streak-1", "raindrop-1"]) == ["clean"]
 
 
