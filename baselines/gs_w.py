@@ -24,6 +24,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from baselines.checkpoints import read_arrays, write_arrays
 from baselines.gaussian_splatting import MODEL, PROFILES, GaussianSplatting
 from baselines.gs_wild.appearance import WildAppearance
 from baselines.gs_wild.config import SHORT, WildConfig
@@ -32,7 +33,6 @@ from baselines.gs_wild.fusion import Fusion
 from baselines.gs_wild.mean_look import averaged, from_everywhere, looking
 from baselines.gs_wild.objective import VisibleObjective
 from baselines.method import Statistics
-from baselines.splatting.checkpoints import read_arrays, write_arrays
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.densification import Densification
 from baselines.splatting.gaussians import Gaussians

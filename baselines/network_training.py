@@ -4,6 +4,7 @@ import csv
 import io
 import math
 from collections.abc import Callable, Iterable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -61,6 +62,24 @@ class Progress(Protocol):
 
     def save(self, path: Path, fingerprint: dict[str, Any]) -> None:
         """Write all of it."""
+
+    def restore(self, path: Path, fingerprint: dict[str, Any]) -> None:
+        """Take over what `save` wrote."""
+
+
+def fingerprint_of(config: Any, data: str) -> dict[str, Any]:
+    """What a checkpoint must agree with: the configuration, a dataclass, and in words what is learned from."""
+    return {"configuration": asdict(config), "data": data}
+
+
+def take_up(training: Progress, folder: Path, fingerprint: dict[str, Any]) -> None:
+    """Bring a new training as far as the checkpoint in a folder has come, if there is one.
+
+    Raises:
+        InputError: the checkpoint is damaged or of another training.
+    """
+    if (folder / CHECKPOINT).is_file():
+        training.restore(folder / CHECKPOINT, fingerprint)
 
 
 def run(

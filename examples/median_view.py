@@ -16,8 +16,8 @@ import cv2
 import numpy as np
 from scipy.spatial import KDTree
 
+from baselines.checkpoints import read_arrays, write_arrays
 from baselines.method import Method, Statistics
-from baselines.splatting.checkpoints import read_arrays, write_arrays
 from hydroviews.cameras import Camera
 from hydroviews.errors import InputError
 from hydroviews.images import Image

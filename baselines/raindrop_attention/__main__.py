@@ -9,12 +9,12 @@ import torch
 import tyro
 from tqdm import tqdm
 
-from baselines.network_training import rounded
+from baselines.network_training import fingerprint_of, rounded, take_up
 from baselines.raindrop_attention.config import CONFIGS, TrainingConfig, Upkeep
 from baselines.raindrop_attention.detection import detect
 from baselines.raindrop_attention.network import Generator
 from baselines.raindrop_attention.pairs import KINDS, Patches, Watched, lenses, watched
-from baselines.raindrop_attention.training import Training, resume, train
+from baselines.raindrop_attention.training import Training, train
 from baselines.raindrop_attention.validation import as_columns, as_json, scores, table
 from baselines.raindrop_attention.weights import load_detector, save_generator
 from hydroviews.commands import run_command
@@ -66,7 +66,8 @@ def train_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
 def export_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
     """Write weights and data card of a training as far as it is; settings as for `train`."""
     _take_threads(request.threads)
-    training = resume(request.out, request.training(), described(request))
+    training = Training(request.training())
+    take_up(training, request.out, fingerprint_of(training.config, described(request)))
     if training.step == 0:
         raise InputError(f"{request.out}: nothing has been trained there", fix="give the folder of a training")
     write_weights(request, training)

@@ -1,7 +1,6 @@
 """Train generator and discriminator; an interrupted training goes on and ends with the same bits."""
 
 import time
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +9,13 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn.utils import clip_grad_norm_
 
-from baselines.network_training import CHECKPOINT, Validate, average_in, rate_at, run
+from baselines.checkpoints import check_fingerprint, read_arrays, write_arrays
+from baselines.network_training import Validate, average_in, fingerprint_of, rate_at, run, take_up
 from baselines.raindrop_attention.config import TrainingConfig, Upkeep
 from baselines.raindrop_attention.discriminator import Discriminator
 from baselines.raindrop_attention.losses import attention_loss, discriminator_loss, generator_losses
 from baselines.raindrop_attention.network import Generator
 from baselines.raindrop_attention.pairs import Batch, Patches
-from baselines.splatting.checkpoints import check_fingerprint, read_arrays, write_arrays
 from baselines.torch_state import module_arrays, restore_module
 
 SMOOTHING = 0.99  # of the losses that are shown
@@ -127,22 +126,6 @@ def _fast(network: nn.Module) -> Any:
     return network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
 
-def resume(folder: Path, config: TrainingConfig, data: str) -> Training:
-    """The training in a folder as far as it is, from the beginning if nothing is there.
-
-    Raises:
-        InputError: the checkpoint is damaged or of another training.
-    """
-    training, checkpoint = Training(config), folder / CHECKPOINT
-    if checkpoint.is_file():
-        training.restore(checkpoint, _fingerprint(config, data))
-    return training
-
-
-def _fingerprint(config: TrainingConfig, data: str) -> dict[str, Any]:
-    return {"configuration": asdict(config), "data": data}
-
-
 def train(
     folder: Path, config: TrainingConfig, patches: Patches, data: str, validate: Validate, upkeep: Upkeep
 ) -> Training:
@@ -159,7 +142,8 @@ def train(
     Raises:
         InputError: the checkpoint is damaged or of another training.
     """
-    training, fingerprint = resume(folder, config, data), _fingerprint(config, data)
+    training, fingerprint = Training(config), fingerprint_of(config, data)
+    take_up(training, folder, fingerprint)
     batches = (patches[step] for step in range(training.step, config.steps))
     run(training, batches, config.steps, folder, fingerprint, validate, upkeep)
     return training

@@ -8,10 +8,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from baselines.checkpoints import read_arrays, write_arrays
 from baselines.network_training import weights_file
 from baselines.raindrop_attention.config import GeneratorConfig
 from baselines.raindrop_attention.network import Generator
-from baselines.splatting.checkpoints import read_arrays, write_arrays
 from hydroviews.errors import InputError
 
 SHIPPED = Path(__file__).parent / "weights"

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from baselines.checkpoints import fingerprint_of
 from baselines.splatting import schedule
 from baselines.splatting.appearance import equipped
 from baselines.splatting.backends import Backend, make_backend
-from baselines.splatting.checkpoints import fingerprint_of, read_checkpoint, write_checkpoint
+from baselines.splatting.checkpoints import read_checkpoint, write_checkpoint
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.gaussians import FEATURES, Gaussians
 from baselines.splatting.initialisation import initialise, scene_extent
@@ -67,7 +68,9 @@ def train(scene: Scene, config: TrainerConfig, seed: int, folder: Path, objectiv
     )
     compile_seconds = warm_up(config.sh_degree) if backend.device == "cpu" else 0.0
 
-    fingerprint = {**fingerprint_of(config, seed, scene, objective), "device": backend.device}
+    fingerprint = fingerprint_of(
+        config, seed, scene, objective.images, objective=objective.about(), device=backend.device
+    )
     held = schedule.held_in(len(cameras), config.early_stop.views) if config.early_stop else ()
     run = _Run(config, seed, cameras, held, extent, backend, objective, folder / CHECKPOINT, fingerprint)
     if run.checkpoint.exists():

@@ -9,9 +9,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from baselines.checkpoints import read_arrays, write_arrays
 from baselines.method import Method, Statistics, settings_of
 from baselines.splatting.backends import chosen_device
-from baselines.splatting.checkpoints import read_arrays, write_arrays
 from baselines.splatting.objective import TrainingImages, read_images
 from baselines.torch_state import module_arrays, restore_module
 from baselines.volumetric.config import VolumetricConfig

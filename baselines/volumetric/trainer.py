@@ -10,9 +10,9 @@ import torch
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from baselines.checkpoints import check_fingerprint, fingerprint_of, read_arrays, write_arrays
 from baselines.splatting.backends import chosen_device
-from baselines.splatting.checkpoints import check_fingerprint, fingerprint_of, read_arrays, write_arrays
-from baselines.splatting.objective import Objective, TrainingImages, read_images
+from baselines.splatting.objective import TrainingImages, read_images
 from baselines.stopping import Clock, end_stopped, stop_signals
 from baselines.torch_state import module_arrays, restore_module
 from baselines.volumetric.batches import Batch, TrainingPixels
@@ -80,9 +80,8 @@ def train(
     model = make(space, torch.Generator().manual_seed(int(start)), len(cameras)).to(device)
     if device.type == "cpu":
         warm_up()
-    settings: Any = config
-    fingerprint = fingerprint_of(settings, seed, scene, Objective(pixels.images))
-    fingerprint |= {"about": about or {}, "weights": pixels.digest(), "device": device.type}
+    also = {"about": about or {}, "weights": pixels.digest(), "device": device.type}
+    fingerprint = fingerprint_of(config, seed, scene, pixels.images, **also)
     run = _Run(config, seed, pixels, loss or photometric_terms(config), device, folder / CHECKPOINT, fingerprint)
     seconds = run.finish(model)
     return Trained(model, seconds, torch.cuda.get_device_name() if device.type == "cuda" else "cpu")

@@ -8,14 +8,14 @@ import torch
 import tyro
 from tqdm import tqdm
 
-from baselines.network_training import rounded
+from baselines.network_training import fingerprint_of, rounded, take_up
 from deraings.enhancement.config import TrainingConfig, Upkeep
 from deraings.enhancement.enhance import enhance
 from deraings.enhancement.network import CONFIGS, EnhancementNetwork
 from deraings.enhancement.pair_folders import PairFolder
 from deraings.enhancement.pairs import VEILED, Pairs
 from deraings.enhancement.size import describe
-from deraings.enhancement.training import Training, resume, train
+from deraings.enhancement.training import Training, train
 from deraings.enhancement.validation import as_columns, as_json, scores, table, validation_set
 from deraings.enhancement.weights import load_enhancer, save_network
 from hydroviews.commands import run_command
@@ -73,7 +73,8 @@ def export_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
     """Write weights and data card of a training as far as it is; settings as for `train`."""
     if request.threads:
         torch.set_num_threads(request.threads)
-    training = resume(request.out, request.training, described(request.data))
+    training = Training(request.training)
+    take_up(training, request.out, fingerprint_of(request.training, described(request.data)))
     if training.step == 0:
         raise InputError(f"{request.out}: nothing has been trained there", fix="give the folder of a training")
     write_weights(request, training)

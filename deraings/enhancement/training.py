@@ -2,15 +2,14 @@
 
 import math
 import time
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from baselines.network_training import CHECKPOINT, Validate, average_in, rate_at, run
-from baselines.splatting.checkpoints import check_fingerprint, read_arrays, write_arrays
+from baselines.checkpoints import check_fingerprint, read_arrays, write_arrays
+from baselines.network_training import Validate, average_in, fingerprint_of, rate_at, run, take_up
 from baselines.torch_state import module_arrays, restore_module
 from deraings.enhancement.config import TrainingConfig, Upkeep
 from deraings.enhancement.loss import cover_loss, enhancement_loss
@@ -101,23 +100,6 @@ class Training:
             setattr(self, name, value)
 
 
-def fingerprint_of(config: TrainingConfig, data: str) -> dict[str, Any]:
-    """What a checkpoint must agree with."""
-    return {"configuration": asdict(config), "data": data}
-
-
-def resume(folder: Path, config: TrainingConfig, data: str) -> Training:
-    """The training in a folder as far as it is, from the beginning if nothing is there.
-
-    Raises:
-        InputError: the checkpoint is damaged or of another training.
-    """
-    training, checkpoint = Training(config), folder / CHECKPOINT
-    if checkpoint.is_file():
-        training.restore(checkpoint, fingerprint_of(config, data))
-    return training
-
-
 def train(
     folder: Path,
     config: TrainingConfig,
@@ -139,7 +121,8 @@ def train(
     Raises:
         InputError: the checkpoint is damaged or of another training.
     """
-    training, fingerprint = resume(folder, config, data), fingerprint_of(config, data)
+    training, fingerprint = Training(config), fingerprint_of(config, data)
+    take_up(training, folder, fingerprint)
     loader = batches(pairs, config.batch, training.step, config.steps, upkeep.workers)
     run(training, loader, config.steps, folder, fingerprint, validate, upkeep)
     return training

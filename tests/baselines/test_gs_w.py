@@ -7,12 +7,12 @@ import pytest
 import torch
 from splats import photographed
 
+from baselines.checkpoints import read_arrays
 from baselines.gaussian_splatting import SHORT_RATES, SPLATS, GaussianSplatting
 from baselines.gs_w import NETWORK, GaussianInTheWild, GSWConfig
 from baselines.gs_wild.config import SHORT
 from baselines.gs_wild.mean_look import averaged, looking
 from baselines.splatting.appearance import dressed
-from baselines.splatting.checkpoints import read_arrays
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.densification import Densification
 from baselines.splatting.ply import read_ply

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from baselines.splatting.checkpoints import read_arrays, write_arrays
+from baselines.checkpoints import read_arrays, write_arrays
 from baselines.splatting.objective import TrainingImages
 from deraings.masking import OcclusionMasks
 from deraings.masking_config import MaskConfig
