@@ -9,9 +9,12 @@ from baselines.splatting.reference import basis
 
 
 def positional(values: Tensor, octaves: int) -> Tensor:
-    """The values [..., C] and sines and cosines of 2^k pi times them (NeRF, equation 4): [..., C (1 + 2 octaves)]."""
+    """The values [..., C] and sines and cosines of 2^k pi times them, octave after octave: [..., C (1 + 2 octaves)].
+
+    Mildenhall et al. 2020, equation 4.
+    """
     frequencies = math.pi * 2.0 ** torch.arange(octaves, device=values.device, dtype=values.dtype)
-    scaled = (values[..., None] * frequencies).flatten(-2)
+    scaled = (values[..., None, :] * frequencies[:, None]).flatten(-2)
     return torch.cat([values, scaled.sin(), scaled.cos()], -1)
 
 

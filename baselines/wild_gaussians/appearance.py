@@ -22,7 +22,7 @@ from baselines.splatting.appearance import Appearance, in_sight, set_of
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.spherical_harmonics import C0
 from baselines.torch_state import module_arrays, restore_module
-from baselines.wild.sky import Bounds
+from baselines.wild_gaussians.sky import Bounds
 from hydroviews.cameras import Camera
 
 VIEW_SIZE = 32  # of a view's embedding

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
-from baselines.gs_wild.config import WildConfig
+from baselines.gs_w.config import ReferenceConfig
 from baselines.splatting.spherical_harmonics import C0, coefficients
+from baselines.volumetric.encodings import positional
 from hydroviews.cameras import Camera
 
 
@@ -34,16 +35,10 @@ def layers(inputs: int, hidden: Sequence[int], outputs: int) -> nn.Sequential:
     return nn.Sequential(*parts[:-1])
 
 
-def fourier(x: Tensor, frequencies: int) -> Tensor:
-    """x [N, D] and its sines and cosines at L frequencies (Mildenhall et al. 2020, eq. 4): [N, D (1 + 2 L)]."""
-    scaled = (x[:, None] * (torch.pi * 2.0 ** torch.arange(frequencies).to(x))[:, None]).flatten(1)
-    return torch.cat([x, scaled.sin(), scaled.cos()], dim=1)
-
-
 class Fusion(nn.Module):
     """Colours of Gaussians; the cube that positions are told in is part of the state."""
 
-    def __init__(self, config: WildConfig, sh_degree: int) -> None:
+    def __init__(self, config: ReferenceConfig, sh_degree: int) -> None:
         super().__init__()
         self.frequencies = config.frequencies
         intrinsic, position = 3 * coefficients(sh_degree), 3 * (1 + 2 * config.frequencies)
@@ -66,7 +61,7 @@ class Fusion(nn.Module):
             means: positions [n, 3].
             directions: from the camera, of length one [n, 3].
         """
-        positions = fourier((means - self.middle) / self.side, self.frequencies)
+        positions = positional((means - self.middle) / self.side, self.frequencies)
         fused = functional.relu(self.encoder(torch.cat([positions, dynamic, intrinsic], dim=1)))
         fused = functional.relu(self.decoder(torch.cat([fused, intrinsic], dim=1)))
         offset: Tensor = self.colour(torch.cat([fused, directions], dim=1))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from baselines.gs_wild.appearance import WildAppearance
+from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.splatting.loss_map import loss_map
 from baselines.splatting.objective import Objective, TrainingImages
 from baselines.splatting.photometric import photometric_loss
@@ -24,23 +24,23 @@ from hydroviews.metrics.lpips import lpips
 class VisibleObjective(Objective):
     """The photometric loss under the mask, which learns from the same loss."""
 
-    def __init__(self, images: TrainingImages, ssim_share: float, wild: WildAppearance) -> None:
-        super().__init__(images, ssim_share, wild)
-        self.wild = wild
-        self.first = round(wild.config.visible_from * wild.iterations)
+    def __init__(self, images: TrainingImages, ssim_share: float, appearance: ReferenceAppearance) -> None:
+        super().__init__(images, ssim_share, appearance)
+        self.reference = appearance
+        self.first = round(appearance.config.visible_from * appearance.iterations)
 
     def __call__(self, image: Image, view: int, iteration: int, workspace: Workspace) -> tuple[float, Image]:
-        """See Objective; gradients by the mask are left where `WildAppearance.learn` finds them."""
+        """See Objective; gradients by the mask are left where `ReferenceAppearance.learn` finds them."""
         target = self.images.target(view, (image.shape[0], image.shape[1]))
         weights = None
         if iteration >= self.first:
             losses = loss_map(image, target, self.ssim_share, workspace)
-            weights = learn_visibility(self.wild.visible, losses, self.wild.config.visible_price)
+            weights = learn_visibility(self.reference.visible, losses, self.reference.config.visible_price)
         loss, gradient = photometric_loss(image, target, self.ssim_share, weights, workspace)
-        if self.wild.config.lpips:
+        if self.reference.config.lpips:
             ignored = self.images.ignored(view, (image.shape[0], image.shape[1]))
             value, more = perceptual_loss(image, target.pixels.reshape(image.shape), ignored)
-            loss, gradient = loss + self.wild.config.lpips * value, gradient + self.wild.config.lpips * more
+            loss, gradient = loss + self.reference.config.lpips * value, gradient + self.reference.config.lpips * more
         return loss, gradient
 
 

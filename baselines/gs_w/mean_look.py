@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 from tqdm import tqdm
 
-from baselines.gs_wild.appearance import WildAppearance
-from baselines.gs_wild.fusion import Fusion
+from baselines.gs_w.appearance import ReferenceAppearance
+from baselines.gs_w.fusion import Fusion
 from baselines.splatting.appearance import in_sight, moved
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.pruning import contributions
@@ -52,22 +52,22 @@ class Weighing:
 
 @torch.no_grad()
 def averaged(
-    gaussians: Gaussians, wild: WildAppearance, cameras: Sequence[Camera], near: float, antialiased: bool
+    gaussians: Gaussians, appearance: ReferenceAppearance, cameras: Sequence[Camera], near: float, antialiased: bool
 ) -> Gaussians:
     """The same Gaussians, whose features are the means of their dynamic ones [N, D] over the training views.
 
     Args:
         gaussians: trained, with coordinates as features.
-        wild: trained with them.
+        appearance: trained with them.
         cameras: of the training views, in order.
         near: as trained.
         antialiased: as trained.
     """
-    parameters, weighing = tensors(gaussians, wild.fusion), Weighing(gaussians, near, antialiased)
+    parameters, weighing = tensors(gaussians, appearance.fusion), Weighing(gaussians, near, antialiased)
     for view, camera in enumerate(tqdm(cameras, desc="averaging the views' features", unit="view", leave=False)):
         local = moved(camera, gaussians.origin)
         seen = torch.nonzero(in_sight(parameters, local))[:, 0]
-        weighing.add(camera, seen, wild.read(wild.encode(view)[0], parameters, local, seen))
+        weighing.add(camera, seen, appearance.read(appearance.encode(view)[0], parameters, local, seen))
     return replace(gaussians, features=weighing.mean())
 
 

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 import torch
 
-from baselines.gs_wild.appearance import WildAppearance
-from baselines.gs_wild.config import SHORT, WildConfig
-from baselines.gs_wild.objective import VisibleObjective, learn_visibility, perceptual_loss, visibility_loss
+from baselines.gs_w.appearance import ReferenceAppearance
+from baselines.gs_w.config import SHORT, ReferenceConfig
+from baselines.gs_w.objective import VisibleObjective, learn_visibility, perceptual_loss, visibility_loss
 from baselines.splatting.loss_map import loss_map
 from baselines.splatting.objective import TrainingImages
 from baselines.splatting.photometric import photometric_loss
 from baselines.splatting.rasterizer import Workspace
 
-ALWAYS = WildConfig(**{**vars(SHORT), "visible_from": 0.0, "rate_maps": 5e-3})
+ALWAYS = ReferenceConfig(**{**vars(SHORT), "visible_from": 0.0, "rate_maps": 5e-3})
 HEIGHT, WIDTH = 46, 70  # no multiples of what the network works at
 
 
@@ -22,18 +22,18 @@ def pictures(count=4, seed=0):
 
 def objective(pixels, config=ALWAYS, iterations=100, ignored=()):
     images = TrainingImages(list(pixels), ignored)
-    return VisibleObjective(images, 0.2, WildAppearance(images, config, 1, iterations, 0))
+    return VisibleObjective(images, 0.2, ReferenceAppearance(images, config, 1, iterations, 0))
 
 
 def taught(rule, renders, steps=80):
     """The masks after so many steps of the encoder, with renders that stay as they are."""
     for i in range(steps):
         view = i % len(renders)
-        rule.wild._look_at(view)
+        rule.appearance._look_at(view)
         rule(renders[view], view, i, Workspace())
-        rule.wild.learn(i)
+        rule.appearance.learn(i)
     with torch.no_grad():
-        return torch.stack([rule.wild.encode(view)[1] for view in range(len(renders))]).numpy()
+        return torch.stack([rule.appearance.encode(view)[1] for view in range(len(renders))]).numpy()
 
 
 @pytest.mark.parametrize("price", [0.15, 0.5])
@@ -63,18 +63,18 @@ def test_the_gradient_is_that_of_the_weighed_loss():
 
 def test_renders_are_compared_under_the_mask_once_it_has_begun():
     pixels = pictures()
-    rule = objective(pixels, WildConfig(**{**vars(ALWAYS), "visible_from": 0.5}))
+    rule = objective(pixels, ReferenceConfig(**{**vars(ALWAYS), "visible_from": 0.5}))
     image = np.random.default_rng(2).random((HEIGHT, WIDTH, 3), np.float32)
     target = rule.images.target(1)
-    rule.wild._look_at(1)
+    rule.appearance._look_at(1)
     assert rule(image, 1, 49, Workspace())[0] == photometric_loss(image, target)[0]
-    assert rule.wild.visible.grad is None
+    assert rule.appearance.visible.grad is None
     loss, gradient = rule(image, 1, 50, Workspace())
     weights = np.full((HEIGHT, WIDTH), 0.98, np.float32)
     expected, by_image = photometric_loss(image, target, weights=weights)
     assert loss == pytest.approx(expected, rel=1e-5)
     assert np.allclose(gradient, by_image, rtol=1e-4, atol=1e-9)
-    assert rule.wild.visible.grad.abs().sum() > 0
+    assert rule.appearance.visible.grad.abs().sum() > 0
 
 
 def test_the_mask_finds_what_is_not_of_the_scene_and_leaves_the_rest():
@@ -110,7 +110,7 @@ def test_identical_and_constant_pictures_leave_everything_finite(value):
     rule = objective(pixels)
     masks = taught(rule, [np.full((9, 13, 3), value / 255, np.float32)] * 3, 12)
     assert np.isfinite(masks).all()
-    assert all(torch.isfinite(parameter).all() for parameter in rule.wild.parameters())
+    assert all(torch.isfinite(parameter).all() for parameter in rule.appearance.parameters())
 
 
 def test_what_is_hidden_is_not_looked_at():
@@ -127,14 +127,12 @@ def test_what_is_hidden_is_not_looked_at():
 
 def test_lpips_is_added_unmasked(monkeypatch):
     """With a stand-in for the network, whose gradient is known."""
-    monkeypatch.setattr(
-        "baselines.gs_wild.objective.lpips", lambda a, b, net, ignored: ((a - b) ** 2).mean(dim=(1, 2, 3))
-    )
+    monkeypatch.setattr("baselines.gs_w.objective.lpips", lambda a, b, net, ignored: ((a - b) ** 2).mean(dim=(1, 2, 3)))
     image, photograph = np.random.default_rng(0).random((2, 8, 9, 3), np.float32)
     value, gradient = perceptual_loss(image, photograph)
     assert value == pytest.approx(np.mean((image - photograph) ** 2), rel=1e-5)
     assert np.allclose(gradient, 2 * (image - photograph) / image.size, atol=1e-7)
-    rule = objective([np.round(255 * photograph).astype(np.uint8)], WildConfig(**{**vars(SHORT), "lpips": 0.5}))
+    rule = objective([np.round(255 * photograph).astype(np.uint8)], ReferenceConfig(**{**vars(SHORT), "lpips": 0.5}))
     target = rule.images.target(0)
     expected = photometric_loss(image, target)[0] + 0.5 * np.mean((image - target.pixels.reshape(image.shape)) ** 2)
     assert rule(image, 0, 0, Workspace())[0] == pytest.approx(expected, rel=1e-5)

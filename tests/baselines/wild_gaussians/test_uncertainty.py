@@ -8,9 +8,9 @@ import torch
 from baselines.splatting.densification import Densification
 from baselines.splatting.objective import TrainingImages
 from baselines.splatting.relocation import Relocation
-from baselines.wild import features as networks
-from baselines.wild.features import AlexNet, DinoV2, find_features, shrunk, unlikeness
-from baselines.wild.uncertainty import Uncertainty, UncertaintyConfig, counted, uncertainty_loss, warmed
+from baselines.wild_gaussians import features as networks
+from baselines.wild_gaussians.features import AlexNet, DinoV2, find_features, shrunk, unlikeness
+from baselines.wild_gaussians.uncertainty import Uncertainty, UncertaintyConfig, counted, uncertainty_loss, warmed
 from hydroviews.errors import InputError
 
 CONFIG = UncertaintyConfig(start=10, warm_up=20, rate=0.05)

@@ -9,9 +9,9 @@ from splats import photographed
 
 from baselines.checkpoints import read_arrays
 from baselines.gaussian_splatting import SHORT_RATES, SPLATS, GaussianSplatting
-from baselines.gs_w import NETWORK, GaussianInTheWild, GSWConfig
-from baselines.gs_wild.config import SHORT
-from baselines.gs_wild.mean_look import averaged, looking
+from baselines.gs_w.config import SHORT
+from baselines.gs_w.mean_look import averaged, looking
+from baselines.gs_w.method import NETWORK, GaussianInTheWild, GSWConfig
 from baselines.splatting.appearance import dressed
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.densification import Densification
@@ -70,8 +70,8 @@ def test_a_colour_cast_a_view_is_told_from_the_scene(tmp_path):
     truth = true_pictures(scene)
     cast(scene)
     plain = taught(GaussianSplatting, SPLATTING, scene, tmp_path / "plain")
-    wild = taught(GaussianInTheWild, GSWConfig(SPLATTING, SHORT), scene, tmp_path / "wild")
-    assert held_out(wild, scene, truth, exposed=True) > held_out(plain, scene, truth, exposed=True) + 0.5
+    appearance = taught(GaussianInTheWild, GSWConfig(SPLATTING, SHORT), scene, tmp_path / "wild")
+    assert held_out(appearance, scene, truth, exposed=True) > held_out(plain, scene, truth, exposed=True) + 0.5
 
 
 def test_what_comes_and_goes_is_left_out_by_the_mask(tmp_path):
@@ -79,8 +79,8 @@ def test_what_comes_and_goes_is_left_out_by_the_mask(tmp_path):
     truth = true_pictures(scene)
     occlude(scene)
     found = [
-        held_out(taught(GaussianInTheWild, GSWConfig(SPLATTING, wild), scene, tmp_path / str(k)), scene, truth)
-        for k, wild in enumerate((CLOSE, replace(CLOSE, visible_from=2.0)))
+        held_out(taught(GaussianInTheWild, GSWConfig(SPLATTING, appearance), scene, tmp_path / str(k)), scene, truth)
+        for k, appearance in enumerate((CLOSE, replace(CLOSE, visible_from=2.0)))
     ]
     assert found[0] > found[1] + 0.7
 
@@ -102,7 +102,7 @@ def test_the_same_pixels_from_disk_and_colours_for_viewers(tmp_path):
     again.save(tmp_path / "copy")
     first, second = (read_arrays(folder / NETWORK)[0] for folder in (tmp_path, tmp_path / "copy"))
     assert all(np.array_equal(value, second[name]) for name, value in first.items())
-    other = replace(config, wild=replace(SHORT, fused=16))
+    other = replace(config, appearance=replace(SHORT, fused=16))
     with pytest.raises(InputError, match="another network"):
         GaussianInTheWild.load(other, 0, tmp_path)
 
@@ -117,14 +117,14 @@ def test_an_interrupted_run_ends_with_the_same_bits_as_a_whole_one(tmp_path, mon
 
     def cut(self, scene, folder):
         objective = learn(self, scene, folder)
-        step = objective.wild.learn
+        step = objective.appearance.learn
 
         def failing(iteration):
             if iteration == 7:
                 raise RuntimeError("cut")
             step(iteration)
 
-        objective.wild.learn = failing
+        objective.appearance.learn = failing
         return objective
 
     monkeypatch.setattr(GaussianInTheWild, "objective", cut)
@@ -138,8 +138,9 @@ def test_an_interrupted_run_ends_with_the_same_bits_as_a_whole_one(tmp_path, mon
         assert all(np.array_equal(v, theirs[k]) for k, v in whole._trained.gaussians.arrays().items())
         assert np.array_equal(other.render(scene.views[0].camera), whole.render(scene.views[0].camera))
         assert np.array_equal(other._shown, whole._shown)
+    unboxed = replace(config, appearance=replace(config.appearance, box=1.0))
     with pytest.raises(InputError, match="another run"):
-        taught(GaussianInTheWild, replace(config, wild=replace(config.wild, box=1.0)), scene, tmp_path / "cut")
+        taught(GaussianInTheWild, unboxed, scene, tmp_path / "cut")
 
 
 def test_the_mean_look_is_that_of_the_views_where_they_agree(tmp_path):
@@ -148,33 +149,33 @@ def test_the_mean_look_is_that_of_the_views_where_they_agree(tmp_path):
     for view in scene.train_views:
         write_png(view.path, np.full((36, 48, 3), 0.4, np.float32))
     method = taught(GaussianInTheWild, GSWConfig(GROWING, replace(SHORT, dropout=0.0)), scene, tmp_path)
-    wild, trained = method._wild, method._trained
+    appearance, trained = method._appearance, method._trained
     cameras = [view.camera for view in scene.train_views]
-    flat = wild.encode(0)[0].detach().mean(dim=(1, 2), keepdim=True).expand(-1, 4, 4)
-    wild.encode = lambda view: (flat, None)
-    coordinates = wild.features(trained.gaussians)
+    flat = appearance.encode(0)[0].detach().mean(dim=(1, 2), keepdim=True).expand(-1, 4, 4)
+    appearance.encode = lambda view: (flat, None)
+    coordinates = appearance.features(trained.gaussians)
     parameters = replace(trained.gaussians, features=coordinates)
-    mean = averaged(parameters, wild, cameras, trained.near, False)
+    mean = averaged(parameters, appearance, cameras, trained.near, False)
     assert np.allclose(mean.features, flat[:, 0, 0].numpy(), atol=1e-5)
-    wild._look_at = lambda view: (flat, None)
-    own = dressed(parameters, wild, cameras[1], 1, 1)
+    appearance._look_at = lambda view: (flat, None)
+    own = dressed(parameters, appearance, cameras[1], 1, 1)
     assert np.allclose(looking(mean, method._fusion, cameras[1]).sh, own.sh, atol=1e-4)
-    assert np.allclose(dressed(mean, wild, cameras[1], None, 1).sh, own.sh, atol=1e-4)
+    assert np.allclose(dressed(mean, appearance, cameras[1], None, 1).sh, own.sh, atol=1e-4)
 
 
 def test_weights_of_the_encoder_come_from_a_file_that_is_named(tmp_path, monkeypatch):
     monkeypatch.delenv("HYDROVIEWS_RESNET18", raising=False)
-    assert GaussianInTheWild.configuration("paper").wild.weights is None
+    assert GaussianInTheWild.configuration("paper").appearance.weights is None
     path = tmp_path / "resnet18.pth"
     monkeypatch.setenv("HYDROVIEWS_RESNET18", str(path))
     with pytest.raises(InputError, match="no such file"):
         GaussianInTheWild.configuration("paper")
     path.write_bytes(b"damaged")
     config = GaussianInTheWild.configuration("paper")
-    assert len(config.wild.weights_sha256) == 64
+    assert len(config.appearance.weights_sha256) == 64
     with pytest.raises(InputError, match="not weights of ResNet-18"):
         GaussianInTheWild(config, 0).objective(photographed(tmp_path, n_views=3), tmp_path)
-    assert GaussianInTheWild.configuration("demo").wild == SHORT
+    assert GaussianInTheWild.configuration("demo").appearance == SHORT
     with pytest.raises(InputError, match="unknown"):
         GaussianInTheWild.configuration("long")
 
@@ -183,8 +184,10 @@ def test_the_papers_networks_take_a_step(tmp_path):
     scene = photographed(tmp_path, n_views=4)
     config = GaussianInTheWild.configuration("paper")
     config = GaussianInTheWild.shortened(config, 2)
-    config = replace(config, wild=replace(config.wild, lpips=0.0), splatting=replace(config.splatting, device="cpu"))
+    config = replace(
+        config, appearance=replace(config.appearance, lpips=0.0), splatting=replace(config.splatting, device="cpu")
+    )
     method = taught(GaussianInTheWild, config, scene, tmp_path)
     assert np.isfinite(method.render(scene.test_views[0].camera)).all()
     assert method.statistics().used == "encoder resnet18 from scratch"
-    assert torch.isfinite(method._wild.encode(0)[0]).all()
+    assert torch.isfinite(method._appearance.encode(0)[0]).all()

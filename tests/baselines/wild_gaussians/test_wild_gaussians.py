@@ -6,7 +6,7 @@ import torch
 from splats import photographed
 from trainings import psnr
 
-import baselines.wild_gaussians as wild
+import baselines.wild_gaussians.method as wild
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.method import find_method
 from baselines.splatting.config import TrainerConfig
@@ -15,9 +15,9 @@ from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.objective import Objective
 from baselines.splatting.ply import read_ply
 from baselines.splatting.rasterizer import Workspace, render
-from baselines.wild.appearance import AppearanceConfig
-from baselines.wild.uncertainty import UncertaintyConfig
-from baselines.wild_gaussians import PROFILES, WildConfig, WildGaussians
+from baselines.wild_gaussians.appearance import AppearanceConfig
+from baselines.wild_gaussians.method import PROFILES, WildConfig, WildGaussians
+from baselines.wild_gaussians.uncertainty import UncertaintyConfig
 from hydroviews.errors import InputError
 from hydroviews.images import write_png
 

@@ -13,10 +13,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from baselines.gs_wild.config import WildConfig
-from baselines.gs_wild.encoder import ReferenceEncoder
-from baselines.gs_wild.fusion import Fusion
-from baselines.gs_wild.sampling import boxed, projected, sample
+from baselines.gs_w.config import ReferenceConfig
+from baselines.gs_w.encoder import ReferenceEncoder
+from baselines.gs_w.fusion import Fusion
+from baselines.gs_w.sampling import boxed, projected, sample
 from baselines.splatting.appearance import Appearance, in_sight, set_of
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.objective import TrainingImages
@@ -28,10 +28,12 @@ STEPS = "steps"
 DROPOUT = 5  # random stream
 
 
-class WildAppearance(Appearance):
+class ReferenceAppearance(Appearance):
     """Looks in training views. The reference is encoded anew in every step, so that the U-Net learns from each."""
 
-    def __init__(self, images: TrainingImages, config: WildConfig, sh_degree: int, iterations: int, seed: int) -> None:
+    def __init__(
+        self, images: TrainingImages, config: ReferenceConfig, sh_degree: int, iterations: int, seed: int
+    ) -> None:
         """Start with networks that leave colours as they are.
 
         Args:

@@ -5,9 +5,9 @@ import pytest
 import torch
 from safetensors.torch import save_file
 
-from baselines.gs_wild.appearance import WildAppearance
-from baselines.gs_wild.config import SHORT, WildConfig
-from baselines.gs_wild.encoder import VISIBLE_AT_FIRST, ReferenceEncoder, ResNet18, load_resnet
+from baselines.gs_w.appearance import ReferenceAppearance
+from baselines.gs_w.config import SHORT, ReferenceConfig
+from baselines.gs_w.encoder import VISIBLE_AT_FIRST, ReferenceEncoder, ResNet18, load_resnet
 from baselines.splatting.objective import TrainingImages
 from hydroviews.errors import InputError
 
@@ -40,8 +40,8 @@ def test_everything_is_seen_at_first():
 @pytest.mark.parametrize(("height", "width"), [(37, 51), (5, 90), (1, 1), (48, 64)])
 def test_pictures_of_any_size_and_of_one_colour_are_encoded(height, width):
     for pixels in (np.zeros((height, width, 3), np.uint8), np.full((height, width, 3), 255, np.uint8)):
-        wild = WildAppearance(TrainingImages([pixels]), SHORT, 1, 10, 0)
-        maps, visible = wild.encode(0)
+        appearance = ReferenceAppearance(TrainingImages([pixels]), SHORT, 1, 10, 0)
+        maps, visible = appearance.encode(0)
         assert maps.shape[0] == SHORT.dynamic
         assert torch.isfinite(maps).all()
         assert torch.isfinite(visible).all()
@@ -80,6 +80,6 @@ def test_what_is_no_resnet_is_refused(tmp_path):
 
 def test_settings_that_cannot_be():
     with pytest.raises(ValueError, match="1 or more"):
-        WildConfig(maps=0)
+        ReferenceConfig(maps=0)
     with pytest.raises(ValueError, match="positive"):
-        WildConfig(visible_price=0)
+        ReferenceConfig(visible_price=0)

@@ -10,9 +10,9 @@ import torch
 from splats import BACKGROUND, cloud, photographed
 from test_torch_backend import rasterization
 
-from baselines.gs_wild.appearance import WildAppearance
-from baselines.gs_wild.config import SHORT
-from baselines.gs_wild.objective import VisibleObjective
+from baselines.gs_w.appearance import ReferenceAppearance
+from baselines.gs_w.config import SHORT
+from baselines.gs_w.objective import VisibleObjective
 from baselines.splatting.appearance import equipped
 from baselines.splatting.backends import CpuBackend
 from baselines.splatting.objective import read_images
@@ -33,18 +33,21 @@ def test_the_gpu_takes_the_same_steps(tmp_path, monkeypatch):
     images, cameras = read_images(scene.train_views), [view.camera for view in scene.train_views]
     ends = []
     for kind in (CpuBackend, CudaBackend):
-        wild = WildAppearance(images, replace(SHORT, visible_from=0.02), 1, 100, 0)
-        backend = kind(VisibleObjective(images, 0.2, wild), BACKGROUND, 0.01)
-        backend.put(fresh_state(equipped(cloud(60, 1), wild)))
+        appearance = ReferenceAppearance(images, replace(SHORT, visible_from=0.02), 1, 100, 0)
+        backend = kind(VisibleObjective(images, 0.2, appearance), BACKGROUND, 0.01)
+        backend.put(fresh_state(equipped(cloud(60, 1), appearance)))
         for iteration in range(4):
-            rates = {**rates_at(iteration, 100, LearningRates(), 4.0, 1), "features": wild.feature_rate(iteration)}
+            rates = {
+                **rates_at(iteration, 100, LearningRates(), 4.0, 1),
+                "features": appearance.feature_rate(iteration),
+            }
             loss = backend.step(cameras[iteration], iteration, iteration, 1, rates, Duties(watch=True))
-        ends.append((loss, backend.residual(cameras[4], 4, 1), wild, backend.get(4, 0.0).gaussians))
+        ends.append((loss, backend.residual(cameras[4], 4, 1), appearance, backend.get(4, 0.0).gaussians))
     del sys.modules["baselines.splatting.cuda"]
-    (loss, residual, wild, ours), (other_loss, other_residual, other, theirs) = ends
+    (loss, residual, appearance, ours), (other_loss, other_residual, other, theirs) = ends
     assert loss == pytest.approx(other_loss, rel=1e-3)
     assert residual == pytest.approx(other_residual, rel=1e-3)
-    for (name, value), twin in zip(wild.named_parameters(), other.parameters(), strict=True):
+    for (name, value), twin in zip(appearance.named_parameters(), other.parameters(), strict=True):
         assert (value - twin).abs().quantile(0.9) < 1e-4, name
     for name, value in ours.arrays().items():
         assert np.quantile(np.abs(value - theirs.arrays()[name]), 0.9) < 1e-4, name

@@ -30,10 +30,10 @@ from baselines.splatting.rasterizer import Workspace
 from baselines.splatting.schedule import LearningRates
 from baselines.splatting.trainer import train
 from baselines.torch_state import one_thread
-from baselines.wild.appearance import AppearanceConfig, WildAppearance
-from baselines.wild.features import find_features
-from baselines.wild.sky import bounds_of, with_room, with_sky
-from baselines.wild.uncertainty import Uncertainty, UncertaintyConfig
+from baselines.wild_gaussians.appearance import AppearanceConfig, WildAppearance
+from baselines.wild_gaussians.features import find_features
+from baselines.wild_gaussians.sky import bounds_of, with_room, with_sky
+from baselines.wild_gaussians.uncertainty import Uncertainty, UncertaintyConfig
 from hydroviews.files import read_json, write_json
 from hydroviews.images import Image
 from hydroviews.scenes import Scene

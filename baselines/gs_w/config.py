@@ -5,7 +5,7 @@ from typing import Literal
 
 
 @dataclass(frozen=True)
-class WildConfig:
+class ReferenceConfig:
     """Settings beside those of the Gaussians; the defaults are those of Zhang et al. 2024 and of their public code."""
 
     backbone: Literal["resnet18", "small"] = "resnet18"  # of the U-Net that looks at the reference picture
@@ -43,7 +43,7 @@ class WildConfig:
 
 # Two cores: a reference of half the size, a U-Net of 0.2 million weights, fewer and narrower layers, no LPIPS; larger
 # steps, since there are a twentieth of the iterations.
-SHORT = WildConfig(
+SHORT = ReferenceConfig(
     backbone="small",
     shrink=2,
     frequencies=2,

@@ -5,51 +5,44 @@ import torch
 from splats import camera, cloud
 from torch.nn import functional
 
-from baselines.gs_wild.appearance import WildAppearance
-from baselines.gs_wild.config import SHORT
-from baselines.gs_wild.fusion import Fusion, fourier
+from baselines.gs_w.appearance import ReferenceAppearance
+from baselines.gs_w.config import SHORT
+from baselines.gs_w.fusion import Fusion
 from baselines.splatting.appearance import Dressed, equipped, in_sight
 from baselines.splatting.objective import TrainingImages
 from baselines.splatting.spherical_harmonics import C0
+from baselines.volumetric.encodings import positional
 
 
 def some_pictures(count=2, height=30, width=41):
     return TrainingImages(list(np.random.default_rng(0).integers(0, 255, (count, height, width, 3)).astype(np.uint8)))
 
 
-def restless(wild):
+def restless(appearance):
     """The same with a last layer that says something."""
     torch.manual_seed(1)
     with torch.no_grad():
-        wild.fusion.colour[-1].weight.normal_(0, 0.1)
-    return wild
-
-
-def test_fourier_features_are_sines_and_cosines_of_doubled_frequencies():
-    x = torch.tensor([[0.25, -0.5, 0.1]])
-    expected = [0.25, -0.5, 0.1]
-    for wave in (np.sin, np.cos):
-        expected += [wave(2.0**k * np.pi * value) for k in range(2) for value in (0.25, -0.5, 0.1)]
-    assert np.allclose(fourier(x, 2).numpy()[0], expected, atol=1e-6)
+        appearance.fusion.colour[-1].weight.normal_(0, 0.1)
+    return appearance
 
 
 def test_the_first_look_has_the_points_colours():
-    gaussians, wild = cloud(50, 1), WildAppearance(some_pictures(), SHORT, 1, 10, 0)
-    look = Dressed(equipped(gaussians, wild), wild, camera(41, 30), 0, 1).looks[0]
+    gaussians, appearance = cloud(50, 1), ReferenceAppearance(some_pictures(), SHORT, 1, 10, 0)
+    look = Dressed(equipped(gaussians, appearance), appearance, camera(41, 30), 0, 1).looks[0]
     assert np.array_equal(look.sh, gaussians.sh[:, :1])
 
 
 def test_colours_are_what_the_layers_say_of_position_features_and_direction():
     gaussians, view = cloud(30, 1), camera(41, 30)
-    wild = restless(WildAppearance(some_pictures(), SHORT, 1, 10, 0))
-    gaussians = equipped(gaussians, wild)
+    appearance = restless(ReferenceAppearance(some_pictures(), SHORT, 1, 10, 0))
+    gaussians = equipped(gaussians, appearance)
     parameters = {name: torch.from_numpy(value) for name, value in gaussians.arrays().items()}
     seen = torch.nonzero(in_sight(parameters, view))[:, 0]
     dynamic = torch.rand(len(seen), SHORT.dynamic)
-    found = wild.fusion.coloured(parameters, view, dynamic, seen)
-    fusion, means = wild.fusion, parameters["means"][seen]
+    found = appearance.fusion.coloured(parameters, view, dynamic, seen)
+    fusion, means = appearance.fusion, parameters["means"][seen]
     intrinsic, offset = parameters["sh"][seen].flatten(1), means - torch.from_numpy(view.centre).float()
-    fused = torch.cat([fourier((means - fusion.middle) / fusion.side, SHORT.frequencies), dynamic, intrinsic], dim=1)
+    fused = torch.cat([positional((means - fusion.middle) / fusion.side, SHORT.frequencies), dynamic, intrinsic], dim=1)
     fused = torch.cat([fusion.encoder(fused).relu(), intrinsic], dim=1)
     fused = torch.cat([fusion.decoder(fused).relu(), offset / offset.norm(dim=1, keepdim=True)], dim=1)
     expected = parameters["sh"][:, 0].clone()
@@ -61,47 +54,47 @@ def test_colours_are_what_the_layers_say_of_position_features_and_direction():
 def test_gradients_are_those_of_float64():
     """By features, coordinates, maps and all weights of the fusion network, through the way numpy takes."""
     gaussians, view = cloud(40, 1), camera(41, 30)
-    wild = restless(WildAppearance(some_pictures(), SHORT, 1, 10, 0))
-    gaussians = equipped(gaussians, wild)
+    appearance = restless(ReferenceAppearance(some_pictures(), SHORT, 1, 10, 0))
+    gaussians = equipped(gaussians, appearance)
     upstream = cloud(40, 0, seed=5)
-    clothes = Dressed(gaussians, wild, view, 1, 1)
+    clothes = Dressed(gaussians, appearance, view, 1, 1)
     ours = clothes.backward([upstream])
 
     twin = Fusion(SHORT, 1).double()
-    twin.load_state_dict(wild.fusion.state_dict())
+    twin.load_state_dict(appearance.fusion.state_dict())
     leaves = {k: torch.from_numpy(v).double().requires_grad_() for k, v in gaussians.arrays().items()}
     seen = torch.nonzero(in_sight(leaves, view))[:, 0]
-    maps = wild.encode(1)[0].detach().double().requires_grad_()
-    dynamic = wild._dropped(wild.read(maps, leaves, view, seen))
+    maps = appearance.encode(1)[0].detach().double().requires_grad_()
+    dynamic = appearance._dropped(appearance.read(maps, leaves, view, seen))
     (twin.coloured(leaves, view, dynamic, seen)[:, 0] * torch.from_numpy(upstream.sh[:, 0]).double()).sum().backward()
     for name in ("sh", "features"):
         expected = leaves[name].grad.numpy()
         assert np.abs(getattr(ours, name) - expected).max() < 1e-4 * np.abs(expected).max(), name
-    assert torch.allclose(wild._leaves[0].grad.double(), maps.grad, rtol=1e-3, atol=1e-4 * maps.grad.abs().max())
-    for (name, weight), other in zip(wild.fusion.named_parameters(), twin.parameters(), strict=True):
+    assert torch.allclose(appearance._leaves[0].grad.double(), maps.grad, rtol=1e-3, atol=1e-4 * maps.grad.abs().max())
+    for (name, weight), other in zip(appearance.fusion.named_parameters(), twin.parameters(), strict=True):
         assert (weight.grad - other.grad).abs().max() < 1e-4 * other.grad.abs().max(), name
     assert np.array_equal(ours.means, upstream.means)  # colours add nothing to what positions are told
 
 
 def test_what_is_dropped_is_drawn_anew_each_step_and_scaled():
-    wild = WildAppearance(some_pictures(), SHORT, 1, 10, 0)
+    appearance = ReferenceAppearance(some_pictures(), SHORT, 1, 10, 0)
     ones = torch.ones(4000, SHORT.dynamic)
-    first, again = wild._dropped(ones), wild._dropped(ones)
+    first, again = appearance._dropped(ones), appearance._dropped(ones)
     assert torch.equal(first, again)
     assert abs(first.mean() - 1) < 0.02
     assert set(first.unique().tolist()) == {0.0, float(torch.tensor(1 / 0.9))}
     parts = first.unflatten(1, (3, -1))
     assert torch.equal(parts.amin(dim=2), parts.amax(dim=2))  # a map's channels go together
-    wild.learn(0)
-    assert not torch.equal(wild._dropped(ones), first)
+    appearance.learn(0)
+    assert not torch.equal(appearance._dropped(ones), first)
     with torch.no_grad():
-        assert torch.equal(wild._dropped(ones), ones)
+        assert torch.equal(appearance._dropped(ones), ones)
 
 
 def test_coordinates_begin_within_the_maps_and_follow_positions():
-    wild = WildAppearance(some_pictures(), SHORT, 1, 10, 0)
+    appearance = ReferenceAppearance(some_pictures(), SHORT, 1, 10, 0)
     gaussians = cloud(500, 1)
-    coordinates = wild.features(gaussians)
+    coordinates = appearance.features(gaussians)
     assert coordinates.shape == (500, 4)
     assert np.abs(coordinates).max() <= 1
     near = cloud(500, 1).map(lambda value: value[[0, 0]]).means

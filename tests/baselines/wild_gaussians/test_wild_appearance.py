@@ -8,8 +8,8 @@ from splats import BACKGROUND, camera, cloud
 from baselines.splatting import reference
 from baselines.splatting.appearance import Dressed, equipped
 from baselines.splatting.rasterizer import backward, render
-from baselines.wild.appearance import MIDDLE, AppearanceConfig, WildAppearance, fourier, toned
-from baselines.wild.sky import Bounds
+from baselines.wild_gaussians.appearance import MIDDLE, AppearanceConfig, WildAppearance, fourier, toned
+from baselines.wild_gaussians.sky import Bounds
 
 BOUNDS = Bounds(np.zeros(3), 1.5)
 LIVELY = AppearanceConfig(width=16, scale=1.0)

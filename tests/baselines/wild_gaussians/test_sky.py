@@ -6,7 +6,7 @@ from splats import camera, photographed
 
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.relocation import Relocation
-from baselines.wild.sky import DISTANCE, Bounds, bounds_of, fibonacci, in_upper_part, with_room, with_sky
+from baselines.wild_gaussians.sky import DISTANCE, Bounds, bounds_of, fibonacci, in_upper_part, with_room, with_sky
 from hydroviews.scenes import Points
 
 

@@ -3,14 +3,14 @@
 Every Gaussian has an intrinsic feature of its own and a dynamic one, which is read from feature maps of the reference
 picture, in training the view itself: where the view shows the Gaussian (projection map) and at learnt coordinates
 (K adaptive maps). A network makes colours of both and the viewing direction. What else comes and goes is left out of
-the loss by a visibility mask. The parts are in `gs_wild`.
+the loss by a visibility mask. The parts are beside it.
 
 Departures from the paper, in all profiles:
   - Held-out views are rendered with the mean of each Gaussian's dynamic features over the training views, as the
     benchmark's protocol asks; the paper takes them from the held-out photograph itself.
   - Networks say what is added to the intrinsic feature's first three numbers, a colour, and not the colour itself.
   - The mask weighs the loss of each pixel; the authors' code multiplies both pictures by it.
-  - No batch normalisation in training; see `gs_wild.encoder`. ResNet-18 learns from scratch unless
+  - No batch normalisation in training; see `encoder`. ResNet-18 learns from scratch unless
     $HYDROVIEWS_RESNET18 names a file of its weights, which the record then names.
   - The coordinates' box is as large as the map from the start.
 Short profiles besides: a small U-Net on a reference of half the size, smaller networks, larger rates, no LPIPS.
@@ -26,12 +26,12 @@ import numpy as np
 
 from baselines.checkpoints import read_arrays, write_arrays
 from baselines.gaussian_splatting import MODEL, PROFILES, GaussianSplatting
-from baselines.gs_wild.appearance import WildAppearance
-from baselines.gs_wild.config import SHORT, WildConfig
-from baselines.gs_wild.encoder import load_resnet
-from baselines.gs_wild.fusion import Fusion
-from baselines.gs_wild.mean_look import averaged, from_everywhere, looking
-from baselines.gs_wild.objective import VisibleObjective
+from baselines.gs_w.appearance import ReferenceAppearance
+from baselines.gs_w.config import SHORT, ReferenceConfig
+from baselines.gs_w.encoder import load_resnet
+from baselines.gs_w.fusion import Fusion
+from baselines.gs_w.mean_look import averaged, from_everywhere, looking
+from baselines.gs_w.objective import VisibleObjective
 from baselines.method import Statistics
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.densification import Densification
@@ -54,7 +54,7 @@ class GSWConfig:
     """Gaussians and networks."""
 
     splatting: TrainerConfig
-    wild: WildConfig = field(default_factory=WildConfig)
+    appearance: ReferenceConfig = field(default_factory=ReferenceConfig)
 
 
 class GaussianInTheWild(GaussianSplatting):
@@ -74,8 +74,8 @@ class GaussianInTheWild(GaussianSplatting):
 
     def __init__(self, config: GSWConfig, seed: int) -> None:
         super().__init__(config, seed)
-        self._wild: WildAppearance | None = None
-        self._fusion = Fusion(config.wild, config.splatting.sh_degree)
+        self._appearance: ReferenceAppearance | None = None
+        self._fusion = Fusion(config.appearance, config.splatting.sh_degree)
         self._shown = np.zeros((0, 3), np.float32)
 
     @classmethod
@@ -87,11 +87,11 @@ class GaussianInTheWild(GaussianSplatting):
         """
         config: GSWConfig = super().configuration(profile)
         named = os.environ.get(WEIGHTS)
-        if config.wild.backbone != "resnet18" or not named:
+        if config.appearance.backbone != "resnet18" or not named:
             return config
         if not Path(named).is_file():
             raise InputError(f"{named}: no such file", expected="weights of ResNet-18", fix=f"correct {WEIGHTS}")
-        return replace(config, wild=replace(config.wild, weights=named, weights_sha256=sha256(Path(named))))
+        return replace(config, appearance=replace(config.appearance, weights=named, weights_sha256=sha256(Path(named))))
 
     @property
     def splatting(self) -> TrainerConfig:
@@ -107,21 +107,23 @@ class GaussianInTheWild(GaussianSplatting):
         """
         config: GSWConfig = self.config
         splatting, images = config.splatting, read_images(scene.train_views)
-        self._wild = WildAppearance(images, config.wild, splatting.sh_degree, splatting.iterations, self.seed)
-        if config.wild.weights:
-            load_resnet(self._wild.encoder, Path(config.wild.weights))
-        return VisibleObjective(images, splatting.ssim_share, self._wild)
+        self._appearance = ReferenceAppearance(
+            images, config.appearance, splatting.sh_degree, splatting.iterations, self.seed
+        )
+        if config.appearance.weights:
+            load_resnet(self._appearance.encoder, Path(config.appearance.weights))
+        return VisibleObjective(images, splatting.ssim_share, self._appearance)
 
     def fit(self, scene: Scene, folder: Path) -> None:
         """See Method; then the references have done their part."""
         super().fit(scene, folder)
-        trained, wild = self._require(), self._wild
-        assert wild is not None
+        trained, appearance = self._require(), self._appearance
+        assert appearance is not None
         cameras = [view.camera for view in scene.train_views]
         seen_with = trained.near, self.splatting.antialiased
-        gaussians = averaged(trained.gaussians, wild, cameras, *seen_with)
+        gaussians = averaged(trained.gaussians, appearance, cameras, *seen_with)
         self._trained = replace(trained, gaussians=gaussians)
-        self._fusion = wild.fusion.cpu()
+        self._fusion = appearance.fusion.cpu()
         self._shown = from_everywhere(gaussians, self._fusion, cameras, *seen_with)
 
     def seen_by(self, camera: Camera) -> Gaussians:
@@ -154,9 +156,9 @@ class GaussianInTheWild(GaussianSplatting):
 
     def statistics(self) -> Statistics:
         """See Method; `used` names the encoder."""
-        wild: WildConfig = self.config.wild
-        weights = Path(wild.weights).name if wild.weights else "from scratch"
-        return replace(super().statistics(), used=f"encoder {wild.backbone} {weights}")
+        appearance: ReferenceConfig = self.config.appearance
+        weights = Path(appearance.weights).name if appearance.weights else "from scratch"
+        return replace(super().statistics(), used=f"encoder {appearance.backbone} {weights}")
 
 
 def _megabytes(folder: Path) -> float:

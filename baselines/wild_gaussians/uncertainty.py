@@ -30,7 +30,7 @@ from baselines.splatting.objective import Size, TrainingImages
 from baselines.splatting.relocation import Relocation
 from baselines.splatting.schedule import random_stream
 from baselines.torch_state import module_arrays, restore_module
-from baselines.wild.features import Features, Wanted, unlikeness
+from baselines.wild_gaussians.features import Features, Wanted, unlikeness
 from hydroviews.images import Image
 
 DROPOUT = 5  # random stream
