@@ -18,6 +18,7 @@ import tyro
 from tqdm import tqdm
 
 from baselines.gaussian_splatting import PROFILES, SPLATS, GaussianSplatting, within
+from baselines.method import Method
 from baselines.splatting.config import EarlyStop, Pruning, TrainerConfig
 from baselines.splatting.densification import Densification
 from baselines.splatting.relocation import Relocation
@@ -57,19 +58,24 @@ def measure(name: str, config: TrainerConfig, scene: Scene, seed: int, folder: P
     method = GaussianSplatting(config, seed)
     method.fit(scene, folder)
     method.save(folder)
-    scores = []
-    for view in tqdm(scene.test_views, desc="held-out views", unit="view", leave=False):
-        shown, truth = method.render(view.camera), view.image()
-        scores.append((psnr(shown, truth), ssim(shown, truth)))
     statistics = method.statistics()
     return {
         "case": name,
-        "PSNR": round(float(np.mean([p for p, _ in scores])), 2),
-        "SSIM": round(float(np.mean([s for _, s in scores])), 4),
+        **held_out(method, scene),
         "Gaussians": statistics.n_primitives,
         "ply MB": round((folder / SPLATS).stat().st_size / 1e6, 2),
         "train s": round(statistics.train_seconds),
     }
+
+
+def held_out(method: Method, scene: Scene) -> dict[str, float]:
+    """PSNR and SSIM of a trained method, means over the held-out views of the clean scene."""
+    scores = []
+    for view in tqdm(scene.test_views, desc="held-out views", unit="view", leave=False):
+        shown, truth = method.render(view.camera), view.image()
+        scores.append((psnr(shown, truth), ssim(shown, truth)))
+    means = np.mean(scores, axis=0)
+    return {"PSNR": round(float(means[0]), 2), "SSIM": round(float(means[1]), 4)}
 
 
 def main(
