@@ -10,7 +10,6 @@ that with a small one.
 
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,6 +19,7 @@ import pandas as pd
 import torch
 import tyro
 
+from benchmarks.timing import least
 from deraings.enhancement.__main__ import VALIDATION_SEED, WATCHED, Data, described
 from deraings.enhancement.config import TrainingConfig, Upkeep
 from deraings.enhancement.enhance import enhance
@@ -36,6 +36,7 @@ from hydroviews.pairs.photographs import read_photographs, split_photographs
 
 SIZE = 400, 300
 LARGE = 1200, 900
+TURNS = 3
 MEMORY = """
 import sys, torch
 from deraings.enhancement.enhance import enhance
@@ -64,14 +65,10 @@ class Choice:
     steps: int = 400
 
 
-def seconds_a_picture(network: EnhancementNetwork, turns: int = 3) -> float:
-    """Processor time of one picture on one thread, the least of several turns."""
-    picture, enhancer, times = torch.rand(SIZE[1], SIZE[0], 3).numpy(), Enhancer(network, {}, "being measured"), []
-    for _ in range(turns + 1):  # the first one is not counted
-        start = time.process_time()
-        enhance(picture, enhancer)
-        times.append(time.process_time() - start)
-    return min(times[1:])
+def seconds_a_picture(network: EnhancementNetwork) -> float:
+    """Processor time of one picture."""
+    picture, enhancer = torch.rand(SIZE[1], SIZE[0], 3).numpy(), Enhancer(network, {}, "being measured")
+    return least(lambda: enhance(picture, enhancer), TURNS) / 1000
 
 
 def megabytes(name: str, width: int) -> float:

@@ -6,7 +6,6 @@ Prints three tables and writes streaks-2d.csv, streaks-storm.csv and streaks-sto
 thread; times are processor time, the least of several turns, so that what else runs on the machine counts little.
 """
 
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 from tqdm import tqdm
 
+from benchmarks.timing import least
 from hydroviews.cameras import Camera
 from hydroviews.files import write_bytes
 from hydroviews.rain import storm_reference, streaks, streaks_reference
@@ -36,17 +36,6 @@ RATE = 30.0  # mm/h
 UP = np.array([0, -0.8, 0.6])
 WIND = np.array([2.0, 0, 0])
 ERROR_CASES = ((0.01, 0.004), (0.01, 0.0), (0.002, 0.004), (1 / 60, 0.004))  # exposure in s, aperture in m
-
-
-def least(function: Callable[[], Any], repeats: int) -> float:
-    """Milliseconds of processor time of the fastest of several turns, after one that is not counted."""
-    function()
-    turns = []
-    for _ in range(repeats):
-        start = time.process_time()
-        function()
-        turns.append(time.process_time() - start)
-    return 1000 * min(turns)
 
 
 def recipe(pattern: tuple[int, int, float, int], size: tuple[int, int], repeats: int) -> dict[str, Any]:

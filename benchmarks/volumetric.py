@@ -26,6 +26,7 @@ from baselines.volumetric.config import HashFieldConfig, VolumetricConfig
 from baselines.volumetric.hash_grid import GridConfig, HashGrid, interpolate, warm_up
 from baselines.volumetric.model import RadianceModel
 from baselines.volumetric.trainer import train
+from benchmarks.timing import least
 from hydroviews.files import write_bytes
 from hydroviews.metrics import psnr
 from hydroviews.scenes import Scene
@@ -104,17 +105,6 @@ def grid_row(config: GridConfig) -> dict[str, Any]:
 def relative(found: Tensor, truth: Tensor) -> float:
     """Largest difference over the largest value."""
     return float((found.double() - truth).abs().max() / truth.abs().max())
-
-
-def least(function: Callable[[], Any], repeats: int) -> float:
-    """Milliseconds of processor time of the fastest of several turns, after one that is not counted."""
-    function()
-    turns = []
-    for _ in range(repeats):
-        start = time.process_time()
-        function()
-        turns.append(time.process_time() - start)
-    return 1000 * min(turns)
 
 
 def settings_row(name: str, config: VolumetricConfig, scene: Scene) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 import sys
 from pathlib import Path
 
-from kernel_fixtures import compiled_kernels, one_thread  # noqa: F401
+from kernel_fixtures import compiled_kernels, one_thread, one_torch_thread  # noqa: F401
 
 sys.path.insert(0, str(Path(__file__).parent))

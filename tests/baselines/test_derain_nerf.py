@@ -56,7 +56,6 @@ def told(image: np.ndarray, _: Generator) -> Found:
 def drops(tmp_path, monkeypatch) -> DropConfig:
     """Settings under which exactly the pasted drops are found."""
     monkeypatch.setattr(derain_nerf, "detect", told)
-    torch.set_num_threads(1)
     return untrained(tmp_path)
 
 
@@ -174,7 +173,6 @@ def test_other_weights_are_another_configuration_and_odd_profiles_are_refused(tm
 
 def test_a_network_looks_at_the_photographs(tmp_path):
     """Nothing told: the code that finds drops, on a picture of its own."""
-    torch.set_num_threads(1)
     images = TrainingImages([np.random.default_rng(0).integers(0, 256, (24, 32, 3), np.uint8)])
     everything = replace(untrained(tmp_path), threshold=0.0)
     nothing = replace(everything, threshold=1.0)

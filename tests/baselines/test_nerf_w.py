@@ -22,14 +22,6 @@ SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, 
 SPACE = Contracted((0.0, 0.0, 0.0), 1.0, 0.2, 5.0)
 
 
-@pytest.fixture(autouse=True)
-def one_torch_thread():
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
-
-
 def model(views=3):
     return NerfWModel(CONFIG, SPACE, torch.Generator().manual_seed(0), views)
 

@@ -1,1 +1,1 @@
-from kernel_fixtures import compiled_kernels, one_thread  # noqa: F401
+from kernel_fixtures import compiled_kernels, one_thread, one_torch_thread  # noqa: F401

@@ -116,7 +116,6 @@ def test_the_loss_is_in_the_true_veil_where_it_is_known():
 
 
 def test_an_untrained_network_finds_no_veil_and_a_trained_one_what_there_is():
-    torch.set_num_threads(1)
     torch.manual_seed(0)
     network = EnhancementNetwork(TINY).veil
     clean, thick = pictures(8, 100), veils(8, 200)

@@ -2,6 +2,7 @@
 
 import numba
 import pytest
+import torch
 
 from baselines.splatting.kernels import warm_up
 
@@ -19,3 +20,12 @@ def one_thread():
     numba.set_num_threads(1)
     yield
     numba.set_num_threads(before)
+
+
+@pytest.fixture(autouse=True)
+def one_torch_thread():
+    """The same of torch's threads."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
