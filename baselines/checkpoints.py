@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
-from baselines.splatting.objective import TrainingImages
+from baselines.training_images import TrainingImages
 from hydroviews.errors import InputError
 from hydroviews.files import replacing
 from hydroviews.scenes import Scene

@@ -29,7 +29,7 @@ from baselines.method import Statistics
 from baselines.raindrop_attention.detection import detect
 from baselines.raindrop_attention.network import Generator
 from baselines.raindrop_attention.weights import find_weights, load_detector
-from baselines.splatting.objective import TrainingImages
+from baselines.training_images import TrainingImages
 from baselines.volumetric.config import NERF, VolumetricConfig
 from baselines.volumetric.method import RadianceMethod
 from hydroviews.files import sha256

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from baselines.splatting.objective import TrainingImages
+from baselines.training_images import TrainingImages
 from deraings.enhancement.enhance import enhance
 from deraings.enhancement.weights import Enhancer
 from hydroviews.images import read_image, to_uint8, write_png

@@ -20,8 +20,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from baselines.splatting.objective import Size, TrainingImages
 from baselines.torch_state import module_arrays, one_thread, restore_module
+from baselines.training_images import Size, TrainingImages
 from deraings.masking_config import MaskConfig
 from deraings.masking_maps import evidence, filled
 from deraings.masking_network import MaskNetwork, masked_loss

@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Self
 from baselines.gaussian_splatting import PROFILES, GaussianSplatting
 from baselines.method import Statistics
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.objective import read_images
+from baselines.training_images import read_images
 from deraings.enhanced import EnhancedViews, enhanced_images
 from deraings.enhancement.weights import find_weights, load_enhancer
 from deraings.masking import OcclusionMasks

@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.loss_map import loss_map
-from baselines.splatting.objective import Objective, TrainingImages
+from baselines.splatting.objective import Objective
 from baselines.splatting.photometric import Target, photometric_loss
 from baselines.splatting.rasterizer import Workspace
+from baselines.training_images import TrainingImages
 from deraings.enhanced import EnhancedViews
 from deraings.masking import OcclusionMasks
 from deraings.planes import Plane

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Self
 from tqdm import tqdm
 
 from baselines.method import Method, Statistics
-from baselines.splatting.objective import read_images
+from baselines.training_images import read_images
 from deraings.enhanced import EnhancedViews
 from deraings.enhancement.weights import DEFAULT, Enhancer, find_weights, load_enhancer
 from hydroviews.cameras import Camera

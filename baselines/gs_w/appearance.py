@@ -19,9 +19,9 @@ from baselines.gs_w.fusion import Fusion
 from baselines.gs_w.sampling import boxed, projected, sample
 from baselines.splatting.appearance import Appearance, in_sight, set_of
 from baselines.splatting.gaussians import Gaussians
-from baselines.splatting.objective import TrainingImages
 from baselines.splatting.schedule import random_stream
 from baselines.torch_state import module_arrays, restore_module
+from baselines.training_images import TrainingImages
 from hydroviews.cameras import Camera
 
 STEPS = "steps"

@@ -36,9 +36,9 @@ from baselines.method import Statistics
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.densification import Densification
 from baselines.splatting.gaussians import Gaussians
-from baselines.splatting.objective import read_images
 from baselines.splatting.schedule import LearningRates
 from baselines.torch_state import module_arrays, restore_module
+from baselines.training_images import read_images
 from hydroviews.cameras import Camera
 from hydroviews.errors import InputError
 from hydroviews.files import sha256

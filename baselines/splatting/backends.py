@@ -1,7 +1,5 @@
 """Where the steps are calculated: on the CPU with our kernels, or on an NVIDIA GPU with gsplat."""
 
-import importlib.util
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
@@ -9,6 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.devices import chosen_device
 from baselines.splatting.adam import adam_step
 from baselines.splatting.appearance import Dressed, dressed
 from baselines.splatting.densification import observe
@@ -20,10 +19,9 @@ from baselines.splatting.relocation import add_noise, add_penalties
 from baselines.splatting.state import TrainingState, finite
 from baselines.splatting.strategies import Duties
 from hydroviews.cameras import Camera
-from hydroviews.errors import InputError
 from hydroviews.images import Image
 
-DEVICES = ("auto", "cpu", "cuda")
+GSPLAT = "gsplat"  # what splatting needs on a GPU beside torch
 Rates = dict[str, float | NDArray[np.float32]]
 
 
@@ -160,36 +158,8 @@ def make_backend(
     Raises:
         InputError: an unknown device, or "cuda" without a GPU or without gsplat.
     """
-    if chosen_device(device) == "cuda":
+    if chosen_device(device, GSPLAT) == "cuda":
         from baselines.splatting.cuda import CudaBackend
 
         return CudaBackend(objective, background, near, antialiased)
     return CpuBackend(objective, background, near, antialiased)
-
-
-def chosen_device(device: str) -> str:
-    """ "cpu" or "cuda" for "auto", "cpu" or "cuda".
-
-    Raises:
-        InputError: see `make_backend`.
-    """
-    device = os.environ.get("HYDROVIEWS_DEVICE") or device
-    if device not in DEVICES:
-        raise InputError(f"device {device}: unknown", expected=", ".join(DEVICES), fix="correct HYDROVIEWS_DEVICE")
-    if device == "cpu":
-        return "cpu"
-    lacking = missing_for_cuda()
-    if lacking and device == "cuda":
-        raise InputError("device cuda: not available", found=lacking, fix="install hydroviews[cuda], or use cpu")
-    return "cpu" if lacking else "cuda"
-
-
-def missing_for_cuda() -> str | None:
-    """Why the GPU cannot be used, or None if it can."""
-    import torch
-
-    if not torch.cuda.is_available():
-        return "torch finds no CUDA device"
-    if importlib.util.find_spec("gsplat") is None:
-        return "gsplat is not installed"
-    return None

@@ -18,13 +18,14 @@ from baselines.splatting.adam import BETA1, BETA2, EPSILON
 from baselines.splatting.appearance import moved
 from baselines.splatting.constants import LOW_PASS
 from baselines.splatting.gaussians import Gaussians
-from baselines.splatting.objective import Objective, Size
+from baselines.splatting.objective import Objective
 from baselines.splatting.rasterizer import Workspace
 from baselines.splatting.reference import photometric_loss
 from baselines.splatting.spherical_harmonics import C0, degree_of
 from baselines.splatting.state import TrainingState
 from baselines.splatting.strategies import Duties
 from baselines.splatting.torch_steps import drawn, finite_rows, noise, penalty_gradient, without_broken
+from baselines.training_images import Size
 from hydroviews.cameras import Camera
 from hydroviews.images import Image
 

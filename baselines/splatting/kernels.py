@@ -15,10 +15,11 @@ from baselines.splatting.backends import CpuBackend
 from baselines.splatting.densification import Densification
 from baselines.splatting.initialisation import initialise
 from baselines.splatting.jit import FOLDER, HERE
-from baselines.splatting.objective import Objective, TrainingImages
+from baselines.splatting.objective import Objective
 from baselines.splatting.relocation import Relocation
 from baselines.splatting.schedule import LearningRates
 from baselines.splatting.state import fresh_state
+from baselines.training_images import TrainingImages
 from hydroviews.cameras import Camera
 from hydroviews.commands import run_process
 from hydroviews.files import write_bytes

@@ -17,10 +17,11 @@ from baselines.splatting.config import TrainerConfig
 from baselines.splatting.gaussians import FEATURES, Gaussians
 from baselines.splatting.initialisation import initialise, scene_extent
 from baselines.splatting.kernels import warm_up
-from baselines.splatting.objective import Objective, read_images
+from baselines.splatting.objective import Objective
 from baselines.splatting.pruning import prune
 from baselines.splatting.state import TrainingState, fresh_state, without_broken
 from baselines.stopping import Clock, end_stopped, stop_signals
+from baselines.training_images import read_images
 from hydroviews.cameras import Camera
 from hydroviews.scenes import Scene
 

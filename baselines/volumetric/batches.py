@@ -9,7 +9,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from baselines.splatting.objective import TrainingImages
+from baselines.training_images import TrainingImages
 from baselines.volumetric.rays import CameraArrays
 from baselines.volumetric.spaces import Rays, Space
 from hydroviews.cameras import Camera
@@ -54,13 +54,13 @@ class TrainingPixels:
         self._ends = np.cumsum(sizes)
         self._starts = self._ends - sizes
         self._colours = np.concatenate([images.pixels(view).reshape(-1, 3) for view in range(len(cameras))])
-        self._weights = np.concatenate([_counting(images, weights, view) for view in range(len(cameras))])
-        if not self._weights.any():
+        self._weights = _counting(images, weights)
+        if self._weights is not None and not self._weights.any():
             raise InputError("the training views: no pixel counts", fix="hide less of the photographs")
 
     def digest(self) -> str:
-        """SHA-256 of all weights; that of the pixels is `images.digest()`."""
-        return hashlib.sha256(self._weights.tobytes()).hexdigest()
+        """SHA-256 of all weights, of nothing where all count 1; that of the pixels is `images.digest()`."""
+        return hashlib.sha256(b"" if self._weights is None else self._weights.tobytes()).hexdigest()
 
     def draw(self, seed: int, iteration: int, rays: int, space: Space, device: torch.device) -> Batch:
         """Pixels drawn evenly from all views; those with weight 0 are drawn too, and do not count."""
@@ -69,15 +69,20 @@ class TrainingPixels:
         rows, columns = np.divmod(chosen - self._starts[views], self._widths[views])
         world = self._cameras.rays(views, columns + 0.5, rows + 0.5)
         colours = torch.from_numpy(self._colours[chosen]).to(device).float() / 255
-        weights = torch.from_numpy(self._weights[chosen]).to(device)
-        return Batch(space.enter(world, device), colours, weights, torch.from_numpy(views).to(device))
+        weights = torch.ones(rays) if self._weights is None else torch.from_numpy(self._weights[chosen])
+        return Batch(space.enter(world, device), colours, weights.to(device), torch.from_numpy(views).to(device))
 
 
-def _counting(images: TrainingImages, weights: Sequence[NDArray[np.float32]] | None, view: int) -> NDArray[np.float32]:
-    counting = np.ones(images.pixels(view).shape[:2], np.float32) if weights is None else weights[view]
-    ignored = images.ignored(view)
-    counting = counting if ignored is None else np.where(ignored, 0, counting)
-    return np.ascontiguousarray(counting, np.float32).ravel()
+def _counting(images: TrainingImages, weights: Sequence[NDArray[np.float32]] | None) -> NDArray[np.float32] | None:
+    """How much every pixel of all views counts; None where all count 1, which are spared the memory."""
+    hidden = [images.ignored(view) for view in range(len(images))]
+    if weights is None and all(mask is None for mask in hidden):
+        return None
+    parts = []
+    for view, mask in enumerate(hidden):
+        part = np.ones(images.pixels(view).shape[:2], np.float32) if weights is None else weights[view]
+        parts.append((part if mask is None else np.where(mask, np.float32(0), part)).ravel())
+    return np.concatenate(parts)
 
 
 def _check_weights(weights: Sequence[NDArray[np.float32]], images: TrainingImages) -> None:

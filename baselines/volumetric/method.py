@@ -10,10 +10,10 @@ import torch
 from numpy.typing import NDArray
 
 from baselines.checkpoints import read_arrays, write_arrays
+from baselines.devices import chosen_device
 from baselines.method import Method, Statistics, settings_of
-from baselines.splatting.backends import chosen_device
-from baselines.splatting.objective import TrainingImages, read_images
 from baselines.torch_state import module_arrays, restore_module
+from baselines.training_images import TrainingImages, read_images
 from baselines.volumetric.config import VolumetricConfig
 from baselines.volumetric.losses import Loss, photometric_terms
 from baselines.volumetric.model import RadianceModel

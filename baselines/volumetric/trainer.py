@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from baselines.checkpoints import check_fingerprint, fingerprint_of, read_arrays, write_arrays
-from baselines.splatting.backends import chosen_device
-from baselines.splatting.objective import TrainingImages, read_images
+from baselines.devices import chosen_device
 from baselines.stopping import Clock, end_stopped, stop_signals
 from baselines.torch_state import module_arrays, restore_module
+from baselines.training_images import TrainingImages, read_images
 from baselines.volumetric.batches import Batch, TrainingPixels
 from baselines.volumetric.config import VolumetricConfig
 from baselines.volumetric.hash_grid import warm_up

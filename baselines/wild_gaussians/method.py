@@ -17,19 +17,21 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.devices import chosen_device
 from baselines.gaussian_splatting import PROFILES as PLAIN
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.method import Statistics
-from baselines.splatting.backends import chosen_device
+from baselines.splatting.backends import GSPLAT
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.densification import Densification
 from baselines.splatting.initialisation import scene_extent
-from baselines.splatting.objective import Objective, TrainingImages, read_images
+from baselines.splatting.objective import Objective
 from baselines.splatting.photometric import photometric_loss
 from baselines.splatting.rasterizer import Workspace
 from baselines.splatting.schedule import LearningRates
 from baselines.splatting.trainer import train
 from baselines.torch_state import one_thread
+from baselines.training_images import TrainingImages, read_images
 from baselines.wild_gaussians.appearance import AppearanceConfig, WildAppearance
 from baselines.wild_gaussians.features import find_features
 from baselines.wild_gaussians.sky import bounds_of, with_room, with_sky
@@ -178,7 +180,7 @@ class WildGaussians(GaussianSplatting):
         config: WildConfig = self.config
         if not config.uncertainty:
             return None
-        features = find_features(config.uncertainty.features, chosen_device(config.splatting.device))
+        features = find_features(config.uncertainty.features, chosen_device(config.splatting.device, GSPLAT))
         self._found["uncertainty"] = features.name
         return Uncertainty(images, features, config.uncertainty, config.splatting.densification, self.seed)
 

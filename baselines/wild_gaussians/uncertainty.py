@@ -26,10 +26,10 @@ from torch.nn.functional import interpolate, softplus
 from tqdm import tqdm
 
 from baselines.splatting.densification import Densification
-from baselines.splatting.objective import Size, TrainingImages
 from baselines.splatting.relocation import Relocation
 from baselines.splatting.schedule import random_stream
 from baselines.torch_state import module_arrays, restore_module
+from baselines.training_images import Size, TrainingImages
 from baselines.wild_gaussians.features import Features, Wanted, unlikeness
 from hydroviews.images import Image
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from baselines.splatting.gaussians import FIELDS, Gaussians
-from baselines.splatting.objective import TrainingImages
+from baselines.training_images import TrainingImages
 from hydroviews.cameras import Camera
 
 COVER = 25.0  # sum of all ellipse areas over the image's: about what a trained indoor scene has

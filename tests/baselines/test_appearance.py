@@ -14,7 +14,7 @@ from baselines.splatting.backends import CpuBackend
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.densification import Densification
 from baselines.splatting.gaussians import FIELDS, concatenate
-from baselines.splatting.objective import Objective, read_images
+from baselines.splatting.objective import Objective
 from baselines.splatting.photometric import photometric_loss
 from baselines.splatting.rasterizer import render
 from baselines.splatting.schedule import LearningRates, rates_at
@@ -22,6 +22,7 @@ from baselines.splatting.state import fresh_state
 from baselines.splatting.strategies import Duties
 from baselines.splatting.trainer import train
 from baselines.torch_state import module_arrays, restore_module
+from baselines.training_images import read_images
 
 
 class Tint(Appearance):

@@ -4,16 +4,18 @@ import numpy as np
 import pytest
 from splats import BACKGROUND, camera, cloud, photographed
 
-from baselines.splatting.backends import CpuBackend, missing_for_cuda
+from baselines.devices import missing_for_cuda
+from baselines.splatting.backends import GSPLAT, CpuBackend
 from baselines.splatting.densification import Densification
 from baselines.splatting.gaussians import FIELDS
-from baselines.splatting.objective import Objective, read_images
+from baselines.splatting.objective import Objective
 from baselines.splatting.rasterizer import render
 from baselines.splatting.relocation import Relocation
 from baselines.splatting.schedule import LearningRates, rates_at
 from baselines.splatting.state import fresh_state
+from baselines.training_images import read_images
 
-LACKING = missing_for_cuda()
+LACKING = missing_for_cuda(GSPLAT)
 pytestmark = pytest.mark.skipif(LACKING is not None, reason=f"needs an NVIDIA GPU and gsplat: {LACKING}")
 
 

@@ -23,7 +23,7 @@ from baselines.derain_nerf import (
 from baselines.raindrop_attention.detection import Found
 from baselines.raindrop_attention.network import Generator
 from baselines.raindrop_attention.weights import save_generator
-from baselines.splatting.objective import TrainingImages
+from baselines.training_images import TrainingImages
 from hydroviews.errors import InputError
 from hydroviews.scenes import Scene
 

@@ -9,10 +9,11 @@ from trainings import CONFIG, assert_identical, crashed_and_resumed
 
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting.config import EarlyStop
-from baselines.splatting.objective import Objective, read_images
+from baselines.splatting.objective import Objective
 from baselines.splatting.rasterizer import render
 from baselines.splatting.schedule import held_in
 from baselines.splatting.trainer import train
+from baselines.training_images import read_images
 from hydroviews.errors import InputError
 
 # Rates this large do harm sooner or later.

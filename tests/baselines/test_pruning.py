@@ -10,11 +10,12 @@ from trainings import CONFIG, assert_identical
 
 from baselines.splatting.backends import CpuBackend
 from baselines.splatting.config import Pruning
-from baselines.splatting.objective import Objective, TrainingImages
+from baselines.splatting.objective import Objective
 from baselines.splatting.pruning import contributions, prune
 from baselines.splatting.rasterizer import render
 from baselines.splatting.state import fresh_state
 from baselines.splatting.trainer import train
+from baselines.training_images import TrainingImages
 
 CAMERAS = [camera(60, 40, angle) for angle in (0.0, 2.0, 4.0)]
 

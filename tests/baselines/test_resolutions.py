@@ -8,10 +8,10 @@ from splats import photographed
 from trainings import CONFIG, Interrupted, assert_identical, crashed_and_resumed, psnr, trained_behind_a_mask
 
 from baselines.gaussian_splatting import GaussianSplatting
-from baselines.splatting.objective import TrainingImages, read_images
 from baselines.splatting.rasterizer import render
 from baselines.splatting.schedule import shrink_at, shrunk
 from baselines.splatting.trainer import TrainerConfig, train
+from baselines.training_images import TrainingImages, read_images
 from hydroviews.cameras import Camera
 
 COARSE = replace(CONFIG, resolutions=((0.25, 4), (0.25, 2)))

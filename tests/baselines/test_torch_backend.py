@@ -12,11 +12,12 @@ from baselines.splatting import reference
 from baselines.splatting.backends import CpuBackend
 from baselines.splatting.densification import Densification
 from baselines.splatting.gaussians import FIELDS
-from baselines.splatting.objective import Objective, read_images
+from baselines.splatting.objective import Objective
 from baselines.splatting.relocation import Relocation
 from baselines.splatting.schedule import LearningRates, rates_at, shrunk
 from baselines.splatting.state import fresh_state
 from baselines.splatting.strategies import Duties
+from baselines.training_images import read_images
 from hydroviews.cameras import Camera
 
 

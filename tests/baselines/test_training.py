@@ -13,13 +13,13 @@ from processes import wait_until
 from splats import camera, photographed
 from trainings import CONFIG, Interrupted, assert_identical, crashed_and_resumed, psnr, trained_behind_a_mask
 
+from baselines.devices import chosen_device
 from baselines.gaussian_splatting import GaussianSplatting, GaussianSplattingClean
 from baselines.method import find_method
-from baselines.splatting.backends import chosen_device, missing_for_cuda
-from baselines.splatting.objective import read_images
 from baselines.splatting.ply import read_ply
 from baselines.splatting.rasterizer import render
 from baselines.splatting.trainer import CHECKPOINT, train
+from baselines.training_images import read_images
 from hydroviews.errors import InputError
 from hydroviews.images import resize_area, write_png
 
@@ -190,8 +190,15 @@ def test_devices(monkeypatch):
     monkeypatch.setenv("HYDROVIEWS_DEVICE", "cpu")
     assert chosen_device("cuda") == "cpu"
     monkeypatch.setenv("HYDROVIEWS_DEVICE", "cuda")
-    if missing_for_cuda():
-        with pytest.raises(InputError, match="not available"):
-            chosen_device("cpu")
-    else:
-        assert chosen_device("cpu") == "cuda"
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    with pytest.raises(InputError, match="no CUDA device"):
+        chosen_device("cpu")
+
+
+def test_a_gpu_is_used_where_what_is_needed_there_is_installed(monkeypatch):
+    monkeypatch.delenv("HYDROVIEWS_DEVICE", raising=False)
+    monkeypatch.setattr("torch.cuda.is_available", lambda: True)
+    assert chosen_device("auto") == chosen_device("auto", "numpy") == "cuda"
+    assert chosen_device("auto", "no_such_package") == "cpu"
+    with pytest.raises(InputError, match="no_such_package not installed"):
+        chosen_device("cuda", "no_such_package")

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from baselines.checkpoints import read_arrays, write_arrays
-from baselines.splatting.objective import TrainingImages
+from baselines.training_images import TrainingImages
 from deraings.masking import OcclusionMasks
 from deraings.masking_config import MaskConfig
 from deraings.masking_maps import evidence

@@ -10,9 +10,10 @@ from baselines.splatting.config import TrainerConfig
 from baselines.splatting.densification import Densification
 from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.loss_map import loss_map
-from baselines.splatting.objective import Objective, read_images
+from baselines.splatting.objective import Objective
 from baselines.splatting.photometric import photometric_loss
 from baselines.splatting.trainer import train
+from baselines.training_images import read_images
 from deraings.masking import OcclusionMasks
 from deraings.masking_config import MaskConfig
 from hydroviews.errors import InputError

@@ -9,7 +9,7 @@ from splats import photographed
 from trainings import CONFIG, assert_identical
 
 from baselines.method import find_method
-from baselines.splatting.objective import read_images
+from baselines.training_images import read_images
 from deraings import method as methods
 from deraings.enhanced import EnhancedViews, enhanced_images
 from deraings.enhancement.network import EnhancementNetwork, NetworkConfig

@@ -5,8 +5,9 @@ import numpy as np
 import panorama
 import pytest
 
-from baselines.splatting.objective import Objective, TrainingImages
+from baselines.splatting.objective import Objective
 from baselines.splatting.rasterizer import Workspace
+from baselines.training_images import TrainingImages
 from deraings.masking import OcclusionMasks
 from deraings.masking_config import MaskConfig
 from deraings.objective import RainConfig, RainObjective

@@ -6,8 +6,8 @@ import panorama
 import pytest
 from scipy import fft
 
-from baselines.splatting.objective import TrainingImages
 from baselines.splatting.rasterizer import Workspace
+from baselines.training_images import TrainingImages
 from deraings.objective import RainConfig, RainObjective
 from deraings.rain_falling import FallingConfig
 from deraings.rain_found import found

@@ -2,7 +2,7 @@ import numpy as np
 import panorama
 import pytest
 
-from baselines.splatting.objective import TrainingImages
+from baselines.training_images import TrainingImages
 from deraings.objective import RainObjective
 from deraings.truth import mask_scores, plane_errors, score_rain
 from hydroviews.cameras import Camera

@@ -7,8 +7,9 @@ import pytest
 
 from baselines.splatting.densification import Densification
 from baselines.splatting.gaussians import FIELDS
-from baselines.splatting.objective import Objective, read_images
+from baselines.splatting.objective import Objective
 from baselines.splatting.trainer import TrainerConfig, train
+from baselines.training_images import read_images
 from hydroviews.images import write_png
 from hydroviews.masks import write_ignored
 

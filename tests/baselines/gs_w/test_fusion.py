@@ -9,8 +9,8 @@ from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT
 from baselines.gs_w.fusion import Fusion
 from baselines.splatting.appearance import Dressed, equipped, in_sight
-from baselines.splatting.objective import TrainingImages
 from baselines.splatting.spherical_harmonics import C0
+from baselines.training_images import TrainingImages
 from baselines.volumetric.encodings import positional
 
 
