@@ -41,8 +41,9 @@ class ReferenceConfig:
         return (1 + self.maps) * self.channels
 
 
-# Two cores: a reference of half the size, a U-Net of 0.2 million weights, fewer and narrower layers, no LPIPS; larger
-# steps, since there are a twentieth of the iterations.
+# Two cores: a reference of half the size, a U-Net of 0.2 million weights, fewer and narrower layers, no LPIPS. Networks
+# that learn faster, as there are a twentieth of the iterations, tell views apart that do not differ: at 2e-3 clean views
+# of Mip-NeRF 360 bonsai (160 pixels, 2,000 iterations) have 24.40 dB, so 24.87, plain splatting 25.06.
 SHORT = ReferenceConfig(
     backbone="small",
     shrink=2,
@@ -51,8 +52,7 @@ SHORT = ReferenceConfig(
     decoder=(),
     colour=(32,),
     fused=32,
-    rate_maps=2e-3,
-    rate_colour=2e-3,
+    rate_maps=5e-4,
     rate_coordinates=1e-2,
     visible_from=0.1,
     lpips=0.0,
