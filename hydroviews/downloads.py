@@ -13,7 +13,7 @@ from urllib.parse import urlparse
 from hydroviews.archives import is_archive, unpack
 from hydroviews.catalogue import Archive, Capture, MissingCapture, all_captures, find_captures, locate
 from hydroviews.errors import InputError
-from hydroviews.files import locked, write_bytes
+from hydroviews.files import BUSY, locked, write_bytes
 from hydroviews.transfer import digest, fetch
 
 FOLDER = "downloads"
@@ -50,7 +50,7 @@ def _get(capture: Capture, root: Path, mirror: str | None, checked: dict[Archive
     if capture.archive is None:
         raise MissingCapture(capture, root)
     path, folder = root / FOLDER / capture.archive.name, root / capture.folders[0]
-    with locked(path, "another process is at work on it; waiting"):
+    with locked(path, BUSY):
         if capture.archive not in checked:
             checked[capture.archive] = get_archive(capture.archive, path, mirror)
         if locate(capture, root) is None:

@@ -16,6 +16,7 @@ from hydroviews.errors import InputError
 
 PARTIAL = ".partial-"
 LOCK = ".lock-"
+BUSY = "another process is at work on it; waiting"
 LOCKLESS = (errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # no lock can be had
 
 

@@ -11,7 +11,7 @@ from hydroviews.catalogue import Capture, MissingCapture, all_captures, captures
 from hydroviews.claims import remove_leftovers
 from hydroviews.drop_masks import write_drop_masks
 from hydroviews.errors import InputError
-from hydroviews.files import locked, read_json
+from hydroviews.files import BUSY, locked, read_json
 from hydroviews.images import image_size
 from hydroviews.manifest import MANIFEST
 from hydroviews.profiles import Profile
@@ -21,7 +21,6 @@ from hydroviews.readers import read_scene
 from hydroviews.readers.photographs import FOLDERS, photographs_below
 from hydroviews.scenes import Scene
 
-BUSY = "another process is at work on it; waiting"
 RENDERED = "captures"  # embedded scenes as rendered, beside the built ones
 
 

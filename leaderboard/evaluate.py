@@ -14,7 +14,7 @@ from baselines.method import find_method
 from hydroviews.build_clean import CLEAN
 from hydroviews.commands import deferred_interrupts
 from hydroviews.errors import InputError
-from hydroviews.files import read_json
+from hydroviews.files import BUSY, locked, read_json
 from hydroviews.profiles import Profile, find_profile
 from hydroviews.provenance import CAPTURED
 from hydroviews.rain.patterns import choose_patterns
@@ -117,7 +117,15 @@ def plan(request: Evaluation, profile: Profile, data: Path, scene: str, rainy: l
 
 
 def carry_out(run: Run, overwrite: bool = False) -> Record:
-    """Predict and score one run, or keep the record it already has; a failed run is tried again."""
+    """Predict and score one run, or keep the record it already has; a failed run is tried again.
+
+    While another process is at it, wait: evaluations side by side share the reference rows.
+    """
+    with locked(run.folder, BUSY):
+        return _carry_out(run, overwrite)
+
+
+def _carry_out(run: Run, overwrite: bool) -> Record:
     claim(run, overwrite)
     if (run.folder / RECORD).is_file():
         record = read_record(run.folder / RECORD)

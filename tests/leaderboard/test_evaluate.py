@@ -1,6 +1,9 @@
 import dataclasses
 import json
 import sys
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +13,7 @@ from synthetic import capture_in
 
 from hydroviews import metrics
 from hydroviews.errors import InputError
+from hydroviews.files import BUSY, locked
 from hydroviews.images import read_image
 from hydroviews.writers import write_colmap
 from leaderboard import evaluate as evaluate_module
@@ -71,6 +75,30 @@ def test_second_call_keeps_records_and_rescoring_gives_the_same(built, tmp_path,
     assert "kept" in capsys.readouterr().out
     assert again == record
     assert score(run) == record
+
+
+def test_a_run_that_another_process_is_at_is_waited_for(built, tmp_path, capsys):
+    evaluate(request(built, tmp_path, "MeanColour"))
+    run = tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0"
+    record, away = run / "record.json", tmp_path / "record.json"
+    taken = threading.Event()
+
+    def finish():
+        with locked(run):
+            record.rename(away)
+            taken.set()
+            time.sleep(2)
+            away.rename(record)
+
+    with ThreadPoolExecutor(1) as pool:
+        finishing = pool.submit(finish)
+        taken.wait()
+        capsys.readouterr()
+        evaluate(request(built, tmp_path, "MeanColour"))
+        finishing.result()
+    told = capsys.readouterr()
+    assert f"{run}: {BUSY}" in told.err
+    assert "toy_methods:MeanColour on yard/streak-0, seed 0: kept" in told.out
 
 
 def test_rescoring_on_other_data_is_refused(built, tmp_path):
