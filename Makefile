@@ -24,12 +24,16 @@ FILM_ARGS ?=
 
 ABLATION := deraings.method:Masks deraings.method:Enhancement deraings.method:WithoutAttention deraings \
             deraings.method:RainModel deraings-plus deraings.method:Everything
+METHODS  ?= 3dgs nerf-w derain-nerf wild-gaussians gs-w deraings deraings-plus
+SCENES   ?= $(SCENE)
 BIN      := $(VENV)/bin
 READY    := $(VENV)/.ready
 comma    := ,
 names    := $(subst $(comma), ,$(PATTERNS))
 patterns := $(if $(strip $(names)),--patterns $(names))
 overwrite := $(if $(OVERWRITE),--overwrite)
+sweep     = set -e; for seed in $(SEEDS); do for scene in $(SCENES); do for method in $(1); do \
+            $(MAKE) eval METHOD=$$method SCENE="$$scene" SEED=$$seed; done; done; done
 what     := $(if $(SUITE),--suite '$(SUITE)',--scene '$(SCENE)')
 
 ifneq ($(strip $(CAPTURES)),)
@@ -46,7 +50,7 @@ $(error RUN= is missing: name the folder of a finished run, such as RUN=$(RESULT
 endif
 endif
 
-.PHONY: setup dataset eval check severity enhancer drop-finder ablation leaderboard view film bench test lint
+.PHONY: setup dataset eval compare check severity enhancer drop-finder ablation leaderboard view film bench test lint
 
 setup: $(READY)  ## everything into .venv, at the versions of constraints.txt
 
@@ -75,8 +79,11 @@ enhancer: $(READY)  ## train the enhancement network: PHOTOGRAPHS=a folder of cl
 drop-finder: $(READY)  ## train the network that finds drops for derain-nerf: PHOTOGRAPHS=a folder of clean photographs
 	$(BIN)/python -m baselines.raindrop_attention train --photographs '$(PHOTOGRAPHS)' --cache '$(RESULTS)/enhancement/rain' --out '$(RESULTS)/raindrop-attention/small'
 
-ablation: $(READY)  ## DeRainGS with parts left out and with the rain model, on SCENE= for every seed of SEEDS="0 1 2"
-	set -e; for seed in $(SEEDS); do for method in $(ABLATION); do $(MAKE) eval METHOD=$$method SEED=$$seed; done; done
+compare: $(READY)  ## METHODS="..." or all of them, on SCENES="..." or SCENE=, for every seed of SEEDS="0 1 2"
+	+$(call sweep,$(METHODS))
+
+ablation: $(READY)  ## the same for DeRainGS with parts left out and with the rain model
+	+$(call sweep,$(ABLATION))
 
 leaderboard: $(READY)  ## gather all records into results/leaderboard.csv and tables.md
 	$(BIN)/python -m leaderboard table --results '$(RESULTS)'

@@ -105,3 +105,19 @@ def test_nothing_but_blender_processes_imports_bpy():
     imports = "sys, hydroviews.__main__, leaderboard.__main__, baselines.gaussian_splatting"
     code = f"import {imports}; assert 'bpy' not in sys.modules"
     assert python("-c", code).returncode == 0
+
+
+def test_compare_runs_every_method_on_every_scene_with_every_seed():
+    lines = make("compare", "METHODS=3dgs gs-w", "SCENES=courtyard room", "SEEDS=0 1").splitlines()
+    runs = [line for line in lines if "leaderboard evaluate" in line]
+    asked = [(method, scene, seed) for seed in "01" for scene in ("courtyard", "room") for method in ("3dgs", "gs-w")]
+    assert len(runs) == len(asked)
+    for line, (method, scene, seed) in zip(runs, asked, strict=True):
+        assert f"--method '{method}' --scene '{scene}' --profile demo --seed {seed} " in line
+
+
+def test_the_ablation_is_a_comparison_of_its_own_methods():
+    runs = [line for line in make("ablation", "SCENE=street").splitlines() if "leaderboard evaluate" in line]
+    assert len(runs) == 7
+    assert all("--scene 'street'" in line for line in runs)
+    assert "--method 'deraings.method:Masks'" in runs[0]
