@@ -50,7 +50,7 @@ def reconstruct(request: Reconstruction) -> Path:
     """Photographs to a scene; what is finished is kept, so that the same call goes on after an interruption.
 
     All photographs are learned from, none is held out. The folder gets `capture` (photographs and cameras, unless
-    they came with cameras), `training` (the model and `splats.ply`), `views.png` (photographs beside renders) and
+    they came with cameras), `training` (the model, and `splats.ply` where it is one of Gaussians), `views.png` (photographs beside renders) and
     `film.mp4`.
 
     Returns:
@@ -83,7 +83,9 @@ def reconstruct(request: Reconstruction) -> Path:
     write_png(folder / SHEET, compared(method, scene, request.photographs.resolve().stem))
     draw_film(method, scene, folder / FILM, request.film, {"scene": settings})
     print(f"found in the photographs: {method.statistics().used or 'nothing was looked for'}")
-    print(f"{folder}: {TRAINING}/{SPLATS} for splat viewers, {FILM}, {SHEET}")
+    splats = (folder / TRAINING / SPLATS).is_file()  # methods without Gaussians write none
+    model = f"{TRAINING}/{SPLATS} for splat viewers" if splats else f"the model in {TRAINING}"
+    print(f"{folder}: {model}, {FILM}, {SHEET}")
     return folder
 
 
