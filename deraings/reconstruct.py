@@ -50,8 +50,8 @@ def reconstruct(request: Reconstruction) -> Path:
     """Photographs to a scene; what is finished is kept, so that the same call goes on after an interruption.
 
     All photographs are learned from, none is held out. The folder gets `capture` (photographs and cameras, unless
-    they came with cameras), `training` (the model, and `splats.ply` where it is one of Gaussians), `views.png` (photographs beside renders) and
-    `film.mp4`.
+    they came with cameras), `training` (the model, and `splats.ply` where it is one of Gaussians), `views.png`
+    (photographs beside renders) and `film.mp4`.
 
     Returns:
         The folder.
