@@ -16,7 +16,7 @@ import pandas as pd
 import tyro
 
 from baselines.gaussian_splatting import PROFILES, GaussianSplatting
-from benchmarks.quality import held_out
+from benchmarks.quality import held_out, slug
 from deraings.masking_config import MaskConfig
 from deraings.method import DeRainGSConfig, Masks
 from deraings.truth import WATER, true_layers
@@ -75,7 +75,7 @@ def main(
     rows: list[dict[str, Any]] = []
     for name, method in cases(profile, seed):
         print(f"{name}:")
-        method.fit(rainy, folder / name.replace("/", "-").replace(" ", "-"))
+        method.fit(rainy, folder / slug(name))
         milliseconds = 1000 * method.statistics().train_seconds / method.splatting.iterations
         row = {"masks at": name, **held_out(method, clean), "ms an iteration": round(milliseconds, 1)}
         rows.append(row | (covered(method, built / pattern, rainy) if isinstance(method, Masks) else {}))

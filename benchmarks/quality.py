@@ -68,6 +68,11 @@ def measure(name: str, config: TrainerConfig, scene: Scene, seed: int, folder: P
     }
 
 
+def slug(name: str) -> str:
+    """A case's name as one of a folder."""
+    return re.sub(r"[^a-z0-9]+", "-", name.lower())
+
+
 def held_out(method: Method, scene: Scene) -> dict[str, float]:
     """PSNR and SSIM of a trained method, means over the held-out views of the clean scene."""
     scores = []
@@ -106,8 +111,7 @@ def main(
         if any(row["case"] == name for row in rows):
             continue
         print(f"{name}:")
-        place = folder / re.sub(r"[^a-z0-9]+", "-", name.lower())
-        rows.append(measure(name, config, clean, seed, place))
+        rows.append(measure(name, config, clean, seed, folder / slug(name)))
         write_bytes(table, pd.DataFrame(rows).to_csv(index=False).encode())
     print(f"\n{pd.DataFrame(rows).to_string(index=False)}")
 

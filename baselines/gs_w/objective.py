@@ -25,9 +25,10 @@ from hydroviews.metrics.lpips import lpips
 class VisibleObjective(Objective):
     """The photometric loss under the mask, which learns from the same loss."""
 
+    appearance: ReferenceAppearance
+
     def __init__(self, images: TrainingImages, ssim_share: float, appearance: ReferenceAppearance) -> None:
         super().__init__(images, ssim_share, appearance)
-        self.reference = appearance
         self.first = round(appearance.config.visible_from * appearance.iterations)
 
     def __call__(self, image: Image, view: int, iteration: int, workspace: Workspace) -> tuple[float, Image]:
@@ -36,12 +37,12 @@ class VisibleObjective(Objective):
         weights = None
         if iteration >= self.first:
             losses = loss_map(image, target, self.ssim_share, workspace)
-            weights = learn_visibility(self.reference.visible, losses, self.reference.config.visible_price)
+            weights = learn_visibility(self.appearance.visible, losses, self.appearance.config.visible_price)
         loss, gradient = photometric_loss(image, target, self.ssim_share, weights, workspace)
-        if self.reference.config.lpips:
+        if self.appearance.config.lpips:
             ignored = self.images.ignored(view, (image.shape[0], image.shape[1]))
             value, more = perceptual_loss(image, target.pixels.reshape(image.shape), ignored)
-            loss, gradient = loss + self.reference.config.lpips * value, gradient + self.reference.config.lpips * more
+            loss, gradient = loss + self.appearance.config.lpips * value, gradient + self.appearance.config.lpips * more
         return loss, gradient
 
 

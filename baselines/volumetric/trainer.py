@@ -80,8 +80,9 @@ def train(
     model = make(space, torch.Generator().manual_seed(int(start)), len(cameras)).to(device)
     if device.type == "cpu":
         warm_up()
-    also = {"about": about or {}, "weights": pixels.digest(), "device": device.type}
-    fingerprint = fingerprint_of(config, seed, scene, pixels.images, **also)
+    fingerprint = fingerprint_of(
+        config, seed, scene, pixels.images, about=about or {}, weights=pixels.digest(), device=device.type
+    )
     run = _Run(config, seed, pixels, loss or photometric_terms(config), device, folder / CHECKPOINT, fingerprint)
     seconds = run.finish(model)
     return Trained(model, seconds, torch.cuda.get_device_name() if device.type == "cuda" else "cpu")
