@@ -1,12 +1,9 @@
-import sys
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import torch
 from splats import BACKGROUND, camera, cloud, photographed, with_values
-from test_torch_backend import rasterization
 
 from baselines.splatting import reference
 from baselines.splatting.appearance import Appearance, Dressed, dressed, equipped, in_sight, set_of
@@ -181,18 +178,11 @@ def test_a_view_that_was_not_trained_on_shows_the_mean_look():
     assert dressed(gaussians, None, camera(8, 8), None, 1) is gaussians
 
 
-def test_the_gpu_takes_the_same_steps(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "gsplat", SimpleNamespace(rasterization=rasterization))
-    monkeypatch.delitem(sys.modules, "baselines.splatting.cuda", raising=False)
-    monkeypatch.setattr(torch.Tensor, "cuda", lambda tensor: tensor.clone())
-    monkeypatch.setattr(torch.nn.Module, "cuda", lambda module: module)
-    monkeypatch.setattr(torch.cuda, "get_device_name", lambda: "none")
-    from baselines.splatting.cuda import CudaBackend
-
+def test_the_gpu_takes_the_same_steps(tmp_path, cuda_backend):
     scene = photographed(tmp_path, n_views=6)
     images, cameras = read_images(scene.train_views), [view.camera for view in scene.train_views]
     ends = []
-    for kind in (CpuBackend, CudaBackend):
+    for kind in (CpuBackend, cuda_backend):
         objective = Both(images, appearance=Tint(len(images)))
         backend = kind(objective, BACKGROUND, 0.01)
         backend.put(fresh_state(with_features(60)))
@@ -201,7 +191,6 @@ def test_the_gpu_takes_the_same_steps(tmp_path, monkeypatch):
             loss = backend.step(cameras[iteration], iteration, iteration, 1, rates, Duties(watch=True))
         ends.append((backend.get(3, 0.0), loss, objective.appearance, backend.residual(cameras[4], 4, 1)))
     (ours, loss, tint, residual), (theirs, other_loss, other_tint, other_residual) = ends
-    del sys.modules["baselines.splatting.cuda"]
     assert loss == pytest.approx(other_loss, rel=1e-4)
     assert residual == pytest.approx(other_residual, rel=1e-4)
     assert torch.allclose(tint.gains, other_tint.gains, atol=1e-4)

@@ -1,14 +1,9 @@
-"""The GPU's steps on the CPU: all of `CudaBackend` but gsplat's own kernels, in whose place the reference renders."""
-
-import sys
-from types import SimpleNamespace
+"""The GPU's steps, with a stand-in for gsplat, and the CPU's."""
 
 import numpy as np
 import pytest
-import torch
 from splats import BACKGROUND, cloud, photographed, with_values
 
-from baselines.splatting import reference
 from baselines.splatting.backends import CpuBackend
 from baselines.splatting.densification import Densification
 from baselines.splatting.gaussians import FIELDS
@@ -18,40 +13,16 @@ from baselines.splatting.schedule import LearningRates, rates_at, shrunk
 from baselines.splatting.state import fresh_state
 from baselines.splatting.strategies import Duties
 from baselines.training_images import read_images
-from hydroviews.cameras import Camera
-
-
-def rasterization(means, quaternions, scales, opacities, sh, pose, matrix, width, height, **options):
-    """What gsplat's function of this name does, of what we use of it, for one camera."""
-    k = matrix[0].numpy()
-    camera = Camera(width, height, k[0, 0], k[1, 1], k[0, 2], k[1, 2], pose[0].double().numpy())
-    values = means, quaternions, scales.log(), opacities.double().clamp_min(1e-12).logit(), sh
-    parameters = {name: value.double() for name, value in zip(FIELDS, values, strict=True)}
-    means2d = torch.zeros(1, len(means), 2, dtype=torch.float64, requires_grad=True)
-    background = options["backgrounds"][0].double()
-    antialiased = {"classic": False, "antialiased": True}[options["rasterize_mode"]]
-    image = reference.render(
-        parameters, camera, background, options["sh_degree"], options["near_plane"], means2d[0], antialiased
-    )
-    shown = (opacities.detach() > 1 / 255)[None, :, None].expand(1, -1, 2)
-    return image.float()[None], None, {"means2d": means2d, "radii": shown.int()}
 
 
 @pytest.fixture
-def backends(monkeypatch, tmp_path):
-    monkeypatch.setitem(sys.modules, "gsplat", SimpleNamespace(rasterization=rasterization))
-    monkeypatch.delitem(sys.modules, "baselines.splatting.cuda", raising=False)
-    monkeypatch.setattr(torch.Tensor, "cuda", lambda tensor: tensor.clone())
-    monkeypatch.setattr(torch.cuda, "get_device_name", lambda: "none")
-    from baselines.splatting.cuda import CudaBackend
-
+def backends(cuda_backend, tmp_path):
     scene = photographed(tmp_path)
     objective = Objective(read_images(scene.train_views))
-    yield (
+    return (
         [view.camera for view in scene.train_views],
-        [kind(objective, BACKGROUND, 0.01) for kind in (CpuBackend, CudaBackend)],
+        [kind(objective, BACKGROUND, 0.01) for kind in (CpuBackend, cuda_backend)],
     )
-    del sys.modules["baselines.splatting.cuda"]
 
 
 @pytest.mark.parametrize("strategy", [Densification(), Relocation(noise=0.0, opacity_penalty=1.0, scale_penalty=1.0)])

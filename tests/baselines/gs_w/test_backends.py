@@ -1,14 +1,10 @@
 """The same steps on the CPU's kernels and on gsplat's, with a stand-in for gsplat where there is no GPU."""
 
-import sys
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import torch
 from splats import BACKGROUND, cloud, photographed
-from test_torch_backend import rasterization
 
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT
@@ -21,18 +17,11 @@ from baselines.splatting.strategies import Duties
 from baselines.training_images import read_images
 
 
-def test_the_gpu_takes_the_same_steps(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "gsplat", SimpleNamespace(rasterization=rasterization))
-    monkeypatch.delitem(sys.modules, "baselines.splatting.cuda", raising=False)
-    monkeypatch.setattr(torch.Tensor, "cuda", lambda tensor: tensor.clone())
-    monkeypatch.setattr(torch.nn.Module, "cuda", lambda module: module)
-    monkeypatch.setattr(torch.cuda, "get_device_name", lambda: "none")
-    from baselines.splatting.cuda import CudaBackend
-
+def test_the_gpu_takes_the_same_steps(tmp_path, cuda_backend):
     scene = photographed(tmp_path, n_views=6)
     images, cameras = read_images(scene.train_views), [view.camera for view in scene.train_views]
     ends = []
-    for kind in (CpuBackend, CudaBackend):
+    for kind in (CpuBackend, cuda_backend):
         appearance = ReferenceAppearance(images, replace(SHORT, visible_from=0.02), 1, 100, 0)
         backend = kind(VisibleObjective(images, 0.2, appearance), BACKGROUND, 0.01)
         backend.put(fresh_state(equipped(cloud(60, 1), appearance)))
@@ -43,7 +32,6 @@ def test_the_gpu_takes_the_same_steps(tmp_path, monkeypatch):
             }
             loss = backend.step(cameras[iteration], iteration, iteration, 1, rates, Duties(watch=True))
         ends.append((loss, backend.residual(cameras[4], 4, 1), appearance, backend.get(4, 0.0).gaussians))
-    del sys.modules["baselines.splatting.cuda"]
     (loss, residual, appearance, ours), (other_loss, other_residual, other, theirs) = ends
     assert loss == pytest.approx(other_loss, rel=1e-3)
     assert residual == pytest.approx(other_residual, rel=1e-3)
