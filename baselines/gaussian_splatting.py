@@ -6,11 +6,12 @@ With adaptive density control, as the benchmark's reference rows have it, or wit
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from baselines.method import Method, Statistics, settings_of
+from baselines.on_clean import on_clean
 from baselines.splatting.checkpoints import read_model, write_model
 from baselines.splatting.config import Pruning
 from baselines.splatting.densification import Densification
@@ -84,7 +85,6 @@ BUDGETED = {
 class GaussianSplatting(Method):
     """Plain 3DGS: takes rain for part of the scene."""
 
-    trains_on: ClassVar[Literal["rainy", "clean"]] = "rainy"
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 
     def __init__(self, config: Any, seed: int) -> None:
@@ -167,19 +167,11 @@ class GaussianSplatting(Method):
         return self._trained
 
 
-class GaussianSplattingClean(GaussianSplatting):
-    """The same, shown the clean photographs: what a perfect removal of the rain would lead to."""
-
-    trains_on: ClassVar[Literal["rainy", "clean"]] = "clean"
-
-
 class BudgetedSplatting(GaussianSplatting):
     """Plain 3DGS with half the Gaussians: pruned by contribution, or at full size by relocation (3DGS-MCMC)."""
 
     profiles: ClassVar[Mapping[str, Any]] = BUDGETED
 
 
-class BudgetedSplattingClean(BudgetedSplatting):
-    """The same, shown the clean photographs."""
-
-    trains_on: ClassVar[Literal["rainy", "clean"]] = "clean"
+# The references of every table; other methods are shown the clean views by `NAME+clean`.
+GaussianSplattingClean, BudgetedSplattingClean = on_clean(GaussianSplatting), on_clean(BudgetedSplatting)

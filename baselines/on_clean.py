@@ -10,6 +10,6 @@ from baselines.method import Method
 
 @cache
 def on_clean(method: type[Method]) -> type[Method]:
-    """The same method, shown the clean photographs; `3dgs+clean` computes what `3dgs-clean` does."""
+    """The same method, shown the clean photographs; `3dgs-clean` is `3dgs+clean` by another name."""
     about = {"__module__": __name__, "__doc__": f"{method.__name__} on clean photographs.", "trains_on": "clean"}
     return type(f"{method.__name__}OnClean", (method,), about)

@@ -1,6 +1,6 @@
 """Any method on clean photographs."""
 
-from baselines.gaussian_splatting import GaussianSplatting, GaussianSplattingClean
+from baselines.gaussian_splatting import GaussianSplatting
 from baselines.method import find_method
 from baselines.on_clean import on_clean
 from leaderboard.evaluate import needed_patterns
@@ -17,4 +17,9 @@ def test_a_method_is_shown_the_clean_views_alone():
 
 def test_only_what_it_is_shown_changes():
     for profile in ("demo", "quick", "paper"):
-        assert on_clean(GaussianSplatting).configuration(profile) == GaussianSplattingClean.configuration(profile)
+        assert on_clean(GaussianSplatting).configuration(profile) == GaussianSplatting.configuration(profile)
+
+
+def test_the_references_are_such_methods():
+    assert find_method("3dgs-clean") is find_method("3dgs+clean")
+    assert find_method("3dgs-budget-clean") is find_method("3dgs-budget+clean")
