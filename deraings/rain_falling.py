@@ -6,7 +6,7 @@ cannot be told from a brighter scene of less contrast by any single pixel. Two t
 
 * *That it rains.* Rain is what makes the differences of photograph and render skewed to the bright side along one
   direction only: averaged along short lines at twelve angles, less their surroundings, the differences of a dry scene
-  are skewed alike at all angles, if at all; in rain they are more so along the streaks.
+  are skewed much alike at all angles, if at all; in rain they are more so along the streaks.
 * *How much.* Between the streaks the photographs show the scene itself. So their darkest pixels are as dark as the
   scene is, and S follows from how much lighter the darkest of the render are. Fog in the scene lightens both alike.
 
@@ -28,6 +28,7 @@ LONG_SIDE = 480  # pixels; streaks are looked for in no larger pictures
 LEARNED = ("powers", "levels", "heard", "cover")
 LEVELS = 512  # bins of a histogram of encoded values in [0, 1]
 THIN = 0.004  # cover that is as good as none
+COMMON = 0.15  # share of the skew of most directions that one may exceed them by: drops that ran are long as well
 
 
 @dataclass(frozen=True)
@@ -162,9 +163,13 @@ def line_kernel(side: int, angle: float) -> NDArray[np.float32]:
 
 
 def directed_skew(powers: NDArray) -> float:
-    """By how much the skewness along one direction exceeds that along most others; 0 before anything was seen."""
+    """By how much the skewness along one direction exceeds what that along most others allows; 0 for nothing seen.
+
+    Where drops on the lens make all directions skewed, one stands out a little more. Falling rain stands out alone.
+    """
     skews = _skews(powers)
-    return float(skews.max() - np.median(skews))
+    usual = float(np.median(skews))
+    return float(skews.max()) - usual - COMMON * max(0.0, usual)
 
 
 def _skews(powers: NDArray) -> NDArray:

@@ -76,6 +76,16 @@ def test_more_light_in_one_direction_is_skew():
     assert wet > 0.3
 
 
+def test_drops_that_ran_a_little_are_no_rain():
+    rng = np.random.default_rng(0)
+    seeds = (rng.uniform(size=(240, 240)) > 0.998).astype(np.float32)
+    drops = 20 * cv2.GaussianBlur(seeds, (0, 0), sigmaX=2.0, sigmaY=2.4)
+    powers = line_powers(drops + 0.2 * rng.standard_normal(seeds.shape).astype(np.float32), 9 / 240, None)
+    skews = powers[:, 2] / powers[:, 1] ** 1.5
+    assert skews.max() - np.median(skews) > FallingConfig().dry
+    assert directed_skew(powers) < FallingConfig().dry
+
+
 def test_a_witness_of_the_even_cover_is_believed_by_half():
     falling = FallingRain(100, FallingConfig())
     for _ in range(3):
