@@ -41,7 +41,6 @@ MEMORY = """
 import sys, torch
 from deraings.enhancement.enhance import enhance
 from deraings.enhancement.network import CONFIGS, EnhancementNetwork
-from deraings.enhancement.enhance import enhance
 from deraings.enhancement.weights import Enhancer
 from dataclasses import replace
 from leaderboard.predict import peak_memory_mb

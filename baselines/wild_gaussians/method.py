@@ -1,9 +1,9 @@
 """WildGaussians (Kulhanek et al. 2024): splatting for photographs in changing light with things in the way.
 
-Gaussians are toned for each view by an appearance model (`wild/appearance.py`), and pixels that show what is not of
-the scene, told by frozen features, do not count (`wild/uncertainty.py`). Two looks of the Gaussians are rendered a
+Gaussians are toned for each view by an appearance model (`appearance.py`), and pixels that show what is not of
+the scene, told by frozen features, do not count (`uncertainty.py`). Two looks of the Gaussians are rendered a
 step: the toned one is compared by L1, the plain one by SSIM. Some Gaussians start far off, for the sky
-(`wild/sky.py`). Views that were not trained on are shown with the mean embedding of those that were.
+(`sky.py`). Views that were not trained on are shown with the mean embedding of those that were.
 
 Where it deviates from the paper, beside what those files say: the densification is ours, by absolute gradients as
 theirs, without Mip-Splatting's 3D filter; the 2D one is there in the profile `paper`.
