@@ -24,11 +24,13 @@ from baselines.splatting.schedule import LearningRates
 from baselines.splatting.trainer import Trained, TrainerConfig, train
 from hydroviews.cameras import Camera
 from hydroviews.errors import InputError
+from hydroviews.files import read_json, write_json
 from hydroviews.images import Image
 from hydroviews.scenes import Scene
 
 MODEL = "model.safetensors"
 SPLATS = "splats.ply"
+FOUND = "found.json"  # where methods look for more than the scene in their photographs
 RECORDED = ("near", "seconds", "device", "extent", "iterations", "residuals", "broken")  # of a training, in the model
 
 # Short runs: larger steps that shrink towards the end, no opacity resets, fast growth by absolute gradients up to a
@@ -89,6 +91,7 @@ class GaussianSplatting(Method):
 
     def __init__(self, config: Any, seed: int) -> None:
         super().__init__(config, seed)
+        self.found: dict[str, Any] = {}  # in the photographs, beside the scene
         self._trained: Trained | None = None
         self._model_mb: float | None = None
         self._workspace = Workspace()
@@ -139,11 +142,13 @@ class GaussianSplatting(Method):
         return self._require().gaussians
 
     def save(self, folder: Path) -> None:
-        """Write the exact model, and a .ply for viewers."""
+        """Write the exact model, a .ply for viewers, and what was found beside the scene."""
         trained = self._require()
         about = {name: getattr(trained, name) for name in RECORDED}
         write_model(folder / MODEL, trained.gaussians, about)
         write_ply(folder / SPLATS, self.for_viewers())
+        if self.found:
+            write_json(folder / FOUND, self.found)
         self._model_mb = (folder / MODEL).stat().st_size / 1e6
 
     @classmethod
@@ -153,6 +158,7 @@ class GaussianSplatting(Method):
         method = cls(config, seed)
         about["residuals"] = tuple(about.get("residuals", ()))
         method._trained = Trained(gaussians=gaussians, compile_seconds=0.0, **about)
+        method.found = read_json(folder / FOUND) if (folder / FOUND).is_file() else {}
         method._model_mb = (folder / MODEL).stat().st_size / 1e6
         return method
 

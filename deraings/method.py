@@ -7,7 +7,7 @@ classes after them leave parts out, for the ablation.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 from baselines.gaussian_splatting import PROFILES, GaussianSplatting
 from baselines.method import Statistics
@@ -19,10 +19,9 @@ from deraings.masking import OcclusionMasks
 from deraings.masking_config import MaskConfig
 from deraings.objective import RainConfig, RainObjective
 from deraings.rain_found import found
-from hydroviews.files import read_json, sha256, write_json
+from hydroviews.files import sha256
 from hydroviews.scenes import Scene
 
-FOUND = "rain.json"
 NOTHING = RainConfig(veil=None, drops=None, falling=None)
 
 
@@ -53,7 +52,6 @@ class DeRainGS(GaussianSplatting):
     def __init__(self, config: DeRainGSConfig, seed: int) -> None:
         super().__init__(config, seed)
         self._objective: RainObjective | None = None
-        self._found: dict[str, Any] = {}
 
     @classmethod
     def configuration(cls, profile: str) -> Any:
@@ -85,7 +83,7 @@ class DeRainGS(GaussianSplatting):
             enhancer = load_enhancer(config.enhancement)
             print(enhancer.reason)
             images = enhanced_images(images, names, enhancer, kept)
-            self._found["enhancement"] = config.enhancement
+            self.found["enhancement"] = config.enhancement
         iterations = config.splatting.iterations
         masks = OcclusionMasks(images, iterations, self.seed, config.masks) if config.masks else None
         derained = EnhancedViews(images, names, load_enhancer(config.witness), kept) if config.witness else None
@@ -95,28 +93,16 @@ class DeRainGS(GaussianSplatting):
     def fit(self, scene: Scene, folder: Path) -> None:
         """See Method."""
         super().fit(scene, folder)
-        self._found |= found(self.learned())
+        self.found |= found(self.learned())
 
     def learned(self) -> RainObjective:
         """What was learned of the rain in the training views, after `fit`."""
         assert self._objective is not None
         return self._objective
 
-    def save(self, folder: Path) -> None:
-        """The model, a .ply, and what rain was found."""
-        super().save(folder)
-        write_json(folder / FOUND, self._found)
-
-    @classmethod
-    def load(cls, config: Any, seed: int, folder: Path) -> Self:
-        """See Method."""
-        method = super().load(config, seed, folder)
-        method._found = read_json(folder / FOUND)
-        return method
-
     def statistics(self) -> Statistics:
         """See Method; `used` says what was found in the photographs."""
-        texts = {name: " and ".join(v) or "nothing" if isinstance(v, list) else v for name, v in self._found.items()}
+        texts = {name: " and ".join(v) or "nothing" if isinstance(v, list) else v for name, v in self.found.items()}
         return replace(super().statistics(), used=", ".join(f"{name} {text}" for name, text in texts.items()))
 
 

@@ -12,7 +12,7 @@ theirs, without Mip-Splatting's 3D filter; the 2D one is there in the profile `p
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,11 +36,8 @@ from baselines.wild_gaussians.appearance import AppearanceConfig, WildAppearance
 from baselines.wild_gaussians.features import find_features
 from baselines.wild_gaussians.sky import bounds_of, with_room, with_sky
 from baselines.wild_gaussians.uncertainty import Uncertainty, UncertaintyConfig
-from hydroviews.files import read_json, write_json
 from hydroviews.images import Image
 from hydroviews.scenes import Scene
-
-FOUND = "wild.json"
 
 
 @dataclass(frozen=True)
@@ -147,10 +144,6 @@ class WildGaussians(GaussianSplatting):
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 
-    def __init__(self, config: WildConfig, seed: int) -> None:
-        super().__init__(config, seed)
-        self._found: dict[str, Any] = {}
-
     @property
     def splatting(self) -> TrainerConfig:
         """See GaussianSplatting."""
@@ -173,7 +166,7 @@ class WildGaussians(GaussianSplatting):
             if appearance:
                 trained = replace(trained, gaussians=appearance.mean_look(trained.gaussians))
         self._trained = trained
-        self._found["sky"] = len(scene.points) - before
+        self.found["sky"] = len(scene.points) - before
 
     def _uncertainty(self, images: TrainingImages) -> Uncertainty | None:
         """Untaught, if it is wanted; `used` will say from which features."""
@@ -181,24 +174,12 @@ class WildGaussians(GaussianSplatting):
         if not config.uncertainty:
             return None
         features = find_features(config.uncertainty.features, chosen_device(config.splatting.device, GSPLAT))
-        self._found["uncertainty"] = features.name
+        self.found["uncertainty"] = features.name
         return Uncertainty(images, features, config.uncertainty, config.splatting.densification, self.seed)
-
-    def save(self, folder: Path) -> None:
-        """The mean look as a model and a .ply, and what the uncertainty was told by."""
-        super().save(folder)
-        write_json(folder / FOUND, self._found)
-
-    @classmethod
-    def load(cls, config: Any, seed: int, folder: Path) -> Self:
-        """See Method."""
-        method = super().load(config, seed, folder)
-        method._found = read_json(folder / FOUND)
-        return method
 
     def statistics(self) -> Statistics:
         """See Method; `used` names the features that the uncertainty had, and how many Gaussians began as sky."""
-        found = self._found
+        found = self.found
         parts = [f"uncertainty from {found['uncertainty']}"] if "uncertainty" in found else []
         parts += [f"{found['sky']} Gaussians for the sky"] if found.get("sky") else []
         return replace(super().statistics(), used=", ".join(parts))

@@ -7,10 +7,10 @@ import pytest
 from splats import photographed
 from trainings import CONFIG
 
-from baselines.gaussian_splatting import SPLATS
+from baselines.gaussian_splatting import FOUND, SPLATS
 from baselines.splatting.ply import read_ply
 from deraings import reconstruct as module
-from deraings.method import FOUND, DeRainGSConfig, DeRainGSPlus
+from deraings.method import DeRainGSConfig, DeRainGSPlus
 from deraings.objective import RainConfig
 from deraings.reconstruct import FILM, SHEET, TRAINING, Reconstruction, find_scene, reconstruct
 from hydroviews.errors import InputError
