@@ -67,7 +67,7 @@ class Progress(Protocol):
         """Take over what `save` wrote."""
 
 
-def fingerprint_of(config: Any, data: str) -> dict[str, Any]:
+def network_fingerprint(config: Any, data: str) -> dict[str, Any]:
     """What a checkpoint must agree with: the configuration, a dataclass, and in words what is learned from."""
     return {"configuration": asdict(config), "data": data}
 

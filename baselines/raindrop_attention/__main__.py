@@ -9,7 +9,7 @@ import torch
 import tyro
 from tqdm import tqdm
 
-from baselines.network_training import fingerprint_of, rounded, take_up
+from baselines.network_training import network_fingerprint, rounded, take_up
 from baselines.raindrop_attention.config import CONFIGS, TrainingConfig, Upkeep
 from baselines.raindrop_attention.detection import detect
 from baselines.raindrop_attention.network import Generator
@@ -67,7 +67,7 @@ def export_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
     """Write weights and data card of a training as far as it is; settings as for `train`."""
     _take_threads(request.threads)
     training = Training(request.training())
-    take_up(training, request.out, fingerprint_of(training.config, described(request)))
+    take_up(training, request.out, network_fingerprint(training.config, described(request)))
     if training.step == 0:
         raise InputError(f"{request.out}: nothing has been trained there", fix="give the folder of a training")
     write_weights(request, training)

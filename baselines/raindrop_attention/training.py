@@ -10,7 +10,7 @@ from torch import Tensor, nn
 from torch.nn.utils import clip_grad_norm_
 
 from baselines.checkpoints import check_fingerprint, read_arrays, write_arrays
-from baselines.network_training import Validate, average_in, fingerprint_of, rate_at, run, take_up
+from baselines.network_training import Validate, average_in, network_fingerprint, rate_at, run, take_up
 from baselines.raindrop_attention.config import TrainingConfig, Upkeep
 from baselines.raindrop_attention.discriminator import Discriminator
 from baselines.raindrop_attention.losses import attention_loss, discriminator_loss, generator_losses
@@ -142,7 +142,7 @@ def train(
     Raises:
         InputError: the checkpoint is damaged or of another training.
     """
-    training, fingerprint = Training(config), fingerprint_of(config, data)
+    training, fingerprint = Training(config), network_fingerprint(config, data)
     take_up(training, folder, fingerprint)
     batches = (patches[step] for step in range(training.step, config.steps))
     run(training, batches, config.steps, folder, fingerprint, validate, upkeep)

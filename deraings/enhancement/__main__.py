@@ -8,7 +8,7 @@ import torch
 import tyro
 from tqdm import tqdm
 
-from baselines.network_training import fingerprint_of, rounded, take_up
+from baselines.network_training import network_fingerprint, rounded, take_up
 from deraings.enhancement.config import TrainingConfig, Upkeep
 from deraings.enhancement.enhance import enhance
 from deraings.enhancement.network import CONFIGS, EnhancementNetwork
@@ -74,7 +74,7 @@ def export_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
     if request.threads:
         torch.set_num_threads(request.threads)
     training = Training(request.training)
-    take_up(training, request.out, fingerprint_of(request.training, described(request.data)))
+    take_up(training, request.out, network_fingerprint(request.training, described(request.data)))
     if training.step == 0:
         raise InputError(f"{request.out}: nothing has been trained there", fix="give the folder of a training")
     write_weights(request, training)

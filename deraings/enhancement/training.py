@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from baselines.checkpoints import check_fingerprint, read_arrays, write_arrays
-from baselines.network_training import Validate, average_in, fingerprint_of, rate_at, run, take_up
+from baselines.network_training import Validate, average_in, network_fingerprint, rate_at, run, take_up
 from baselines.torch_state import module_arrays, restore_module
 from deraings.enhancement.config import TrainingConfig, Upkeep
 from deraings.enhancement.loss import cover_loss, enhancement_loss
@@ -121,7 +121,7 @@ def train(
     Raises:
         InputError: the checkpoint is damaged or of another training.
     """
-    training, fingerprint = Training(config), fingerprint_of(config, data)
+    training, fingerprint = Training(config), network_fingerprint(config, data)
     take_up(training, folder, fingerprint)
     loader = batches(pairs, config.batch, training.step, config.steps, upkeep.workers)
     run(training, loader, config.steps, folder, fingerprint, validate, upkeep)
