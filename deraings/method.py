@@ -144,8 +144,10 @@ class WithoutAttention(DeRainGS):
 
 
 class Everything(DeRainGS):
-    """Enhancement, masks and the rain model."""
+    """Enhancement, masks and the rain model, but for falling rain, which would be taken off twice."""
 
     profiles: ClassVar[Mapping[str, Any]] = profiles(
-        lambda splatting: DeRainGSConfig(splatting, enhancement="small", masks=MaskConfig(), rain=RainConfig())
+        lambda splatting: DeRainGSConfig(
+            splatting, enhancement="small", masks=MaskConfig(), rain=RainConfig(falling=None)
+        )
     )
