@@ -144,7 +144,7 @@ class GaussianSplatting(Method):
     def save(self, folder: Path) -> None:
         """Write the exact model, a .ply for viewers, and what was found beside the scene."""
         trained = self._require()
-        about = {name: getattr(trained, name) for name in RECORDED}
+        about = {name: getattr(trained, name) for name in RECORDED} | {"found": bool(self.found)}
         write_model(folder / MODEL, trained.gaussians, about)
         write_ply(folder / SPLATS, self.for_viewers())
         if self.found:
@@ -153,12 +153,17 @@ class GaussianSplatting(Method):
 
     @classmethod
     def load(cls, config: Any, seed: int, folder: Path) -> Self:
-        """See Method."""
+        """See Method.
+
+        Raises:
+            InputError: the model, or what was found beside it, is missing or damaged.
+        """
         gaussians, about = read_model(folder / MODEL)
         method = cls(config, seed)
+        if about.pop("found", False):
+            method.found = read_json(folder / FOUND)
         about["residuals"] = tuple(about.get("residuals", ()))
         method._trained = Trained(gaussians=gaussians, compile_seconds=0.0, **about)
-        method.found = read_json(folder / FOUND) if (folder / FOUND).is_file() else {}
         method._model_mb = (folder / MODEL).stat().st_size / 1e6
         return method
 

@@ -8,6 +8,7 @@ import torch
 from splats import photographed
 from trainings import CONFIG, assert_identical
 
+from baselines.gaussian_splatting import FOUND
 from baselines.method import find_method
 from baselines.training_images import read_images
 from deraings import method as methods
@@ -17,6 +18,7 @@ from deraings.enhancement.weights import find_weights, load_enhancer, save_netwo
 from deraings.masking_config import MaskConfig
 from deraings.method import DeRainGS, DeRainGSConfig, DeRainGSPlus, RainModel, WithoutAttention
 from deraings.objective import RainConfig
+from hydroviews.errors import InputError
 from hydroviews.files import sha256
 from hydroviews.images import read_image
 
@@ -98,6 +100,10 @@ def test_it_learns_resumes_and_comes_back(scene, weights, tmp_path, switches, mo
     camera = scene.views[0].camera
     assert np.array_equal(loaded.render(camera), resumed.render(camera))
     assert loaded.statistics() == resumed.statistics()
+
+    (tmp_path / "run" / FOUND).unlink()
+    with pytest.raises(InputError, match=FOUND):
+        DeRainGS.load(config, 0, tmp_path / "run")
 
 
 def test_photographs_are_enhanced_only_when_they_are_asked_for(scene, weights, tmp_path):
