@@ -17,10 +17,10 @@ from deraings.enhancement.pairs import VEILED, Pairs
 from deraings.enhancement.size import describe
 from deraings.enhancement.training import Training, train
 from deraings.enhancement.validation import as_columns, as_json, scores, table, validation_set
-from deraings.enhancement.weights import load_enhancer, save_network
+from deraings.enhancement.weights import find_weights, load_enhancer, save_network
 from hydroviews.commands import run_command
 from hydroviews.errors import InputError
-from hydroviews.files import write_json
+from hydroviews.files import sha256, write_json
 from hydroviews.images import list_images, read_image, write_png
 from hydroviews.pairs.drawing import LENSES, bake_pool
 from hydroviews.pairs.drawn import DrawnRain
@@ -36,6 +36,7 @@ class Data:
 
     photographs: Path  # folder of clean photographs; every tenth by name is held out
     pairs: tuple[Path, ...] = ()  # folders of published pairs, each as often as the photographs
+    start: str = ""  # weights to begin with, shipped ones or a file; none: begin with chance
     cache: Path = Path("results/enhancement/rain")  # keeps what Blender bakes
 
 
@@ -65,7 +66,8 @@ def train_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
     def validate(network: EnhancementNetwork) -> dict[str, float]:
         return as_columns(scores(network, watched))
 
-    training = train(request.out, config, pairs, described(data), validate, request.upkeep)
+    start = started_from(data.start, config) if data.start else None
+    training = train(request.out, config, pairs, described(data), validate, request.upkeep, start)
     write_weights(request, training)
 
 
@@ -80,12 +82,32 @@ def export_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
     write_weights(request, training)
 
 
+def started_from(weights: str, config: TrainingConfig) -> EnhancementNetwork:
+    """The network of trained weights, for a training to begin with.
+
+    Raises:
+        InputError: no such weights, or they are of a network of another width or depth.
+    """
+    network = load_enhancer(weights).network
+    if network.config != config.network:
+        raise InputError(
+            f"{find_weights(weights)}: cannot begin a training of another network",
+            found=f"a network of {network.config}",
+            expected=f"one of {config.network}",
+        )
+    return network
+
+
 def described(data: Data) -> str:
     """The data in words, for checkpoint and card."""
     count = len(split_photographs(data.photographs).training)
     folders = [f"{count} photographs ({data.photographs.parent.name}/{data.photographs.name})"]
     folders += [f"pairs of {folder.parent.name}/{folder.name}" for folder in data.pairs]
-    return f"{', '.join(folders)}; {LENSES} wet lenses a frame"
+    words = f"{', '.join(folders)}; {LENSES} wet lenses a frame"
+    if data.start:
+        path = find_weights(data.start)
+        words += f"; begun with {path.name} ({load_enhancer(data.start).card['steps']} steps, {sha256(path)[:12]})"
+    return words
 
 
 def write_weights(request: Request, training: Training) -> None:

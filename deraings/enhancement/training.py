@@ -44,6 +44,11 @@ class Training:
         """The smoothed loss, for the curve."""
         return {"loss": self.loss}
 
+    def begin_with(self, start: EnhancementNetwork) -> None:
+        """Begin with a trained network of the same configuration instead of chance; the optimiser knows nothing yet."""
+        for network in (self.network, self.averaged):
+            network.load_state_dict(start.state_dict())
+
     def learn(self, batch: Sample) -> None:
         """One step."""
         start = time.perf_counter()
@@ -107,6 +112,7 @@ def train(
     data: str,
     validate: Validate,
     upkeep: Upkeep,
+    start: EnhancementNetwork | None = None,
 ) -> Training:
     """Train in `folder`, from the checkpoint there if there is one.
 
@@ -117,11 +123,14 @@ def train(
         data: what they are, as it stands in the checkpoint; another one is refused.
         validate: scores of the averaged network.
         upkeep: what does not change the result.
+        start: a trained network of the same configuration to begin with.
 
     Raises:
         InputError: the checkpoint is damaged or of another training.
     """
     training, fingerprint = Training(config), network_fingerprint(config, data)
+    if start is not None:
+        training.begin_with(start)
     take_up(training, folder, fingerprint)
     loader = batches(pairs, config.batch, training.step, config.steps, upkeep.workers)
     run(training, loader, config.steps, folder, fingerprint, validate, upkeep)

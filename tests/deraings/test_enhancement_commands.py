@@ -1,8 +1,19 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tiny_network import TINY
 
-from deraings.enhancement.__main__ import Data, Request, describe_command, enhance_command, export_command
+from deraings.enhancement.__main__ import (
+    Data,
+    Request,
+    describe_command,
+    described,
+    enhance_command,
+    export_command,
+    started_from,
+)
+from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.validation import Rainy, as_columns, as_json, scores, table
 from deraings.enhancement.weights import save_network
@@ -42,6 +53,22 @@ def test_nothing_is_exported_where_nothing_was_trained(tmp_path):
     pictures(tmp_path / "photographs")
     with pytest.raises(InputError, match="nothing has been trained"):
         export_command(Request(Data(tmp_path / "photographs"), out=tmp_path / "empty"))
+
+
+def test_what_a_training_begins_with_stands_in_its_data(tmp_path, weights):
+    pictures(tmp_path / "photographs")
+    data = Data(tmp_path / "photographs")
+    assert "begun" not in described(data)
+    begun = described(replace(data, start=str(weights)))
+    assert "begun with weights.safetensors (0 steps, " in begun
+    save_network(weights, TINY, EnhancementNetwork(TINY).state_dict(), {"data": "others", "steps": 0})
+    assert described(replace(data, start=str(weights))) != begun
+
+
+def test_a_training_begins_only_with_its_own_kind_of_network(weights):
+    assert started_from(str(weights), TrainingConfig(network=TINY)).config == TINY
+    with pytest.raises(InputError, match="cannot begin a training of another network"):
+        started_from(str(weights), TrainingConfig())
 
 
 def test_scores_are_means_by_kind():

@@ -46,15 +46,19 @@ class Interrupting(Brighter):
         return super().pair(rng)
 
 
-def learn(folder, config=CONFIG, source=None, data="brighter", upkeep=UPKEEP):
+def learn(folder, config=CONFIG, source=None, data="brighter", upkeep=UPKEEP, start=None):
     torch.set_num_threads(1)
     scores = iter(range(100))
     pairs = Pairs(source or Brighter(), [], config.patch, config.seed)
-    return train(folder, config, pairs, data, lambda _: {"score": float(next(scores))}, upkeep)
+    return train(folder, config, pairs, data, lambda _: {"score": float(next(scores))}, upkeep, start)
+
+
+def flat(network):
+    return torch.cat([p.flatten() for p in network.parameters()])
 
 
 def weights_of(training):
-    return torch.cat([p.flatten() for p in training.averaged.parameters()])
+    return flat(training.averaged)
 
 
 def test_training_removes_what_it_can(tmp_path):
@@ -75,6 +79,17 @@ def test_an_interrupted_training_ends_with_the_same_bits(tmp_path, precision):
     assert parts.step == whole.step == 6
     assert torch.equal(weights_of(whole), weights_of(parts))
     assert whole.loss == parts.loss
+
+
+def test_a_training_begins_with_the_weights_it_is_given_and_goes_on_from_its_own(tmp_path):
+    start = learn(tmp_path / "first", replace(CONFIG, steps=60, rate=3e-3, batch=4)).averaged
+    still = replace(CONFIG, rate=1e-9, final_rate=1e-9)
+    assert torch.allclose(weights_of(learn(tmp_path / "still", still, start=start)), flat(start), atol=1e-6)
+    whole = learn(tmp_path / "whole", start=start)
+    assert not torch.equal(weights_of(whole), weights_of(learn(tmp_path / "chance")))
+    with pytest.raises(KeyboardInterrupt):
+        learn(tmp_path / "parts", source=Interrupting(), start=start)
+    assert torch.equal(weights_of(whole), weights_of(learn(tmp_path / "parts", start=start)))
 
 
 def test_workers_do_not_change_the_result(tmp_path):
