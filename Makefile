@@ -34,6 +34,8 @@ patterns := $(if $(strip $(names)),--patterns $(names))
 overwrite := $(if $(OVERWRITE),--overwrite)
 sweep     = set -e; for seed in $(SEEDS); do for scene in $(SCENES); do for method in $(1); do \
             $(MAKE) eval METHOD=$$method SCENE="$$scene" SEED=$$seed; done; done; done
+enhance   = $(BIN)/python -m deraings.enhancement train --photographs '$(PHOTOGRAPHS)' \
+            --cache '$(RESULTS)/enhancement/rain'
 what     := $(if $(SUITE),--suite '$(SUITE)',--scene '$(SCENE)')
 
 ifneq ($(strip $(CAPTURES)),)
@@ -74,7 +76,9 @@ severity: $(READY)  ## what plain 3DGS loses to each of a scene's six patterns, 
 	$(BIN)/python -m hydroviews card '$(DATA)/$(PROFILE)' --results '$(RESULTS)'
 
 enhancer: $(READY)  ## train the enhancement network: PHOTOGRAPHS=a folder of clean photographs
-	$(BIN)/python -m deraings.enhancement train --photographs '$(PHOTOGRAPHS)' --cache '$(RESULTS)/enhancement/rain' --out '$(RESULTS)/enhancement/small'
+	$(enhance) --out '$(RESULTS)/enhancement/first'
+	$(enhance) --out '$(RESULTS)/enhancement/small' --start '$(RESULTS)/enhancement/first/weights.safetensors' \
+		--seed 1 --steps 8000
 
 drop-finder: $(READY)  ## train the network that finds drops for derain-nerf: PHOTOGRAPHS=a folder of clean photographs
 	$(BIN)/python -m baselines.raindrop_attention train --photographs '$(PHOTOGRAPHS)' --cache '$(RESULTS)/enhancement/rain' --out '$(RESULTS)/raindrop-attention/small'

@@ -13,7 +13,7 @@ next to nothing is left of it, pixels count for nothing.
 
 What the photographs cannot tell: L without M would be a stain of light that any scene could lose to the lens; L is at
 most M times white, and M is nought where the slope is near one. Drops grow and run: lines are fitted at a few moments
-of the film (see `rain_lens`).
+of the film (see `moments`).
 """
 
 from dataclasses import dataclass
@@ -23,8 +23,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from deraings.moments import first_look, moment_weights, moments_of
 from deraings.planes import Plane, resized, within_side
-from deraings.rain_lens import moment_weights, moments_of
 from deraings.rain_lines import SUMS, add_view, fit_lines, warm_up
 from hydroviews.images import Image
 
@@ -41,6 +41,7 @@ class DropConfig:
     most_moments: int = 3
     fewest_views: int = 6  # fewer say nothing about what is usual at a place of the lens
     start: float = 0.2  # share of the iterations after which the render is seen through drops
+    visits: int = 18  # of each view, after which it is if that is sooner
     noise: float = 0.04  # encoded; where the render varies less, slopes are drawn to one
     clear: float = 0.1  # M up to which the lens counts as clear
     wet: float = 0.25  # M from which it counts for what it is
@@ -74,7 +75,8 @@ class Drops:
             iterations: of the training.
             config: settings.
         """
-        self._config, self._n_views, self.iterations = config, n_views, iterations
+        self._config, self._n_views = config, n_views
+        self._first = first_look(config.start, config.visits, iterations, n_views)
         moments = moments_of(n_views, config.views_a_moment, config.most_moments)
         self._window = max(LEAST_WINDOW, min(LARGEST_WINDOW, n_views // moments))
         self.sums = np.zeros((moments, *within_side(size, config.long_side), SUMS), np.float32)
@@ -112,7 +114,7 @@ class Drops:
     def water(self, view: int, size: tuple[int, int], iteration: int) -> Water | None:
         """What is on the lens in a view, at any size (height, width); None where there are no drops."""
         config = self._config
-        if iteration < config.start * self.iterations or self._n_views < config.fewest_views:
+        if iteration < self._first or self._n_views < config.fewest_views:
             return None
         found = self.line(view)
         if found is None:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from baselines.splatting.adam import adam_step
 from baselines.splatting.rasterizer import Workspace
+from deraings.moments import moment_weights, moments_of
 from deraings.rain_light import veiled, veiled_gradient, warm_up
 from hydroviews.images import Image, to_linear
 from hydroviews.rain.light import air_light
@@ -52,17 +53,6 @@ class VeilConfig:
     darkest: float = 0.05  # quantile of what a place of the lens shows that mist cannot be lighter than
     thinnest: float = 0.015  # lower quartile over the lens of what mist may be there, from which it is looked for
     evenness: float = 3.0  # V is at most so many times the median over the lens of what may be there
-
-
-def moments_of(n_views: int, views_a_moment: int, most: int) -> int:
-    """How many moments of a film of so many views are told apart."""
-    return int(np.clip(n_views // views_a_moment, 1, most))
-
-
-def moment_weights(view: int, n_views: int, moments: int) -> NDArray[np.float32]:
-    """Shares [T] of the moments in a view: hat functions over the film, 1 in all."""
-    time = view / max(n_views - 1, 1) * (moments - 1)
-    return np.maximum(0, 1 - np.abs(np.arange(moments) - time)).astype(np.float32)
 
 
 class Veil:

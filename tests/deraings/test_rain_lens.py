@@ -4,7 +4,7 @@ import pytest
 
 from baselines.splatting.photometric import photometric_loss, prepare
 from baselines.splatting.rasterizer import Workspace
-from deraings.rain_lens import Veil, VeilConfig, _gather, _spread, moment_weights, roughness_gradient, thickest_veil
+from deraings.rain_lens import Veil, VeilConfig, _gather, _spread, roughness_gradient, thickest_veil
 
 AIR = np.array([0.55, 0.6, 0.65], np.float32)
 STEPS = 400
@@ -96,10 +96,3 @@ def test_roughness_gradient_agrees_with_differences():
     moved = knots.copy()
     moved[1, 2, 3] += 1e-6
     assert roughness_gradient(knots)[1, 2, 3] == pytest.approx((roughness(moved) - roughness(knots)) / 1e-6, abs=1e-4)
-
-
-def test_moments_share_every_view():
-    shares = np.stack([moment_weights(view, 24, 3) for view in range(24)])
-    assert np.allclose(shares.sum(axis=1), 1)
-    assert shares[0, 0] == shares[-1, -1] == 1
-    assert moment_weights(0, 1, 1).tolist() == [1]

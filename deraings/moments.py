@@ -1,0 +1,23 @@
+"""When: moments of the film that the views are, and the moment of a training at which the scene is known a little."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def moments_of(n_views: int, views_a_moment: int, most: int) -> int:
+    """How many moments of a film of so many views are told apart."""
+    return int(np.clip(n_views // views_a_moment, 1, most))
+
+
+def moment_weights(view: int, n_views: int, moments: int) -> NDArray[np.float32]:
+    """Shares [T] of the moments in a view: hat functions over the film, 1 in all."""
+    time = view / max(n_views - 1, 1) * (moments - 1)
+    return np.maximum(0, 1 - np.abs(np.arange(moments) - time)).astype(np.float32)
+
+
+def first_look(start: float, visits: int, iterations: int, n_views: int) -> int:
+    """The iteration from which rain is looked for: at a share `start` of them, or after so many visits of each view.
+
+    Whichever comes first: where there are few views each is soon learned by heart, with the rain in it.
+    """
+    return round(min(start * iterations, visits * n_views))
