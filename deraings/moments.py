@@ -1,4 +1,4 @@
-"""When: moments of the film that the views are, and the moment of a training at which the scene is known a little."""
+"""Moments of the film that the views are, for what changes slowly on the lens."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +13,3 @@ def moment_weights(view: int, n_views: int, moments: int) -> NDArray[np.float32]
     """Shares [T] of the moments in a view: hat functions over the film, 1 in all."""
     time = view / max(n_views - 1, 1) * (moments - 1)
     return np.maximum(0, 1 - np.abs(np.arange(moments) - time)).astype(np.float32)
-
-
-def first_look(start: float, visits: int, iterations: int, n_views: int) -> int:
-    """The iteration from which rain is looked for: at a share `start` of them, or after so many visits of each view.
-
-    Whichever comes first: where there are few views each is soon learned by heart, with the rain in it.
-    """
-    return round(min(start * iterations, visits * n_views))

@@ -69,7 +69,7 @@ class RainObjective(Objective):
         pictures = [images.pixels(view) for view in range(count)]
         hidden = [images.ignored(view) for view in range(count)]
         self.veil = Veil(pictures, iterations, config.veil, hidden) if config.veil else None
-        self.falling = FallingRain(count, iterations, config.falling) if config.falling else None
+        self.falling = FallingRain(iterations, config.falling) if config.falling else None
         sizes = [(picture.shape[0], picture.shape[1]) for picture in pictures]
         self.streaks = Streaks(sizes, config.streaks) if config.falling and config.streaks else None
         renewed = config.streaks.renewed if config.streaks else ()

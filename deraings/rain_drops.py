@@ -23,7 +23,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from deraings.moments import first_look, moment_weights, moments_of
+from deraings.moments import moment_weights, moments_of
 from deraings.planes import Plane, resized, within_side
 from deraings.rain_lines import SUMS, add_view, fit_lines, warm_up
 from hydroviews.images import Image
@@ -40,8 +40,7 @@ class DropConfig:
     views_a_moment: int = 12
     most_moments: int = 3
     fewest_views: int = 6  # fewer say nothing about what is usual at a place of the lens
-    start: float = 0.2  # share of the iterations after which the render is seen through drops
-    visits: int = 18  # of each view, after which it is if that is sooner
+    start: float = 0.05  # share of the iterations before the render is seen through drops; views are not yet learned
     noise: float = 0.04  # encoded; where the render varies less, slopes are drawn to one
     clear: float = 0.1  # M up to which the lens counts as clear
     wet: float = 0.25  # M from which it counts for what it is
@@ -76,7 +75,7 @@ class Drops:
             config: settings.
         """
         self._config, self._n_views = config, n_views
-        self._first = first_look(config.start, config.visits, iterations, n_views)
+        self._first = config.start * iterations
         moments = moments_of(n_views, config.views_a_moment, config.most_moments)
         self._window = max(LEAST_WINDOW, min(LARGEST_WINDOW, n_views // moments))
         self.sums = np.zeros((moments, *within_side(size, config.long_side), SUMS), np.float32)

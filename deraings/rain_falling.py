@@ -19,7 +19,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from deraings.moments import first_look
 from deraings.planes import Plane, resized, within_side
 from hydroviews.images import Image
 
@@ -38,8 +37,7 @@ class FallingConfig:
 
     brightness: float = 0.88  # beta, the encoded value of what streaks are made of
     line: float = 1 / 45  # length of the lines in longer sides of the picture
-    start: float = 0.2  # share of the iterations before the first look
-    visits: int = 18  # of each view, after which it is if that is sooner
+    start: float = 0.1  # share of the iterations before the first look: streaks are not learned yet
     settled: float = (
         0.5  # and after which, if it surely rains, the cover stays: the render learns single streaks by then
     )
@@ -55,9 +53,9 @@ class FallingConfig:
 class FallingRain:
     """Running statistics of photographs and renders, and the median cover that follows."""
 
-    def __init__(self, n_views: int, iterations: int, config: FallingConfig) -> None:
-        self._config, self._settled = config, round(config.settled * iterations)
-        self._first = first_look(config.start, config.visits, iterations, n_views)
+    def __init__(self, iterations: int, config: FallingConfig) -> None:
+        self._config = config
+        self._first, self._settled = round(config.start * iterations), round(config.settled * iterations)
         self._every = max(1, (iterations - self._first) // config.looks)
         self.powers = np.zeros((len(ANGLES), 3))  # sums of weights, squares and cubes of differences along lines
         self.levels = np.zeros((2, LEVELS))  # histograms of photographs and renders

@@ -1,6 +1,6 @@
 import numpy as np
 
-from deraings.moments import first_look, moment_weights, moments_of
+from deraings.moments import moment_weights, moments_of
 
 
 def test_moments_share_every_view():
@@ -12,9 +12,3 @@ def test_moments_share_every_view():
 
 def test_there_are_as_many_moments_as_views_allow():
     assert [moments_of(views, 12, 3) for views in (1, 23, 24, 36, 500)] == [1, 1, 2, 3, 3]
-
-
-def test_rain_is_looked_for_sooner_where_there_are_few_views():
-    assert first_look(0.2, 18, 3000, 35) == 600
-    assert first_look(0.2, 18, 3000, 12) == 216
-    assert first_look(0.2, 18, 3000, 1) == 18
