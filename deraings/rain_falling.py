@@ -43,6 +43,7 @@ class FallingConfig:
     )
     looks: int = 240  # in all, spread evenly
     memory: int = 60  # looks that running sums remember
+    fewest: float = 14.0  # of them, before anything is believed: some 16 looks
     dry: float = 0.045  # skew of one direction over the others up to which it does not rain
     rainy: float = 0.075  # and from which it surely does
     darkest_photographed: float = 2e-4  # quantile of the photographs
@@ -100,8 +101,10 @@ class FallingRain:
         return 0.5 * (self.lightened() + max(0.0, self.heard[0] / self.heard[1]))
 
     def certainty(self) -> float:
-        """How sure it is that it rains, 0 to 1."""
+        """How sure it is that it rains, 0 to 1; few looks say nothing."""
         config = self._config
+        if self.powers[0, 0] < config.fewest:
+            return 0.0
         return float(np.clip((directed_skew(self.powers) - config.dry) / (config.rainy - config.dry), 0, 1))
 
     def lightened(self) -> float:

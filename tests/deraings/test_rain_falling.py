@@ -18,7 +18,7 @@ def rained_on(scene, brightness=0.88):
 
 
 def watch(photographs, seen, weights=None):
-    falling = FallingRain(100, FallingConfig(memory=1000))
+    falling = FallingRain(100, FallingConfig(memory=1000, fewest=0))
     for photograph, expected in zip(photographs, seen, strict=True):
         falling.observe(photograph, expected.astype(np.float32), weights, iteration=30)
     return falling
@@ -107,6 +107,16 @@ def test_the_cover_stays_once_it_is_settled(scene):
         falling.observe(photograph, photograph * 0.98, None, iteration=60)
     assert falling.certainty() == 1
     assert falling.cover[0] == cover
+
+
+def test_few_looks_say_nothing(scene):
+    photographs, layers = rained_on(scene)
+    seen = learned(scene, float(np.median(layers))).astype(np.float32)
+    falling = FallingRain(100, FallingConfig())
+    for look in range(24):
+        assert look > 15 or falling.certainty() == falling.cover[0] == 0
+        falling.observe(photographs[look % COUNT], seen[look % COUNT], None, iteration=30)
+    assert falling.certainty() == 1
 
 
 def test_looks_are_spread_over_the_training():

@@ -171,7 +171,9 @@ def test_a_larger_cover_is_along_the_rain(scene):
     assert np.allclose(along, 0.2 * contrast, atol=1e-5)
 
 
-EAGER = RainConfig(veil=None, drops=None, falling=FallingConfig(start=0.0, rainy=0.05), streaks=StreakConfig(visits=2))
+EAGER = RainConfig(
+    veil=None, drops=None, falling=FallingConfig(fewest=0, start=0.0, rainy=0.05), streaks=StreakConfig(visits=2)
+)
 
 
 def steps(objective, images, first, last):
@@ -225,7 +227,7 @@ def test_a_network_helps_where_it_rains_and_is_not_asked_where_not(scene):
     assert errors[1] < 0.8 * errors[0]
     assert derained.asked
     dry = Derained(scene)
-    wary = replace(EAGER, falling=FallingConfig(start=0.0))
+    wary = replace(EAGER, falling=FallingConfig(fewest=0, start=0.0))
     steps(objective_of(scene, wary, derained=dry), learned(scene), 0, 60)
     assert not dry.asked
     assert objective.about()["witness"] == "of a test"
