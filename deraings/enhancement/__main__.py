@@ -57,6 +57,7 @@ def train_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
     if request.threads:
         torch.set_num_threads(request.threads)
     data, config, split = request.data, request.training, split_photographs(request.data.photographs)
+    start, words = started_from(data.start, config) if data.start else None, described(data)
     pool = bake_pool(data.cache, config.seed)
     published = [PairFolder(folder, config.patch) for folder in data.pairs]
     drawn, veiled = DrawnRain(read_photographs(split.training), pool), VEILED if config.network.veil else 0
@@ -66,20 +67,19 @@ def train_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
     def validate(network: EnhancementNetwork) -> dict[str, float]:
         return as_columns(scores(network, watched))
 
-    start = started_from(data.start, config) if data.start else None
-    training = train(request.out, config, pairs, described(data), validate, request.upkeep, start)
-    write_weights(request, training)
+    training = train(request.out, config, pairs, words, validate, request.upkeep, start)
+    write_weights(request, training, words)
 
 
 def export_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
     """Write weights and data card of a training as far as it is; settings as for `train`."""
     if request.threads:
         torch.set_num_threads(request.threads)
-    training = Training(request.training)
-    take_up(training, request.out, network_fingerprint(request.training, described(request.data)))
+    training, words = Training(request.training), described(request.data)
+    take_up(training, request.out, network_fingerprint(request.training, words))
     if training.step == 0:
         raise InputError(f"{request.out}: nothing has been trained there", fix="give the folder of a training")
-    write_weights(request, training)
+    write_weights(request, training, words)
 
 
 def started_from(weights: str, config: TrainingConfig) -> EnhancementNetwork:
@@ -110,14 +110,14 @@ def described(data: Data) -> str:
     return words
 
 
-def write_weights(request: Request, training: Training) -> None:
-    """Validate on held-out photographs, and write weights and data card."""
+def write_weights(request: Request, training: Training, data: str) -> None:
+    """Validate on held-out photographs, and write weights and data card, which says in words what was learned from."""
     held_out = split_photographs(request.data.photographs).held_out[: request.validated or None]
     training.averaged.load_state_dict(rounded(training.averaged.state_dict()))
     rows = scores(training.averaged, validation_set(held_out, VALIDATION_SEED, request.data.cache / "validation"))
     settings = asdict(request.training)
     card: dict[str, Any] = {
-        "data": described(request.data),
+        "data": data,
         "seed": request.training.seed,
         "steps": training.step,
         "of": request.training.steps,
