@@ -77,8 +77,10 @@ severity: $(READY)  ## what plain 3DGS loses to each of a scene's six patterns, 
 
 enhancer: $(READY)  ## train the enhancement network: PHOTOGRAPHS=a folder of clean photographs
 	$(enhance) --out '$(RESULTS)/enhancement/first'
-	$(enhance) --out '$(RESULTS)/enhancement/small' --start '$(RESULTS)/enhancement/first/weights.safetensors' \
+	$(enhance) --out '$(RESULTS)/enhancement/second' --start '$(RESULTS)/enhancement/first/weights.safetensors' \
 		--seed 1 --steps 8000
+	$(enhance) --out '$(RESULTS)/enhancement/small' --start '$(RESULTS)/enhancement/second/weights.safetensors' \
+		--seed 2 --steps 6000 --sides 480 384 288 --lenses 20
 
 drop-finder: $(READY)  ## train the network that finds drops for derain-nerf: PHOTOGRAPHS=a folder of clean photographs
 	$(BIN)/python -m baselines.raindrop_attention train --photographs '$(PHOTOGRAPHS)' --cache '$(RESULTS)/enhancement/rain' --out '$(RESULTS)/raindrop-attention/small'

@@ -1,5 +1,6 @@
 """python -m deraings.enhancement train | export | validate | enhance | describe."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -24,7 +25,7 @@ from hydroviews.files import sha256, write_json
 from hydroviews.images import list_images, read_image, write_png
 from hydroviews.pairs.drawing import LENSES, bake_pool
 from hydroviews.pairs.drawn import DrawnRain
-from hydroviews.pairs.photographs import read_photographs, split_photographs
+from hydroviews.pairs.photographs import LONG_SIDES, frames, read_photographs, split_photographs
 
 WATCHED = 4  # held-out photographs that are looked at while training; all of them at the end
 VALIDATION_SEED = 1000  # of the validation rain, whatever the training's seed
@@ -37,6 +38,8 @@ class Data:
     photographs: Path  # folder of clean photographs; every tenth by name is held out
     pairs: tuple[Path, ...] = ()  # folders of published pairs, each as often as the photographs
     start: str = ""  # weights to begin with, shipped ones or a file; none: begin with chance
+    sides: tuple[int, ...] = LONG_SIDES  # pixels; photographs are brought to any of these long sides
+    lenses: int = LENSES  # wet lenses baked for landscape and for portrait of every long side
     cache: Path = Path("results/enhancement/rain")  # keeps what Blender bakes
 
 
@@ -57,10 +60,12 @@ def train_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
     if request.threads:
         torch.set_num_threads(request.threads)
     data, config, split = request.data, request.training, split_photographs(request.data.photographs)
+    check_parts(data.sides, config.patch)
     start, words = started_from(data.start, config) if data.start else None, described(data)
-    pool = bake_pool(data.cache, config.seed)
+    pool = bake_pool(data.cache, config.seed, data.lenses, data.sides)
     published = [PairFolder(folder, config.patch) for folder in data.pairs]
-    drawn, veiled = DrawnRain(read_photographs(split.training), pool), VEILED if config.network.veil else 0
+    drawn = DrawnRain(read_photographs(split.training, data.sides), pool)
+    veiled = VEILED if config.network.veil else 0
     pairs = Pairs(drawn, published, config.patch, config.seed, veiled)
     watched = validation_set(split.held_out[:WATCHED], VALIDATION_SEED, data.cache / "validation")
 
@@ -98,12 +103,29 @@ def started_from(weights: str, config: TrainingConfig) -> EnhancementNetwork:
     return network
 
 
+def check_parts(sides: Sequence[int], patch: int) -> None:
+    """Are there parts of the wanted size in the smallest frame?
+
+    Raises:
+        InputError: there are not.
+    """
+    width, height = min(frames(sides))
+    if min(width, height) < patch:
+        raise InputError(
+            f"cannot cut parts of {patch}x{patch} pixels",
+            found=f"photographs brought to {width}x{height}",
+            expected="long sides of at least one and a half times the parts",
+            fix="leave the smallest of --sides out, or make --patch smaller",
+        )
+
+
 def described(data: Data) -> str:
     """The data in words, for checkpoint and card."""
     count = len(split_photographs(data.photographs).training)
     folders = [f"{count} photographs ({data.photographs.parent.name}/{data.photographs.name})"]
     folders += [f"pairs of {folder.parent.name}/{folder.name}" for folder in data.pairs]
-    words = f"{', '.join(folders)}; {LENSES} wet lenses a frame"
+    sizes = " or ".join(str(side) for side in data.sides)
+    words = f"{', '.join(folders)}, {sizes} pixels wide or high; {data.lenses} wet lenses a frame"
     if data.start:
         path = find_weights(data.start)
         words += f"; begun with {path.name} ({load_enhancer(data.start).card['steps']} steps, {sha256(path)[:12]})"

@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 from hydroviews.cameras import Camera
 from hydroviews.images import Image, to_linear, to_srgb
-from hydroviews.pairs.photographs import Bytes, Frame, frames
+from hydroviews.pairs.photographs import LONG_SIDES, Bytes, Frame, frames
 from hydroviews.rain import drops_pattern, effects, light, severity, streaks
 from hydroviews.rain.drops_pattern import RaindropPattern
 from hydroviews.rain.lens_bake import bake_matte, moment_of
@@ -62,14 +62,14 @@ def camera_of(frame: Frame) -> Camera:
     return Camera(*frame, focal, focal, frame[0] / 2, frame[1] / 2, np.eye(4))
 
 
-def bake_pool(folder: Path, seed: int, lenses: int = LENSES) -> Pool:
+def bake_pool(folder: Path, seed: int, lenses: int = LENSES, sides: Sequence[int] = LONG_SIDES) -> Pool:
     """Wet lenses of all grades for every frame, kept in `folder`; Blender bakes what is missing, 3 s each.
 
     Raises:
         InputError: Blender failed, or a kept file is damaged.
     """
-    wanted = [(frame, index) for index in range(lenses) for frame in frames()]
-    pool: dict[Frame, list[WetLens]] = {frame: [] for frame in frames()}
+    wanted = [(frame, index) for index in range(lenses) for frame in frames(sides)]
+    pool: dict[Frame, list[WetLens]] = {frame: [] for frame in frames(sides)}
     for frame, index in tqdm(wanted, desc="wet lenses", unit="lens"):
         pool[frame].append(bake_lens(folder, seed, frame, index))
     return {frame: tuple(wet) for frame, wet in pool.items()}

@@ -50,9 +50,9 @@ def frame_of(width: int, height: int, long_side: int) -> Frame:
     return (long_side, short_side) if width >= height else (short_side, long_side)
 
 
-def frames() -> tuple[Frame, ...]:
-    """Every frame there is."""
-    return tuple(frame_of(*shape, side) for side in LONG_SIDES for shape in ((2, 1), (1, 2)))
+def frames(sides: Sequence[int] = LONG_SIDES) -> tuple[Frame, ...]:
+    """Landscape and portrait of these long sides."""
+    return tuple(frame_of(*shape, side) for side in sides for shape in ((2, 1), (1, 2)))
 
 
 def fit_frame(image: Image, frame: Frame) -> Image:
@@ -68,7 +68,7 @@ def fit_frame(image: Image, frame: Frame) -> Image:
     return resize_area(np.ascontiguousarray(image[top : top + cut_height, left : left + cut_width]), *frame)
 
 
-def read_photographs(files: Sequence[Path]) -> list[dict[int, Bytes]]:
+def read_photographs(files: Sequence[Path], long_sides: Sequence[int] = LONG_SIDES) -> list[dict[int, Bytes]]:
     """Every photograph in its frames, by long side, rounded to 8 bits.
 
     Raises:
@@ -77,7 +77,7 @@ def read_photographs(files: Sequence[Path]) -> list[dict[int, Bytes]]:
     photographs = []
     for file in tqdm(files, desc="photographs", unit="picture", leave=False):
         width, height = image_size(file)
-        largest = frame_of(width, height, max(LONG_SIDES))
+        largest = frame_of(width, height, max(long_sides))
         if width < largest[0] or height < largest[1]:
             raise InputError(
                 f"{file}: too small to draw rain on",
@@ -86,6 +86,5 @@ def read_photographs(files: Sequence[Path]) -> list[dict[int, Bytes]]:
                 fix="take it out of the folder",
             )
         image = read_image(file)
-        sides = {side: to_uint8(fit_frame(image, frame_of(width, height, side))) for side in LONG_SIDES}
-        photographs.append(sides)
+        photographs.append({side: to_uint8(fit_frame(image, frame_of(width, height, side))) for side in long_sides})
     return photographs

@@ -12,6 +12,7 @@ from deraings.enhancement.__main__ import (
     enhance_command,
     export_command,
     started_from,
+    train_command,
 )
 from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.network import EnhancementNetwork
@@ -63,6 +64,19 @@ def test_what_a_training_begins_with_stands_in_its_data(tmp_path, weights):
     assert "begun with weights.safetensors (0 steps, " in begun
     save_network(weights, TINY, EnhancementNetwork(TINY).state_dict(), {"data": "others", "steps": 0})
     assert described(replace(data, start=str(weights))) != begun
+
+
+def test_sizes_and_lenses_stand_in_the_data(tmp_path):
+    pictures(tmp_path / "photographs")
+    data = Data(tmp_path / "photographs", sides=(480, 288), lenses=7)
+    assert "480 or 288 pixels wide or high; 7 wet lenses a frame" in described(data)
+
+
+def test_parts_have_to_fit_into_the_smallest_frame(tmp_path):
+    pictures(tmp_path / "photographs")
+    with pytest.raises(InputError, match="cannot cut parts of 192x192 pixels"):
+        train_command(Request(Data(tmp_path / "photographs", sides=(384, 240)), out=tmp_path / "out"))
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_training_begins_only_with_its_own_kind_of_network(weights):

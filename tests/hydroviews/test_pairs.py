@@ -80,6 +80,7 @@ def test_linear_table_is_the_encoding():
 
 def test_frames_are_the_benchmarks_size_in_both_directions(tmp_path):
     assert set(frames()) == {(480, 320), (320, 480), (384, 256), (256, 384)}
+    assert frames((90,)) == ((90, 60), (60, 90))
     assert frame_of(321, 481, 480) == (320, 480)
     image = np.random.default_rng(0).random((481, 321, 3)).astype(np.float32)
     assert fit_frame(image, (320, 480)).shape == (480, 320, 3)
@@ -88,6 +89,8 @@ def test_frames_are_the_benchmarks_size_in_both_directions(tmp_path):
     write_png(tmp_path / "small.png", image[:100, :100])
     with pytest.raises(InputError, match="too small"):
         read_photographs([tmp_path / "small.png"])
+    small = read_photographs([tmp_path / "small.png"], (90, 60))[0]
+    assert {side: picture.shape for side, picture in small.items()} == {90: (60, 90, 3), 60: (40, 60, 3)}
 
 
 def test_every_tenth_photograph_by_name_is_held_out(tmp_path):
