@@ -122,9 +122,8 @@ class Drops:
         share = float((cover > HALF).mean())
         if share < config.fewest:
             return None
-        if (
-            share > config.most
-        ):  # a scene that is not learned yet, or water all over: part of the lens must go on teaching
+        if share > config.most:
+            # a scene that is not learned yet, or water all over: part of the lens must go on teaching
             cover = np.maximum(cover - (np.quantile(cover, 1 - config.most) - HALF), 0).astype(np.float32)
             light = np.minimum(light, cover[..., None])
         if cover.shape != size:

@@ -38,9 +38,7 @@ class FallingConfig:
     brightness: float = 0.88  # beta, the encoded value of what streaks are made of
     line: float = 1 / 45  # length of the lines in longer sides of the picture
     start: float = 0.1  # share of the iterations before the first look: streaks are not learned yet
-    settled: float = (
-        0.5  # and after which, if it surely rains, the cover stays: the render learns single streaks by then
-    )
+    settled: float = 0.5  # and after which the cover stays, if it surely rains: single streaks are learned by then
     looks: int = 240  # in all, spread evenly
     memory: int = 60  # looks that running sums remember
     fewest: float = 14.0  # of them, before anything is believed: some 16 looks
@@ -49,6 +47,10 @@ class FallingConfig:
     darkest_photographed: float = 2e-4  # quantile of the photographs
     darkest_rendered: float = 5e-3  # and of the renders, which are smoother, that are the same in dry weather
     most: float = 0.5  # cover
+
+    def __post_init__(self) -> None:
+        if not self.fewest < self.memory:
+            raise ValueError(f"fewest {self.fewest} of {self.memory} remembered looks: rain could never be believed")
 
 
 class FallingRain:

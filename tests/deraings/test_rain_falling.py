@@ -35,6 +35,11 @@ def learned(scene, cover, brightness=0.88):
     return scene * (1 - cover) + brightness * cover + error
 
 
+def test_more_looks_than_are_remembered_cannot_be_asked_for():
+    with pytest.raises(ValueError, match="could never be believed"):
+        FallingConfig(memory=14)
+
+
 def test_the_median_cover_is_found(scene):
     photographs, layers = rained_on(scene)
     cover = float(np.median(layers))
