@@ -42,6 +42,11 @@ class Data:
     lenses: int = LENSES  # wet lenses baked for landscape and for portrait of every long side
     cache: Path = Path("results/enhancement/rain")  # keeps what Blender bakes
 
+    def __post_init__(self) -> None:
+        if not self.sides or self.lenses < 1:
+            found = f"--sides {self.sides}, --lenses {self.lenses}"
+            raise InputError(f"{found}: nothing to learn from", expected="at least one of each")
+
 
 @dataclass(frozen=True)
 class Request:

@@ -63,7 +63,13 @@ def camera_of(frame: Frame) -> Camera:
 
 
 def bake_pool(folder: Path, seed: int, lenses: int = LENSES, sides: Sequence[int] = LONG_SIDES) -> Pool:
-    """Wet lenses of all grades for every frame, kept in `folder`; Blender bakes what is missing, 3 s each.
+    """Wet lenses of all grades, kept in `folder`; Blender bakes what is missing, 3 s each.
+
+    Args:
+        folder: where they are kept.
+        seed: of their patterns.
+        lenses: for every frame.
+        sides: the frames' long sides, pixels.
 
     Raises:
         InputError: Blender failed, or a kept file is damaged.

@@ -68,8 +68,8 @@ def fit_frame(image: Image, frame: Frame) -> Image:
     return resize_area(np.ascontiguousarray(image[top : top + cut_height, left : left + cut_width]), *frame)
 
 
-def read_photographs(files: Sequence[Path], long_sides: Sequence[int] = LONG_SIDES) -> list[dict[int, Bytes]]:
-    """Every photograph in its frames, by long side, rounded to 8 bits.
+def read_photographs(files: Sequence[Path], sides: Sequence[int] = LONG_SIDES) -> list[dict[int, Bytes]]:
+    """Every photograph in its frames of these long sides, by long side, rounded to 8 bits.
 
     Raises:
         InputError: a file is no picture, or smaller than the largest frame.
@@ -77,7 +77,7 @@ def read_photographs(files: Sequence[Path], long_sides: Sequence[int] = LONG_SID
     photographs = []
     for file in tqdm(files, desc="photographs", unit="picture", leave=False):
         width, height = image_size(file)
-        largest = frame_of(width, height, max(long_sides))
+        largest = frame_of(width, height, max(sides))
         if width < largest[0] or height < largest[1]:
             raise InputError(
                 f"{file}: too small to draw rain on",
@@ -86,5 +86,5 @@ def read_photographs(files: Sequence[Path], long_sides: Sequence[int] = LONG_SID
                 fix="take it out of the folder",
             )
         image = read_image(file)
-        photographs.append({side: to_uint8(fit_frame(image, frame_of(width, height, side))) for side in long_sides})
+        photographs.append({side: to_uint8(fit_frame(image, frame_of(width, height, side))) for side in sides})
     return photographs

@@ -72,6 +72,12 @@ def test_sizes_and_lenses_stand_in_the_data(tmp_path):
     assert "480 or 288 pixels wide or high; 7 wet lenses a frame" in described(data)
 
 
+@pytest.mark.parametrize("wrong", [{"sides": ()}, {"lenses": 0}])
+def test_there_has_to_be_a_size_and_a_lens(tmp_path, wrong):
+    with pytest.raises(InputError, match="nothing to learn from"):
+        Data(tmp_path, **wrong)
+
+
 def test_parts_have_to_fit_into_the_smallest_frame(tmp_path):
     pictures(tmp_path / "photographs")
     with pytest.raises(InputError, match="cannot cut parts of 192x192 pixels"):
