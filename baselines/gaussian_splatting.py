@@ -61,6 +61,21 @@ PROFILES = {
 }
 
 
+def of_length(iterations: int, profile: TrainerConfig) -> TrainerConfig:
+    """A profile's training in another number of iterations, growing for the same share of them.
+
+    For methods whose steps cost more, so that they stay within the same time.
+    """
+    growth, share = profile.densification, iterations / profile.iterations
+    assert isinstance(growth, Densification)
+    return replace(
+        profile,
+        iterations=iterations,
+        sh_every=round(share * profile.sh_every),
+        densification=replace(growth, stop=round(share * growth.stop)),
+    )
+
+
 def within(budget: int, profile: TrainerConfig) -> TrainerConfig:
     """A profile's training with fewer Gaussians: half as many again grow early, the least useful go before the middle.
 

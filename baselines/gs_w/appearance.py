@@ -17,7 +17,7 @@ from baselines.gs_w.config import ReferenceConfig
 from baselines.gs_w.encoder import ReferenceEncoder
 from baselines.gs_w.fusion import Fusion
 from baselines.gs_w.sampling import boxed, projected, sample
-from baselines.splatting.appearance import Appearance, in_sight, set_of
+from baselines.splatting.appearance import Appearance, set_of
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.schedule import random_stream
 from baselines.torch_state import module_arrays, restore_module
@@ -68,18 +68,16 @@ class ReferenceAppearance(Appearance):
         self, parameters: dict[str, Tensor], camera: Camera, view: int | None, degree: int
     ) -> tuple[dict[str, Tensor], ...]:
         """See Appearance; one look. In a view that was not trained on, the features are those of `averaged`."""
-        seen = torch.nonzero(in_sight(parameters, camera))[:, 0]
         if view is None:
-            dynamic = parameters["features"][seen]
+            dynamic = parameters["features"]
         else:
-            maps = self._look_at(view)[0]
-            dynamic = self._dropped(self.read(maps, parameters, camera, seen))
-        return (set_of(parameters, self.fusion.coloured(parameters, camera, dynamic, seen)),)
+            dynamic = self._dropped(self.read(self._look_at(view)[0], parameters, camera))
+        return (set_of(parameters, self.fusion.coloured(parameters, camera, dynamic)),)
 
-    def read(self, maps: Tensor, parameters: dict[str, Tensor], camera: Camera, seen: Tensor) -> Tensor:
-        """Dynamic features [n, D] of the Gaussians `seen`, from the maps [D, h, w] of a view and its camera."""
-        own = boxed(parameters["features"], self.config.box)[seen].unflatten(1, (-1, 2))
-        shown = projected(parameters["means"].detach()[seen], camera)
+    def read(self, maps: Tensor, parameters: dict[str, Tensor], camera: Camera) -> Tensor:
+        """Dynamic features [n, D] of Gaussians in sight, from the maps [D, h, w] of a view and its camera."""
+        own = boxed(parameters["features"], self.config.box).unflatten(1, (-1, 2))
+        shown = projected(parameters["means"].detach(), camera)
         projection, adaptive = maps.unflatten(0, (1 + self.config.maps, -1)).split([1, self.config.maps])
         return torch.cat([sample(projection, shown[:, None]), sample(adaptive, own)], dim=1)
 

@@ -67,21 +67,19 @@ class Fusion(nn.Module):
         offset: Tensor = self.colour(torch.cat([fused, directions], dim=1))
         return offset
 
-    def coloured(self, parameters: dict[str, Tensor], camera: Camera, dynamic: Tensor, seen: Tensor) -> Tensor:
-        """Coefficients [N, 1, 3] of degree 0 that Gaussians show to a camera; networks look at those `seen` alone.
+    def coloured(self, parameters: dict[str, Tensor], camera: Camera, dynamic: Tensor) -> Tensor:
+        """Coefficients [n, 1, 3] of degree 0 that Gaussians in sight show to a camera.
 
         No gradient goes by way of colours to positions: that by where splats lie is left to place them.
 
         Args:
             parameters: of `Gaussians.arrays()`.
             camera: that looks, relative to the Gaussians' origin.
-            dynamic: features [n, D] of those that are seen.
-            seen: their indices [n].
+            dynamic: features [n, D].
         """
-        means, sh = parameters["means"].detach()[seen], parameters["sh"]
+        means, sh = parameters["means"].detach(), parameters["sh"]
         directions = functional.normalize(means - torch.from_numpy(camera.centre).to(means), dim=1)
-        offset = self(sh[seen].flatten(1), dynamic, means, directions)
-        return sh[:, :1].index_add(0, seen, offset[:, None] / C0)
+        return sh[:, :1] + self(sh.flatten(1), dynamic, means, directions)[:, None] / C0
 
     def enclose(self, points: NDArray[np.float32]) -> None:
         """Tell positions in a cube that holds 95 % of the points [N, 3] along each axis."""

@@ -32,9 +32,9 @@ class Weighing:
         self._sum: NDArray[np.float64] | None = None
         self._total = np.zeros(len(gaussians))
 
-    def add(self, camera: Camera, seen: Tensor, values: Tensor) -> None:
-        """Values [n, F] that the Gaussians `seen` [n] have in a view."""
-        which = seen.cpu().numpy()
+    def add(self, camera: Camera, rows: Tensor, values: Tensor) -> None:
+        """Values [n, F] that the Gaussians in these rows [n] have in a view."""
+        which = rows.cpu().numpy()
         shown = contributions(self._gaussians, [camera], self._near, self._antialiased, self._workspace)
         weights = np.maximum(shown[which], UNSEEN)
         if self._sum is None:
@@ -66,18 +66,18 @@ def averaged(
     parameters, weighing = tensors(gaussians, appearance.fusion), Weighing(gaussians, near, antialiased)
     for view, camera in enumerate(tqdm(cameras, desc="averaging the views' features", unit="view", leave=False)):
         local = moved(camera, gaussians.origin)
-        seen = torch.nonzero(in_sight(parameters, local))[:, 0]
-        weighing.add(camera, seen, appearance.read(appearance.encode(view)[0], parameters, local, seen))
+        rows, seen = in_sight(parameters, local)
+        weighing.add(camera, rows, appearance.read(appearance.encode(view)[0], seen, local))
     return replace(gaussians, features=weighing.mean())
 
 
 @torch.no_grad()
 def looking(gaussians: Gaussians, fusion: Fusion, camera: Camera) -> Gaussians:
-    """What averaged Gaussians look like to a camera, ready to be rendered."""
-    parameters, local = tensors(gaussians, fusion), moved(camera, gaussians.origin)
-    seen = torch.nonzero(in_sight(parameters, local))[:, 0]
-    sh = fusion.coloured(parameters, local, parameters["features"][seen], seen)
-    return replace(gaussians.bare(), sh=np.ascontiguousarray(sh.cpu().numpy()))
+    """What averaged Gaussians look like to a camera, those in sight, ready to be rendered."""
+    local = moved(camera, gaussians.origin)
+    rows, seen = in_sight(tensors(gaussians, fusion), local)
+    sh = fusion.coloured(seen, local, seen["features"])
+    return replace(gaussians.bare().select(rows.cpu().numpy()), sh=np.ascontiguousarray(sh.cpu().numpy()))
 
 
 @torch.no_grad()
@@ -88,9 +88,8 @@ def from_everywhere(
     parameters, weighing = tensors(gaussians, fusion), Weighing(gaussians, near, antialiased)
     for camera in tqdm(cameras, desc="averaging the views' colours", unit="view", leave=False):
         local = moved(camera, gaussians.origin)
-        seen = torch.nonzero(in_sight(parameters, local))[:, 0]
-        sh = fusion.coloured(parameters, local, parameters["features"][seen], seen)
-        weighing.add(camera, seen, sh[seen, 0])
+        rows, seen = in_sight(parameters, local)
+        weighing.add(camera, rows, fusion.coloured(seen, local, seen["features"])[:, 0])
     return weighing.mean()
 
 

@@ -25,7 +25,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from baselines.checkpoints import read_arrays, write_arrays
-from baselines.gaussian_splatting import MODEL, PROFILES, GaussianSplatting
+from baselines.gaussian_splatting import MODEL, PROFILES, GaussianSplatting, of_length
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT, ReferenceConfig
 from baselines.gs_w.encoder import load_resnet
@@ -62,7 +62,7 @@ class GaussianInTheWild(GaussianSplatting):
 
     profiles: ClassVar[Mapping[str, Any]] = {
         "demo": GSWConfig(replace(PROFILES["demo"], sh_degree=1), SHORT),
-        "quick": GSWConfig(replace(PROFILES["quick"], sh_degree=1), SHORT),
+        "quick": GSWConfig(replace(of_length(9000, PROFILES["quick"]), sh_degree=1), SHORT),
         "paper": GSWConfig(
             TrainerConfig(
                 iterations=70_000,

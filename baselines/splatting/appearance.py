@@ -1,9 +1,9 @@
 """Gaussians whose colours in a view come from a network: the seam for methods that model appearance.
 
 Each Gaussian carries `features` beside its usual parameters; they are cloned, split and pruned with it, and the trainer
-optimises them. An `Appearance` makes one or several *looks* of the Gaussians for a view, each an ordinary set of
-Gaussians that is rendered; gradients flow back through it. It is written in torch, so that the CPU's kernels and gsplat
-both can stand at its end.
+optimises them. An `Appearance` makes one or several *looks* for a view of the Gaussians that it may show, each an
+ordinary set of Gaussians that is rendered; gradients flow back through it. It is written in torch, so that the CPU's
+kernels and gsplat both can stand at its end.
 """
 
 from abc import abstractmethod
@@ -18,7 +18,8 @@ from torch import Tensor, nn
 
 from baselines.splatting.constants import LOW_PASS
 from baselines.splatting.gaussians import FIELDS, Gaussians
-from baselines.splatting.torch_steps import without_broken
+from baselines.splatting.rasterizer import Workspace
+from baselines.splatting.torch_steps import finite_rows
 from hydroviews.cameras import Camera
 
 REACH = 3.5  # standard deviations within which a Gaussian is seen at all
@@ -39,7 +40,7 @@ class Appearance(nn.Module):
         """What Gaussians look like in a view.
 
         Args:
-            parameters: of `Gaussians.arrays()`, all finite; means are relative to the Gaussians' origin.
+            parameters: of `Gaussians.arrays()`, of those `in_sight`; means are relative to the Gaussians' origin.
             camera: that looks; relative to that origin as well.
             view: index of the training view; None for one that was not trained on.
             degree: of spherical harmonics in use.
@@ -71,21 +72,25 @@ class Appearance(nn.Module):
 
 
 class Dressed:
-    """Gaussians in numpy, their looks in numpy, and the way back for gradients."""
+    """The Gaussians in sight in numpy, their looks in numpy, and the way back for gradients to all Gaussians."""
 
     def __init__(
         self, gaussians: Gaussians, appearance: Appearance, camera: Camera, view: int | None, degree: int
     ) -> None:
-        self._origin = gaussians.origin
-        self._leaves = {name: torch.from_numpy(v).requires_grad_() for name, v in gaussians.arrays().items()}
-        self._looks = appearance.looks(without_broken(self._leaves)[0], moved(camera, self._origin), view, degree)
-        bare = gaussians.bare()
-        self.looks = tuple(
-            replace(bare, sh=np.ascontiguousarray(look["sh"].detach().numpy(), np.float32)) for look in self._looks
-        )
+        self._total, self._origin = len(gaussians), gaussians.origin
+        local = moved(camera, self._origin)
+        rows, self._leaves = in_sight({name: torch.from_numpy(v) for name, v in gaussians.arrays().items()}, local)
+        self.rows: NDArray[np.int64] = rows.numpy()  # of those in sight, ascending
+        for leaf in self._leaves.values():
+            leaf.requires_grad_()
+        self._looks = appearance.looks(self._leaves, local, view, degree)
+        self.looks = tuple(self._rendered(look) for look in self._looks)
 
-    def backward(self, gradients: Sequence[Gaussians]) -> Gaussians:
-        """From the gradients of a loss by the looks to those by the Gaussians; those of the network are in `.grad`."""
+    def backward(self, gradients: Sequence[Gaussians], workspace: Workspace) -> Gaussians:
+        """From the gradients of a loss by the looks to those by all Gaussians; those of the network are in `.grad`.
+
+        The arrays belong to the workspace and are overwritten by the next call.
+        """
         tensors, upstream = [], []
         for look, gradient in zip(self._looks, gradients, strict=True):
             for name, value in gradient.arrays().items():
@@ -94,10 +99,25 @@ class Dressed:
                     upstream.append(torch.from_numpy(value).reshape(look[name].shape))
         torch.autograd.backward(tensors, upstream)
         found = {
-            name: np.zeros(leaf.shape, np.float32) if leaf.grad is None else leaf.grad.numpy()
+            name: self.spread(
+                np.zeros(leaf.shape, np.float32) if leaf.grad is None else leaf.grad.numpy(), name, workspace
+            )
             for name, leaf in self._leaves.items()
         }
         return Gaussians(**found, origin=self._origin)
+
+    def spread(self, values: NDArray, name: str, workspace: Workspace, *, rest: int = 0) -> NDArray:
+        """Values [n, ...] of those in sight among those of all Gaussians [N, ...], where the others have `rest`."""
+        spread = workspace.array(f"all_{name}", (self._total, *values.shape[1:]), values.dtype)
+        spread.fill(rest)
+        spread[self.rows] = values
+        return spread
+
+    def _rendered(self, look: dict[str, Tensor]) -> Gaussians:
+        return Gaussians(
+            **{name: np.ascontiguousarray(look[name].detach().numpy(), np.float32) for name in FIELDS},
+            origin=self._origin,
+        )
 
 
 def equipped(gaussians: Gaussians, appearance: Appearance | None) -> Gaussians:
@@ -108,7 +128,7 @@ def equipped(gaussians: Gaussians, appearance: Appearance | None) -> Gaussians:
 def dressed(
     gaussians: Gaussians, appearance: Appearance | None, camera: Camera, view: int | None, degree: int
 ) -> Gaussians:
-    """What a view shows of the Gaussians; themselves, without an appearance."""
+    """What a view shows of the Gaussians, those in sight; themselves, without an appearance."""
     if appearance is None:
         return gaussians
     with torch.no_grad():
@@ -122,11 +142,18 @@ def moved(camera: Camera, origin: NDArray[np.float64]) -> Camera:
     return replace(camera, world_to_camera=pose)
 
 
-def in_sight(parameters: dict[str, Tensor], camera: Camera) -> Tensor:
-    """Which Gaussians, bool [N], a camera may show: their splats can touch the image. Networks need no others' colours.
+def in_sight(parameters: dict[str, Tensor], camera: Camera) -> tuple[Tensor, dict[str, Tensor]]:
+    """The Gaussians that a camera may show: whole ones whose splats can touch the image.
 
     Generous, so that none that is shown is left out: a splat's standard deviation is at most the largest one of the
     Gaussian times the norm of the projection's Jacobian (Zwicker et al. 2002), and what renderers widen it by.
+
+    Args:
+        parameters: of all Gaussians.
+        camera: that looks, relative to their origin.
+
+    Returns:
+        Their indices [n], ascending, and their parameters.
     """
     means = parameters["means"].detach()
     pose = torch.from_numpy(camera.world_to_camera).to(means)
@@ -136,7 +163,13 @@ def in_sight(parameters: dict[str, Tensor], camera: Camera) -> Tensor:
     jacobian = max(camera.fx, camera.fy) / near * (1 + slope_x**2 + slope_y**2).sqrt()
     reach = REACH * (parameters["log_scales"].detach().amax(dim=1).exp() * jacobian + WIDENED)
     u, v = camera.fx * slope_x + camera.cx, camera.fy * slope_y + camera.cy
-    return before & (u > -reach) & (u < camera.width + reach) & (v > -reach) & (v < camera.height + reach)
+    near_image = before & (u > -reach) & (u < camera.width + reach) & (v > -reach) & (v < camera.height + reach)
+    rows = near_image.nonzero()[:, 0]
+    shown = {name: value[rows] for name, value in parameters.items()}
+    whole = finite_rows(shown)
+    if whole.all():
+        return rows, shown
+    return rows[whole], {name: value[whole] for name, value in shown.items()}
 
 
 def set_of(parameters: dict[str, Tensor], sh: Tensor) -> dict[str, Tensor]:

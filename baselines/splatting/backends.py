@@ -103,10 +103,10 @@ class CpuBackend:
         """See Backend."""
         state, workspace = self._state, self._workspace
         assert state is not None
-        loss, gradients, rendering = self._learn(state.gaussians, camera, view, iteration, degree)
+        loss, gradients, rank = self._learn(state.gaussians, camera, view, iteration, degree)
         if duties.watch:
             means2d = gradients.means2d_absolute if duties.absolute else gradients.means2d
-            observe(state, rendering.rank, means2d, (camera.width, camera.height))
+            observe(state, rank, means2d, (camera.width, camera.height))
         if duties.opacity_penalty or duties.scale_penalty:
             add_penalties(state.gaussians, duties, gradients.parameters)
         moments = zip(state.first.arrays().values(), state.second.arrays().values(), strict=True)
@@ -118,23 +118,30 @@ class CpuBackend:
 
     def _learn(
         self, gaussians: Gaussians, camera: Camera, view: int, iteration: int, degree: int
-    ) -> tuple[float, Gradients, RenderState]:
-        """The loss of a view and its gradients; an appearance has taken its own step."""
+    ) -> tuple[float, Gradients, NDArray]:
+        """The loss of a view, its gradients, and ranks [N], negative where it shows nothing of a Gaussian.
+
+        An appearance has taken its own step.
+        """
         appearance, objective = self._objective.appearance, self._objective
         if appearance is None:
             image, rendering = self._render(gaussians, camera, degree, self._workspace)
             loss, grad_image = objective(image, view, iteration, self._workspace)
-            return loss, backward(rendering, grad_image), rendering
+            return loss, backward(rendering, grad_image), rendering.rank
         clothes = Dressed(gaussians, appearance, camera, view, degree)
         self._others += [Workspace() for _ in range(len(clothes.looks) - 1 - len(self._others))]
         spaces = zip(clothes.looks, (self._workspace, *self._others), strict=True)
         renders = [self._render(look, camera, degree, workspace) for look, workspace in spaces]
         loss, grad_images = objective.compare([image for image, _ in renders], view, iteration, self._workspace)
         parts = [backward(rendering, grad) for (_, rendering), grad in zip(renders, grad_images, strict=True)]
-        parameters = clothes.backward([part.parameters for part in parts])
+        parameters = clothes.backward([part.parameters for part in parts], self._workspace)
         appearance.learn(iteration)
-        means2d, absolute = (sum(getattr(part, name) for part in parts) for name in ("means2d", "means2d_absolute"))
-        return loss, Gradients(parameters, means2d, absolute), renders[0][1]
+        means2d, absolute = (
+            clothes.spread(sum(getattr(part, name) for part in parts), name, self._workspace)
+            for name in ("means2d", "means2d_absolute")
+        )
+        rank = clothes.spread(renders[0][1].rank, "rank", self._workspace, rest=-1)
+        return loss, Gradients(parameters, means2d, absolute), rank
 
     def _render(
         self, gaussians: Gaussians, camera: Camera, degree: int, workspace: Workspace

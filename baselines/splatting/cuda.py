@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from baselines.splatting.adam import BETA1, BETA2, EPSILON
-from baselines.splatting.appearance import moved
+from baselines.splatting.appearance import in_sight, moved
 from baselines.splatting.constants import LOW_PASS
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.objective import Objective
@@ -28,6 +28,8 @@ from baselines.splatting.torch_steps import drawn, finite_rows, noise, penalty_g
 from baselines.training_images import Size
 from hydroviews.cameras import Camera
 from hydroviews.images import Image
+
+Rows = slice | Tensor  # of the Gaussians that are rendered: all, or those at the indices [n]
 
 
 @dataclass
@@ -96,8 +98,8 @@ class CudaBackend:
         """See Backend."""
         state = self._current()
         with torch.no_grad():
-            look = self._looks(state.parameters, camera, view, degree)[0]
-            image, _ = self._rasterize(look, state.origin, camera, degree)
+            _, looks = self._looks(state.parameters, camera, view, degree)
+            image, _ = self._rasterize(looks[0], state.origin, camera, degree)
         return self._objective.residual(image.cpu().numpy(), view, self._workspace)
 
     def contributions(self, cameras: Sequence[Camera]) -> NDArray[np.float64]:
@@ -118,7 +120,7 @@ class CudaBackend:
         """See Backend."""
         state = self._current()
         leaves = {name: value.detach().requires_grad_() for name, value in state.parameters.items()}
-        looks = self._looks(leaves, camera, view, degree)
+        rows, looks = self._looks(leaves, camera, view, degree)
         renders = [self._rasterize(look, state.origin, camera, degree, duties.absolute) for look in looks]
         if duties.watch:
             for _, details in renders:
@@ -128,7 +130,7 @@ class CudaBackend:
             self._objective.appearance.learn(iteration)
         with torch.no_grad():
             if duties.watch:
-                _observe(state, [details for _, details in renders], duties, camera)
+                _observe(state, rows, [details for _, details in renders], duties, camera)
             for name in leaves:
                 parts = [leaves[name].grad, penalty_gradient(name, state.parameters[name], duties)]
                 given = [part for part in parts if part is not None]
@@ -151,13 +153,14 @@ class CudaBackend:
 
     def _looks(
         self, parameters: dict[str, Tensor], camera: Camera, view: int, degree: int
-    ) -> tuple[dict[str, Tensor], ...]:
-        """What the view shows of the Gaussians, and what else is compared: see appearance.Appearance."""
+    ) -> tuple[Rows, tuple[dict[str, Tensor], ...]]:
+        """Which Gaussians are rendered, and their looks: see appearance.Appearance."""
         appearance = self._objective.appearance
         if appearance is None:
-            return (parameters,)
+            return slice(None), (parameters,)
         seen_from = moved(camera, self._current().origin)
-        return appearance.looks(without_broken(parameters)[0], seen_from, view, degree)
+        rows, seen = in_sight(parameters, seen_from)
+        return rows, appearance.looks(seen, seen_from, view, degree)
 
     def _rasterize(
         self,
@@ -209,13 +212,15 @@ class CudaBackend:
         return value
 
 
-def _observe(state: _DeviceState, renders: Sequence[dict[str, Any]], duties: Duties, camera: Camera) -> None:
+def _observe(
+    state: _DeviceState, rows: Rows, renders: Sequence[dict[str, Any]], duties: Duties, camera: Camera
+) -> None:
     half_size = state.seen.new_tensor([camera.width / 2, camera.height / 2])
     shown = (renders[0]["radii"][0] > 0).all(dim=-1)
     means2d = [details["means2d"] for details in renders]
     gradient = sum((m.absgrad if duties.absolute else m.grad)[0] for m in means2d)
-    state.gradient_sum += (gradient * half_size).norm(dim=-1) * shown
-    state.seen += shown
+    state.gradient_sum[rows] += (gradient * half_size).norm(dim=-1) * shown
+    state.seen[rows] += shown
 
 
 def _adam(state: _DeviceState, name: str, gradient: Tensor, step: int, rates: float | NDArray[np.float32]) -> None:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn.functional import pad
 
-from baselines.splatting.appearance import Appearance, in_sight, set_of
+from baselines.splatting.appearance import Appearance, set_of
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.spherical_harmonics import C0
 from baselines.torch_state import module_arrays, restore_module
@@ -80,11 +80,9 @@ class WildAppearance(Appearance):
         self, parameters: dict[str, Tensor], camera: Camera, view: int | None, degree: int
     ) -> tuple[dict[str, Tensor], ...]:
         """See Appearance; a view that was not trained on has the mean of the training embeddings."""
-        sh, seen = parameters["sh"], in_sight(parameters, camera).nonzero()[:, 0]
-        gain, offset = self.change(sh[seen, 0], parameters["features"][seen], self.embedding(view))
-        gains = sh.new_ones(len(sh), 3).index_put((seen,), gain)
-        offsets = sh.new_zeros(len(sh), 3).index_put((seen,), offset)
-        return set_of(parameters, toned(sh, gains, offsets)), set_of(parameters, sh)
+        sh = parameters["sh"]
+        gain, offset = self.change(sh[:, 0], parameters["features"], self.embedding(view))
+        return set_of(parameters, toned(sh, gain, offset)), set_of(parameters, sh)
 
     def embedding(self, view: int | None) -> Tensor:
         """That of a training view [32]; the mean of all for None."""

@@ -10,7 +10,7 @@ import torch
 from splats import camera, cloud, photographed, with_values
 from trainings import CONFIG, DENSIFY, assert_identical, psnr
 
-from baselines.gaussian_splatting import BudgetedSplatting, GaussianSplatting, within
+from baselines.gaussian_splatting import BudgetedSplatting, GaussianSplatting, of_length, within
 from baselines.method import find_method
 from baselines.splatting.densification import Densification, rotation_matrices
 from baselines.splatting.gaussians import FIELDS
@@ -224,6 +224,15 @@ def test_the_budgeted_method_has_half_the_gaussians():
         grown = budgeted.densification.stop / budgeted.iterations
         assert grown < min(budgeted.pruning.at)  # what is pruned does not come back
     assert BudgetedSplatting.configuration("paper").densification == Relocation()
+
+
+def test_dearer_steps_are_fewer_on_the_same_schedule():
+    plain = GaussianSplatting.configuration("quick")
+    assert of_length(plain.iterations, plain) == plain
+    half = of_length(plain.iterations // 2, plain)
+    assert (2 * half.iterations, 2 * half.sh_every) == (plain.iterations, plain.sh_every)
+    assert 2 * half.densification.stop == plain.densification.stop
+    assert half.densification.budget == plain.densification.budget
 
 
 def test_a_budget_is_exceeded_early_and_kept_in_the_end(scene, tmp_path):

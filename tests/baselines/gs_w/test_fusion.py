@@ -8,7 +8,8 @@ from torch.nn import functional
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT
 from baselines.gs_w.fusion import Fusion
-from baselines.splatting.appearance import Dressed, equipped, in_sight
+from baselines.splatting.appearance import Dressed, equipped
+from baselines.splatting.rasterizer import Workspace
 from baselines.splatting.spherical_harmonics import C0
 from baselines.training_images import TrainingImages
 from baselines.volumetric.encodings import positional
@@ -28,8 +29,8 @@ def restless(appearance):
 
 def test_the_first_look_has_the_points_colours():
     gaussians, appearance = cloud(50, 1), ReferenceAppearance(some_pictures(), SHORT, 1, 10, 0)
-    look = Dressed(equipped(gaussians, appearance), appearance, camera(41, 30), 0, 1).looks[0]
-    assert np.array_equal(look.sh, gaussians.sh[:, :1])
+    clothes = Dressed(equipped(gaussians, appearance), appearance, camera(41, 30), 0, 1)
+    assert np.array_equal(clothes.looks[0].sh, gaussians.sh[clothes.rows, :1])
 
 
 def test_colours_are_what_the_layers_say_of_position_features_and_direction():
@@ -37,18 +38,15 @@ def test_colours_are_what_the_layers_say_of_position_features_and_direction():
     appearance = restless(ReferenceAppearance(some_pictures(), SHORT, 1, 10, 0))
     gaussians = equipped(gaussians, appearance)
     parameters = {name: torch.from_numpy(value) for name, value in gaussians.arrays().items()}
-    seen = torch.nonzero(in_sight(parameters, view))[:, 0]
-    dynamic = torch.rand(len(seen), SHORT.dynamic)
-    found = appearance.fusion.coloured(parameters, view, dynamic, seen)
-    fusion, means = appearance.fusion, parameters["means"][seen]
-    intrinsic, offset = parameters["sh"][seen].flatten(1), means - torch.from_numpy(view.centre).float()
+    dynamic = torch.rand(30, SHORT.dynamic)
+    found = appearance.fusion.coloured(parameters, view, dynamic)
+    fusion, means = appearance.fusion, parameters["means"]
+    intrinsic, offset = parameters["sh"].flatten(1), means - torch.from_numpy(view.centre).float()
     fused = torch.cat([positional((means - fusion.middle) / fusion.side, SHORT.frequencies), dynamic, intrinsic], dim=1)
     fused = torch.cat([fusion.encoder(fused).relu(), intrinsic], dim=1)
     fused = torch.cat([fusion.decoder(fused).relu(), offset / offset.norm(dim=1, keepdim=True)], dim=1)
-    expected = parameters["sh"][:, 0].clone()
-    expected[seen] += fusion.colour(fused) / C0
-    assert torch.allclose(found[:, 0], expected, atol=1e-5)
-    assert (found[seen] - parameters["sh"][seen, :1]).abs().max() > 0.01
+    assert torch.allclose(found[:, 0], parameters["sh"][:, 0] + fusion.colour(fused) / C0, atol=1e-5)
+    assert (found - parameters["sh"][:, :1]).abs().max() > 0.01
 
 
 def test_gradients_are_those_of_float64():
@@ -56,24 +54,24 @@ def test_gradients_are_those_of_float64():
     gaussians, view = cloud(40, 1), camera(41, 30)
     appearance = restless(ReferenceAppearance(some_pictures(), SHORT, 1, 10, 0))
     gaussians = equipped(gaussians, appearance)
-    upstream = cloud(40, 0, seed=5)
     clothes = Dressed(gaussians, appearance, view, 1, 1)
-    ours = clothes.backward([upstream])
+    rows, upstream = clothes.rows, cloud(40, 0, seed=5).select(clothes.rows)
+    ours = clothes.backward([upstream], Workspace())
 
     twin = Fusion(SHORT, 1).double()
     twin.load_state_dict(appearance.fusion.state_dict())
     leaves = {k: torch.from_numpy(v).double().requires_grad_() for k, v in gaussians.arrays().items()}
-    seen = torch.nonzero(in_sight(leaves, view))[:, 0]
+    seen = {k: v[rows] for k, v in leaves.items()}
     maps = appearance.encode(1)[0].detach().double().requires_grad_()
-    dynamic = appearance._dropped(appearance.read(maps, leaves, view, seen))
-    (twin.coloured(leaves, view, dynamic, seen)[:, 0] * torch.from_numpy(upstream.sh[:, 0]).double()).sum().backward()
+    dynamic = appearance._dropped(appearance.read(maps, seen, view))
+    (twin.coloured(seen, view, dynamic)[:, 0] * torch.from_numpy(upstream.sh[:, 0]).double()).sum().backward()
     for name in ("sh", "features"):
         expected = leaves[name].grad.numpy()
         assert np.abs(getattr(ours, name) - expected).max() < 1e-4 * np.abs(expected).max(), name
     assert torch.allclose(appearance._leaves[0].grad.double(), maps.grad, rtol=1e-3, atol=1e-4 * maps.grad.abs().max())
     for (name, weight), other in zip(appearance.fusion.named_parameters(), twin.parameters(), strict=True):
         assert (weight.grad - other.grad).abs().max() < 1e-4 * other.grad.abs().max(), name
-    assert np.array_equal(ours.means, upstream.means)  # colours add nothing to what positions are told
+    assert np.array_equal(ours.means[rows], upstream.means)  # colours add nothing to what positions are told
 
 
 def test_what_is_dropped_is_drawn_anew_each_step_and_scaled():

@@ -7,7 +7,7 @@ from splats import BACKGROUND, camera, cloud
 
 from baselines.splatting import reference
 from baselines.splatting.appearance import Dressed, equipped
-from baselines.splatting.rasterizer import backward, render
+from baselines.splatting.rasterizer import Workspace, backward, render
 from baselines.wild_gaussians.appearance import MIDDLE, AppearanceConfig, WildAppearance, fourier, toned
 from baselines.wild_gaussians.sky import Bounds
 
@@ -39,7 +39,7 @@ def test_gradients_are_those_of_float64():
     weights = [np.random.default_rng(k).normal(size=(20, 24, 3)).astype(np.float32) for k in range(2)]
     clothes = Dressed(gaussians, ours, view, 1, 1)
     states = [render(look, view, BACKGROUND)[1] for look in clothes.looks]
-    found = clothes.backward([backward(s, w).parameters for s, w in zip(states, weights, strict=True)])
+    found = clothes.backward([backward(s, w).parameters for s, w in zip(states, weights, strict=True)], Workspace())
 
     leaves = {name: torch.from_numpy(v).double().requires_grad_() for name, v in gaussians.arrays().items()}
     background = torch.from_numpy(BACKGROUND).double()
