@@ -134,7 +134,7 @@ SMALL = VolumetricConfig(field=HashFieldConfig(rate=2e-2))
 PAPER = replace(NERF, iterations=300_000, final_rate=0.01)
 PROFILES = {
     "demo": NerfWConfig(replace(SMALL, iterations=3500)),
-    "quick": NerfWConfig(replace(SMALL, iterations=15_000)),
+    "quick": NerfWConfig(replace(SMALL, iterations=11_000)),
     "paper": NerfWConfig(PAPER, transient_width=128, transient_layers=4, code_rate=5e-4),
 }
 
