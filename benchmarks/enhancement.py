@@ -20,8 +20,9 @@ import torch
 import tyro
 
 from benchmarks.timing import least
-from deraings.enhancement.__main__ import VALIDATION_SEED, WATCHED, Data, described
+from deraings.enhancement.__main__ import VALIDATION_SEED, WATCHED
 from deraings.enhancement.config import TrainingConfig, Upkeep
+from deraings.enhancement.data import Data, described, training_pairs
 from deraings.enhancement.enhance import enhance
 from deraings.enhancement.network import CONFIGS, EnhancementNetwork, NetworkConfig
 from deraings.enhancement.pairs import Pairs
@@ -30,9 +31,7 @@ from deraings.enhancement.training import train
 from deraings.enhancement.validation import as_columns, scores, validation_set
 from deraings.enhancement.weights import Enhancer
 from hydroviews.files import write_bytes
-from hydroviews.pairs.drawing import bake_pool
-from hydroviews.pairs.drawn import DrawnRain
-from hydroviews.pairs.photographs import read_photographs, split_photographs
+from hydroviews.pairs.photographs import split_photographs
 
 SIZE = 400, 300
 LARGE = 1200, 900
@@ -80,12 +79,12 @@ def megabytes(name: str, width: int) -> float:
     return peak(*LARGE) - peak(64, 64)
 
 
-def row(choice: Choice, config: NetworkConfig, pairs: Pairs, validate: Callable) -> dict[str, Any]:
+def row(choice: Choice, data: Data, config: NetworkConfig, pairs: Pairs, validate: Callable) -> dict[str, Any]:
     """One width: size, time, memory, and PSNR after training."""
     training = replace(TrainingConfig(), network=config, steps=choice.steps)
     upkeep = Upkeep(validate_every=choice.steps)
-    data = described(Data(choice.photographs, cache=choice.cache))
-    trained = train(choice.out / f"width-{config.width}", training, pairs, data, validate, upkeep)
+    folder, words = choice.out / f"width-{config.width}", described(data, None)
+    trained = train(folder, training, pairs, words, validate, upkeep)
     parts = measure(config, *SIZE).values()
     megapixels = SIZE[0] * SIZE[1] / 1e6
     return {
@@ -103,16 +102,16 @@ def main() -> None:
     """Entry point."""
     choice = tyro.cli(Choice)
     torch.set_num_threads(1)
-    config, split = CONFIGS[choice.network], split_photographs(choice.photographs)
-    seed, patch = TrainingConfig().seed, TrainingConfig().patch
-    drawn = DrawnRain(read_photographs(split.training), bake_pool(choice.cache, seed))
-    pairs = Pairs(drawn, [], patch, seed)
-    watched = validation_set(split.held_out[:WATCHED], VALIDATION_SEED, choice.cache / "validation")
+    config, data = CONFIGS[choice.network], Data(choice.photographs, cache=choice.cache)
+    pairs = training_pairs(data, replace(TrainingConfig(), network=config))
+    held_out = split_photographs(choice.photographs).held_out
+    watched = validation_set(held_out[:WATCHED], VALIDATION_SEED, choice.cache / "validation")
 
     def validate(network: EnhancementNetwork) -> dict[str, float]:
         return as_columns(scores(network, watched))
 
-    rows = [row(choice, replace(config, width=width, head_width=width), pairs, validate) for width in choice.widths]
+    widths = [replace(config, width=width, head_width=width) for width in choice.widths]
+    rows = [row(choice, data, width, pairs, validate) for width in widths]
     table = pd.DataFrame(rows)
     write_bytes(choice.out / "enhancement.csv", table.to_csv(index=False).encode())
     print(table.to_string(index=False))

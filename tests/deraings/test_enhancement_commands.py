@@ -4,17 +4,9 @@ import numpy as np
 import pytest
 from tiny_network import TINY
 
-from deraings.enhancement.__main__ import (
-    Data,
-    Request,
-    describe_command,
-    described,
-    enhance_command,
-    export_command,
-    started_from,
-    train_command,
-)
+from deraings.enhancement.__main__ import Request, describe_command, enhance_command, export_command, train_command
 from deraings.enhancement.config import TrainingConfig
+from deraings.enhancement.data import Data, described, started_from
 from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.validation import Rainy, as_columns, as_json, scores, table
 from deraings.enhancement.weights import save_network
@@ -58,18 +50,19 @@ def test_nothing_is_exported_where_nothing_was_trained(tmp_path):
 
 def test_what_a_training_begins_with_stands_in_its_data(tmp_path, weights):
     pictures(tmp_path / "photographs")
-    data = Data(tmp_path / "photographs")
-    assert "begun" not in described(data)
-    begun = described(replace(data, start=str(weights)))
+    data, config = Data(tmp_path / "photographs"), TrainingConfig(network=TINY)
+    assert "begun" not in described(data, started_from(data, config))
+    data = replace(data, start=str(weights))
+    begun = described(data, started_from(data, config))
     assert "begun with weights.safetensors (0 steps, " in begun
     save_network(weights, TINY, EnhancementNetwork(TINY).state_dict(), {"data": "others", "steps": 0})
-    assert described(replace(data, start=str(weights))) != begun
+    assert described(data, started_from(data, config)) != begun
 
 
 def test_sizes_and_lenses_stand_in_the_data(tmp_path):
     pictures(tmp_path / "photographs")
     data = Data(tmp_path / "photographs", sides=(480, 288), lenses=7)
-    assert "480 or 288 pixels wide or high; 7 wet lenses a frame" in described(data)
+    assert "480 or 288 pixels wide or high; 7 wet lenses a frame" in described(data, None)
 
 
 @pytest.mark.parametrize("wrong", [{"sides": ()}, {"lenses": 0}])
@@ -85,10 +78,13 @@ def test_parts_have_to_fit_into_the_smallest_frame(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_training_begins_only_with_its_own_kind_of_network(weights):
-    assert started_from(str(weights), TrainingConfig(network=TINY)).config == TINY
+def test_a_training_begins_only_with_its_own_kind_of_network(tmp_path, weights):
+    data = Data(tmp_path, start=str(weights))
+    start = started_from(data, TrainingConfig(network=TINY))
+    assert start
+    assert start.network.config == TINY
     with pytest.raises(InputError, match="cannot begin a training of another network"):
-        started_from(str(weights), TrainingConfig())
+        started_from(data, TrainingConfig())
 
 
 def test_scores_are_means_by_kind():

@@ -1,0 +1,93 @@
+"""What the enhancement network learns from: photographs, the rain drawn on them, published pairs, first weights."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from deraings.enhancement.config import TrainingConfig
+from deraings.enhancement.pair_folders import PairFolder
+from deraings.enhancement.pairs import VEILED, Pairs
+from deraings.enhancement.weights import Enhancer, find_weights, load_enhancer
+from hydroviews.errors import InputError
+from hydroviews.files import sha256
+from hydroviews.pairs.drawing import LENSES, bake_pool
+from hydroviews.pairs.drawn import DrawnRain
+from hydroviews.pairs.photographs import LONG_SIDES, frames, read_photographs, split_photographs
+
+
+@dataclass(frozen=True)
+class Data:
+    """What to learn from."""
+
+    photographs: Path  # folder of clean photographs; every tenth by name is held out
+    pairs: tuple[Path, ...] = ()  # folders of published pairs, each as often as the photographs
+    start: str = ""  # weights to begin with, shipped ones or a file; none: begin with chance
+    sides: tuple[int, ...] = LONG_SIDES  # pixels; photographs are brought to any of these long sides
+    lenses: int = LENSES  # wet lenses baked for landscape and for portrait of every long side
+    cache: Path = Path("results/enhancement/rain")  # keeps what Blender bakes
+
+    def __post_init__(self) -> None:
+        if not self.sides or self.lenses < 1:
+            found = f"--sides {self.sides}, --lenses {self.lenses}"
+            raise InputError(f"{found}: nothing to learn from", expected="at least one of each")
+
+
+def training_pairs(data: Data, config: TrainingConfig) -> Pairs:
+    """Pairs of a training: the photographs that are not held out in drawn rain, and the published ones.
+
+    Raises:
+        InputError: a folder cannot be read, or the smallest photographs are smaller than the parts.
+    """
+    check_parts(data.sides, config.patch)
+    photographs = split_photographs(data.photographs).training
+    pool = bake_pool(data.cache, config.seed, data.lenses, data.sides)
+    published = [PairFolder(folder, config.patch) for folder in data.pairs]
+    drawn = DrawnRain(read_photographs(photographs, data.sides), pool)
+    return Pairs(drawn, published, config.patch, config.seed, VEILED if config.network.veil else 0)
+
+
+def started_from(data: Data, config: TrainingConfig) -> Enhancer | None:
+    """The trained weights that a training begins with; None where it begins with chance.
+
+    Raises:
+        InputError: no such weights, or they are of a network of another width or depth.
+    """
+    if not data.start:
+        return None
+    enhancer = load_enhancer(data.start)
+    if enhancer.network.config != config.network:
+        raise InputError(
+            f"{find_weights(data.start)}: cannot begin a training of another network",
+            found=f"a network of {enhancer.network.config}",
+            expected=f"one of {config.network}",
+        )
+    return enhancer
+
+
+def check_parts(sides: Sequence[int], patch: int) -> None:
+    """Are there parts of the wanted size in the smallest frame?
+
+    Raises:
+        InputError: there are not.
+    """
+    width, height = min(frames(sides))
+    if min(width, height) < patch:
+        raise InputError(
+            f"cannot cut parts of {patch}x{patch} pixels",
+            found=f"photographs brought to {width}x{height}",
+            expected="long sides of at least one and a half times the parts",
+            fix="leave the smallest of --sides out, or make --patch smaller",
+        )
+
+
+def described(data: Data, start: Enhancer | None) -> str:
+    """The data and the weights to begin with in words, for checkpoint and card."""
+    count = len(split_photographs(data.photographs).training)
+    folders = [f"{count} photographs ({data.photographs.parent.name}/{data.photographs.name})"]
+    folders += [f"pairs of {folder.parent.name}/{folder.name}" for folder in data.pairs]
+    sizes = " or ".join(str(side) for side in data.sides)
+    words = f"{', '.join(folders)}, {sizes} pixels wide or high; {data.lenses} wet lenses a frame"
+    if start:
+        path = find_weights(data.start)
+        words += f"; begun with {path.name} ({start.card['steps']} steps, {sha256(path)[:12]})"
+    return words
