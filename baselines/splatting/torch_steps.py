@@ -3,6 +3,8 @@
 For the GPU; those of the strategy are the yardstick of the kernels as well.
 """
 
+import math
+
 import torch
 from torch import Tensor
 
@@ -39,8 +41,9 @@ def drawn(duties: Duties, like: Tensor) -> Tensor:
 
 def finite_rows(parameters: dict[str, Tensor]) -> Tensor:
     """Which Gaussians, bool [N], have no parameter that is NaN or infinite."""
-    nought = [(0 * v.detach()).reshape(len(v), -1).sum(dim=1) for v in parameters.values()]  # NaN for broken ones
-    return torch.isfinite(torch.stack(nought).sum(dim=0))  # a third of the time that looking at every number takes
+    # Nothing times a number is NaN for a broken one: a third of the time that looking at every number takes.
+    nothing = [(0 * v.detach()).reshape(len(v), math.prod(v.shape[1:])).sum(dim=1) for v in parameters.values()]
+    return torch.isfinite(torch.stack(nothing).sum(dim=0))
 
 
 def without_broken(parameters: dict[str, Tensor]) -> tuple[dict[str, Tensor], Tensor]:

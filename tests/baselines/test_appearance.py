@@ -114,6 +114,22 @@ def test_who_is_shown_is_in_sight(size, most):
     assert np.array_equal(seen["sh"], gaussians.sh[rows])
 
 
+def test_a_view_of_nothing_teaches_nothing(tmp_path):
+    scene = photographed(tmp_path, n_views=3)
+    images = read_images(scene.train_views)
+    backend = CpuBackend(Both(images, appearance=Tint(len(images))), BACKGROUND, 0.01)
+    backend.put(fresh_state(with_features(20)))
+    away, pose = scene.train_views[0].camera, np.diag([-1.0, 1.0, -1.0, 1.0])
+    away = replace(away, world_to_camera=pose @ away.world_to_camera)
+    before = {name: value.copy() for name, value in backend.get(0, 0.0).gaussians.arrays().items()}
+    rates = {**rates_at(0, 100, LearningRates(), 4.0, 1), "features": 0.01}
+    loss = backend.step(away, 0, 0, 1, rates, Duties(watch=True))
+    after = backend.get(1, 0.0)
+    assert np.isfinite(loss)
+    assert not after.seen.any()
+    assert all(np.array_equal(value, after.gaussians.arrays()[name]) for name, value in before.items())
+
+
 def test_a_colour_cast_a_view_is_learnt_away_and_back_from_a_checkpoint(tmp_path):
     scene = photographed(tmp_path, n_views=8)
     images = read_images(scene.train_views)
