@@ -131,10 +131,13 @@ def nerf_w_terms(config: NerfWConfig) -> Loss:
 
 # Short trainings want large steps: on a made-up scene 250 iterations reach 18 dB at a rate of 0.01, 24 at 0.03.
 SMALL = VolumetricConfig(field=HashFieldConfig(rate=2e-2))
+# They see a pixel half a time or less, and so what could be transient or a view's look is soon taken for it: on clean
+# views of Mip-NeRF 360 bonsai, `demo`, 24.2 dB with the defaults, 24.5 with this weight, 24.7 with this rate as well.
+SHORT = NerfWConfig(SMALL, density_weight=0.1, code_rate=1e-3)
 PAPER = replace(NERF, iterations=300_000, final_rate=0.01)
 PROFILES = {
-    "demo": NerfWConfig(replace(SMALL, iterations=3500)),
-    "quick": NerfWConfig(replace(SMALL, iterations=11_000)),
+    "demo": replace(SHORT, volumetric=replace(SMALL, iterations=3500)),
+    "quick": replace(SHORT, volumetric=replace(SMALL, iterations=11_000)),
     "paper": NerfWConfig(PAPER, transient_width=128, transient_layers=4, code_rate=5e-4),
 }
 
