@@ -132,16 +132,19 @@ class ReferenceAppearance(Appearance):
         return self._leaves
 
     def _dropped(self, dynamic: Tensor) -> Tensor:
-        """Dropout (Srivastava et al. 2014) of what Gaussians have of a map; none where nothing is learnt.
+        """Dropout (Srivastava et al. 2014) of what Gaussians have of a map, or of all; none where nothing is learnt.
 
-        The same whenever a step is done again.
+        The same whenever a step is done again. What is left is scaled, so that features are the same in the mean.
         """
-        if not self.config.dropout or not torch.is_grad_enabled():
+        if not torch.is_grad_enabled():
             return dynamic
-        parts = dynamic.unflatten(1, (1 + self.config.maps, -1))
-        drawn = random_stream(self.seed, DROPOUT, self._steps).random((*parts.shape[:2], 1), np.float32)
-        kept = torch.from_numpy(drawn >= self.config.dropout).to(dynamic)
-        return (parts * (kept / (1 - self.config.dropout))).flatten(1)
+        config, stream = self.config, random_stream(self.seed, DROPOUT, self._steps)
+        if config.absent and stream.random() < config.absent:
+            return 0 * dynamic
+        parts = dynamic.unflatten(1, (1 + config.maps, -1))
+        drawn = stream.random((*parts.shape[:2], 1), np.float32)
+        kept = torch.from_numpy(drawn >= config.dropout).to(dynamic)
+        return (parts * (kept / ((1 - config.dropout) * (1 - config.absent)))).flatten(1)
 
     def _decay(self, iteration: int) -> float:
         return float(self.config.final ** (iteration / max(self.iterations, 1)))

@@ -20,6 +20,7 @@ class ReferenceConfig:
     colour: tuple[int, ...] = (48,)  # of the colour network
     fused: int = 48  # length of the feature between them
     dropout: float = 0.1  # share of what the Gaussians have of each map that a step leaves out
+    absent: float = 0.0  # share of the steps in which they have nothing of any map
     rate_maps: float = 2e-3  # Adam's rate of the U-Net
     rate_colour: float = 5e-4  # of the fusion and colour networks
     rate_coordinates: float = 4e-3  # of the coordinates in the maps, whose sides are 2 long
@@ -30,7 +31,9 @@ class ReferenceConfig:
     lpips: float = 0.005  # weight of LPIPS (VGG) in the loss
 
     def __post_init__(self) -> None:
-        if min(self.shrink, self.maps, self.channels) < 1 or not 0 <= self.dropout < 1:
+        if not (0 <= self.dropout < 1 and 0 <= self.absent < 1):
+            raise ValueError(f"dropout {self.dropout}, absent {self.absent}: expected shares below 1")
+        if min(self.shrink, self.maps, self.channels) < 1:
             raise ValueError(f"shrink {self.shrink}, maps {self.maps}, channels {self.channels}: expected 1 or more")
         if min(self.rate_maps, self.rate_colour, self.rate_coordinates, self.final, self.visible_price) <= 0:
             raise ValueError("rates, final and visible_price must be positive")
@@ -52,6 +55,7 @@ SHORT = ReferenceConfig(
     decoder=(),
     colour=(32,),
     fused=32,
+    absent=0.5,
     rate_maps=5e-4,
     rate_coordinates=1e-2,
     visible_from=0.1,

@@ -4,9 +4,10 @@
     decoder(fused, intrinsic) -> fused
     colour(fused, direction) -> rgb
 
-The intrinsic feature is the Gaussian's own; its first three numbers are the degree-0 coefficients of a colour, and
-begin as those of its point. Ours adds that colour to what the networks say, whose last layer begins at zero: so the
-first picture has the points' colours, as that of plain splatting. The paper has the networks alone.
+The intrinsic feature is the Gaussian's own. Ours is the spherical harmonics of a colour besides, to which is added what
+the networks say, whose last layer begins at zero: so the first picture has the points' colours, as that of plain
+splatting, and how a Gaussian looks from here and there need not pass through a network that all share. The paper has
+the networks alone.
 """
 
 from collections.abc import Sequence
@@ -68,7 +69,7 @@ class Fusion(nn.Module):
         return offset
 
     def coloured(self, parameters: dict[str, Tensor], camera: Camera, dynamic: Tensor) -> Tensor:
-        """Coefficients [n, 1, 3] of degree 0 that Gaussians in sight show to a camera.
+        """Coefficients [n, K, 3] that Gaussians in sight show to a camera: their own, and an offset of degree 0.
 
         No gradient goes by way of colours to positions: that by where splats lie is left to place them.
 
@@ -79,7 +80,8 @@ class Fusion(nn.Module):
         """
         means, sh = parameters["means"].detach(), parameters["sh"]
         directions = functional.normalize(means - torch.from_numpy(camera.centre).to(means), dim=1)
-        return sh[:, :1] + self(sh.flatten(1), dynamic, means, directions)[:, None] / C0
+        offset = self(sh.flatten(1), dynamic, means, directions)[:, None] / C0
+        return torch.cat([sh[:, :1] + offset, sh[:, 1:]], dim=1)
 
     def enclose(self, points: NDArray[np.float32]) -> None:
         """Tell positions in a cube that holds 95 % of the points [N, 3] along each axis."""

@@ -84,7 +84,7 @@ def looking(gaussians: Gaussians, fusion: Fusion, camera: Camera) -> Gaussians:
 def from_everywhere(
     gaussians: Gaussians, fusion: Fusion, cameras: Sequence[Camera], near: float, antialiased: bool
 ) -> NDArray[np.float32]:
-    """Coefficients [N, 3] of degree 0 for viewers: the mean of what averaged Gaussians show to the training cameras."""
+    """Coefficients [N, 3] of degree 0 for viewers: means of what averaged Gaussians show to the training cameras."""
     parameters, weighing = tensors(gaussians, fusion), Weighing(gaussians, near, antialiased)
     for camera in tqdm(cameras, desc="averaging the views' colours", unit="view", leave=False):
         local = moved(camera, gaussians.origin)

@@ -131,8 +131,9 @@ class GaussianInTheWild(GaussianSplatting):
         return looking(self._require().gaussians, self._fusion, camera)
 
     def for_viewers(self) -> Gaussians:
-        """See GaussianSplatting; colours are means over the training cameras."""
-        return replace(self._require().gaussians.bare(), sh=np.ascontiguousarray(self._shown[:, None]))
+        """See GaussianSplatting; what is added to the Gaussians' own colours is the mean over the training cameras."""
+        gaussians = self._require().gaussians
+        return replace(gaussians.bare(), sh=np.concatenate([self._shown[:, None], gaussians.sh[:, 1:]], axis=1))
 
     def save(self, folder: Path) -> None:
         """See GaussianSplatting; and the network."""

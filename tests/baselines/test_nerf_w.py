@@ -126,6 +126,17 @@ def test_scoring_renders_the_static_scene_in_its_mean_look():
         assert not torch.allclose(nerf(rays(50)).colour, shown, atol=1e-4)
 
 
+def test_rays_taken_for_the_mean_look_see_no_code_of_their_view():
+    nerf = NerfWModel(replace(CONFIG, mean_looks=0.4), SPACE, torch.Generator().manual_seed(0), 3)
+    practice = Practice(torch.arange(50) % 3, torch.full((2, 50), 0.5))
+    with torch.no_grad():
+        before = nerf(rays(50), practice).colour
+        nerf.appearance.add_(torch.tensor([[2.0], [-1.0], [-1.0]]))  # the mean stays
+        after = nerf(rays(50), practice).colour
+    torch.testing.assert_close(after[:20], before[:20])
+    assert ((after - before)[20:].abs().amax(dim=1) > 1e-3).all()
+
+
 @pytest.fixture(scope="module")
 def spoilt(tmp_path_factory):
     """A colour cast of its own on every training photograph, and on every third a patch that is nowhere else."""

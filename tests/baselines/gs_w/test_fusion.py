@@ -1,6 +1,9 @@
 """Colours of Gaussians: those of the points at first, with the gradients of float64."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 import torch
 from splats import camera, cloud
 from torch.nn import functional
@@ -13,6 +16,8 @@ from baselines.splatting.rasterizer import Workspace
 from baselines.splatting.spherical_harmonics import C0
 from baselines.training_images import TrainingImages
 from baselines.volumetric.encodings import positional
+
+SEEING = replace(SHORT, absent=0.0)  # the reference in every step
 
 
 def some_pictures(count=2, height=30, width=41):
@@ -30,7 +35,7 @@ def restless(appearance):
 def test_the_first_look_has_the_points_colours():
     gaussians, appearance = cloud(50, 1), ReferenceAppearance(some_pictures(), SHORT, 1, 10, 0)
     clothes = Dressed(equipped(gaussians, appearance), appearance, camera(41, 30), 0, 1)
-    assert np.array_equal(clothes.looks[0].sh, gaussians.sh[clothes.rows, :1])
+    assert np.array_equal(clothes.looks[0].sh, gaussians.sh[clothes.rows])
 
 
 def test_colours_are_what_the_layers_say_of_position_features_and_direction():
@@ -46,16 +51,17 @@ def test_colours_are_what_the_layers_say_of_position_features_and_direction():
     fused = torch.cat([fusion.encoder(fused).relu(), intrinsic], dim=1)
     fused = torch.cat([fusion.decoder(fused).relu(), offset / offset.norm(dim=1, keepdim=True)], dim=1)
     assert torch.allclose(found[:, 0], parameters["sh"][:, 0] + fusion.colour(fused) / C0, atol=1e-5)
-    assert (found - parameters["sh"][:, :1]).abs().max() > 0.01
+    assert torch.equal(found[:, 1:], parameters["sh"][:, 1:])
+    assert (found[:, 0] - parameters["sh"][:, 0]).abs().max() > 0.01
 
 
 def test_gradients_are_those_of_float64():
     """By features, coordinates, maps and all weights of the fusion network, through the way numpy takes."""
     gaussians, view = cloud(40, 1), camera(41, 30)
-    appearance = restless(ReferenceAppearance(some_pictures(), SHORT, 1, 10, 0))
+    appearance = restless(ReferenceAppearance(some_pictures(), SEEING, 1, 10, 0))
     gaussians = equipped(gaussians, appearance)
     clothes = Dressed(gaussians, appearance, view, 1, 1)
-    rows, upstream = clothes.rows, cloud(40, 0, seed=5).select(clothes.rows)
+    rows, upstream = clothes.rows, cloud(40, 1, seed=5).select(clothes.rows)
     ours = clothes.backward([upstream], Workspace())
 
     twin = Fusion(SHORT, 1).double()
@@ -64,7 +70,7 @@ def test_gradients_are_those_of_float64():
     seen = {k: v[rows] for k, v in leaves.items()}
     maps = appearance.encode(1)[0].detach().double().requires_grad_()
     dynamic = appearance._dropped(appearance.read(maps, seen, view))
-    (twin.coloured(seen, view, dynamic)[:, 0] * torch.from_numpy(upstream.sh[:, 0]).double()).sum().backward()
+    (twin.coloured(seen, view, dynamic) * torch.from_numpy(upstream.sh).double()).sum().backward()
     for name in ("sh", "features"):
         expected = leaves[name].grad.numpy()
         assert np.abs(getattr(ours, name) - expected).max() < 1e-4 * np.abs(expected).max(), name
@@ -75,7 +81,7 @@ def test_gradients_are_those_of_float64():
 
 
 def test_what_is_dropped_is_drawn_anew_each_step_and_scaled():
-    appearance = ReferenceAppearance(some_pictures(), SHORT, 1, 10, 0)
+    appearance = ReferenceAppearance(some_pictures(), SEEING, 1, 10, 0)
     ones = torch.ones(4000, SHORT.dynamic)
     first, again = appearance._dropped(ones), appearance._dropped(ones)
     assert torch.equal(first, again)
@@ -87,6 +93,17 @@ def test_what_is_dropped_is_drawn_anew_each_step_and_scaled():
     assert not torch.equal(appearance._dropped(ones), first)
     with torch.no_grad():
         assert torch.equal(appearance._dropped(ones), ones)
+
+
+def test_in_some_steps_nothing_of_the_reference_is_seen():
+    config = replace(SHORT, absent=0.4)
+    appearance, ones = ReferenceAppearance(some_pictures(), config, 1, 10, 0), torch.ones(500, SHORT.dynamic)
+    means = []
+    for step in range(200):
+        means.append(float(appearance._dropped(ones).mean()))
+        appearance.learn(step)
+    assert means.count(0.0) == pytest.approx(80, abs=20)
+    assert np.mean(means) == pytest.approx(1, abs=0.15)
 
 
 def test_coordinates_begin_within_the_maps_and_follow_positions():
