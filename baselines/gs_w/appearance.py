@@ -25,7 +25,7 @@ from baselines.training_images import TrainingImages
 from hydroviews.cameras import Camera
 
 STEPS = "steps"
-DROPOUT = 5  # random stream
+DROPOUT, ABSENCE = 5, 6  # random streams
 
 
 class ReferenceAppearance(Appearance):
@@ -71,7 +71,9 @@ class ReferenceAppearance(Appearance):
         if view is None:
             dynamic = parameters["features"]
         else:
-            dynamic = self._dropped(self.read(self._look_at(view)[0], parameters, camera))
+            maps = self._look_at(view)[0]  # which finds the visibility mask too
+            nothing = maps.new_zeros(len(parameters["features"]), self.config.dynamic)
+            dynamic = nothing if self._absent() else self._dropped(self.read(maps, parameters, camera))
         return (set_of(parameters, self.fusion.coloured(parameters, camera, dynamic)),)
 
     def read(self, maps: Tensor, parameters: dict[str, Tensor], camera: Camera) -> Tensor:
@@ -131,18 +133,22 @@ class ReferenceAppearance(Appearance):
         self._leaves = tuple(output.detach().requires_grad_() for output in self._outputs)
         return self._leaves
 
-    def _dropped(self, dynamic: Tensor) -> Tensor:
-        """Dropout (Srivastava et al. 2014) of what Gaussians have of a map, or of all; none where nothing is learnt.
+    def _absent(self) -> bool:
+        """Is this one of the steps that have nothing of the maps? The same whenever it is done again."""
+        drawn = random_stream(self.seed, ABSENCE, self._steps).random()
+        return torch.is_grad_enabled() and drawn < self.config.absent
 
-        The same whenever a step is done again. What is left is scaled, so that features are the same in the mean.
+    def _dropped(self, dynamic: Tensor) -> Tensor:
+        """Dropout (Srivastava et al. 2014) of what Gaussians have of a map; none where nothing is learnt.
+
+        The same whenever a step is done again. What is left is scaled so that features, with those of steps that have
+        none of them, are the same in the mean.
         """
         if not torch.is_grad_enabled():
             return dynamic
-        config, stream = self.config, random_stream(self.seed, DROPOUT, self._steps)
-        if config.absent and stream.random() < config.absent:
-            return 0 * dynamic
+        config = self.config
         parts = dynamic.unflatten(1, (1 + config.maps, -1))
-        drawn = stream.random((*parts.shape[:2], 1), np.float32)
+        drawn = random_stream(self.seed, DROPOUT, self._steps).random((*parts.shape[:2], 1), np.float32)
         kept = torch.from_numpy(drawn >= config.dropout).to(dynamic)
         return (parts * (kept / ((1 - config.dropout) * (1 - config.absent)))).flatten(1)
 

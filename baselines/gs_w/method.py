@@ -61,8 +61,8 @@ class GaussianInTheWild(GaussianSplatting):
     """Splatting with colours by view, and what comes and goes left out."""
 
     profiles: ClassVar[Mapping[str, Any]] = {
-        "demo": GSWConfig(replace(PROFILES["demo"], sh_degree=1), SHORT),
-        "quick": GSWConfig(replace(of_length(9000, PROFILES["quick"]), sh_degree=1), SHORT),
+        "demo": GSWConfig(PROFILES["demo"], SHORT),
+        "quick": GSWConfig(of_length(9000, PROFILES["quick"]), SHORT),
         "paper": GSWConfig(
             TrainerConfig(
                 iterations=70_000,

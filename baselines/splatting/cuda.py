@@ -133,9 +133,9 @@ class CudaBackend:
                 _observe(state, rows, [details for _, details in renders], duties, camera)
             for name in leaves:
                 parts = [leaves[name].grad, penalty_gradient(name, state.parameters[name], duties)]
-                given = [part for part in parts if part is not None]
-                if given:
-                    _adam(state, name, sum(given[1:], given[0]), iteration + 1, rates[name])
+                none = torch.zeros_like(state.parameters[name])  # where nothing is learnt, moments go on falling
+                gradient = sum((part for part in parts if part is not None), none)
+                _adam(state, name, gradient, iteration + 1, rates[name])
             if duties.noise:
                 means = state.parameters["means"]
                 means += noise(state.parameters, duties, drawn(duties, means))

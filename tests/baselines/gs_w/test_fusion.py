@@ -96,14 +96,23 @@ def test_what_is_dropped_is_drawn_anew_each_step_and_scaled():
 
 
 def test_in_some_steps_nothing_of_the_reference_is_seen():
-    config = replace(SHORT, absent=0.4)
-    appearance, ones = ReferenceAppearance(some_pictures(), config, 1, 10, 0), torch.ones(500, SHORT.dynamic)
-    means = []
-    for step in range(200):
-        means.append(float(appearance._dropped(ones).mean()))
+    appearance = restless(ReferenceAppearance(some_pictures(), replace(SHORT, absent=0.4), 1, 10, 0))
+    gaussians, view = equipped(cloud(40, 1), appearance), camera(41, 30)
+    same, moved = [], []
+    for step in range(100):
+        shown = [Dressed(gaussians, appearance, view, reference, 1) for reference in (0, 1)]
+        same.append(np.array_equal(shown[0].looks[0].sh, shown[1].looks[0].sh))
+        moved.append(shown[1].backward([cloud(40, 1).select(shown[1].rows)], Workspace()).features.any())
         appearance.learn(step)
-    assert means.count(0.0) == pytest.approx(80, abs=20)
-    assert np.mean(means) == pytest.approx(1, abs=0.15)
+    assert same.count(True) == pytest.approx(40, abs=15)
+    assert moved == [not alike for alike in same]  # a step without the reference teaches nothing of where to look
+    with torch.no_grad():
+        assert not any(appearance._absent() for _ in range(20))
+
+
+def test_features_are_the_same_in_the_mean_of_all_steps():
+    appearance, ones = ReferenceAppearance(some_pictures(), SHORT, 1, 10, 0), torch.ones(4000, SHORT.dynamic)
+    assert float(appearance._dropped(ones).mean()) * (1 - SHORT.absent) == pytest.approx(1, abs=0.02)
 
 
 def test_coordinates_begin_within_the_maps_and_follow_positions():

@@ -29,8 +29,8 @@ BRIEF = replace(SHORT, rate_maps=2e-3, rate_colour=2e-3)  # for a tenth of the i
 CLOSE = replace(BRIEF, shrink=1, rate_maps=5e-3, visible_from=0.05)  # the small pictures are looked at as they are
 
 
-def taught(kind, config, scene, folder):
-    method = kind(config, 0)
+def taught(kind, config, scene, folder, seed=0):
+    method = kind(config, seed)
     method.fit(scene, folder)
     return method
 
@@ -79,11 +79,18 @@ def test_what_comes_and_goes_is_left_out_by_the_mask(tmp_path):
     scene = photographed(tmp_path)
     truth = true_pictures(scene)
     occlude(scene)
-    found = [
-        held_out(taught(GaussianInTheWild, GSWConfig(SPLATTING, appearance), scene, tmp_path / str(k)), scene, truth)
-        for k, appearance in enumerate((CLOSE, replace(CLOSE, visible_from=2.0)))
-    ]
-    assert found[0] > found[1] + 0.7
+    gains = []
+    for seed in (0, 1):  # a mask that starts so early may be late in finding anything
+        with_mask, without = (
+            held_out(taught(GaussianInTheWild, GSWConfig(SPLATTING, appearance), scene, folder, seed), scene, truth)
+            for appearance, folder in (
+                (CLOSE, tmp_path / f"mask-{seed}"),
+                (replace(CLOSE, visible_from=2.0), tmp_path / f"none-{seed}"),
+            )
+        )
+        gains.append(with_mask - without)
+    assert min(gains) > 0
+    assert np.mean(gains) > 0.7
 
 
 def test_the_same_pixels_from_disk_and_colours_for_viewers(tmp_path):
