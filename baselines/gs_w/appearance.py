@@ -65,15 +65,12 @@ class ReferenceAppearance(Appearance):
         return np.ascontiguousarray(np.clip(positions, -1, 1) @ mixtures.T, np.float32)
 
     def looks(
-        self, parameters: dict[str, Tensor], camera: Camera, view: int | None, degree: int
+        self, parameters: dict[str, Tensor], camera: Camera, view: int, degree: int
     ) -> tuple[dict[str, Tensor], ...]:
-        """See Appearance; one look. In a view that was not trained on, the features are those of `averaged`."""
-        if view is None:
-            dynamic = parameters["features"]
-        else:
-            maps = self._look_at(view)[0]  # which finds the visibility mask too
-            nothing = maps.new_zeros(len(parameters["features"]), self.config.dynamic)
-            dynamic = nothing if self._absent() else self._dropped(self.read(maps, parameters, camera))
+        """See Appearance; one look."""
+        maps = self._look_at(view)[0]  # which finds the visibility mask too
+        nothing = maps.new_zeros(len(parameters["features"]), self.config.dynamic)
+        dynamic = nothing if self._absent() else self._dropped(self.read(maps, parameters, camera))
         return (set_of(parameters, self.fusion.coloured(parameters, camera, dynamic)),)
 
     def read(self, maps: Tensor, parameters: dict[str, Tensor], camera: Camera) -> Tensor:

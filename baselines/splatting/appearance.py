@@ -35,14 +35,14 @@ class Appearance(nn.Module):
 
     @abstractmethod
     def looks(
-        self, parameters: dict[str, Tensor], camera: Camera, view: int | None, degree: int
+        self, parameters: dict[str, Tensor], camera: Camera, view: int, degree: int
     ) -> tuple[dict[str, Tensor], ...]:
         """What Gaussians look like in a view.
 
         Args:
             parameters: of `Gaussians.arrays()`, of those `in_sight`; means are relative to the Gaussians' origin.
             camera: that looks; relative to that origin as well.
-            view: index of the training view; None for one that was not trained on.
+            view: index of the training view.
             degree: of spherical harmonics in use.
 
         Returns:
@@ -74,9 +74,7 @@ class Appearance(nn.Module):
 class Dressed:
     """The Gaussians in sight in numpy, their looks in numpy, and the way back for gradients to all Gaussians."""
 
-    def __init__(
-        self, gaussians: Gaussians, appearance: Appearance, camera: Camera, view: int | None, degree: int
-    ) -> None:
+    def __init__(self, gaussians: Gaussians, appearance: Appearance, camera: Camera, view: int, degree: int) -> None:
         self._total, self._origin = len(gaussians), gaussians.origin
         local = moved(camera, self._origin)
         rows, self._leaves = in_sight({name: torch.from_numpy(v) for name, v in gaussians.arrays().items()}, local)
@@ -125,9 +123,7 @@ def equipped(gaussians: Gaussians, appearance: Appearance | None) -> Gaussians:
     return gaussians if appearance is None else replace(gaussians, features=appearance.features(gaussians))
 
 
-def dressed(
-    gaussians: Gaussians, appearance: Appearance | None, camera: Camera, view: int | None, degree: int
-) -> Gaussians:
+def dressed(gaussians: Gaussians, appearance: Appearance | None, camera: Camera, view: int, degree: int) -> Gaussians:
     """What a view shows of the Gaussians, those in sight; themselves, without an appearance."""
     if appearance is None:
         return gaussians

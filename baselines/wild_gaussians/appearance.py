@@ -77,30 +77,18 @@ class WildAppearance(Appearance):
         return fourier((gaussians.origin + gaussians.means - self._bounds.centre) / self._bounds.radius)
 
     def looks(
-        self, parameters: dict[str, Tensor], camera: Camera, view: int | None, degree: int
+        self, parameters: dict[str, Tensor], camera: Camera, view: int, degree: int
     ) -> tuple[dict[str, Tensor], ...]:
-        """See Appearance; a view that was not trained on has the mean of the training embeddings."""
+        """See Appearance."""
         sh = parameters["sh"]
-        gain, offset = self.change(sh[:, 0], parameters["features"], self.embedding(view))
+        gain, offset = self.change(sh[:, 0], parameters["features"], self.views[view])
         return set_of(parameters, toned(sh, gain, offset)), set_of(parameters, sh)
-
-    def embedding(self, view: int | None) -> Tensor:
-        """That of a training view [32]; the mean of all for None."""
-        return self.views.mean(dim=0) if view is None else self.views[view]
 
     def change(self, first: Tensor, features: Tensor, embedding: Tensor) -> tuple[Tensor, Tensor]:
         """Gains and offsets [N, 3] in the view with an embedding [32], of Gaussians with first coefficients [N, 3]."""
         hidden = self.of_gaussian(torch.cat([MIDDLE + C0 * first, features], dim=1)) + self.of_view(embedding)
         gain, offset = (self._config.scale * self.rest(hidden)).split(3, dim=1)
         return 1 + gain, offset
-
-    @torch.no_grad()
-    def mean_look(self, gaussians: Gaussians) -> Gaussians:
-        """Ordinary Gaussians in the colours of the mean embedding."""
-        assert gaussians.features is not None
-        sh, features = (torch.from_numpy(v).to(self.views.device) for v in (gaussians.sh, gaussians.features))
-        shown = toned(sh, *self.change(sh[:, 0], features, self.embedding(None))).cpu().numpy()
-        return Gaussians(**{**gaussians.bare().arrays(), "sh": np.ascontiguousarray(shown)}, origin=gaussians.origin)
 
     def learn(self, iteration: int) -> None:
         """See Appearance."""

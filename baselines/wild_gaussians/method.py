@@ -3,7 +3,7 @@
 Gaussians are toned for each view by an appearance model (`appearance.py`), and pixels that show what is not of
 the scene, told by frozen features, do not count (`uncertainty.py`). Two looks of the Gaussians are rendered a
 step: the toned one is compared by L1, the plain one by SSIM. Some Gaussians start far off, for the sky
-(`sky.py`). Views that were not trained on are shown with the mean embedding of those that were.
+(`sky.py`). Views that were not trained on show each Gaussian as those that were do in the mean (`mean_look.py`).
 
 Where it deviates from the paper, beside what those files say: the densification is ours, by absolute gradients as
 theirs, without Mip-Splatting's 3D filter; the 2D one is there in the profile `paper`.
@@ -34,6 +34,7 @@ from baselines.torch_state import one_thread
 from baselines.training_images import TrainingImages, read_images
 from baselines.wild_gaussians.appearance import AppearanceConfig, WildAppearance
 from baselines.wild_gaussians.features import find_features
+from baselines.wild_gaussians.mean_look import mean_look
 from baselines.wild_gaussians.sky import bounds_of, with_room, with_sky
 from baselines.wild_gaussians.uncertainty import Uncertainty, UncertaintyConfig
 from hydroviews.images import Image
@@ -164,7 +165,9 @@ class WildGaussians(GaussianSplatting):
             objective = WildObjective(images, splatting.ssim_share, appearance, self._uncertainty(images))
             trained = train(scene, splatting, self.seed, folder, objective)
             if appearance:
-                trained = replace(trained, gaussians=appearance.mean_look(trained.gaussians))
+                cameras = [view.camera for view in scene.train_views]
+                shown = mean_look(trained.gaussians, appearance, cameras, trained.near, splatting.antialiased)
+                trained = replace(trained, gaussians=shown)
         self._trained = trained
         self.found["sky"] = len(scene.points) - before
 

@@ -168,7 +168,6 @@ def test_the_mean_look_is_that_of_the_views_where_they_agree(tmp_path):
     appearance._look_at = lambda view: (flat, None)
     own = dressed(parameters, appearance, cameras[1], 1, 1)
     assert np.allclose(looking(mean, method._fusion, cameras[1]).sh, own.sh, atol=1e-4)
-    assert np.allclose(dressed(mean, appearance, cameras[1], None, 1).sh, own.sh, atol=1e-4)
 
 
 def test_weights_of_the_encoder_come_from_a_file_that_is_named(tmp_path, monkeypatch):

@@ -9,6 +9,7 @@ from baselines.splatting import reference
 from baselines.splatting.appearance import Dressed, equipped
 from baselines.splatting.rasterizer import Workspace, backward, render
 from baselines.wild_gaussians.appearance import MIDDLE, AppearanceConfig, WildAppearance, fourier, toned
+from baselines.wild_gaussians.mean_look import mean_look
 from baselines.wild_gaussians.sky import Bounds
 
 BOUNDS = Bounds(np.zeros(3), 1.5)
@@ -57,22 +58,28 @@ def test_gradients_are_those_of_float64():
     assert not ours.views.grad[[0, 2]].any()
 
 
-def test_the_mean_look_is_what_a_new_view_shows():
-    model, view = appearance(), camera(24, 20)
-    gaussians = equipped(cloud(40, 1), model)
-    mean = model.mean_look(gaussians)
-    assert mean.features is None
-    shown = Dressed(gaussians, model, view, None, 1).looks
-    assert np.abs(render(mean, view)[0] - render(shown[0], view)[0]).max() < 1e-5
-    assert np.abs(render(shown[0], view)[0] - render(shown[1], view)[0]).max() > 0.05  # toned and plain
-    one, other = (Dressed(gaussians, model, view, index, 1).looks[0] for index in (0, 1))
-    assert np.abs(render(one, view)[0] - render(other, view)[0]).max() > 1e-3
+def test_gaussians_look_as_in_the_mean_of_the_views_that_show_them():
+    model, cameras = appearance(), [camera(24, 20, angle) for angle in (0.0, 0.05, np.pi)]
+    cameras[2] = camera(24, 20, np.pi, origin=(30, 0, 0))  # looks at something else
+    gaussians = equipped(
+        replace(cloud(3, 1, size=0.05), means=np.array([[0, 0, 0], [30, 0, 0], [0, 90, 0]], "f")), model
+    )
+    shown = mean_look(gaussians, model, cameras, 0.01, antialiased=False)
+    assert shown.features is None
+    parameters = {name: torch.from_numpy(value) for name, value in gaussians.arrays().items()}
+    with torch.no_grad():
+        looks = [model.looks(parameters, view, k, 1)[0]["sh"].numpy() for k, view in enumerate(cameras)]
+    assert np.allclose(shown.sh[0], (looks[0][0] + looks[1][0]) / 2, atol=5e-3)  # as large in both
+    assert np.allclose(shown.sh[1], looks[2][1], atol=1e-5)
+    assert np.abs(shown.sh[2] - gaussians.sh[2]).max() > 0.05  # seen nowhere: toned as all are in the mean
+    assert np.abs(looks[0][0] - looks[1][0]).max() > 0.02
 
 
 def test_it_starts_from_the_colours_as_they_are():
     model = appearance(config=AppearanceConfig())
     gaussians = equipped(cloud(40, 1), model)
-    assert np.abs(model.mean_look(gaussians).sh - gaussians.sh).max() < 0.02
+    cameras = [camera(24, 20, angle) for angle in (0, 2, 4)]
+    assert np.abs(mean_look(gaussians, model, cameras, 0.01, antialiased=False).sh - gaussians.sh).max() < 0.02
 
 
 def test_fourier_features_tell_positions_apart():
