@@ -62,7 +62,7 @@ class GaussianInTheWild(GaussianSplatting):
 
     profiles: ClassVar[Mapping[str, Any]] = {
         "demo": GSWConfig(PROFILES["demo"], SHORT),
-        "quick": GSWConfig(of_length(9000, PROFILES["quick"]), SHORT),
+        "quick": GSWConfig(of_length(6500, PROFILES["quick"]), SHORT),
         "paper": GSWConfig(
             TrainerConfig(
                 iterations=70_000,
