@@ -69,8 +69,10 @@ class ReferenceAppearance(Appearance):
     ) -> tuple[dict[str, Tensor], ...]:
         """See Appearance; one look."""
         maps = self._look_at(view)[0]  # which finds the visibility mask too
-        nothing = maps.new_zeros(len(parameters["features"]), self.config.dynamic)
-        dynamic = nothing if self._absent() else self._dropped(self.read(maps, parameters, camera))
+        if self._absent():
+            dynamic = maps.new_zeros(len(parameters["features"]), self.config.dynamic)
+        else:
+            dynamic = self._dropped(self.read(maps, parameters, camera))
         return (set_of(parameters, self.fusion.coloured(parameters, camera, dynamic)),)
 
     def read(self, maps: Tensor, parameters: dict[str, Tensor], camera: Camera) -> Tensor:
