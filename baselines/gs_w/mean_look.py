@@ -10,7 +10,7 @@ from torch import Tensor
 
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.fusion import Fusion
-from baselines.splatting.appearance import in_sight, moved
+from baselines.splatting.appearance import in_sight, moved, tensors
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.view_means import mean_over_views
 from hydroviews.cameras import Camera
@@ -40,8 +40,8 @@ def averaged(
 @torch.no_grad()
 def looking(gaussians: Gaussians, fusion: Fusion, camera: Camera) -> Gaussians:
     """What averaged Gaussians look like to a camera, those in sight, ready to be rendered."""
-    local, device = moved(camera, gaussians.origin), fusion.middle.device
-    rows, seen = in_sight({k: torch.from_numpy(v).to(device) for k, v in gaussians.arrays().items()}, local)
+    local = moved(camera, gaussians.origin)
+    rows, seen = in_sight(tensors(gaussians, fusion.middle.device), local)
     sh = fusion.coloured(seen, local, seen["features"])
     return replace(gaussians.bare().select(rows.cpu().numpy()), sh=np.ascontiguousarray(sh.cpu().numpy()))
 

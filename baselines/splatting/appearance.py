@@ -77,7 +77,7 @@ class Dressed:
     def __init__(self, gaussians: Gaussians, appearance: Appearance, camera: Camera, view: int, degree: int) -> None:
         self._total, self._origin = len(gaussians), gaussians.origin
         local = moved(camera, self._origin)
-        rows, self._leaves = in_sight({name: torch.from_numpy(v) for name, v in gaussians.arrays().items()}, local)
+        rows, self._leaves = in_sight(tensors(gaussians), local)
         self.rows: NDArray[np.int64] = rows.numpy()  # of those in sight, ascending
         for leaf in self._leaves.values():
             leaf.requires_grad_()
@@ -136,6 +136,11 @@ def moved(camera: Camera, origin: NDArray[np.float64]) -> Camera:
     pose = camera.world_to_camera.copy()
     pose[:3, 3] += pose[:3, :3] @ origin
     return replace(camera, world_to_camera=pose)
+
+
+def tensors(gaussians: Gaussians, device: torch.device | None = None) -> dict[str, Tensor]:
+    """The parameters on a device; on the CPU, which is the default, they share the Gaussians' memory."""
+    return {name: torch.from_numpy(value).to(device) for name, value in gaussians.arrays().items()}
 
 
 def in_sight(parameters: dict[str, Tensor], camera: Camera) -> tuple[Tensor, dict[str, Tensor]]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from tqdm import tqdm
 
-from baselines.splatting.appearance import in_sight, moved
+from baselines.splatting.appearance import in_sight, moved, tensors
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.pruning import contributions
 from baselines.splatting.rasterizer import Workspace
@@ -42,7 +42,7 @@ def mean_over_views(
         device: of the parameters that `values` is given.
         what: is averaged, for the progress bar.
     """
-    parameters = {name: torch.from_numpy(value).to(device) for name, value in gaussians.arrays().items()}
+    parameters = tensors(gaussians, device)
     workspace, sums, pixels = Workspace(), np.zeros((len(gaussians), 0)), np.zeros(len(gaussians))
     for view, camera in enumerate(tqdm(cameras, desc=f"averaging the views' {what}", unit="view", leave=False)):
         local = moved(camera, gaussians.origin)
