@@ -90,8 +90,9 @@ class RainObjective(Objective):
         seen = clear if water is None else water.over(clear)
         if self.masks and self.masks.due(iteration):
             self.masks.learn(view, loss_map(seen, target, self.ssim_share, workspace=workspace), iteration)
-        weights = self._weights(target, finite, water, view, iteration)
-        self._observe(clear, clear if even is None else even, target, weights, view, iteration)
+        shown = _product(target.shown, None if finite is None else finite.astype(np.float32))
+        weights = self._weights(shown, size, water, view, iteration)
+        self._observe(clear, clear if even is None else even, target, shown, weights, view, iteration)
         loss, gradient = photometric_loss(seen, target, self.ssim_share, weights, workspace)
         if water is not None:
             gradient = gradient * (1 - water.cover)[..., None]
@@ -147,27 +148,18 @@ class RainObjective(Objective):
         return image, image
 
     def _weights(
-        self, target: Target, finite: NDArray | None, water: Water | None, view: int, iteration: int
+        self, shown: Plane | None, size: tuple[int, int], water: Water | None, view: int, iteration: int
     ) -> Plane | None:
         """Factors on each pixel's share of the loss [H, W]; None where all are 1. What is hidden counts for nothing."""
-        size = target.pixels.shape[0], target.pixels.shape[1] // 3
-        parts = [
-            None if water is None else water.weights,
-            self.masks.weights(view, size, iteration) if self.masks else None,
-            None if finite is None else finite.astype(np.float32),
-            target.shown,
-        ]
-        weights = None
-        for part in parts:
-            if part is not None:
-                weights = part if weights is None else weights * part
-        return weights
+        masks = self.masks.weights(view, size, iteration) if self.masks else None
+        return _product(None if water is None else water.weights, masks, shown)
 
     def _observe(
         self,
         clear: Image,
         even: Image,
         target: Target,
+        shown: Plane | None,
         weights: Plane | None,
         view: int,
         iteration: int,
@@ -175,28 +167,29 @@ class RainObjective(Objective):
         """Learn of the rain from what is seen but for drops, and from what is seen without single streaks as well."""
         photograph = target.pixels.reshape(clear.shape)
         if self.drops:
-            shown = np.float32(1) if target.shown is None else target.shown[..., None]
-            self.drops.observe(photograph * shown, clear * shown, view)
+            self.drops.observe(photograph, clear, view, shown)
         if not self.falling:
             return
         if self.streaks and self._streaks_due(view, clear) and self.falling.certainty() == 1:
             along, contrast = along_rain(photograph, even, self.cover, self.falling.brightness)
             factor = np.float32(1) if weights is None else weights
-            self.streaks.observe(
-                along * factor, contrast * factor, self.falling.angle(), view, self._witness(photograph, view)
-            )
+            witness = self._witness(photograph, target.shown, view)
+            self.streaks.observe(along * factor, contrast * factor, self.falling.angle(), view, witness)
         if self.falling.due(iteration):
             self.falling.observe(photograph, even, weights, iteration)
 
-    def _witness(self, photograph: Image, view: int) -> Plane | None:
-        """What the network takes for rain of a view [H, W] beyond the median, which is told to `falling`."""
-        if self.derained is None or self.falling is None:
+    def _witness(self, photograph: Image, shown: Plane | None, view: int) -> Plane | None:
+        """What the network takes for rain of a view [H, W] beyond the median, which is told to `falling`.
+
+        Nought where the photograph is hidden; None where all of it is, or there is no witness.
+        """
+        if self.derained is None or self.falling is None or (shown is not None and not shown.any()):
             return None
         dry = self.derained.pixels(view).astype(np.float32) / 255
         cover = cover_between(photograph, dry, self.falling.brightness)
-        median = np.median(cover)
+        median = np.median(cover if shown is None else cover[shown > 0])
         self.falling.hear(float(median))
-        return cover - median
+        return cover - median if shown is None else (cover - median) * shown
 
     def veil_share(self, view: int, size: tuple[int, int]) -> Plane:
         """V [H, W] of a training view; nought where no veil is looked for."""
@@ -237,6 +230,15 @@ class RainObjective(Objective):
             ("masks", self.masks),
         )
         return [(name, model) for name, model in parts if model is not None]
+
+
+def _product(*parts: Plane | None) -> Plane | None:
+    """The product of planes [H, W]; None stands for one that is 1 everywhere."""
+    product = None
+    for part in parts:
+        if part is not None:
+            product = part if product is None else product * part
+    return product
 
 
 def _finite(image: Image) -> NDArray[np.bool_] | None:

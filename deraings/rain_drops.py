@@ -29,6 +29,7 @@ from deraings.rain_lines import SUMS, add_view, fit_lines, warm_up
 from hydroviews.images import Image
 
 HALF = np.float32(0.5)
+WHOLE = 0.999  # of a pixel that no hidden one touches, after resizing
 LEAST_WINDOW, LARGEST_WINDOW = 4, 32  # views that running means remember
 
 
@@ -79,12 +80,15 @@ class Drops:
         moments = moments_of(n_views, config.views_a_moment, config.most_moments)
         self._window = max(LEAST_WINDOW, min(LARGEST_WINDOW, n_views // moments))
         self.sums = np.zeros((moments, *within_side(size, config.long_side), SUMS), np.float32)
-        self.count = np.zeros(moments, np.float32)  # sums of the views' weights
         warm_up()
 
-    def observe(self, photograph: Image, seen: Image, view: int) -> None:
-        """Take in a photograph [H, W, 3] and its render, mist and falling rain accounted for, drops not."""
+    def observe(self, photograph: Image, seen: Image, view: int, shown: Plane | None = None) -> None:
+        """Take in a photograph [H, W, 3] and its render, mist and falling rain accounted for, drops not.
+
+        Where `shown` [H, W] is not 1 the view says nothing; by default it is 1 everywhere.
+        """
         size = self.sums.shape[1:3]
+        whole = np.ones(size, np.bool_) if shown is None else resized(shown, size) > WHOLE
         small = [
             np.ascontiguousarray(
                 image if image.shape[:2] == size else cv2.resize(image, size[::-1], interpolation=cv2.INTER_AREA),
@@ -95,16 +99,12 @@ class Drops:
         for moment, weight in enumerate(moment_weights(view, self._n_views, len(self.sums))):
             if weight > 0:
                 keep = np.float32(1 - weight / self._window)
-                add_view(*small, keep, weight, self.sums[moment])
-                self.count[moment] = keep * self.count[moment] + weight
+                add_view(*small, whole, keep, weight, self.sums[moment])
 
-    def line(self, view: int) -> tuple[Plane, Image] | None:
-        """1 - slope [h, w] and M times light [h, w, 3] at a view's moment; None where nothing is known."""
-        weights = moment_weights(view, self._n_views, len(self.sums)) * (self.count > 0)
-        if not weights.any():
-            return None
+    def line(self, view: int) -> tuple[Plane, Image]:
+        """1 - slope [h, w] and M times light [h, w, 3] at a view's moment; nought where nothing is known."""
         config, size = self._config, self.sums.shape[1:3]
-        shares = (weights / np.float32(weights @ self.count)).astype(np.float32)
+        shares = moment_weights(view, self._n_views, len(self.sums))
         cover, light = np.empty(size, np.float32), np.empty((*size, 3), np.float32)
         noise, clear, wet = (np.float32(value) for value in (config.noise, config.clear, config.wet))
         fit_lines(self.sums, shares, noise, clear, wet, cover, light)
@@ -115,10 +115,7 @@ class Drops:
         config = self._config
         if iteration < self._first or self._n_views < config.fewest_views:
             return None
-        found = self.line(view)
-        if found is None:
-            return None
-        cover, light = found
+        cover, light = self.line(view)
         share = float((cover > HALF).mean())
         if share < config.fewest:
             return None
@@ -133,11 +130,11 @@ class Drops:
 
     def arrays(self) -> dict[str, NDArray]:
         """All that was observed, for checkpoints."""
-        return {"sums": self.sums, "count": self.count}
+        return {"sums": self.sums}
 
     def restore(self, arrays: dict[str, NDArray]) -> None:
         """Take back what `arrays` returned."""
-        self.sums, self.count = arrays["sums"].copy(), arrays["count"].copy()
+        self.sums = arrays["sums"].copy()
 
 
 def _counted(cover: Plane, shown: float, hidden: float) -> Plane:

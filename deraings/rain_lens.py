@@ -190,13 +190,13 @@ def thickest_veil(
 
 
 def _cell_quantiles(planes: list[NDArray[np.float32]], cells: tuple[int, int], share: float) -> NDArray[np.float32]:
-    """A quantile of all values of several planes in each of h x w cells; 1 where all values are NaN."""
-    rows, columns = (np.array_split(np.arange(n), k) for n, k in zip(planes[0].shape, cells, strict=True))
+    """A quantile of all values of several planes, of any sizes, in each of h x w cells; 1 where all values are NaN."""
     quantiles = np.ones(cells, np.float32)
-    for i, row in enumerate(rows):
-        for j, column in enumerate(columns):
-            inside = slice(row[0], row[-1] + 1), slice(column[0], column[-1] + 1)
-            values = np.concatenate([plane[inside].ravel() for plane in planes])
+    rows = [np.array_split(plane, cells[0], axis=0) for plane in planes]
+    for i in range(cells[0]):
+        across = [np.array_split(row[i], cells[1], axis=1) for row in rows]
+        for j in range(cells[1]):
+            values = np.concatenate([cell[j].ravel() for cell in across])
             values = values[np.isfinite(values)]
             if values.size:
                 quantiles[i, j] = np.quantile(values, share)

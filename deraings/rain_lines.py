@@ -2,8 +2,9 @@
 # mypy: allow-untyped-defs
 """Kernels of `rain_drops`: sums over views of what every pixel of the lens shows, and the lines that follow.
 
-A pixel's eight sums lie side by side: photograph and render, three channels each, and means over channels of their
-product and of the render's square.
+A pixel's nine sums lie side by side: photograph and render, three channels each, means over channels of their product
+and of the render's square, and the weights of the views that showed it: a view in which it is hidden leaves its sums as
+they are.
 """
 
 from pathlib import Path
@@ -14,7 +15,7 @@ from numba import prange
 from baselines.splatting.jit import inlined, kernel
 from baselines.splatting.kernels import compile_apart
 
-SUMS = 8
+SUMS = 9
 ZERO, ONE, THIRD = np.float32(0), np.float32(1), np.float32(1 / 3)
 
 
@@ -27,16 +28,18 @@ def warm_up() -> None:
 def exercise_kernels() -> None:
     """Both kernels once, on a lens of one pixel."""
     pixel, sums = np.zeros((1, 1, 3), np.float32), np.zeros((1, 1, 1, SUMS), np.float32)
-    add_view(pixel, pixel, ONE, ONE, sums[0])
+    add_view(pixel, pixel, np.ones((1, 1), np.bool_), ONE, ONE, sums[0])
     fit_lines(sums, np.ones(1, np.float32), ONE, ZERO, ONE, np.empty((1, 1), np.float32), pixel)
 
 
 @kernel
-def add_view(photograph, seen, keep, weight, sums):
-    """sums [h, w, 8] become keep sums + weight times those of one view, [h, w, 3] each."""
+def add_view(photograph, seen, shown, keep, weight, sums):
+    """Where shown [h, w], sums [h, w, 9] become keep sums + weight times those of one view, [h, w, 3] each."""
     height, width = sums.shape[0], sums.shape[1]
     for row in prange(height):
         for i in range(width):
+            if not shown[row, i]:
+                continue
             product, square = ZERO, ZERO
             for c in range(3):
                 p, s = photograph[row, i, c], seen[row, i, c]
@@ -46,6 +49,7 @@ def add_view(photograph, seen, keep, weight, sums):
                 square += s * s
             sums[row, i, 6] = keep * sums[row, i, 6] + weight * THIRD * product
             sums[row, i, 7] = keep * sums[row, i, 7] + weight * THIRD * square
+            sums[row, i, 8] = keep * sums[row, i, 8] + weight
 
 
 @inlined
@@ -57,7 +61,10 @@ def step(value, low, high):
 
 @kernel
 def fit_lines(sums, shares, noise, clear, wet, cover, light):
-    """Fills cover M [h, w] and light L [h, w, 3] from sums [T, h, w, 8], those of moments weighed by shares [T]."""
+    """Fills cover M [h, w] and light L [h, w, 3] from sums [T, h, w, 9], those of moments weighed by shares [T].
+
+    Both are nought where no view showed anything.
+    """
     moments, height, width = sums.shape[0], sums.shape[1], sums.shape[2]
     for row in prange(height):
         mean = np.zeros(SUMS, np.float32)
@@ -67,6 +74,11 @@ def fit_lines(sums, shares, noise, clear, wet, cover, light):
                 if shares[moment] > 0:
                     for k in range(SUMS):
                         mean[k] += shares[moment] * sums[moment, row, i, k]
+            if mean[8] <= ZERO:
+                cover[row, i] = ZERO
+                light[row, i, :] = ZERO
+                continue
+            mean /= mean[8]
             together, alone = mean[6], mean[7]
             for c in range(3):
                 together -= THIRD * mean[c] * mean[3 + c]

@@ -41,6 +41,32 @@ def test_a_drop_is_found_and_nothing_else():
     assert mask.mean() < 0.05
 
 
+def test_a_passer_by_who_is_hidden_here_and_there_hides_no_drop():
+    scene = panorama.views_of(panorama.paint(), 24)
+    photographs = behind_drops(scene)
+    drops = [Drops((panorama.HEIGHT, panorama.WIDTH), len(scene), 100, DropConfig()) for _ in range(2)]
+    for view in range(len(scene)):
+        hidden = np.zeros(photographs.shape[1:3], bool)
+        hidden[:, 5 * view % 60 : 5 * view % 60 + 20] = True  # over the drop in a third of the views
+        drops[0].observe(photographs[view], scene[view], view)
+        masked = np.where(hidden[..., None], np.float32(0), photographs[view])
+        drops[1].observe(masked, scene[view], view, 1 - hidden.astype(np.float32))
+    inside = (slice(DISK[0].start + 2, DISK[0].stop - 2), slice(DISK[1].start + 2, DISK[1].stop - 2))
+    expected, found = (d.line(0)[0] for d in drops)
+    assert expected[inside].min() > 0.7
+    assert np.abs(found - expected)[inside].max() < 0.1
+
+
+def test_what_is_hidden_in_every_view_is_no_drop():
+    scene = panorama.views_of(panorama.paint(), 14)
+    shown = np.ones(scene.shape[1:3], np.float32)
+    shown[DISK] = 0
+    drops = Drops(shown.shape, len(scene), 100, DropConfig(fewest=0))
+    for view in range(len(scene)):
+        drops.observe(behind_drops(scene)[view] * shown[..., None], scene[view], view, shown)
+    assert not water_of(drops).cover[DISK].any()
+
+
 @pytest.mark.parametrize("cover", [0.3, 0.7])
 def test_a_drop_that_covers_in_part_is_a_line(cover):
     scene = panorama.views_of(panorama.paint(), 24)
@@ -134,5 +160,5 @@ def test_lines_are_those_of_least_squares_over_the_views():
 
 def test_before_any_view_nothing_is_known():
     drops = Drops((panorama.HEIGHT, panorama.WIDTH), 14, 100, DropConfig())
-    assert drops.line(0) is None
+    assert not any(plane.any() for plane in drops.line(0))
     assert water_of(drops) is None

@@ -1,3 +1,4 @@
+import cv2
 import numpy as np
 import panorama
 import pytest
@@ -59,6 +60,14 @@ def test_mist_is_never_lighter_than_the_dark_things_behind_it():
     assert (VeilConfig().slack * bound > knots - 0.03).all()
     assert np.abs(bound - knots).max() < 0.2
     assert (thickest_veil(pictures, AIR, (1, 4, 5), 0.05, [hidden] * 12)[0, :, 0] == 1).all()
+
+
+def test_pictures_of_other_sizes_show_the_same_lens():
+    scene = panorama.views_of(panorama.paint(), 12)
+    pictures = panorama.eight_bit(panorama.misted(scene, panorama.slanted_veil(0.4), AIR))
+    smaller = [cv2.resize(pictures[0], (30, 40)), *pictures[1:]]
+    mixed, alike = (thickest_veil(group, AIR, (1, 4, 5), 0.05)[0] for group in (smaller, pictures))
+    assert np.abs(mixed - alike).max() < 0.03
 
 
 def test_a_veil_that_drifts_is_followed():

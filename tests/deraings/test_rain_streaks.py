@@ -189,20 +189,6 @@ def objective_of(photographs, config=EAGER, **more):
     return RainObjective(TrainingImages([to_uint8(photograph) for photograph in photographs]), 100, config, **more)
 
 
-def test_in_a_training_streaks_lower_the_loss_and_it_resumes_exactly(scene):
-    photographs, images = rained_on(scene, layers()), learned(scene)
-    whole, first, second = (objective_of(photographs) for _ in range(3))
-    everything = steps(whole, images, 0, 60)
-    assert "streaks" in found(whole)["needed"]
-    assert all(now < 0.9 * before for (before, _), (now, _) in zip(everything[:10], everything[-10:], strict=True))
-    steps(first, images, 0, 35)
-    second.restore({name: value.copy() for name, value in first.arrays().items()})
-    for (loss, gradient), (expected, g) in zip(steps(second, images, 35, 60), everything[35:], strict=True):
-        assert loss == expected
-        assert np.array_equal(gradient, g)
-    assert all(np.array_equal(value, second.arrays()[name]) for name, value in whole.arrays().items())
-
-
 class Derained:
     """What a network that errs makes of the photographs, and how often it was asked."""
 
@@ -214,6 +200,22 @@ class Derained:
     def pixels(self, index):
         self.asked.append(index)
         return self.pictures[index]
+
+
+@pytest.mark.parametrize("witness", [False, True])
+def test_in_a_training_streaks_lower_the_loss_and_it_resumes_exactly(scene, witness):
+    photographs, images = rained_on(scene, layers()), learned(scene)
+    derained = Derained(scene) if witness else None
+    whole, first, second = (objective_of(photographs, derained=derained) for _ in range(3))
+    everything = steps(whole, images, 0, 60)
+    assert "streaks" in found(whole)["needed"]
+    assert all(now < 0.9 * before for (before, _), (now, _) in zip(everything[:10], everything[-10:], strict=True))
+    steps(first, images, 0, 35)
+    second.restore({name: value.copy() for name, value in first.arrays().items()})
+    for (loss, gradient), (expected, g) in zip(steps(second, images, 35, 60), everything[35:], strict=True):
+        assert loss == expected
+        assert np.array_equal(gradient, g)
+    assert all(np.array_equal(value, second.arrays()[name]) for name, value in whole.arrays().items())
 
 
 def test_a_network_helps_where_it_rains_and_is_not_asked_where_not(scene):
@@ -234,6 +236,20 @@ def test_a_network_helps_where_it_rains_and_is_not_asked_where_not(scene):
     share = objective.falling_share(0, SIZE)
     assert correlation(share, covers[0]) > 0.8
     assert share.mean() == pytest.approx(covers[0].mean(), abs=0.05)
+
+
+def test_what_is_hidden_does_not_thin_the_rain_that_the_witness_sees(scene):
+    covers = layers()
+    hidden = np.zeros(SIZE, bool)
+    hidden[50:] = True
+    photographs = [to_uint8(photograph) for photograph in rained_on(scene, covers)]
+    objective = RainObjective(TrainingImages(photographs, [hidden] * COUNT), 100, EAGER, derained=Derained(scene))
+    heard = []
+    objective.falling.hear = heard.append
+    steps(objective, learned(scene), 0, 60)
+    assert heard
+    assert np.mean(heard) == pytest.approx(np.median(covers[:, :50]), abs=0.03)
+    assert np.median(covers) > 0.1
 
 
 def test_in_dry_weather_nothing_changes(scene):
