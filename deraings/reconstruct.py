@@ -2,6 +2,7 @@
 
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import tyro
 
@@ -10,11 +11,11 @@ from baselines.method import Method, find_method
 from hydroviews.claims import claim
 from hydroviews.errors import InputError
 from hydroviews.frames import FrameChoice
-from hydroviews.images import write_png
+from hydroviews.images import SUFFIXES, write_png
 from hydroviews.poses import estimate_poses
 from hydroviews.profiles import find_profile
 from hydroviews.readers import has_cameras, read_scene
-from hydroviews.readers.photographs import photographs_below
+from hydroviews.readers.photographs import photographs_below, unreadable_photographs
 from hydroviews.scenes import Scene, Split
 from hydroviews.sheet import spread
 from hydroviews.tiles import Canvas, Row, Tile, draw_sheet
@@ -43,11 +44,12 @@ class Reconstruction:
     def folder(self) -> Path:
         """Where everything goes."""
         path = self.photographs.resolve()
-        return self.out or path.with_name(path.stem + "-scene")
+        name = path.name if path.is_dir() else path.stem
+        return self.out or path.with_name(name + "-scene")
 
 
 def reconstruct(request: Reconstruction) -> Path:
-    """Photographs to a scene; what is finished is kept, so that the same call goes on after an interruption.
+    """Photographs to a scene; the same call goes on after an interruption, with the cameras and steps that are done.
 
     All photographs are learned from, none is held out. The folder gets `capture` (photographs and cameras, unless
     they came with cameras), `training` (the model, and `splats.ply` where it is one of Gaussians), `views.png`
@@ -57,14 +59,20 @@ def reconstruct(request: Reconstruction) -> Path:
         The folder.
 
     Raises:
-        InputError: nothing to reconstruct from, too few photographs register, an unknown method, or the folder holds
-            a reconstruction with other settings.
+        InputError: nothing to reconstruct from, too few photographs register, settings that cannot be, or the folder
+            holds a reconstruction with others.
     """
     require_photographs(request.photographs)
+    require_room(request)
     folder, kind = request.folder, find_method(request.method)
     if kind.trains_on != "rainy":
         raise InputError(f"--method {request.method}: learns from clean views, and here are none", fix="choose another")
-    settings = asdict(request) | {"photographs": str(request.photographs.resolve()), "out": str(folder.resolve())}
+    # Settings are looked at before hours of work, and before the folder is theirs.
+    config, long_side = kind.configuration(request.profile), find_profile(request.profile).long_side
+    FrameChoice(request.rate, request.long_side)
+    if request.seed < 0:
+        raise InputError(f"--seed {request.seed}: no seed", expected="a whole number from 0 on")
+    settings = settings_of(request)
     claim(
         folder / SETTINGS,
         settings,
@@ -76,32 +84,63 @@ def reconstruct(request: Reconstruction) -> Path:
     scene = find_scene(request, folder / CAPTURE)
     for note in scene.notes:
         print(note)
-    scene = all_views(scene.resized(request.long_side or find_profile(request.profile).long_side))
-    method = kind(kind.configuration(request.profile), request.seed)
+    scene = all_views(scene.resized(long_side if request.long_side is None else request.long_side))
+    method = kind(config, request.seed)
     method.fit(scene, folder / TRAINING)
     method.save(folder / TRAINING)
     write_png(folder / SHEET, compared(method, scene, request.photographs.resolve().stem))
     draw_film(method, scene, folder / FILM, request.film, {"scene": settings})
-    print(f"found in the photographs: {method.statistics().used or 'nothing was looked for'}")
     splats = (folder / TRAINING / SPLATS).is_file()  # methods without Gaussians write none
     model = f"{TRAINING}/{SPLATS} for splat viewers" if splats else f"the model in {TRAINING}"
     print(f"{folder}: {model}, {FILM}, {SHEET}")
+    print(f"found in the photographs: {method.statistics().used or 'nothing was looked for'}")
     return folder
 
 
+def settings_of(request: Reconstruction) -> dict[str, Any]:
+    """What makes a reconstruction another one, for JSON: not where it lies, nor the rate of what is no film."""
+    settings = asdict(request) | {"photographs": str(request.photographs.resolve())}
+    del settings["out"]
+    if request.photographs.is_dir():
+        del settings["rate"]
+    return settings
+
+
 def require_photographs(path: Path) -> None:
-    """Refuse what is no film and holds no photographs, before a folder is made for it.
+    """Refuse what is no film and holds no photographs, before a folder is made for it; say what cannot be read.
 
     Raises:
         InputError: so it is.
     """
-    if path.is_file() or (path.is_dir() and (has_cameras(path) or photographs_below(path))):
+    if path.is_file() or (path.is_dir() and has_cameras(path)):
+        return
+    other = unreadable_photographs(path) if path.is_dir() else ""
+    if path.is_dir() and photographs_below(path):
+        if other:
+            print(f"{path}: {other} left out, as only {', '.join(SUFFIXES)} are read")
         return
     raise InputError(
         f"{path}: nothing to reconstruct from",
-        found="no photographs in it" if path.is_dir() else "no such file or folder",
-        expected="a folder of photographs, a capture with cameras, or a film",
+        found=(other or "no photographs in it") if path.is_dir() else "no such file or folder",
+        expected=f"a folder of photographs ({', '.join(SUFFIXES)}), a capture with cameras, or a film",
+        fix="convert them, to JPEG for instance" if other else None,
     )
+
+
+def require_room(request: Reconstruction) -> None:
+    """Refuse a folder among the photographs: what is written there would be taken for photographs the next time.
+
+    Raises:
+        InputError: so it is.
+    """
+    folder, photographs = request.folder.resolve(), request.photographs.resolve()
+    if photographs.is_dir() and folder.is_relative_to(photographs):
+        raise InputError(
+            f"--out {folder}: among the photographs",
+            found=f"a folder in {photographs}",
+            expected="one beside it",
+            fix="choose another --out",
+        )
 
 
 def find_scene(request: Reconstruction, capture: Path) -> Scene:

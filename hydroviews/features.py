@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from hydroviews.errors import InputError
-from hydroviews.files import replacing
-from hydroviews.images import read_image, to_uint8, without_streaks
+from hydroviews.files import write_bytes
+from hydroviews.images import image_size, read_image, to_uint8, without_streaks
 from hydroviews.masks import find_mask, mask_name
 
 pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)  # progress bars tell enough
@@ -77,23 +77,34 @@ def copy_without_streaks(images: Path, copies: Path, names: Sequence[str]) -> Pa
     for name in tqdm(names, desc="without streaks", unit="image"):
         if not (copies / name).is_file():
             pixels = without_streaks(to_uint8(read_image(images / name)))
-            with replacing(copies / name) as temporary:
-                cv2.imwrite(str(temporary), pixels[..., ::-1])
+            ok, encoded = cv2.imencode(Path(name).suffix, pixels[..., ::-1])
+            if not ok:
+                raise ValueError(f"{name}: encoding failed for an array of shape {pixels.shape}")
+            write_bytes(copies / name, encoded.tobytes())
     return copies
 
 
-def extract(
+def register(
     database: Path,
-    images: Path,
+    photographs: Path,
     names: Sequence[str],
-    mode: pycolmap.CameraMode,
     camera_model: str,
+    *,
+    shared: bool,
     masks: Path | None = None,
 ) -> None:
-    """Detect SIFT features in the images that have none in the database yet, but where `masks` are black.
+    """Enter images and their cameras, unless all of them are in the database.
+
+    Args:
+        database: is emptied if only some of them are.
+        photographs: folder of the files themselves, which may say their focal lengths.
+        names: of all images.
+        camera_model: COLMAP's name.
+        shared: one camera for all photographs of a size, instead of one for each.
+        masks: as for `extract`.
 
     Raises:
-        InputError: there are masks, but not for every image.
+        InputError: there are masks, but not for every image; a photograph that cannot be read.
     """
     bare = [name for name in names if masks and find_mask(masks, name) is None]
     if bare:  # COLMAP would leave the image out
@@ -102,15 +113,30 @@ def extract(
             found=f"no {mask_name(bare[0])}",
             fix="write one for every image, white where nothing is hidden",
         )
+    with pycolmap.Database.open(database) as opened:
+        if opened.num_images() == len(names):
+            return
+        opened.clear_all_tables()
+    by_size: dict[tuple[int, int], list[str]] = {}
+    for name in names:
+        by_size.setdefault(image_size(photographs / name) if shared else (0, 0), []).append(name)
+    mode = pycolmap.CameraMode.SINGLE if shared else pycolmap.CameraMode.PER_IMAGE
+    reader = pycolmap.ImageReaderOptions(camera_model=camera_model, mask_path=masks or "")
+    for alike in by_size.values():  # cameras are shared within one call
+        pycolmap.import_images(database, photographs, camera_mode=mode, image_names=alike, options=reader)
+
+
+def extract(
+    database: Path,
+    images: Path,
+    names: Sequence[str],
+    camera_model: str,
+    masks: Path | None = None,
+) -> None:
+    """Detect SIFT features in registered images that have none in the database yet, but where `masks` are black."""
     reader = pycolmap.ImageReaderOptions(camera_model=camera_model, mask_path=masks or "")
     options = pycolmap.FeatureExtractionOptions(max_image_size=MAX_IMAGE_SIZE, use_gpu=False)
     options.sift.max_num_features = MAX_FEATURES
-    with pycolmap.Database.open(database) as opened:
-        imported = opened.num_images() == len(names)
-        if not imported:
-            opened.clear_all_tables()
-    if not imported:  # all at once, since cameras are shared within one call
-        pycolmap.import_images(database, images, camera_mode=mode, image_names=list(names), options=reader)
     with tqdm(total=len(names), desc="features", unit="image") as bar:
         for chunk in _chunks(names, IMAGES_AT_ONCE):
             call = partial(

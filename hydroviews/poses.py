@@ -14,13 +14,14 @@ from hydroviews import features
 from hydroviews.claims import claim
 from hydroviews.errors import InputError
 from hydroviews.files import PARTIAL
-from hydroviews.images import image_size, write_png
+from hydroviews.images import write_png
 from hydroviews.masks import MASKS, mask_digest, mask_name, write_ignored
 from hydroviews.readers import read_scene
 from hydroviews.readers.colmap import reliable
 from hydroviews.readers.colmap_format import SparsePoints, read_images
 from hydroviews.readers.photographs import photographs_below, some, view_names
 from hydroviews.scenes import Points, Scene
+from hydroviews.upright import common_turn, write_upright
 from hydroviews.writers import to_colmap_camera
 
 Matcher = Literal["auto", "exhaustive", "sequential"]
@@ -59,7 +60,8 @@ def estimate_poses(
 
     Args:
         images: the photographs, in folders or not.
-        out: gets `images` (links, or copies where links cannot be made), `sparse/0` (the largest model, others
+        out: gets `images` (links, or copies where links cannot be made or all photographs have to be turned upright,
+            which they are not where there are masks), `sparse/0` (the largest model, others
             after it), `database.db` and `poses.json`.
         camera_model: COLMAP's name; one camera is shared by photographs of one size.
         matcher: all pairs, or neighbours in the order of names with loops closed; auto takes the first for up
@@ -93,16 +95,14 @@ def estimate_poses(
         fix="choose another folder, or remove this one",
     )
     if not (out / "sparse").is_dir():
-        _link(links, out / "images")
-        names = sorted(links)
-        same_size = len({image_size(path) for path in sources}) == 1
-        mode = pycolmap.CameraMode.SINGLE if same_size else pycolmap.CameraMode.AUTO
-        pictures = out / "images"
+        database, pictures, names = out / DATABASE, out / "images", sorted(links)
+        _link(links, pictures, turned=masks is None and common_turn(sources))
+        features.register(database, pictures, names, camera_model, shared=True, masks=masks)
         if rainy:
-            pictures = features.copy_without_streaks(out / "images", out / COPIES, names)
-        features.extract(out / DATABASE, pictures, names, mode, camera_model, masks)
+            pictures = features.copy_without_streaks(pictures, out / COPIES, names)
+        features.extract(database, pictures, names, camera_model, masks)
         pairs = features.all_pairs(len(names)) if exhaustive else features.sequence_pairs(len(names))
-        features.match(out / DATABASE, names, pairs, seed)
+        features.match(database, names, pairs, seed)
         _map(out, len(names), seed, advice)
         shutil.rmtree(out / COPIES, ignore_errors=True)
     return read_scene(out)
@@ -118,11 +118,14 @@ def _link_names(images: Path, sources: list[Path]) -> dict[str, Path]:
     return {stem + path.suffix: path for stem, path in zip(stems, sources, strict=True)}
 
 
-def _link(links: dict[str, Path], folder: Path) -> None:
+def _link(links: dict[str, Path], folder: Path, turned: bool) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for name, source in links.items():
         target = folder / name
         if target.exists():
+            continue
+        if turned:
+            write_upright(source, target)
             continue
         try:
             target.symlink_to(source.resolve())
@@ -209,7 +212,8 @@ def triangulate(scene: Scene, workspace: Path, seed: int = 0) -> Points:
             nothing = np.zeros((view.camera.height, view.camera.width), bool)
             write_ignored(masks / mask_name(name), nothing if ignored is None else ignored)
     database = workspace / DATABASE
-    features.extract(database, workspace / "images", names, pycolmap.CameraMode.PER_IMAGE, "PINHOLE", masks)
+    features.register(database, workspace / "images", names, "PINHOLE", shared=False, masks=masks)
+    features.extract(database, workspace / "images", names, "PINHOLE", masks)
     features.match(
         database, names, features.pose_pairs(np.stack([view.camera.world_to_camera for view in scene.views])), seed
     )

@@ -16,6 +16,7 @@ from hydroviews.masks import MASKS, find_mask
 from hydroviews.provenance import CAPTURED
 from hydroviews.scenes import Split, View, wrong_size
 
+UNREAD = (".heic", ".heif", ".avif", ".jxl", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2", ".gif")
 FOLDERS = ("images", "clean", "input", "images_2", "images_4", "images_8")
 
 
@@ -39,6 +40,12 @@ def photographs_below(folder: Path) -> list[Path]:
     """All pictures in `folder` and the folders in it, sorted; hidden and partial files are left out."""
     found = (path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES)
     return sorted(p for p in found if not any(part.startswith(".") for part in p.relative_to(folder).parts))
+
+
+def unreadable_photographs(folder: Path) -> str:
+    """How many files are photographs in formats that are not read here, such as "50 .heic"; empty if none are."""
+    suffixes = [path.suffix.lower() for path in folder.rglob("*") if path.suffix.lower() in UNREAD]
+    return ", ".join(f"{count} {suffix}" for suffix, count in sorted(Counter(suffixes).items()))
 
 
 def match_files(folder: Path, names: Sequence[str]) -> list[Path | None]:

@@ -12,7 +12,16 @@ from baselines.splatting.ply import read_ply
 from deraings import reconstruct as module
 from deraings.method import DeRainGSConfig, DeRainGSPlus
 from deraings.objective import RainConfig
-from deraings.reconstruct import FILM, SHEET, TRAINING, Reconstruction, find_scene, reconstruct
+from deraings.reconstruct import (
+    FILM,
+    SHEET,
+    TRAINING,
+    Reconstruction,
+    find_scene,
+    reconstruct,
+    require_photographs,
+    settings_of,
+)
 from hydroviews.errors import InputError
 from hydroviews.files import read_json
 from hydroviews.images import read_image, write_png
@@ -119,3 +128,34 @@ def test_what_cannot_be_reconstructed_is_refused(request_of, tmp_path, monkeypat
 def test_the_scene_goes_beside_the_photographs(tmp_path):
     assert Reconstruction(tmp_path / "walk.mp4").folder == tmp_path / "walk-scene"
     assert Reconstruction(tmp_path / "photos").folder == tmp_path / "photos-scene"
+    (tmp_path / "2024.05.01").mkdir()
+    assert Reconstruction(tmp_path / "2024.05.01").folder == tmp_path / "2024.05.01-scene"
+
+
+@pytest.mark.parametrize("wrong", [{"profile": "dmeo"}, {"long_side": 0}, {"rate": 0.0}, {"seed": -1}])
+def test_settings_that_cannot_be_do_not_take_the_folder(request_of, tmp_path, wrong):
+    with pytest.raises(InputError, match=str(next(iter(wrong.values())))):
+        reconstruct(request_of(out=tmp_path / "scene", **wrong))
+    assert not (tmp_path / "scene").exists()
+
+
+def test_a_scene_among_the_photographs_is_refused(request_of, capture):
+    with pytest.raises(InputError, match="among the photographs"):
+        reconstruct(request_of(out=capture / "images" / "scene"))
+
+
+def test_a_scene_that_was_moved_is_the_same_scene(request_of, capture, tmp_path):
+    assert settings_of(request_of(out=tmp_path / "a")) == settings_of(request_of(out=tmp_path / "b", rate=2.0))
+    (tmp_path / "walk.mp4").write_bytes(b"film")
+    film = request_of(photographs=tmp_path / "walk.mp4")
+    assert settings_of(film) != settings_of(replace(film, rate=2.0))
+
+
+def test_formats_that_are_not_read_are_named(tmp_path, capsys):
+    for i in range(3):
+        (tmp_path / f"{i}.HEIC").write_bytes(b"")
+    with pytest.raises(InputError, match=r"found: 3 \.heic\n.*\.png, \.jpg"):
+        require_photographs(tmp_path)
+    write_png(tmp_path / "a.png", np.zeros((4, 4, 3), np.float32))
+    require_photographs(tmp_path)
+    assert "3 .heic left out" in capsys.readouterr().out

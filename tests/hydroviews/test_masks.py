@@ -153,11 +153,12 @@ def test_no_features_where_hidden(tmp_path):
         write_png(tmp_path / "images" / name, np.clip(texture, 0, 1))
     hidden = block(240, 320, slice(50, 200), slice(0, 160))
     write_ignored(tmp_path / "masks" / mask_name("a.png"), hidden)
-    mode = pycolmap.CameraMode.SINGLE
+    given = tmp_path / "d.db", tmp_path / "images", names, "SIMPLE_RADIAL"
     with pytest.raises(InputError, match=r"1 of 2 images have no mask\n.*no b\.png\.png"):
-        features.extract(tmp_path / "d.db", tmp_path / "images", names, mode, "SIMPLE_RADIAL", tmp_path / "masks")
+        features.register(*given, shared=True, masks=tmp_path / "masks")
     write_ignored(tmp_path / "masks" / "b.png", np.zeros_like(hidden))  # COLMAP takes this name as well
-    features.extract(tmp_path / "d.db", tmp_path / "images", names, mode, "SIMPLE_RADIAL", tmp_path / "masks")
+    features.register(*given, shared=True, masks=tmp_path / "masks")
+    features.extract(*given, tmp_path / "masks")
     with pycolmap.Database.open(tmp_path / "d.db") as database:
         found = {n: database.read_keypoints(database.read_image_with_name(n).image_id)[:, :2] for n in names}
     inside = {n: hidden[tuple((f - 0.5).round().astype(int).clip(0, (319, 239)).T[::-1])] for n, f in found.items()}
