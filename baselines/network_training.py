@@ -3,7 +3,7 @@
 import csv
 import io
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Protocol
@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from tqdm import tqdm
 
 from hydroviews.errors import InputError
-from hydroviews.files import write_bytes
+from hydroviews.files import listing, write_bytes
 
 CHECKPOINT, CURVE = "checkpoint.safetensors", "curve.csv"
 
@@ -70,6 +70,11 @@ class Progress(Protocol):
 def network_fingerprint(config: Any, data: str) -> dict[str, Any]:
     """What a checkpoint must agree with: the configuration, a dataclass, and in words what is learned from."""
     return {"configuration": asdict(config), "data": data}
+
+
+def in_words(photographs: Sequence[Path], folder: Path) -> str:
+    """What is learned from: how many photographs, of which folder, and their `listing`."""
+    return f"{len(photographs)} photographs ({folder.parent.name}/{folder.name}, {listing(photographs)})"
 
 
 def take_up(training: Progress, folder: Path, fingerprint: dict[str, Any]) -> None:

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deraings.objective import RainObjective
+from deraings.planes import Plane
 from hydroviews.rain.layers import read_layers
 from hydroviews.scenes import View
 
-Plane = NDArray[np.float32]
 WATER = 0.5  # cover by drops from which a pixel counts as hidden
 
 

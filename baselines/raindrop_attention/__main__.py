@@ -9,7 +9,7 @@ import torch
 import tyro
 from tqdm import tqdm
 
-from baselines.network_training import network_fingerprint, rounded, take_up
+from baselines.network_training import in_words, network_fingerprint, rounded, take_up
 from baselines.raindrop_attention.config import CONFIGS, TrainingConfig, Upkeep
 from baselines.raindrop_attention.detection import detect
 from baselines.raindrop_attention.network import Generator
@@ -20,10 +20,11 @@ from baselines.raindrop_attention.weights import load_detector, save_generator
 from hydroviews.commands import run_command
 from hydroviews.errors import InputError
 from hydroviews.files import write_json
-from hydroviews.images import list_images, read_image, write_png
+from hydroviews.images import read_image, write_png
 from hydroviews.pairs.drawing import LENSES
 from hydroviews.pairs.drawn import DrawnRain
 from hydroviews.pairs.photographs import read_photographs, split_photographs
+from hydroviews.readers.photographs import one_by_one
 
 CACHE = Path("results/raindrop-attention/rain")
 VALIDATION_SEED = 1000  # of lenses and rain of the validation, whatever the training's seed
@@ -109,21 +110,20 @@ def detect_command(pictures: tyro.conf.Positional[Path], out: Path, weights: str
 
     Args:
         pictures: file or folder.
-        out: folder.
+        out: another folder.
         weights: shipped ones, or a file.
     """
-    generator = load_detector(weights).generator
-    files = list_images(pictures) if pictures.is_dir() else [pictures]
-    for file in tqdm(files, desc="detecting", unit="picture"):
+    generator, targets = load_detector(weights).generator, one_by_one(pictures, out)
+    for file, target in tqdm(targets.items(), desc="detecting", unit="picture"):
         image = read_image(file)
         attention, derained = detect(image, generator)
-        write_png(out / f"{file.stem}.png", np.hstack([image, attention[..., None].repeat(3, axis=2), derained]))
+        write_png(target, np.hstack([image, attention[..., None].repeat(3, axis=2), derained]))
 
 
 def described(request: Request) -> str:
     """The data in words, for checkpoint and card."""
-    count, folder = len(split_photographs(request.photographs).training), request.photographs
-    return f"{count} photographs ({folder.parent.name}/{folder.name}); {LENSES} wet lenses a frame, and mist alone"
+    photographs = in_words(split_photographs(request.photographs).training, request.photographs)
+    return f"{photographs}; {LENSES} wet lenses a frame, and mist alone"
 
 
 def _held_out(photographs: Path, cache: Path, count: int = 0) -> list[Watched]:

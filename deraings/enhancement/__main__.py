@@ -20,8 +20,9 @@ from deraings.enhancement.weights import load_enhancer, save_network
 from hydroviews.commands import run_command
 from hydroviews.errors import InputError
 from hydroviews.files import write_json
-from hydroviews.images import list_images, read_image, write_png
+from hydroviews.images import read_image, write_png
 from hydroviews.pairs.photographs import split_photographs
+from hydroviews.readers.photographs import one_by_one
 
 WATCHED = 4  # held-out photographs that are looked at while training; all of them at the end
 VALIDATION_SEED = 1000  # of the validation rain, whatever the training's seed
@@ -113,14 +114,13 @@ def enhance_command(pictures: tyro.conf.Positional[Path], out: Path, weights: st
 
     Args:
         pictures: file or folder.
-        out: folder.
+        out: another folder.
         weights: shipped ones, or a file.
     """
-    enhancer = load_enhancer(weights)
+    enhancer, targets = load_enhancer(weights), one_by_one(pictures, out)
     print(enhancer.reason)
-    files = list_images(pictures) if pictures.is_dir() else [pictures]
-    for file in tqdm(files, desc="enhancing", unit="picture"):
-        write_png(out / f"{file.stem}.png", enhance(read_image(file), enhancer))
+    for file, target in tqdm(targets.items(), desc="enhancing", unit="picture"):
+        write_png(target, enhance(read_image(file), enhancer))
 
 
 def describe_command(network: Literal["paper", "small"] = "small", width: int = 400, height: int = 300) -> None:

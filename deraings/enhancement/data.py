@@ -4,12 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from baselines.network_training import in_words
 from deraings.enhancement.config import TrainingConfig
-from deraings.enhancement.pair_folders import PairFolder
+from deraings.enhancement.pair_folders import PairFolder, find_pairs
 from deraings.enhancement.pairs import VEILED, Pairs
 from deraings.enhancement.weights import Enhancer, find_weights, load_enhancer
 from hydroviews.errors import InputError
-from hydroviews.files import sha256
+from hydroviews.files import listing, sha256
 from hydroviews.pairs.drawing import LENSES, bake_pool
 from hydroviews.pairs.drawn import DrawnRain
 from hydroviews.pairs.photographs import LONG_SIDES, frames, read_photographs, split_photographs
@@ -82,9 +83,11 @@ def check_parts(sides: Sequence[int], patch: int) -> None:
 
 def described(data: Data, start: Enhancer | None) -> str:
     """The data and the weights to begin with in words, for checkpoint and card."""
-    count = len(split_photographs(data.photographs).training)
-    folders = [f"{count} photographs ({data.photographs.parent.name}/{data.photographs.name})"]
-    folders += [f"pairs of {folder.parent.name}/{folder.name}" for folder in data.pairs]
+    folders = [in_words(split_photographs(data.photographs).training, data.photographs)]
+    for folder in data.pairs:
+        pairs = find_pairs(folder)
+        named = listing(file for pair in pairs for file in pair)
+        folders.append(f"{len(pairs)} pairs ({folder.parent.name}/{folder.name}, {named})")
     sizes = " or ".join(str(side) for side in data.sides)
     words = f"{', '.join(folders)}, {sizes} pixels wide or high; {data.lenses} wet lenses a frame"
     if start:

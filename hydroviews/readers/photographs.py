@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from hydroviews.cameras import same_shape
 from hydroviews.errors import InputError
 from hydroviews.files import read_json
-from hydroviews.images import SUFFIXES, image_size
+from hydroviews.images import SUFFIXES, image_size, list_images
 from hydroviews.lenses import Lens
 from hydroviews.masks import MASKS, find_mask
 from hydroviews.provenance import CAPTURED
@@ -46,6 +46,25 @@ def unreadable_photographs(folder: Path) -> str:
     """How many files are photographs in formats that are not read here, such as "50 .heic"; empty if none are."""
     suffixes = [path.suffix.lower() for path in folder.rglob("*") if path.suffix.lower() in UNREAD]
     return ", ".join(f"{count} {suffix}" for suffix, count in sorted(Counter(suffixes).items()))
+
+
+def one_by_one(pictures: Path, out: Path) -> dict[Path, Path]:
+    """The PNG in folder `out` for a picture, or for each one directly in a folder of them.
+
+    Raises:
+        InputError: no pictures, two of one name, or one that would be written over.
+    """
+    files = list_images(pictures) if pictures.is_dir() else [pictures]
+    if not files:
+        found = unreadable_photographs(pictures) or "none of them"
+        raise InputError(f"{pictures}: no pictures", found=found, expected=f"{', '.join(SUFFIXES)} files")
+    targets = {file: out / f"{file.stem}.png" for file in files}
+    twice = [name for name, count in Counter(target.name for target in targets.values()).items() if count > 1]
+    if twice:
+        raise InputError(f"{pictures}: several pictures would become {some(twice)}", fix="rename them")
+    if {file.resolve() for file in files} & {target.resolve() for target in targets.values()}:
+        raise InputError(f"{out}: pictures would be written over", fix="choose another --out")
+    return targets
 
 
 def match_files(folder: Path, names: Sequence[str]) -> list[Path | None]:

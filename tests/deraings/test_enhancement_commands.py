@@ -37,6 +37,20 @@ def test_a_folder_of_pictures_is_enhanced(tmp_path, weights, capsys):
         np.testing.assert_array_equal(read_image(tmp_path / "out" / name), read_image(tmp_path / "in" / name))
 
 
+def test_no_picture_is_lost_when_others_are_enhanced(tmp_path, weights):
+    pictures(tmp_path / "in")
+    with pytest.raises(InputError, match="written over"):
+        enhance_command(tmp_path / "in", tmp_path / "in", str(weights))
+    write_png(tmp_path / "in" / "1.jpg", np.zeros((8, 8, 3), np.float32))
+    with pytest.raises(InputError, match=r"several pictures would become 1\.png"):
+        enhance_command(tmp_path / "in", tmp_path / "out", str(weights))
+    (tmp_path / "phone").mkdir()
+    (tmp_path / "phone" / "a.heic").write_bytes(b"")
+    with pytest.raises(InputError, match=r"no pictures\n.*1 \.heic"):
+        enhance_command(tmp_path / "phone", tmp_path / "out", str(weights))
+    assert not (tmp_path / "out").exists()
+
+
 def test_describe_counts(capsys):
     describe_command("small", 400, 300)
     assert "1,207,328" in capsys.readouterr().out
@@ -63,6 +77,21 @@ def test_sizes_and_lenses_stand_in_the_data(tmp_path):
     pictures(tmp_path / "photographs")
     data = Data(tmp_path / "photographs", sides=(480, 288), lenses=7)
     assert "480 or 288 pixels wide or high; 7 wet lenses a frame" in described(data, None)
+
+
+def test_other_photographs_and_pairs_are_other_data(tmp_path):
+    pictures(tmp_path / "photographs")
+    data = Data(tmp_path / "photographs", pairs=(tmp_path / "pairs",))
+    for folder in ("input", "target"):
+        pictures(tmp_path / "pairs" / folder)
+    before = described(data, None)
+    assert described(data, None) == before
+    pairs = sorted((tmp_path / "pairs").rglob("*.png"))
+    write_png(pairs[0], np.zeros((99, 99, 3), np.float32))
+    with_others = described(data, None)
+    assert with_others != before
+    write_png(tmp_path / "photographs" / "1.png", np.zeros((99, 99, 3), np.float32))
+    assert described(data, None) != with_others
 
 
 @pytest.mark.parametrize("wrong", [{"sides": ()}, {"lenses": 0}])

@@ -169,5 +169,8 @@ def test_masks_learn_from_the_loss_and_weigh_it():
 
 def test_what_was_found_and_the_settings_can_be_written_down():
     objective = objective_of(scene_of(3))
-    assert json.loads(json.dumps(objective.about())) == json.loads(json.dumps(objective.about()))
+    written = json.loads(json.dumps(objective.about()))
+    assert written["rain"]["drops"]["start"] == EAGER.drops.start
+    other = objective_of(scene_of(3), replace(EAGER, drops=DropConfig(start=0.2)))
+    assert json.loads(json.dumps(other.about())) != written
     assert json.loads(json.dumps(found(objective)))["falling"] == 0
