@@ -32,8 +32,10 @@ comma    := ,
 names    := $(subst $(comma), ,$(PATTERNS))
 patterns := $(if $(strip $(names)),--patterns $(names))
 overwrite := $(if $(OVERWRITE),--overwrite)
-sweep     = set -e; for seed in $(SEEDS); do for scene in $(SCENES); do for method in $(1); do \
-            $(MAKE) eval METHOD=$$method SCENE="$$scene" SEED=$$seed; done; done; done
+sweep     = trap 'exit 130' INT TERM; bad=; \
+            for seed in $(SEEDS); do for scene in $(SCENES); do for method in $(1); do \
+            $(MAKE) eval METHOD=$$method SCENE="$$scene" SEED=$$seed || bad="$$bad $$method,$$scene,$$seed"; \
+            done; done; done; test -z "$$bad" || { echo "not finished:$$bad" >&2; exit 1; }
 enhance   = $(BIN)/python -m deraings.enhancement train --photographs '$(PHOTOGRAPHS)' \
             --cache '$(RESULTS)/enhancement/rain'
 what     := $(if $(SUITE),--suite '$(SUITE)',--scene '$(SCENE)')

@@ -2,10 +2,12 @@
 
 import importlib.util
 import os
+import sys
 
 from hydroviews.errors import InputError
 
 DEVICES = ("auto", "cpu", "cuda")
+NO_DEVICE = "torch finds no CUDA device"
 
 
 def chosen_device(device: str, *packages: str) -> str:
@@ -26,6 +28,8 @@ def chosen_device(device: str, *packages: str) -> str:
     lacking = missing_for_cuda(*packages)
     if lacking and device == "cuda":
         raise InputError("device cuda: not available", found=lacking, fix="install hydroviews[cuda], or use cpu")
+    if lacking and lacking != NO_DEVICE:
+        print(f"on the CPU, though there is a GPU: {lacking} (install hydroviews[cuda])", file=sys.stderr)
     return "cpu" if lacking else "cuda"
 
 
@@ -34,6 +38,6 @@ def missing_for_cuda(*packages: str) -> str | None:
     import torch
 
     if not torch.cuda.is_available():
-        return "torch finds no CUDA device"
+        return NO_DEVICE
     missing = [package for package in packages if importlib.util.find_spec(package) is None]
     return f"{' and '.join(missing)} not installed" if missing else None

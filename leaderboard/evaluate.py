@@ -130,7 +130,7 @@ def _carry_out(run: Run, overwrite: bool) -> Record:
     if (run.folder / RECORD).is_file():
         record = read_record(run.folder / RECORD)
         if record.status == "done":
-            print(f"{run}: kept, {_figures(record)}")
+            print(f"{run}: kept, {_figures(record)} (version {record.version}; remove {run.folder} to run it again)")
             return record
     print(f"{run}: training")
     if not (run.folder / PREDICTION).is_file() or not (run.folder / "renders").is_dir():

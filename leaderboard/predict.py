@@ -13,6 +13,7 @@ from baselines.method import Method, find_method
 from hydroviews.files import write_json
 from hydroviews.images import write_png
 from hydroviews.scenes import Scene, Split
+from leaderboard.records import code_version
 from leaderboard.runs import Run
 
 PREDICTION = "prediction.json"
@@ -24,6 +25,7 @@ def predict(run: Run) -> None:
     Raises:
         InputError: data or checkpoint that cannot be used.
     """
+    (run.folder / PREDICTION).unlink(missing_ok=True)  # renders are whole where it is, and now they change
     scene = run.training_scene()
     kind = find_method(run.method)
     method = kind(kind.configuration(run.profile), run.seed)
@@ -41,6 +43,7 @@ def predict(run: Run) -> None:
             "model_mb": statistics.model_mb,
             "device": statistics.device,
             "used": statistics.used,
+            "version": code_version(),
         },
     )
 

@@ -129,10 +129,17 @@ def write_leaderboard(results: Path) -> pd.DataFrame:
 
 
 def code_version() -> str:
-    """The package version, with the commit where it runs from a checkout."""
-    command = ["git", "-C", str(Path(hydroviews.__file__).parent), "rev-parse", "--short", "HEAD"]
+    """The package version, with the commit where it runs from a checkout, and "-dirty" if that was changed."""
+    checkout = Path(hydroviews.__file__).resolve().parent.parent
+
+    def git(*arguments: str) -> str:
+        command = ["git", "-C", str(checkout), *arguments]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+
     try:
-        commit = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+        if Path(git("rev-parse", "--show-toplevel")).resolve() != checkout:  # installed into somebody else's
+            return hydroviews.__version__
+        commit = git("describe", "--always", "--dirty", "--exclude=*")
     except (OSError, subprocess.CalledProcessError):
         return hydroviews.__version__
     return f"{hydroviews.__version__}+{commit}"

@@ -43,14 +43,20 @@ def score(run: Run) -> Record:
     A metric that cannot be had (images too small for it, no network weights) stays empty, with the reason.
 
     Raises:
-        InputError: a render is missing, or of another size than its clean view; there is no such run, or
-            the data changed since.
+        InputError: a render is missing, or of another size than its clean view; there is no such run, it has
+            not ended, or the data changed since.
     """
     if not (run.folder / CONFIG).is_file():
         raise InputError(
             f"{run}: no such run", found=f"no {run.folder / CONFIG}", fix=f"make eval METHOD={run.method} first"
         )
     refuse_other_data(run, "evaluate it anew with --overwrite (make eval OVERWRITE=1)")
+    if not (run.folder / PREDICTION).is_file():
+        raise InputError(
+            f"{run}: not trained to its end, or not rendered",
+            found=f"no {run.folder / PREDICTION}",
+            fix=f"make eval METHOD={run.method} goes on where it stopped",
+        )
     if run.pattern == CAPTURED:
         return _picture(run)
     clean = run.clean_scene()
@@ -126,7 +132,6 @@ def describe(run: Run, scene: Scene, *, status: str, reason: str, numbers: Mappi
         width=camera.width,
         height=camera.height,
         profile=run.profile,
-        version=code_version(),
         data_sha256=settings["data_sha256"],
-        **numbers,
+        **{"version": code_version(), **numbers},  # of the code that trained and rendered
     )

@@ -116,6 +116,21 @@ def test_compare_runs_every_method_on_every_scene_with_every_seed():
         assert f"--method '{method}' --scene '{scene}' --profile demo --seed {seed} " in line
 
 
+def test_compare_goes_on_after_a_run_that_failed(tmp_path):
+    python = tmp_path / "python"  # that evaluates every method but `bad`
+    python.write_text('#!/bin/sh\necho "$@" >> "$(dirname "$0")/asked"\ncase "$*" in *bad*) exit 1;; esac\n')
+    python.chmod(0o755)
+    ready = tmp_path / "ready"
+    ready.touch()
+    settings = ["METHODS=bad good", "SEEDS=0 1", f"BIN={tmp_path}", f"READY={ready}"]
+    command = ["make", "--no-print-directory", *settings, "compare"]
+    done = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True)
+    asked = [line.split("--method ")[1].split()[0] for line in (tmp_path / "asked").read_text().splitlines()]
+    assert asked == ["bad", "good", "bad", "good"]
+    assert done.returncode != 0
+    assert "not finished: bad,courtyard,0 bad,courtyard,1\n" in done.stderr
+
+
 def test_the_ablation_is_a_comparison_of_its_own_methods():
     runs = [line for line in make("ablation", "SCENE=street").splitlines() if "leaderboard evaluate" in line]
     assert len(runs) == 7

@@ -41,7 +41,8 @@ class VisibleObjective(Objective):
         loss, gradient = photometric_loss(image, target, self.ssim_share, weights, workspace)
         if self.appearance.config.lpips:
             ignored = self.images.ignored(view, (image.shape[0], image.shape[1]))
-            value, more = perceptual_loss(image, target.pixels.reshape(image.shape), ignored)
+            device = self.appearance.fusion.middle.device
+            value, more = perceptual_loss(image, target.pixels.reshape(image.shape), ignored, device)
             loss, gradient = loss + self.appearance.config.lpips * value, gradient + self.appearance.config.lpips * more
         return loss, gradient
 
@@ -67,13 +68,18 @@ def learn_visibility(visible: Tensor, losses: NDArray[np.float32], price: float)
 
 
 def perceptual_loss(
-    image: Image, photograph: Image, ignored: NDArray[np.bool_] | None = None
+    image: Image,
+    photograph: Image,
+    ignored: NDArray[np.bool_] | None = None,
+    device: torch.device | None = None,
 ) -> tuple[float, NDArray[np.float32]]:
-    """LPIPS (VGG) of two pictures [H, W, 3], and its gradient by the first."""
-    leaf = torch.from_numpy(np.ascontiguousarray(image)).requires_grad_()
-    pictures = [x.clamp(0, 1).permute(2, 0, 1)[None] for x in (leaf, torch.from_numpy(photograph.copy()))]
-    score = lpips(pictures[0], pictures[1], "vgg", None if ignored is None else torch.from_numpy(ignored)[None])
+    """LPIPS (VGG) of two pictures [H, W, 3], calculated on a device, and its gradient by the first."""
+    leaf, fixed = (torch.from_numpy(np.array(picture)).to(device) for picture in (image, photograph))
+    leaf.requires_grad_()
+    pictures = [x.clamp(0, 1).permute(2, 0, 1)[None] for x in (leaf, fixed)]
+    hidden = None if ignored is None else torch.from_numpy(ignored)[None].to(device)
+    score = lpips(pictures[0], pictures[1], "vgg", hidden)
     assert isinstance(score, Tensor)
     score.sum().backward()
     assert leaf.grad is not None
-    return float(score.detach()), leaf.grad.numpy()
+    return float(score.detach()), leaf.grad.cpu().numpy()

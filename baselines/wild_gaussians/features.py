@@ -23,7 +23,8 @@ LONGEST = 350  # pixels that the longer side of a picture is shrunk to
 LEVELS = 3  # of AlexNet's convolutions
 PATCH = 14  # pixels of DINOv2's patches
 BLOCK = 5  # of its twelve: the authors look at the sixth
-REPOSITORY, MODEL = "facebookresearch/dinov2", "dinov2_vits14_reg"
+# The code that is fetched and run is that of one commit.
+REPOSITORY, MODEL = "facebookresearch/dinov2:12592a9bdfea0a6e4ee4767cd5a8d3195c0e3509", "dinov2_vits14_reg"
 MEAN, DEVIATION = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)  # of ImageNet
 
 
@@ -78,7 +79,9 @@ class DinoV2:
     unlike: ClassVar[float] = 0.5
 
     def __init__(self, device: str) -> None:
-        self._network = torch.hub.load(REPOSITORY, MODEL, trust_repo=True, verbose=False).to(device).eval()
+        # The validation that is skipped knows branches and tags alone.
+        network = torch.hub.load(REPOSITORY, MODEL, trust_repo=True, verbose=False, skip_validation=True)
+        self._network = network.to(device).eval()
         self._mean, self._deviation = (torch.tensor(v, device=device).view(3, 1, 1) for v in (MEAN, DEVIATION))
 
     @torch.no_grad()

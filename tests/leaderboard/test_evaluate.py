@@ -1,5 +1,7 @@
 import dataclasses
 import json
+import re
+import subprocess
 import sys
 import threading
 import time
@@ -11,15 +13,17 @@ import pandas as pd
 import pytest
 from synthetic import capture_in
 
+import hydroviews
 from hydroviews import metrics
 from hydroviews.errors import InputError
 from hydroviews.files import BUSY, locked
 from hydroviews.images import read_image
 from hydroviews.writers import write_colmap
 from leaderboard import evaluate as evaluate_module
+from leaderboard import predict as predict_module
 from leaderboard.__main__ import picture_command, score_command
 from leaderboard.evaluate import Evaluation, evaluate
-from leaderboard.records import COLUMNS
+from leaderboard.records import COLUMNS, code_version
 from leaderboard.score import score
 
 pytestmark = pytest.mark.usefixtures("toys")
@@ -111,6 +115,47 @@ def test_rescoring_on_other_data_is_refused(built, tmp_path):
         score(_runs(built, tmp_path)[0])
     with pytest.raises(InputError, match=r"seed 5: no such run\n.*config\.json\n.*make eval"):
         score(dataclasses.replace(_runs(built, tmp_path)[0], seed=5))
+
+
+def test_renders_that_were_interrupted_are_made_again(built, tmp_path, monkeypatch):
+    record = evaluate(request(built, tmp_path, "MeanColour"))[-1]
+    run = next(r for r in _runs(built, tmp_path))
+    (run.folder / "record.json").unlink()
+    monkeypatch.setattr(predict_module, "render_views", lambda *_: sys.exit(130))
+    with pytest.raises(SystemExit):
+        predict_module.predict(run)
+    with pytest.raises(InputError, match=r"not trained to its end[\s\S]*goes on where it stopped"):
+        score(run)
+    assert dataclasses.asdict(evaluate(request(built, tmp_path, "MeanColour"))[-1])["psnr"] == record.psnr
+
+
+def test_the_version_is_that_of_the_code_that_trained(built, tmp_path, monkeypatch):
+    record = evaluate(request(built, tmp_path, "MeanColour"))[-1]
+    monkeypatch.setattr("leaderboard.score.code_version", lambda: "of another day")
+    assert score(next(r for r in _runs(built, tmp_path))).version == record.version
+
+
+def test_a_version_names_the_commit_of_our_own_checkout_alone(tmp_path, monkeypatch):
+    package = tmp_path / "theirs" / "site-packages" / "hydroviews"
+    package.mkdir(parents=True)
+    theirs, ours = tmp_path / "theirs", package.parent
+
+    def git(folder, *arguments):
+        who = ["-c", "user.name=n", "-c", "user.email=e"]
+        subprocess.run(["git", "-C", str(folder), *who, *arguments], check=True, capture_output=True)
+
+    monkeypatch.setattr("leaderboard.records.hydroviews.__file__", str(package / "__init__.py"))
+    assert code_version() == hydroviews.__version__
+    git(theirs, "init")
+    git(theirs, "commit", "--allow-empty", "-m", "theirs")
+    assert code_version() == hydroviews.__version__
+    (package / "__init__.py").write_text("")
+    git(ours, "init")
+    git(ours, "add", ".")
+    git(ours, "commit", "-m", "ours")
+    assert re.fullmatch(re.escape(hydroviews.__version__) + r"\+[0-9a-f]{7,}", code_version())
+    (package / "__init__.py").write_text("changed = True")
+    assert code_version().endswith("-dirty")
 
 
 def test_score_and_picture_take_the_folders_that_evaluate_takes(built, tmp_path):

@@ -1,3 +1,4 @@
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -176,7 +177,9 @@ def test_dinov2_sees_whole_patches(monkeypatch):
     monkeypatch.setattr(torch.hub, "load", lambda *names, **_: asked.append(names) or Patches())
     network = find_features("auto", "cpu")
     assert isinstance(network, DinoV2)
-    assert asked == [("facebookresearch/dinov2", "dinov2_vits14_reg")]
+    (repository, model) = asked[0]
+    assert re.fullmatch(r"facebookresearch/dinov2:[0-9a-f]{40}", repository)
+    assert model == "dinov2_vits14_reg"
     assert network(np.zeros((36, 48, 3), np.float32)).shape == (3, 3, 4)
     assert network(np.full((28, 28, 3), 0.485, np.float32))[0].abs().max() < 1e-6
 
