@@ -16,6 +16,8 @@ Where this deviates, and why:
 * Small profiles have a hash grid for the networks' eight layers, and proposals for the coarse network (which then has
   no colours: the loss that teaches it is Mip-NeRF 360's). The paper profile has the networks; its units are the public
   implementation's (256, not 512).
+* The coarse network has no codes, as in the public implementation; in the paper it is given the appearance. Adam's
+  constants are those of instant-ngp (0.9, 0.99, 1e-15).
 * Test views are rendered with the mean code; the paper fits a code to one half of each test view.
 """
 

@@ -6,6 +6,8 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+PATIENCE = 20  # times what a checkpoint costs until the next one
+
 
 class Clock:
     """Seconds of training, going on from those of earlier sessions."""
@@ -17,6 +19,28 @@ class Clock:
     def seconds(self) -> float:
         """Of all sessions."""
         return time.perf_counter() - self._zero
+
+
+class Saving:
+    """When a checkpoint is due: now and then, and never so often that writing them takes a twentieth of the time."""
+
+    def __init__(self, clock: Clock, every: float):
+        """Of a training's clock; `every` is in seconds between two checkpoints that cost little, 0 for all steps."""
+        self._clock, self._every = clock, every
+        self._last, self._cost = clock.seconds, 0.0
+
+    @property
+    def due(self) -> bool:
+        """Whether it is time."""
+        return not self._every or self._clock.seconds - self._last > max(self._every, PATIENCE * self._cost)
+
+    @contextmanager
+    def timed(self) -> Iterator[None]:
+        """Around the writing of a checkpoint."""
+        start = self._clock.seconds
+        yield
+        self._last = self._clock.seconds
+        self._cost = self._last - start
 
 
 @contextmanager

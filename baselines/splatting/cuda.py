@@ -4,6 +4,7 @@ Steps stay on the GPU; refinement, every hundred steps, is the CPU's: the state 
 a Gaussian cover 0.999 of a pixel where we stop at 0.99, so renders of very opaque scenes differ a little.
 """
 
+import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -27,6 +28,7 @@ from baselines.splatting.strategies import Duties
 from baselines.splatting.torch_steps import drawn, finite_rows, noise, penalty_gradient, without_broken
 from baselines.training_images import Size
 from hydroviews.cameras import Camera
+from hydroviews.errors import InputError
 from hydroviews.images import Image
 
 Rows = slice | Tensor  # of the Gaussians that are rendered: all, or those at the indices [n]
@@ -46,12 +48,27 @@ class _DeviceState:
     broken: int  # likewise
 
 
+def require_kernels() -> None:
+    """Refuse a gsplat whose CUDA code was not compiled: it can be imported, and its first step would break.
+
+    Raises:
+        InputError: it is one.
+    """
+    if importlib.import_module("gsplat.cuda._backend")._C is None:
+        raise InputError(
+            "gsplat: no compiled CUDA code",
+            found="its Python part alone; it found no CUDA toolkit (nvcc) to compile with",
+            fix="install the CUDA toolkit of torch's version, or a gsplat wheel with kernels, or use the CPU",
+        )
+
+
 class CudaBackend:
     """gsplat's kernels; see backends.Backend."""
 
     def __init__(
         self, objective: Objective, background: NDArray[np.float32], near: float, antialiased: bool = False
     ) -> None:
+        require_kernels()
         self.device = torch.cuda.get_device_name()
         self._objective = objective
         self._background = torch.from_numpy(background).cuda()

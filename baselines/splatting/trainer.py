@@ -20,7 +20,7 @@ from baselines.splatting.kernels import warm_up
 from baselines.splatting.objective import Objective
 from baselines.splatting.pruning import prune
 from baselines.splatting.state import TrainingState, fresh_state, without_broken
-from baselines.stopping import Clock, end_stopped, stop_signals
+from baselines.stopping import Clock, Saving, end_stopped, stop_signals
 from baselines.training_images import read_images
 from hydroviews.cameras import Camera
 from hydroviews.scenes import Scene
@@ -118,7 +118,7 @@ class _Run:
         backend, total, done = self.backend, self.config.iterations, state.iteration
         backend.put(state)
         clock = Clock(state.seconds)
-        saved, smooth = clock.seconds, 0.0
+        saving, smooth = Saving(clock, self.config.checkpoint_seconds), 0.0
         bar = tqdm(total=total, initial=done, desc="training", unit="it", mininterval=1.0)
         with stop_signals() as stopped, bar:
             while done < total and not self.stalled(state):
@@ -126,9 +126,9 @@ class _Run:
                 done += 1
                 if self.due(done):
                     state = self.change(backend.get(done, clock.seconds))
-                if stopped or clock.seconds - saved > self.config.checkpoint_seconds:
-                    self.save(backend.get(done, clock.seconds))
-                    saved = clock.seconds
+                if stopped or saving.due:
+                    with saving.timed():
+                        self.save(backend.get(done, clock.seconds))
                 end_stopped(stopped)
                 smooth = 0.98 * smooth + 0.02 * loss if smooth else loss
                 bar.set_postfix_str(f"loss {smooth:.4f}, {len(state.gaussians)} Gaussians", refresh=False)

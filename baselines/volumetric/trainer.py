@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 from baselines.checkpoints import check_fingerprint, fingerprint_of, read_arrays, write_arrays
 from baselines.devices import chosen_device
-from baselines.stopping import Clock, end_stopped, stop_signals
+from baselines.stopping import Clock, Saving, end_stopped, stop_signals
 from baselines.torch_state import module_arrays, restore_module
 from baselines.training_images import TrainingImages, read_images
 from baselines.volumetric.batches import Batch, TrainingPixels
@@ -70,6 +70,7 @@ def train(
     Raises:
         InputError: no training views; an image that cannot be read; weights of another size; a checkpoint of another
             configuration, seed or scene; no such device.
+        FloatingPointError: a loss is NaN or infinite.
         KeyboardInterrupt, SystemExit: on Ctrl-C and SIGTERM, after a checkpoint was written.
     """
     cameras = [view.camera for view in scene.train_views]
@@ -105,7 +106,8 @@ class _Run:
         optimiser = torch.optim.Adam(model.groups(), betas=BETAS, eps=EPSILON, fused=True)
         starting = [group["lr"] for group in optimiser.param_groups]
         done, seconds = self.resume(model, optimiser)
-        clock, saved, smooth = Clock(seconds), seconds, 0.0
+        clock, smooth = Clock(seconds), 0.0
+        saving = Saving(clock, self.config.checkpoint_seconds)
         bar = tqdm(total=self.config.iterations, initial=done, desc="training", unit="it", mininterval=1.0)
         with stop_signals() as stopped, bar:
             while done < self.config.iterations:
@@ -113,9 +115,9 @@ class _Run:
                     group["lr"] = rate * rate_at(done, self.config)
                 smooth += (1 if not smooth else 0.02) * (self.step(model, optimiser, done) - smooth)
                 done += 1
-                if stopped or clock.seconds - saved > self.config.checkpoint_seconds:
-                    self.save(model, optimiser, done, clock.seconds)
-                    saved = clock.seconds
+                if stopped or saving.due:
+                    with saving.timed():
+                        self.save(model, optimiser, done, clock.seconds)
                 end_stopped(stopped)
                 bar.set_postfix_str(f"loss {smooth:.4f}", refresh=False)
                 bar.update()
@@ -129,6 +131,9 @@ class _Run:
         batch = self.pixels.draw(self.seed, iteration, config.rays, model.space, self.device)
         terms = self.loss(model(batch.rays, self.practice(batch, iteration)), batch)
         loss = torch.stack(list(terms.values())).sum()
+        if not loss.isfinite():  # before it is in every parameter, and in the checkpoint
+            told = ", ".join(f"{name} {float(term.detach()):g}" for name, term in terms.items())
+            raise FloatingPointError(f"the loss of iteration {iteration} is not finite: {told}")
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()

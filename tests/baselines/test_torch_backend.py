@@ -1,5 +1,7 @@
 """The GPU's steps, with a stand-in for gsplat, and the CPU's."""
 
+import sys
+
 import numpy as np
 import pytest
 from splats import BACKGROUND, cloud, photographed, with_values
@@ -12,7 +14,8 @@ from baselines.splatting.relocation import Relocation
 from baselines.splatting.schedule import LearningRates, rates_at, shrunk
 from baselines.splatting.state import fresh_state
 from baselines.splatting.strategies import Duties
-from baselines.training_images import read_images
+from baselines.training_images import TrainingImages, read_images
+from hydroviews.errors import InputError
 
 
 @pytest.fixture
@@ -23,6 +26,12 @@ def backends(cuda_backend, tmp_path):
         [view.camera for view in scene.train_views],
         [kind(objective, BACKGROUND, 0.01) for kind in (CpuBackend, cuda_backend)],
     )
+
+
+def test_a_gsplat_without_kernels_is_refused(cuda_backend, monkeypatch):
+    monkeypatch.setattr(sys.modules["gsplat.cuda._backend"], "_C", None)
+    with pytest.raises(InputError, match=r"no compiled CUDA code[\s\S]*nvcc"):
+        cuda_backend(Objective(TrainingImages([np.zeros((16, 16, 3), np.uint8)])), BACKGROUND, 0.01)
 
 
 @pytest.mark.parametrize("strategy", [Densification(), Relocation(noise=0.0, opacity_penalty=1.0, scale_penalty=1.0)])

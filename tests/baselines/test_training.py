@@ -19,6 +19,7 @@ from baselines.method import find_method
 from baselines.splatting.ply import read_ply
 from baselines.splatting.rasterizer import render
 from baselines.splatting.trainer import CHECKPOINT, train
+from baselines.stopping import Saving
 from baselines.training_images import read_images
 from hydroviews.errors import InputError
 from hydroviews.images import resize_area, write_png
@@ -195,10 +196,28 @@ def test_devices(monkeypatch):
         chosen_device("cpu")
 
 
-def test_a_gpu_is_used_where_what_is_needed_there_is_installed(monkeypatch):
+def test_a_gpu_is_used_where_what_is_needed_there_is_installed(monkeypatch, capsys):
     monkeypatch.delenv("HYDROVIEWS_DEVICE", raising=False)
     monkeypatch.setattr("torch.cuda.is_available", lambda: True)
     assert chosen_device("auto") == chosen_device("auto", "numpy") == "cuda"
+    assert capsys.readouterr().err == ""
     assert chosen_device("auto", "no_such_package") == "cpu"
+    assert "on the CPU, though there is a GPU: no_such_package not installed" in capsys.readouterr().err
     with pytest.raises(InputError, match="no_such_package not installed"):
         chosen_device("cuda", "no_such_package")
+
+
+def test_checkpoints_that_take_long_are_written_less_often():
+    class Time:
+        seconds = 0.0
+
+    clock = Time()
+    saving = Saving(clock, 30.0)
+    clock.seconds = 31.0
+    assert saving.due
+    with saving.timed():
+        clock.seconds += 5
+    clock.seconds += 31
+    assert not saving.due
+    clock.seconds += 70
+    assert saving.due

@@ -31,6 +31,7 @@ def rasterization(means, quaternions, scales, opacities, sh, pose, matrix, width
 def cuda_backend(monkeypatch):
     """The class, fresh from its module, with a gsplat and a device that are none."""
     monkeypatch.setitem(sys.modules, "gsplat", SimpleNamespace(rasterization=rasterization))
+    monkeypatch.setitem(sys.modules, "gsplat.cuda._backend", SimpleNamespace(_C="kernels"))
     monkeypatch.delitem(sys.modules, "baselines.splatting.cuda", raising=False)
     monkeypatch.setattr(torch.Tensor, "cuda", lambda tensor: tensor.clone())
     monkeypatch.setattr(torch.nn.Module, "cuda", lambda module: module)

@@ -84,6 +84,19 @@ def test_a_crash_leaves_no_trace(scene, undisturbed, tmp_path, iteration):
     assert_identical(undisturbed, fit(scene, config, tmp_path))
 
 
+def test_a_loss_that_is_not_finite_ends_the_training_before_it_is_learned(scene, undisturbed, tmp_path):
+    plain, calls = photometric_terms(SHORT), []
+
+    def loss(rendering, batch):
+        calls.append(0)
+        return plain(rendering, batch) | ({"bias": rendering.colour.sum() / 0} if len(calls) == 9 else {})
+
+    config = replace(SHORT, checkpoint_seconds=0.0)
+    with pytest.raises(FloatingPointError, match=r"iteration 8 is not finite: colour [0-9.]+.*bias (inf|nan)"):
+        fit(scene, config, tmp_path, loss=loss)
+    assert_identical(undisturbed, fit(scene, config, tmp_path))
+
+
 @pytest.mark.parametrize(("number", "error"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit)])
 def test_signals_end_the_run_after_a_checkpoint(scene, undisturbed, tmp_path, number, error):
     handler = signal.getsignal(number)
