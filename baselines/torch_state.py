@@ -34,10 +34,12 @@ def restore_module(
     module.load_state_dict({name: _tensor(arrays[f"network.{name}"], value) for name, value in state.items()})
     if optimiser:
         optimiser.state.clear()
+        # A fused Adam counts its steps where the parameters are, others on the CPU.
+        there = any(group.get("fused") or group.get("capturable") for group in optimiser.param_groups)
         for name, parameter in module.named_parameters():
             if f"exp_avg.{name}" in arrays:
                 moments = {key: _tensor(arrays[f"{key}.{name}"], parameter) for key in MOMENTS}
-                step = _tensor(arrays[f"step.{name}"], torch.tensor(0.0))
+                step = _tensor(arrays[f"step.{name}"], torch.zeros((), device=parameter.device if there else "cpu"))
                 optimiser.state[parameter] = {"step": step, **moments}
 
 

@@ -29,7 +29,9 @@ from baselines.splatting.torch_steps import drawn, finite_rows, noise, penalty_g
 from baselines.training_images import Size
 from hydroviews.cameras import Camera
 from hydroviews.errors import InputError
+from hydroviews.files import locked
 from hydroviews.images import Image
+from hydroviews.metrics.lpips_weights import cache_folder
 
 Rows = slice | Tensor  # of the Gaussians that are rendered: all, or those at the indices [n]
 
@@ -51,10 +53,18 @@ class _DeviceState:
 def require_kernels() -> None:
     """Refuse a gsplat whose CUDA code was not compiled: it can be imported, and its first step would break.
 
+    It compiles at its first use, one process at a time: another that begins meanwhile would delete what is there.
+
     Raises:
-        InputError: it is one.
+        InputError: it is one, or its code does not compile.
     """
-    if importlib.import_module("gsplat.cuda._backend")._C is None:
+    with locked(cache_folder() / "gsplat", "another process compiles gsplat; waiting"):
+        try:
+            kernels = importlib.import_module("gsplat.cuda._backend")._C
+        except Exception as error:  # whatever compilers and linkers say
+            fix = "see gsplat's installation notes, or use the CPU"
+            raise InputError("gsplat: its CUDA code does not compile", found=error, fix=fix) from error
+    if kernels is None:
         raise InputError(
             "gsplat: no compiled CUDA code",
             found="its Python part alone; it found no CUDA toolkit (nvcc) to compile with",
@@ -69,6 +79,8 @@ class CudaBackend:
         self, objective: Objective, background: NDArray[np.float32], near: float, antialiased: bool = False
     ) -> None:
         require_kernels()
+        # SSIM is small differences of large filtered numbers, and convolutions may else have 10 bits of mantissa.
+        torch.backends.cudnn.allow_tf32 = False
         self.device = torch.cuda.get_device_name()
         self._objective = objective
         self._background = torch.from_numpy(background).cuda()
@@ -187,6 +199,8 @@ class CudaBackend:
         degree: int,
         absolute: bool = False,
     ) -> tuple[Tensor, dict[str, Any]]:
+        if not len(parameters["means"]):  # gsplat divides by their number
+            return _background_alone(parameters, camera, self._background)
         pose = camera.world_to_camera.copy()
         pose[:3, 3] += pose[:3, :3] @ origin
         parameters, whole = without_broken(parameters)
@@ -227,6 +241,17 @@ class CudaBackend:
         value, gradients = self._objective.compare(pictures, view, iteration, self._workspace)
         torch.autograd.backward(renders, [torch.from_numpy(np.ascontiguousarray(g)).cuda() for g in gradients])
         return value
+
+
+def _background_alone(
+    parameters: dict[str, Tensor], camera: Camera, background: Tensor
+) -> tuple[Tensor, dict[str, Any]]:
+    """What `rasterization` would return of no Gaussians, whose gradients are as empty as they are."""
+    means2d: Any = parameters["means"][None, :, :2] + 0
+    means2d.absgrad = torch.zeros_like(means2d)
+    nothing = means2d.sum() + sum(value.sum() for value in parameters.values())
+    image = (background + nothing).expand(camera.height, camera.width, 3)
+    return image, {"means2d": means2d, "radii": torch.zeros_like(means2d, dtype=torch.int32)}
 
 
 def _observe(

@@ -49,5 +49,7 @@ def finite_rows(parameters: dict[str, Tensor]) -> Tensor:
 def without_broken(parameters: dict[str, Tensor]) -> tuple[dict[str, Tensor], Tensor]:
     """Ones in place of the parameters of broken Gaussians, which so get no gradient, and which are whole, bool [N]."""
     whole = finite_rows(parameters)
+    if whole.all():
+        return parameters, whole
     masks = {name: whole.reshape(-1, *[1] * (value.ndim - 1)) for name, value in parameters.items()}
     return {name: torch.where(masks[name], value, 1.0) for name, value in parameters.items()}, whole

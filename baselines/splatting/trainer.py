@@ -47,7 +47,7 @@ class Trained:
 def train(scene: Scene, config: TrainerConfig, seed: int, folder: Path, objective: Objective | None = None) -> Trained:
     """Learn the scene's training views, or go on from the checkpoint in `folder`.
 
-    A run that was interrupted and taken up again ends with the same bits as one that was not.
+    A run that was interrupted and taken up again ends with the same bits as one that was not, on the CPU.
 
     Args:
         scene: training views and points.
@@ -67,7 +67,9 @@ def train(scene: Scene, config: TrainerConfig, seed: int, folder: Path, objectiv
     backend = make_backend(
         config.device, objective, np.asarray(config.background, np.float32), near, config.antialiased
     )
-    compile_seconds = warm_up(config.sh_degree) if backend.device == "cpu" else 0.0
+    # On a GPU the plain loss is torch's; those of methods, and looks at held-in views, are kernels of the CPU.
+    kernels = backend.device == "cpu" or type(objective) is not Objective or config.early_stop
+    compile_seconds = warm_up(config.sh_degree) if kernels else 0.0
 
     fingerprint = fingerprint_of(
         config, seed, scene, objective.images, objective=objective.about(), device=backend.device

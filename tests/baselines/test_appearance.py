@@ -114,10 +114,13 @@ def test_who_is_shown_is_in_sight(size, most):
     assert np.array_equal(seen["sh"], gaussians.sh[rows])
 
 
-def test_a_view_of_nothing_teaches_nothing(tmp_path):
+@pytest.mark.parametrize("kind", ["cpu", "gsplat"])
+def test_a_view_of_nothing_teaches_nothing(tmp_path, cuda_backend, kind):
     scene = photographed(tmp_path, n_views=3)
     images = read_images(scene.train_views)
-    backend = CpuBackend(Both(images, appearance=Tint(len(images))), BACKGROUND, 0.01)
+    backend = {"cpu": CpuBackend, "gsplat": cuda_backend}[kind](
+        Both(images, appearance=Tint(len(images))), BACKGROUND, 0.01
+    )
     backend.put(fresh_state(with_features(20)))
     away, pose = scene.train_views[0].camera, np.diag([-1.0, 1.0, -1.0, 1.0])
     away = replace(away, world_to_camera=pose @ away.world_to_camera)

@@ -43,7 +43,7 @@ def test_both_render_the_same(tmp_path):
     assert np.abs(ours - theirs).max() < 2e-2  # cut-offs at 1/255 may fall on either side
 
 
-@pytest.mark.parametrize("strategy", [Densification(), Relocation(noise=0.0)])
+@pytest.mark.parametrize("strategy", [Densification(), Densification(absolute=True), Relocation(noise=0.0)])
 def test_both_take_the_same_steps(tmp_path, strategy):
     scene, both = backends(tmp_path)
     states = []
@@ -62,6 +62,15 @@ def test_both_take_the_same_steps(tmp_path, strategy):
     for name in FIELDS:
         one, two = getattr(ours.gaussians, name), getattr(theirs.gaussians, name)
         assert np.median(np.abs(one - two)) < 1e-4, name
+
+
+def test_a_view_of_nothing_is_the_background(tmp_path):
+    scene, (_, gpu) = backends(tmp_path)
+    gpu.put(fresh_state(translucent(300).select(np.zeros(300, bool))))
+    rates = rates_at(0, 100, LearningRates(), 4.0, 3)
+    duties = Densification().duties(0, rates["means"], 4.0, 0)
+    assert np.isfinite(gpu.step(scene.train_views[0].camera, 0, 0, 3, rates, duties))
+    assert np.allclose(gpu.render(translucent(300).select(np.zeros(300, bool)), camera(120, 90)), BACKGROUND)
 
 
 def test_both_say_the_same_of_contributions_and_residuals(tmp_path):

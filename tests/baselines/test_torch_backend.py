@@ -34,7 +34,10 @@ def test_a_gsplat_without_kernels_is_refused(cuda_backend, monkeypatch):
         cuda_backend(Objective(TrainingImages([np.zeros((16, 16, 3), np.uint8)])), BACKGROUND, 0.01)
 
 
-@pytest.mark.parametrize("strategy", [Densification(), Relocation(noise=0.0, opacity_penalty=1.0, scale_penalty=1.0)])
+MCMC = Relocation(noise=0.0, opacity_penalty=1.0, scale_penalty=1.0)
+
+
+@pytest.mark.parametrize("strategy", [Densification(), Densification(absolute=True), MCMC])
 def test_both_take_the_same_steps(backends, strategy):
     cameras, both = backends
     states = []
@@ -49,7 +52,11 @@ def test_both_take_the_same_steps(backends, strategy):
     (ours, our_loss, our_residual), (theirs, their_loss, their_residual) = states
     assert our_loss == pytest.approx(their_loss, rel=1e-4)
     assert our_residual == pytest.approx(their_residual, rel=1e-4)
-    assert np.allclose(ours.gradient_sum, theirs.gradient_sum, rtol=2e-2, atol=1e-6)
+    if strategy == Densification(absolute=True):  # the stand-in's are those of sums
+        assert (ours.gradient_sum >= 0.98 * theirs.gradient_sum - 1e-6).all()
+        assert theirs.gradient_sum.any()
+    else:
+        assert np.allclose(ours.gradient_sum, theirs.gradient_sum, rtol=2e-2, atol=1e-6)
     for name in FIELDS:
         one, two = getattr(ours.gaussians, name), getattr(theirs.gaussians, name)
         assert np.quantile(np.abs(one - two), 0.9) < 1e-5, name

@@ -7,24 +7,36 @@ import pytest
 import torch
 
 from baselines.splatting import reference
+from baselines.splatting.constants import LOW_PASS
 from baselines.splatting.gaussians import FIELDS
 from hydroviews.cameras import Camera
 
 
-def rasterization(means, quaternions, scales, opacities, sh, pose, matrix, width, height, **options):
-    """What gsplat's function of this name does, of what we use of it, for one camera."""
+def rasterization(
+    means, quaternions, scales, opacities, sh, pose, matrix, width, height, *,
+    near_plane, rasterize_mode, eps2d, sh_degree, packed, absgrad, backgrounds,
+):  # fmt: skip
+    """What gsplat's function of this name does, of what we use of it, for one camera.
+
+    Absolute gradients are those of the sums, which is what they are where all pixels pull the same way.
+    """
+    n, planes = len(means), sh.shape[1]
+    assert n, "gsplat divides by the number of Gaussians"
+    assert eps2d == LOW_PASS
+    assert not packed
+    shapes = [tuple(value.shape) for value in (quaternions, scales, opacities, sh, pose, matrix, backgrounds)]
+    assert shapes == [(n, 4), (n, 3), (n,), (n, planes, 3), (1, 4, 4), (1, 3, 3), (1, 3)]
     k = matrix[0].numpy()
     camera = Camera(width, height, k[0, 0], k[1, 1], k[0, 2], k[1, 2], pose[0].double().numpy())
     values = means, quaternions, scales.log(), opacities.double().clamp_min(1e-12).logit(), sh
     parameters = {name: value.double() for name, value in zip(FIELDS, values, strict=True)}
-    means2d = torch.zeros(1, len(means), 2, dtype=torch.float64, requires_grad=True)
-    background = options["backgrounds"][0].double()
-    antialiased = {"classic": False, "antialiased": True}[options["rasterize_mode"]]
-    image = reference.render(
-        parameters, camera, background, options["sh_degree"], options["near_plane"], means2d[0], antialiased
-    )
+    means2d = torch.zeros(1, n, 2, dtype=torch.float64, requires_grad=True) + 0  # no leaf, as gsplat's are none
+    if absgrad:
+        means2d.register_hook(lambda gradient: setattr(means2d, "absgrad", gradient.abs()))
+    background, antialiased = backgrounds[0].double(), {"classic": False, "antialiased": True}[rasterize_mode]
+    image = reference.render(parameters, camera, background, sh_degree, near_plane, means2d[0], antialiased)
     shown = (opacities.detach() > 1 / 255)[None, :, None].expand(1, -1, 2)
-    return image.float()[None], None, {"means2d": means2d, "radii": shown.int()}
+    return image.float()[None], torch.ones(1, height, width, 1), {"means2d": means2d, "radii": shown.int()}
 
 
 @pytest.fixture
