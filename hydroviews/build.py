@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from hydroviews.build_clean import CLEAN, write_cameras, write_views
-from hydroviews.build_rain import write_captured, write_variant
+from hydroviews.build_rain import link_shared, write_captured, write_variant
 from hydroviews.build_request import Request, make_request, refuse_own_capture, take_folder
 from hydroviews.data_card import keep_licence, write_card
 from hydroviews.errors import InputError
@@ -73,6 +73,8 @@ def build(
     request = make_request(scene, source, long_side, seed, technique)
     take_folder(out, folder, request, overwrite)
     entry = read_manifest(out)["scenes"].get(scene.name, {"patterns": [], "files": {}})
+    for name in entry["patterns"]:
+        link_shared(folder / name)
     if {p.name for p in patterns} <= set(entry["patterns"]) and _are_there(folder, entry["files"]):
         return folder
     images = f"{CAPTURED}/images" if scene.captured_rainy else CLEAN
@@ -84,9 +86,9 @@ def build(
     _write_rain(clean, folder, rains, entry, request)
     names = [pattern.name for pattern in rains]
     keep_licence(scene, folder)
-    write_card(folder, [CAPTURED] if scene.captured_rainy else names, scene.notes)
+    write_card(folder, [CAPTURED] if scene.captured_rainy else names, clean.notes)
     facts = {"seed": seed, "long_side": long_side, "source": request.source, "views": len(clean.views)}
-    record_scene(out, scene.name, {**facts, "notes": list(scene.notes), "patterns": names})
+    record_scene(out, scene.name, {**facts, "notes": list(clean.notes), "patterns": names})
     return folder
 
 

@@ -4,6 +4,7 @@ import shutil
 from dataclasses import asdict, replace
 from pathlib import Path
 
+import numpy as np
 from tqdm import tqdm
 
 from hydroviews.depth import FOLDER as DEPTH
@@ -18,28 +19,30 @@ from hydroviews.scenes import Scene, View
 from hydroviews.writers import write_colmap, write_nerfstudio
 
 CLEAN = "clean"
+FEW_POINTS = 100  # of a capture whose poses may be wrong
 
 
 def write_views(scene: Scene, folder: Path, images: str) -> Scene:
     """Write the views, and what masks hide of them, at their final size; returns the scene that reads from them."""
-    views = []
+    views, masked = [], any(view.mask for view in scene.views)
     for view in tqdm(scene.views, desc=f"{scene.name}: {images.partition('/')[0]} views", unit="view"):
         path = folder / images / f"{view.name}.png"
         if not path.is_file():
             write_png(path, view.image())
-        built = View(view.name, view.camera, path, mask=_write_mask(view, folder))
+        built = View(view.name, view.camera, path, mask=_write_mask(view, folder) if masked else None)
         _write_depth(view, built, folder)
         views.append(built)
     return replace(scene, views=tuple(views))
 
 
-def _write_mask(view: View, folder: Path) -> Path | None:
-    """Write what is hidden of a view, if anything may be; returns the file."""
+def _write_mask(view: View, folder: Path) -> Path:
+    """Write what is hidden of a view, be it nothing: COLMAP and nerfstudio want masks of all views or of none."""
     path = folder / MASKS / mask_name(f"{view.name}.png")
-    ignored = None if path.is_file() else view.ignored()
-    if ignored is not None:
-        write_ignored(path, ignored)
-    return path if view.mask else None
+    if not path.is_file():
+        ignored = view.ignored()
+        nothing = np.zeros((view.camera.height, view.camera.width), np.bool_)
+        write_ignored(path, nothing if ignored is None else ignored)
+    return path
 
 
 def _write_depth(view: View, built: View, folder: Path) -> None:
@@ -49,16 +52,24 @@ def _write_depth(view: View, built: View, folder: Path) -> None:
         write_depth(path, resized_depth(read_depth(source), built.camera.width, built.camera.height))
 
 
+def triangulated(count: int) -> str:
+    """A note on the points that a capture did not come with."""
+    few = ", which is few: are these the photographs' cameras, in the axes that the file's format has?"
+    return f"{count} points triangulated from the photographs{few if count < FEW_POINTS else ''}"
+
+
 def write_cameras(scene: Scene, folder: Path, capture: Scene, images: str) -> Scene:
     """Write cameras, points and split; a capture without points gets some from its full-size photographs.
 
     Returns:
-        The scene with the points that were written.
+        The scene with the points that were written, and a note on those that were triangulated.
     """
     model = folder / "sparse" / "0"
     if not len(scene.points):
         found = reliable(read_points(model)) if model.is_dir() else triangulate(capture, folder / ".triangulation")
-        scene = replace(scene, points=found)
+        note = triangulated(len(found))
+        print(f"{scene.name}: {note}")
+        scene = replace(scene, points=found, notes=(*scene.notes, note))
     if not model.is_dir():
         write_colmap(scene, model)
     shutil.rmtree(folder / ".triangulation", ignore_errors=True)

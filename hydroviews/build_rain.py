@@ -25,6 +25,7 @@ from hydroviews.scenes import Scene, View
 from hydroviews.statistics import STATISTICS, write_statistics
 from hydroviews.writers import write_nerfstudio
 
+SHARED = ("sparse", MASKS)  # of a scene: the same in all its variants
 LensSize = tuple[int, int] | None  # of the pictures that an effect is made ready for; None: of any size
 
 
@@ -47,7 +48,7 @@ def write_variant(scene: Scene, folder: Path, pattern: Pattern, setting: Setting
             for view in views:
                 _write_rainy(view, variant, pattern.effect, prepared)
                 bar.update()
-    _link_shared(variant)
+    link_shared(variant)
     write_nerfstudio(scene, variant / "transforms.json", "images")
     write_statistics(folder, pattern.name)
 
@@ -96,15 +97,15 @@ def _write_rainy(view: View, variant: Path, effect: str, prepared: effects.Effec
 def write_captured(scene: Scene, folder: Path) -> None:
     """Make a project of the photographs on which it rained, beside which there are no clean ones."""
     variant = folder / CAPTURED
-    _link_shared(variant)
+    link_shared(variant)
     write_nerfstudio(scene, variant / "transforms.json", "images")
     effect, _, index = CAPTURED.rpartition("-")
     write_json(variant / "pattern.json", {"effect": effect, "index": int(index), "generator": GENERATOR})
 
 
-def _link_shared(variant: Path) -> None:
+def link_shared(variant: Path) -> None:
     """Links to the scene's cameras and masks, or copies where links cannot be made."""
-    for name in ("sparse", MASKS):
+    for name in SHARED:
         link = variant / name
         if link.exists() or link.is_symlink() or not (variant.parent / name).is_dir():
             continue

@@ -10,10 +10,12 @@ import numpy as np
 from hydroviews.claims import claim
 from hydroviews.depth import depth_path
 from hydroviews.errors import InputError
+from hydroviews.files import sha256
 from hydroviews.manifest import GENERATOR, forget_scene
 from hydroviews.rain.drops_pattern import Technique
 from hydroviews.scenes import Scene
 
+UNCOMPRESSED = (".bmp", ".tif", ".tiff")
 GLIMPSE = 65536  # bytes
 
 
@@ -82,9 +84,14 @@ def _fingerprint(scene: Scene) -> str:
 
 
 def _glimpse(path: Path) -> bytes:
-    """Size, beginning and end of a file: enough to see that it is another one, cheap for large captures."""
+    """Size, beginning and end of a file: enough to see that it is another one, cheap for large captures.
+
+    Where pictures are not compressed all of it, since a change in the middle leaves size and ends.
+    """
     if not path.is_file():
         return b"missing"
+    if path.suffix.lower() in UNCOMPRESSED:
+        return sha256(path).encode()
     size = path.stat().st_size
     with path.open("rb") as file:
         start = file.read(GLIMPSE)

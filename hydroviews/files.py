@@ -17,6 +17,8 @@ from hydroviews.errors import InputError
 PARTIAL = ".partial-"
 LOCK = ".lock-"
 BUSY = "another process is at work on it; waiting"
+FULL = (errno.ENOSPC, errno.EDQUOT)
+CLOSED = (errno.EACCES, errno.EPERM, errno.EROFS)
 LOCKLESS = (errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # no lock can be had
 
 
@@ -36,6 +38,10 @@ def replacing(path: Path) -> Iterator[Path]:
             path.parent.mkdir(parents=True, exist_ok=True)
             yield temporary
             os.replace(temporary, path)
+        except OSError as error:
+            if error.errno not in CLOSED:
+                raise
+            raise InputError(f"{path}: cannot be written", found=error.strerror, fix="choose another folder") from error
         finally:
             if temporary.is_file():
                 temporary.unlink()
@@ -46,7 +52,7 @@ def plain_full_disk(path: Path) -> Iterator[None]:
     """Turns a full disk, however a library tells it, into an error that says what to do.
 
     Raises:
-        InputError: the disk is full.
+        InputError: the disk is full, or what one may use of it.
     """
     try:
         yield
@@ -55,7 +61,7 @@ def plain_full_disk(path: Path) -> Iterator[None]:
             raise InputError(
                 f"{path.parent}: not a folder", found="a file of that name", fix="choose another"
             ) from error
-        if (isinstance(error, OSError) and error.errno == errno.ENOSPC) or os.strerror(errno.ENOSPC) in str(error):
+        if (isinstance(error, OSError) and error.errno in FULL) or os.strerror(errno.ENOSPC) in str(error):
             raise InputError(
                 f"{path}: no space left on the disk",
                 fix="free some space and run the same command again; finished files are kept",

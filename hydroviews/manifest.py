@@ -12,6 +12,7 @@ from tqdm import tqdm
 import hydroviews
 from hydroviews.errors import InputError
 from hydroviews.files import locked, sha256, write_json
+from hydroviews.provenance import CAPTURED
 
 MANIFEST = "manifest.json"
 GENERATOR = f"hydroviews {hydroviews.__version__}"
@@ -38,10 +39,16 @@ def read_manifest(data: Path) -> dict[str, Any]:
 
 
 def record_scene(data: Path, scene: str, facts: Mapping[str, Any]) -> None:
-    """Hash every file of a finished scene and enter it in the manifest."""
+    """Hash every file of a finished scene and enter it in the manifest, but those of rain that is not in the facts.
+
+    Such a variant was begun and not ended; `verify` finds it beside what is listed.
+    """
     folder = data / scene
+    ended = {folder / name for name in (*facts["patterns"], CAPTURED)}
+    begun = {path.parent for path in folder.glob("*/pattern.json")} - ended
+    finished = [path for path in scene_files(folder) if not begun.intersection(path.parents)]
     files = {}
-    for path in tqdm(scene_files(folder), desc=f"{scene}: checksums", unit="file", leave=False):
+    for path in tqdm(finished, desc=f"{scene}: checksums", unit="file", leave=False):
         files[path.relative_to(folder).as_posix()] = sha256(path)
     with _changed(data) as manifest:
         manifest["generator"] = GENERATOR

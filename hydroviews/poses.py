@@ -13,16 +13,16 @@ from tqdm import tqdm
 from hydroviews import features
 from hydroviews.claims import claim
 from hydroviews.errors import InputError
-from hydroviews.files import PARTIAL
-from hydroviews.images import write_png
+from hydroviews.files import PARTIAL, listing, plain_full_disk
+from hydroviews.images import SUFFIXES, write_png
 from hydroviews.masks import MASKS, mask_digest, mask_name, write_ignored
 from hydroviews.readers import read_scene
 from hydroviews.readers.colmap import reliable
 from hydroviews.readers.colmap_format import SparsePoints, read_images
-from hydroviews.readers.photographs import photographs_below, some, view_names
+from hydroviews.readers.photographs import photographs_below, some, unreadable_photographs, view_names
 from hydroviews.scenes import Points, Scene
 from hydroviews.upright import common_turn, write_upright
-from hydroviews.writers import to_colmap_camera
+from hydroviews.writers import check_whole, to_colmap_camera
 
 Matcher = Literal["auto", "exhaustive", "sequential"]
 
@@ -82,11 +82,18 @@ def estimate_poses(
     """
     sources = photographs_below(images) if images.is_dir() else []
     if len(sources) < MINIMUM:
-        raise InputError(f"{images}: {len(sources)} photographs", expected=f"at least {MINIMUM}", fix=ADVICE)
+        other = unreadable_photographs(images) if images.is_dir() else "no such folder"
+        raise InputError(
+            f"{images}: {len(sources)} photographs",
+            found=other or None,
+            expected=f"at least {MINIMUM} ({', '.join(SUFFIXES)})",
+            fix=ADVICE if images.is_dir() and not other else None,
+        )
     links = _link_names(images, sources)
     exhaustive = matcher == "exhaustive" or (matcher == "auto" and len(sources) <= features.EXHAUSTIVE_LIMIT)
     settings = {"camera_model": camera_model, "exhaustive": exhaustive, "seed": seed, "images": sorted(links)}
     settings |= {"masks": mask_digest(masks) if masks else None, "rainy": rainy or None}  # None as where it lacks
+    settings |= {"files": listing(sources)}
     claim(
         out / SETTINGS,
         settings,
@@ -124,6 +131,7 @@ def _link(links: dict[str, Path], folder: Path, turned: bool) -> None:
         target = folder / name
         if target.exists():
             continue
+        target.unlink(missing_ok=True)  # a link to where the photographs were before they were moved
         if turned:
             write_upright(source, target)
             continue
@@ -151,10 +159,12 @@ def _map(out: Path, count: int, seed: int, advice: str) -> None:
         )
     finished = out / (PARTIAL + "sparse")
     shutil.rmtree(finished, ignore_errors=True)
-    for i, model in enumerate(models):
-        (finished / str(i)).mkdir(parents=True)
-        model.write_binary(finished / str(i))
-    os.replace(finished, out / "sparse")
+    with plain_full_disk(out / "sparse"):
+        for i, model in enumerate(models):
+            (finished / str(i)).mkdir(parents=True)
+            model.write_binary(finished / str(i))
+            check_whole(finished / str(i))
+        os.replace(finished, out / "sparse")
 
 
 def _incremental_mapping(out: Path, count: int, angle: float, seed: int) -> list[pycolmap.Reconstruction]:

@@ -51,7 +51,7 @@ class View:
     def ignored(self) -> Ignored | None:
         """The mask, undistorted and resized like the picture: bool [H, W], True where it must not be looked at.
 
-        A pixel that a hidden one touches is hidden. None where the view has no mask.
+        A pixel that a hidden one touches is hidden. None where the view has no mask, or one that hides nothing.
 
         Raises:
             InputError: the mask is unreadable, or of another shape than the photograph.
@@ -65,6 +65,8 @@ class View:
             expected = (self.lens.width, self.lens.height)
         if not same_shape(size, expected):
             raise wrong_size(self.mask, size, expected)
+        if not ignored.any():
+            return None
         if self.lens is not None:
             ignored = np.asarray(self.lens.undistort(ignored.astype(np.float32)) > TOUCHED)
         return fit_ignored(ignored, self.camera.width, self.camera.height)

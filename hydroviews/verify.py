@@ -1,6 +1,6 @@
 """Checks that a built data set is what its manifest says, and that rain was added as its formula says."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from hydroviews.build_clean import CLEAN
+from hydroviews.build_rain import SHARED
 from hydroviews.errors import InputError
 from hydroviews.files import read_json, sha256
 from hydroviews.images import Image, list_images, read_image, to_uint8
@@ -46,13 +47,13 @@ def verify(data: Path, every_view: bool = False) -> list[str]:
     unlisted = [p.parent for p in sorted(data.glob("*/request.json")) if p.parent.name not in scenes]
     problems = [f"{folder}: not finished; run its build again" for folder in unlisted]
     for scene, facts in scenes.items():
-        problems += _check_hashes(data / scene, facts["files"])
+        problems += _check_hashes(data / scene, facts["files"], facts["patterns"])
         for pattern in facts["patterns"]:
             problems += _check_variant(data / scene, pattern, every_view)
     return problems
 
 
-def _check_hashes(folder: Path, files: dict[str, str]) -> list[str]:
+def _check_hashes(folder: Path, files: dict[str, str], patterns: Sequence[str]) -> list[str]:
     problems = []
     for name, expected in tqdm(files.items(), desc=f"{folder.name}: checksums", unit="file", leave=False):
         path = folder / name
@@ -61,16 +62,32 @@ def _check_hashes(folder: Path, files: dict[str, str]) -> list[str]:
         elif sha256(path) != expected:
             problems.append(f"{path}: changed since it was built")
     for path in scene_files(folder):
-        if path.relative_to(folder).as_posix() not in files:
+        name = path.relative_to(folder)
+        copied = len(name.parts) > 2 and name.parts[0] in patterns and name.parts[1] in SHARED
+        if name.as_posix() not in files and not copied:  # copies of what was a link are compared with the scene's
             problems.append(f"{path}: not in the manifest")
     return problems
+
+
+def _check_shared(folder: Path, variant: Path) -> list[str]:
+    """Does a variant have the scene's cameras and masks, by links or as copies?"""
+    problems = []
+    for name in SHARED:
+        ours, theirs = folder / name, variant / name
+        if ours.is_dir() and theirs.resolve() != ours.resolve() and _contents(theirs) != _contents(ours):
+            problems.append(f"{theirs}: not the scene's {name}; remove it and run the build again")
+    return problems
+
+
+def _contents(folder: Path) -> dict[str, str]:
+    return {path.relative_to(folder).as_posix(): sha256(path) for path in folder.rglob("*") if path.is_file()}
 
 
 def _check_variant(folder: Path, pattern: str, every_view: bool) -> list[str]:
     """Is the variant complete, and do its views follow from clean views, layers and parameters?"""
     variant = folder / pattern
     images = list_images(variant / "images") if (variant / "images").is_dir() else []
-    problems = [] if images else [f"{variant}: no views"]
+    problems = _check_shared(folder, variant) + ([] if images else [f"{variant}: no views"])
     if not (variant / STATISTICS).is_file():
         problems.append(f"{variant}: no {STATISTICS}; run the build again")
     for image in tqdm(images if every_view else images[:1], desc=f"{folder.name}: {pattern}", unit="view", leave=False):

@@ -41,7 +41,7 @@ def write_colmap(scene: Scene, folder: Path) -> None:
         with plain_full_disk(folder):
             partial.mkdir(parents=True)
             to_reconstruction(scene).write_binary(partial)
-            _check_whole(partial)
+            check_whole(partial)
             _write_ply(scene.points, partial / POINT_CLOUD)
             if folder.exists():
                 shutil.rmtree(folder)
@@ -50,8 +50,12 @@ def write_colmap(scene: Scene, folder: Path) -> None:
         shutil.rmtree(partial, ignore_errors=True)
 
 
-def _check_whole(model: Path) -> None:
-    """pycolmap writes without asking whether the disk took it."""
+def check_whole(model: Path) -> None:
+    """Refuse a COLMAP model that is cut short: pycolmap writes without asking whether the disk took it.
+
+    Raises:
+        OSError: it is, as of a full disk.
+    """
     try:
         for read in (read_cameras, read_images, read_points):
             read(model)

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from hydroviews.errors import InputError
+from hydroviews.masks import MASKS, mask_name
 from hydroviews.provenance import captured_rainy, described_number
 from hydroviews.readers import llff, nerfstudio
 from hydroviews.readers.colmap import find_models, read_colmap
@@ -47,6 +48,11 @@ def read_scene(folder: Path, name: str | None = None, images: str | None = None)
     masked, notes = sum(view.mask is not None for view in scene.views), list(scene.notes)
     if masked:
         notes.append(f"{masked} of {len(scene.views)} views have a mask")
+    elif (folder / MASKS).is_dir() and (pictures := photographs_below(folder / MASKS)):
+        wanted = mask_name(scene.views[0].path.name)
+        notes.append(
+            f"no masks: of {len(pictures)} pictures in {MASKS} none is named as it should be, such as {wanted}"
+        )
     rainy = captured_rainy(folder)
     if rainy:
         notes.append("taken in rain: there are no clean views to compare with")

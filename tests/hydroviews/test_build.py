@@ -162,6 +162,21 @@ def test_another_request_is_refused_and_overwrite_builds_it(scene, tmp_path):
     assert verify(tmp_path / "data") == []
 
 
+def test_rain_that_was_begun_and_not_ended_is_not_listed(scene, tmp_path):
+    build(scene, tmp_path, patterns=[Pattern("streak", 0)], long_side=24)
+    begun = tmp_path / scene.name / "streak-2"
+    (begun / "images").mkdir(parents=True)
+    (begun / "pattern.json").write_text("{}")
+    (begun / "images" / "view-00.png").write_bytes(b"")
+    folder = build(scene, tmp_path, patterns=[Pattern("streak", 0), Pattern("streak", 1)], long_side=24)
+    files = read_manifest(tmp_path)["scenes"][scene.name]["files"]
+    assert not [name for name in files if name.startswith("streak-2/")]
+    assert any("streak-2" in problem and "not in the manifest" in problem for problem in verify(tmp_path))
+    (folder / "streak-1" / "sparse").unlink()
+    build(scene, tmp_path, patterns=[Pattern("streak", 1)], long_side=24)
+    assert (folder / "streak-1" / "sparse").is_dir()
+
+
 def test_patterns_can_be_added_later(scene, tmp_path):
     build(scene, tmp_path / "data", patterns=[])
     folder = build(scene, tmp_path / "data", patterns=[STREAK])

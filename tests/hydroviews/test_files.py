@@ -1,4 +1,5 @@
 import errno
+import os
 import subprocess
 import sys
 import time
@@ -77,3 +78,9 @@ def test_where_nothing_can_be_written_nobody_waits(tmp_path, monkeypatch, refusa
     assert done
     with pytest.raises(OSError, match="inside"), locked(tmp_path / "a"):  # what the block raises is its own
         raise OSError(refusal, "inside")
+
+
+@pytest.mark.parametrize("number", [errno.EDQUOT, errno.EACCES, errno.EROFS])
+def test_disks_that_may_not_be_written_are_told_plainly(tmp_path, number):
+    with pytest.raises(InputError, match=r"no space left|cannot be written"), replacing(tmp_path / "a.txt"):
+        raise OSError(number, os.strerror(number))

@@ -137,9 +137,10 @@ def test_a_built_scene_keeps_masks_where_other_software_finds_them(capture, tmp_
         assert np.array_equal(views["view-03"].ignored(), small)
         assert views["view-01"].ignored() is None
     frames = json.loads((folder / "streak-0" / "transforms.json").read_text())["frames"]
-    named = [frame["mask_path"] for frame in frames if "mask_path" in frame]
-    assert named == ["masks/view-00.png.png", "masks/view-03.png.png"]
-    assert np.array_equal(read_ignored(folder / "streak-0" / named[1]), small)
+    named = [frame["mask_path"] for frame in frames]  # other software wants one for every frame, or none
+    assert named == [f"masks/{view.name}.png.png" for view in opened.views]
+    assert np.array_equal(read_ignored(folder / "streak-0" / named[3]), small)
+    assert not read_ignored(folder / "streak-0" / named[1]).any()
     write_ignored(capture / "masks" / mask_name("view-03.png"), ~hidden)
     with pytest.raises(InputError, match="another request"):
         build(read_scene(capture), tmp_path / "data", patterns=[], long_side=24)
@@ -222,3 +223,9 @@ def test_a_mask_without_a_lens_may_be_larger_than_the_view(tmp_path, hidden):
     write_ignored(tmp_path / "m.png", hidden.repeat(2, 0).repeat(2, 1))
     assert np.array_equal(View(view.name, view.camera, view.path, mask=tmp_path / "m.png").ignored(), hidden)
     assert replace(view, mask=None).ignored() is None
+
+
+def test_masks_of_other_names_are_told(capture):
+    for path in list((capture / "masks").iterdir()):
+        path.rename(path.with_name(path.name.replace("view-", "IMG_")))
+    assert "none is named as it should be, such as view-00.png.png" in " ".join(read_scene(capture).notes)

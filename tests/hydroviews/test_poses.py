@@ -17,6 +17,7 @@ from synthetic import capture_in
 
 from hydroviews import features, poses
 from hydroviews.errors import InputError
+from hydroviews.files import listing
 from hydroviews.images import write_png
 from hydroviews.poses import estimate_poses, triangulate
 from hydroviews.readers import read_scene
@@ -127,7 +128,7 @@ def test_photographs_that_share_nothing(tmp_path):
 
 
 def test_too_few_photographs(tmp_path):
-    with pytest.raises(InputError, match="0 photographs"):
+    with pytest.raises(InputError, match=r"0 photographs\n.*no such folder"):
         estimate_poses(tmp_path / "nowhere", tmp_path / "out")
     write_png(tmp_path / "two" / "a.png", np.zeros((8, 8, 3), np.float32))
     with pytest.raises(InputError, match="1 photographs"):
@@ -146,8 +147,23 @@ def test_settings_are_kept(tmp_path):
         "images": ["view-00.png", "view-01.png", "view-02.png"],
         "masks": None,
         "rainy": None,
+        "files": listing(view.path for view in scene.views),
     }
     assert Path(os.readlink(tmp_path / "out" / "images" / "view-01.png")) == scene.views[1].path.resolve()
+
+
+def test_other_photographs_of_the_same_names_and_photographs_that_moved(tmp_path):
+    scene = capture_in(tmp_path / "flat", n_views=3)
+    images = scene.views[0].path.parent
+    with pytest.raises(InputError, match="could be registered"):
+        estimate_poses(images, tmp_path / "out")
+    moved = images.rename(tmp_path / "moved")
+    with pytest.raises(InputError, match="could be registered"):
+        estimate_poses(moved, tmp_path / "out")
+    assert (tmp_path / "out" / "images" / "view-01.png").is_file()
+    write_png(moved / "view-01.png", np.zeros((99, 99, 3), np.float32))
+    with pytest.raises(InputError, match=r"estimated otherwise[\s\S]*files"):
+        estimate_poses(moved, tmp_path / "out")
 
 
 def test_sequence_pairs_join_neighbours_and_close_loops():

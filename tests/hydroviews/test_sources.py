@@ -98,7 +98,7 @@ def test_what_is_not_there_says_where_to_get_it(root):
     assert str(root / "360_v2" / "bicycle") in text
     assert str(root / "mipnerf360_bicycle") in text
     assert "python -m hydroviews download mipnerf360/bicycle" in text
-    assert "http://storage.googleapis.com/gresearch/refraw360/360_v2.zip" in text
+    assert "https://storage.googleapis.com/gresearch/refraw360/360_v2.zip" in text
     assert "HYDROVIEWS_CAPTURES" in text
     with pytest.raises(InputError, match="has no horse"):
         find("tanksandtemples/horse", root)

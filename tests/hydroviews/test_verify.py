@@ -1,3 +1,4 @@
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -129,3 +130,13 @@ def test_the_equations_are_those_of_the_composite(effect):
     facts = {"effect": effect, "parameters": {"brightness": 0.93}}
     built = composite(effect, facts["parameters"], clean, planes)
     assert np.abs(expected_view(facts, clean, planes) - built).max() < 2e-6
+
+
+def test_cameras_of_a_variant_are_the_scenes(built):
+    link = built / "streak-1" / "sparse"
+    link.unlink()
+    assert any("not the scene's sparse" in problem for problem in verify(built.parent))
+    shutil.copytree(built / "sparse", link)  # as where links cannot be made, or after a copy that follows them
+    assert verify(built.parent) == []
+    (link / "0" / "cameras.bin").write_bytes(b"")
+    assert any("not the scene's sparse" in problem for problem in verify(built.parent))
