@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from hydroviews.cameras import same_shape
 from hydroviews.errors import InputError
 from hydroviews.images import write_png
 from hydroviews.manifest import read_manifest, record_files
-from hydroviews.masks import find_mask, fit_ignored, read_grey
+from hydroviews.masks import find_mask, read_grey
 from hydroviews.provenance import CAPTURED
 from hydroviews.readers.photographs import photographs_below
-from hydroviews.scenes import Scene, View, wrong_size
+from hydroviews.scenes import Scene, View
 
 ARRAY, PICTURES = "rainMask.npy", "rain_masks"
 BUILT = "drops"
@@ -34,19 +33,18 @@ def write_drop_masks(scene: Scene, built: Path, views: Sequence[View]) -> None:
     Args:
         scene: the capture.
         built: the built scene's folder, which the manifest beside it lists.
-        views: the built views, of the same names.
+        views: the capture's at the built size.
 
     Raises:
         InputError: masks for other photographs, or unreadable ones.
     """
-    photographs = {view.name: view.path for view in scene.views}
-    masks = _DropMasks(list(photographs.values()))
+    masks = _DropMasks([view.path for view in scene.views])
     if not masks.folder:
         return
     names = {view.name: f"{CAPTURED}/{BUILT}/{view.name}.png" for view in views}
     for view in tqdm(views, desc=f"{scene.name}: drop masks", unit="view", leave=False):
-        path, size = built / names[view.name], (view.camera.width, view.camera.height)
-        drops = None if path.is_file() else masks.read(photographs[view.name], size)
+        path = built / names[view.name]
+        drops = None if path.is_file() else masks.read(view)
         if drops is not None:
             write_png(path, np.repeat(drops[..., None], 3, axis=2).astype(np.uint8) * 255)
     written = [name for name in names.values() if (built / name).is_file()]
@@ -82,20 +80,17 @@ class _DropMasks:
                 expected="one a photograph, in the order of their names",
             )
 
-    def read(self, photograph: Path, size: tuple[int, int]) -> Drops | None:
-        """The mask of a photograph at (width, height), which has the photograph's shape."""
+    def read(self, view: View) -> Drops | None:
+        """The mask of a view's photograph, undistorted and resized like its picture."""
         assert self.folder is not None
         if self._array is not None:
-            drops, origin = _is_drop(self._array[:, :, self._files.index(photograph)]), self.folder / ARRAY
+            drops, origin = _is_drop(self._array[:, :, self._files.index(view.path)]), self.folder / ARRAY
         else:
-            found = find_mask(self.folder / PICTURES, photograph.name)
+            found = find_mask(self.folder / PICTURES, view.path.name)
             if found is None:
                 return None
             drops, origin = np.asarray(read_grey(found) > 127), found
-        shape = (drops.shape[1], drops.shape[0])
-        if not same_shape(shape, size):
-            raise wrong_size(origin, shape, size)
-        return fit_ignored(drops, *size)
+        return view.fitted(drops, origin)
 
 
 def _read_array(path: Path) -> NDArray:

@@ -59,14 +59,21 @@ class View:
         if self.mask is None:
             return None
         ignored = read_ignored(self.mask)
+        fitted = self.fitted(ignored, self.mask)
+        return fitted if ignored.any() else None
+
+    def fitted(self, ignored: Ignored, origin: Path) -> Ignored:
+        """A mask of the photograph, undistorted and resized like the picture; `origin` is the file it is from.
+
+        Raises:
+            InputError: it has another shape than the photograph.
+        """
         size = (ignored.shape[1], ignored.shape[0])
         expected = (self.camera.width, self.camera.height)
         if self.lens is not None:
             expected = (self.lens.width, self.lens.height)
         if not same_shape(size, expected):
-            raise wrong_size(self.mask, size, expected)
-        if not ignored.any():
-            return None
+            raise wrong_size(origin, size, expected)
         if self.lens is not None:
             ignored = np.asarray(self.lens.undistort(ignored.astype(np.float32)) > TOUCHED)
         return fit_ignored(ignored, self.camera.width, self.camera.height)

@@ -2,14 +2,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from distorted import colmap_capture
 from synthetic import capture_in
 
 from hydroviews.drop_masks import read_drops
 from hydroviews.errors import InputError
-from hydroviews.images import write_png
+from hydroviews.images import read_image, write_png
 from hydroviews.manifest import data_hash, record_files
 from hydroviews.profiles import find_profile
 from hydroviews.provenance import CAPTURED
+from hydroviews.readers import read_scene
 from hydroviews.sources import build_source
 from hydroviews.verify import verify
 from hydroviews.writers import write_colmap
@@ -91,3 +93,16 @@ def test_a_damaged_array_is_told(church, tmp_path):
     (church / "rainMask.npy").write_bytes(b"\x93NUMPY cut")
     with pytest.raises(InputError, match="not a NumPy array"):
         built(tmp_path)
+
+
+def test_masks_of_distorted_photographs_are_undistorted_like_them(tmp_path):
+    folder = colmap_capture(tmp_path / "root" / "waterdrops" / "church")
+    height, width = read_image(folder / "images" / "view00.png").shape[:2]
+    picture = np.zeros((height, width, 3), np.uint8)
+    picture[: height // 3, : width // 4] = 255
+    for kind in ("rain_masks", "masks"):
+        write_png(folder / kind / "view00.png.png", picture if kind == "rain_masks" else 255 - picture)
+    ignored = read_scene(folder).resized(DEMO.long_side).views[0].ignored()
+    drops = read_drops(built(tmp_path), "view00")
+    assert np.array_equal(drops, ignored)
+    assert not np.array_equal(drops, picture[..., 0] > 0)
