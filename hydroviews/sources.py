@@ -44,7 +44,9 @@ def find_capture(source: str, rendered: Path, views: int, long_side: int, captur
         with locked(folder, BUSY):
             remove_leftovers(folder)
             render_embedded(source, folder, views, width, height, seed=0)
-        return read_embedded(source, folder)
+        scene = read_embedded(source, folder)
+        other = (f"the embedded scene; the folder of that name here is ./{source}",) if Path(source).is_dir() else ()
+        return replace(scene, notes=(*scene.notes, *other))
     root = captures_root(captures)
     published = find_captures(source)
     if len(published) == 1:
@@ -70,6 +72,8 @@ def _read_published(capture: Capture, source: str, root: Path, long_side: int) -
         raise MissingCapture(capture, root)
     images, notes = choose_images(folder, capture.images, long_side)
     scene = read_scene(folder, capture.folder_name, images)
+    if Path(source).is_dir():
+        notes.append(f"read as the published {capture.name}, from {folder}; a folder of your own is ./{source}")
     rainy = scene.captured_rainy or capture.captured_rainy
     return replace(scene, notes=(*scene.notes, *notes), captured_rainy=rainy)
 
