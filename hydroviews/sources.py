@@ -44,9 +44,9 @@ def find_capture(source: str, rendered: Path, views: int, long_side: int, captur
         with locked(folder, BUSY):
             remove_leftovers(folder)
             render_embedded(source, folder, views, width, height, seed=0)
-        scene = read_embedded(source, folder)
-        other = (f"the embedded scene; the folder of that name here is ./{source}",) if Path(source).is_dir() else ()
-        return replace(scene, notes=(*scene.notes, *other))
+        if Path(source).is_dir():
+            print(f"{source}: the embedded scene; the folder of that name here is ./{source}")
+        return read_embedded(source, folder)
     root = captures_root(captures)
     published = find_captures(source)
     if len(published) == 1:
