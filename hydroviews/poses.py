@@ -78,7 +78,8 @@ def estimate_poses(
         The scene that `read_scene(out)` gives, with the number of registered photographs in its notes.
 
     Raises:
-        InputError: fewer than three photographs, fewer than three registered, or `out` was made otherwise.
+        InputError: fewer than three photographs, fewer than three registered, or `out` was made otherwise or lies
+            among the photographs.
     """
     sources = photographs_below(images) if images.is_dir() else []
     if len(sources) < MINIMUM:
@@ -89,6 +90,8 @@ def estimate_poses(
             expected=f"at least {MINIMUM} ({', '.join(SUFFIXES)})",
             fix=ADVICE if images.is_dir() and not other else None,
         )
+    if out.resolve().is_relative_to(images.resolve()):  # copies of photographs would be photographs the next time
+        raise InputError(f"{out}: among the photographs", expected="a folder beside them", fix="choose another --out")
     links = _link_names(images, sources)
     exhaustive = matcher == "exhaustive" or (matcher == "auto" and len(sources) <= features.EXHAUSTIVE_LIMIT)
     settings = {"camera_model": camera_model, "exhaustive": exhaustive, "seed": seed, "images": sorted(links)}

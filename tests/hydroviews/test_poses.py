@@ -133,6 +133,10 @@ def test_too_few_photographs(tmp_path):
     write_png(tmp_path / "two" / "a.png", np.zeros((8, 8, 3), np.float32))
     with pytest.raises(InputError, match="1 photographs"):
         estimate_poses(tmp_path / "two", tmp_path / "out")
+    for name in "bc":
+        write_png(tmp_path / "two" / f"{name}.png", np.zeros((8, 8, 3), np.float32))
+    with pytest.raises(InputError, match="among the photographs"):
+        estimate_poses(tmp_path / "two", tmp_path / "two" / "out")
 
 
 def test_settings_are_kept(tmp_path):
