@@ -8,7 +8,7 @@ import numpy as np
 from tqdm import tqdm
 
 from hydroviews.depth import FOLDER as DEPTH
-from hydroviews.depth import depth_path, read_depth, resized_depth, write_depth
+from hydroviews.depth import depth_path, fitted_depth, write_depth
 from hydroviews.files import write_json
 from hydroviews.images import write_png
 from hydroviews.masks import MASKS, mask_name, write_ignored
@@ -49,7 +49,7 @@ def _write_depth(view: View, built: View, folder: Path) -> None:
     """Write the view's depth map, if the capture has one that fits: rain in space is hidden behind surfaces."""
     source, path = depth_path(view), folder / DEPTH / f"{view.name}.exr"
     if view.lens is None and source.is_file() and not path.is_file():
-        write_depth(path, resized_depth(read_depth(source), built.camera.width, built.camera.height))
+        write_depth(path, fitted_depth(source, built.camera))
 
 
 def triangulated(count: int) -> str:

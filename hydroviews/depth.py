@@ -11,11 +11,11 @@ import OpenEXR
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from hydroviews.cameras import Camera
+from hydroviews.cameras import Camera, same_shape
 from hydroviews.errors import InputError
 from hydroviews.files import replacing
 from hydroviews.images import Image
-from hydroviews.scenes import Points, View
+from hydroviews.scenes import Points, View, wrong_size
 
 Depth = NDArray[np.float32]  # [H, W]
 
@@ -46,7 +46,7 @@ def view_depth(view: View, points: Points, guide: Image | None = None) -> Depth:
     """
     path = depth_path(view)
     if path.is_file():
-        return resized_depth(read_depth(path), view.camera.width, view.camera.height)
+        return fitted_depth(path, view.camera)
     return sparse_depth(view.camera, points.positions, guide)
 
 
@@ -83,6 +83,19 @@ def write_depth(path: Path, depth: NDArray) -> None:
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     with replacing(path) as temporary:
         OpenEXR.File(header, {CHANNEL: np.ascontiguousarray(depth, np.float32)}).write(str(temporary))
+
+
+def fitted_depth(path: Path, camera: Camera) -> Depth:
+    """A depth map [H, W] of a camera's view at its size.
+
+    Raises:
+        InputError: unreadable, or of another shape than the view.
+    """
+    depth = read_depth(path)
+    found, expected = (depth.shape[1], depth.shape[0]), (camera.width, camera.height)
+    if not same_shape(found, expected):
+        raise wrong_size(path, found, expected)
+    return resized_depth(depth, *expected)
 
 
 def resized_depth(depth: NDArray, width: int, height: int) -> Depth:

@@ -21,7 +21,7 @@ from tqdm import tqdm
 
 from baselines.splatting.spherical_harmonics import MAX_DEGREE, basis, coefficients
 from hydroviews.cameras import Camera
-from hydroviews.depth import depth_path, read_depth, resized_depth
+from hydroviews.depth import depth_path, fitted_depth
 from hydroviews.scenes import Scene, View
 
 LONG_SIDE = 320  # of the pictures that colours are looked up in: view dependence needs no detail
@@ -115,7 +115,7 @@ def _visible(view: View, positions: NDArray[np.float64]) -> tuple[NDArray[np.flo
     inside = (depths > 0) & (pixels >= 1).all(axis=1) & (pixels < (camera.width - 1, camera.height - 1)).all(axis=1)
     pixels = np.where(inside[:, None], pixels, 1.0)
     if depth_path(view).is_file():
-        front = cv2.erode(resized_depth(read_depth(depth_path(view)), camera.width, camera.height), np.ones((3, 3)))
+        front = cv2.erode(fitted_depth(depth_path(view), camera), np.ones((3, 3)))
         cell, behind = 1.0, BEHIND
     else:
         front, cell = _front_of_points(camera, pixels[inside], depths[inside])

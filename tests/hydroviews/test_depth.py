@@ -4,7 +4,7 @@ import pytest
 from synthetic import capture_in
 
 from hydroviews.cameras import Camera
-from hydroviews.depth import depth_path, read_depth, resized_depth, sparse_depth, view_depth, write_depth
+from hydroviews.depth import depth_path, fitted_depth, read_depth, resized_depth, sparse_depth, view_depth, write_depth
 from hydroviews.errors import InputError
 from hydroviews.scenes import View, no_points
 
@@ -61,6 +61,14 @@ def test_resizing_invents_no_depths(size):
     assert set(np.unique(resized)) <= {np.float32(1), np.float32(np.inf)}
     if size[0] % 2 == 0:
         assert np.array_equal(resized, np.where(np.arange(size[0]) < size[0] / 2, 1.0, np.inf)[None].repeat(size[1], 0))
+
+
+def test_a_depth_map_of_another_shape_is_refused(tmp_path):
+    write_depth(tmp_path / "a.exr", np.ones((CAMERA.height // 2, CAMERA.width // 2), np.float32))
+    assert fitted_depth(tmp_path / "a.exr", CAMERA).shape == (CAMERA.height, CAMERA.width)
+    write_depth(tmp_path / "a.exr", np.ones((CAMERA.height, CAMERA.width // 2), np.float32))
+    with pytest.raises(InputError, match=r"a\.exr: image and camera differ in size"):
+        fitted_depth(tmp_path / "a.exr", CAMERA)
 
 
 def test_a_tilted_wall_is_found_from_its_points():
