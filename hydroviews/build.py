@@ -73,7 +73,7 @@ def build(
     request = make_request(scene, source, long_side, seed, technique)
     take_folder(out, folder, request, overwrite)
     entry = read_manifest(out)["scenes"].get(scene.name, {"patterns": [], "files": {}})
-    for name in entry["patterns"]:
+    for name in filter(lambda name: (folder / name).is_dir(), entry["patterns"]):
         link_shared(folder / name)
     if {p.name for p in patterns} <= set(entry["patterns"]) and _are_there(folder, entry["files"]):
         return folder

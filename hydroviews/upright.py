@@ -9,7 +9,7 @@ from PIL.ExifTags import Base
 
 from hydroviews.files import replacing
 
-AS_STORED = 1
+AS_STORED, TURNS = 1, range(2, 9)
 QUALITY = 95  # of JPEG files that are written anew
 
 
@@ -17,7 +17,8 @@ def orientation(path: Path) -> int:
     """Exif's Orientation, from the file's head: 1 is upright, 6 and 8 are portraits; 1 where nothing is said."""
     try:
         with PIL.Image.open(path) as image:
-            return int(image.getexif().get(Base.Orientation, AS_STORED))
+            said = image.getexif().get(Base.Orientation)
+            return said if said in TURNS else AS_STORED
     except OSError:  # whoever reads the pixels says what is wrong
         return AS_STORED
 

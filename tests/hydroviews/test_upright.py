@@ -49,6 +49,7 @@ def test_all_are_turned_or_none(tmp_path, capsys):
     (tmp_path / "d.jpg").write_bytes(b"no picture")
     assert not common_turn([upright, tmp_path / "c.png", tmp_path / "d.jpg"])
     assert common_turn([portrait, portrait])
+    assert orientation(photograph(tmp_path / "e.jpg", tag=77)) == 1
     assert capsys.readouterr().out == ""
     assert not common_turn([upright, portrait])
     assert "upright and sideways" in capsys.readouterr().out
