@@ -17,7 +17,7 @@ def orientation(path: Path) -> int:
     """Exif's Orientation, from the file's head: 1 is upright, 6 and 8 are portraits; 1 where nothing is said."""
     try:
         with PIL.Image.open(path) as image:
-            said = image.getexif().get(Base.Orientation)
+            said = int(image.getexif().get(Base.Orientation, AS_STORED))
             return said if said in TURNS else AS_STORED
     except OSError:  # whoever reads the pixels says what is wrong
         return AS_STORED
