@@ -102,7 +102,7 @@ view: $(READY)  ## a trained scene in a browser: RUN=results/... [PORT=8080]
 film: $(READY)  ## a film of a trained scene: RUN=results/... [OUT=film.mp4] [FILM_ARGS="--seconds 8 --fps 30 --size 800"]
 	$(BIN)/python -m leaderboard film '$(RUN)' --data '$(DATA)' --out '$(OUT)' $(FILM_ARGS)
 
-bench: $(READY)  ## speed against error: BENCH=splatting, quality, volumetric, enhancement, masking, methods, raindrops, streaks or dataset
+bench: $(READY)  ## speed against error: BENCH=splatting, quality, volumetric, enhancement, masking, methods, hard_rain, raindrops, streaks or dataset
 	$(BIN)/python -m benchmarks.$(BENCH) $(BENCH_ARGS)
 
 test: $(READY)

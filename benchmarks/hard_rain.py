@@ -1,0 +1,150 @@
+"""Hard cases: photographs on which a method could find rain that is not there, or too much of it at once.
+
+    python -m benchmarks.hard_rain --scene courtyard --methods 3dgs deraings-plus
+
+Clean views, real fog, the worst grades, drops and streaks together, a photograph that shows mist alone, a third of the
+views. Trains every method on every case, one after another; prints a table and writes hard_rain.csv.
+Finished trainings are kept, an interrupted one goes on where it stopped.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import tyro
+from tqdm import tqdm
+
+from baselines.method import find_method
+from benchmarks.quality import held_out, slug
+from hydroviews.depth import view_depth
+from hydroviews.files import read_json, write_bytes
+from hydroviews.images import Image, to_linear, to_srgb, write_png
+from hydroviews.profiles import find_profile
+from hydroviews.rain.effects import composite
+from hydroviews.rain.layers import read_layers
+from hydroviews.scenes import Scene, View
+from hydroviews.sources import build_source
+from hydroviews.variants import open_clean, open_variant
+from leaderboard.predict import only_training
+
+PATTERNS = ("raindrop-1", "raindrop-2", "streak-1", "streak-2")
+AIR = 0.75  # encoded grey of fog and of the photograph that shows mist alone
+Pair = tuple[Scene, Scene]  # photographs, and the scene whose held-out views are the truth
+
+
+def cases(built: Path, made: Path) -> dict[str, Callable[[], Pair]]:
+    """What opens the photographs of every case of a built scene, by its name; `made` gets those that are painted."""
+    clean = open_clean(built)
+    drops, streaks = open_variant(built, "raindrop-1"), open_variant(built, "streak-1")
+
+    def in_fog() -> Pair:
+        fog = painted(clean, made / "fog", foggy(clean))
+        return fog, fog
+
+    return {
+        "clean": lambda: (clean, clean),
+        "fog in the scene": in_fog,
+        "raindrop-2": lambda: (open_variant(built, "raindrop-2"), clean),
+        "streak-2": lambda: (open_variant(built, "streak-2"), clean),
+        "raindrop-1 before streak-1": lambda: (painted(streaks, made / "both", behind(built / "raindrop-1")), clean),
+        "raindrop-1, one photograph all mist": lambda: (painted(drops, made / "mist", blank(drops)), clean),
+        "clean, a third of the views": lambda: (clean.sparse(), clean),
+        "raindrop-1, a third of the views": lambda: (drops.sparse(), clean),
+        "streak-1, a third of the views": lambda: (streaks.sparse(), clean),
+    }
+
+
+def painted(scene: Scene, folder: Path, paint: Callable[[View], Image]) -> Scene:
+    """The scene with other photographs, which are kept in `folder`."""
+    views = []
+    for view in tqdm(scene.views, desc=folder.name, unit="view", leave=False):
+        path = folder / "images" / f"{view.name}.png"
+        if not path.is_file():
+            write_png(path, paint(view))
+        views.append(replace(view, path=path))
+    return replace(scene, views=tuple(views))
+
+
+def foggy(scene: Scene) -> Callable[[View], Image]:
+    """Fog that takes half of the light of what is at the scene's middle depth, all of the sky's."""
+    depths = {view.name: view_depth(view, scene.points, view.image()) for view in scene.views}
+    middle = np.median(np.concatenate([depth[np.isfinite(depth)] for depth in depths.values()]))
+    air = to_linear(np.full(3, AIR, np.float32))
+
+    def paint(view: View) -> Image:
+        passing = np.exp2(-depths[view.name] / middle)[..., None]
+        return to_srgb(to_linear(view.image()) * passing + air * (1 - passing))
+
+    return paint
+
+
+def behind(variant: Path) -> Callable[[View], Image]:
+    """Photographs as they are through the wet lens of a variant."""
+    pattern = read_json(variant / "pattern.json")
+
+    def paint(view: View) -> Image:
+        layers = read_layers(variant / "layers" / f"{view.name}.exr")
+        return composite(pattern["effect"], pattern["parameters"], view.image(), layers)
+
+    return paint
+
+
+def blank(scene: Scene) -> Callable[[View], Image]:
+    """Photographs as they are, but for one in the middle of the training views that shows nothing but mist."""
+    lost = scene.split.train[len(scene.split.train) // 2]
+
+    def paint(view: View) -> Image:
+        return np.full_like(view.image(), AIR) if view.name == lost else view.image()
+
+    return paint
+
+
+def row(case: str, name: str, pair: Pair, profile: str, seed: int, folder: Path) -> dict[str, Any]:
+    """Train one method on one case, and score its held-out views."""
+    photographs, truth = pair
+    kind = find_method(name)
+    method = kind(kind.configuration(profile), seed)
+    method.fit(only_training(photographs), folder / slug(case) / slug(name))
+    return {"photographs": case, "method": name, **held_out(method, truth), "used": method.statistics().used}
+
+
+def main(
+    scene: str = "courtyard",
+    profile: str = "demo",
+    methods: tuple[str, ...] = ("3dgs", "deraings", "deraings-plus"),
+    only: tuple[str, ...] = (),
+    data: Path = Path("data"),
+    out: Path = Path("results/bench/hard_rain"),
+    seed: int = 0,
+) -> None:
+    """Train all cases and report.
+
+    Args:
+        scene: an embedded scene, a capture's name or its folder.
+        profile: demo or quick.
+        methods: names, or `package.module:Class`; not those that see clean views.
+        only: train the cases whose names begin with one of these.
+        data: where the built scene lies or goes.
+        out: gets a folder for every scene, profile and seed, with hard_rain.csv.
+        seed: of the trainings.
+    """
+    built = build_source(scene, data / profile, find_profile(profile), patterns=PATTERNS, all_patterns=False)
+    folder = out / f"{built.name}-{profile}-{seed}"
+    csv = folder / "hard_rain.csv"
+    rows: list[dict[str, Any]] = pd.read_csv(csv).to_dict("records") if csv.is_file() else []
+    for case, opened in cases(built, folder).items():
+        for name in methods:
+            done = any((row["photographs"], row["method"]) == (case, name) for row in rows)
+            if done or (only and not case.startswith(only)):
+                continue
+            print(f"{case}, {name}:")
+            rows.append(row(case, name, opened(), profile, seed, folder))
+            write_bytes(csv, pd.DataFrame(rows).to_csv(index=False).encode())
+    print(f"\n{pd.DataFrame(rows).to_string(index=False)}")
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
