@@ -22,6 +22,7 @@ from baselines.method import Method
 from baselines.splatting.config import EarlyStop, Pruning, TrainerConfig
 from baselines.splatting.densification import Densification
 from baselines.splatting.relocation import Relocation
+from baselines.splatting.view_dependence import choose_sh_degree
 from hydroviews.files import write_bytes
 from hydroviews.metrics import psnr, ssim
 from hydroviews.profiles import find_profile
@@ -114,6 +115,8 @@ def main(
         rows.append(measure(name, config, clean, seed, folder / slug(name)))
         write_bytes(table, pd.DataFrame(rows).to_csv(index=False).encode())
     print(f"\n{pd.DataFrame(rows).to_string(index=False)}")
+    wanted = choose_sh_degree(clean)
+    print(f"\nThe photographs ask for spherical harmonics to degree {wanted.degree}: {wanted.reason}.")
 
 
 if __name__ == "__main__":
