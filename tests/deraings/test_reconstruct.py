@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from captures import flower_walk, rained_on
 from splats import photographed
 from trainings import CONFIG
 
@@ -100,6 +101,21 @@ def test_photographs_without_cameras_have_them_estimated(request_of, tmp_path, m
     monkeypatch.setattr(module, "estimate_poses", lambda *given, **named: asked.append((given, named)))
     find_scene(request_of(photographs=tmp_path / "photographs"), tmp_path / "capture")
     assert asked == [((tmp_path / "photographs", tmp_path / "capture"), {"seed": 0, "rainy": True})]
+
+
+def test_rainy_photographs_without_cameras_become_a_scene(tmp_path, monkeypatch, capsys):
+    for i, (name, image) in enumerate(flower_walk()):
+        write_png(tmp_path / "walk" / f"{name}.png", rained_on(image, i))
+    config = DeRainGSConfig(replace(CONFIG, iterations=60), rain=RainConfig(), witness="small")
+    monkeypatch.setattr(Short, "profiles", {"demo": config})
+    film = FilmChoice(seconds=0.2, fps=10, size=32)
+    folder = reconstruct(Reconstruction(tmp_path / "walk", method="short", profile="demo", long_side=96, film=film))
+    assert folder == tmp_path / "walk-scene"
+    assert {path.name for path in folder.iterdir()} == {"capture", "reconstruction.json", TRAINING, FILM, SHEET}
+    told = capsys.readouterr().out
+    assert "9 of 9 images registered" in told
+    assert "found in the photographs: needed" in told
+    assert len(read_ply(folder / TRAINING / SPLATS)) > 100
 
 
 def test_a_film_becomes_a_capture(request_of, tmp_path, monkeypatch):

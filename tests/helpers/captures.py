@@ -1,10 +1,17 @@
-"""Where tests find real captures: $HYDROVIEWS_CAPTURES, or ../shared/data beside the checkout."""
+"""Where tests find real captures: $HYDROVIEWS_CAPTURES, or ../shared/data beside the checkout; a walk through one."""
 
 import os
 from pathlib import Path
 
 import pytest
 
+from hydroviews.images import Image, read_image, resize_area
+from hydroviews.rain.seeds import generator
+from hydroviews.rain.streaks import StreakPattern, composite, streak_layer
+from hydroviews.readers import read_scene
+
+RAIN = StreakPattern(n=40, length=30, angle=85.0, width=3)
+WALK = (0, 4, 8, 12, 16, 20, 24, 28, 32)  # views of the flower, each sharing most with the next
 ROOT = Path(os.environ.get("HYDROVIEWS_CAPTURES") or Path(__file__).parents[3] / "shared" / "data")
 
 
@@ -14,3 +21,14 @@ def capture(name: str) -> Path:
     if not folder.is_dir():
         pytest.skip(f"real capture {name} is not in {ROOT}; set HYDROVIEWS_CAPTURES to a folder that holds it")
     return folder
+
+
+def flower_walk() -> list[tuple[str, Image]]:
+    """Names and pictures of nine photographs of the flower, at half size."""
+    views = read_scene(capture("llff_flower")).views
+    return [(views[i].name, resize_area(read_image(views[i].path), 400, 300)) for i in WALK]
+
+
+def rained_on(image: Image, label: int) -> Image:
+    """Streaks on a picture [300, 400, 3], others for every label."""
+    return composite(image, streak_layer(RAIN, 400, 300, generator(label, "film")), 0.8)

@@ -7,11 +7,10 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pycolmap
 import pytest
-from captures import capture
+from captures import WALK, capture, flower_walk
 from processes import PATIENCE, wait_until
 from synthetic import capture_in
 
@@ -23,19 +22,13 @@ from hydroviews.poses import estimate_poses, triangulate
 from hydroviews.readers import read_scene
 from hydroviews.readers.geometry import misplaced, misplaced_note, rigid_pose
 
-VIEWS = (0, 4, 8, 12, 16, 20, 24, 28, 32)  # of the flower, each sharing most with the next
-
 
 @pytest.fixture(scope="module")
 def flower(tmp_path_factory):
     """Nine photographs of a real capture at half size, in a folder and with names that need care."""
     folder = tmp_path_factory.mktemp("flower") / "my photos"
-    views = read_scene(capture("llff_flower")).views
-    for i in VIEWS:
-        image = cv2.imread(str(views[i].path))
-        (folder / "first walk").mkdir(parents=True, exist_ok=True)
-        path = folder / "first walk" / f"a {views[i].name}.png"
-        write_png(path, cv2.resize(image, (400, 300), interpolation=cv2.INTER_AREA)[..., ::-1])
+    for name, image in flower_walk():
+        write_png(folder / "first walk" / f"a {name}.png", image)
     return folder
 
 
@@ -63,7 +56,7 @@ def test_interrupted_estimation_goes_on_and_agrees_with_the_solved_poses(flower,
     assert len(scene.points) > 300
     assert all(" " not in view.name for view in scene.views)
     solved = read_scene(capture("llff_flower"))
-    solved = replace(solved, views=tuple(solved.views[i] for i in VIEWS))
+    solved = replace(solved, views=tuple(solved.views[i] for i in WALK))
     assert max(relative_rotation_error(scene, solved, 0, i) for i in range(1, 9)) < 1
 
     before = {path: path.stat().st_mtime_ns for path in (out / "sparse" / "0").iterdir()}
@@ -97,7 +90,7 @@ def test_interrupted_mapping_goes_on_from_a_snapshot(flower, tmp_path, monkeypat
     assert len(scene.views) == 9
     assert not (tmp_path / ".partial-mapping").exists()
     solved = read_scene(capture("llff_flower"))
-    solved = replace(solved, views=tuple(solved.views[i] for i in VIEWS))
+    solved = replace(solved, views=tuple(solved.views[i] for i in WALK))
     assert max(relative_rotation_error(scene, solved, 0, i) for i in range(1, 9)) < 1
 
 

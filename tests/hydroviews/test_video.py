@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from captures import capture
+from captures import capture, flower_walk, rained_on
 
 from hydroviews import frames as frames_module
 from hydroviews.build import build
@@ -25,8 +25,6 @@ from hydroviews.readers import read_scene
 from hydroviews.variants import open_clean, open_variant
 from hydroviews.verify import verify
 from hydroviews.video import FEW, advise, capture_video, registration_notes
-
-RAIN = StreakPattern(n=40, length=30, angle=85.0, width=3)
 
 
 def picture(seed: int, width: int = 64, height: int = 48) -> np.ndarray:
@@ -285,10 +283,9 @@ def test_nothing_hidden_is_left_after_filling_in(film, tmp_path, corner):
 def rainy_walk(path: Path) -> Path:
     """Nine views of the flower, a second each: one sharp and rainy, the others blurred."""
     pictures = []
-    for i, view in enumerate(read_scene(capture("llff_flower")).views[:36:4]):
-        image = resize_area(read_image(view.path), 400, 300)
-        rainy = composite(image, streak_layer(RAIN, 400, 300, generator(i, "film")), 0.8)
-        pictures += [to_uint8(rainy), *[blurred(to_uint8(rainy))] * 3]
+    for i, (_, image) in enumerate(flower_walk()):
+        rainy = to_uint8(rained_on(image, i))
+        pictures += [rainy, *[blurred(rainy)] * 3]
     return write_film(path, pictures, rate=4)
 
 
