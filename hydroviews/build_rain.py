@@ -26,7 +26,8 @@ from hydroviews.statistics import STATISTICS, write_statistics
 from hydroviews.writers import write_nerfstudio
 
 SHARED = ("sparse", MASKS)  # of a scene: the same in all its variants
-LensSize = tuple[int, int] | None  # of the pictures that an effect is made ready for; None: of any size
+FOCAL_STEP = 1.1  # factor between focal lengths that are told apart by water on the lens
+Optics = tuple[int, int, int] | None  # width, height and focal length that an effect is made ready for; None: any
 
 
 def write_variant(scene: Scene, folder: Path, pattern: Pattern, setting: Setting) -> None:
@@ -36,13 +37,13 @@ def write_variant(scene: Scene, folder: Path, pattern: Pattern, setting: Setting
     """
     variant, drawn = folder / pattern.name, effects.draw(pattern, setting)
     facts = {"effect": pattern.effect, "index": pattern.index, "grade": pattern.grade, "seed": setting.seed}
-    groups: dict[LensSize, list[View]] = {}
+    groups: dict[Optics, list[View]] = {}
     for view in scene.views:
-        groups.setdefault(_lens_size(pattern, view.camera), []).append(view)
+        groups.setdefault(_optics(pattern, view.camera), []).append(view)
     with tqdm(total=len(scene.views), desc=f"{scene.name}: {pattern.name}", unit="view") as bar:
         for views in groups.values():  # one after another: what is made ready for a size may be large
             camera = views[0].camera
-            lens = variant / ".lens" / f"{camera.width}x{camera.height}"
+            lens = variant / ".lens" / f"{camera.width}x{camera.height}-{_focal(camera):.0f}px"
             prepared = effects.prepare(pattern, drawn, setting, camera, lens)
             _take_variant(variant, {**facts, "generator": GENERATOR, "parameters": prepared.parameters})
             for view in views:
@@ -53,9 +54,15 @@ def write_variant(scene: Scene, folder: Path, pattern: Pattern, setting: Setting
     write_statistics(folder, pattern.name)
 
 
-def _lens_size(pattern: Pattern, camera: Camera) -> LensSize:
-    """Water on the lens is made ready for every image size of a capture; other rain once for all."""
-    return (camera.width, camera.height) if pattern.effect == "raindrop" else None
+def _optics(pattern: Pattern, camera: Camera) -> Optics:
+    """Water on the lens is made ready for every size and focal length of a capture; other rain once for all."""
+    if pattern.effect != "raindrop":
+        return None
+    return camera.width, camera.height, round(math.log(_focal(camera)) / math.log(FOCAL_STEP))
+
+
+def _focal(camera: Camera) -> float:
+    return math.sqrt(camera.fx * camera.fy)
 
 
 def _take_variant(variant: Path, facts: Mapping[str, Any]) -> None:

@@ -12,6 +12,7 @@ from synthetic import capture_in
 
 from hydroviews import build as build_module
 from hydroviews.build import build
+from hydroviews.build_rain import FOCAL_STEP
 from hydroviews.errors import InputError
 from hydroviews.images import read_image, write_png
 from hydroviews.manifest import read_manifest, scene_files
@@ -261,6 +262,31 @@ def test_rain_off_the_lens_is_made_ready_once_for_pictures_of_all_sizes(scene, t
     assert len(prepared) == 2
     assert read_image(folder / "storm-0" / "images" / "view-07.png").shape == (30, 40, 3)
     assert verify(tmp_path / "data", every_view=True) == []
+
+
+class Dry:
+    """Nothing on the lens."""
+
+    def __init__(self, pattern, drawn, setting, camera, folder):
+        self.camera, self.folder, self.parameters = camera, folder, {}
+
+    def layers(self, clean, view):
+        assert view.camera.fx == pytest.approx(self.camera.fx, rel=FOCAL_STEP - 1)
+        return dict.fromkeys("MVRGB", np.zeros(clean.shape[:2], np.float32))
+
+
+def test_water_on_the_lens_is_made_ready_for_every_focal_length(scene, tmp_path, monkeypatch):
+    factors = (1.0, 1.01, 1.6)
+    views = [replace(v, camera=zoomed(v.camera, factors[i % 3])) for i, v in enumerate(scene.views)]
+    prepared = []
+    monkeypatch.setattr(effects, "prepare", lambda *facts: prepared.append(Dry(*facts)) or prepared[-1])
+    build(make_scene("yard", views, scene.points), tmp_path / "data", patterns=[Pattern("raindrop", 0)])
+    assert 2 <= len({one.folder for one in prepared}) == len(prepared) <= 3  # 1 and 1.01 may lie on two sides of a step
+    assert max(one.camera.fx for one in prepared) > 1.5 * min(one.camera.fx for one in prepared)
+
+
+def zoomed(camera, factor):
+    return replace(camera, fx=factor * camera.fx, fy=factor * camera.fy)
 
 
 def test_what_a_capture_says_of_itself_belongs_to_the_request(scene, tmp_path):
