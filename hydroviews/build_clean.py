@@ -32,7 +32,9 @@ def write_views(scene: Scene, folder: Path, images: str) -> Scene:
         built = View(view.name, view.camera, path, mask=_write_mask(view, folder) if masked else None)
         _write_depth(view, built, folder)
         views.append(built)
-    return replace(scene, views=tuple(views))
+    distorted = sum(view.lens is not None and depth_path(view).is_file() for view in scene.views)
+    notes = [f"{distorted} depth maps left out: their photographs are distorted"] if distorted else []
+    return replace(scene, views=tuple(views), notes=(*scene.notes, *notes))
 
 
 def _write_mask(view: View, folder: Path) -> Path:

@@ -1,11 +1,14 @@
 import numpy as np
 import pycolmap
 import pytest
-from distorted import LENS, colours, photograph
+from distorted import LENS, colmap_capture, colours, photograph
 
+from hydroviews.build import build
+from hydroviews.depth import write_depth
 from hydroviews.errors import InputError
 from hydroviews.images import to_uint8, write_png
 from hydroviews.lenses import Lens
+from hydroviews.readers import read_scene
 from hydroviews.scenes import View
 
 FISHEYE = (60.0, 61.0, 48.0, 35.0)
@@ -132,3 +135,12 @@ def test_panoramas_are_refused():
     names = pycolmap.Camera.create_from_model_name(1, "EQUIRECTANGULAR", 1.0, 96, 48).params
     with pytest.raises(InputError, match="no pinhole camera"):
         Lens("EQUIRECTANGULAR", 96, 48, tuple(names)).pinhole()
+
+
+def test_depth_maps_of_distorted_photographs_are_left_out_with_a_note(tmp_path):
+    capture = colmap_capture(tmp_path / "yard")
+    for path in (capture / "images").iterdir():
+        write_depth(capture / "depth" / f"{path.stem}.exr", np.ones((LENS.height, LENS.width)))
+    folder = build(read_scene(capture), tmp_path / "data", patterns=[])
+    assert not (folder / "depth").exists()
+    assert "9 depth maps left out" in (folder / "README.md").read_text()
