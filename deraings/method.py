@@ -6,6 +6,7 @@ classes after them leave parts out, for the ablation.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -17,6 +18,7 @@ from deraings.enhanced import EnhancedViews, enhanced_images
 from deraings.enhancement.weights import find_weights, load_enhancer
 from deraings.masking import OcclusionMasks
 from deraings.masking_config import MaskConfig
+from deraings.mist_evidence import point_colours
 from deraings.objective import RainConfig, RainObjective
 from deraings.rain_found import found
 from hydroviews.files import sha256
@@ -87,7 +89,8 @@ class DeRainGS(GaussianSplatting):
         iterations = config.splatting.iterations
         masks = OcclusionMasks(images, iterations, self.seed, config.masks) if config.masks else None
         derained = EnhancedViews(images, names, load_enhancer(config.witness), kept) if config.witness else None
-        self._objective = RainObjective(images, iterations, config.rain, config.splatting.ssim_share, masks, derained)
+        ssim_share, points = config.splatting.ssim_share, partial(point_colours, scene, images)
+        self._objective = RainObjective(images, iterations, config.rain, ssim_share, masks, derained, points)
         return self._objective
 
     def fit(self, scene: Scene, folder: Path) -> None:

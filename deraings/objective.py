@@ -8,6 +8,7 @@ that is in every pixel of a view, `rain_drops` the drops on the lens. All are le
 switches itself on only where the photographs call for it; `rain_found` says what was.
 """
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from baselines.splatting.loss_map import loss_map
 from baselines.splatting.objective import Objective
 from baselines.splatting.photometric import Target, photometric_loss
+from baselines.splatting.point_colours import PointColours
 from baselines.splatting.rasterizer import Workspace
 from baselines.training_images import TrainingImages
 from deraings.enhanced import EnhancedViews
@@ -50,6 +52,7 @@ class RainObjective(Objective):
         ssim_share: float = 0.2,
         masks: OcclusionMasks | None = None,
         derained: EnhancedViews | None = None,
+        points: Callable[[], PointColours] | None = None,
     ) -> None:
         """A model of the rain, before anything is known of it.
 
@@ -61,6 +64,7 @@ class RainObjective(Objective):
             masks: occlusion masks to be learned as well; what the rain model explains is not for them to mask.
             derained: the photographs without rain as far as a network sees it, a witness where single streaks are
                 looked for; asked for only if it surely rains.
+            points: looks up scene points in the photographs, to tell mist on the lens from fog in the scene.
         """
         super().__init__(images, ssim_share)
         self.config = config = config or RainConfig()
@@ -68,7 +72,7 @@ class RainObjective(Objective):
         count = len(images)
         pictures = [images.pixels(view) for view in range(count)]
         hidden = [images.ignored(view) for view in range(count)]
-        self.veil = Veil(pictures, iterations, config.veil, hidden) if config.veil else None
+        self.veil = Veil(pictures, iterations, config.veil, hidden, points) if config.veil else None
         self.falling = FallingRain(iterations, config.falling) if config.falling else None
         sizes = [(picture.shape[0], picture.shape[1]) for picture in pictures]
         self.streaks = Streaks(sizes, config.streaks) if config.falling and config.streaks else None

@@ -24,6 +24,8 @@ def found(objective: "RainObjective") -> dict[str, Any]:
         share = objective.veil_share(middle, size)
         report |= {"veil_mean": share.mean(), "veil_most": share.max()}
         report |= {f"veil_{channel}": light for channel, light in zip("rgb", objective.veil.colour, strict=True)}
+        if objective.veil.evidence is not None:
+            report["veil_evidence"] = objective.veil.evidence
     if objective.drops:
         report["drops"] = (objective.drop_cover(middle, size) > 0.5).mean()
     if objective.falling:

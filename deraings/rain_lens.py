@@ -11,24 +11,27 @@ of bright light from thicker mist of less: a is held near what mist should look 
 can take the rest of the veil's place: real fog and white walls move over the lens as the camera moves. A sky that is
 always in the same corner does not; but mist only adds light, and V a cannot be lighter than the darkest that a place of
 the lens ever shows. That bound, less its own smallest value, is where V starts from. Where every place of the lens
-shows something dark now and then, there is no mist, and none is looked for.
+shows something dark now and then, there is no mist, and none is looked for; nor where scene points that the photographs
+show at several places of the lens are not paler where mist may be (`mist_evidence`): then it is foggy in the scene.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
 
 from baselines.splatting.adam import adam_step
+from baselines.splatting.point_colours import PointColours
 from baselines.splatting.rasterizer import Workspace
+from deraings.mist_bounds import mist_light, thickest_veil
+from deraings.mist_evidence import mist_there
 from deraings.moments import moment_weights, moments_of
 from deraings.rain_light import veiled, veiled_gradient, warm_up
-from hydroviews.images import Image, to_linear
-from hydroviews.rain.light import air_light
+from hydroviews.images import Image
 
 SENSIBLE = 1e-3  # V at least as thick learns; none at all would have no gradient
-SEEN = 40  # pictures that are looked at beforehand
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,7 @@ class VeilConfig:
     thickest: float = 0.95
     darkest: float = 0.05  # quantile of what a place of the lens shows that mist cannot be lighter than
     thinnest: float = 0.015  # lower quartile over the lens of what mist may be there, from which it is looked for
+    believed: float = 0.5  # how much of the mist that may be there scene points must show
     evenness: float = 3.0  # V is at most so many times the median over the lens of what may be there
 
 
@@ -64,7 +68,18 @@ class Veil:
         iterations: int,
         config: VeilConfig,
         hidden: Sequence[NDArray[np.bool_] | None] = (),
+        points: Callable[[], PointColours] | None = None,
     ) -> None:
+        """Look for mist in the photographs.
+
+        Args:
+            pictures: [H, W, 3] each, in order of name.
+            iterations: of the training.
+            config: how mist is learned.
+            hidden: masks [H, W] of pixels that are not looked at.
+            points: looks up scene points in the pictures, asked where there may be mist. Without, or where there are
+                too few, what may be mist is taken for mist.
+        """
         self._config, self._n_views, self._iterations = config, len(pictures), iterations
         self._first = round(config.start * iterations)
         height, width = pictures[0].shape[:2]
@@ -74,13 +89,17 @@ class Veil:
         self.expected = mist_light(pictures, config.brightest, config.tint)  # a, before anything is learned
         self.colour = self.expected.copy()  # a [3], linear light
         bound = thickest_veil(pictures, self.expected, grid, config.darkest, hidden)
-        possible = bound - bound.min()
+        even = config.evenness * np.median(bound - bound.min())
+        possible = np.minimum(bound - bound.min(), even)
         self.wanted = bool(np.quantile(possible, 0.25) >= config.thinnest)
+        self.evidence: float | None = None  # how much of what may be mist the scene points show; None: unknown
+        if self.wanted and points is not None:
+            self.evidence = self._ask(points(), possible)
+            self.wanted = self.evidence is None or self.evidence >= config.believed
         if self.wanted:
             warm_up()
-        even = config.evenness * np.median(possible)
         self._most = np.sqrt(np.minimum(config.slack * np.minimum(bound, even), config.thickest))  # sqrt(V)
-        likely = config.likely * np.minimum(possible, even) + SENSIBLE
+        likely = config.likely * possible + SENSIBLE
         self.roots = (np.minimum(np.sqrt(likely), self._most) * self.wanted).astype(np.float32)  # sqrt(V) at the knots
         self._adam = {name: np.zeros(shape, np.float32) for name, shape in self._moment_shapes().items()}
 
@@ -131,6 +150,16 @@ class Veil:
         self.roots, self.colour = arrays["roots"].copy(), arrays["colour"].copy()
         self._adam = {name: arrays[name].copy() for name in self._adam}
 
+    def _ask(self, points: PointColours, possible: NDArray[np.float32]) -> float | None:
+        """How much of the mist that may be at the knots [T, h, w] scene points show."""
+        at_places = np.zeros(points.seen.shape, np.float32)
+        for column, view in enumerate(points.views):
+            knots = np.tensordot(moment_weights(int(view), self._n_views, len(possible)), possible, 1)
+            across, down = points.places[:, column].T
+            where = (down * (knots.shape[0] - 1), across * (knots.shape[1] - 1))
+            at_places[:, column] = map_coordinates(knots, where, order=1, mode="nearest")
+        return mist_there(points, at_places, self.expected)
+
     def _weights(self, view: int) -> NDArray[np.float32]:
         return moment_weights(view, self._n_views, len(self.roots))
 
@@ -142,65 +171,6 @@ class Veil:
         first, second = self._adam[f"{name}.first"], self._adam[f"{name}.second"]
         step = iteration - self._first + 1
         adam_step(values, np.ascontiguousarray(gradient, np.float32), first, second, step, rate)
-
-
-def mist_light(pictures: Sequence[NDArray[np.uint8]], brightest: float, tint: float) -> NDArray[np.float32]:
-    """The linear light [3] that mist should have: that of the brightest pixels of all pictures [H, W, 3], paler.
-
-    Mist is lit from all around, so it is as bright as the sky or what else is bright, and nearly grey.
-    """
-    samples = [picture[::8, ::8].reshape(-1, 3) for picture in pictures]
-    light = to_linear(np.concatenate(samples).astype(np.float32) / np.float32(255))
-    return air_light(light, brightest, tint)
-
-
-def thickest_veil(
-    pictures: Sequence[NDArray[np.uint8]],
-    colour: NDArray[np.float32],
-    grid: tuple[int, int, int],
-    darkest: float,
-    hidden: Sequence[NDArray[np.bool_] | None] = (),
-) -> NDArray[np.float32]:
-    """The thickest V that any knot [T, h, w] may have: V a is nowhere lighter than the dark things seen through it.
-
-    Args:
-        pictures: [H, W, 3] each; up to SEEN a moment are looked at.
-        colour: a [3], linear light.
-        grid: T, h and w.
-        darkest: quantile of all pixels of a cell in all pictures that counts as dark.
-        hidden: masks [H, W] of pixels that are not looked at.
-
-    Returns:
-        The largest V of the cells around each knot; 1 where nothing was seen.
-    """
-    moments, height, width = grid
-    masks = tuple(hidden) or (None,) * len(pictures)
-    table = to_linear(np.arange(256, dtype=np.float32) / 255)
-    bound = np.empty(grid, np.float32)
-    for moment in range(moments):
-        near = [i for i in range(len(pictures)) if moment_weights(i, len(pictures), moments)[moment] >= 0.5]
-        shares = []
-        for index in near[:: -(-len(near) // SEEN)]:
-            share, mask = (table[pictures[index]] / np.maximum(colour, SENSIBLE)).min(axis=2), masks[index]
-            shares.append(share if mask is None else np.where(mask, np.float32(np.nan), share))
-        cells = np.pad(_cell_quantiles(shares, (height - 1, width - 1), darkest), 1)
-        around = [cells[i : i + height, j : j + width] for i in (0, 1) for j in (0, 1)]
-        bound[moment] = np.maximum.reduce(around)
-    return bound
-
-
-def _cell_quantiles(planes: list[NDArray[np.float32]], cells: tuple[int, int], share: float) -> NDArray[np.float32]:
-    """A quantile of all values of several planes, of any sizes, in each of h x w cells; 1 where all values are NaN."""
-    quantiles = np.ones(cells, np.float32)
-    rows = [np.array_split(plane, cells[0], axis=0) for plane in planes]
-    for i in range(cells[0]):
-        across = [np.array_split(row[i], cells[1], axis=1) for row in rows]
-        for j in range(cells[1]):
-            values = np.concatenate([cell[j].ravel() for cell in across])
-            values = values[np.isfinite(values)]
-            if values.size:
-                quantiles[i, j] = np.quantile(values, share)
-    return quantiles
 
 
 def roughness_gradient(knots: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -13,21 +13,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from tqdm import tqdm
 
+from baselines.splatting.point_colours import PointColours, evenly, look_up_points
 from baselines.splatting.spherical_harmonics import MAX_DEGREE, basis, coefficients
-from hydroviews.cameras import Camera
-from hydroviews.depth import depth_path, fitted_depth
-from hydroviews.scenes import Scene, View
+from hydroviews.scenes import Scene
 
 LONG_SIDE = 320  # of the pictures that colours are looked up in: view dependence needs no detail
-BLUR, WINDOW = 1.0, 9  # standard deviation and width in pixels
-POINTS, SCREEN, VIEWS = 4000, 20_000, 100  # looked up; that may hide others; views; all evenly chosen
-BEHIND, BEHIND_POINTS = 1.02, 1.05  # of the depth in front, from a depth map or from points: what lies deeper is hidden
 OUTLIER = 0.15  # a deviation from the point's median colour larger than this is another surface or a drop
 PATCHES, PATCH = 2000, 16  # how many, of how many points
 FEWEST_VIEWS = 5  # that must see a point, and a patch
@@ -47,16 +41,6 @@ class SHChoice:
     patches: int
     views: int
     reason: str
-
-
-@dataclass(frozen=True)
-class Samples:
-    """Colours of P points in V views."""
-
-    positions: NDArray[np.float64]  # [P, 3]
-    centres: NDArray[np.float64]  # [V, 3], of the cameras
-    colours: NDArray[np.float32]  # [P, V, 3], encoded, [0, 1]
-    seen: NDArray[np.bool_]  # [P, V]
 
 
 def choose_sh_degree(scene: Scene, most: int = MAX_DEGREE) -> SHChoice:
@@ -86,77 +70,21 @@ def choose_sh_degree(scene: Scene, most: int = MAX_DEGREE) -> SHChoice:
     return SHChoice(degree, tuple(float(e) for e in errors), patches, views, reason)
 
 
-def sample_views(scene: Scene) -> Samples:
-    """Look up the scene's points in its training views, blurred a little, with a progress bar."""
-    positions = scene.points.positions[np.isfinite(scene.points.positions).all(axis=1)]
-    positions = np.asarray(positions[_evenly(len(positions), SCREEN)], np.float64)
-    chosen = _evenly(len(positions), POINTS)
-    views = scene.resized(LONG_SIDE).train_views
-    views = tuple(views[i] for i in _evenly(len(views), VIEWS))
-    colours = np.zeros((len(chosen), len(views), 3), np.float32)
-    seen = np.zeros(colours.shape[:2], bool)
-    for number, view in enumerate(tqdm(views, desc="view dependence", unit="view", leave=False)):
-        if len(chosen):
-            pixels, visible = _visible(view, positions)
-            seen[:, number] = visible[chosen]
-            colours[:, number] = _look_up(view, pixels[chosen])
-    return Samples(positions[chosen], np.stack([view.camera.centre for view in views]), colours, seen)
+def sample_views(scene: Scene) -> PointColours:
+    """The scene's points in its training views, brought to a small size, with a progress bar."""
+    small = scene.resized(LONG_SIDE)
+    views = small.train_views
+    return look_up_points(small, lambda number: views[number].image(), "view dependence")
 
 
-def _evenly(available: int, wanted: int) -> NDArray[np.int64]:
-    """Indices of at most `wanted` of the available things."""
-    return np.unique(np.linspace(0, max(available - 1, 0), min(available, wanted)).astype(np.int64))
-
-
-def _visible(view: View, positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Pixels [N, 2] of points, (1, 1) for those outside the view, and which of them the view shows unmasked [N]."""
-    camera = view.camera
-    pixels, depths = camera.project(positions)
-    inside = (depths > 0) & (pixels >= 1).all(axis=1) & (pixels < (camera.width - 1, camera.height - 1)).all(axis=1)
-    pixels = np.where(inside[:, None], pixels, 1.0)
-    if depth_path(view).is_file():
-        front = cv2.erode(fitted_depth(depth_path(view), camera), np.ones((3, 3)))
-        cell, behind = 1.0, BEHIND
-    else:
-        front, cell = _front_of_points(camera, pixels[inside], depths[inside])
-        behind = BEHIND_POINTS
-    columns, rows = (pixels / cell).astype(int).T
-    shown = inside & (depths / behind <= front[rows, columns])
-    ignored = view.ignored()
-    if ignored is not None:
-        columns, rows = pixels.astype(int).T
-        drawn_from = np.ones((WINDOW + 2, WINDOW + 2))  # by the blur, then by the bilinear look-up
-        shown &= cv2.dilate(ignored.astype(np.uint8), drawn_from)[rows, columns] == 0
-    return pixels, shown
-
-
-def _front_of_points(
-    camera: Camera, pixels: NDArray[np.float64], depths: NDArray[np.float64]
-) -> tuple[NDArray[np.float32], float]:
-    """The nearest point's depth around each cell of a grid about as fine as the points, and the cell's size."""
-    cell = max(1.0, float(np.sqrt(camera.width * camera.height / max(len(pixels), 1))))
-    shape = (int(camera.height / cell) + 1, int(camera.width / cell) + 1)
-    nearest = np.full(shape, np.inf, np.float32)
-    columns, rows = (pixels / cell).astype(int).T
-    np.minimum.at(nearest, (rows, columns), depths.astype(np.float32))
-    return np.asarray(cv2.erode(nearest, np.ones((3, 3)))), cell
-
-
-def _look_up(view: View, pixels: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Bilinear colours [N, 3] at pixels [N, 2] of the blurred picture."""
-    image = cv2.GaussianBlur(view.image(), (WINDOW, WINDOW), BLUR)
-    places = (pixels - 0.5).astype(np.float32)[:, None]
-    return np.asarray(cv2.remap(image, places, None, cv2.INTER_LINEAR)[:, 0])  # type: ignore[call-overload]
-
-
-def held_out_squares(samples: Samples, most: int) -> NDArray[np.float64]:
+def held_out_squares(samples: PointColours, most: int) -> NDArray[np.float64]:
     """Mean square held-out error [ridges, most + 1, patches] of every degree, for patches that enough views show."""
     seen, deviations = _deviations(samples)
     often = seen.sum(axis=1) >= FEWEST_VIEWS
     seen, deviations, positions = seen[often], deviations[often], samples.positions[often]
     if len(positions) < PATCH:
         return np.zeros((len(RIDGES), most + 1, 0))
-    neighbours = cKDTree(positions).query(positions[_evenly(len(positions), PATCHES)], PATCH)[1]
+    neighbours = cKDTree(positions).query(positions[evenly(len(positions), PATCHES)], PATCH)[1]
     squares = []
     for start in range(0, len(neighbours), CHUNK):
         some = slice(start, start + CHUNK)
@@ -172,7 +100,7 @@ def held_out_squares(samples: Samples, most: int) -> NDArray[np.float64]:
     return np.concatenate(squares, axis=2)
 
 
-def _deviations(samples: Samples) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+def _deviations(samples: PointColours) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
     """Which samples are no outliers [P, V], and how they deviate from their point's median colour [P, V, 3]."""
     colours = np.where(samples.seen[..., None], samples.colours, np.nan)
     blind = ~samples.seen.any(axis=1)

@@ -5,7 +5,8 @@ import pytest
 
 from baselines.splatting.photometric import photometric_loss, prepare
 from baselines.splatting.rasterizer import Workspace
-from deraings.rain_lens import Veil, VeilConfig, _gather, _spread, roughness_gradient, thickest_veil
+from deraings.mist_bounds import thickest_veil
+from deraings.rain_lens import Veil, VeilConfig, _gather, _spread, roughness_gradient
 
 AIR = np.array([0.55, 0.6, 0.65], np.float32)
 STEPS = 400

@@ -1,0 +1,78 @@
+"""Whether it is on the lens that things grow pale, or in the scene: told by points that several photographs show.
+
+In linear light a point of colour b has behind mist of share V(x) on the lens, at the place x where a photograph shows
+it, the colour (1 - V(x)) b + V(x) a. Fog in the scene makes it paler with its distance z, not with its place. So of the
+deviations of a point's colours from their median c, to first order,
+
+    c_v - c = (m (P(x_v) - P) + k (z_v - z)) (a - c)
+
+with P the most mist that there may be, P and z without index their means over the photographs of the point. All points
+share m, how much of the possible mist is there, and k, of fog; both are fitted by least squares in which the pixels
+that are explained worst, by drops, streaks, gloss or what stands in between, do not count.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.splatting.point_colours import PointColours, look_up_points
+from baselines.training_images import TrainingImages
+from hydroviews.images import to_linear
+from hydroviews.scenes import Scene
+
+FEWEST_VIEWS = 3  # that must show a point
+FEWEST = 1000  # colours, with fewer nothing is told
+KEPT = 0.8  # of the deviations count, the best explained ones
+EVEN = 1e-5  # standard deviation of what mist would do, with less nothing is told
+ROUNDS = 6  # of choosing them
+
+
+def point_colours(scene: Scene, images: TrainingImages) -> PointColours:
+    """The colours of a scene's points in its training images.
+
+    Raises:
+        InputError: a mask or depth map that cannot be read.
+    """
+    return look_up_points(scene, lambda view: images.pixels(view) / np.float32(255), "mist or fog")
+
+
+def mist_there(points: PointColours, possible: NDArray[np.float32], colour: NDArray[np.float32]) -> float | None:
+    """How much of the mist that may be on the lens is there: 1 where all of its unevenness is seen, 0 where none is.
+
+    Args:
+        points: colours of scene points in photographs.
+        possible: P [P, V], the share of mist that there may be where a photograph shows a point.
+        colour: a [3], of mist in linear light.
+
+    Returns:
+        m, or None where too few points are seen often enough, or all at places of one P.
+    """
+    seen = points.seen & (points.seen.sum(axis=1) >= FEWEST_VIEWS)[:, None]
+    rows = seen.any(axis=1)
+    seen, possible = seen[rows], possible[rows]
+    if seen.sum() < FEWEST:
+        return None
+    light = np.where(seen[..., None], to_linear(points.colours[rows]), np.nan).astype(np.float64)
+    median = np.nanmedian(light, axis=1, keepdims=True)
+    depths = points.depths[rows] / np.median(points.depths[rows][seen])
+    causes = [_deviations(plane, seen)[..., None] * (colour - median) for plane in (possible, depths)]
+    found, known = (light - median)[seen].ravel(), np.stack([cause[seen].ravel() for cause in causes], axis=1)
+    return _trimmed_fit(known, found)
+
+
+def _deviations(values: NDArray, seen: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """From the mean of each row [P, V] over what is seen; 0 elsewhere."""
+    means = np.where(seen, values, 0).sum(axis=1, keepdims=True) / seen.sum(axis=1, keepdims=True)
+    return np.where(seen, values - means, 0.0)
+
+
+def _trimmed_fit(known: NDArray[np.float64], found: NDArray[np.float64]) -> float | None:
+    """The first factor of least squares found = known @ factors, over those that are explained best."""
+    counted = np.ones(len(found), bool)
+    factors = np.zeros(known.shape[1])
+    for _ in range(ROUNDS):
+        if known[counted, 0].std() < EVEN:
+            return None
+        factors = np.linalg.lstsq(known[counted], found[counted], rcond=None)[0]
+        errors = np.abs(found - known @ factors)
+        counted = errors <= np.quantile(errors, KEPT)
+    return float(factors[0])
