@@ -136,9 +136,8 @@ def nerf_w_terms(config: NerfWConfig) -> Loss:
 # Short trainings want large steps: on a made-up scene 250 iterations reach 18 dB at a rate of 0.01, 24 at 0.03.
 SMALL = VolumetricConfig(field=HashFieldConfig(rate=2e-2))
 # What a stretch of views has in common goes into their codes, and is missing in the mean look that is scored: so codes
-# learn more slowly, and half of the rays see none. What the mean look may not have goes into transient matter where
-# that is cheap, so it costs a little more. docs/volumetric.md has figures.
-SHORT = NerfWConfig(SMALL, density_weight=0.02, code_rate=1e-3, mean_looks=0.5)
+# learn more slowly, and half of the rays see none. docs/volumetric.md has figures.
+SHORT = NerfWConfig(SMALL, code_rate=1e-3, mean_looks=0.5)
 PAPER = replace(NERF, iterations=300_000, final_rate=0.01)
 PROFILES = {
     "demo": replace(SHORT, volumetric=replace(SMALL, iterations=3500)),
