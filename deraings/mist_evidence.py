@@ -11,6 +11,8 @@ share m, how much of the possible mist is there, and k, of fog; both are fitted 
 that are explained worst, by drops, streaks, gloss or what stands in between, do not count.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,8 +37,15 @@ def point_colours(scene: Scene, images: TrainingImages) -> PointColours:
     return look_up_points(scene, lambda view: images.pixels(view) / np.float32(255), "mist or fog")
 
 
-def mist_there(points: PointColours, possible: NDArray[np.float32], colour: NDArray[np.float32]) -> float | None:
-    """How much of the mist that may be on the lens is there: 1 where all of its unevenness is seen, 0 where none is.
+class Paleness(NamedTuple):
+    """What makes points pale."""
+
+    mist: float  # m, how much of the possible mist is there: 1 where all of its unevenness is seen, 0 where none is
+    fog: float  # k, the share of its contrast to the mist's light that a point loses over the median depth
+
+
+def paleness(points: PointColours, possible: NDArray[np.float32], colour: NDArray[np.float32]) -> Paleness | None:
+    """How much mist on the lens and how much fog in the scene the points show.
 
     Args:
         points: colours of scene points in photographs.
@@ -44,7 +53,7 @@ def mist_there(points: PointColours, possible: NDArray[np.float32], colour: NDAr
         colour: a [3], of mist in linear light.
 
     Returns:
-        m, or None where too few points are seen often enough, or all at places of one P.
+        m and k, or None where too few points are seen often enough, or all at places of one P.
     """
     seen = points.seen & (points.seen.sum(axis=1) >= FEWEST_VIEWS)[:, None]
     rows = seen.any(axis=1)
@@ -65,8 +74,8 @@ def _deviations(values: NDArray, seen: NDArray[np.bool_]) -> NDArray[np.float64]
     return np.where(seen, values - means, 0.0)
 
 
-def _trimmed_fit(known: NDArray[np.float64], found: NDArray[np.float64]) -> float | None:
-    """The first factor of least squares found = known @ factors, over those that are explained best."""
+def _trimmed_fit(known: NDArray[np.float64], found: NDArray[np.float64]) -> Paleness | None:
+    """The factors of least squares found = known @ factors, over those that are explained best."""
     counted = np.ones(len(found), bool)
     factors = np.zeros(known.shape[1])
     for _ in range(ROUNDS):
@@ -75,4 +84,4 @@ def _trimmed_fit(known: NDArray[np.float64], found: NDArray[np.float64]) -> floa
         factors = np.linalg.lstsq(known[counted], found[counted], rcond=None)[0]
         errors = np.abs(found - known @ factors)
         counted = errors <= np.quantile(errors, KEPT)
-    return float(factors[0])
+    return Paleness(float(factors[0]), float(factors[1]))

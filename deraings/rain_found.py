@@ -25,7 +25,7 @@ def found(objective: "RainObjective") -> dict[str, Any]:
         report |= {"veil_mean": share.mean(), "veil_most": share.max()}
         report |= {f"veil_{channel}": light for channel, light in zip("rgb", objective.veil.colour, strict=True)}
         if objective.veil.evidence is not None:
-            report["veil_evidence"] = objective.veil.evidence
+            report["fog"] = objective.veil.evidence.fog
     if objective.drops:
         report["drops"] = (objective.drop_cover(middle, size) > 0.5).mean()
     if objective.falling:

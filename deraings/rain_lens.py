@@ -11,8 +11,8 @@ of bright light from thicker mist of less: a is held near what mist should look 
 can take the rest of the veil's place: real fog and white walls move over the lens as the camera moves. A sky that is
 always in the same corner does not; but mist only adds light, and V a cannot be lighter than the darkest that a place of
 the lens ever shows. That bound, less its own smallest value, is where V starts from. Where every place of the lens
-shows something dark now and then, there is no mist, and none is looked for; nor where scene points that the photographs
-show at several places of the lens are not paler where mist may be (`mist_evidence`): then it is foggy in the scene.
+shows something dark now and then, there is no mist, and none is looked for; nor where scene points grow paler with
+distance and not with where the lens shows them (`mist_evidence`): then it is foggy in the scene.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,7 +26,7 @@ from baselines.splatting.adam import adam_step
 from baselines.splatting.point_colours import PointColours
 from baselines.splatting.rasterizer import Workspace
 from deraings.mist_bounds import mist_light, thickest_veil
-from deraings.mist_evidence import mist_there
+from deraings.mist_evidence import Paleness, paleness
 from deraings.moments import moment_weights, moments_of
 from deraings.rain_light import veiled, veiled_gradient, warm_up
 from hydroviews.images import Image
@@ -55,7 +55,8 @@ class VeilConfig:
     thickest: float = 0.95
     darkest: float = 0.05  # quantile of what a place of the lens shows that mist cannot be lighter than
     thinnest: float = 0.015  # lower quartile over the lens of what mist may be there, from which it is looked for
-    believed: float = 0.5  # how much of the mist that may be there scene points must show
+    foggy: float = 0.15  # share of their contrast that scene points lose over the median depth, from which it is foggy
+    believed: float = 0.5  # where it is, how much of the mist that may be there scene points must show
     evenness: float = 3.0  # V is at most so many times the median over the lens of what may be there
 
 
@@ -92,10 +93,9 @@ class Veil:
         even = config.evenness * np.median(bound - bound.min())
         possible = np.minimum(bound - bound.min(), even)
         self.wanted = bool(np.quantile(possible, 0.25) >= config.thinnest)
-        self.evidence: float | None = None  # how much of what may be mist the scene points show; None: unknown
-        if self.wanted and points is not None:
-            self.evidence = self._ask(points(), possible)
-            self.wanted = self.evidence is None or self.evidence >= config.believed
+        self.evidence = self._ask(points(), possible) if self.wanted and points is not None else None
+        if self.evidence and self.evidence.fog >= config.foggy:
+            self.wanted = self.evidence.mist >= config.believed
         if self.wanted:
             warm_up()
         self._most = np.sqrt(np.minimum(config.slack * np.minimum(bound, even), config.thickest))  # sqrt(V)
@@ -150,15 +150,15 @@ class Veil:
         self.roots, self.colour = arrays["roots"].copy(), arrays["colour"].copy()
         self._adam = {name: arrays[name].copy() for name in self._adam}
 
-    def _ask(self, points: PointColours, possible: NDArray[np.float32]) -> float | None:
-        """How much of the mist that may be at the knots [T, h, w] scene points show."""
+    def _ask(self, points: PointColours, possible: NDArray[np.float32]) -> Paleness | None:
+        """What scene points show of the mist that may be at the knots [T, h, w], and of fog."""
         at_places = np.zeros(points.seen.shape, np.float32)
         for column, view in enumerate(points.views):
             knots = np.tensordot(moment_weights(int(view), self._n_views, len(possible)), possible, 1)
             across, down = points.places[:, column].T
             where = (down * (knots.shape[0] - 1), across * (knots.shape[1] - 1))
             at_places[:, column] = map_coordinates(knots, where, order=1, mode="nearest")
-        return mist_there(points, at_places, self.expected)
+        return paleness(points, at_places, self.expected)
 
     def _weights(self, view: int) -> NDArray[np.float32]:
         return moment_weights(view, self._n_views, len(self.roots))
