@@ -6,7 +6,7 @@ classes after them leave parts out, for the ablation.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -14,7 +14,7 @@ from baselines.gaussian_splatting import PROFILES, GaussianSplatting
 from baselines.method import Statistics
 from baselines.splatting.config import TrainerConfig
 from baselines.training_images import read_images
-from deraings.enhanced import EnhancedViews, enhanced_images
+from deraings.enhanced import EnhancedViews, enhanced_images, may_lift
 from deraings.enhancement.weights import find_weights, load_enhancer
 from deraings.masking import OcclusionMasks
 from deraings.masking_config import MaskConfig
@@ -80,16 +80,17 @@ class DeRainGS(GaussianSplatting):
         """
         config: DeRainGSConfig = self.config
         images, names = read_images(scene.train_views), [view.name for view in scene.train_views]
-        kept = folder / "enhanced"
+        kept, points = folder / "enhanced", cache(partial(point_colours, scene, images))
+        lift = may_lift(images, points) if config.enhancement or config.witness else True
         if config.enhancement:
             enhancer = load_enhancer(config.enhancement)
             print(enhancer.reason)
-            images = enhanced_images(images, names, enhancer, kept)
-            self.found["enhancement"] = config.enhancement
+            images = enhanced_images(images, names, enhancer, kept, lift)
+            self.found["enhancement"] = config.enhancement if lift else f"{config.enhancement} leaving fog as it is"
         iterations = config.splatting.iterations
         masks = OcclusionMasks(images, iterations, self.seed, config.masks) if config.masks else None
-        derained = EnhancedViews(images, names, load_enhancer(config.witness), kept) if config.witness else None
-        ssim_share, points = config.splatting.ssim_share, partial(point_colours, scene, images)
+        derained = EnhancedViews(images, names, load_enhancer(config.witness), kept, lift) if config.witness else None
+        ssim_share = config.splatting.ssim_share
         self._objective = RainObjective(images, iterations, config.rain, ssim_share, masks, derained, points)
         return self._objective
 

@@ -1,16 +1,53 @@
 """What photographs alone say of mist on the lens: the light that it should have, and how thick it can be at most."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
 
-from deraings.moments import moment_weights
+from deraings.moments import moment_weights, moments_of
+from deraings.veil_config import VeilConfig
 from hydroviews.images import to_linear
 from hydroviews.rain.light import air_light
 
 SEEN = 40  # pictures of a moment that are looked at
 DARK = 1e-3  # mist is taken to be at least as light
+
+
+@dataclass(frozen=True)
+class MistBounds:
+    """What mist can be: V on a grid of knots [T, h, w], a few moments of the film and the picture."""
+
+    n_views: int
+    colour: NDArray[np.float32]  # a [3], linear light
+    thickest: NDArray[np.float32]  # the most that V can be
+    possible: NDArray[np.float32]  # the same, less its smallest value
+    suspected: bool  # whether it is enough to look for mist
+
+    def at(self, view: int, places: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Possible V [N] of a view at places [N, 2], across and down, [0, 1]."""
+        knots = np.tensordot(moment_weights(view, self.n_views, len(self.possible)), self.possible, 1)
+        across, down = places.T
+        where = (down * (knots.shape[0] - 1), across * (knots.shape[1] - 1))
+        return np.asarray(map_coordinates(knots, where, order=1, mode="nearest"))
+
+
+def mist_bounds(
+    pictures: Sequence[NDArray[np.uint8]], config: VeilConfig, hidden: Sequence[NDArray[np.bool_] | None] = ()
+) -> MistBounds:
+    """What photographs [H, W, 3], in order of name, allow of mist; pixels of the masks `hidden` are not looked at."""
+    height, width = pictures[0].shape[:2]
+    cell = max(height, width) / config.cells
+    moments = moments_of(len(pictures), config.views_a_moment, config.most_moments)
+    grid = (moments, max(2, round(height / cell) + 1), max(2, round(width / cell) + 1))
+    colour = mist_light(pictures, config.brightest, config.tint)
+    bound = thickest_veil(pictures, colour, grid, config.darkest, hidden)
+    possible = bound - bound.min()
+    even = config.evenness * np.median(possible)
+    suspected = bool(np.quantile(possible, 0.25) >= config.thinnest)
+    return MistBounds(len(pictures), colour, np.minimum(bound, even), np.minimum(possible, even), suspected)
 
 
 def mist_light(pictures: Sequence[NDArray[np.uint8]], brightest: float, tint: float) -> NDArray[np.float32]:

@@ -11,6 +11,7 @@ share m, how much of the possible mist is there, and k, of fog; both are fitted 
 that are explained worst, by drops, streaks, gloss or what stands in between, do not count.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,8 @@ from numpy.typing import NDArray
 
 from baselines.splatting.point_colours import PointColours, look_up_points
 from baselines.training_images import TrainingImages
+from deraings.mist_bounds import MistBounds, mist_bounds
+from deraings.veil_config import VeilConfig
 from hydroviews.images import to_linear
 from hydroviews.scenes import Scene
 
@@ -28,6 +31,38 @@ EVEN = 1e-5  # standard deviation of what mist would do, with less nothing is to
 ROUNDS = 6  # of choosing them
 
 
+class Paleness(NamedTuple):
+    """What makes points pale."""
+
+    mist: float  # m, how much of the possible mist is there: 1 where all of its unevenness is seen, 0 where none is
+    fog: float  # k, the share of its contrast to the mist's light that a point loses over the median depth
+
+
+def shows_fog(images: TrainingImages, points: Callable[[], PointColours]) -> bool:
+    """Whether it is foggy in the scene that training images show; `points` is asked where it may be fog or mist."""
+    config, views = VeilConfig(), range(len(images))
+    bounds = mist_bounds([images.pixels(i) for i in views], config, [images.ignored(i) for i in views])
+    found = paleness_of(bounds, points) if bounds.suspected else None
+    return found is not None and is_fog(found, config)
+
+
+def is_fog(found: Paleness, config: VeilConfig) -> bool:
+    """Whether points are pale for fog; what of it may be mist on the lens is then left in the scene."""
+    return found.fog >= config.foggy
+
+
+def is_mist(found: Paleness, config: VeilConfig) -> bool:
+    """Whether points are pale for mist on the lens, be it little."""
+    return found.mist >= config.shown and not is_fog(found, config)
+
+
+def paleness_of(bounds: MistBounds, points: Callable[[], PointColours]) -> Paleness | None:
+    """What the points of photographs with these bounds show; see `paleness`."""
+    found = points()
+    places = [bounds.at(int(view), found.places[:, column]) for column, view in enumerate(found.views)]
+    return paleness(found, np.stack(places, axis=1), bounds.colour)
+
+
 def point_colours(scene: Scene, images: TrainingImages) -> PointColours:
     """The colours of a scene's points in its training images.
 
@@ -35,13 +70,6 @@ def point_colours(scene: Scene, images: TrainingImages) -> PointColours:
         InputError: a mask or depth map that cannot be read.
     """
     return look_up_points(scene, lambda view: images.pixels(view) / np.float32(255), "mist or fog")
-
-
-class Paleness(NamedTuple):
-    """What makes points pale."""
-
-    mist: float  # m, how much of the possible mist is there: 1 where all of its unevenness is seen, 0 where none is
-    fog: float  # k, the share of its contrast to the mist's light that a point loses over the median depth
 
 
 def paleness(points: PointColours, possible: NDArray[np.float32], colour: NDArray[np.float32]) -> Paleness | None:

@@ -4,7 +4,7 @@
 """
 
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -12,8 +12,9 @@ from tqdm import tqdm
 
 from baselines.method import Method, Statistics
 from baselines.training_images import read_images
-from deraings.enhanced import EnhancedViews
+from deraings.enhanced import EnhancedViews, may_lift
 from deraings.enhancement.weights import DEFAULT, Enhancer, find_weights, load_enhancer
+from deraings.mist_evidence import point_colours
 from hydroviews.cameras import Camera
 from hydroviews.files import sha256
 from hydroviews.images import Image
@@ -103,8 +104,9 @@ def enhanced_scene(scene: Scene, enhancer: Enhancer, folder: Path) -> Scene:
     Raises:
         InputError: a picture or mask that cannot be read or has another size than its camera.
     """
-    views = scene.train_views
-    pictures = EnhancedViews(read_images(views), [view.name for view in views], enhancer, folder)
+    views, images = scene.train_views, read_images(scene.train_views)
+    lift = may_lift(images, partial(point_colours, scene, images))
+    pictures = EnhancedViews(images, [view.name for view in views], enhancer, folder, lift)
     progress = tqdm(views, desc="enhancing", unit="view", leave=False)
     enhanced = {view.name: _enhanced_view(view, pictures.file(index)) for index, view in enumerate(progress)}
     return replace(scene, views=tuple(enhanced.get(view.name, view) for view in scene.views))

@@ -16,48 +16,21 @@ distance and not with where the lens shows them (`mist_evidence`): then it is fo
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 
 from baselines.splatting.adam import adam_step
 from baselines.splatting.point_colours import PointColours
 from baselines.splatting.rasterizer import Workspace
-from deraings.mist_bounds import mist_light, thickest_veil
-from deraings.mist_evidence import Paleness, paleness
-from deraings.moments import moment_weights, moments_of
+from deraings.mist_bounds import mist_bounds
+from deraings.mist_evidence import is_mist, paleness_of
+from deraings.moments import moment_weights
 from deraings.rain_light import veiled, veiled_gradient, warm_up
+from deraings.veil_config import VeilConfig
 from hydroviews.images import Image
 
 SENSIBLE = 1e-3  # V at least as thick learns; none at all would have no gradient
-
-
-@dataclass(frozen=True)
-class VeilConfig:
-    """How mist is learned."""
-
-    cells: int = 12  # of the grid along the longer side
-    views_a_moment: int = 12  # no moment of the film is told from fewer views
-    most_moments: int = 3
-    start: float = 0.03  # share of the iterations before it
-    likely: float = 0.7  # V at the start over the thickest possible, less what is possible everywhere
-    slack: float = 1.3  # factor by which V may be thicker than `thickest_veil` says
-    brightest: float = 0.1  # share of the pixels, the brightest, whose light is expected of the mist
-    tint: float = 0.3  # share of their colour that it has
-    rate: float = 1e-2  # Adam's, of sqrt(V)
-    colour_rate: float = 1e-3
-    final: float = 0.1  # what the rates have fallen to at the end, as a factor
-    penalty: float = 1e-3  # factor of the mean of V in the loss
-    roughness: float = 0.01  # of the mean of the knots' squared differences to their neighbours, in sqrt(V)
-    colour_penalty: float = 0.1  # of the squared difference of a to what is expected
-    thickest: float = 0.95
-    darkest: float = 0.05  # quantile of what a place of the lens shows that mist cannot be lighter than
-    thinnest: float = 0.015  # lower quartile over the lens of what mist may be there, from which it is looked for
-    foggy: float = 0.15  # share of their contrast that scene points lose over the median depth, from which it is foggy
-    believed: float = 0.5  # where it is, how much of the mist that may be there scene points must show
-    evenness: float = 3.0  # V is at most so many times the median over the lens of what may be there
 
 
 class Veil:
@@ -83,23 +56,15 @@ class Veil:
         """
         self._config, self._n_views, self._iterations = config, len(pictures), iterations
         self._first = round(config.start * iterations)
-        height, width = pictures[0].shape[:2]
-        cell = max(height, width) / config.cells
-        moments = moments_of(len(pictures), config.views_a_moment, config.most_moments)
-        grid = (moments, max(2, round(height / cell) + 1), max(2, round(width / cell) + 1))
-        self.expected = mist_light(pictures, config.brightest, config.tint)  # a, before anything is learned
+        bounds = mist_bounds(pictures, config, hidden)
+        self.expected = bounds.colour  # a, before anything is learned
         self.colour = self.expected.copy()  # a [3], linear light
-        bound = thickest_veil(pictures, self.expected, grid, config.darkest, hidden)
-        even = config.evenness * np.median(bound - bound.min())
-        possible = np.minimum(bound - bound.min(), even)
-        self.wanted = bool(np.quantile(possible, 0.25) >= config.thinnest)
-        self.evidence = self._ask(points(), possible) if self.wanted and points is not None else None
-        if self.evidence and self.evidence.fog >= config.foggy:
-            self.wanted = self.evidence.mist >= config.believed
+        self.evidence = paleness_of(bounds, points) if bounds.suspected and points is not None else None
+        self.wanted = bounds.suspected and (self.evidence is None or is_mist(self.evidence, config))
         if self.wanted:
             warm_up()
-        self._most = np.sqrt(np.minimum(config.slack * np.minimum(bound, even), config.thickest))  # sqrt(V)
-        likely = config.likely * possible + SENSIBLE
+        self._most = np.sqrt(np.minimum(config.slack * bounds.thickest, config.thickest))  # sqrt(V)
+        likely = config.likely * bounds.possible + SENSIBLE
         self.roots = (np.minimum(np.sqrt(likely), self._most) * self.wanted).astype(np.float32)  # sqrt(V) at the knots
         self._adam = {name: np.zeros(shape, np.float32) for name, shape in self._moment_shapes().items()}
 
@@ -149,16 +114,6 @@ class Veil:
         """Take back what `arrays` returned."""
         self.roots, self.colour = arrays["roots"].copy(), arrays["colour"].copy()
         self._adam = {name: arrays[name].copy() for name in self._adam}
-
-    def _ask(self, points: PointColours, possible: NDArray[np.float32]) -> Paleness | None:
-        """What scene points show of the mist that may be at the knots [T, h, w], and of fog."""
-        at_places = np.zeros(points.seen.shape, np.float32)
-        for column, view in enumerate(points.views):
-            knots = np.tensordot(moment_weights(int(view), self._n_views, len(possible)), possible, 1)
-            across, down = points.places[:, column].T
-            where = (down * (knots.shape[0] - 1), across * (knots.shape[1] - 1))
-            at_places[:, column] = map_coordinates(knots, where, order=1, mode="nearest")
-        return paleness(points, at_places, self.expected)
 
     def _weights(self, view: int) -> NDArray[np.float32]:
         return moment_weights(view, self._n_views, len(self.roots))

@@ -15,7 +15,9 @@ TILE = 768  # pixels along a side, beyond which a picture is taken in tiles
 OVERLAP = 96  # pixels in which neighbouring tiles are blended
 
 
-def enhance(image: Image, enhancer: Enhancer | None = None, tile: int = TILE, overlap: int = OVERLAP) -> Image:
+def enhance(
+    image: Image, enhancer: Enhancer | None = None, tile: int = TILE, overlap: int = OVERLAP, lift: bool = True
+) -> Image:
     """Take the rain out of a picture, as far as the network can.
 
     Args:
@@ -23,6 +25,8 @@ def enhance(image: Image, enhancer: Enhancer | None = None, tile: int = TILE, ov
         enhancer: the network; the shipped one if there is none.
         tile: pixels along a tile's side, at most.
         overlap: pixels, less than a tile.
+        lift: take a smooth veil off the whole picture first, if the network looks for one. It cannot tell mist on the
+            lens from fog in the scene.
 
     Returns:
         The same shape and range.
@@ -36,7 +40,7 @@ def enhance(image: Image, enhancer: Enhancer | None = None, tile: int = TILE, ov
     if not np.isfinite(image).all():
         raise ValueError("the image has values that are not finite")
     network = (enhancer or shipped()).network
-    image = _lift(image, network)
+    image = _lift(image, network) if lift else image
     rows, columns = (spans(size, tile, overlap) for size in image.shape[:2])
     total = np.zeros(image.shape, np.float32)
     weight = np.zeros((*image.shape[:2], 1), np.float32)

@@ -161,3 +161,5 @@ def test_tiles_share_the_veil_of_the_whole_picture():
     np.testing.assert_allclose(
         enhance(image, Enhancer(network, {}, "for a test"), tile=64, overlap=16), whole, atol=1e-5
     )
+    kept = enhance(image, Enhancer(network, {}, "for a test"), lift=False)
+    np.testing.assert_allclose(kept, image, atol=1e-6)  # the rest of the network is untrained and changes nothing

@@ -11,6 +11,7 @@ from trainings import CONFIG, assert_identical
 from baselines.gaussian_splatting import FOUND
 from baselines.method import find_method
 from baselines.training_images import read_images
+from deraings import enhanced as enhanced_module
 from deraings import method as methods
 from deraings.enhanced import EnhancedViews, enhanced_images
 from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
@@ -64,6 +65,21 @@ def test_other_weights_enhance_anew(scene, weights, tmp_path):
     brighter = enhanced_images(images, names, enhancer, tmp_path)
     assert brighter.pixels(0).mean() > images.pixels(0).mean()
     assert len(list(tmp_path.iterdir())) == 2
+
+
+@pytest.mark.parametrize("foggy", [False, True])
+def test_veils_are_not_taken_off_where_it_is_foggy(scene, weights, tmp_path, monkeypatch, capsys, foggy):
+    asked = []
+    monkeypatch.setattr(enhanced_module, "shows_fog", lambda images, points: asked.append(points()) or foggy)
+    monkeypatch.setattr(enhanced_module, "enhance", lambda image, enhancer, lift: image * np.float32(0.5 + 0.5 * lift))
+    method = DeRainGS(DeRainGSConfig(CONFIG, enhancement=str(weights)), 0)
+    method.objective(scene, tmp_path)
+    assert asked[0].seen.any()
+    images = read_images(scene.train_views)
+    factor = method.learned().images.pixels(0).mean() / images.pixels(0).mean()
+    assert factor == pytest.approx(0.5 if foggy else 1, abs=0.01)
+    assert ("leaving fog as it is" in method.found["enhancement"]) == foggy
+    assert ("it is foggy in the scene" in capsys.readouterr().out) == foggy
 
 
 @pytest.mark.parametrize(

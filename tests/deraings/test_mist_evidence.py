@@ -78,9 +78,10 @@ def test_too_little_is_no_evidence():
 
 
 @pytest.mark.parametrize(
-    ("mist", "fog", "wanted"), [(0.0, 0.0, True), (1.0, 0.0, True), (0.0, 1.0, False), (1.0, 0.5, True)]
+    ("mist", "fog", "wanted"),
+    [(0.0, 0.0, False), (0.2, 0.0, True), (1.0, 0.0, True), (0.0, 1.0, False), (1.0, 0.5, False)],
 )
-def test_in_fog_mist_is_looked_for_where_points_show_it(mist, fog, wanted):
+def test_mist_is_looked_for_where_points_show_it_and_not_in_fog(mist, fog, wanted):
     scene = panorama.views_of(panorama.paint(), VIEWS)
     rows = np.linspace(0, 1, panorama.HEIGHT)[:, None]
     thick_above = veil_at(np.broadcast_to(rows[..., None], (panorama.HEIGHT, panorama.WIDTH, 2)))
