@@ -109,18 +109,21 @@ def validate_command(
     print(table(scores(enhancer.network, validation_set(files, VALIDATION_SEED, cache / "validation"))))
 
 
-def enhance_command(pictures: tyro.conf.Positional[Path], out: Path, weights: str = "small") -> None:
+def enhance_command(
+    pictures: tyro.conf.Positional[Path], out: Path, weights: str = "small", keep_fog: bool = False
+) -> None:
     """Enhance a picture, or all of a folder, and write PNG.
 
     Args:
         pictures: file or folder.
         out: another folder.
         weights: shipped ones, or a file.
+        keep_fog: leave smooth veils as they are: a single picture does not tell mist on the lens from fog.
     """
     enhancer, targets = load_enhancer(weights), one_by_one(pictures, out)
     print(enhancer.reason)
     for file, target in tqdm(targets.items(), desc="enhancing", unit="picture"):
-        write_png(target, enhance(read_image(file), enhancer))
+        write_png(target, enhance(read_image(file), enhancer, lift=not keep_fog))
 
 
 def describe_command(network: Literal["paper", "small"] = "small", width: int = 400, height: int = 300) -> None:

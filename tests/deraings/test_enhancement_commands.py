@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from tiny_network import TINY
 
+from deraings.enhancement import __main__ as commands
 from deraings.enhancement.__main__ import Request, describe_command, enhance_command, export_command, train_command
 from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.data import Data, described, started_from
@@ -35,6 +36,15 @@ def test_a_folder_of_pictures_is_enhanced(tmp_path, weights, capsys):
     assert "nothing" in capsys.readouterr().out
     for name in ("0.png", "1.png"):
         np.testing.assert_array_equal(read_image(tmp_path / "out" / name), read_image(tmp_path / "in" / name))
+
+
+@pytest.mark.parametrize("keep_fog", [False, True])
+def test_fog_can_be_kept(tmp_path, weights, monkeypatch, keep_fog):
+    pictures(tmp_path / "in")
+    asked = []
+    monkeypatch.setattr(commands, "enhance", lambda image, enhancer, lift: asked.append(lift) or image)
+    enhance_command(tmp_path / "in", tmp_path / "out", str(weights), keep_fog=keep_fog)
+    assert asked == [not keep_fog] * 2
 
 
 def test_no_picture_is_lost_when_others_are_enhanced(tmp_path, weights):
