@@ -9,11 +9,13 @@ from contextlib import contextmanager
 import tyro
 
 from hydroviews.errors import InputError
+from hydroviews.memory import keep_freed_memory
 
 
 def run_command(commands: Mapping[str, Callable[..., None]], prog: str) -> None:
     """Run the named subcommand; exit 2 on bad input, 130 on Ctrl-C, 143 when asked to end."""
     signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
+    keep_freed_memory()
     try:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])  # see `deferred_interrupts`
         tyro.extras.subcommand_cli_from_dict(dict(commands), prog=prog)
