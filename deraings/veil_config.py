@@ -23,7 +23,7 @@ class VeilConfig:
     colour_penalty: float = 0.1  # of the squared difference of a to what is expected
     thickest: float = 0.95
     darkest: float = 0.05  # quantile of what a place of the lens shows that mist cannot be lighter than
-    thinnest: float = 0.015  # lower quartile over the lens of what mist may be there, from which it is looked for
+    thinnest: float = 0.01  # lower quartile over the lens of what mist may be there, from which it is looked for
     shown: float = 0.05  # share of the mist that may be there that scene points must show at least
     foggy: float = 0.15  # share of their contrast that scene points lose over the median depth, from which it is foggy
     evenness: float = 3.0  # V is at most so many times the median over the lens of what may be there
