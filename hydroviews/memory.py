@@ -14,7 +14,7 @@ def keep_freed_memory() -> bool:
     """Keep large blocks that are freed, up to 2 GB, for the next one of their size.
 
     By default glibc hands them back to the system, and each step of a training, whose tensors have the sizes of the
-    step before, is given new pages that have to be found and cleared: on virtual machines that is half of the time.
+    step before, is given new pages that have to be found and cleared.
 
     Returns:
         Whether the C library can be told so: glibc can, others are left as they are.
