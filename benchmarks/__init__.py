@@ -1,4 +1,4 @@
-"""Speed against error. Each part is a command, `python -m benchmarks.NAME`, and minds memory as the others do."""
+"""Speed against error. Each part is a command, `python -m benchmarks.NAME`, and keeps freed memory as others do."""
 
 from hydroviews.memory import keep_freed_memory
 

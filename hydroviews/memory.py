@@ -4,10 +4,8 @@ import ctypes
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of mallopt(3)
 MOST = 2**31 - 1  # bytes at the end of the heap that are kept
-LARGEST = (
-    2**30,
-    2**25,
-)  # bytes of a block that comes from the heap; the second is the most that glibc before 2.35 takes
+# Bytes of a block that comes from the heap: older releases of glibc refuse the first and take the second at most.
+LARGEST = (2**30, 2**25)
 
 
 def keep_freed_memory() -> bool:
