@@ -48,6 +48,7 @@ def interruptible(call: Callable[..., Result], tick: Callable[[], object] = lamb
         tick: called several times a second while it runs.
     """
     token = pycolmap.CancellationToken()
+    finished = threading.Event()
     results: list[Result] = []
     errors: list[BaseException] = []
 
@@ -56,16 +57,18 @@ def interruptible(call: Callable[..., Result], tick: Callable[[], object] = lamb
             results.append(call(cancellation_token=token))
         except BaseException as error:  # handed over to the waiting thread
             errors.append(error)
+        finally:
+            finished.set()
 
-    thread = threading.Thread(target=run)
-    thread.start()
     try:
-        while thread.is_alive():
-            thread.join(0.2)
+        threading.Thread(target=run).start()
+        # Not Thread.join: where that is interrupted, Python 3.11 takes the thread for ended, and the process would end
+        # in the middle of the call.
+        while not finished.wait(0.2):
             tick()
     except KeyboardInterrupt:
         token.cancel()
-        thread.join()
+        finished.wait()
         raise
     if errors:
         raise errors[0]

@@ -3,6 +3,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -64,6 +65,21 @@ def test_interrupted_estimation_goes_on_and_agrees_with_the_solved_poses(flower,
     assert {path: path.stat().st_mtime_ns for path in (out / "sparse" / "0").iterdir()} == before
     with pytest.raises(InputError, match=r"estimated otherwise\n.*seed"):
         estimate_poses(flower, out, seed=1)
+
+
+def test_an_interruption_waits_for_the_safe_point():
+    ended = []
+
+    def call(cancellation_token):
+        os.kill(os.getpid(), signal.SIGINT)
+        while not cancellation_token.is_cancelled():
+            time.sleep(0.01)
+        time.sleep(0.3)  # on the way to the safe point
+        ended.append(True)
+
+    with pytest.raises(KeyboardInterrupt):
+        features.interruptible(call)
+    assert ended
 
 
 def test_interrupted_mapping_goes_on_from_a_snapshot(flower, tmp_path, monkeypatch):
