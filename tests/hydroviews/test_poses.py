@@ -72,7 +72,7 @@ def test_an_interruption_waits_for_the_safe_point():
 
     def call(cancellation_token):
         os.kill(os.getpid(), signal.SIGINT)
-        while not cancellation_token.is_cancelled():
+        while not cancellation_token.is_cancelled:
             time.sleep(0.01)
         time.sleep(0.3)  # on the way to the safe point
         ended.append(True)
