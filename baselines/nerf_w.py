@@ -135,17 +135,17 @@ def nerf_w_terms(config: NerfWConfig) -> Loss:
 
 
 # Short trainings want large steps: on a made-up scene 250 iterations reach 18 dB at a rate of 0.01, 24 at 0.03.
-COARSE = HashFieldConfig(rate=2e-2)
+FIELD = HashFieldConfig(rate=2e-2)
 # Longer ones have the time to fill more entries: on clean views of courtyard twice as many gain half a decibel.
-FINE = replace(COARSE, grid=GridConfig(log2_entries=17))
-SMALL = VolumetricConfig(field=COARSE)
+DETAILED_FIELD = replace(FIELD, grid=GridConfig(log2_entries=17))
+SMALL = VolumetricConfig(field=FIELD)
 # What a stretch of views has in common goes into their codes, and is missing in the mean look that is scored: so codes
 # learn more slowly, and half of the rays see none. docs/volumetric.md has figures.
 SHORT = NerfWConfig(SMALL, code_rate=1e-3, mean_looks=0.5)
 PAPER = replace(NERF, iterations=300_000, final_rate=0.01)
 PROFILES = {
     "demo": replace(SHORT, volumetric=replace(SMALL, iterations=3500)),
-    "quick": replace(SHORT, volumetric=replace(SMALL, field=FINE, iterations=13_000)),
+    "quick": replace(SHORT, volumetric=replace(SMALL, field=DETAILED_FIELD, iterations=13_000)),
     "paper": NerfWConfig(PAPER, transient_width=128, transient_layers=4, code_rate=5e-4),
 }
 
