@@ -18,10 +18,11 @@ from baselines.splatting.densification import Densification
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.objective import Objective
 from baselines.splatting.ply import write_ply
-from baselines.splatting.rasterizer import Workspace, render
+from baselines.splatting.rasterizer import render
 from baselines.splatting.relocation import Relocation
 from baselines.splatting.schedule import LearningRates
 from baselines.splatting.trainer import Trained, TrainerConfig, train
+from baselines.splatting.workspace import Workspace
 from hydroviews.cameras import Camera
 from hydroviews.errors import InputError
 from hydroviews.files import read_json, write_json

@@ -19,7 +19,7 @@ from baselines.splatting.loss_map import loss_map
 from baselines.splatting.objective import Objective
 from baselines.splatting.photometric import Target, photometric_loss
 from baselines.splatting.point_colours import PointColours
-from baselines.splatting.rasterizer import Workspace
+from baselines.splatting.workspace import Workspace
 from baselines.training_images import TrainingImages
 from deraings.enhanced import EnhancedViews
 from deraings.masking import OcclusionMasks

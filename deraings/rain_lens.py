@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from baselines.splatting.adam import adam_step
 from baselines.splatting.point_colours import PointColours
-from baselines.splatting.rasterizer import Workspace
+from baselines.splatting.workspace import Workspace
 from deraings.mist_bounds import mist_bounds
 from deraings.mist_evidence import is_mist, paleness_of
 from deraings.moments import moment_weights

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from baselines.splatting.jit import inlined, kernel
 from baselines.splatting.kernels import compile_apart
-from baselines.splatting.rasterizer import Workspace
+from baselines.splatting.workspace import Workspace
 from hydroviews.images import Image
 
 BRIGHTEST = 4.0  # linear light, and square of the encoded value, up to which the tables go; brighter is clipped

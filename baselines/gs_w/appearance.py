@@ -17,7 +17,7 @@ from baselines.gs_w.config import ReferenceConfig
 from baselines.gs_w.encoder import ReferenceEncoder
 from baselines.gs_w.fusion import Fusion
 from baselines.gs_w.sampling import boxed, projected, sample
-from baselines.splatting.appearance import Appearance, set_of
+from baselines.splatting.appearance import Appearance
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.schedule import random_stream
 from baselines.torch_state import module_arrays, restore_module
@@ -64,16 +64,14 @@ class ReferenceAppearance(Appearance):
         positions = (gaussians.means - self.fusion.middle.cpu().numpy()) / self.fusion.side.item()
         return np.ascontiguousarray(np.clip(positions, -1, 1) @ mixtures.T, np.float32)
 
-    def looks(
-        self, parameters: dict[str, Tensor], camera: Camera, view: int, degree: int
-    ) -> tuple[dict[str, Tensor], ...]:
+    def looks(self, parameters: dict[str, Tensor], camera: Camera, view: int, degree: int) -> tuple[Tensor, ...]:
         """See Appearance; one look."""
         maps = self._look_at(view)[0]  # which finds the visibility mask too
         if self._absent():
             dynamic = maps.new_zeros(len(parameters["features"]), self.config.dynamic)
         else:
             dynamic = self._dropped(self.read(maps, parameters, camera))
-        return (set_of(parameters, self.fusion.coloured(parameters, camera, dynamic)),)
+        return (self.fusion.coloured(parameters, camera, dynamic),)
 
     def read(self, maps: Tensor, parameters: dict[str, Tensor], camera: Camera) -> Tensor:
         """Dynamic features [n, D] of Gaussians in sight, from the maps [D, h, w] of a view and its camera."""

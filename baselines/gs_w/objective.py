@@ -16,7 +16,7 @@ from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.splatting.loss_map import loss_map
 from baselines.splatting.objective import Objective
 from baselines.splatting.photometric import photometric_loss
-from baselines.splatting.rasterizer import Workspace
+from baselines.splatting.workspace import Workspace
 from baselines.training_images import TrainingImages
 from hydroviews.images import Image
 from hydroviews.metrics.lpips import lpips

@@ -1,13 +1,12 @@
 """Gaussians whose colours in a view come from a network: the seam for methods that model appearance.
 
 Each Gaussian carries `features` beside its usual parameters; they are cloned, split and pruned with it, and the trainer
-optimises them. An `Appearance` makes one or several *looks* for a view of the Gaussians that it may show, each an
-ordinary set of Gaussians that is rendered; gradients flow back through it. It is written in torch, so that the CPU's
+optimises them. An `Appearance` makes one or several *looks* for a view of the Gaussians that it may show, each a set of
+colours in which they are rendered; gradients flow back through it. It is written in torch, so that the CPU's
 kernels and gsplat both can stand at its end.
 """
 
 from abc import abstractmethod
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -18,10 +17,11 @@ from torch import Tensor, nn
 
 from baselines.splatting.constants import LOW_PASS
 from baselines.splatting.gaussians import FIELDS, Gaussians
-from baselines.splatting.rasterizer import Workspace
 from baselines.splatting.torch_steps import finite_rows
+from baselines.splatting.workspace import Workspace
 from hydroviews.cameras import Camera
 
+SHAPE = tuple(name for name in FIELDS if name != "sh")  # what looks have in common
 REACH = 3.5  # standard deviations within which a Gaussian is seen at all
 WIDENED = LOW_PASS**0.5  # pixels of standard deviation that are at most added to every splat's
 
@@ -34,10 +34,8 @@ class Appearance(nn.Module):
         """The features [N, F] that Gaussians of the first hour start with."""
 
     @abstractmethod
-    def looks(
-        self, parameters: dict[str, Tensor], camera: Camera, view: int, degree: int
-    ) -> tuple[dict[str, Tensor], ...]:
-        """What Gaussians look like in a view.
+    def looks(self, parameters: dict[str, Tensor], camera: Camera, view: int, degree: int) -> tuple[Tensor, ...]:
+        """What Gaussians look like in a view: where they are and what they cover stays, their colours are these.
 
         Args:
             parameters: of `Gaussians.arrays()`, of those `in_sight`; means are relative to the Gaussians' origin.
@@ -46,8 +44,8 @@ class Appearance(nn.Module):
             degree: of spherical harmonics in use.
 
         Returns:
-            Sets of parameters without features: first what the view shows, then what else the objective wants to
-            compare. All have the means, quaternions, log-scales and opacity logits of the given ones.
+            Spherical-harmonic coefficients [n, K, 3]: first of what the view shows, then of what else the objective
+            wants to compare, of the same degree.
         """
 
     @abstractmethod
@@ -72,7 +70,7 @@ class Appearance(nn.Module):
 
 
 class Dressed:
-    """The Gaussians in sight in numpy, their looks in numpy, and the way back for gradients to all Gaussians."""
+    """The Gaussians in sight and their looks in numpy, and the way back for gradients to all Gaussians."""
 
     def __init__(self, gaussians: Gaussians, appearance: Appearance, camera: Camera, view: int, degree: int) -> None:
         self._total, self._origin = len(gaussians), gaussians.origin
@@ -82,20 +80,22 @@ class Dressed:
         for leaf in self._leaves.values():
             leaf.requires_grad_()
         self._looks = appearance.looks(self._leaves, local, view, degree)
-        self.looks = tuple(self._rendered(look) for look in self._looks)
+        self.sh: NDArray[np.float32] = torch.stack([look.detach() for look in self._looks]).numpy()  # [L, n, K, 3]
+        shape = {name: self._leaves[name].detach().numpy() for name in SHAPE}
+        self.gaussians = Gaussians(**shape, sh=self.sh[0], origin=self._origin)  # what the view shows
 
-    def backward(self, gradients: Sequence[Gaussians], workspace: Workspace) -> Gaussians:
-        """From the gradients of a loss by the looks to those by all Gaussians; those of the network are in `.grad`.
+    def backward(self, gradient: Gaussians, by_looks: NDArray[np.float32], workspace: Workspace) -> Gaussians:
+        """From gradients by what is rendered to those by all Gaussians; those of the network are in `.grad`.
 
-        The arrays belong to the workspace and are overwritten by the next call.
+        Args:
+            gradient: of a loss by the Gaussians in sight; that by their colours is not looked at.
+            by_looks: by `sh`, [L, n, K, 3].
+            workspace: the arrays returned belong to it and are overwritten by the next call.
         """
-        tensors, upstream = [], []
-        for look, gradient in zip(self._looks, gradients, strict=True):
-            for name, value in gradient.arrays().items():
-                if look[name].requires_grad:
-                    tensors.append(look[name])
-                    upstream.append(torch.from_numpy(value).reshape(look[name].shape))
-        torch.autograd.backward(tensors, upstream)
+        by_shape = [(self._leaves[name], getattr(gradient, name)) for name in SHAPE]
+        ends = [*by_shape, *zip(self._looks, by_looks, strict=True)]
+        learning = [(end, torch.from_numpy(value)) for end, value in ends if end.requires_grad]
+        torch.autograd.backward([end for end, _ in learning], [value for _, value in learning])
         found = {
             name: self.spread(
                 np.zeros(leaf.shape, np.float32) if leaf.grad is None else leaf.grad.numpy(), name, workspace
@@ -111,12 +111,6 @@ class Dressed:
         spread[self.rows] = values
         return spread
 
-    def _rendered(self, look: dict[str, Tensor]) -> Gaussians:
-        return Gaussians(
-            **{name: np.ascontiguousarray(look[name].detach().numpy(), np.float32) for name in FIELDS},
-            origin=self._origin,
-        )
-
 
 def equipped(gaussians: Gaussians, appearance: Appearance | None) -> Gaussians:
     """Gaussians with the features that an appearance wants them to start with."""
@@ -128,7 +122,7 @@ def dressed(gaussians: Gaussians, appearance: Appearance | None, camera: Camera,
     if appearance is None:
         return gaussians
     with torch.no_grad():
-        return Dressed(gaussians, appearance, camera, view, degree).looks[0]
+        return Dressed(gaussians, appearance, camera, view, degree).gaussians
 
 
 def moved(camera: Camera, origin: NDArray[np.float64]) -> Camera:
@@ -171,8 +165,3 @@ def in_sight(parameters: dict[str, Tensor], camera: Camera) -> tuple[Tensor, dic
     if whole.all():
         return rows, shown
     return rows[whole], {name: value[whole] for name, value in shown.items()}
-
-
-def set_of(parameters: dict[str, Tensor], sh: Tensor) -> dict[str, Tensor]:
-    """A look: the Gaussians with other coefficients [N, K, 3]."""
-    return {**{name: parameters[name] for name in FIELDS}, "sh": sh}

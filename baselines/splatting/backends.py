@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +14,12 @@ from baselines.splatting.densification import observe
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.objective import Objective
 from baselines.splatting.pruning import contributions
-from baselines.splatting.rasterizer import Gradients, RenderState, Workspace, backward, render
+from baselines.splatting.rasterizer import Gradients, backward, backward_looks, render, render_looks
 from baselines.splatting.relocation import add_noise, add_penalties
 from baselines.splatting.state import TrainingState, finite
 from baselines.splatting.strategies import Duties
+from baselines.splatting.workspace import Workspace
 from hydroviews.cameras import Camera
-from hydroviews.images import Image
 
 GSPLAT = "gsplat"  # what splatting needs on a GPU beside torch
 Rates = dict[str, float | NDArray[np.float32]]
@@ -68,9 +68,8 @@ class CpuBackend:
     ) -> None:
         self._objective = objective
         self._background = background
-        self._near, self._antialiased = near, antialiased
         self._workspace = Workspace()
-        self._others: list[Workspace] = []  # for a view's other looks
+        self._how: dict[str, Any] = {"near": near, "antialiased": antialiased, "workspace": self._workspace}
         self._state: TrainingState | None = None
 
     def put(self, state: TrainingState) -> None:
@@ -91,13 +90,13 @@ class CpuBackend:
         """See Backend."""
         assert self._state is not None
         shown = dressed(self._state.gaussians, self._objective.appearance, camera, view, degree)
-        image, _ = self._render(shown, camera, degree, self._workspace)
+        image, _ = render(shown, camera, self._background, min(degree, shown.sh_degree), **self._how)
         return self._objective.residual(image, view, self._workspace)
 
     def contributions(self, cameras: Sequence[Camera]) -> NDArray[np.float64]:
         """See Backend."""
         assert self._state is not None
-        return contributions(self._state.gaussians, cameras, self._near, self._antialiased, self._workspace)
+        return contributions(self._state.gaussians, cameras, **self._how)
 
     def step(self, camera: Camera, view: int, iteration: int, degree: int, rates: Rates, duties: Duties) -> float:
         """See Backend."""
@@ -125,36 +124,21 @@ class CpuBackend:
         """
         appearance, objective = self._objective.appearance, self._objective
         if appearance is None:
-            image, rendering = self._render(gaussians, camera, degree, self._workspace)
+            image, state = render(gaussians, camera, self._background, degree, **self._how)
             loss, grad_image = objective(image, view, iteration, self._workspace)
-            return loss, backward(rendering, grad_image), rendering.rank
+            return loss, backward(state, grad_image), state.tiles.rank
         clothes = Dressed(gaussians, appearance, camera, view, degree)
-        self._others += [Workspace() for _ in range(len(clothes.looks) - 1 - len(self._others))]
-        spaces = zip(clothes.looks, (self._workspace, *self._others), strict=True)
-        renders = [self._render(look, camera, degree, workspace) for look, workspace in spaces]
-        loss, grad_images = objective.compare([image for image, _ in renders], view, iteration, self._workspace)
-        parts = [backward(rendering, grad) for (_, rendering), grad in zip(renders, grad_images, strict=True)]
-        parameters = clothes.backward([part.parameters for part in parts], self._workspace)
+        degree = min(degree, clothes.gaussians.sh_degree)
+        images, state = render_looks(clothes.gaussians, clothes.sh, camera, self._background, degree, **self._how)
+        loss, grad_images = objective.compare(list(images), view, iteration, self._workspace)
+        gradients, by_looks = backward_looks(state, np.stack(grad_images))
+        parameters = clothes.backward(gradients.parameters, by_looks, self._workspace)
         appearance.learn(iteration)
         means2d, absolute = (
-            clothes.spread(sum(getattr(part, name) for part in parts), name, self._workspace)
-            for name in ("means2d", "means2d_absolute")
+            clothes.spread(getattr(gradients, name), name, self._workspace) for name in ("means2d", "means2d_absolute")
         )
-        rank = clothes.spread(renders[0][1].rank, "rank", self._workspace, rest=-1)
+        rank = clothes.spread(state.tiles.rank, "rank", self._workspace, rest=-1)
         return loss, Gradients(parameters, means2d, absolute), rank
-
-    def _render(
-        self, gaussians: Gaussians, camera: Camera, degree: int, workspace: Workspace
-    ) -> tuple[Image, RenderState]:
-        return render(
-            gaussians,
-            camera,
-            self._background,
-            min(degree, gaussians.sh_degree),
-            near=self._near,
-            antialiased=self._antialiased,
-            workspace=workspace,
-        )
 
 
 def make_backend(

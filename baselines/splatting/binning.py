@@ -22,7 +22,6 @@ from baselines.splatting.projection import (
     L11,
     L21,
     L22,
-    SPLAT_FLOATS,
     X,
     Y,
 )
@@ -119,11 +118,11 @@ def tile_columns(splat, slope, tile_row, tile_shift, tiles_x):
 
 @exact_kernel
 def count_pairs(splats, order, tile_shift, tiles_x, tiles_y, packed, rank, counts, pairs):
-    """Pack the splats [N, 12] in depth order and count the tiles of each and the splats of each tile and band.
+    """Pack the splats [N, 9 + 3 L] in depth order and count the tiles of each and the splats of each tile and band.
 
     Args:
         order: Gaussians by depth [n].
-        packed: output [n, 12]. rank: output [N], -1 for culled Gaussians on entry.
+        packed: output [n, 9 + 3 L]. rank: output [N], -1 for culled Gaussians on entry.
         counts: output [BANDS, tiles], zero on entry. pairs: output [n + 1], tiles of each splat.
     """
     n = order.shape[0]
@@ -132,7 +131,7 @@ def count_pairs(splats, order, tile_shift, tiles_x, tiles_y, packed, rank, count
             i = order[place]
             rank[i] = place
             splat = packed[place]
-            for k in range(SPLAT_FLOATS):
+            for k in range(splats.shape[1]):
                 splat[k] = splats[i, k]
             slope = ellipse_slope(splat)
             found = 0

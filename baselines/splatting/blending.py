@@ -4,7 +4,7 @@
 
 One tile at a time in a scratch buffer that stays in the first-level cache, 8 pixels of a row at a time. The buffer is
 laid out in blocks of 8 pixels, with the planes of a block one after the other, so that one pointer walks a row whatever
-the tile size is.
+the tile size is. Several looks, which differ in the splats' colours alone, are blended at once.
 """
 
 import math
@@ -17,28 +17,30 @@ from numba.extending import intrinsic
 
 from baselines.splatting.constants import LOG2_MIN_ALPHA, MAX_ALPHA, MIN_TRANSMITTANCE
 from baselines.splatting.jit import inlined, kernel
-from baselines.splatting.projection import BLUE, CUTOFF, GREEN, HALF_HEIGHT, L11, L21, L22, LOG2_OPACITY, RED, X, Y
+from baselines.splatting.projection import COLOURS, CUTOFF, HALF_HEIGHT, L11, L21, L22, LOG2_OPACITY, X, Y
 from baselines.splatting.vectors import BLOCK_BYTES, INT64, LANES, Lanes
 
-# Planes of a block. A finished pixel's transmittance is stored negated; pixels outside the image start finished.
-TRANSMITTANCE, SUM_RED, SUM_GREEN, SUM_BLUE, LAST = range(5)
-PLANES = 5
+# Planes of a block; sums of red, green and blue of every look are the last. A finished pixel's transmittance is stored
+# negated; pixels outside the image start finished.
+TRANSMITTANCE, LAST, SUMS = range(3)
 CHECK_EVERY = 16  # splats between two looks at which rows are finished
 
 
 @intrinsic
-def blend_row(typingctx, table, address, blocks, l11, u, power, log2_opacity, red, green, blue, number):
+def blend_row(typingctx, table, address, blocks, l11, u, power, log2_opacity, number, colours, looks):
     """Blend one splat into `blocks` blocks of a row from `address` on.
 
     u: L11 dx + L21 dy at the first pixel; power: log2 opacity - v^2; number: the splat's place in the tile's list,
-    from 1, kept for the last splat each pixel took.
+    from 1, kept for the last splat each pixel took; colours: address of its colours, three for each of the looks.
     """
-    signature = types.void(types.int64, types.int64, types.int64, *([types.float32] * 8))
+    signature = types.void(*[types.int64] * 3, *[types.float32] * 5, types.int64, looks)
+    channels = 3 * looks.count
 
     def generate(context, builder, _, arguments):
         lanes = Lanes(builder, arguments[0])
         address, blocks = arguments[1:3]
-        l11, u, power, log2_opacity, red, green, blue, number = (lanes.splat(a) for a in arguments[3:])
+        l11, u, power, log2_opacity, number = (lanes.splat(a) for a in arguments[3:8])
+        colours = lanes.scalars(arguments[8], channels)
 
         def turn(address, u):
             transmittance = lanes.load(address, TRANSMITTANCE)
@@ -52,14 +54,14 @@ def blend_row(typingctx, table, address, blocks, l11, u, power, log2_opacity, re
             finished = lanes.both(touched, builder.not_(alive))
             weight = lanes.select(taken, weight, lanes.constant(0))
             lanes.store(lanes.negative_where(finished, lanes.subtract(transmittance, weight)), address, TRANSMITTANCE)
-            for plane, colour in ((SUM_RED, red), (SUM_GREEN, green), (SUM_BLUE, blue)):
+            for plane, colour in enumerate(colours, SUMS):
                 lanes.store(lanes.fma(weight, colour, lanes.load(address, plane)), address, plane)
             last = lanes.select(taken, number, lanes.constant(0))
             lanes.store(lanes.maximum(lanes.load(address, LAST), last), address, LAST)
 
         starts = lanes.fma(l11, lanes.lane_numbers(), u)
         step = lanes.multiply(l11, lanes.constant(LANES))
-        lanes.loop(blocks, [(address, ir.Constant(INT64, PLANES * BLOCK_BYTES)), (starts, step)], turn)
+        lanes.loop(blocks, [(address, ir.Constant(INT64, (SUMS + channels) * BLOCK_BYTES)), (starts, step)], turn)
         return context.get_dummy_value()
 
     return signature, generate
@@ -91,7 +93,7 @@ def row_blocks(l11, l21, l22, cutoff, log2_opacity, left, dy, tile_size):
 
 
 @inlined
-def live_rows(scratch, tile_size, first, end):
+def live_rows(scratch, planes, tile_size, first, end):
     """The range of rows that still have an unfinished pixel; empty (first >= end) when none has."""
     row_blocks = tile_size // LANES
     low, high = tile_size, 0
@@ -99,14 +101,14 @@ def live_rows(scratch, tile_size, first, end):
         alive = False
         for block in range(row * row_blocks, (row + 1) * row_blocks):
             for lane in range(LANES):
-                alive |= scratch[(block * PLANES + TRANSMITTANCE) * LANES + lane] > 0
+                alive |= scratch[(block * planes + TRANSMITTANCE) * LANES + lane] > 0
         if alive:
             low, high = min(low, row), row + 1
     return low, high
 
 
 @inlined
-def clear(scratch, tile_size, columns, rows):
+def clear(scratch, planes, tile_size, columns, rows):
     """Start a tile: nothing in front of the pixels inside the image, the others finished."""
     row_blocks = tile_size // LANES
     scratch[:] = np.float32(0)
@@ -114,60 +116,65 @@ def clear(scratch, tile_size, columns, rows):
         for column in range(tile_size):
             block = row * row_blocks + column // LANES
             inside = row < rows and column < columns
-            scratch[(block * PLANES + TRANSMITTANCE) * LANES + column % LANES] = np.float32(1 if inside else -1)
+            scratch[(block * planes + TRANSMITTANCE) * LANES + column % LANES] = np.float32(1 if inside else -1)
 
 
 @inlined
-def write_tile(scratch, tile_size, x0, y0, columns, rows, background, image, transmittance, last):
-    """Add the background and copy a finished tile to the image."""
+def write_tile(scratch, planes, tile_size, x0, y0, columns, rows, background, images, transmittance, last):
+    """Add the background and copy a finished tile to the images."""
     row_blocks = tile_size // LANES
     for row in range(rows):
         for column in range(columns):
-            pixel = (row * row_blocks + column // LANES) * PLANES * LANES + column % LANES
+            pixel = (row * row_blocks + column // LANES) * planes * LANES + column % LANES
             remaining = abs(scratch[pixel + TRANSMITTANCE * LANES])
-            image[y0 + row, x0 + column, 0] = scratch[pixel + SUM_RED * LANES] + remaining * background[0]
-            image[y0 + row, x0 + column, 1] = scratch[pixel + SUM_GREEN * LANES] + remaining * background[1]
-            image[y0 + row, x0 + column, 2] = scratch[pixel + SUM_BLUE * LANES] + remaining * background[2]
+            for look in range(images.shape[0]):
+                for channel in range(3):
+                    seen = scratch[pixel + (SUMS + 3 * look + channel) * LANES] + remaining * background[channel]
+                    images[look, y0 + row, x0 + column, channel] = seen
             transmittance[y0 + row, x0 + column] = remaining
             last[y0 + row, x0 + column] = scratch[pixel + LAST * LANES]
 
 
 @kernel
 def blend(
-    packed, tile_start, tile_splats, tile_order, tile_shift, background, workers, table,
-    transmittance, last, taken, image,
+    packed, tile_start, tile_splats, tile_order, tile_shift, background, workers, table, looks,
+    transmittance, last, taken, images,
 ):  # fmt: skip
-    """Fill the image [H, W, 3] and what its gradient needs.
+    """Fill the images [L, H, W, 3] of all looks and what their gradients need.
 
     Args:
-        packed: splats in depth order [n, 12].
+        packed: splats in depth order [n, 9 + 3 L].
         tile_start, tile_splats: every tile's list, from `deal_pairs`.
         tile_order: tiles, heaviest first.
         background: [3].
         workers: threads to share the tiles between; changes nothing in the result.
         table: address of `vectors.CONSTANTS`.
+        looks: a tuple of L numbers, whatever they are: each L has machine code of its own.
         transmittance: output [H, W], what is left for the background.
         last: output [H, W], number of the last splat that each pixel took, from 1 in its tile's list.
         taken: output [tiles], how far each tile's list was worked through.
     """
-    height, width = image.shape[0], image.shape[1]
+    height, width = images.shape[1], images.shape[2]
     tile_size = 1 << tile_shift
     tiles_x = (width + tile_size - 1) >> tile_shift
-    row_bytes = tile_size // LANES * PLANES * BLOCK_BYTES
+    planes = SUMS + packed.shape[1] - COLOURS
+    block_bytes = planes * BLOCK_BYTES
+    row_bytes = tile_size // LANES * block_bytes
+    colours, splat_bytes = np.int64(packed.ctypes.data) + COLOURS * 4, packed.shape[1] * 4
     for worker in prange(workers):
-        scratch = np.empty(tile_size * tile_size * PLANES, np.float32)
+        scratch = np.empty(tile_size * tile_size * planes, np.float32)
         address = np.int64(scratch.ctypes.data)
         for turn in range(worker, tile_order.shape[0], workers):
             tile = tile_order[turn]
             x0, y0 = (tile % tiles_x) << tile_shift, (tile // tiles_x) << tile_shift
             columns, rows = min(tile_size, width - x0), min(tile_size, height - y0)
-            clear(scratch, tile_size, columns, rows)
+            clear(scratch, planes, tile_size, columns, rows)
             first_live, end_live = 0, rows
             start, end = tile_start[tile], tile_start[tile + 1]
             position = start
             while position < end:
                 if (position - start) % CHECK_EVERY == CHECK_EVERY - 1:
-                    first_live, end_live = live_rows(scratch, tile_size, first_live, end_live)
+                    first_live, end_live = live_rows(scratch, planes, tile_size, first_live, end_live)
                     if first_live >= end_live:
                         break
                 splat = packed[tile_splats[position]]
@@ -183,9 +190,9 @@ def blend(
                     )  # fmt: skip
                     if blocks > 0:
                         blend_row(  # type: ignore[call-arg]  # Numba fills the typing context in
-                            table, address + row * row_bytes + block * (PLANES * BLOCK_BYTES), blocks, splat[L11], u,
-                            power, splat[LOG2_OPACITY], splat[RED], splat[GREEN], splat[BLUE], number,
+                            table, address + row * row_bytes + block * block_bytes, blocks, splat[L11], u, power,
+                            splat[LOG2_OPACITY], number, colours + tile_splats[position] * splat_bytes, looks,
                         )  # fmt: skip
                 position += 1
             taken[tile] = position - start
-            write_tile(scratch, tile_size, x0, y0, columns, rows, background, image, transmittance, last)
+            write_tile(scratch, planes, tile_size, x0, y0, columns, rows, background, images, transmittance, last)

@@ -1,7 +1,8 @@
 """The same training steps on an NVIDIA GPU with gsplat (Ye et al. 2024), written against its version 1.5.3.
 
 Steps stay on the GPU; refinement, every hundred steps, is the CPU's: the state is copied over and back. gsplat lets
-a Gaussian cover 0.999 of a pixel where we stop at 0.99, so renders of very opaque scenes differ a little.
+a Gaussian cover 0.999 of a pixel where we stop at 0.99, so renders of very opaque scenes differ a little. Looks are
+rendered one after the other, so that absolute gradients are those of each look, added up; the kernels' are of the sum.
 """
 
 import importlib
@@ -20,12 +21,12 @@ from baselines.splatting.appearance import in_sight, moved
 from baselines.splatting.constants import LOW_PASS
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.objective import Objective
-from baselines.splatting.rasterizer import Workspace
 from baselines.splatting.reference import photometric_loss
 from baselines.splatting.spherical_harmonics import C0, degree_of
 from baselines.splatting.state import TrainingState
 from baselines.splatting.strategies import Duties
 from baselines.splatting.torch_steps import drawn, finite_rows, noise, penalty_gradient, without_broken
+from baselines.splatting.workspace import Workspace
 from baselines.training_images import Size
 from hydroviews.cameras import Camera
 from hydroviews.errors import InputError
@@ -182,14 +183,14 @@ class CudaBackend:
 
     def _looks(
         self, parameters: dict[str, Tensor], camera: Camera, view: int, degree: int
-    ) -> tuple[Rows, tuple[dict[str, Tensor], ...]]:
-        """Which Gaussians are rendered, and their looks: see appearance.Appearance."""
+    ) -> tuple[Rows, list[dict[str, Tensor]]]:
+        """Which Gaussians are rendered, and their parameters in every look: see appearance.Appearance."""
         appearance = self._objective.appearance
         if appearance is None:
-            return slice(None), (parameters,)
+            return slice(None), [parameters]
         seen_from = moved(camera, self._current().origin)
         rows, seen = in_sight(parameters, seen_from)
-        return rows, appearance.looks(seen, seen_from, view, degree)
+        return rows, [{**seen, "sh": sh} for sh in appearance.looks(seen, seen_from, view, degree)]
 
     def _rasterize(
         self,

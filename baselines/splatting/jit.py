@@ -21,6 +21,7 @@ SHARED_SOURCES = (
     "spherical_harmonics.py",
     "geometry.py",
     "projection.py",
+    "projection_gradient.py",
     "blending.py",
 )
 

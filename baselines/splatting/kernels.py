@@ -16,6 +16,7 @@ from baselines.splatting.densification import Densification
 from baselines.splatting.initialisation import initialise
 from baselines.splatting.jit import FOLDER, HERE
 from baselines.splatting.objective import Objective
+from baselines.splatting.rasterizer import backward_looks, render_looks
 from baselines.splatting.relocation import Relocation
 from baselines.splatting.schedule import LearningRates
 from baselines.splatting.state import fresh_state
@@ -53,7 +54,7 @@ def compile_apart(code: str, sources: Iterable[Path]) -> None:
 
 
 def exercise_kernels(sh_degree: int) -> None:
-    """One step of training on a scene of a few Gaussians."""
+    """One step of training on a scene of a few Gaussians, and two looks of them."""
     camera = Camera(16, 16, 16.0, 16.0, 8.0, 8.0, np.diag([1.0, 1, 1, 1]))
     gaussians = initialise(no_points(), [camera], sh_degree, 0).select(np.arange(8))
     gaussians = replace(gaussians, means=gaussians.means + np.array([0, 0, 3], np.float32))
@@ -63,3 +64,5 @@ def exercise_kernels(sh_degree: int) -> None:
     rates = schedule.rates_at(0, 1, LearningRates(), 1.0, sh_degree)
     for strategy in (Densification(), Relocation()):
         backend.step(camera, 0, 0, sh_degree, rates, strategy.duties(0, 1e-4, 1.0, 0))
+    images, state = render_looks(gaussians, np.stack([gaussians.sh] * 2), camera)
+    backward_looks(state, images)

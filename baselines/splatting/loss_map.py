@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.photometric import C1, C2, Target, filter_products, filter_vertically
-from baselines.splatting.rasterizer import Workspace
+from baselines.splatting.workspace import Workspace
 from hydroviews.images import Image
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from baselines.splatting.appearance import Appearance
 from baselines.splatting.photometric import photometric_loss
-from baselines.splatting.rasterizer import Workspace
+from baselines.splatting.workspace import Workspace
 from baselines.training_images import TrainingImages
 from hydroviews.images import Image
 

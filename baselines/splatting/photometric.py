@@ -16,7 +16,7 @@ from numba import prange
 from numpy.typing import NDArray
 
 from baselines.splatting.jit import inlined, kernel
-from baselines.splatting.rasterizer import Workspace
+from baselines.splatting.workspace import Workspace
 from hydroviews.images import Image
 from hydroviews.masks import Ignored
 

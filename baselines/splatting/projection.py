@@ -2,7 +2,8 @@
 # mypy: allow-untyped-defs
 """Gaussians to splats: position, shape, opacity and colour on the image, or culled.
 
-A splat is twelve float32 numbers. Its shape is the Cholesky factor of the inverse covariance, scaled so that
+A splat is nine float32 numbers, and three for its colour in each look. Its shape is the Cholesky factor of the inverse
+covariance, scaled so that
 
     u = L11 dx + L21 dy,   v = L22 dy,   alpha = 2^(LOG2_OPACITY - u^2 - v^2),
 
@@ -30,8 +31,7 @@ from baselines.splatting.geometry import (
 from baselines.splatting.jit import exact_kernel
 from baselines.splatting.spherical_harmonics import basis
 
-SPLAT_FLOATS = 12
-X, Y, L11, L21, L22, LOG2_OPACITY, RED, GREEN, BLUE, CUTOFF, HALF_HEIGHT, HALF_WIDTH = range(SPLAT_FLOATS)
+X, Y, L11, L21, L22, LOG2_OPACITY, CUTOFF, HALF_HEIGHT, HALF_WIDTH, COLOURS = range(10)
 
 CHUNKS = 64
 CULLED = np.float32(np.inf)  # the depth of a Gaussian that this view does not show
@@ -42,13 +42,14 @@ def project(
     means, quaternions, log_scales, opacity_logits, sh, degree, pose, centre, lens, width, height, near, antialiased,
     splats, depths,
 ):  # fmt: skip
-    """Fill splats [N, 12] and depths [N].
+    """Fill splats [N, 9 + 3 L] and depths [N].
 
     Culled, with an infinite depth: centre nearer than `near`, nowhere at least 1/255 opaque, wholly outside the image,
     or any parameter that leads to a number which is not finite.
 
     Args:
-        means, quaternions, log_scales, opacity_logits, sh: parameters, float32, as in `Gaussians`.
+        means, quaternions, log_scales, opacity_logits: parameters, float32, as in `Gaussians`.
+        sh: coefficients [L, N, K, 3] of every look; the colours are those of `Gaussians` in all.
         degree: spherical-harmonic degree to use, at most what sh holds.
         pose: world-to-camera matrix [4, 4], float64.
         centre: camera position [3], float64.
@@ -105,12 +106,17 @@ def project(
             dx, dy, dz = px - centre[0], py - centre[1], pz - centre[2]
             inverse_distance = 1.0 / math.sqrt(dx * dx + dy * dy + dz * dz)
             basis(degree, dx * inverse_distance, dy * inverse_distance, dz * inverse_distance, values)
-            red = green = blue = 0.5
-            for k in range((degree + 1) * (degree + 1)):
-                red += values[k] * sh[i, k, 0]
-                green += values[k] * sh[i, k, 1]
-                blue += values[k] * sh[i, k, 2]
-            if not abs(red) + abs(green) + abs(blue) < 1e30:
+            largest = 0.0
+            for look in range(sh.shape[0]):
+                red = green = blue = 0.5
+                for k in range((degree + 1) * (degree + 1)):
+                    red += values[k] * sh[look, i, k, 0]
+                    green += values[k] * sh[look, i, k, 1]
+                    blue += values[k] * sh[look, i, k, 2]
+                colour = splats[i, COLOURS + 3 * look :]
+                colour[0], colour[1], colour[2] = max(red, 0.0), max(green, 0.0), max(blue, 0.0)
+                largest += abs(red) + abs(green) + abs(blue)
+            if not largest < 1e30:
                 continue
 
             splats[i, X], splats[i, Y] = column, row
@@ -118,7 +124,6 @@ def project(
             splats[i, L21] = -CONIC_SCALE * xy / (determinant * l11)
             splats[i, L22] = math.sqrt(CONIC_SCALE / yy)
             splats[i, LOG2_OPACITY] = math.log2(opacity)
-            splats[i, RED], splats[i, GREEN], splats[i, BLUE] = max(red, 0.0), max(green, 0.0), max(blue, 0.0)
             splats[i, CUTOFF] = cutoff
             splats[i, HALF_HEIGHT], splats[i, HALF_WIDTH] = half_height, half_width
             depths[i] = z

@@ -26,8 +26,8 @@ from baselines.splatting.projection import CHUNKS
 from baselines.splatting.spherical_harmonics import basis, basis_gradient
 
 # Summed over pixels, with sigma in alpha = opacity exp(-sigma), w = dloss/dsigma and (dx, dy) = pixel - splat centre:
-# w, w dx, w dy, w dx^2, w dx dy, w dy^2, dloss/dred, dloss/dgreen, dloss/dblue, |w u|, |w (L21 u + L22 v)|.
-MOMENTS = 11
+# w, w dx, w dy, w dx^2, w dx dy, w dy^2, |w u|, |w (L21 u + L22 v)|, and dloss/dred, dloss/dgreen, dloss/dblue a look.
+ABS_X, ABS_Y, TO_COLOURS = 6, 7, 8
 SIGMA_PER_POWER = 2 * math.log(2)  # dsigma/du = 2 ln 2 u, as sigma = ln 2 (u^2 + v^2)
 
 
@@ -64,11 +64,11 @@ def project_gradient(
     The gathering order is the Gaussian's own, so no atomics are needed and the sum is always the same.
 
     Args:
-        means ... antialiased: what `project` was given.
+        means ... antialiased: what `project` was given, sh [L, N, K, 3] for L looks.
         rank: place in the depth order [N], negative for culled Gaussians, whose gradients become zero.
         pair_start: [n + 1], first (splat, tile) pair of each place.
         pair_slot: row of `pair_moments` that holds each pair.
-        pair_moments: [pairs, 11] from `blend_gradient`.
+        pair_moments: [pairs, 8 + 3 L] from `blend_gradient`.
         g_...: output, as the parameters; g_means2d [N, 2] is by the position on the image, in pixels, and
             g_means2d_absolute [N, 2] the sum over pixels of its absolute value.
     """
@@ -78,7 +78,7 @@ def project_gradient(
     for chunk in prange(CHUNKS):
         values = np.empty(16, np.float64)
         slopes = np.empty((16, 3), np.float64)
-        moments = np.empty(MOMENTS, np.float64)
+        moments = np.empty(pair_moments.shape[1], np.float64)
         for i in range(chunk * n // CHUNKS, (chunk + 1) * n // CHUNKS):
             place = rank[i]
             if place < 0:
@@ -86,14 +86,15 @@ def project_gradient(
                 g_quaternions[i] = 0.0
                 g_log_scales[i] = 0.0
                 g_opacity_logits[i] = 0.0
-                g_sh[i] = 0.0
+                for look in range(sh.shape[0]):
+                    g_sh[look, i] = 0.0
                 g_means2d[i] = 0.0
                 g_means2d_absolute[i] = 0.0
                 continue
             moments[:] = 0.0
             for pair in range(pair_start[place], pair_start[place + 1]):
                 slot = pair_slot[pair]
-                for k in range(MOMENTS):
+                for k in range(pair_moments.shape[1]):
                     moments[k] += pair_moments[slot, k]
 
             # the forward pass again
@@ -195,28 +196,31 @@ def project_gradient(
             inverse_distance = 1.0 / math.sqrt(dx * dx + dy * dy + dz * dz)
             dx, dy, dz = dx * inverse_distance, dy * inverse_distance, dz * inverse_distance
             basis(degree, dx, dy, dz, values)
-            red = green = blue = 0.5
-            for k in range(used):
-                red += values[k] * sh[i, k, 0]
-                green += values[k] * sh[i, k, 1]
-                blue += values[k] * sh[i, k, 2]
-            g_red = moments[6] if red >= 0 else 0.0
-            g_green = moments[7] if green >= 0 else 0.0
-            g_blue = moments[8] if blue >= 0 else 0.0
-            for k in range(used):
-                g_sh[i, k, 0] = values[k] * g_red
-                g_sh[i, k, 1] = values[k] * g_green
-                g_sh[i, k, 2] = values[k] * g_blue
-            for k in range(used, sh.shape[1]):
-                g_sh[i, k, 0], g_sh[i, k, 1], g_sh[i, k, 2] = 0.0, 0.0, 0.0
             if degree > 0:
                 basis_gradient(degree, dx, dy, dz, slopes)
-                gd0 = gd1 = gd2 = 0.0
+            gd0 = gd1 = gd2 = 0.0
+            for look in range(sh.shape[0]):
+                red = green = blue = 0.5
+                for k in range(used):
+                    red += values[k] * sh[look, i, k, 0]
+                    green += values[k] * sh[look, i, k, 1]
+                    blue += values[k] * sh[look, i, k, 2]
+                to_colour = moments[TO_COLOURS + 3 * look :]
+                g_red = to_colour[0] if red >= 0 else 0.0
+                g_green = to_colour[1] if green >= 0 else 0.0
+                g_blue = to_colour[2] if blue >= 0 else 0.0
+                for k in range(used):
+                    g_sh[look, i, k, 0] = values[k] * g_red
+                    g_sh[look, i, k, 1] = values[k] * g_green
+                    g_sh[look, i, k, 2] = values[k] * g_blue
+                for k in range(used, sh.shape[2]):
+                    g_sh[look, i, k, 0], g_sh[look, i, k, 1], g_sh[look, i, k, 2] = 0.0, 0.0, 0.0
                 for k in range(1, used):
-                    weight = sh[i, k, 0] * g_red + sh[i, k, 1] * g_green + sh[i, k, 2] * g_blue
+                    weight = sh[look, i, k, 0] * g_red + sh[look, i, k, 1] * g_green + sh[look, i, k, 2] * g_blue
                     gd0 += slopes[k, 0] * weight
                     gd1 += slopes[k, 1] * weight
                     gd2 += slopes[k, 2] * weight
+            if degree > 0:
                 along = gd0 * dx + gd1 * dy + gd2 * dz
                 gm0 += (gd0 - along * dx) * inverse_distance
                 gm1 += (gd1 - along * dy) * inverse_distance
@@ -226,5 +230,5 @@ def project_gradient(
             g_opacity_logits[i] = -moments[0] * (1.0 - sigmoid(np.float64(opacity_logits[i])))
             g_means2d[i, 0], g_means2d[i, 1] = g_column, g_row
             l11 = math.sqrt(CONIC_SCALE * yy / determinant)
-            g_means2d_absolute[i, 0] = SIGMA_PER_POWER * l11 * moments[9]
-            g_means2d_absolute[i, 1] = SIGMA_PER_POWER * moments[10]
+            g_means2d_absolute[i, 0] = SIGMA_PER_POWER * l11 * moments[ABS_X]
+            g_means2d_absolute[i, 1] = SIGMA_PER_POWER * moments[ABS_Y]

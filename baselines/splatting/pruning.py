@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from baselines.splatting.config import Pruning
 from baselines.splatting.gaussians import Gaussians
-from baselines.splatting.rasterizer import Workspace, backward, render
+from baselines.splatting.rasterizer import backward, render
 from baselines.splatting.spherical_harmonics import C0
 from baselines.splatting.state import TrainingState
+from baselines.splatting.workspace import Workspace
 from hydroviews.cameras import Camera
 
 

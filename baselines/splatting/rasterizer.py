@@ -1,37 +1,27 @@
-"""The renderer: `render` an image of Gaussians, then carry an image gradient `backward` to their parameters."""
+"""The renderer: `render` an image of Gaussians, then carry an image gradient `backward` to their parameters.
+
+`render_looks` and `backward_looks` do it for several looks of them at once, which differ in colours alone: where they
+are and what they cover is calculated once.
+"""
 
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
-from baselines.splatting import binning, blending, blending_gradient, projection, projection_gradient
+from baselines.splatting import blending, blending_gradient, projection, projection_gradient
 from baselines.splatting.constants import NEAR
 from baselines.splatting.gaussians import Gaussians
-from baselines.splatting.spherical_harmonics import C0
+from baselines.splatting.spherical_harmonics import C0, degree_of
+from baselines.splatting.tiles import Tiles, deal_out
 from baselines.splatting.vectors import CONSTANTS
+from baselines.splatting.workspace import Workspace
 from hydroviews.cameras import Camera
 from hydroviews.images import Image
 
 BLACK = np.zeros(3, np.float32)
-LARGE_IMAGE = 300_000  # pixels from which tiles of 32x32 are faster than 16x16
-
-
-class Workspace:
-    """Buffers by name that are kept between calls and only ever grow, so that a training loop allocates nothing."""
-
-    def __init__(self) -> None:
-        self._buffers: dict[str, NDArray] = {}
-
-    def array(self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32) -> NDArray:
-        """A contiguous array with undefined content; it is overwritten when the same name is asked for again."""
-        size = int(np.prod(shape))
-        buffer = self._buffers.get(name)
-        if buffer is None or buffer.size < size:
-            buffer = self._buffers[name] = np.empty(size + size // 4, dtype)
-        return buffer[:size].reshape(shape)
 
 
 @dataclass(frozen=True)
@@ -39,20 +29,13 @@ class RenderState:
     """What `backward` needs. Buffers belong to the workspace: the next `render` with it makes the state worthless."""
 
     gaussians: Gaussians
+    sh: NDArray[np.float32]  # [L, N, K, 3], the coefficients of every look; not the Gaussians'
     sh_degree: int
     view: tuple[Any, ...]  # pose, centre, lens, width, height
     antialiased: bool
     background: NDArray[np.float32]
     depths: NDArray[np.float32]  # [N], infinite where culled
-    order: NDArray[np.int32]  # visible Gaussians, nearest first
-    rank: NDArray[np.int32]  # [N], place in that order; negative where culled
-    packed: NDArray[np.float32]  # [n, 12] splats in that order
-    tile_shift: int
-    tile_start: NDArray[np.int32]
-    tile_splats: NDArray[np.int32]
-    tile_order: NDArray[np.int64]
-    pair_start: NDArray[np.int32]
-    pair_slot: NDArray[np.int32]
+    tiles: Tiles
     transmittance: NDArray[np.float32]  # [H, W]; 1 - it is the image's alpha
     last: NDArray[np.float32]
     taken: NDArray[np.int32]
@@ -61,7 +44,7 @@ class RenderState:
     @property
     def visible(self) -> NDArray[np.bool_]:
         """Which Gaussians this view shows [N]."""
-        return self.rank >= 0
+        return self.tiles.rank >= 0
 
 
 @dataclass(frozen=True)
@@ -103,20 +86,55 @@ def render(
     Returns:
         The image and the state for `backward`.
     """
+    options: dict[str, Any] = {"near": near, "antialiased": antialiased, "workspace": workspace}
+    images, state = render_looks(gaussians, gaussians.sh[None], camera, background, sh_degree, **options)
+    return images[0], state
+
+
+def render_looks(
+    gaussians: Gaussians,
+    sh: NDArray[np.float32],
+    camera: Camera,
+    background: NDArray[np.float32] = BLACK,
+    sh_degree: int | None = None,
+    *,
+    near: float = NEAR,
+    antialiased: bool = False,
+    workspace: Workspace | None = None,
+) -> tuple[NDArray[np.float32], RenderState]:
+    """Images [L, H, W, 3] of L looks: Gaussians with the coefficients sh [L, N, K, 3] in place of their own.
+
+    For the rest see `render`; the state is for `backward_looks`.
+    """
     workspace = workspace or Workspace()
-    degree = gaussians.sh_degree if sh_degree is None else sh_degree
-    if not 0 <= degree <= gaussians.sh_degree:
-        raise ValueError(f"spherical-harmonic degree {degree}, the Gaussians hold 0 to {gaussians.sh_degree}")
+    most = degree_of(sh.shape[2])
+    degree = most if sh_degree is None else sh_degree
+    if not 0 <= degree <= most:
+        raise ValueError(f"spherical-harmonic degree {degree}, the Gaussians hold 0 to {most}")
     view = _view(gaussians, camera)
-    n = len(gaussians)
-    splats = workspace.array("splats", (n, projection.SPLAT_FLOATS))
+    looks, n = sh.shape[:2]
+    splats = workspace.array("splats", (n, projection.COLOURS + 3 * looks))
     depths = workspace.array("depths", (n,))
-    projection.project(*gaussians.arrays().values(), degree, *view, near, antialiased, splats, depths)
+    projection.project(*_shape(gaussians), sh, degree, *view, near, antialiased, splats, depths)
     background = np.asarray(background, np.float32)
-    state = _bin(gaussians, degree, view, antialiased, background, splats, depths, workspace)
-    image = workspace.array("image", (camera.height, camera.width, 3))
-    blending.blend(*_tiles(state), state.transmittance, state.last, state.taken, image)
-    return image, state
+    size = camera.height, camera.width
+    state = RenderState(
+        gaussians=gaussians,
+        sh=sh,
+        sh_degree=degree,
+        view=view,
+        antialiased=antialiased,
+        background=background,
+        depths=depths,
+        tiles=(tiles := deal_out(splats, depths, camera.width, camera.height, workspace)),
+        transmittance=workspace.array("transmittance", size),
+        last=workspace.array("last", size),
+        taken=workspace.array("taken", (len(tiles.heaviest),), np.int32),
+        workspace=workspace,
+    )
+    images = workspace.array("images", (looks, *size, 3))
+    blending.blend(*_tiles(state), state.transmittance, state.last, state.taken, images)
+    return images, state
 
 
 def backward(state: RenderState, grad_image: Image) -> Gradients:
@@ -124,27 +142,46 @@ def backward(state: RenderState, grad_image: Image) -> Gradients:
 
     The arrays belong to the workspace of the render and are overwritten by the next call.
     """
-    workspace = state.workspace
-    moments = workspace.array("moments", (len(state.tile_splats), projection_gradient.MOMENTS))
-    grad_image = np.ascontiguousarray(grad_image, np.float32)
-    blending_gradient.blend_gradient(*_tiles(state), state.transmittance, state.last, state.taken, grad_image, moments)
-    gaussians = state.gaussians
-    gradients = {name: workspace.array(f"g_{name}", value.shape) for name, value in gaussians.arrays().items()}
+    return backward_looks(state, grad_image[None])[0]
+
+
+def backward_looks(state: RenderState, grad_images: NDArray[np.float32]) -> tuple[Gradients, NDArray[np.float32]]:
+    """Carry dloss/dimages [L, H, W, 3] back to what `render_looks` was given.
+
+    Returns:
+        The gradients by the Gaussians, whose colours are those of the first look, and by all looks' coefficients,
+        [L, N, K, 3]. They belong to the workspace as those of `backward` do.
+    """
+    workspace, gaussians, tiles = state.workspace, state.gaussians, state.tiles
+    moments = workspace.array("moments", (len(tiles.splats), projection_gradient.TO_COLOURS + 3 * len(state.sh)))
+    grads = np.ascontiguousarray(grad_images, np.float32)
+    blending_gradient.blend_gradient(*_tiles(state), state.transmittance, state.last, state.taken, grads, moments)
+    shape = _shape(gaussians)
+    g_means, g_quaternions, g_log_scales, g_logits = (
+        workspace.array(f"g_{number}", value.shape) for number, value in enumerate(shape)
+    )
+    g_sh = workspace.array("g_sh", state.sh.shape)
     means2d, absolute = (workspace.array(name, (len(gaussians), 2)) for name in ("g_means2d", "g_absolute"))
     projection_gradient.project_gradient(
-        *gaussians.arrays().values(),
+        *shape,
+        state.sh,
         state.sh_degree,
         *state.view,
         state.antialiased,
-        state.rank,
-        state.pair_start,
-        state.pair_slot,
+        tiles.rank,
+        tiles.pair_start,
+        tiles.pair_slot,
         moments,
-        *gradients.values(),
+        g_means,
+        g_quaternions,
+        g_log_scales,
+        g_logits,
+        g_sh,
         means2d,
         absolute,
     )
-    return Gradients(Gaussians(**gradients, origin=gaussians.origin), means2d, absolute)
+    parameters = Gaussians(g_means, g_quaternions, g_log_scales, g_logits, g_sh[0], origin=gaussians.origin)
+    return Gradients(parameters, means2d, absolute), g_sh
 
 
 def depth(state: RenderState) -> NDArray[np.float32]:
@@ -152,14 +189,19 @@ def depth(state: RenderState) -> NDArray[np.float32]:
 
     Along the viewing axis, in world units. How much of a pixel is covered is 1 - `state.transmittance`.
     """
-    packed = state.packed.copy()
-    packed[:, projection.RED] = state.depths[state.order]
-    other = replace(state, packed=packed, background=BLACK)
-    sums = np.empty((*state.transmittance.shape, 3), np.float32)
+    packed = state.tiles.packed[:, : projection.COLOURS + 3].copy()
+    packed[:, projection.COLOURS] = state.depths[state.tiles.order]
+    other = replace(state, tiles=replace(state.tiles, packed=packed), background=BLACK)
+    sums = np.empty((1, *state.transmittance.shape, 3), np.float32)
     scratch = (np.empty_like(plane) for plane in (state.transmittance, state.last, state.taken))
     blending.blend(*_tiles(other), *scratch, sums)
     covered = 1 - state.transmittance
-    return np.divide(sums[..., 0], covered, out=np.full_like(covered, np.nan), where=covered > 0)
+    return np.divide(sums[0, ..., 0], covered, out=np.full_like(covered, np.nan), where=covered > 0)
+
+
+def _shape(gaussians: Gaussians) -> tuple[NDArray[np.float32], ...]:
+    """All parameters but the colours."""
+    return gaussians.means, gaussians.quaternions, gaussians.log_scales, gaussians.opacity_logits
 
 
 def _view(gaussians: Gaussians, camera: Camera) -> tuple[Any, ...]:
@@ -170,70 +212,16 @@ def _view(gaussians: Gaussians, camera: Camera) -> tuple[Any, ...]:
     return pose, centre, lens, camera.width, camera.height
 
 
-def _bin(
-    gaussians: Gaussians,
-    degree: int,
-    view: tuple[Any, ...],
-    antialiased: bool,
-    background: NDArray[np.float32],
-    splats: NDArray[np.float32],
-    depths: NDArray[np.float32],
-    workspace: Workspace,
-) -> RenderState:
-    width, height = view[3:]
-    total = len(gaussians)
-    sort_keys = [workspace.array(name, (total,), np.uint32) for name in ("keys", "keys2")]
-    sort_values = [workspace.array(name, (total,), np.int32) for name in ("order2", "order")]
-    visible = binning.depth_order(depths, sort_keys[0], sort_values[0], sort_keys[1], sort_values[1])
-    order = sort_values[1][:visible]
-
-    shift = 5 if width * height >= LARGE_IMAGE else 4
-    tiles_x, tiles_y = (width + (1 << shift) - 1) >> shift, (height + (1 << shift) - 1) >> shift
-    tiles = tiles_x * tiles_y
-    packed = workspace.array("packed", (visible, projection.SPLAT_FLOATS))
-    rank = workspace.array("rank", (total,), np.int32)
-    rank.fill(-1)
-    counts = workspace.array("counts", (binning.BANDS, tiles), np.int32)
-    counts.fill(0)
-    pair_start = workspace.array("pair_start", (visible + 1,), np.int32)
-    pair_start[-1] = 0
-    tile_start = workspace.array("tile_start", (tiles + 1,), np.int32)
-    binning.count_pairs(splats, order, shift, tiles_x, tiles_y, packed, rank, counts, pair_start)
-    pairs = binning.lay_out(pair_start, counts, tile_start)
-    tile_splats = workspace.array("tile_splats", (pairs,), np.int32)
-    pair_slot = workspace.array("pair_slot", (pairs,), np.int32)
-    binning.deal_pairs(packed, shift, tiles_x, tiles_y, counts, pair_start, tile_splats, pair_slot)
-    return RenderState(
-        gaussians=gaussians,
-        sh_degree=degree,
-        view=view,
-        antialiased=antialiased,
-        background=background,
-        depths=depths,
-        order=order,
-        rank=rank,
-        packed=packed,
-        tile_shift=shift,
-        tile_start=tile_start,
-        tile_splats=tile_splats,
-        tile_order=np.argsort(-np.diff(tile_start), kind="stable"),
-        pair_start=pair_start,
-        pair_slot=pair_slot,
-        transmittance=workspace.array("transmittance", (height, width)),
-        last=workspace.array("last", (height, width)),
-        taken=workspace.array("taken", (tiles,), np.int32),
-        workspace=workspace,
-    )
-
-
 def _tiles(state: RenderState) -> tuple[Any, ...]:
+    tiles = state.tiles
     return (
-        state.packed,
-        state.tile_start,
-        state.tile_splats,
-        state.tile_order,
-        state.tile_shift,
+        tiles.packed,
+        tiles.start,
+        tiles.splats,
+        tiles.heaviest,
+        tiles.shift,
         state.background,
         numba.get_num_threads(),
         CONSTANTS.ctypes.data,
+        (0,) * ((tiles.packed.shape[1] - projection.COLOURS) // 3),
     )

@@ -52,6 +52,12 @@ class Lanes:
         first = self.builder.insert_element(nothing, scalar, ir.Constant(INT32, 0))
         return self.builder.shuffle_vector(first, nothing, ir.Constant(INTS, [0] * LANES))
 
+    def scalars(self, address: ir.Value, count: int) -> list[ir.Value]:
+        """`count` floats that follow each other in memory, each in all lanes."""
+        pointer = self.builder.inttoptr(address, FLOAT.as_pointer())
+        numbers = (ir.Constant(INT64, number) for number in range(count))
+        return [self.splat(self.builder.load(self.builder.gep(pointer, [number]))) for number in numbers]
+
     def lane_numbers(self) -> ir.Value:
         """0, 1, ... 7."""
         return ir.Constant(FLOATS, [float(k) for k in range(LANES)])

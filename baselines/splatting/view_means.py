@@ -11,7 +11,7 @@ from tqdm import tqdm
 from baselines.splatting.appearance import in_sight, moved, tensors
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.pruning import contributions
-from baselines.splatting.rasterizer import Workspace
+from baselines.splatting.workspace import Workspace
 from hydroviews.cameras import Camera
 
 UNSEEN = 1e-6  # pixels that a Gaussian counts for where it is in sight but hidden

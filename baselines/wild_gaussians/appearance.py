@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn.functional import pad
 
-from baselines.splatting.appearance import Appearance, set_of
+from baselines.splatting.appearance import Appearance
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.spherical_harmonics import C0
 from baselines.torch_state import module_arrays, restore_module
@@ -76,13 +76,11 @@ class WildAppearance(Appearance):
         """Fourier features [N, 24] of the positions in the scene's bounds."""
         return fourier((gaussians.origin + gaussians.means - self._bounds.centre) / self._bounds.radius)
 
-    def looks(
-        self, parameters: dict[str, Tensor], camera: Camera, view: int, degree: int
-    ) -> tuple[dict[str, Tensor], ...]:
+    def looks(self, parameters: dict[str, Tensor], camera: Camera, view: int, degree: int) -> tuple[Tensor, ...]:
         """See Appearance."""
         sh = parameters["sh"]
         gain, offset = self.change(sh[:, 0], parameters["features"], self.views[view])
-        return set_of(parameters, toned(sh, gain, offset)), set_of(parameters, sh)
+        return toned(sh, gain, offset), sh
 
     def change(self, first: Tensor, features: Tensor, embedding: Tensor) -> tuple[Tensor, Tensor]:
         """Gains and offsets [N, 3] in the view with an embedding [32], of Gaussians with first coefficients [N, 3]."""

@@ -27,9 +27,9 @@ from baselines.splatting.densification import Densification
 from baselines.splatting.initialisation import scene_extent
 from baselines.splatting.objective import Objective
 from baselines.splatting.photometric import photometric_loss
-from baselines.splatting.rasterizer import Workspace
 from baselines.splatting.schedule import LearningRates
 from baselines.splatting.trainer import train
+from baselines.splatting.workspace import Workspace
 from baselines.torch_state import one_thread
 from baselines.training_images import TrainingImages, read_images
 from baselines.wild_gaussians.appearance import AppearanceConfig, WildAppearance

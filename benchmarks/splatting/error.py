@@ -14,7 +14,7 @@ import torch
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from baselines.splatting import constants, rasterizer, reference
+from baselines.splatting import constants, rasterizer, reference, tiles
 from baselines.splatting.gaussians import FIELDS, Gaussians
 from baselines.splatting.vectors import CONSTANTS, EXP2
 from benchmarks.splatting.scenes import room, view
@@ -128,12 +128,12 @@ def _constants(values: dict[str, float]) -> Iterator[None]:
 
 @contextmanager
 def _tiles_of(shift: int) -> Iterator[None]:
-    before = rasterizer.LARGE_IMAGE
-    rasterizer.LARGE_IMAGE = 0 if shift == 5 else 1 << 62
+    before = tiles.LARGE_IMAGE
+    tiles.LARGE_IMAGE = 0 if shift == 5 else 1 << 62
     try:
         yield
     finally:
-        rasterizer.LARGE_IMAGE = before
+        tiles.LARGE_IMAGE = before
 
 
 @contextmanager

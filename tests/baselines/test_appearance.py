@@ -6,18 +6,19 @@ import torch
 from splats import BACKGROUND, camera, cloud, photographed, with_values
 
 from baselines.splatting import reference
-from baselines.splatting.appearance import Appearance, Dressed, dressed, equipped, in_sight, set_of
+from baselines.splatting.appearance import Appearance, Dressed, dressed, equipped, in_sight
 from baselines.splatting.backends import CpuBackend
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.densification import Densification
 from baselines.splatting.gaussians import FIELDS, concatenate
 from baselines.splatting.objective import Objective
 from baselines.splatting.photometric import photometric_loss
-from baselines.splatting.rasterizer import Workspace, render
+from baselines.splatting.rasterizer import render
 from baselines.splatting.schedule import LearningRates, rates_at
 from baselines.splatting.state import fresh_state
 from baselines.splatting.strategies import Duties
 from baselines.splatting.trainer import train
+from baselines.splatting.workspace import Workspace
 from baselines.torch_state import module_arrays, restore_module
 from baselines.training_images import read_images
 
@@ -38,7 +39,7 @@ class Tint(Appearance):
         gain = self.gains[view]
         offset = torch.zeros_like(parameters["sh"])
         offset[:, 0] = parameters["features"] @ self.mix
-        return set_of(parameters, parameters["sh"] * gain.exp() + offset), set_of(parameters, parameters["sh"])
+        return parameters["sh"] * gain.exp() + offset, parameters["sh"]
 
     def learn(self, iteration):
         self.optimiser.step()
@@ -91,8 +92,8 @@ def test_gradients_flow_through_the_looks_as_in_float64():
     leaves = {name: torch.from_numpy(v).double().requires_grad_() for name, v in gaussians.arrays().items()}
     background = torch.from_numpy(BACKGROUND).double()
     loss = sum(
-        (reference.render(look, view, background, 1, 0.01) * torch.from_numpy(weight)).sum()
-        for look, weight in zip(twin.looks(leaves, view, 1, 1), weights, strict=True)
+        (reference.render({**leaves, "sh": sh}, view, background, 1, 0.01) * torch.from_numpy(weight)).sum()
+        for sh, weight in zip(twin.looks(leaves, view, 1, 1), weights, strict=True)
     )
     loss.backward()
     for name, leaf in leaves.items():
@@ -184,7 +185,7 @@ def test_broken_gaussians_leave_the_network_whole(tmp_path):
     appearance = Tint(1)
     clothes = Dressed(gaussians, appearance, camera(16, 12), 0, 1)
     assert len(clothes.rows) == 19
-    clothes.backward([clothes.looks[0].map(np.ones_like)] * 2, Workspace())
+    clothes.backward(clothes.gaussians.map(np.ones_like), np.ones_like(clothes.sh), Workspace())
     assert all(torch.isfinite(parameter.grad).all() for parameter in appearance.parameters())
 
 

@@ -10,7 +10,8 @@ from splats import BACKGROUND, camera, cloud, with_values
 
 from baselines.splatting import reference
 from baselines.splatting.gaussians import FIELDS, Gaussians, concatenate
-from baselines.splatting.rasterizer import Workspace, backward, depth, render
+from baselines.splatting.rasterizer import backward, backward_looks, depth, render, render_looks
+from baselines.splatting.workspace import Workspace
 
 WIDTH, HEIGHT = 61, 47
 
@@ -122,9 +123,9 @@ def test_every_gaussian_gets_its_own_gradient_right():
 def test_large_tiles_give_the_same_image(monkeypatch):
     gaussians, view = cloud(300, 1), camera(100, 70)
     small = render(gaussians, view, BACKGROUND)[0].copy()
-    monkeypatch.setattr("baselines.splatting.rasterizer.LARGE_IMAGE", 0)
+    monkeypatch.setattr("baselines.splatting.tiles.LARGE_IMAGE", 0)
     large, state = render(gaussians, view, BACKGROUND)
-    assert state.tile_shift == 5
+    assert state.tiles.shift == 5
     assert np.abs(small - large).max() < 1e-6
 
 
@@ -179,6 +180,27 @@ def test_absolute_gradient_by_the_position_on_the_image():
     pixels = (image * torch.from_numpy(weights)).sum(dim=2).reshape(-1)
     exact = sum(torch.autograd.grad(p, shift, retain_graph=True)[0].abs() for p in pixels).numpy()
     assert np.linalg.norm(backward(state, weights).means2d_absolute - exact) < 1e-5 * np.linalg.norm(exact)
+
+
+@pytest.mark.parametrize("looks", [1, 2, 3])
+def test_looks_at_once_are_looks_one_by_one(looks):
+    clouds, view = [cloud(200, 1, seed=6 + k) for k in range(looks)], camera(WIDTH, HEIGHT)
+    gaussians, sh = clouds[0], np.stack([each.sh for each in clouds])
+    weights = np.random.default_rng(1).normal(size=(looks, HEIGHT, WIDTH, 3)).astype(np.float32)
+    images, state = render_looks(gaussians, sh, view, BACKGROUND)
+    gradients, by_looks = backward_looks(state, weights)
+    total, absolute = gaussians.zeros().arrays(), 0
+    for k in range(looks):
+        image, alone = render(replace(gaussians, sh=sh[k]), view, BACKGROUND)
+        part = backward(alone, weights[k])
+        assert np.array_equal(images[k], image)
+        assert np.allclose(by_looks[k], part.parameters.sh, rtol=1e-4, atol=1e-5)
+        total = {name: total[name] + value for name, value in part.parameters.arrays().items()}
+        absolute = absolute + part.means2d_absolute
+    for name in ("means", "quaternions", "log_scales", "opacity_logits"):
+        found = getattr(gradients.parameters, name)
+        assert np.linalg.norm(found - total[name]) < 1e-5 * np.linalg.norm(total[name]), name
+    assert (gradients.means2d_absolute <= absolute + 1e-3).all()  # of the sum, not the sum of each look's
 
 
 # --- hard cases -------------------------------------------------------------------------------------------------------
@@ -282,7 +304,7 @@ def test_equal_depths_are_blended_in_index_order():
     gaussians = cloud(20, 0)
     same = replace(gaussians, means=np.repeat(gaussians.means[:1], 20, axis=0))
     _, state = render(same, view, BACKGROUND)
-    assert np.array_equal(state.order, np.flatnonzero(state.visible))
+    assert np.array_equal(state.tiles.order, np.flatnonzero(state.visible))
     assert_same(same, view)
 
 

@@ -6,7 +6,7 @@ import panorama
 import pytest
 
 from baselines.splatting.objective import Objective
-from baselines.splatting.rasterizer import Workspace
+from baselines.splatting.workspace import Workspace
 from baselines.training_images import TrainingImages
 from deraings.masking import OcclusionMasks
 from deraings.masking_config import MaskConfig

@@ -4,7 +4,7 @@ import panorama
 import pytest
 
 from baselines.splatting.photometric import photometric_loss, prepare
-from baselines.splatting.rasterizer import Workspace
+from baselines.splatting.workspace import Workspace
 from deraings.mist_bounds import thickest_veil
 from deraings.rain_lens import Veil, VeilConfig, _gather, _spread, roughness_gradient
 

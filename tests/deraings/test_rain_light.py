@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from baselines.splatting.rasterizer import Workspace
+from baselines.splatting.workspace import Workspace
 from deraings.rain_light import veiled, veiled_gradient
 from hydroviews.images import to_linear, to_srgb
 

@@ -6,7 +6,7 @@ import panorama
 import pytest
 from scipy import fft
 
-from baselines.splatting.rasterizer import Workspace
+from baselines.splatting.workspace import Workspace
 from baselines.training_images import TrainingImages
 from deraings.objective import RainConfig, RainObjective
 from deraings.rain_falling import FallingConfig

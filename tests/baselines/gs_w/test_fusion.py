@@ -11,8 +11,8 @@ from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT
 from baselines.gs_w.fusion import Fusion
 from baselines.splatting.appearance import Dressed, equipped
-from baselines.splatting.rasterizer import Workspace
 from baselines.splatting.spherical_harmonics import C0
+from baselines.splatting.workspace import Workspace
 from baselines.training_images import TrainingImages
 from baselines.volumetric.encodings import positional
 
@@ -34,7 +34,7 @@ def restless(appearance):
 def test_the_first_look_has_the_points_colours():
     gaussians, appearance = cloud(50, 1), ReferenceAppearance(some_pictures(), SHORT, 1, 10, 0)
     clothes = Dressed(equipped(gaussians, appearance), appearance, camera(41, 30), 0, 1)
-    assert np.array_equal(clothes.looks[0].sh, gaussians.sh[clothes.rows])
+    assert np.array_equal(clothes.sh[0], gaussians.sh[clothes.rows])
 
 
 def test_colours_are_what_the_layers_say_of_position_features_and_direction():
@@ -61,7 +61,7 @@ def test_gradients_are_those_of_float64():
     gaussians = equipped(gaussians, appearance)
     clothes = Dressed(gaussians, appearance, view, 1, 1)
     rows, upstream = clothes.rows, cloud(40, 1, seed=5).select(clothes.rows)
-    ours = clothes.backward([upstream], Workspace())
+    ours = clothes.backward(upstream, upstream.sh[None], Workspace())
 
     twin = Fusion(SHORT, 1).double()
     twin.load_state_dict(appearance.fusion.state_dict())
@@ -100,8 +100,9 @@ def test_in_some_steps_nothing_of_the_reference_is_seen():
     same, moved = [], []
     for step in range(100):
         shown = [Dressed(gaussians, appearance, view, reference, 1) for reference in (0, 1)]
-        same.append(np.array_equal(shown[0].looks[0].sh, shown[1].looks[0].sh))
-        moved.append(shown[1].backward([cloud(40, 1).select(shown[1].rows)], Workspace()).features.any())
+        same.append(np.array_equal(shown[0].sh, shown[1].sh))
+        upstream = cloud(40, 1).select(shown[1].rows)
+        moved.append(shown[1].backward(upstream, upstream.sh[None], Workspace()).features.any())
         appearance.learn(step)
     assert same.count(True) == pytest.approx(40, abs=15)
     assert moved == [not alike for alike in same]  # a step without the reference teaches nothing of where to look

@@ -9,7 +9,7 @@ from baselines.gs_w.config import SHORT, ReferenceConfig
 from baselines.gs_w.objective import VisibleObjective, learn_visibility, perceptual_loss, visibility_loss
 from baselines.splatting.loss_map import loss_map
 from baselines.splatting.photometric import photometric_loss
-from baselines.splatting.rasterizer import Workspace
+from baselines.splatting.workspace import Workspace
 from baselines.training_images import TrainingImages
 
 ALWAYS = ReferenceConfig(**{**vars(SHORT), "visible_from": 0.0, "rate_maps": 5e-3})

@@ -7,7 +7,8 @@ from splats import BACKGROUND, camera, cloud
 
 from baselines.splatting import reference
 from baselines.splatting.appearance import Dressed, equipped
-from baselines.splatting.rasterizer import Workspace, backward, render
+from baselines.splatting.rasterizer import backward_looks, render_looks
+from baselines.splatting.workspace import Workspace
 from baselines.wild_gaussians.appearance import MIDDLE, AppearanceConfig, WildAppearance, fourier, toned
 from baselines.wild_gaussians.mean_look import mean_look
 from baselines.wild_gaussians.sky import Bounds
@@ -39,14 +40,16 @@ def test_gradients_are_those_of_float64():
     gaussians, view = equipped(cloud(40, 1), ours), camera(24, 20)
     weights = [np.random.default_rng(k).normal(size=(20, 24, 3)).astype(np.float32) for k in range(2)]
     clothes = Dressed(gaussians, ours, view, 1, 1)
-    states = [render(look, view, BACKGROUND)[1] for look in clothes.looks]
-    found = clothes.backward([backward(s, w).parameters for s, w in zip(states, weights, strict=True)], Workspace())
+    gradients, by_looks = backward_looks(
+        render_looks(clothes.gaussians, clothes.sh, view, BACKGROUND)[1], np.stack(weights)
+    )
+    found = clothes.backward(gradients.parameters, by_looks, Workspace())
 
     leaves = {name: torch.from_numpy(v).double().requires_grad_() for name, v in gaussians.arrays().items()}
     background = torch.from_numpy(BACKGROUND).double()
     loss = sum(
-        (reference.render(look, view, background, 1, 0.01) * torch.from_numpy(weight)).sum()
-        for look, weight in zip(twin.looks(leaves, view, 1, 1), weights, strict=True)
+        (reference.render({**leaves, "sh": sh}, view, background, 1, 0.01) * torch.from_numpy(weight)).sum()
+        for sh, weight in zip(twin.looks(leaves, view, 1, 1), weights, strict=True)
     )
     loss.backward()
     for name in ("sh", "features", "means"):
@@ -68,7 +71,7 @@ def test_gaussians_look_as_in_the_mean_of_the_views_that_show_them():
     assert shown.features is None
     parameters = {name: torch.from_numpy(value) for name, value in gaussians.arrays().items()}
     with torch.no_grad():
-        looks = [model.looks(parameters, view, k, 1)[0]["sh"].numpy() for k, view in enumerate(cameras)]
+        looks = [model.looks(parameters, view, k, 1)[0].numpy() for k, view in enumerate(cameras)]
     assert np.allclose(shown.sh[0], (looks[0][0] + looks[1][0]) / 2, atol=5e-3)  # as large in both
     assert np.allclose(shown.sh[1], looks[2][1], atol=1e-5)
     assert np.abs(shown.sh[2] - gaussians.sh[2]).max() > 0.05  # seen nowhere: toned as all are in the mean

@@ -14,7 +14,8 @@ from baselines.splatting.densification import Densification
 from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.objective import Objective
 from baselines.splatting.ply import read_ply
-from baselines.splatting.rasterizer import Workspace, render
+from baselines.splatting.rasterizer import render
+from baselines.splatting.workspace import Workspace
 from baselines.wild_gaussians.appearance import AppearanceConfig
 from baselines.wild_gaussians.method import PROFILES, WildConfig, WildGaussians
 from baselines.wild_gaussians.uncertainty import UncertaintyConfig
