@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from baselines.splatting.constants import LOW_PASS
-from baselines.splatting.gaussians import FIELDS, Gaussians
+from baselines.splatting.gaussians import SHAPE, Gaussians
 from baselines.splatting.torch_steps import finite_rows
 from baselines.splatting.workspace import Workspace
 from hydroviews.cameras import Camera
 
-SHAPE = tuple(name for name in FIELDS if name != "sh")  # what looks have in common
 REACH = 3.5  # standard deviations within which a Gaussian is seen at all
 WIDENED = LOW_PASS**0.5  # pixels of standard deviation that are at most added to every splat's
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from baselines.splatting.spherical_harmonics import degree_of, from_colour
 
 FIELDS = ("means", "quaternions", "log_scales", "opacity_logits", "sh")
+SHAPE = FIELDS[:4]  # all but the colours
 FEATURES = "features"
 
 

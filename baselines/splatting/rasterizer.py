@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from baselines.splatting import blending, blending_gradient, projection, projection_gradient
 from baselines.splatting.constants import NEAR
-from baselines.splatting.gaussians import Gaussians
+from baselines.splatting.gaussians import SHAPE, Gaussians
 from baselines.splatting.spherical_harmonics import C0, degree_of
 from baselines.splatting.tiles import Tiles, deal_out
 from baselines.splatting.vectors import CONSTANTS
@@ -107,16 +107,19 @@ def render_looks(
     For the rest see `render`; the state is for `backward_looks`.
     """
     workspace = workspace or Workspace()
-    most = degree_of(sh.shape[2])
+    looks, n, most = len(sh), len(gaussians), degree_of(sh.shape[2])
     degree = most if sh_degree is None else sh_degree
     if not 0 <= degree <= most:
         raise ValueError(f"spherical-harmonic degree {degree}, the Gaussians hold 0 to {most}")
+    if sh.shape[1] != n:
+        raise ValueError(f"coefficients {sh.shape} of {n} Gaussians, expected [looks, {n}, K, 3]")
     view = _view(gaussians, camera)
-    looks, n = sh.shape[:2]
     splats = workspace.array("splats", (n, projection.COLOURS + 3 * looks))
     depths = workspace.array("depths", (n,))
-    projection.project(*_shape(gaussians), sh, degree, *view, near, antialiased, splats, depths)
-    background = np.asarray(background, np.float32)
+    projection.project(
+        *(getattr(gaussians, name) for name in SHAPE), sh, degree, *view, near, antialiased, splats, depths
+    )
+    tiles = deal_out(splats, depths, camera.width, camera.height, workspace)
     size = camera.height, camera.width
     state = RenderState(
         gaussians=gaussians,
@@ -124,16 +127,16 @@ def render_looks(
         sh_degree=degree,
         view=view,
         antialiased=antialiased,
-        background=background,
+        background=np.asarray(background, np.float32),
         depths=depths,
-        tiles=(tiles := deal_out(splats, depths, camera.width, camera.height, workspace)),
+        tiles=tiles,
         transmittance=workspace.array("transmittance", size),
         last=workspace.array("last", size),
         taken=workspace.array("taken", (len(tiles.heaviest),), np.int32),
         workspace=workspace,
     )
     images = workspace.array("images", (looks, *size, 3))
-    blending.blend(*_tiles(state), state.transmittance, state.last, state.taken, images)
+    blending.blend(*_blending_arguments(state), state.transmittance, state.last, state.taken, images)
     return images, state
 
 
@@ -155,15 +158,15 @@ def backward_looks(state: RenderState, grad_images: NDArray[np.float32]) -> tupl
     workspace, gaussians, tiles = state.workspace, state.gaussians, state.tiles
     moments = workspace.array("moments", (len(tiles.splats), projection_gradient.TO_COLOURS + 3 * len(state.sh)))
     grads = np.ascontiguousarray(grad_images, np.float32)
-    blending_gradient.blend_gradient(*_tiles(state), state.transmittance, state.last, state.taken, grads, moments)
-    shape = _shape(gaussians)
-    g_means, g_quaternions, g_log_scales, g_logits = (
-        workspace.array(f"g_{number}", value.shape) for number, value in enumerate(shape)
+    blending_gradient.blend_gradient(
+        *_blending_arguments(state), state.transmittance, state.last, state.taken, grads, moments
     )
+    shape = {name: getattr(gaussians, name) for name in SHAPE}
+    g_shape = {name: workspace.array(f"g_{name}", value.shape) for name, value in shape.items()}
     g_sh = workspace.array("g_sh", state.sh.shape)
     means2d, absolute = (workspace.array(name, (len(gaussians), 2)) for name in ("g_means2d", "g_absolute"))
     projection_gradient.project_gradient(
-        *shape,
+        *shape.values(),
         state.sh,
         state.sh_degree,
         *state.view,
@@ -172,15 +175,12 @@ def backward_looks(state: RenderState, grad_images: NDArray[np.float32]) -> tupl
         tiles.pair_start,
         tiles.pair_slot,
         moments,
-        g_means,
-        g_quaternions,
-        g_log_scales,
-        g_logits,
+        *g_shape.values(),
         g_sh,
         means2d,
         absolute,
     )
-    parameters = Gaussians(g_means, g_quaternions, g_log_scales, g_logits, g_sh[0], origin=gaussians.origin)
+    parameters = Gaussians(**g_shape, sh=g_sh[0], origin=gaussians.origin)
     return Gradients(parameters, means2d, absolute), g_sh
 
 
@@ -194,14 +194,9 @@ def depth(state: RenderState) -> NDArray[np.float32]:
     other = replace(state, tiles=replace(state.tiles, packed=packed), background=BLACK)
     sums = np.empty((1, *state.transmittance.shape, 3), np.float32)
     scratch = (np.empty_like(plane) for plane in (state.transmittance, state.last, state.taken))
-    blending.blend(*_tiles(other), *scratch, sums)
+    blending.blend(*_blending_arguments(other), *scratch, sums)
     covered = 1 - state.transmittance
     return np.divide(sums[0, ..., 0], covered, out=np.full_like(covered, np.nan), where=covered > 0)
-
-
-def _shape(gaussians: Gaussians) -> tuple[NDArray[np.float32], ...]:
-    """All parameters but the colours."""
-    return gaussians.means, gaussians.quaternions, gaussians.log_scales, gaussians.opacity_logits
 
 
 def _view(gaussians: Gaussians, camera: Camera) -> tuple[Any, ...]:
@@ -212,7 +207,7 @@ def _view(gaussians: Gaussians, camera: Camera) -> tuple[Any, ...]:
     return pose, centre, lens, camera.width, camera.height
 
 
-def _tiles(state: RenderState) -> tuple[Any, ...]:
+def _blending_arguments(state: RenderState) -> tuple[Any, ...]:
     tiles = state.tiles
     return (
         tiles.packed,

@@ -203,6 +203,12 @@ def test_looks_at_once_are_looks_one_by_one(looks):
     assert (gradients.means2d_absolute <= absolute + 1e-3).all()  # of the sum, not the sum of each look's
 
 
+def test_looks_of_other_gaussians():
+    gaussians = cloud(20, 1)
+    with pytest.raises(ValueError, match=r"\(2, 19, 4, 3\) of 20 Gaussians"):
+        render_looks(gaussians, np.zeros((2, 19, 4, 3), np.float32), camera(WIDTH, HEIGHT))
+
+
 # --- hard cases -------------------------------------------------------------------------------------------------------
 
 
