@@ -21,14 +21,17 @@ from baselines.splatting import (
 )
 from baselines.splatting.densification import Densification
 from baselines.splatting.objective import Objective
+from baselines.splatting.rasterizer import backward, backward_looks, render, render_looks
 from baselines.splatting.schedule import LearningRates, rates_at
 from baselines.splatting.state import fresh_state
+from baselines.splatting.workspace import Workspace
 from benchmarks.splatting.scenes import picture, room, view
 
 COUNTS = (10_000, 30_000, 50_000, 200_000)
 SIZES = ((400, 300), (800, 600))
 GROWING_COUNTS = (5_000, 10_000, 20_000, 50_000, 100_000, 200_000, 400_000)
 GROWING_SIZES = ((160, 120), (240, 180), (400, 300), (640, 480), (800, 600), (1200, 900), (1600, 1200))
+LOOKS, LOOKED_AT = (1, 2, 3), (30_000, 60_000)
 STAGES = {
     "project": (projection, "project"),
     "sort": (binning, "depth_order"),
@@ -57,6 +60,41 @@ def growth(repeats: int) -> pd.DataFrame:
     cases += [(30_000, size) for size in GROWING_SIZES if size != SIZES[0]]
     turns = [(n, size, threads) for threads in thread_counts() for n, size in cases]
     return pd.DataFrame([speed(*turn, repeats) for turn in tqdm(turns, desc="growth", leave=False)])
+
+
+def looks(repeats: int) -> pd.DataFrame:
+    """Milliseconds of rasterizing looks forwards and backwards, at once and one by one, for all numbers of threads."""
+    cases = [(n, number, threads) for threads in thread_counts() for n in LOOKED_AT for number in LOOKS]
+    return pd.DataFrame([of_looks(*case, repeats) for case in tqdm(cases, desc="looks", leave=False)])
+
+
+def of_looks(n: int, number: int, threads: int, repeats: int) -> dict[str, Any]:
+    """Median milliseconds of one number of looks."""
+    camera = view(*SIZES[0])
+    gaussians, workspace = room(n, camera), Workspace()
+    sh = np.stack([gaussians.sh] * number)
+    gradient = np.random.default_rng(0).normal(size=(number, camera.height, camera.width, 3)).astype(np.float32)
+
+    def at_once() -> None:
+        backward_looks(render_looks(gaussians, sh, camera, workspace=workspace)[1], gradient)
+
+    def one_by_one() -> None:
+        for each in gradient:
+            backward(render(gaussians, camera, workspace=workspace)[1], each)
+
+    before = numba.get_num_threads()
+    numba.set_num_threads(threads)
+    turns = [(_seconds(at_once), _seconds(one_by_one)) for _ in range(repeats + 3)]
+    numba.set_num_threads(before)
+    together, apart = 1000 * np.median(turns[3:], axis=0)
+    about = {"gaussians": n, "size": f"{camera.width}x{camera.height}", "threads": threads, "looks": number}
+    return about | {"at once": round(together, 2), "one by one": round(apart, 2)}
+
+
+def _seconds(work: Callable[[], None]) -> float:
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
 
 
 def thread_counts() -> Sequence[int]:
