@@ -77,7 +77,7 @@ PAPER = TrainerConfig(
 )
 PROFILES = {
     "demo": short(PLAIN["demo"]),
-    "quick": short(of_length(8000, PLAIN["quick"])),  # steps of two looks cost twice as much
+    "quick": short(of_length(8000, PLAIN["quick"])),  # a step costs almost twice as much
     "paper": WildConfig(PAPER, sky=50_000),
 }
 
