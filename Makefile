@@ -105,8 +105,9 @@ film: $(READY)  ## a film of a trained scene: RUN=results/... [OUT=film.mp4] [FI
 bench: $(READY)  ## speed against error: BENCH=splatting, quality, volumetric, enhancement, masking, methods, hard_rain, raindrops, streaks or dataset
 	$(BIN)/python -m benchmarks.$(BENCH) $(BENCH_ARGS)
 
+# A file's tests share what they build, so they stay in one process.
 test: $(READY)
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
 lint: $(READY)
 	$(BIN)/ruff check .
