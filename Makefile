@@ -75,7 +75,7 @@ check: $(READY)  ## whether METHOD= keeps the contract of a method, on a room th
 
 severity: $(READY)  ## what plain 3DGS loses to each of a scene's six patterns, entered into its data card
 	$(MAKE) eval METHOD=3dgs PATTERNS=raindrop-0,raindrop-1,raindrop-2,streak-0,streak-1,streak-2
-	$(BIN)/python -m hydroviews card '$(DATA)/$(PROFILE)' --results '$(RESULTS)'
+	$(BIN)/python -m leaderboard card '$(DATA)/$(PROFILE)' --results '$(RESULTS)'
 
 enhancer: $(READY)  ## train the enhancement network: PHOTOGRAPHS=a folder of clean photographs
 	$(enhance) --out '$(RESULTS)/enhancement/first'
@@ -85,7 +85,7 @@ enhancer: $(READY)  ## train the enhancement network: PHOTOGRAPHS=a folder of cl
 		--seed 2 --steps 6000 --sides 480 384 288 --lenses 20
 
 drop-finder: $(READY)  ## train the network that finds drops for derain-nerf: PHOTOGRAPHS=a folder of clean photographs
-	$(BIN)/python -m baselines.raindrop_attention train --photographs '$(PHOTOGRAPHS)' --cache '$(RESULTS)/enhancement/rain' --out '$(RESULTS)/raindrop-attention/small'
+	$(BIN)/python -m baselines.derain_nerf.raindrop_attention train --photographs '$(PHOTOGRAPHS)' --cache '$(RESULTS)/enhancement/rain' --out '$(RESULTS)/raindrop-attention/small'
 
 compare: $(READY)  ## METHODS="..." or all of them, on SCENES="..." or SCENE=, for every seed of SEEDS="0 1 2"
 	+$(call sweep,$(METHODS))

@@ -12,22 +12,22 @@ import numpy as np
 
 from baselines.method import Method, Statistics, settings_of
 from baselines.on_clean import on_clean
-from baselines.splatting.checkpoints import read_model, write_model
 from baselines.splatting.config import Pruning
-from baselines.splatting.densification import Densification
+from baselines.splatting.files.checkpoints import read_model, write_model
+from baselines.splatting.files.ply import write_ply
 from baselines.splatting.gaussians import Gaussians
+from baselines.splatting.kernels.rasterizer import render
+from baselines.splatting.kernels.workspace import Workspace
 from baselines.splatting.objective import Objective
-from baselines.splatting.ply import write_ply
-from baselines.splatting.rasterizer import render
-from baselines.splatting.relocation import Relocation
 from baselines.splatting.schedule import LearningRates
+from baselines.splatting.strategies.densification import Densification
+from baselines.splatting.strategies.relocation import Relocation
 from baselines.splatting.trainer import Trained, TrainerConfig, train
-from baselines.splatting.workspace import Workspace
-from hydroviews.cameras import Camera
 from hydroviews.errors import InputError
-from hydroviews.files import read_json, write_json
-from hydroviews.images import Image
-from hydroviews.scenes import Scene
+from hydroviews.files.atomic import read_json, write_json
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.images import Image
+from hydroviews.scene.scenes import Scene
 
 MODEL = "model.safetensors"
 SPLATS = "splats.ply"

@@ -10,10 +10,10 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self
 
-from hydroviews.cameras import Camera
 from hydroviews.errors import InputError
-from hydroviews.images import Image
-from hydroviews.scenes import Scene
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.images import Image
+from hydroviews.scene.scenes import Scene
 
 METHODS = "hydroviews.methods"  # entry points: subclasses of Method
 WRAPPERS = "hydroviews.wrappers"  # entry points: functions that make a method of a method

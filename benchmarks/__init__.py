@@ -1,5 +1,5 @@
 """Speed against error. Each part is a command, `python -m benchmarks.NAME`, and keeps freed memory as others do."""
 
-from hydroviews.memory import keep_freed_memory
+from hydroviews.files.malloc import keep_freed_memory
 
 keep_freed_memory()

@@ -22,14 +22,16 @@ from unittest.mock import patch
 import pandas as pd
 import tyro
 
-from hydroviews import build as build_module
-from hydroviews import build_clean, build_rain
-from hydroviews.build import build
-from hydroviews.files import write_bytes
-from hydroviews.rain import effects, raindrops
+from hydroviews.dataset import build as build_module
+from hydroviews.dataset import clean_views as build_clean
+from hydroviews.dataset import rainy_variant as build_rain
+from hydroviews.dataset.build import build
+from hydroviews.files.atomic import write_bytes
+from hydroviews.formats import read_scene
+from hydroviews.rain import effects
+from hydroviews.rain.lens import effect as raindrops
 from hydroviews.rain.patterns import Pattern, parse_pattern
-from hydroviews.readers import read_scene
-from hydroviews.scenes import Scene, View, make_scene
+from hydroviews.scene.scenes import Scene, View, make_scene
 
 COMMON = "all variants"
 PATTERNS = ("raindrop-0", "raindrop-1", "raindrop-2", "streak-0", "streak-1", "streak-2")

@@ -30,7 +30,7 @@ from deraings.enhancement.size import measure
 from deraings.enhancement.training import train
 from deraings.enhancement.validation import as_columns, scores, validation_set
 from deraings.enhancement.weights import Enhancer
-from hydroviews.files import write_bytes
+from hydroviews.files.atomic import write_bytes
 from hydroviews.pairs.photographs import split_photographs
 
 SIZE = 400, 300

@@ -19,15 +19,15 @@ from tqdm import tqdm
 
 from baselines.method import find_method
 from benchmarks.quality import held_out, slug
-from hydroviews.depth import view_depth
-from hydroviews.files import read_json, write_bytes
-from hydroviews.images import Image, to_linear, to_srgb, write_png
+from hydroviews.dataset.sources import build_source
+from hydroviews.dataset.variants import open_clean, open_variant
+from hydroviews.files.atomic import read_json, write_bytes
 from hydroviews.profiles import find_profile
 from hydroviews.rain.effects import composite
 from hydroviews.rain.layers import read_layers
-from hydroviews.scenes import Scene, View
-from hydroviews.sources import build_source
-from hydroviews.variants import open_clean, open_variant
+from hydroviews.scene.depth import view_depth
+from hydroviews.scene.images import Image, to_linear, to_srgb, write_png
+from hydroviews.scene.scenes import Scene, View
 from leaderboard.predict import only_training
 
 PATTERNS = ("raindrop-1", "raindrop-2", "streak-1", "streak-2")

@@ -17,14 +17,14 @@ import tyro
 
 from baselines.gaussian_splatting import PROFILES, GaussianSplatting
 from benchmarks.quality import held_out, slug
-from deraings.masking_config import MaskConfig
+from deraings.masks.config import MaskConfig
 from deraings.method import DeRainGSConfig, Masks
-from deraings.truth import WATER, true_layers
-from hydroviews.files import write_bytes
+from deraings.rain_model.ground_truth import WATER, true_layers
+from hydroviews.dataset.sources import build_source
+from hydroviews.dataset.variants import open_clean, open_variant
+from hydroviews.files.atomic import write_bytes
 from hydroviews.profiles import find_profile
-from hydroviews.scenes import Scene
-from hydroviews.sources import build_source
-from hydroviews.variants import open_clean, open_variant
+from hydroviews.scene.scenes import Scene
 
 SHRINKS = (8, 4, 2)  # the default's is 4
 

@@ -19,14 +19,14 @@ import tyro
 from baselines.gaussian_splatting import of_length
 from baselines.method import Method, find_method
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.densification import Densification
+from baselines.splatting.strategies.densification import Densification
 from baselines.volumetric.config import VolumetricConfig
 from benchmarks.quality import held_out, slug
-from hydroviews.files import read_json, write_bytes, write_json
+from hydroviews.dataset.sources import build_source
+from hydroviews.dataset.variants import open_clean, open_variant
+from hydroviews.files.atomic import read_json, write_bytes, write_json
 from hydroviews.profiles import find_profile
-from hydroviews.scenes import Scene
-from hydroviews.sources import build_source
-from hydroviews.variants import open_clean, open_variant
+from hydroviews.scene.scenes import Scene
 from leaderboard.predict import only_training
 
 METHODS = ("3dgs-clean", "3dgs", "nerf-w", "derain-nerf", "wild-gaussians", "gs-w", "deraings", "deraings-plus")

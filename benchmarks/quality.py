@@ -20,15 +20,14 @@ from tqdm import tqdm
 from baselines.gaussian_splatting import PROFILES, SPLATS, GaussianSplatting, within
 from baselines.method import Method
 from baselines.splatting.config import EarlyStop, Pruning, TrainerConfig
-from baselines.splatting.densification import Densification
-from baselines.splatting.relocation import Relocation
-from baselines.splatting.view_dependence import choose_sh_degree
-from hydroviews.files import write_bytes
+from baselines.splatting.strategies.densification import Densification
+from baselines.splatting.strategies.relocation import Relocation
+from hydroviews.dataset.sources import build_source
+from hydroviews.dataset.variants import open_clean
+from hydroviews.files.atomic import write_bytes
 from hydroviews.metrics import psnr, ssim
 from hydroviews.profiles import find_profile
-from hydroviews.scenes import Scene
-from hydroviews.sources import build_source
-from hydroviews.variants import open_clean
+from hydroviews.scene.scenes import Scene
 
 
 def cases(profile: TrainerConfig) -> Iterator[tuple[str, TrainerConfig]]:
@@ -115,8 +114,6 @@ def main(
         rows.append(measure(name, config, clean, seed, folder / slug(name)))
         write_bytes(table, pd.DataFrame(rows).to_csv(index=False).encode())
     print(f"\n{pd.DataFrame(rows).to_string(index=False)}")
-    wanted = choose_sh_degree(clean)
-    print(f"\nThe photographs ask for spherical harmonics to degree {wanted.degree}: {wanted.reason}.")
 
 
 if __name__ == "__main__":

@@ -13,14 +13,14 @@ import tyro
 
 from baselines.method import find_method
 from deraings.method import DeRainGS
-from deraings.objective import RainObjective
 from deraings.planes import Plane
-from deraings.truth import true_layers
+from deraings.rain_model.ground_truth import true_layers
+from deraings.rain_model.objective import RainObjective
 from hydroviews.errors import InputError
-from hydroviews.images import read_image, write_png
-from hydroviews.scenes import View
-from hydroviews.tiles import Row, Tile, draw_sheet
-from leaderboard.finished import open_run
+from hydroviews.scene.images import read_image, write_png
+from hydroviews.scene.picture_grid import Row, Tile, draw_sheet
+from hydroviews.scene.scenes import View
+from leaderboard.finished_runs import open_run
 from leaderboard.predict import only_training
 from leaderboard.runs import Run
 

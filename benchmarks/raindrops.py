@@ -24,13 +24,14 @@ import tyro
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from hydroviews.cameras import Camera
-from hydroviews.files import write_bytes
-from hydroviews.images import Image, read_image, to_linear, to_srgb
-from hydroviews.rain.drops_pattern import RaindropPattern, Technique, draw_pattern
-from hydroviews.rain.lens_bake import aperture_radius, bake_matte, focus_disk, lens_water, trace
+from hydroviews.files.atomic import write_bytes
+from hydroviews.rain.lens.bake import aperture_radius, bake_matte, focus_disk, lens_water, trace
+from hydroviews.rain.lens.path_matte import PathMatte
+from hydroviews.rain.lens.pattern import RaindropPattern, draw_pattern
 from hydroviews.rain.light import expand_highlights
-from hydroviews.rain.path_matte import PathMatte
+from hydroviews.rain.setting import Technique
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.images import Image, read_image, to_linear, to_srgb
 
 GRADES = ("light", "medium", "heavy")
 SIZES = ((200, 150), (400, 300))

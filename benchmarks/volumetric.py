@@ -27,10 +27,10 @@ from baselines.volumetric.hash_grid import GridConfig, HashGrid, interpolate, wa
 from baselines.volumetric.model import RadianceModel
 from baselines.volumetric.trainer import train
 from benchmarks.timing import least
-from hydroviews.files import write_bytes
+from hydroviews.dataset.variants import open_clean
+from hydroviews.files.atomic import write_bytes
 from hydroviews.metrics import psnr
-from hydroviews.scenes import Scene
-from hydroviews.variants import open_clean
+from hydroviews.scene.scenes import Scene
 
 RAYS, SAMPLES = 1024, 24
 GRIDS = (GridConfig(8, 14), GridConfig(8, 16), GridConfig(8, 18), GridConfig(5, 14, 16, 256), GridConfig(16, 16))

@@ -13,16 +13,16 @@ from typing import Any, ClassVar
 from baselines.gaussian_splatting import PROFILES, GaussianSplatting
 from baselines.method import Statistics
 from baselines.splatting.config import TrainerConfig
-from baselines.training_images import read_images
-from deraings.enhanced import EnhancedViews, enhanced_images, may_lift
+from baselines.training.images import read_images
+from deraings.enhancement.views import EnhancedViews, enhanced_images
 from deraings.enhancement.weights import find_weights, load_enhancer
-from deraings.masking import OcclusionMasks
-from deraings.masking_config import MaskConfig
-from deraings.mist_evidence import point_colours
-from deraings.objective import RainConfig, RainObjective
-from deraings.rain_found import found
-from hydroviews.files import sha256
-from hydroviews.scenes import Scene
+from deraings.masks.config import MaskConfig
+from deraings.masks.occlusion_masks import OcclusionMasks
+from deraings.rain_model.mist_or_fog import may_lift, point_colours
+from deraings.rain_model.objective import RainConfig, RainObjective
+from deraings.rain_model.report import found
+from hydroviews.files.atomic import sha256
+from hydroviews.scene.scenes import Scene
 
 NOTHING = RainConfig(veil=None, drops=None, falling=None)
 

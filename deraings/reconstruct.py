@@ -8,19 +8,19 @@ import tyro
 
 from baselines.gaussian_splatting import SPLATS
 from baselines.method import Method, find_method
-from hydroviews.claims import claim
+from baselines.rendering.film import FilmChoice, draw_film
+from hydroviews.captures.sfm.poses import estimate_poses
+from hydroviews.captures.video.capture import capture_video
+from hydroviews.captures.video.frames import FrameChoice
+from hydroviews.dataset.contact_sheet import spread
 from hydroviews.errors import InputError
-from hydroviews.frames import FrameChoice
-from hydroviews.images import SUFFIXES, write_png
-from hydroviews.poses import estimate_poses
+from hydroviews.files.claims import claim
+from hydroviews.formats import has_cameras, read_scene
+from hydroviews.formats.photographs import photographs_below, unreadable_photographs
 from hydroviews.profiles import find_profile
-from hydroviews.readers import has_cameras, read_scene
-from hydroviews.readers.photographs import photographs_below, unreadable_photographs
-from hydroviews.scenes import Scene, Split
-from hydroviews.sheet import spread
-from hydroviews.tiles import Canvas, Row, Tile, draw_sheet
-from hydroviews.video import capture_video
-from leaderboard.film import FilmChoice, draw_film
+from hydroviews.scene.images import SUFFIXES, write_png
+from hydroviews.scene.picture_grid import Canvas, Row, Tile, draw_sheet
+from hydroviews.scene.scenes import Scene, Split
 
 CAPTURE, TRAINING, FILM, SHEET, SETTINGS = "capture", "training", "film.mp4", "views.png", "reconstruction.json"
 SHOWN = 4  # photographs on the sheet

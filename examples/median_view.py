@@ -16,13 +16,13 @@ import cv2
 import numpy as np
 from scipy.spatial import KDTree
 
-from baselines.checkpoints import read_arrays, write_arrays
 from baselines.method import Method, Statistics
-from hydroviews.cameras import Camera
+from baselines.training.checkpoints import read_arrays, write_arrays
 from hydroviews.errors import InputError
-from hydroviews.images import Image
 from hydroviews.profiles import find_profile
-from hydroviews.scenes import Scene
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.images import Image
+from hydroviews.scene.scenes import Scene
 
 MODEL = "photographs.safetensors"
 NOWHERE = np.float32(np.nan)  # the colour of what lies outside a photograph, or is hidden in it

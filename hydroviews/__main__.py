@@ -1,4 +1,4 @@
-"""python -m hydroviews build | verify | sheet | card | poses | video | download."""
+"""python -m hydroviews build | verify | sheet | poses | video | download."""
 
 import sys
 from pathlib import Path
@@ -6,21 +6,20 @@ from typing import Annotated
 
 import tyro
 
-from hydroviews.catalogue import captures_root
-from hydroviews.commands import run_command
-from hydroviews.downloads import download_captures
+from hydroviews.captures.catalogue import captures_root
+from hydroviews.captures.download.captures import download_captures
+from hydroviews.captures.sfm.poses import Matcher, estimate_poses
+from hydroviews.captures.video.capture import capture_video
+from hydroviews.captures.video.frames import FrameChoice
+from hydroviews.cli import run_command
+from hydroviews.dataset.contact_sheet import COLUMNS, write_sheets
+from hydroviews.dataset.manifest import built_scenes
+from hydroviews.dataset.sources import build_source
+from hydroviews.dataset.suites import build_suite, read_suite
+from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
-from hydroviews.frames import FrameChoice
-from hydroviews.losses import record_losses
-from hydroviews.manifest import built_scenes
-from hydroviews.poses import Matcher, estimate_poses
 from hydroviews.profiles import Profile, find_profile
-from hydroviews.rain.drops_pattern import Technique
-from hydroviews.sheet import COLUMNS, write_sheets
-from hydroviews.sources import build_source
-from hydroviews.suites import build_suite, read_suite
-from hydroviews.verify import verify
-from hydroviews.video import capture_video
+from hydroviews.rain.setting import Technique
 
 
 def build_command(
@@ -130,24 +129,6 @@ def sheet_command(
             print(path)
 
 
-def card_command(data: Annotated[Path, tyro.conf.Positional], scene: str = "", results: Path = Path("results")) -> None:
-    """Enter what plain 3DGS loses to each variant into the data cards, from the runs in a results folder.
-
-    Args:
-        data: a data folder, or a built scene in one.
-        scene: only the one of that name.
-        results: the folder that `make eval` wrote.
-    """
-    failures = []
-    for folder in built_scenes(data, scene):
-        try:
-            print(f"{folder.name}\n{record_losses(folder, results).to_string(index=False)}\n")
-        except InputError as error:  # a scene without runs does not hold up the others
-            failures.append(str(error))
-    if failures:
-        raise InputError("\n".join(failures))
-
-
 def poses_command(images: Annotated[Path, tyro.conf.Positional], out: Path | None = None) -> None:
     """Estimate cameras for a folder of photographs with pycolmap.
 
@@ -218,7 +199,6 @@ def main() -> None:
             "build": build_command,
             "verify": verify_command,
             "sheet": sheet_command,
-            "card": card_command,
             "poses": poses_command,
             "video": video_command,
             "download": download_command,

@@ -1,26 +1,29 @@
-"""python -m leaderboard evaluate | check | table | score | picture | view | film | export | predict."""
+"""python -m leaderboard evaluate | check | table | score | picture | view | film | export | card | predict."""
 
 import sys
 from pathlib import Path
 
 import tyro
 
-from hydroviews.commands import run_command
+from baselines.rendering.film import FilmChoice
+from hydroviews.cli import run_command
+from hydroviews.dataset.manifest import built_scenes
 from hydroviews.errors import InputError
-from hydroviews.files import write_json
+from hydroviews.files.atomic import write_json
 from hydroviews.profiles import find_profile
 from hydroviews.rain.patterns import choose_patterns
-from leaderboard.check import Result, check
+from leaderboard.contract.check import Result, check
 from leaderboard.evaluate import FAILURE, Evaluation, evaluate
-from leaderboard.export import Format, export
-from leaderboard.film import FilmChoice, film
+from leaderboard.film import film
 from leaderboard.predict import predict
 from leaderboard.previews import write_overview
 from leaderboard.records import GIVEN_POSES, write_leaderboard
 from leaderboard.runs import Run
 from leaderboard.score import score
+from leaderboard.severity import record_losses
 from leaderboard.tables import print_scene, scene_keys, write_tables
-from leaderboard.view import HOST, PORT, view
+from leaderboard.viewer.export import Format, export
+from leaderboard.viewer.viewer import HOST, PORT, view
 
 DATA = Path("data")  # where `make eval` builds
 
@@ -162,6 +165,24 @@ def export_command(
     export(run, out, format, sh_degree)
 
 
+def card_command(data: tyro.conf.Positional[Path], scene: str = "", results: Path = Path("results")) -> None:
+    """Enter what plain 3DGS loses to each variant into the data cards, from the runs in a results folder.
+
+    Args:
+        data: a data folder, or a built scene in one.
+        scene: only the one of that name.
+        results: the folder that `make eval` wrote.
+    """
+    failures = []
+    for folder in built_scenes(data, scene):
+        try:
+            print(f"{folder.name}\n{record_losses(folder, results).to_string(index=False)}\n")
+        except InputError as error:  # a scene without runs does not hold up the others
+            failures.append(str(error))
+    if failures:
+        raise InputError("\n".join(failures))
+
+
 def predict_command(run: Run) -> None:
     """Train one run and render its held-out views; `evaluate` starts this for every run."""
     try:
@@ -187,6 +208,7 @@ def main() -> None:
             "view": view_command,
             "film": film_command,
             "export": export_command,
+            "card": card_command,
             "predict": predict_command,
         },
         prog="leaderboard",

@@ -11,15 +11,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from baselines.method import find_method
-from hydroviews.build_clean import CLEAN
-from hydroviews.commands import deferred_interrupts
+from hydroviews.cli import deferred_interrupts
+from hydroviews.dataset.clean_views import CLEAN
+from hydroviews.dataset.sources import build_source
+from hydroviews.dataset.variants import is_captured
 from hydroviews.errors import InputError
-from hydroviews.files import BUSY, locked, read_json
+from hydroviews.files.atomic import BUSY, locked, read_json
+from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.profiles import Profile, find_profile
-from hydroviews.provenance import CAPTURED
 from hydroviews.rain.patterns import choose_patterns
-from hydroviews.sources import build_source
-from hydroviews.variants import is_captured
 from leaderboard.predict import PREDICTION
 from leaderboard.records import (
     GIVEN_POSES,

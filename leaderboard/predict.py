@@ -10,9 +10,9 @@ import numpy as np
 from tqdm import tqdm
 
 from baselines.method import Method, find_method
-from hydroviews.files import write_json
-from hydroviews.images import write_png
-from hydroviews.scenes import Scene, Split
+from hydroviews.files.atomic import write_json
+from hydroviews.scene.images import write_png
+from hydroviews.scene.scenes import Scene, Split
 from leaderboard.records import code_version
 from leaderboard.runs import Run
 

@@ -7,12 +7,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.build_clean import CLEAN
+from hydroviews.dataset.clean_views import CLEAN
+from hydroviews.dataset.variants import open_variant
 from hydroviews.errors import InputError
-from hydroviews.images import Image, read_image, write_png
-from hydroviews.masks import Ignored
-from hydroviews.scenes import Scene
-from hydroviews.variants import open_variant
+from hydroviews.scene.images import Image, read_image, write_png
+from hydroviews.scene.masks import Ignored
+from hydroviews.scene.scenes import Scene
 from leaderboard.runs import Run
 
 ROWS = 3

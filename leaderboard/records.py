@@ -10,8 +10,8 @@ import pandas as pd
 
 import hydroviews
 from hydroviews.errors import InputError
-from hydroviews.files import read_json, replacing, write_json
-from hydroviews.losses import LEADERBOARD
+from hydroviews.files.atomic import read_json, replacing, write_json
+from leaderboard.severity import LEADERBOARD
 
 RECORD = "record.json"
 

@@ -15,13 +15,13 @@ from pathlib import Path
 from typing import Any
 
 from baselines.method import find_method
-from hydroviews import claims
-from hydroviews.build_clean import CLEAN
+from hydroviews.dataset.clean_views import CLEAN
+from hydroviews.dataset.manifest import data_hash, read_manifest
+from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.errors import InputError
-from hydroviews.files import read_json
-from hydroviews.manifest import data_hash, read_manifest
-from hydroviews.scenes import Scene
-from hydroviews.variants import open_clean, open_variant
+from hydroviews.files import claims
+from hydroviews.files.atomic import read_json
+from hydroviews.scene.scenes import Scene
 from leaderboard.records import GIVEN_POSES, SPARSE_VIEWS, check_track, run_folder
 
 CONFIG = "config.json"

@@ -18,10 +18,10 @@ from tqdm import tqdm
 
 from hydroviews import metrics
 from hydroviews.errors import InputError
-from hydroviews.files import read_json, replacing
-from hydroviews.images import read_image
-from hydroviews.provenance import CAPTURED
-from hydroviews.scenes import Scene, View
+from hydroviews.files.atomic import read_json, replacing
+from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.scene.images import read_image
+from hydroviews.scene.scenes import Scene, View
 from leaderboard.predict import PREDICTION
 from leaderboard.previews import write_preview
 from leaderboard.records import Record, code_version, write_record

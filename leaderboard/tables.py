@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from hydroviews.build_clean import CLEAN
-from hydroviews.files import write_bytes
-from hydroviews.losses import CEILING, FLOOR
+from hydroviews.dataset.clean_views import CLEAN
+from hydroviews.files.atomic import write_bytes
+from leaderboard.severity import CEILING, FLOOR
 
 TABLES = "tables.md"
 METRICS = {"psnr": "PSNR", "ssim": "SSIM", "lpips_alex": "LPIPS", "lpips_vgg": "LPIPS-VGG"}

@@ -17,12 +17,12 @@ from baselines.gs_w.config import ReferenceConfig
 from baselines.gs_w.encoder import ReferenceEncoder
 from baselines.gs_w.fusion import Fusion
 from baselines.gs_w.sampling import boxed, projected, sample
-from baselines.splatting.appearance import Appearance
+from baselines.splatting.appearance.appearance import Appearance
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.schedule import random_stream
-from baselines.torch_state import module_arrays, restore_module
-from baselines.training_images import TrainingImages
-from hydroviews.cameras import Camera
+from baselines.training.images import TrainingImages
+from baselines.training.torch_state import module_arrays, restore_module
+from hydroviews.scene.cameras import Camera
 
 STEPS = "steps"
 DROPOUT, ABSENCE = 5, 6  # random streams

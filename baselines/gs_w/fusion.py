@@ -20,9 +20,9 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from baselines.gs_w.config import ReferenceConfig
-from baselines.splatting.spherical_harmonics import C0, coefficients
+from baselines.splatting.kernels.spherical_harmonics import C0, coefficients
 from baselines.volumetric.encodings import positional
-from hydroviews.cameras import Camera
+from hydroviews.scene.cameras import Camera
 
 
 def layers(inputs: int, hidden: Sequence[int], outputs: int) -> nn.Sequential:

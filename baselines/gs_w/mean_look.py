@@ -10,10 +10,10 @@ from torch import Tensor
 
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.fusion import Fusion
-from baselines.splatting.appearance import in_sight, moved, tensors
+from baselines.splatting.appearance.appearance import in_sight, moved, tensors
+from baselines.splatting.appearance.view_means import mean_over_views
 from baselines.splatting.gaussians import Gaussians
-from baselines.splatting.view_means import mean_over_views
-from hydroviews.cameras import Camera
+from hydroviews.scene.cameras import Camera
 
 
 def averaged(

@@ -24,7 +24,6 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from baselines.checkpoints import read_arrays, write_arrays
 from baselines.gaussian_splatting import MODEL, PROFILES, GaussianSplatting, of_length
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT, ReferenceConfig
@@ -34,15 +33,16 @@ from baselines.gs_w.mean_look import averaged, from_everywhere, looking
 from baselines.gs_w.objective import VisibleObjective
 from baselines.method import Statistics
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.densification import Densification
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.schedule import LearningRates
-from baselines.torch_state import module_arrays, restore_module
-from baselines.training_images import read_images
-from hydroviews.cameras import Camera
+from baselines.splatting.strategies.densification import Densification
+from baselines.training.checkpoints import read_arrays, write_arrays
+from baselines.training.images import read_images
+from baselines.training.torch_state import module_arrays, restore_module
 from hydroviews.errors import InputError
-from hydroviews.files import sha256
-from hydroviews.scenes import Scene
+from hydroviews.files.atomic import sha256
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.scenes import Scene
 
 NETWORK = "network.safetensors"
 SHOWN = "shown"  # colours for viewers, beside the network

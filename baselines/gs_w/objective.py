@@ -13,13 +13,13 @@ from torch import Tensor
 from torch.nn import functional
 
 from baselines.gs_w.appearance import ReferenceAppearance
-from baselines.splatting.loss_map import loss_map
+from baselines.splatting.kernels.loss_map import loss_map
+from baselines.splatting.kernels.photometric import photometric_loss
+from baselines.splatting.kernels.workspace import Workspace
 from baselines.splatting.objective import Objective
-from baselines.splatting.photometric import photometric_loss
-from baselines.splatting.workspace import Workspace
-from baselines.training_images import TrainingImages
-from hydroviews.images import Image
+from baselines.training.images import TrainingImages
 from hydroviews.metrics.lpips import lpips
+from hydroviews.scene.images import Image
 
 
 class VisibleObjective(Objective):
@@ -33,7 +33,7 @@ class VisibleObjective(Objective):
 
     def __call__(self, image: Image, view: int, iteration: int, workspace: Workspace) -> tuple[float, Image]:
         """See Objective; gradients by the mask are left where `ReferenceAppearance.learn` finds them."""
-        target = self.images.target(view, (image.shape[0], image.shape[1]))
+        target = self.target(view, (image.shape[0], image.shape[1]))
         weights = None
         if iteration >= self.first:
             losses = loss_map(image, target, self.ssim_share, workspace)

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from hydroviews.cameras import Camera
+from hydroviews.scene.cameras import Camera
 
 
 class _Bilinear(torch.autograd.Function):

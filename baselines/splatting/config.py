@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass, field
 
-from baselines.splatting.densification import Densification
-from baselines.splatting.relocation import Relocation
 from baselines.splatting.schedule import LearningRates
+from baselines.splatting.strategies.densification import Densification
+from baselines.splatting.strategies.pruning import Pruning
+from baselines.splatting.strategies.relocation import Relocation
 
 
 @dataclass(frozen=True)
@@ -14,27 +15,6 @@ class EarlyStop:
     views: int = 3  # held in, spread evenly over the training views
     every: int = 500  # iterations between two looks
     patience: int = 4  # looks in a row without a smaller loss after which training stops
-
-
-@dataclass(frozen=True)
-class Pruning:
-    """Removal of the Gaussians that contribute least to the training views, by their blending weights alpha T."""
-
-    at: tuple[float, ...] = (0.8,)  # when, in shares of the iterations
-    share: float = 0.0  # this share of the Gaussians is removed, those with the smallest sum of weights
-    threshold: float = 0.0  # and those whose sum over all pixels of all training views is smaller than this
-    budget: int | None = None  # no more are left in the end: every moment takes an equal part of the surplus
-
-    def due(self, iteration: int, iterations: int) -> bool:
-        """Whether to prune after step `iteration`."""
-        return iteration + 1 in self._moments(iterations)
-
-    def left(self, iteration: int, iterations: int) -> int:
-        """How many moments are left after step `iteration`, that one included."""
-        return sum(moment > iteration for moment in self._moments(iterations))
-
-    def _moments(self, iterations: int) -> set[int]:
-        return {round(share * iterations) for share in self.at}
 
 
 @dataclass(frozen=True)

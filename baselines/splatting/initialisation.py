@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from baselines.splatting.gaussians import Gaussians
-from baselines.splatting.spherical_harmonics import coefficients, from_colour
-from hydroviews.cameras import Camera
-from hydroviews.scenes import Points
+from baselines.splatting.kernels.spherical_harmonics import coefficients, from_colour
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.scenes import Points
 
 INITIAL_OPACITY = 0.1
 NEIGHBOURS = 3

@@ -6,11 +6,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.splatting.appearance import Appearance
-from baselines.splatting.photometric import photometric_loss
-from baselines.splatting.workspace import Workspace
-from baselines.training_images import TrainingImages
-from hydroviews.images import Image
+from baselines.splatting.appearance.appearance import Appearance
+from baselines.splatting.kernels.photometric import Target, photometric_loss, prepare
+from baselines.splatting.kernels.workspace import Workspace
+from baselines.training.images import Size, TrainingImages
+from hydroviews.scene.images import Image
+
+PREPARED_BYTES = 2 * 10**9  # filtered targets are kept up to this size in all
+TARGET_PLANES = 3  # of the size of the picture in float32
 
 
 class Objective:
@@ -23,7 +26,22 @@ class Objective:
     def __init__(self, images: TrainingImages, ssim_share: float = 0.2, appearance: Appearance | None = None):
         self.images = images
         self.ssim_share = ssim_share
+        self._targets: dict[tuple[int, Size], Target] = {}
+        self._room = PREPARED_BYTES
         self.appearance = appearance  # what gives Gaussians their colours, where it is not spherical harmonics alone
+
+    def target(self, view: int, size: Size | None = None) -> Target:
+        """A training view as the loss wants it, at its own size or a smaller one; kept while there is room."""
+        pixels, ignored = self.images.pixels(view, size), self.images.ignored(view, size)
+        key = view, (pixels.shape[0], pixels.shape[1])
+        target = self._targets.get(key)
+        if target is None:
+            target = prepare(pixels, ignored)
+            needed = TARGET_PLANES * target.pixels.nbytes
+            if needed <= self._room:
+                self._room -= needed
+                self._targets[key] = target
+        return target
 
     def compare(
         self, images: Sequence[Image], view: int, iteration: int, workspace: Workspace
@@ -41,12 +59,12 @@ class Objective:
             iteration: of the training.
             workspace: buffers to reuse.
         """
-        target = self.images.target(view, (image.shape[0], image.shape[1]))
+        target = self.target(view, (image.shape[0], image.shape[1]))
         return photometric_loss(image, target, self.ssim_share, workspace=workspace)
 
     def residual(self, image: Image, view: int, workspace: Workspace) -> float:
         """The loss of a rendered view that is only looked at; learns nothing from it."""
-        return photometric_loss(image, self.images.target(view), self.ssim_share, workspace=workspace)[0]
+        return photometric_loss(image, self.target(view), self.ssim_share, workspace=workspace)[0]
 
     def about(self) -> dict[str, Any]:
         """The settings; a checkpoint made with others is refused."""

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.splatting.spherical_harmonics import coefficients
-from hydroviews.cameras import Camera
+from baselines.splatting.kernels.spherical_harmonics import coefficients
 from hydroviews.errors import InputError
+from hydroviews.scene.cameras import Camera
 
 VIEW_ORDER, SPLITTING, RELOCATION, NOISE = 1, 2, 3, 4  # random streams
 

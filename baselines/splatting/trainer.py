@@ -8,22 +8,22 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from baselines.checkpoints import fingerprint_of
 from baselines.splatting import schedule
-from baselines.splatting.appearance import equipped
-from baselines.splatting.backends import Backend, make_backend
-from baselines.splatting.checkpoints import read_checkpoint, write_checkpoint
+from baselines.splatting.appearance.appearance import equipped
+from baselines.splatting.backends.base import Backend, make_backend
+from baselines.splatting.backends.warm_up import warm_up
 from baselines.splatting.config import TrainerConfig
+from baselines.splatting.files.checkpoints import read_checkpoint, write_checkpoint
 from baselines.splatting.gaussians import FEATURES, Gaussians
 from baselines.splatting.initialisation import initialise, scene_extent
-from baselines.splatting.kernels import warm_up
 from baselines.splatting.objective import Objective
-from baselines.splatting.pruning import prune
 from baselines.splatting.state import TrainingState, fresh_state, without_broken
-from baselines.stopping import Clock, Saving, end_stopped, stop_signals
-from baselines.training_images import read_images
-from hydroviews.cameras import Camera
-from hydroviews.scenes import Scene
+from baselines.splatting.strategies.pruning import prune
+from baselines.training.checkpoints import fingerprint_of
+from baselines.training.images import read_images
+from baselines.training.stopping import Clock, Saving, end_stopped, stop_signals
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.scenes import Scene
 
 CHECKPOINT = "checkpoint.safetensors"
 CHECK_EVERY = 100  # iterations between two looks for Gaussians that are not finite

@@ -9,12 +9,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from baselines.training_images import TrainingImages
+from baselines.training.images import TrainingImages
 from baselines.volumetric.rays import CameraArrays
 from baselines.volumetric.spaces import Rays, Space
-from hydroviews.cameras import Camera
 from hydroviews.errors import InputError
 from hydroviews.rain.seeds import generator
+from hydroviews.scene.cameras import Camera
 
 
 @dataclass(frozen=True)

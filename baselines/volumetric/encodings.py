@@ -5,7 +5,7 @@ import math
 import torch
 from torch import Tensor
 
-from baselines.splatting.reference import basis
+from baselines.splatting.backends.torch_rasterizer import basis
 
 
 def positional(values: Tensor, octaves: int) -> Tensor:

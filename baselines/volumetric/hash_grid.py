@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from baselines.splatting.kernels import compile_apart
+from baselines.splatting.backends.warm_up import compile_apart
 from baselines.volumetric.hash_kernels import FEATURES, PRIME_Y, PRIME_Z, look_up, look_up_gradient
 
 SPREAD = 1e-4  # entries start uniformly within this distance of zero (Mueller et al. 2022)

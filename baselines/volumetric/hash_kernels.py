@@ -10,7 +10,7 @@ do not depend on the number of threads.
 import numpy as np
 from numba import prange
 
-from baselines.splatting.jit import inlined, kernel
+from baselines.splatting.kernels.jit import inlined, kernel
 
 FEATURES = 4  # of a table's entry: one 128-bit load a corner
 PRIME_Y, PRIME_Z = 2654435761, 805459861  # of Mueller et al. 2022, equation 4

@@ -9,20 +9,20 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from baselines.checkpoints import read_arrays, write_arrays
-from baselines.devices import chosen_device
 from baselines.method import Method, Statistics, settings_of
-from baselines.torch_state import module_arrays, restore_module
-from baselines.training_images import TrainingImages, read_images
+from baselines.training.checkpoints import read_arrays, write_arrays
+from baselines.training.devices import chosen_device
+from baselines.training.images import TrainingImages, read_images
+from baselines.training.torch_state import module_arrays, restore_module
 from baselines.volumetric.config import VolumetricConfig
 from baselines.volumetric.losses import Loss, photometric_terms
 from baselines.volumetric.model import RadianceModel
 from baselines.volumetric.spaces import Space, space_from
 from baselines.volumetric.trainer import Trained, train
-from hydroviews.cameras import Camera
 from hydroviews.errors import InputError
-from hydroviews.images import Image
-from hydroviews.scenes import Scene
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.images import Image
+from hydroviews.scene.scenes import Scene
 
 MODEL = "model.safetensors"
 

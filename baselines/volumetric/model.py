@@ -14,8 +14,8 @@ from baselines.volumetric.fields import HashField, HashGuide, MlpField
 from baselines.volumetric.rays import camera_rays
 from baselines.volumetric.sampling import even_edges, resample
 from baselines.volumetric.spaces import Rays, Space
-from hydroviews.cameras import Camera
-from hydroviews.images import Image
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.images import Image
 
 CHUNK = 2**17  # samples that are rendered at once: what bounds the memory
 

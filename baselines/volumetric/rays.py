@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.cameras import Camera
-from hydroviews.scenes import Points
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.scenes import Points
 
 FEWEST = 20  # points that an image must show for its depths to count
 SHARE = 0.1  # percent of an image's points that may lie nearer than `near`, and as many beyond `far`

@@ -15,9 +15,9 @@ from torch import Tensor
 
 from baselines.splatting.initialisation import scene_extent
 from baselines.volumetric.rays import NEAREST, CameraArrays, WorldRays, depth_range
-from hydroviews.cameras import Camera
 from hydroviews.errors import InputError
-from hydroviews.scenes import Points
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.scenes import Points
 
 KINDS = ("auto", "contracted", "ndc")
 BEYOND = 2.0  # times the farthest points: where contracted rays end, but for what is infinitely far away

@@ -10,11 +10,11 @@ import torch
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from baselines.checkpoints import check_fingerprint, fingerprint_of, read_arrays, write_arrays
-from baselines.devices import chosen_device
-from baselines.stopping import Clock, Saving, end_stopped, stop_signals
-from baselines.torch_state import module_arrays, restore_module
-from baselines.training_images import TrainingImages, read_images
+from baselines.training.checkpoints import check_fingerprint, fingerprint_of, read_arrays, write_arrays
+from baselines.training.devices import chosen_device
+from baselines.training.images import TrainingImages, read_images
+from baselines.training.stopping import Clock, Saving, end_stopped, stop_signals
+from baselines.training.torch_state import module_arrays, restore_module
 from baselines.volumetric.batches import Batch, TrainingPixels
 from baselines.volumetric.config import VolumetricConfig
 from baselines.volumetric.hash_grid import warm_up
@@ -23,7 +23,7 @@ from baselines.volumetric.model import Practice, RadianceModel
 from baselines.volumetric.sampling import annealed
 from baselines.volumetric.spaces import Space, choose_space
 from hydroviews.rain.seeds import generator
-from hydroviews.scenes import Scene
+from hydroviews.scene.scenes import Scene
 
 CHECKPOINT = "checkpoint.safetensors"
 BETAS, EPSILON = (0.9, 0.99), 1e-15  # of Mueller et al. 2022: entries that are rarely seen still move

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn.functional import pad
 
-from baselines.splatting.appearance import Appearance
+from baselines.splatting.appearance.appearance import Appearance
 from baselines.splatting.gaussians import Gaussians
-from baselines.splatting.spherical_harmonics import C0
-from baselines.torch_state import module_arrays, restore_module
+from baselines.splatting.kernels.spherical_harmonics import C0
+from baselines.training.torch_state import module_arrays, restore_module
 from baselines.wild_gaussians.sky import Bounds
-from hydroviews.cameras import Camera
+from hydroviews.scene.cameras import Camera
 
 VIEW_SIZE = 32  # of a view's embedding
 FREQUENCIES = 4  # of the Fourier features that Gaussians' embeddings start as

@@ -15,8 +15,8 @@ from torch import Tensor
 from torch.nn.functional import normalize
 
 from hydroviews.errors import InputError
-from hydroviews.images import Image
 from hydroviews.metrics.lpips import MINIMUM_SIZE, activations, weights_of
+from hydroviews.scene.images import Image
 
 Wanted = Literal["dinov2", "alexnet", "auto"]
 LONGEST = 350  # pixels that the longer side of a picture is shrunk to

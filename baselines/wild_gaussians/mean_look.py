@@ -7,10 +7,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from baselines.splatting.appearance.view_means import mean_over_views
 from baselines.splatting.gaussians import Gaussians
-from baselines.splatting.view_means import mean_over_views
 from baselines.wild_gaussians.appearance import WildAppearance, toned
-from hydroviews.cameras import Camera
+from hydroviews.scene.cameras import Camera
 
 
 def mean_look(

@@ -17,28 +17,28 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.devices import chosen_device
 from baselines.gaussian_splatting import PROFILES as PLAIN
 from baselines.gaussian_splatting import GaussianSplatting, of_length
 from baselines.method import Statistics
-from baselines.splatting.backends import GSPLAT
+from baselines.splatting.backends.base import GSPLAT
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.densification import Densification
 from baselines.splatting.initialisation import scene_extent
+from baselines.splatting.kernels.photometric import photometric_loss
+from baselines.splatting.kernels.workspace import Workspace
 from baselines.splatting.objective import Objective
-from baselines.splatting.photometric import photometric_loss
 from baselines.splatting.schedule import LearningRates
+from baselines.splatting.strategies.densification import Densification
 from baselines.splatting.trainer import train
-from baselines.splatting.workspace import Workspace
-from baselines.torch_state import one_thread
-from baselines.training_images import TrainingImages, read_images
+from baselines.training.devices import chosen_device
+from baselines.training.images import TrainingImages, read_images
+from baselines.training.torch_state import one_thread
 from baselines.wild_gaussians.appearance import AppearanceConfig, WildAppearance
 from baselines.wild_gaussians.features import find_features
 from baselines.wild_gaussians.mean_look import mean_look
 from baselines.wild_gaussians.sky import bounds_of, with_room, with_sky
 from baselines.wild_gaussians.uncertainty import Uncertainty, UncertaintyConfig
-from hydroviews.images import Image
-from hydroviews.scenes import Scene
+from hydroviews.scene.images import Image
+from hydroviews.scene.scenes import Scene
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class WildObjective(Objective):
     def __call__(self, image: Image, view: int, iteration: int, workspace: Workspace) -> tuple[float, Image]:
         """See Objective: the same without an appearance."""
         weights = self._weights(image, view, iteration)
-        target = self.images.target(view, (image.shape[0], image.shape[1]))
+        target = self.target(view, (image.shape[0], image.shape[1]))
         return photometric_loss(image, target, self.ssim_share, weights, workspace)
 
     def compare(
@@ -107,7 +107,7 @@ class WildObjective(Objective):
         """See Objective."""
         toned, plain = images
         weights = self._weights(toned, view, iteration)
-        target = self.images.target(view, (toned.shape[0], toned.shape[1]))
+        target = self.target(view, (toned.shape[0], toned.shape[1]))
         total, gradients = 0.0, []
         for image, ssim_share, share in ((toned, 0.0, 1 - self.ssim_share), (plain, 1.0, self.ssim_share)):
             loss, gradient = photometric_loss(image, target, ssim_share, weights, workspace)

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.densification import Densification
 from baselines.splatting.initialisation import FEWEST_POINTS, scene_extent
-from hydroviews.cameras import Camera
-from hydroviews.scenes import Points, Scene
+from baselines.splatting.strategies.densification import Densification
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.scenes import Points, Scene
 
 QUANTILE = 0.97  # of the points' distances from their mean: the scene's radius
 DISTANCE = 10.0  # of the sky, in radii

@@ -25,13 +25,13 @@ from torch import Tensor, nn
 from torch.nn.functional import interpolate, softplus
 from tqdm import tqdm
 
-from baselines.splatting.densification import Densification
-from baselines.splatting.relocation import Relocation
 from baselines.splatting.schedule import random_stream
-from baselines.torch_state import module_arrays, restore_module
-from baselines.training_images import Size, TrainingImages
+from baselines.splatting.strategies.densification import Densification
+from baselines.splatting.strategies.relocation import Relocation
+from baselines.training.images import Size, TrainingImages
+from baselines.training.torch_state import module_arrays, restore_module
 from baselines.wild_gaussians.features import Features, Wanted, unlikeness
-from hydroviews.images import Image
+from hydroviews.scene.images import Image
 
 DROPOUT = 5  # random stream
 FLAT = 1e-6  # features that vary less are left out

@@ -11,11 +11,11 @@ from typing import Literal
 import pandas as pd
 import tyro
 
-from baselines.splatting.kernels import warm_up
+from baselines.splatting.backends.warm_up import warm_up
 from benchmarks.splatting.curves import growth_curves
 from benchmarks.splatting.error import cutoffs, precision
 from benchmarks.splatting.speed import growth, looks, speeds
-from hydroviews.files import write_bytes
+from hydroviews.files.atomic import write_bytes
 
 Part = Literal["speed", "growth", "looks", "precision", "cutoffs"]
 

@@ -14,9 +14,10 @@ import torch
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from baselines.splatting import constants, rasterizer, reference, tiles
+from baselines.splatting.backends import torch_rasterizer as reference
 from baselines.splatting.gaussians import FIELDS, Gaussians
-from baselines.splatting.vectors import CONSTANTS, EXP2
+from baselines.splatting.kernels import constants, rasterizer, tiles
+from baselines.splatting.kernels.vectors import CONSTANTS, EXP2
 from benchmarks.splatting.scenes import room, view
 
 CAMERA = view(96, 72)

@@ -3,8 +3,8 @@
 import numpy as np
 
 from baselines.splatting.gaussians import FIELDS, Gaussians
-from baselines.training_images import TrainingImages
-from hydroviews.cameras import Camera
+from baselines.training.images import TrainingImages
+from hydroviews.scene.cameras import Camera
 
 COVER = 25.0  # sum of all ellipse areas over the image's: about what a trained indoor scene has
 

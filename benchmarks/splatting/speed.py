@@ -10,21 +10,15 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from baselines.splatting import (
-    backends,
-    binning,
-    blending,
-    blending_gradient,
-    objective,
-    projection,
-    projection_gradient,
-)
-from baselines.splatting.densification import Densification
+from baselines.splatting import objective
+from baselines.splatting.backends import base as backends
+from baselines.splatting.kernels import binning, blending, blending_gradient, projection, projection_gradient
+from baselines.splatting.kernels.rasterizer import backward, backward_looks, render, render_looks
+from baselines.splatting.kernels.workspace import Workspace
 from baselines.splatting.objective import Objective
-from baselines.splatting.rasterizer import backward, backward_looks, render, render_looks
 from baselines.splatting.schedule import LearningRates, rates_at
 from baselines.splatting.state import fresh_state
-from baselines.splatting.workspace import Workspace
+from baselines.splatting.strategies.densification import Densification
 from benchmarks.splatting.scenes import picture, room, view
 
 COUNTS = (10_000, 30_000, 50_000, 200_000)

@@ -8,7 +8,7 @@ import torch
 import tyro
 from tqdm import tqdm
 
-from baselines.network_training import network_fingerprint, rounded, take_up
+from baselines.training.network_training import network_fingerprint, rounded, take_up
 from deraings.enhancement.config import TrainingConfig, Upkeep
 from deraings.enhancement.data import Data, described, started_from, training_pairs
 from deraings.enhancement.enhance import enhance
@@ -17,12 +17,12 @@ from deraings.enhancement.size import describe
 from deraings.enhancement.training import Training, train
 from deraings.enhancement.validation import as_columns, as_json, scores, table, validation_set
 from deraings.enhancement.weights import load_enhancer, save_network
-from hydroviews.commands import run_command
+from hydroviews.cli import run_command
 from hydroviews.errors import InputError
-from hydroviews.files import write_json
-from hydroviews.images import read_image, write_png
+from hydroviews.files.atomic import write_json
+from hydroviews.formats.photographs import one_by_one
 from hydroviews.pairs.photographs import split_photographs
-from hydroviews.readers.photographs import one_by_one
+from hydroviews.scene.images import read_image, write_png
 
 WATCHED = 4  # held-out photographs that are looked at while training; all of them at the end
 VALIDATION_SEED = 1000  # of the validation rain, whatever the training's seed

@@ -4,13 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from baselines.network_training import in_words
+from baselines.training.network_training import in_words
 from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.pair_folders import PairFolder, find_pairs
 from deraings.enhancement.pairs import VEILED, Pairs
 from deraings.enhancement.weights import Enhancer, find_weights, load_enhancer
 from hydroviews.errors import InputError
-from hydroviews.files import listing, sha256
+from hydroviews.files.atomic import listing, sha256
 from hydroviews.pairs.drawing import LENSES, bake_pool
 from hydroviews.pairs.drawn import DrawnRain
 from hydroviews.pairs.photographs import LONG_SIDES, frames, read_photographs, split_photographs

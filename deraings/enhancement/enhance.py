@@ -9,7 +9,7 @@ from torch import Tensor
 
 from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.weights import Enhancer, load_enhancer
-from hydroviews.images import Image
+from hydroviews.scene.images import Image
 
 TILE = 768  # pixels along a side, beyond which a picture is taken in tiles
 OVERLAP = 96  # pixels in which neighbouring tiles are blended

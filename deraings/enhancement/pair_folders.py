@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from hydroviews.errors import InputError
-from hydroviews.images import list_images, read_image
 from hydroviews.pairs.drawing import Pair
+from hydroviews.scene.images import list_images, read_image
 
 RAINY = ("input", "rain", "rainy", "lq", "data")
 CLEAN = ("target", "norain", "gt", "clean", "groundtruth")

@@ -8,9 +8,9 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from baselines.checkpoints import check_fingerprint, read_arrays, write_arrays
-from baselines.network_training import Validate, average_in, network_fingerprint, rate_at, run, take_up
-from baselines.torch_state import module_arrays, restore_module
+from baselines.training.checkpoints import check_fingerprint, read_arrays, write_arrays
+from baselines.training.network_training import Validate, average_in, network_fingerprint, rate_at, run, take_up
+from baselines.training.torch_state import module_arrays, restore_module
 from deraings.enhancement.config import TrainingConfig, Upkeep
 from deraings.enhancement.loss import cover_loss, enhancement_loss
 from deraings.enhancement.network import EnhancementNetwork

@@ -11,14 +11,14 @@ from tqdm import tqdm
 from deraings.enhancement.enhance import enhance
 from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.weights import Enhancer
-from hydroviews.images import Image, image_size, read_image, resize_area, to_linear
 from hydroviews.metrics import psnr
 from hydroviews.pairs.drawing import air_light, camera_of
 from hydroviews.pairs.photographs import fit_frame, frame_of
 from hydroviews.rain import effects
 from hydroviews.rain.patterns import GRADES, Pattern
 from hydroviews.rain.setting import FINE, SAMPLED_SIDE, Light, Setting
-from hydroviews.scenes import Points, View
+from hydroviews.scene.images import Image, image_size, read_image, resize_area, to_linear
+from hydroviews.scene.scenes import Points, View
 
 LONG_SIDE = 384  # pixels of the validation pictures
 RARITY, DETAIL = 0.06, 0.0017  # medians of the benchmark's embedded scenes, LLFF flower and Mip-NeRF 360 bonsai

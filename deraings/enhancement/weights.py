@@ -9,8 +9,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from baselines.checkpoints import read_arrays, write_arrays
-from baselines.network_training import weights_file
+from baselines.training.checkpoints import read_arrays, write_arrays
+from baselines.training.network_training import weights_file
 from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
 from hydroviews.errors import InputError
 

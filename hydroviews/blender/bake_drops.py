@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from hydroviews.blender.cycles import render_rgba
 from hydroviews.blender.drop_scene import FRAMES, add_ramp, lens_scene
 from hydroviews.blender.process import Report
-from hydroviews.cameras import Camera
-from hydroviews.files import replacing
+from hydroviews.files.atomic import replacing
+from hydroviews.scene.cameras import Camera
 
 FAINTEST = 1e-4  # throughput below which a path counts as ending nowhere
 

@@ -10,9 +10,9 @@ import OpenEXR
 from mathutils import Matrix, Vector
 from numpy.typing import NDArray
 
-from hydroviews.blender.meshes import Mesh
-from hydroviews.blender.pieces import Lamp
-from hydroviews.cameras import Camera
+from hydroviews.blender.embedded_scenes.meshes import Mesh
+from hydroviews.blender.embedded_scenes.pieces import Lamp
+from hydroviews.scene.cameras import Camera
 
 SENSOR_MM = 36.0
 FROM_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])  # Blender's camera looks along -z with y up

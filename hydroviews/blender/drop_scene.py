@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.blender.cycles import empty_scene, place_camera
-from hydroviews.cameras import Camera
+from hydroviews.scene.cameras import Camera
 
 WATER = 1.333  # refractive index
 DISTANCE = 100.0  # of the picture, in units of the lens's distance: nearly parallel light

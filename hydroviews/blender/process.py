@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 from tqdm import tqdm
 
 from hydroviews.errors import InputError
-from hydroviews.files import write_json
+from hydroviews.files.atomic import write_json
 
 Report = Callable[[int, int], None]  # what a Blender process tells its parent: steps done, steps in all
 

@@ -9,16 +9,16 @@ from mathutils import Matrix
 from numpy.typing import NDArray
 
 from hydroviews.blender.cycles import add_lamp, add_mesh, empty_scene, place_camera, render_positions, render_rgba
-from hydroviews.blender.embedded import DESIGNS
-from hydroviews.blender.looks import LOOKS
-from hydroviews.blender.materials import make_materials
-from hydroviews.blender.pieces import Design, Piece
+from hydroviews.blender.embedded_scenes.embedded import DESIGNS
+from hydroviews.blender.embedded_scenes.looks import LOOKS
+from hydroviews.blender.embedded_scenes.materials import make_materials
+from hydroviews.blender.embedded_scenes.pieces import Design, Piece
+from hydroviews.blender.embedded_scenes.sky import add_sky
 from hydroviews.blender.process import Report
-from hydroviews.blender.sky import add_sky
-from hydroviews.cameras import Camera
-from hydroviews.depth import FOLDER, write_depth
-from hydroviews.files import replacing
-from hydroviews.images import read_image, to_srgb, to_uint8, write_png
+from hydroviews.files.atomic import replacing
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.depth import FOLDER, write_depth
+from hydroviews.scene.images import read_image, to_srgb, to_uint8, write_png
 
 POINTS = 16000
 POINT_VIEWS = 12  # the most views that points are taken from

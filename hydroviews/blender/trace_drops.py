@@ -9,8 +9,8 @@ import numpy as np
 from hydroviews.blender.cycles import render_rgba
 from hydroviews.blender.drop_scene import add_picture, lens_scene
 from hydroviews.blender.process import Report
-from hydroviews.cameras import Camera
-from hydroviews.files import replacing
+from hydroviews.files.atomic import replacing
+from hydroviews.scene.cameras import Camera
 
 
 def main(request: dict[str, Any], report: Report) -> None:

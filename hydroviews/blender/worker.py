@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TextIO
 
 from hydroviews.errors import InputError
-from hydroviews.files import read_json
+from hydroviews.files.atomic import read_json
 
 
 def main() -> int:

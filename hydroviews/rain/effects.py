@@ -12,13 +12,17 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.cameras import Camera
-from hydroviews.images import Image, to_linear, to_srgb
-from hydroviews.rain import drops_pattern, raindrops, severity, storm, streaks
+from hydroviews.rain import severity
+from hydroviews.rain.lens import effect as raindrops
+from hydroviews.rain.lens import pattern as drops_pattern
 from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.seeds import generator
 from hydroviews.rain.setting import Setting
-from hydroviews.scenes import View
+from hydroviews.rain.storm import effect as storm
+from hydroviews.rain.streaks import effect as streaks
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.images import Image, to_linear, to_srgb
+from hydroviews.scene.scenes import View
 
 Layers = dict[str, NDArray[np.float32]]  # planes [H, W] by channel name
 

@@ -8,7 +8,7 @@ import OpenEXR
 from numpy.typing import NDArray
 
 from hydroviews.errors import InputError
-from hydroviews.files import replacing
+from hydroviews.files.atomic import replacing
 
 
 def write_layers(path: Path, channels: Mapping[str, NDArray]) -> None:

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.images import to_linear
+from hydroviews.scene.images import to_linear
 
 Linear = NDArray[np.float32]  # [H, W, 3], linear light
 

@@ -1,17 +1,17 @@
 """What a pattern may know about the scene it rains on."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from hydroviews.depth import depth_path, view_depth
-from hydroviews.images import Image, resize_area, to_linear
-from hydroviews.rain.drops_pattern import Technique
 from hydroviews.rain.light import luminance
-from hydroviews.scenes import Points, Scene, View
+from hydroviews.scene.depth import depth_path, view_depth
+from hydroviews.scene.images import Image, resize_area, to_linear
+from hydroviews.scene.scenes import Points, Scene, View
 
 SAMPLED_VIEWS = 24  # spread evenly over the capture
 SAMPLED_SIDE = 160  # pixels of a sample's longer side, at most
@@ -21,6 +21,7 @@ SAMPLED_POINTS = 4000
 BEHIND = 0.03  # a point is hidden if it lies farther behind the surface than this share of its depth
 FINE = 1.0  # standard deviation in pixels of the blur that separates fine detail
 
+Technique = Literal["disk", "aperture", "traced"]
 Colour = tuple[float, float, float]  # linear light
 
 

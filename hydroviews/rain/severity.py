@@ -20,12 +20,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.images import to_linear, to_srgb
-from hydroviews.rain.drops_pattern import RaindropPattern
-from hydroviews.rain.mist import mist_veil
+from hydroviews.rain.lens.mist import mist_veil
+from hydroviews.rain.lens.pattern import RaindropPattern
 from hydroviews.rain.seeds import generator
 from hydroviews.rain.setting import Setting
-from hydroviews.rain.streaks import StreakPattern, streak_layer
+from hydroviews.rain.streaks.effect import StreakPattern, streak_layer
+from hydroviews.scene.images import to_linear, to_srgb
 
 LOSS = {  # dB that plain 3DGS should lose against clean views, as predicted here
     "streak": {"light": 1.5, "medium": 4.0, "heavy": 8.5},

@@ -10,8 +10,8 @@ import numpy as np
 
 from baselines.method import Method
 from hydroviews.errors import InputError
-from hydroviews.images import Image
-from hydroviews.scenes import Scene
+from hydroviews.scene.images import Image
+from hydroviews.scene.scenes import Scene
 from leaderboard.contract.room import draw_room
 from leaderboard.predict import only_training
 

@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from baselines.method import find_method
-from hydroviews.files import read_json, write_json
-from hydroviews.images import Image
-from hydroviews.scenes import Scene
+from hydroviews.files.atomic import read_json, write_json
+from hydroviews.scene.images import Image
+from hydroviews.scene.scenes import Scene
 from leaderboard.contract.case import Case, Failed, NotTestable, files_in, must_equal, some
 from leaderboard.predict import only_training
 

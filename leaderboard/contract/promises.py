@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.method import Method, Statistics
-from hydroviews.cameras import Camera
 from hydroviews.errors import InputError
-from hydroviews.images import Image, write_png
-from hydroviews.masks import write_ignored
 from hydroviews.profiles import PROFILES
 from hydroviews.rain.seeds import generator
-from hydroviews.scenes import View
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.images import Image, write_png
+from hydroviews.scene.masks import write_ignored
+from hydroviews.scene.scenes import View
 from leaderboard.contract.case import (
     ODD_SIZE,
     Case,

@@ -10,18 +10,18 @@ from trainings import CONFIG, assert_identical
 
 from baselines.gaussian_splatting import FOUND
 from baselines.method import find_method
-from baselines.training_images import read_images
-from deraings import enhanced as enhanced_module
+from baselines.training.images import read_images
 from deraings import method as methods
-from deraings.enhanced import EnhancedViews, enhanced_images
+from deraings.enhancement import views as enhanced_module
 from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
+from deraings.enhancement.views import EnhancedViews, enhanced_images
 from deraings.enhancement.weights import find_weights, load_enhancer, save_network
-from deraings.masking_config import MaskConfig
+from deraings.masks.config import MaskConfig
 from deraings.method import DeRainGS, DeRainGSConfig, DeRainGSPlus, RainModel, WithoutAttention
-from deraings.objective import RainConfig
+from deraings.rain_model.objective import RainConfig
 from hydroviews.errors import InputError
-from hydroviews.files import sha256
-from hydroviews.images import read_image
+from hydroviews.files.atomic import sha256
+from hydroviews.scene.images import read_image
 
 TINY = NetworkConfig(width=4, encoder=(1, 1, 1, 1), bottleneck=1, decoder=(1, 1, 1, 1), head_width=4, stem=2)
 MASKED = MaskConfig(start=0.3, warm_up=0.2, every=2, least_evidence=0)

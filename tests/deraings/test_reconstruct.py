@@ -9,10 +9,11 @@ from splats import photographed
 from trainings import CONFIG
 
 from baselines.gaussian_splatting import FOUND, SPLATS
-from baselines.splatting.ply import read_ply
+from baselines.rendering.film import FilmChoice
+from baselines.splatting.files.ply import read_ply
 from deraings import reconstruct as module
 from deraings.method import DeRainGSConfig, DeRainGSPlus
-from deraings.objective import RainConfig
+from deraings.rain_model.objective import RainConfig
 from deraings.reconstruct import (
     FILM,
     SHEET,
@@ -24,10 +25,9 @@ from deraings.reconstruct import (
     settings_of,
 )
 from hydroviews.errors import InputError
-from hydroviews.files import read_json
-from hydroviews.images import read_image, write_png
-from hydroviews.writers import write_colmap
-from leaderboard.film import FilmChoice
+from hydroviews.files.atomic import read_json
+from hydroviews.formats.writers import write_colmap
+from hydroviews.scene.images import read_image, write_png
 
 
 class Short(DeRainGSPlus):

@@ -8,11 +8,11 @@ import pytest
 
 from baselines.method import find_method
 from hydroviews.errors import InputError
-from hydroviews.images import write_png
 from hydroviews.metrics import psnr
-from hydroviews.scenes import no_points
-from leaderboard.check import CHECKS, Result, try_check
+from hydroviews.scene.images import write_png
+from hydroviews.scene.scenes import no_points
 from leaderboard.contract.case import Case
+from leaderboard.contract.check import CHECKS, Result, try_check
 from leaderboard.contract.room import draw_room
 from leaderboard.predict import only_training
 

@@ -7,8 +7,8 @@ from splats import camera
 
 from baselines.volumetric.config import GridConfig, HashFieldConfig, VolumetricConfig
 from baselines.volumetric.rays import camera_rays
-from hydroviews.images import write_png
-from hydroviews.scenes import Points, Scene, View, make_scene
+from hydroviews.scene.images import write_png
+from hydroviews.scene.scenes import Points, Scene, View, make_scene
 
 SMALL = VolumetricConfig(
     iterations=300,

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from hydroviews.images import Image, read_image, resize_area
+from hydroviews.formats import read_scene
 from hydroviews.rain.seeds import generator
-from hydroviews.rain.streaks import StreakPattern, composite, streak_layer
-from hydroviews.readers import read_scene
+from hydroviews.rain.streaks.effect import StreakPattern, composite, streak_layer
+from hydroviews.scene.images import Image, read_image, resize_area
 
 RAIN = StreakPattern(n=40, length=30, angle=85.0, width=3)
 WALK = (0, 4, 8, 12, 16, 20, 24, 28, 32)  # views of the flower, each sharing most with the next

@@ -10,12 +10,12 @@ from typing import Any, Self
 import numpy as np
 
 from baselines.method import Method, Statistics
-from hydroviews.cameras import Camera
 from hydroviews.errors import InputError
-from hydroviews.files import read_json, write_json
-from hydroviews.images import Image, read_image
+from hydroviews.files.atomic import read_json, write_json
 from hydroviews.rain.seeds import generator
-from hydroviews.scenes import Scene, View
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.images import Image, read_image
+from hydroviews.scene.scenes import Scene, View
 
 PAUSE = 0.003  # seconds a step, at least
 

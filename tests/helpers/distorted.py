@@ -7,8 +7,8 @@ import pycolmap
 from numpy.typing import NDArray
 from synthetic import ring_camera
 
-from hydroviews.images import write_png
-from hydroviews.lenses import Lens
+from hydroviews.scene.images import write_png
+from hydroviews.scene.lenses import Lens
 
 LENS = Lens("OPENCV", 96, 72, (80.0, 82.0, 47.0, 37.0, -0.12, 0.03, 0.001, -0.002))
 

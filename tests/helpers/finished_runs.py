@@ -9,16 +9,16 @@ from synthetic import capture_in
 
 from baselines.gaussian_splatting import SPLATS
 from baselines.method import Method, Statistics
+from baselines.splatting.files.ply import read_ply, write_ply
 from baselines.splatting.gaussians import Gaussians
-from baselines.splatting.ply import read_ply, write_ply
-from baselines.splatting.rasterizer import render
-from hydroviews.cameras import Camera
-from hydroviews.files import write_bytes, write_json
-from hydroviews.images import Image
+from baselines.splatting.kernels.rasterizer import render
+from hydroviews.dataset.sources import build_source
+from hydroviews.files.atomic import write_bytes, write_json
+from hydroviews.formats.writers import write_colmap
 from hydroviews.profiles import find_profile
-from hydroviews.scenes import Points, Scene, View
-from hydroviews.sources import build_source
-from hydroviews.writers import write_colmap
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.images import Image
+from hydroviews.scene.scenes import Points, Scene, View
 from leaderboard.predict import predict
 from leaderboard.runs import Run, claim
 

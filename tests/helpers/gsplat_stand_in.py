@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import pytest
 import torch
 
-from baselines.splatting import reference
-from baselines.splatting.constants import LOW_PASS
+from baselines.splatting.backends import torch_rasterizer as reference
 from baselines.splatting.gaussians import FIELDS
-from hydroviews.cameras import Camera
+from baselines.splatting.kernels.constants import LOW_PASS
+from hydroviews.scene.cameras import Camera
 
 
 def rasterization(
@@ -44,11 +44,11 @@ def cuda_backend(monkeypatch):
     """The class, fresh from its module, with a gsplat and a device that are none."""
     monkeypatch.setitem(sys.modules, "gsplat", SimpleNamespace(rasterization=rasterization))
     monkeypatch.setitem(sys.modules, "gsplat.cuda._backend", SimpleNamespace(_C="kernels"))
-    monkeypatch.delitem(sys.modules, "baselines.splatting.cuda", raising=False)
+    monkeypatch.delitem(sys.modules, "baselines.splatting.backends.cuda", raising=False)
     monkeypatch.setattr(torch.Tensor, "cuda", lambda tensor: tensor.clone())
     monkeypatch.setattr(torch.nn.Module, "cuda", lambda module: module)
     monkeypatch.setattr(torch.cuda, "get_device_name", lambda: "none")
-    from baselines.splatting.cuda import CudaBackend
+    from baselines.splatting.backends.cuda import CudaBackend
 
     yield CudaBackend
-    del sys.modules["baselines.splatting.cuda"]
+    del sys.modules["baselines.splatting.backends.cuda"]

@@ -4,7 +4,7 @@ import numba
 import pytest
 import torch
 
-from baselines.splatting.kernels import warm_up
+from baselines.splatting.backends.warm_up import warm_up
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.images import to_linear, to_srgb, to_uint8
+from hydroviews.scene.images import to_linear, to_srgb, to_uint8
 
 HEIGHT, WIDTH = 45, 61  # odd
 Size = tuple[int, int]

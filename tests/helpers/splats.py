@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from baselines.splatting.gaussians import Gaussians
-from baselines.splatting.rasterizer import render
-from hydroviews.cameras import Camera
-from hydroviews.images import write_png
-from hydroviews.scenes import Points, Scene, View, make_scene
+from baselines.splatting.kernels.rasterizer import render
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.images import write_png
+from hydroviews.scene.scenes import Points, Scene, View, make_scene
 
 BACKGROUND = np.array([0.1, 0.2, 0.3], np.float32)
 

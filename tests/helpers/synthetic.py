@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from hydroviews.cameras import Camera
-from hydroviews.images import write_png
-from hydroviews.scenes import Points, Scene, View, make_scene
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.images import write_png
+from hydroviews.scene.scenes import Points, Scene, View, make_scene
 
 
 def ring_camera(angle: float, width: int, height: int) -> Camera:

@@ -1,6 +1,6 @@
 """Raindrop attention networks that are trained and run in no time."""
 
-from baselines.raindrop_attention.config import (
+from baselines.derain_nerf.raindrop_attention.config import (
     DiscriminatorConfig,
     GeneratorConfig,
     LossConfig,

@@ -5,16 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from baselines.splatting.densification import Densification
 from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.objective import Objective
+from baselines.splatting.strategies.densification import Densification
+from baselines.splatting.strategies.relocation import Relocation
 from baselines.splatting.trainer import TrainerConfig, train
-from baselines.training_images import read_images
-from hydroviews.images import write_png
-from hydroviews.masks import write_ignored
+from baselines.training.images import read_images
+from hydroviews.scene.images import write_png
+from hydroviews.scene.masks import write_ignored
 
 DENSIFY = Densification(start=20, stop=150, every=20, budget=150, reset_every=60, gradient=5e-5, largest=1.0)
 CONFIG = TrainerConfig(iterations=200, sh_degree=1, sh_every=60, densification=DENSIFY, device="cpu")
+RELOCATION = Relocation(start=20, stop=150, every=20, budget=150, growth=0.1, noise=5e4)
+BUDGETED = replace(CONFIG, densification=RELOCATION)
 
 
 class Interrupted(Objective):

@@ -10,11 +10,11 @@ from synthetic import capture_in
 
 from hydroviews import metrics
 from hydroviews.errors import InputError
-from hydroviews.files import write_json
-from hydroviews.images import read_image
-from hydroviews.masks import mask_name, write_ignored
-from hydroviews.readers import read_scene
-from hydroviews.writers import write_colmap
+from hydroviews.files.atomic import write_json
+from hydroviews.formats import read_scene
+from hydroviews.formats.writers import write_colmap
+from hydroviews.scene.images import read_image
+from hydroviews.scene.masks import mask_name, write_ignored
 from leaderboard.evaluate import Evaluation, evaluate
 
 pytestmark = pytest.mark.usefixtures("toys")

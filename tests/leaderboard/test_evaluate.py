@@ -16,9 +16,9 @@ from synthetic import capture_in
 import hydroviews
 from hydroviews import metrics
 from hydroviews.errors import InputError
-from hydroviews.files import BUSY, locked
-from hydroviews.images import read_image
-from hydroviews.writers import write_colmap
+from hydroviews.files.atomic import BUSY, locked
+from hydroviews.formats.writers import write_colmap
+from hydroviews.scene.images import read_image
 from leaderboard import evaluate as evaluate_module
 from leaderboard import predict as predict_module
 from leaderboard.__main__ import picture_command, score_command

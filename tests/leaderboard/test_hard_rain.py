@@ -5,10 +5,10 @@ import pytest
 from balls import photographed
 
 from benchmarks.hard_rain import AIR, behind, blank, foggy, painted, row
-from hydroviews.depth import depth_path, write_depth
-from hydroviews.files import write_json
-from hydroviews.images import read_image, to_linear, to_srgb
+from hydroviews.files.atomic import write_json
 from hydroviews.rain.layers import write_layers
+from hydroviews.scene.depth import depth_path, write_depth
+from hydroviews.scene.images import read_image, to_linear, to_srgb
 
 TO_THE_BYTE = 1.01 / 255
 

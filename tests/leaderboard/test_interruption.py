@@ -8,7 +8,7 @@ import pytest
 from processes import PATIENCE, wait_until
 from synthetic import capture_in
 
-from hydroviews.writers import write_colmap
+from hydroviews.formats.writers import write_colmap
 
 REPOSITORY = Path(__file__).parents[2]
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from baselines.method import Method, Statistics
-from hydroviews.cameras import Camera
 from hydroviews.errors import InputError
-from hydroviews.files import read_json, write_json
-from hydroviews.images import Image
-from hydroviews.scenes import Scene
+from hydroviews.files.atomic import read_json, write_json
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.images import Image
+from hydroviews.scene.scenes import Scene
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,12 @@ from splats import BACKGROUND, cloud, photographed
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT
 from baselines.gs_w.objective import VisibleObjective
-from baselines.splatting.appearance import equipped
-from baselines.splatting.backends import CpuBackend
+from baselines.splatting.appearance.appearance import equipped
+from baselines.splatting.backends.base import CpuBackend
 from baselines.splatting.schedule import LearningRates, rates_at
 from baselines.splatting.state import fresh_state
-from baselines.splatting.strategies import Duties
-from baselines.training_images import read_images
+from baselines.splatting.strategies.base import Duties
+from baselines.training.images import read_images
 
 
 def test_the_gpu_takes_the_same_steps(tmp_path, cuda_backend):

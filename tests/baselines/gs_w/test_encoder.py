@@ -8,7 +8,7 @@ from safetensors.torch import save_file
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT, ReferenceConfig
 from baselines.gs_w.encoder import VISIBLE_AT_FIRST, ReferenceEncoder, ResNet18, load_resnet
-from baselines.training_images import TrainingImages
+from baselines.training.images import TrainingImages
 from hydroviews.errors import InputError
 
 

@@ -10,10 +10,10 @@ from splats import camera, cloud
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT
 from baselines.gs_w.fusion import Fusion
-from baselines.splatting.appearance import Dressed, equipped
-from baselines.splatting.spherical_harmonics import C0
-from baselines.splatting.workspace import Workspace
-from baselines.training_images import TrainingImages
+from baselines.splatting.appearance.appearance import Dressed, equipped
+from baselines.splatting.kernels.spherical_harmonics import C0
+from baselines.splatting.kernels.workspace import Workspace
+from baselines.training.images import TrainingImages
 from baselines.volumetric.encodings import positional
 
 SEEING = replace(SHORT, absent=0.0)  # the reference in every step

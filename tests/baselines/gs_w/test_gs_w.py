@@ -7,19 +7,19 @@ import pytest
 import torch
 from splats import photographed
 
-from baselines.checkpoints import read_arrays
 from baselines.gaussian_splatting import SHORT_RATES, SPLATS, GaussianSplatting
 from baselines.gs_w.config import SHORT
 from baselines.gs_w.mean_look import averaged, looking
 from baselines.gs_w.method import NETWORK, GaussianInTheWild, GSWConfig
-from baselines.splatting.appearance import dressed
+from baselines.splatting.appearance.appearance import dressed
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.densification import Densification
-from baselines.splatting.ply import read_ply
-from baselines.splatting.rasterizer import render
+from baselines.splatting.files.ply import read_ply
+from baselines.splatting.kernels.rasterizer import render
+from baselines.splatting.strategies.densification import Densification
+from baselines.training.checkpoints import read_arrays
 from hydroviews.errors import InputError
-from hydroviews.images import write_png
 from hydroviews.metrics.psnr import psnr
+from hydroviews.scene.images import write_png
 
 SPLATTING = TrainerConfig(
     iterations=300, sh_degree=1, sh_every=50, rates=SHORT_RATES, densification=Densification(start=999), device="cpu"

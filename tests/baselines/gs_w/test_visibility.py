@@ -7,10 +7,10 @@ import torch
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT, ReferenceConfig
 from baselines.gs_w.objective import VisibleObjective, learn_visibility, perceptual_loss, visibility_loss
-from baselines.splatting.loss_map import loss_map
-from baselines.splatting.photometric import photometric_loss
-from baselines.splatting.workspace import Workspace
-from baselines.training_images import TrainingImages
+from baselines.splatting.kernels.loss_map import loss_map
+from baselines.splatting.kernels.photometric import photometric_loss
+from baselines.splatting.kernels.workspace import Workspace
+from baselines.training.images import TrainingImages
 
 ALWAYS = ReferenceConfig(**{**vars(SHORT), "visible_from": 0.0, "rate_maps": 5e-3})
 HEIGHT, WIDTH = 46, 70  # no multiples of what the network works at
@@ -65,7 +65,7 @@ def test_renders_are_compared_under_the_mask_once_it_has_begun():
     pixels = pictures()
     rule = objective(pixels, ReferenceConfig(**{**vars(ALWAYS), "visible_from": 0.5}))
     image = np.random.default_rng(2).random((HEIGHT, WIDTH, 3), np.float32)
-    target = rule.images.target(1)
+    target = rule.target(1)
     rule.appearance._look_at(1)
     assert rule(image, 1, 49, Workspace())[0] == photometric_loss(image, target)[0]
     assert rule.appearance.visible.grad is None
@@ -99,7 +99,7 @@ def test_masks_are_never_all_or_nothing_where_the_scene_alone_is_seen(error):
     noise = np.random.default_rng(3).normal(0, error, pixels.shape).astype(np.float32)
     renders = list(np.clip(pixels.astype(np.float32) / 255 + noise, 0, 1))
     masks = taught(objective(pixels), renders)
-    level = np.mean([loss_map(render, objective(pixels).images.target(v)) for v, render in enumerate(renders)])
+    level = np.mean([loss_map(render, objective(pixels).target(v)) for v, render in enumerate(renders)])
     assert masks.mean() == pytest.approx(1 - level / 0.3, abs=0.08)
     assert masks.min() > 0.2
 
@@ -133,6 +133,6 @@ def test_lpips_is_added_unmasked(monkeypatch):
     assert value == pytest.approx(np.mean((image - photograph) ** 2), rel=1e-5)
     assert np.allclose(gradient, 2 * (image - photograph) / image.size, atol=1e-7)
     rule = objective([np.round(255 * photograph).astype(np.uint8)], ReferenceConfig(**{**vars(SHORT), "lpips": 0.5}))
-    target = rule.images.target(0)
+    target = rule.target(0)
     expected = photometric_loss(image, target)[0] + 0.5 * np.mean((image - target.pixels.reshape(image.shape)) ** 2)
     assert rule(image, 0, 0, Workspace())[0] == pytest.approx(expected, rel=1e-5)

@@ -9,9 +9,9 @@ from splats import camera
 
 from baselines.volumetric.rays import CameraArrays, WorldRays, camera_rays, depth_range
 from baselines.volumetric.spaces import Contracted, Forward, choose_space, contract, expand, space_from
-from hydroviews.cameras import Camera
 from hydroviews.errors import InputError
-from hydroviews.scenes import Points, no_points
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.scenes import Points, no_points
 
 CPU = torch.device("cpu")
 

@@ -15,7 +15,7 @@ from baselines.volumetric.losses import photometric_terms
 from baselines.volumetric.model import RadianceModel
 from baselines.volumetric.trainer import CHECKPOINT, rate_at, train
 from hydroviews.errors import InputError
-from hydroviews.images import write_png
+from hydroviews.scene.images import write_png
 
 SHORT = replace(SMALL, iterations=30, rays=64, teach_always=10)
 

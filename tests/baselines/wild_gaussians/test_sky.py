@@ -5,9 +5,9 @@ import pytest
 from splats import camera, photographed
 
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.relocation import Relocation
+from baselines.splatting.strategies.relocation import Relocation
 from baselines.wild_gaussians.sky import DISTANCE, Bounds, bounds_of, fibonacci, in_upper_part, with_room, with_sky
-from hydroviews.scenes import Points
+from hydroviews.scene.scenes import Points
 
 
 def test_points_are_spread_evenly_over_the_sphere():

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from baselines.splatting.densification import Densification
-from baselines.splatting.relocation import Relocation
-from baselines.training_images import TrainingImages
+from baselines.splatting.strategies.densification import Densification
+from baselines.splatting.strategies.relocation import Relocation
+from baselines.training.images import TrainingImages
 from baselines.wild_gaussians import features as networks
 from baselines.wild_gaussians.features import AlexNet, DinoV2, find_features, shrunk, unlikeness
 from baselines.wild_gaussians.uncertainty import Uncertainty, UncertaintyConfig, counted, uncertainty_loss, warmed

@@ -5,10 +5,10 @@ import pytest
 import torch
 from splats import BACKGROUND, camera, cloud
 
-from baselines.splatting import reference
-from baselines.splatting.appearance import Dressed, equipped
-from baselines.splatting.rasterizer import backward_looks, render_looks
-from baselines.splatting.workspace import Workspace
+from baselines.splatting.appearance.appearance import Dressed, equipped
+from baselines.splatting.backends import torch_rasterizer as reference
+from baselines.splatting.kernels.rasterizer import backward_looks, render_looks
+from baselines.splatting.kernels.workspace import Workspace
 from baselines.wild_gaussians.appearance import MIDDLE, AppearanceConfig, WildAppearance, fourier, toned
 from baselines.wild_gaussians.mean_look import mean_look
 from baselines.wild_gaussians.sky import Bounds

@@ -10,17 +10,17 @@ import baselines.wild_gaussians.method as wild
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.method import find_method
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.densification import Densification
+from baselines.splatting.files.ply import read_ply
 from baselines.splatting.gaussians import FIELDS
+from baselines.splatting.kernels.rasterizer import render
+from baselines.splatting.kernels.workspace import Workspace
 from baselines.splatting.objective import Objective
-from baselines.splatting.ply import read_ply
-from baselines.splatting.rasterizer import render
-from baselines.splatting.workspace import Workspace
+from baselines.splatting.strategies.densification import Densification
 from baselines.wild_gaussians.appearance import AppearanceConfig
 from baselines.wild_gaussians.method import PROFILES, WildConfig, WildGaussians
 from baselines.wild_gaussians.uncertainty import UncertaintyConfig
 from hydroviews.errors import InputError
-from hydroviews.images import write_png
+from hydroviews.scene.images import write_png
 
 GROWTH = Densification(start=10, stop=150, every=20, budget=300, gradient=5e-5, reset_every=None, largest=1.0)
 SPLATTING = TrainerConfig(iterations=240, sh_degree=0, densification=GROWTH, device="cpu")

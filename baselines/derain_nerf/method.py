@@ -1,0 +1,159 @@
+"""DerainNeRF (Li et al. 2024): a radiance field that learns nothing from the pixels where drops lie on the lens.
+
+A network finds the drops of every photograph once (`raindrop_attention`: Qian et al. 2018, as in the paper). Where its
+last attention map reaches a threshold a pixel is hidden, M = 1, and the field is trained with
+
+    L = mean over rays of (1 - M) |C - C*|^2, for the coarse and for the fine rendering.
+
+Rays are drawn over all pixels; those that are hidden count nothing. The network's other half, the photographs without
+their drops, is not used: C* is the photograph as it was taken, as in the paper.
+
+Where this deviates: the map is widened by a few pixels, since attention fades at the rims of drops, which are the
+darkest part of them; the field is a hash grid in the short profiles, that of NeRF in `paper`; scenes that are seen from
+all sides are contracted and not in normalised device coordinates, which have no room for them; no noise is added to
+densities.
+"""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from baselines.derain_nerf.raindrop_attention.detection import detect
+from baselines.derain_nerf.raindrop_attention.network import Generator
+from baselines.derain_nerf.raindrop_attention.weights import find_weights, load_detector
+from baselines.method import Statistics
+from baselines.training.images import TrainingImages
+from baselines.volumetric.config import NERF, VolumetricConfig
+from baselines.volumetric.method import RadianceMethod
+from hydroviews.files.atomic import sha256
+from hydroviews.scene.images import Image, resize_area
+from hydroviews.scene.masks import Ignored, mask_name, read_ignored, write_ignored
+
+MASKS = "drops"
+
+
+@dataclass(frozen=True)
+class DropConfig:
+    """What is taken for a drop."""
+
+    weights: str = "small"  # of the network, by name or path
+    threshold: float = 0.2  # attention from which on a pixel is hidden
+    widened: int = 1  # pixels by which what is hidden grows on every side
+    longest: int = 480  # larger pictures are looked at with so many pixels a side, as the network has learnt to
+    weights_sha256: str | None = None  # of their file: runs with other weights are other runs
+
+
+@dataclass(frozen=True)
+class DerainNeRFConfig:
+    """A field, and what it does not learn from."""
+
+    volumetric: VolumetricConfig
+    drops: DropConfig = field(default_factory=DropConfig)
+
+
+# The released code's training: 200,000 steps of 1,024 rays, 64 and 64 samples, a tenth of the rate in 250,000 steps.
+PAPER = replace(NERF, iterations=200_000, final_rate=0.1 ** (200 / 250))
+PROFILES = {
+    "demo": DerainNeRFConfig(VolumetricConfig(iterations=4500)),
+    "quick": DerainNeRFConfig(VolumetricConfig(iterations=13_000)),
+    "paper": DerainNeRFConfig(PAPER),
+}
+
+
+class DerainNeRF(RadianceMethod):
+    """The paper's method."""
+
+    profiles: ClassVar[Mapping[str, Any]] = PROFILES
+
+    def __init__(self, config: DerainNeRFConfig, seed: int) -> None:
+        super().__init__(config, seed)
+        self._hidden: float | None = None  # share of the training pixels
+
+    @classmethod
+    def configuration(cls, profile: str) -> DerainNeRFConfig:
+        """See Method.
+
+        Raises:
+            InputError: no such profile, or no such weights.
+        """
+        config: DerainNeRFConfig = super().configuration(profile)
+        drops = replace(config.drops, weights_sha256=sha256(find_weights(config.drops.weights)))
+        return replace(config, drops=drops)
+
+    @property
+    def volumetric(self) -> VolumetricConfig:
+        """See RadianceMethod."""
+        config: DerainNeRFConfig = self.config
+        return config.volumetric
+
+    def about(self) -> dict[str, Any]:
+        """See RadianceMethod."""
+        return asdict(self.config.drops)
+
+    def weights(self, images: TrainingImages, names: Sequence[str], folder: Path) -> Sequence[NDArray[np.float32]]:
+        """See RadianceMethod; 1 - M, and M is kept in `folder` as pictures."""
+        masks = drop_masks(images, names, self.config.drops, folder / MASKS)
+        self._hidden = float(np.mean(np.concatenate([mask.ravel() for mask in masks])))
+        return [1 - mask.astype(np.float32) for mask in masks]
+
+    def statistics(self) -> Statistics:
+        """See Method."""
+        used = "" if self._hidden is None else f"{self._hidden:.1%} of the pixels hidden as drops"
+        return replace(super().statistics(), used=used)
+
+
+class PlainField(RadianceMethod):
+    """The same field with every pixel counting: what the masks are worth."""
+
+    profiles: ClassVar[Mapping[str, Any]] = {name: config.volumetric for name, config in PROFILES.items()}
+
+
+def drop_masks(images: TrainingImages, names: Sequence[str], config: DropConfig, folder: Path) -> list[Ignored]:
+    """What is hidden of every photograph, bool [H, W]; found once, and kept in `folder`.
+
+    Args:
+        images: the photographs.
+        names: theirs, for the files.
+        config: of the detection.
+        folder: where masks are kept, apart for other photographs and other settings.
+
+    Raises:
+        InputError: no such weights, or a kept mask is damaged.
+    """
+    settings = repr((config.threshold, config.widened, config.longest, sha256(find_weights(config.weights))))
+    kept = folder / hashlib.sha256((images.digest() + settings).encode()).hexdigest()[:16]
+    generator = load_detector(config.weights).generator
+    progress = tqdm(names, desc="detecting drops", unit="view", leave=False)
+    return [_mask(images.pixels(i), generator, config, kept / mask_name(name)) for i, name in enumerate(progress)]
+
+
+def _mask(pixels: NDArray[np.uint8], generator: Generator, config: DropConfig, path: Path) -> Ignored:
+    """One photograph's mask; read if an earlier call has finished it."""
+    if not path.is_file():
+        attention = attention_of(pixels.astype(np.float32) / 255, generator, config.longest)
+        write_ignored(path, hidden(attention, config))
+    return read_ignored(path)
+
+
+def attention_of(image: Image, generator: Generator, longest: int) -> NDArray[np.float32]:
+    """The network's last map [H, W] of a picture [H, W, 3], which is looked at with `longest` pixels a side at most."""
+    height, width = image.shape[:2]
+    scale = min(1.0, longest / max(height, width))
+    small = resize_area(image, max(1, round(width * scale)), max(1, round(height * scale)))
+    found = detect(small, generator).attention
+    return np.asarray(cv2.resize(found, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
+
+
+def hidden(attention: NDArray[np.float32], config: DropConfig) -> Ignored:
+    """Attention [H, W] from the threshold on, widened."""
+    found = (attention >= config.threshold).astype(np.uint8)
+    side = 2 * config.widened + 1
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
+    return np.asarray(cv2.dilate(found, kernel) > 0)

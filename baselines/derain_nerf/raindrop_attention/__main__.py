@@ -1,0 +1,153 @@
+"""python -m baselines.derain_nerf.raindrop_attention train | export | validate | detect."""
+
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import torch
+import tyro
+from tqdm import tqdm
+
+from baselines.derain_nerf.raindrop_attention.config import CONFIGS, TrainingConfig, Upkeep
+from baselines.derain_nerf.raindrop_attention.detection import detect
+from baselines.derain_nerf.raindrop_attention.network import Generator
+from baselines.derain_nerf.raindrop_attention.pairs import KINDS, Patches, Watched, lenses, watched
+from baselines.derain_nerf.raindrop_attention.training import Training, train
+from baselines.derain_nerf.raindrop_attention.validation import as_columns, as_json, scores, table
+from baselines.derain_nerf.raindrop_attention.weights import load_detector, save_generator
+from baselines.training.network_training import in_words, network_fingerprint, rounded, take_up
+from hydroviews.cli import run_command
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import write_json
+from hydroviews.formats.photographs import one_by_one
+from hydroviews.pairs.drawing import LENSES
+from hydroviews.pairs.drawn import DrawnRain
+from hydroviews.pairs.photographs import read_photographs, split_photographs
+from hydroviews.scene.images import read_image, write_png
+
+CACHE = Path("results/raindrop-attention/rain")
+VALIDATION_SEED = 1000  # of lenses and rain of the validation, whatever the training's seed
+
+
+@dataclass(frozen=True)
+class Request:
+    """A training."""
+
+    photographs: Path  # folder of clean photographs; every tenth by name is held out
+    network: Literal["small", "paper"] = "small"
+    seed: int = 0
+    steps: int = 0  # 0: as many as the configuration says
+    cache: Path = CACHE  # keeps what Blender bakes
+    out: Path = Path("results/raindrop-attention/small")  # gets checkpoint, curve, weights and data card
+    threads: int = 0  # 0: as many as there are cores
+    watched: int = 4  # held-out photographs that are looked at while training
+    validated: int = 0  # and that the weights are validated on in the end, 0 for all
+
+    def training(self) -> TrainingConfig:
+        """The configuration that is asked for."""
+        config = CONFIGS[self.network]
+        return replace(config, seed=self.seed, steps=self.steps or config.steps)
+
+
+def train_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
+    """Train a network, write its weights and data card; the same command goes on where an earlier one stopped."""
+    _take_threads(request.threads)
+    config, split = request.training(), split_photographs(request.photographs)
+    drawn = DrawnRain(read_photographs(split.training), lenses(request.cache, config.seed), KINDS)
+    patches = Patches(drawn, config.patch, config.crops, config.batch, config.seed)
+    pictures = _held_out(request.photographs, request.cache, request.watched)
+
+    def validate(generator: Generator) -> dict[str, float]:
+        return as_columns(scores(generator, pictures))
+
+    write_weights(request, train(request.out, config, patches, described(request), validate, Upkeep()))
+
+
+def export_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
+    """Write weights and data card of a training as far as it is; settings as for `train`."""
+    _take_threads(request.threads)
+    training = Training(request.training())
+    take_up(training, request.out, network_fingerprint(training.config, described(request)))
+    if training.step == 0:
+        raise InputError(f"{request.out}: nothing has been trained there", fix="give the folder of a training")
+    write_weights(request, training)
+
+
+def write_weights(request: Request, training: Training) -> None:
+    """Validate on held-out photographs, and write weights and data card."""
+    training.averaged.load_state_dict(rounded(training.averaged.state_dict()))
+    rows = scores(training.averaged, _held_out(request.photographs, request.cache, request.validated))
+    settings = asdict(training.config)
+    generator = settings.pop("generator")
+    card: dict[str, Any] = {
+        "data": described(request),
+        "steps": training.step,
+        "seconds": round(training.seconds),
+        "training": settings,
+        "held out": [file.name for file in split_photographs(request.photographs).held_out],
+        "validation": as_json(rows),
+    }
+    path = request.out / "weights.safetensors"
+    save_generator(path, training.config.generator, training.averaged.state_dict(), card)
+    write_json(path.with_suffix(".json"), {"generator": generator, **card})
+    print(table(rows), f"\nwritten: {path}")
+
+
+def validate_command(photographs: Path, weights: str = "small", cache: Path = CACHE) -> None:
+    """Print how well weights find and remove drops of held-out photographs.
+
+    Args:
+        photographs: the folder that was trained on; what it holds out is looked at.
+        weights: shipped ones, or a file.
+        cache: keeps what Blender bakes.
+    """
+    print(table(scores(load_detector(weights).generator, _held_out(photographs, cache))))
+
+
+def detect_command(pictures: tyro.conf.Positional[Path], out: Path, weights: str = "small") -> None:
+    """Write the attention of a picture, or of all of a folder, beside the picture and what is left without drops.
+
+    Args:
+        pictures: file or folder.
+        out: another folder.
+        weights: shipped ones, or a file.
+    """
+    generator, targets = load_detector(weights).generator, one_by_one(pictures, out)
+    for file, target in tqdm(targets.items(), desc="detecting", unit="picture"):
+        image = read_image(file)
+        attention, derained = detect(image, generator)
+        write_png(target, np.hstack([image, attention[..., None].repeat(3, axis=2), derained]))
+
+
+def described(request: Request) -> str:
+    """The data in words, for checkpoint and card."""
+    photographs = in_words(split_photographs(request.photographs).training, request.photographs)
+    return f"{photographs}; {LENSES} wet lenses a frame, and mist alone"
+
+
+def _held_out(photographs: Path, cache: Path, count: int = 0) -> list[Watched]:
+    files = split_photographs(photographs).held_out[: count or None]
+    return watched(read_photographs(files), cache / "attention", VALIDATION_SEED)
+
+
+def _take_threads(count: int) -> None:
+    if count:
+        torch.set_num_threads(count)
+
+
+def main() -> None:
+    """Entry point."""
+    run_command(
+        {
+            "train": train_command,
+            "export": export_command,
+            "validate": validate_command,
+            "detect": detect_command,
+        },
+        prog="baselines.derain_nerf.raindrop_attention",
+    )
+
+
+if __name__ == "__main__":
+    main()

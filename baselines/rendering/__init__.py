@@ -1,0 +1,1 @@
+"""Videos of trained scenes: camera paths and frames."""

@@ -1,0 +1,1 @@
+"""Gaussians whose colours differ from view to view."""

@@ -1,0 +1,166 @@
+"""Gaussians whose colours in a view come from a network: the seam for methods that model appearance.
+
+Each Gaussian carries `features` beside its usual parameters; they are cloned, split and pruned with it, and the trainer
+optimises them. An `Appearance` makes one or several *looks* for a view of the Gaussians that it may show, each a set of
+colours in which they are rendered; gradients flow back through it. It is written in torch, so that the CPU's
+kernels and gsplat both can stand at its end.
+"""
+
+from abc import abstractmethod
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from baselines.splatting.backends.torch_ops import finite_rows
+from baselines.splatting.gaussians import SHAPE, Gaussians
+from baselines.splatting.kernels.constants import LOW_PASS
+from baselines.splatting.kernels.workspace import Workspace
+from hydroviews.scene.cameras import Camera
+
+REACH = 3.5  # standard deviations within which a Gaussian is seen at all
+WIDENED = LOW_PASS**0.5  # pixels of standard deviation that are at most added to every splat's
+
+
+class Appearance(nn.Module):
+    """Colours by view. A module whose own parameters `learn` steps; those of the Gaussians the trainer steps."""
+
+    @abstractmethod
+    def features(self, gaussians: Gaussians) -> NDArray[np.float32]:
+        """The features [N, F] that Gaussians of the first hour start with."""
+
+    @abstractmethod
+    def looks(self, parameters: dict[str, Tensor], camera: Camera, view: int, degree: int) -> tuple[Tensor, ...]:
+        """What Gaussians look like in a view: where they are and what they cover stays, their colours are these.
+
+        Args:
+            parameters: of `Gaussians.arrays()`, of those `in_sight`; means are relative to the Gaussians' origin.
+            camera: that looks; relative to that origin as well.
+            view: index of the training view.
+            degree: of spherical harmonics in use.
+
+        Returns:
+            Spherical-harmonic coefficients [n, K, 3]: first of what the view shows, then of what else the objective
+            wants to compare, of the same degree.
+        """
+
+    @abstractmethod
+    def learn(self, iteration: int) -> None:
+        """A step of the network's own parameters, whose `.grad` is there; leaves them without gradients."""
+
+    @abstractmethod
+    def feature_rate(self, iteration: int) -> float:
+        """Adam's learning rate of the features."""
+
+    def about(self) -> dict[str, Any]:
+        """The settings; a checkpoint made with others is refused."""
+        return {"name": type(self).__name__}
+
+    @abstractmethod
+    def arrays(self) -> dict[str, NDArray]:
+        """What has been learnt beside the Gaussians; see torch_state.module_arrays."""
+
+    @abstractmethod
+    def restore(self, arrays: dict[str, NDArray]) -> None:
+        """Take back what `arrays` returned."""
+
+
+class Dressed:
+    """The Gaussians in sight and their looks in numpy, and the way back for gradients to all Gaussians."""
+
+    def __init__(self, gaussians: Gaussians, appearance: Appearance, camera: Camera, view: int, degree: int) -> None:
+        self._total, self._origin = len(gaussians), gaussians.origin
+        local = moved(camera, self._origin)
+        rows, self._leaves = in_sight(tensors(gaussians), local)
+        self.rows: NDArray[np.int64] = rows.numpy()  # of those in sight, ascending
+        for leaf in self._leaves.values():
+            leaf.requires_grad_()
+        self._looks = appearance.looks(self._leaves, local, view, degree)
+        self.sh: NDArray[np.float32] = torch.stack([look.detach() for look in self._looks]).numpy()  # [L, n, K, 3]
+        shape = {name: self._leaves[name].detach().numpy() for name in SHAPE}
+        self.gaussians = Gaussians(**shape, sh=self.sh[0], origin=self._origin)  # what the view shows
+
+    def backward(self, gradient: Gaussians, by_looks: NDArray[np.float32], workspace: Workspace) -> Gaussians:
+        """From gradients by what is rendered to those by all Gaussians; those of the network are in `.grad`.
+
+        Args:
+            gradient: of a loss by the Gaussians in sight; that by their colours is not looked at.
+            by_looks: by `sh`, [L, n, K, 3].
+            workspace: the arrays returned belong to it and are overwritten by the next call.
+        """
+        by_shape = [(self._leaves[name], getattr(gradient, name)) for name in SHAPE]
+        ends = [*by_shape, *zip(self._looks, by_looks, strict=True)]
+        learning = [(end, torch.from_numpy(value)) for end, value in ends if end.requires_grad]
+        torch.autograd.backward([end for end, _ in learning], [value for _, value in learning])
+        found = {
+            name: self.spread(
+                np.zeros(leaf.shape, np.float32) if leaf.grad is None else leaf.grad.numpy(), name, workspace
+            )
+            for name, leaf in self._leaves.items()
+        }
+        return Gaussians(**found, origin=self._origin)
+
+    def spread(self, values: NDArray, name: str, workspace: Workspace, *, rest: int = 0) -> NDArray:
+        """Values [n, ...] of those in sight among those of all Gaussians [N, ...], where the others have `rest`."""
+        spread = workspace.array(f"all_{name}", (self._total, *values.shape[1:]), values.dtype)
+        spread.fill(rest)
+        spread[self.rows] = values
+        return spread
+
+
+def equipped(gaussians: Gaussians, appearance: Appearance | None) -> Gaussians:
+    """Gaussians with the features that an appearance wants them to start with."""
+    return gaussians if appearance is None else replace(gaussians, features=appearance.features(gaussians))
+
+
+def dressed(gaussians: Gaussians, appearance: Appearance | None, camera: Camera, view: int, degree: int) -> Gaussians:
+    """What a view shows of the Gaussians, those in sight; themselves, without an appearance."""
+    if appearance is None:
+        return gaussians
+    with torch.no_grad():
+        return Dressed(gaussians, appearance, camera, view, degree).gaussians
+
+
+def moved(camera: Camera, origin: NDArray[np.float64]) -> Camera:
+    """The camera seen from another origin of the world."""
+    pose = camera.world_to_camera.copy()
+    pose[:3, 3] += pose[:3, :3] @ origin
+    return replace(camera, world_to_camera=pose)
+
+
+def tensors(gaussians: Gaussians, device: torch.device | None = None) -> dict[str, Tensor]:
+    """The parameters on a device; on the CPU, which is the default, they share the Gaussians' memory."""
+    return {name: torch.from_numpy(value).to(device) for name, value in gaussians.arrays().items()}
+
+
+def in_sight(parameters: dict[str, Tensor], camera: Camera) -> tuple[Tensor, dict[str, Tensor]]:
+    """The Gaussians that a camera may show: whole ones whose splats can touch the image.
+
+    Generous, so that none that is shown is left out: a splat's standard deviation is at most the largest one of the
+    Gaussian times the norm of the projection's Jacobian (Zwicker et al. 2002), and what renderers widen it by.
+
+    Args:
+        parameters: of all Gaussians.
+        camera: that looks, relative to their origin.
+
+    Returns:
+        Their indices [n], ascending, and their parameters.
+    """
+    means = parameters["means"].detach()
+    pose = torch.from_numpy(camera.world_to_camera).to(means)
+    x, y, z = (means @ pose[:3, :3].T + pose[:3, 3]).unbind(dim=1)
+    before = z > 0
+    slope_x, slope_y, near = x / z, y / z, torch.where(before, z, 1.0)
+    jacobian = max(camera.fx, camera.fy) / near * (1 + slope_x**2 + slope_y**2).sqrt()
+    reach = REACH * (parameters["log_scales"].detach().amax(dim=1).exp() * jacobian + WIDENED)
+    u, v = camera.fx * slope_x + camera.cx, camera.fy * slope_y + camera.cy
+    near_image = before & (u > -reach) & (u < camera.width + reach) & (v > -reach) & (v < camera.height + reach)
+    rows = near_image.nonzero()[:, 0]
+    shown = {name: value[rows] for name, value in parameters.items()}
+    whole = finite_rows(shown)
+    if whole.all():
+        return rows, shown
+    return rows[whole], {name: value[whole] for name, value in shown.items()}

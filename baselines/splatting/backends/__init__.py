@@ -1,0 +1,1 @@
+"""Where a training step runs: the CPU's own kernels, or gsplat on a GPU."""

@@ -1,0 +1,283 @@
+"""The same training steps on an NVIDIA GPU with gsplat (Ye et al. 2024), written against its version 1.5.3.
+
+Steps stay on the GPU; refinement, every hundred steps, is the CPU's: the state is copied over and back. gsplat lets
+a Gaussian cover 0.999 of a pixel where we stop at 0.99, so renders of very opaque scenes differ a little. Looks are
+rendered one after the other, so that absolute gradients are those of each look, added up; the kernels' are of the sum.
+"""
+
+import importlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from gsplat import rasterization
+from numpy.typing import NDArray
+from torch import Tensor
+
+from baselines.splatting.appearance.appearance import in_sight, moved
+from baselines.splatting.backends.torch_ops import drawn, finite_rows, noise, penalty_gradient, without_broken
+from baselines.splatting.backends.torch_rasterizer import photometric_loss
+from baselines.splatting.gaussians import Gaussians
+from baselines.splatting.kernels.adam import BETA1, BETA2, EPSILON
+from baselines.splatting.kernels.constants import LOW_PASS
+from baselines.splatting.kernels.spherical_harmonics import C0, degree_of
+from baselines.splatting.kernels.workspace import Workspace
+from baselines.splatting.objective import Objective
+from baselines.splatting.state import TrainingState
+from baselines.splatting.strategies.base import Duties
+from baselines.training.images import Size
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import locked
+from hydroviews.metrics.lpips_weights import cache_folder
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.images import Image
+
+Rows = slice | Tensor  # of the Gaussians that are rendered: all, or those at the indices [n]
+
+
+@dataclass
+class _DeviceState:
+    """A TrainingState in GPU memory."""
+
+    parameters: dict[str, Tensor]
+    first: dict[str, Tensor]
+    second: dict[str, Tensor]
+    gradient_sum: Tensor
+    seen: Tensor
+    origin: NDArray[np.float64]
+    residuals: tuple[float, ...]  # as in TrainingState
+    broken: int  # likewise
+
+
+def require_kernels() -> None:
+    """Refuse a gsplat whose CUDA code was not compiled: it can be imported, and its first step would break.
+
+    It compiles at its first use, one process at a time: another that begins meanwhile would delete what is there.
+
+    Raises:
+        InputError: it is one, or its code does not compile.
+    """
+    with locked(cache_folder() / "gsplat", "another process compiles gsplat; waiting"):
+        try:
+            kernels = importlib.import_module("gsplat.cuda._backend")._C
+        except Exception as error:  # whatever compilers and linkers say
+            fix = "see gsplat's installation notes, or use the CPU"
+            raise InputError("gsplat: its CUDA code does not compile", found=error, fix=fix) from error
+    if kernels is None:
+        raise InputError(
+            "gsplat: no compiled CUDA code",
+            found="its Python part alone; it found no CUDA toolkit (nvcc) to compile with",
+            fix="install the CUDA toolkit of torch's version, or a gsplat wheel with kernels, or use the CPU",
+        )
+
+
+class CudaBackend:
+    """gsplat's kernels; see backends.Backend."""
+
+    def __init__(
+        self, objective: Objective, background: NDArray[np.float32], near: float, antialiased: bool = False
+    ) -> None:
+        require_kernels()
+        # SSIM is small differences of large filtered numbers, and convolutions may else have 10 bits of mantissa.
+        torch.backends.cudnn.allow_tf32 = False
+        self.device = torch.cuda.get_device_name()
+        self._objective = objective
+        self._background = torch.from_numpy(background).cuda()
+        self._near, self._mode = near, "antialiased" if antialiased else "classic"
+        self._workspace = Workspace()
+        self._state: _DeviceState | None = None
+        if objective.appearance is not None:
+            objective.appearance.cuda()
+        self._targets: dict[tuple[int, Size], tuple[Tensor, Tensor | None]] = {}  # pixels, and which are shown
+
+    def put(self, state: TrainingState) -> None:
+        """Copy to the GPU."""
+        self._state = _DeviceState(
+            parameters=_upload(state.gaussians),
+            first=_upload(state.first),
+            second=_upload(state.second),
+            gradient_sum=torch.from_numpy(state.gradient_sum).cuda(),
+            seen=torch.from_numpy(state.seen).cuda(),
+            origin=state.gaussians.origin,
+            residuals=state.residuals,
+            broken=state.broken,
+        )
+
+    def get(self, iteration: int, seconds: float) -> TrainingState:
+        """Copy from the GPU."""
+        state = self._current()
+        return TrainingState(
+            gaussians=_download(state.parameters, state.origin),
+            first=_download(state.first, state.origin),
+            second=_download(state.second, state.origin),
+            gradient_sum=state.gradient_sum.cpu().numpy(),
+            seen=state.seen.cpu().numpy(),
+            iteration=iteration,
+            seconds=seconds,
+            residuals=state.residuals,
+            broken=state.broken,
+        )
+
+    def broken(self) -> int:
+        """See Backend."""
+        return int((~finite_rows(self._current().parameters)).sum())
+
+    def residual(self, camera: Camera, view: int, degree: int) -> float:
+        """See Backend."""
+        state = self._current()
+        with torch.no_grad():
+            _, looks = self._looks(state.parameters, camera, view, degree)
+            image, _ = self._rasterize(looks[0], state.origin, camera, degree)
+        return self._objective.residual(image.cpu().numpy(), view, self._workspace)
+
+    def contributions(self, cameras: Sequence[Camera]) -> NDArray[np.float64]:
+        """See Backend: grey Gaussians, so that no colour is clamped."""
+        state = self._current()
+        total = torch.zeros(len(state.seen), dtype=torch.float64, device=state.seen.device)
+        for camera in cameras:
+            sh = torch.zeros_like(state.parameters["sh"][:, :1]).requires_grad_()
+            image, _ = self._rasterize({**state.parameters, "sh": sh}, state.origin, camera, 0)
+            image.sum().backward()
+            assert sh.grad is not None
+            total += sh.grad[:, 0, 0]
+        return total.cpu().numpy() / C0
+
+    def step(
+        self, camera: Camera, view: int, iteration: int, degree: int, rates: dict[str, Any], duties: Duties
+    ) -> float:
+        """See Backend."""
+        state = self._current()
+        leaves = {name: value.detach().requires_grad_() for name, value in state.parameters.items()}
+        rows, looks = self._looks(leaves, camera, view, degree)
+        renders = [self._rasterize(look, state.origin, camera, degree, duties.absolute) for look in looks]
+        if duties.watch:
+            for _, details in renders:
+                details["means2d"].retain_grad()
+        loss = self._backward([image for image, _ in renders], view, iteration)
+        if self._objective.appearance is not None:
+            self._objective.appearance.learn(iteration)
+        with torch.no_grad():
+            if duties.watch:
+                _observe(state, rows, [details for _, details in renders], duties, camera)
+            for name in leaves:
+                parts = [leaves[name].grad, penalty_gradient(name, state.parameters[name], duties)]
+                none = torch.zeros_like(state.parameters[name])  # where nothing is learnt, moments go on falling
+                gradient = sum((part for part in parts if part is not None), none)
+                _adam(state, name, gradient, iteration + 1, rates[name])
+            if duties.noise:
+                means = state.parameters["means"]
+                means += noise(state.parameters, duties, drawn(duties, means))
+        return loss
+
+    def render(self, gaussians: Gaussians, camera: Camera) -> Image:
+        """An image with gsplat, to compare with ours."""
+        with torch.no_grad():
+            image, _ = self._rasterize(_upload(gaussians), gaussians.origin, camera, gaussians.sh_degree)
+        return image.cpu().numpy()
+
+    def _current(self) -> _DeviceState:
+        assert self._state is not None
+        return self._state
+
+    def _looks(
+        self, parameters: dict[str, Tensor], camera: Camera, view: int, degree: int
+    ) -> tuple[Rows, list[dict[str, Tensor]]]:
+        """Which Gaussians are rendered, and their parameters in every look: see appearance.Appearance."""
+        appearance = self._objective.appearance
+        if appearance is None:
+            return slice(None), [parameters]
+        seen_from = moved(camera, self._current().origin)
+        rows, seen = in_sight(parameters, seen_from)
+        return rows, [{**seen, "sh": sh} for sh in appearance.looks(seen, seen_from, view, degree)]
+
+    def _rasterize(
+        self,
+        parameters: dict[str, Tensor],
+        origin: NDArray[np.float64],
+        camera: Camera,
+        degree: int,
+        absolute: bool = False,
+    ) -> tuple[Tensor, dict[str, Any]]:
+        if not len(parameters["means"]):  # gsplat divides by their number
+            return _background_alone(parameters, camera, self._background)
+        pose = camera.world_to_camera.copy()
+        pose[:3, 3] += pose[:3, :3] @ origin
+        parameters, whole = without_broken(parameters)
+        images, _, details = rasterization(
+            parameters["means"],
+            parameters["quaternions"],
+            parameters["log_scales"].exp(),
+            parameters["opacity_logits"].sigmoid() * whole,
+            parameters["sh"],
+            torch.from_numpy(pose).float().cuda()[None],
+            torch.from_numpy(camera.matrix).float().cuda()[None],
+            camera.width,
+            camera.height,
+            near_plane=self._near,
+            rasterize_mode=self._mode,
+            eps2d=LOW_PASS,
+            sh_degree=min(degree, degree_of(parameters["sh"].shape[1])),
+            packed=False,
+            absgrad=absolute,
+            backgrounds=self._background[None],
+        )
+        return images[0], details
+
+    def _backward(self, renders: Sequence[Tensor], view: int, iteration: int) -> float:
+        """Backpropagate the objective: the plain one on the GPU, a method's own one through its numpy gradients."""
+        if type(self._objective) is Objective:
+            image = renders[0]
+            images, size = self._objective.images, (image.shape[0], image.shape[1])
+            if (view, size) not in self._targets:
+                ignored = images.ignored(view, size)
+                shown = None if ignored is None else torch.from_numpy(~ignored).cuda()
+                self._targets[view, size] = torch.from_numpy(images.pixels(view, size)).cuda(), shown
+            target, shown = self._targets[view, size]
+            loss = photometric_loss(image, target / 255, self._objective.ssim_share, shown)
+            loss.backward()
+            return float(loss.detach())
+        pictures = [image.detach().cpu().numpy() for image in renders]
+        value, gradients = self._objective.compare(pictures, view, iteration, self._workspace)
+        torch.autograd.backward(renders, [torch.from_numpy(np.ascontiguousarray(g)).cuda() for g in gradients])
+        return value
+
+
+def _background_alone(
+    parameters: dict[str, Tensor], camera: Camera, background: Tensor
+) -> tuple[Tensor, dict[str, Any]]:
+    """What `rasterization` would return of no Gaussians, whose gradients are as empty as they are."""
+    means2d: Any = parameters["means"][None, :, :2] + 0
+    means2d.absgrad = torch.zeros_like(means2d)
+    nothing = means2d.sum() + sum(value.sum() for value in parameters.values())
+    image = (background + nothing).expand(camera.height, camera.width, 3)
+    return image, {"means2d": means2d, "radii": torch.zeros_like(means2d, dtype=torch.int32)}
+
+
+def _observe(
+    state: _DeviceState, rows: Rows, renders: Sequence[dict[str, Any]], duties: Duties, camera: Camera
+) -> None:
+    half_size = state.seen.new_tensor([camera.width / 2, camera.height / 2])
+    shown = (renders[0]["radii"][0] > 0).all(dim=-1)
+    means2d = [details["means2d"] for details in renders]
+    gradient = sum((m.absgrad if duties.absolute else m.grad)[0] for m in means2d)
+    state.gradient_sum[rows] += (gradient * half_size).norm(dim=-1) * shown
+    state.seen[rows] += shown
+
+
+def _adam(state: _DeviceState, name: str, gradient: Tensor, step: int, rates: float | NDArray[np.float32]) -> None:
+    first, second = state.first[name], state.second[name]
+    first.mul_(BETA1).add_(gradient, alpha=1 - BETA1)
+    second.mul_(BETA2).addcmul_(gradient, gradient, value=1 - BETA2)
+    move = first / (second.sqrt() / (1 - BETA2**step) ** 0.5 + EPSILON)
+    rate = torch.from_numpy(np.asarray(rates, np.float32)).cuda() / (1 - BETA1**step)
+    state.parameters[name] -= rate * move
+
+
+def _upload(gaussians: Gaussians) -> dict[str, Tensor]:
+    return {name: torch.from_numpy(value).cuda() for name, value in gaussians.arrays().items()}
+
+
+def _download(tensors: dict[str, Tensor], origin: NDArray[np.float64]) -> Gaussians:
+    return Gaussians(**{name: value.cpu().numpy() for name, value in tensors.items()}, origin=origin)

@@ -1,0 +1,68 @@
+"""All kernels at once: compiled where they are not yet, and loaded before the clock of a training runs."""
+
+import hashlib
+import os
+import sys
+import time
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from baselines.splatting import schedule
+from baselines.splatting.backends.base import CpuBackend
+from baselines.splatting.initialisation import initialise
+from baselines.splatting.kernels.jit import FOLDER, HERE
+from baselines.splatting.kernels.rasterizer import backward_looks, render_looks
+from baselines.splatting.objective import Objective
+from baselines.splatting.schedule import LearningRates
+from baselines.splatting.state import fresh_state
+from baselines.splatting.strategies.densification import Densification
+from baselines.splatting.strategies.relocation import Relocation
+from baselines.training.images import TrainingImages
+from hydroviews.cli import run_process
+from hydroviews.files.atomic import write_bytes
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.scenes import no_points
+
+
+def warm_up(sh_degree: int) -> float:
+    """Load every kernel, so that training time is training; seconds."""
+    start = time.perf_counter()
+    compile_apart(f"from {__name__} import exercise_kernels; exercise_kernels({sh_degree})", HERE.glob("*.py"))
+    exercise_kernels(sh_degree)
+    return time.perf_counter() - start
+
+
+def compile_apart(code: str, sources: Iterable[Path]) -> None:
+    """Have kernels that were never compiled compiled by a process of their own.
+
+    Code fresh from the compiler rounds differently from the same code read back from the cache, and a run must not
+    depend on being the first.
+
+    Args:
+        code: calls them all.
+        sources: the files that they are in; an edited one is compiled again.
+    """
+    digest = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(sources))).hexdigest()[:12]
+    mark = Path(FOLDER) / f"compiled-{digest}"
+    if not mark.is_file():
+        print("compiling the kernels: once, up to a minute", file=sys.stderr, flush=True)
+        run_process([sys.executable, "-c", code], {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})
+        write_bytes(mark, b"")
+
+
+def exercise_kernels(sh_degree: int) -> None:
+    """One step of training on a scene of a few Gaussians, and two looks of them."""
+    camera = Camera(16, 16, 16.0, 16.0, 8.0, 8.0, np.diag([1.0, 1, 1, 1]))
+    gaussians = initialise(no_points(), [camera], sh_degree, 0).select(np.arange(8))
+    gaussians = replace(gaussians, means=gaussians.means + np.array([0, 0, 3], np.float32))
+    grey = Objective(TrainingImages([np.full((16, 16, 3), 128, np.uint8)]))
+    backend = CpuBackend(grey, np.zeros(3, np.float32), 0.01)
+    backend.put(fresh_state(gaussians))
+    rates = schedule.rates_at(0, 1, LearningRates(), 1.0, sh_degree)
+    for strategy in (Densification(), Relocation()):
+        backend.step(camera, 0, 0, sh_degree, rates, strategy.duties(0, 1e-4, 1.0, 0))
+    images, state = render_looks(gaussians, np.stack([gaussians.sh] * 2), camera)
+    backward_looks(state, images)

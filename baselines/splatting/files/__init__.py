@@ -1,0 +1,1 @@
+"""Gaussians on disk: checkpoints, models, .ply files."""

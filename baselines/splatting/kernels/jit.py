@@ -1,0 +1,66 @@
+"""How the kernels are compiled: to machine code on first use, kept on disk for every later process.
+
+Numba re-compiles a cached kernel when the file that defines it changes, but not when a function it calls changes in
+another file. So the cache lives in a folder named after the content of all files of this package.
+"""
+
+import hashlib
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+
+HERE = Path(__file__).parent
+CONFIG: Any = numba.config  # its settings are made at run time
+
+# Not "reassoc" (it breaks the magic-number 2^x), not "nnan" or "ninf" (culling relies on NaN comparing false).
+FAST = {"contract", "nsz", "arcp", "afn"}
+EXACT = {"contract"}
+
+
+def _cache_folder() -> str:
+    digest = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(HERE.glob("*.py")))).hexdigest()[:12]
+    if CONFIG.CACHE_DIR:
+        parent = Path(CONFIG.CACHE_DIR)
+    elif os.access(HERE, os.W_OK):
+        parent = HERE / "__pycache__"
+    else:
+        parent = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hydroviews"
+    return str(parent / f"kernels-{digest}")
+
+
+FOLDER = _cache_folder()
+
+
+def _compile(function: Callable, **options: Any) -> Callable:
+    before = CONFIG.CACHE_DIR
+    CONFIG.CACHE_DIR = FOLDER  # read when the decorator runs, so other packages' caches stay where they are
+    try:
+        return numba.njit(cache=True, error_model="numpy", **options)(function)
+    finally:
+        CONFIG.CACHE_DIR = before
+
+
+def kernel(function: Callable) -> Callable:
+    """A float32 kernel whose `prange` loops run on all threads.
+
+    Chunks are fixed or whole tiles, so results do not depend on the number of threads.
+    """
+    return _compile(function, parallel=True, fastmath=FAST)
+
+
+def exact_kernel(function: Callable) -> Callable:
+    """The same for kernels that calculate in float64: no approximate functions or reciprocals."""
+    return _compile(function, parallel=True, fastmath=EXACT)
+
+
+def serial_kernel(function: Callable) -> Callable:
+    """A kernel on one thread."""
+    return _compile(function, fastmath=EXACT)
+
+
+def inlined(function: Callable) -> Callable:
+    """A function that becomes part of the kernels calling it."""
+    return numba.njit(forceinline=True, error_model="numpy", fastmath=EXACT)(function)

@@ -1,0 +1,222 @@
+"""The renderer: `render` an image of Gaussians, then carry an image gradient `backward` to their parameters.
+
+`render_looks` and `backward_looks` do it for several looks of them at once, which differ in colours alone: where they
+are and what they cover is calculated once.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.splatting.gaussians import SHAPE, Gaussians
+from baselines.splatting.kernels import blending, blending_gradient, projection, projection_gradient
+from baselines.splatting.kernels.constants import NEAR
+from baselines.splatting.kernels.spherical_harmonics import C0, degree_of
+from baselines.splatting.kernels.tiles import Tiles, deal_out
+from baselines.splatting.kernels.vectors import CONSTANTS
+from baselines.splatting.kernels.workspace import Workspace
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.images import Image
+
+BLACK = np.zeros(3, np.float32)
+
+
+@dataclass(frozen=True)
+class RenderState:
+    """What `backward` needs. Buffers belong to the workspace: the next `render` with it makes the state worthless."""
+
+    gaussians: Gaussians
+    sh: NDArray[np.float32]  # [L, N, K, 3], the coefficients of every look; not the Gaussians'
+    sh_degree: int
+    view: tuple[Any, ...]  # pose, centre, lens, width, height
+    antialiased: bool
+    background: NDArray[np.float32]
+    depths: NDArray[np.float32]  # [N], infinite where culled
+    tiles: Tiles
+    transmittance: NDArray[np.float32]  # [H, W]; 1 - it is the image's alpha
+    last: NDArray[np.float32]
+    taken: NDArray[np.int32]
+    workspace: Workspace = field(repr=False)
+
+    @property
+    def visible(self) -> NDArray[np.bool_]:
+        """Which Gaussians this view shows [N]."""
+        return self.tiles.rank >= 0
+
+
+@dataclass(frozen=True)
+class Gradients:
+    """dloss/dparameter, shaped like the parameters, and by the position on the image [N, 2] in pixels."""
+
+    parameters: Gaussians
+    means2d: NDArray[np.float32]
+    means2d_absolute: NDArray[np.float32]  # the same with absolute values summed over pixels (Ye et al. 2024, AbsGS)
+
+    @property
+    def colours(self) -> NDArray[np.float32]:
+        """By the colours [N, 3] that the Gaussians were given, see `Gaussians.coloured`."""
+        return self.parameters.sh[:, 0] / np.float32(C0)
+
+
+def render(
+    gaussians: Gaussians,
+    camera: Camera,
+    background: NDArray[np.float32] = BLACK,
+    sh_degree: int | None = None,
+    *,
+    near: float = NEAR,
+    antialiased: bool = False,
+    workspace: Workspace | None = None,
+) -> tuple[Image, RenderState]:
+    """The image [H, W, 3] that a camera sees; not clipped above 1.
+
+    Args:
+        gaussians: the scene.
+        camera: pose and intrinsics; a far `gaussians.origin` is taken out of the pose in float64.
+        background: colour [3] behind everything.
+        sh_degree: at most what the Gaussians hold, which is the default.
+        near: Gaussians with nearer centres are left out, in world units.
+        antialiased: whether Gaussians smaller than a pixel become fainter as they are widened to it (Yu et al. 2024,
+            Mip-Splatting): a scene then looks the same from farther away than it was learned from.
+        workspace: buffers to reuse; the image is one of them.
+
+    Returns:
+        The image and the state for `backward`.
+    """
+    options: dict[str, Any] = {"near": near, "antialiased": antialiased, "workspace": workspace}
+    images, state = render_looks(gaussians, gaussians.sh[None], camera, background, sh_degree, **options)
+    return images[0], state
+
+
+def render_looks(
+    gaussians: Gaussians,
+    sh: NDArray[np.float32],
+    camera: Camera,
+    background: NDArray[np.float32] = BLACK,
+    sh_degree: int | None = None,
+    *,
+    near: float = NEAR,
+    antialiased: bool = False,
+    workspace: Workspace | None = None,
+) -> tuple[NDArray[np.float32], RenderState]:
+    """Images [L, H, W, 3] of L looks: Gaussians with the coefficients sh [L, N, K, 3] in place of their own.
+
+    For the rest see `render`; the state is for `backward_looks`.
+    """
+    workspace = workspace or Workspace()
+    looks, n, most = len(sh), len(gaussians), degree_of(sh.shape[2])
+    degree = most if sh_degree is None else sh_degree
+    if not 0 <= degree <= most:
+        raise ValueError(f"spherical-harmonic degree {degree}, the Gaussians hold 0 to {most}")
+    if sh.shape[1] != n:
+        raise ValueError(f"coefficients {sh.shape} of {n} Gaussians, expected [looks, {n}, K, 3]")
+    view = _view(gaussians, camera)
+    splats = workspace.array("splats", (n, projection.COLOURS + 3 * looks))
+    depths = workspace.array("depths", (n,))
+    projection.project(
+        *(getattr(gaussians, name) for name in SHAPE), sh, degree, *view, near, antialiased, splats, depths
+    )
+    tiles = deal_out(splats, depths, camera.width, camera.height, workspace)
+    size = camera.height, camera.width
+    state = RenderState(
+        gaussians=gaussians,
+        sh=sh,
+        sh_degree=degree,
+        view=view,
+        antialiased=antialiased,
+        background=np.asarray(background, np.float32),
+        depths=depths,
+        tiles=tiles,
+        transmittance=workspace.array("transmittance", size),
+        last=workspace.array("last", size),
+        taken=workspace.array("taken", (len(tiles.heaviest),), np.int32),
+        workspace=workspace,
+    )
+    images = workspace.array("images", (looks, *size, 3))
+    blending.blend(*_blending_arguments(state), state.transmittance, state.last, state.taken, images)
+    return images, state
+
+
+def backward(state: RenderState, grad_image: Image) -> Gradients:
+    """Carry dloss/dimage [H, W, 3] back to the Gaussians that `render` was given.
+
+    The arrays belong to the workspace of the render and are overwritten by the next call.
+    """
+    return backward_looks(state, grad_image[None])[0]
+
+
+def backward_looks(state: RenderState, grad_images: NDArray[np.float32]) -> tuple[Gradients, NDArray[np.float32]]:
+    """Carry dloss/dimages [L, H, W, 3] back to what `render_looks` was given.
+
+    Returns:
+        The gradients by the Gaussians, whose colours are those of the first look, and by all looks' coefficients,
+        [L, N, K, 3]. They belong to the workspace as those of `backward` do.
+    """
+    workspace, gaussians, tiles = state.workspace, state.gaussians, state.tiles
+    moments = workspace.array("moments", (len(tiles.splats), projection_gradient.TO_COLOURS + 3 * len(state.sh)))
+    grads = np.ascontiguousarray(grad_images, np.float32)
+    blending_gradient.blend_gradient(
+        *_blending_arguments(state), state.transmittance, state.last, state.taken, grads, moments
+    )
+    shape = {name: getattr(gaussians, name) for name in SHAPE}
+    g_shape = {name: workspace.array(f"g_{name}", value.shape) for name, value in shape.items()}
+    g_sh = workspace.array("g_sh", state.sh.shape)
+    means2d, absolute = (workspace.array(name, (len(gaussians), 2)) for name in ("g_means2d", "g_absolute"))
+    projection_gradient.project_gradient(
+        *shape.values(),
+        state.sh,
+        state.sh_degree,
+        *state.view,
+        state.antialiased,
+        tiles.rank,
+        tiles.pair_start,
+        tiles.pair_slot,
+        moments,
+        *g_shape.values(),
+        g_sh,
+        means2d,
+        absolute,
+    )
+    parameters = Gaussians(**g_shape, sh=g_sh[0], origin=gaussians.origin)
+    return Gradients(parameters, means2d, absolute), g_sh
+
+
+def depth(state: RenderState) -> NDArray[np.float32]:
+    """Mean depth [H, W] of what each pixel of a render shows, weighted as its colours are; NaN where nothing is.
+
+    Along the viewing axis, in world units. How much of a pixel is covered is 1 - `state.transmittance`.
+    """
+    packed = state.tiles.packed[:, : projection.COLOURS + 3].copy()
+    packed[:, projection.COLOURS] = state.depths[state.tiles.order]
+    other = replace(state, tiles=replace(state.tiles, packed=packed), background=BLACK)
+    sums = np.empty((1, *state.transmittance.shape, 3), np.float32)
+    scratch = (np.empty_like(plane) for plane in (state.transmittance, state.last, state.taken))
+    blending.blend(*_blending_arguments(other), *scratch, sums)
+    covered = 1 - state.transmittance
+    return np.divide(sums[0, ..., 0], covered, out=np.full_like(covered, np.nan), where=covered > 0)
+
+
+def _view(gaussians: Gaussians, camera: Camera) -> tuple[Any, ...]:
+    pose = camera.world_to_camera.copy()
+    pose[:3, 3] += pose[:3, :3] @ gaussians.origin
+    centre = -pose[:3, :3].T @ pose[:3, 3]
+    lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float64)
+    return pose, centre, lens, camera.width, camera.height
+
+
+def _blending_arguments(state: RenderState) -> tuple[Any, ...]:
+    tiles = state.tiles
+    return (
+        tiles.packed,
+        tiles.start,
+        tiles.splats,
+        tiles.heaviest,
+        tiles.shift,
+        state.background,
+        numba.get_num_threads(),
+        CONSTANTS.ctypes.data,
+        (0,) * ((tiles.packed.shape[1] - projection.COLOURS) // 3),
+    )

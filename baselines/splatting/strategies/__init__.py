@@ -1,0 +1,1 @@
+"""When Gaussians are added, moved and removed."""

@@ -1,0 +1,155 @@
+# Numba infers the types of kernels.
+# mypy: allow-untyped-defs
+"""Adaptive density control (Kerbl et al. 2023, section 5): grow where the image gradient asks for it, up to a budget.
+
+Large Gaussians are split and small ones doubled; transparent ones are removed, opacities reset now and then.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numba import prange
+from numpy.typing import NDArray
+
+from baselines.splatting.gaussians import Gaussians, concatenate
+from baselines.splatting.kernels.jit import kernel
+from baselines.splatting.schedule import SPLITTING, random_stream
+from baselines.splatting.state import TrainingState
+from baselines.splatting.strategies.base import Duties, refinement_due
+
+SPLIT_INTO = 2
+SHRINK = 1.6  # a split Gaussian's parts are smaller by this factor
+CHUNKS = 16
+
+
+@dataclass(frozen=True)
+class Densification:
+    """When and where to grow. Iterations count from 0; lengths are shares of the scene extent."""
+
+    start: int = 500  # no refinement before
+    stop: int = 15_000  # nor from here on
+    every: int = 100  # iterations between two refinements
+    budget: int = 5_000_000  # never more Gaussians than this
+    growth: float = 10.0  # one refinement adds at most this share of the present number
+    gradient: float = 2e-4  # mean gradient by the normalised image position above which a Gaussian is too coarse
+    absolute: bool = False  # sum absolute gradients over pixels, which finds blurred texture (Ye et al. 2024, AbsGS)
+    split_size: float = 0.01  # larger Gaussians are split, smaller ones doubled
+    least_opacity: float = 0.005  # less opaque ones are removed
+    largest: float = 0.1  # larger ones are removed
+    reset_every: int | None = 3000  # iterations between two opacity resets; None for never
+    reset_to: float = 0.01  # highest opacity after a reset
+
+    def duties(self, iteration: int, means_rate: float, extent: float, seed: int) -> Duties:
+        """See Strategy: gradients are added up while Gaussians may still be added."""
+        return Duties(watch=iteration + 1 < self.stop, absolute=self.absolute)
+
+    def due(self, iteration: int) -> bool:
+        """See Strategy."""
+        return grow_due(self, iteration) or reset_due(self, iteration)
+
+    def refine(self, state: TrainingState, extent: float, seed: int) -> TrainingState:
+        """See Strategy: add and remove, reset opacities, or both."""
+        iteration = state.iteration - 1
+        if grow_due(self, iteration):
+            state = grow(state, self, extent, random_stream(seed, SPLITTING, iteration))
+        return reset_opacity(state, self) if reset_due(self, iteration) else state
+
+
+@kernel
+def _observe(rank, means2d, half_width, half_height, gradient_sum, seen):
+    n = rank.shape[0]
+    for chunk in prange(CHUNKS):
+        for i in range(chunk * n // CHUNKS, (chunk + 1) * n // CHUNKS):
+            if rank[i] >= 0:
+                x, y = means2d[i, 0] * half_width, means2d[i, 1] * half_height
+                gradient_sum[i] += np.sqrt(x * x + y * y)
+                seen[i] += np.float32(1)
+
+
+def observe(state: TrainingState, rank: NDArray[np.int32], means2d: NDArray[np.float32], size: tuple[int, int]) -> None:
+    """Add one view's position gradients, in place.
+
+    Args:
+        state: being trained.
+        rank: [N], negative where the view does not show the Gaussian.
+        means2d: dloss/d(position on the image in pixels) [N, 2].
+        size: width and height of the image; gradients are by position in units of half of it, as in the paper.
+    """
+    _observe(rank, means2d, np.float32(size[0] / 2), np.float32(size[1] / 2), state.gradient_sum, state.seen)
+
+
+def grow_due(strategy: Densification, iteration: int) -> bool:
+    """Whether to add and remove after step `iteration`."""
+    return refinement_due(iteration, strategy.start, strategy.stop, strategy.every)
+
+
+def reset_due(strategy: Densification, iteration: int) -> bool:
+    """Whether to reset opacities after step `iteration`; never once growth has stopped."""
+    done = iteration + 1
+    return strategy.reset_every is not None and done < strategy.stop and done % strategy.reset_every == 0
+
+
+def grow(state: TrainingState, strategy: Densification, extent: float, generator: np.random.Generator) -> TrainingState:
+    """Remove what is transparent or oversized; split or double those with the largest gradients.
+
+    Args:
+        state: trained so far.
+        strategy: the settings.
+        extent: of the scene, in world units.
+        generator: for the positions of split Gaussians.
+
+    Returns:
+        A new state with its statistics at zero; new Gaussians start with zero moments.
+    """
+    gaussians = state.gaussians
+    size = np.exp(gaussians.log_scales).max(axis=1)
+    opacity = 1 / (1 + np.exp(-gaussians.opacity_logits))
+    keep = (opacity >= strategy.least_opacity) & (size <= strategy.largest * extent)
+    gradient = np.where(keep, state.gradient_sum / np.maximum(state.seen, 1), 0)
+
+    kept = int(keep.sum())
+    room = max(0, min(strategy.budget - kept, int(strategy.growth * kept)))
+    chosen = np.flatnonzero(gradient > strategy.gradient)
+    chosen = chosen[np.argsort(-gradient[chosen], kind="stable")[:room]]
+    large = size[chosen] > strategy.split_size * extent
+    doubled, split = np.sort(chosen[~large]), np.sort(chosen[large])
+    keep[split] = False
+    added = concatenate(gaussians.select(doubled), split_up(gaussians.select(split), generator))
+    return state.refined(keep, added)
+
+
+def split_up(gaussians: Gaussians, generator: np.random.Generator) -> Gaussians:
+    """Two smaller Gaussians for each, at positions drawn from it."""
+    parts = gaussians.map(lambda value: np.concatenate([value] * SPLIT_INTO))
+    moved = parts.means + offsets(parts, generator)
+    shrunk = parts.log_scales - np.float32(np.log(SHRINK))
+    return replace(parts, means=moved.astype(np.float32), log_scales=shrunk)
+
+
+def offsets(gaussians: Gaussians, generator: np.random.Generator) -> NDArray[np.float64]:
+    """A random vector [N, 3] from each Gaussian's own normal distribution, in world units."""
+    along_axes = generator.standard_normal((len(gaussians), 3)) * np.exp(gaussians.log_scales.astype(np.float64))
+    return np.asarray(np.einsum("nij,nj->ni", rotation_matrices(gaussians.quaternions), along_axes))
+
+
+def rotation_matrices(quaternions: NDArray) -> NDArray[np.float64]:
+    """Matrices [N, 3, 3] of quaternions of any length."""
+    q = quaternions.astype(np.float64)
+    w, x, y, z = (q / np.maximum(np.linalg.norm(q, axis=1, keepdims=True), 1e-12)).T
+    rows = [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)]
+    rows += [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)]
+    rows += [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]
+    return np.stack(rows, axis=1).reshape(-1, 3, 3)
+
+
+def reset_opacity(state: TrainingState, strategy: Densification) -> TrainingState:
+    """Make everything nearly transparent, so that only what the views ask for comes back; clears those moments."""
+    ceiling = np.float32(np.log(strategy.reset_to / (1 - strategy.reset_to)))
+    lowered = np.minimum(state.gaussians.opacity_logits, ceiling)
+    none = np.zeros_like(lowered)
+    return replace(
+        state,
+        gaussians=replace(state.gaussians, opacity_logits=lowered),
+        first=replace(state.first, opacity_logits=none),
+        second=replace(state.second, opacity_logits=none.copy()),
+    )

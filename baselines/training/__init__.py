@@ -1,0 +1,1 @@
+"""What every training needs: a loop, checkpoints, devices, the training photographs."""

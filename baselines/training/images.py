@@ -1,0 +1,70 @@
+"""The photographs that methods learn from, as they are kept in memory."""
+
+import hashlib
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from hydroviews.scene.images import to_uint8
+from hydroviews.scene.masks import Ignored, fit_ignored
+from hydroviews.scene.scenes import View
+
+Size = tuple[int, int]  # height and width
+
+
+def read_images(views: Sequence[View]) -> "TrainingImages":
+    """Read the pictures and masks of all views, showing progress.
+
+    Raises:
+        InputError: a picture or mask that cannot be read or has another size than its camera.
+    """
+    progress = tqdm(views, desc="reading images", unit="image", leave=False)
+    return TrainingImages([to_uint8(view.image()) for view in progress], [view.ignored() for view in views])
+
+
+class TrainingImages:
+    """The training photographs [H, W, 3], kept with 8 bits a channel.
+
+    Of each, the pixels of its mask [H, W], if it has one, are hidden: their values are not kept. Asked for at a
+    smaller size (height, width), a picture is averaged over areas; a pixel that a hidden one touches is hidden.
+    """
+
+    def __init__(self, pixels: Sequence[NDArray[np.uint8]], ignored: Sequence[Ignored | None] = ()):
+        masks = tuple(ignored) or (None,) * len(pixels)
+        self._full = [
+            (image if mask is None else np.where(mask[..., None], np.uint8(0), image), mask)
+            for image, mask in zip(pixels, masks, strict=True)
+        ]
+        self._smaller: dict[tuple[int, Size], tuple[NDArray[np.uint8], Ignored | None]] = {}
+
+    def __len__(self) -> int:
+        return len(self._full)
+
+    def pixels(self, index: int, size: Size | None = None) -> NDArray[np.uint8]:
+        """One picture [H, W, 3]."""
+        return self._at(index, size)[0]
+
+    def ignored(self, index: int, size: Size | None = None) -> Ignored | None:
+        """What is hidden of one picture, bool [H, W]; None where nothing is."""
+        return self._at(index, size)[1]
+
+    def digest(self) -> str:
+        """SHA-256 of all pixels, and of what is hidden of them."""
+        digest = hashlib.sha256()
+        for pixels, ignored in self._full:
+            digest.update(pixels.tobytes() + (b"" if ignored is None else ignored.tobytes()))
+        return digest.hexdigest()
+
+    def _at(self, index: int, size: Size | None) -> tuple[NDArray[np.uint8], Ignored | None]:
+        pixels, ignored = self._full[index]
+        if size is None or size == pixels.shape[:2]:
+            return pixels, ignored
+        if (index, size) not in self._smaller:
+            height, width = size
+            averaged = np.asarray(cv2.resize(pixels, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+            mask = None if ignored is None else fit_ignored(ignored, width, height)
+            self._smaller[index, size] = averaged, mask
+        return self._smaller[index, size]

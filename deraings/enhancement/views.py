@@ -1,0 +1,70 @@
+"""The training photographs with their rain taken out, each enhanced once and kept as a picture."""
+
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from baselines.training.images import TrainingImages
+from deraings.enhancement.enhance import enhance
+from deraings.enhancement.weights import Enhancer
+from hydroviews.scene.images import read_image, to_uint8, write_png
+
+
+class EnhancedViews:
+    """The photographs enhanced, each when it is first asked for."""
+
+    def __init__(
+        self, images: TrainingImages, names: Sequence[str], enhancer: Enhancer, folder: Path, lift: bool = True
+    ) -> None:
+        """Of training photographs.
+
+        Args:
+            images: the photographs.
+            names: theirs, for the files.
+            enhancer: the network.
+            folder: where enhanced pictures are kept, apart for other photographs and other weights.
+            lift: whether a smooth veil is taken off first; not where it is foggy in the scene.
+        """
+        self._images, self._names, self._enhancer, self._lift = images, names, enhancer, lift
+        self.digest = _fingerprint(images, enhancer, lift)
+        self._kept = folder / self.digest
+
+    def file(self, index: int) -> Path:
+        """One picture as a PNG, written unless an earlier call has finished it."""
+        path = self._kept / f"{self._names[index]}.png"
+        if not path.is_file():
+            photograph = self._images.pixels(index).astype(np.float32) / 255
+            write_png(path, enhance(photograph, self._enhancer, lift=self._lift))
+        return path
+
+    def pixels(self, index: int) -> NDArray[np.uint8]:
+        """One picture [H, W, 3].
+
+        Raises:
+            InputError: a kept picture is damaged.
+        """
+        return to_uint8(read_image(self.file(index)))
+
+
+def enhanced_images(
+    images: TrainingImages, names: Sequence[str], enhancer: Enhancer, folder: Path, lift: bool = True
+) -> TrainingImages:
+    """Enhance every photograph, showing progress; arguments as of `EnhancedViews`. What is hidden stays hidden.
+
+    Raises:
+        InputError: a kept picture is damaged.
+    """
+    views = EnhancedViews(images, names, enhancer, folder, lift)
+    progress = tqdm(range(len(images)), desc="enhancing", unit="view", leave=False)
+    return TrainingImages([views.pixels(i) for i in progress], [images.ignored(i) for i in range(len(images))])
+
+
+def _fingerprint(images: TrainingImages, enhancer: Enhancer, lift: bool) -> str:
+    digest = hashlib.sha256(images.digest().encode() + (b"" if lift else b"not lifted"))
+    for name, value in enhancer.network.state_dict().items():
+        digest.update(name.encode() + value.numpy().tobytes())
+    return digest.hexdigest()[:16]

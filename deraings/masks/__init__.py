@@ -1,0 +1,1 @@
+"""Occlusion masks: what of each photograph is not the scene."""

@@ -1,0 +1,212 @@
+"""Occlusion masks learnt with the scene (DeRainGS, section "Scene Reconstruction").
+
+The photometric loss l of every pixel is weighed by 1 - M, and M is what a network sees in the photograph:
+
+    L = mean((1 - M) l) + lambda_reg mean(M^2) + price mean(M)
+
+The Gaussians and the network minimise the same L, a step of the network to every few of the Gaussians. A network free
+to choose every pixel ends at M = (l - price) / (2 lambda_reg), clipped to [0, 1]; ours, of limited size and shared by
+all views, at what places that look alike have in common. lambda_reg and the price are multiples of the typical loss, a
+running median, so that masks neither take everything nor nothing: at the default, the half of all pixels whose loss is
+below the median is worth no mask, whatever the scene's level. The paper has no price.
+"""
+
+import math
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from baselines.training.images import Size, TrainingImages
+from baselines.training.torch_state import module_arrays, one_thread, restore_module
+from deraings.masks.config import MaskConfig
+from deraings.masks.maps import evidence, filled
+from deraings.masks.network import MaskNetwork, masked_loss
+from deraings.planes import Plane, resized
+
+SMALLEST_SHARE = 0.01  # views further away count for nothing
+LEVEL_MEMORY = 100  # network steps over which the typical loss is averaged
+
+
+class OcclusionMasks:
+    """The masks of a scene's training views, and the network that they come from.
+
+    A view's mask is the one that the network last learnt from, or if it never has, one predicted when asked for. So
+    where the network learns in the same iteration, before the weights are asked for, both steps have the same L.
+    Nothing depends on torch's threads or global random numbers: the same seed, losses and calls give the same bits.
+    """
+
+    def __init__(self, images: TrainingImages, iterations: int, seed: int, config: MaskConfig | None = None) -> None:
+        """Start with a network that masks next to nothing.
+
+        Args:
+            images: what masks are predicted from: the photographs, or what is left of them after enhancement.
+            iterations: of the whole training.
+            seed: of the network's first weights.
+            config: settings.
+        """
+        self.config = config or MaskConfig()
+        self.images, self.seed = images, seed
+        self.first = round(self.config.start * iterations)
+        self.first_lesson = round((self.config.start - self.config.warm_up) * iterations)
+        c = self.config
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            self.network = MaskNetwork(c.shrink, c.fine, c.width, c.cutoff, 1 if c.lens_views else 0, c.attention)
+        self.adam = torch.optim.Adam(self.network.parameters(), c.rate, foreach=True)
+        self._level = np.zeros(2)  # typical loss, and from how many losses it is known
+        self._evidence: float | None = None  # for something on the lens, once the masks have started
+        self._losses: dict[int, Plane] = {}  # last losses of views at the network's resolution
+        self._kept: dict[int, NDArray[np.uint8]] = {}  # masks of views at the mask's resolution
+
+    def due(self, iteration: int) -> bool:
+        """Whether the network should learn in this iteration."""
+        return self.needed and iteration >= self.first_lesson and iteration % self.config.every == 0
+
+    @property
+    def needed(self) -> bool:
+        """Whether something is on the lens; taken for granted until the masks start."""
+        return self._evidence is None or self._evidence >= self.config.least_evidence
+
+    def found(self) -> dict[str, float | bool]:
+        """For the record: what spoke for masks, whether they were used, and their mean."""
+        means = [float(mask.mean()) / 255 for mask in self._kept.values()]
+        used = self._evidence is not None and self.needed
+        return {
+            "evidence": round(self._evidence or 0.0, 2),
+            "used": used,
+            "mask_mean": round(float(np.mean(means)), 4) if used and means else 0.0,
+        }
+
+    def weights(self, view: int, size: Size, iteration: int) -> Plane | None:
+        """1 - M of a training view, [H, W] in [0, 1]; None before masks start, or where nothing is on the lens.
+
+        Args:
+            view: its index.
+            size: height and width wanted.
+            iteration: of the training.
+        """
+        if iteration < self.first:
+            return None
+        if self._evidence is None:
+            self._evidence = evidence([self._losses[view] for view in sorted(self._losses)])
+        if not self.needed:
+            return None
+        if view not in self._kept:
+            self._kept[view] = self._look(view)
+        return 1 - self.mask(view, size)
+
+    def mask(self, view: int, size: Size) -> Plane:
+        """M of a training view, [H, W] in [0, 1]; asking for it changes nothing."""
+        if not self.needed:
+            return np.zeros(size, np.float32)
+        mask = (self._kept[view] if view in self._kept else self._look(view)).astype(np.float32) / 255
+        height, width = self.images.pixels(view).shape[:2]
+        pixels = self.config.shrink // self.config.fine
+        whole = resized(mask, (mask.shape[0] * pixels, mask.shape[1] * pixels))
+        return resized(whole[:height, :width], size)
+
+    def learn(self, view: int, loss: NDArray, iteration: int) -> None:
+        """One step of the network.
+
+        Args:
+            view: index of the training view.
+            loss: what each pixel adds to the photometric loss before it is weighed, [H, W], at any size of the view.
+            iteration: of the training; nothing is learnt before it is `due` for the first time.
+        """
+        loss = np.where(np.isfinite(loss), loss, 0)
+        if iteration < self.first_lesson or not (loss > 0).any():
+            return
+        self._observe(float(np.median(loss[loss > 0])))
+        wanted = torch.from_numpy(self._shrunk(view, loss, self.config.shrink // self.config.fine))
+        self._losses[view] = self._shrunk(view, loss, self.config.shrink)
+        with one_thread():
+            self.network.train()
+            self.adam.zero_grad()
+            mask = self._predict(view)
+            price = self.config.price * self.typical
+            (masked_loss(mask, wanted, self.regulariser, price) / self.regulariser).backward()
+            self.adam.step()
+        self._kept[view] = _rounded(mask)
+
+    @property
+    def regulariser(self) -> float:
+        """lambda_reg as it is now."""
+        return self.config.regularisation * self.typical
+
+    @property
+    def typical(self) -> float:
+        """The median loss of a pixel, averaged over the last lessons, and at least `least_loss`."""
+        return max(float(self._level[0]), self.config.least_loss)
+
+    def about(self) -> dict[str, Any]:
+        """The settings; a checkpoint made with others is another run's."""
+        return {"seed": self.seed, "first": self.first, "first_lesson": self.first_lesson, **asdict(self.config)}
+
+    def arrays(self) -> dict[str, NDArray]:
+        """All that was learnt: weights, batch statistics, moments, typical loss, loss on the lens, masks kept."""
+        arrays = module_arrays(self.network, self.adam)
+        arrays |= {f"loss.{view}": loss.copy() for view, loss in self._losses.items()}
+        arrays |= {f"mask.{view}": mask for view, mask in self._kept.items()}
+        if self._evidence is not None:
+            arrays["evidence"] = np.array([self._evidence])
+        return {**arrays, "level": self._level.copy()}
+
+    def restore(self, arrays: dict[str, NDArray]) -> None:
+        """Take back what `arrays` returned."""
+        restore_module(self.network, arrays, self.adam)
+        self._level = arrays["level"].copy()
+        self._evidence = float(arrays["evidence"][0]) if "evidence" in arrays else None
+        self._losses, self._kept = _by_view(arrays, "loss."), _by_view(arrays, "mask.")
+
+    def _look(self, view: int) -> NDArray[np.uint8]:
+        """M as the network predicts it without learning."""
+        with one_thread(), torch.no_grad():
+            self.network.eval()
+            return _rounded(self._predict(view))
+
+    def _predict(self, view: int) -> Tensor:
+        """M [h, w] at the mask's resolution; rows and columns that fill up the last blocks are part of it."""
+        pixels = self.images.pixels(view)
+        picture = filled(pixels.astype(np.float32) / 255, self.config.shrink)
+        extra = None
+        if self.config.lens_views:
+            size = picture.shape[0] // self.config.shrink, picture.shape[1] // self.config.shrink
+            extra = torch.from_numpy(self._around(view, size))[None, None]
+        planes = torch.from_numpy(picture).permute(2, 0, 1)[None]
+        return self.network(planes, extra)[0, 0]
+
+    def _shrunk(self, view: int, loss: NDArray, factor: int) -> Plane:
+        """A loss map averaged over factor x factor pixels of the whole picture."""
+        height, width = self.images.pixels(view).shape[:2]
+        whole = filled(resized(loss.astype(np.float32), (height, width)), self.config.shrink)
+        return resized(whole, (whole.shape[0] // factor, whole.shape[1] // factor))
+
+    def _observe(self, typical: float) -> None:
+        level, count = self._level
+        count = min(count + 1, LEVEL_MEMORY)
+        self._level = np.array([level + (typical - level) / count, count])
+
+    def _around(self, view: int, size: Size) -> Plane:
+        """Mean loss of the views taken before and after at the same place on the lens, in typical losses; not its own.
+
+        What stays on the lens is lost in all of them, what is fine in the scene moves from view to view.
+        """
+        mean, total = np.zeros(size, np.float32), 0.0
+        for other, loss in sorted(self._losses.items()):  # sums in one order, whatever that of the lessons
+            share = math.exp(-0.5 * ((other - view) / self.config.lens_views) ** 2) if other != view else 0.0
+            if share > SMALLEST_SHARE:
+                mean += np.float32(share) * resized(loss, size)
+                total += share
+        return mean / np.float32(total * self.typical) if total else np.ones(size, np.float32)
+
+
+def _by_view(arrays: dict[str, NDArray], prefix: str) -> dict[int, NDArray]:
+    return {int(name.removeprefix(prefix)): value for name, value in arrays.items() if name.startswith(prefix)}
+
+
+def _rounded(mask: Tensor) -> NDArray[np.uint8]:
+    return np.rint(mask.detach().numpy() * 255).astype(np.uint8)

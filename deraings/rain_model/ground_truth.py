@@ -1,0 +1,97 @@
+"""How far what was found of the rain is from what was added: scores against the layers of a built variant.
+
+For tests and tables alone; no method may look at layers.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from deraings.planes import Plane
+from deraings.rain_model.objective import RainObjective
+from hydroviews.rain.layers import read_layers
+from hydroviews.scene.scenes import View
+
+WATER = 0.5  # cover by drops from which a pixel counts as hidden
+
+
+def true_layers(variant: Path, view: View) -> dict[str, Plane]:
+    """The layers of a view, averaged down to its camera's size.
+
+    Args:
+        variant: folder of a rainy variant, such as `courtyard/raindrop-1`.
+        view: one of its views.
+
+    Returns:
+        Planes [H, W] by channel: M, V, R, G, B of drops and storms; S of streaks.
+
+    Raises:
+        InputError: missing or unreadable.
+    """
+    size = view.camera.width, view.camera.height
+    planes = read_layers(variant / "layers" / f"{view.name}.exr")
+    return {name: np.asarray(cv2.resize(p, size, interpolation=cv2.INTER_AREA)) for name, p in planes.items()}
+
+
+def plane_errors(found: Plane, true: Plane) -> dict[str, float]:
+    """Root mean square error, mean error and correlation of a plane [H, W]; correlation 0 where either is even.
+
+    Raises:
+        ValueError: the two differ in size.
+    """
+    if found.shape != true.shape:
+        raise ValueError(f"planes {found.shape} and {true.shape} differ in size")
+    error = found.astype(np.float64) - true
+    even = found.std() == 0 or true.std() == 0
+    correlation = 0.0 if even else float(np.corrcoef(found.ravel(), true.ravel())[0, 1])
+    return {"rms": float(np.sqrt(np.mean(error**2))), "mean": float(error.mean()), "correlation": correlation}
+
+
+def mask_scores(found: NDArray[np.bool_], true: NDArray[np.bool_]) -> dict[str, float]:
+    """Intersection over union, precision and recall of a mask [H, W]; 1 where there is nothing to find or to miss.
+
+    Raises:
+        ValueError: the two differ in size.
+    """
+    if found.shape != true.shape:
+        raise ValueError(f"masks {found.shape} and {true.shape} differ in size")
+    both, either = int((found & true).sum()), int((found | true).sum())
+    shares = {"iou": either, "precision": int(found.sum()), "recall": int(true.sum())}
+    return {name: both / total if total else 1.0 for name, total in shares.items()}
+
+
+def score_rain(objective: RainObjective, variant: Path, views: Sequence[View]) -> dict[str, float]:
+    """Means over training views of what an objective has found against the variant's layers.
+
+    Args:
+        objective: after training on these views, in their order.
+        variant: folder of the rainy variant.
+        views: its training views.
+
+    Returns:
+        `rms`, `mean` and `correlation` of the veil (`veil_rms`, ...) and of the cover by drops (`drops_rms`, ...),
+        `drops_iou`, `drops_precision`, `drops_recall`, and `falling_cover_error` (found less true median cover), as far
+        as the variant has such layers.
+
+    Raises:
+        InputError: a layer is missing or unreadable.
+    """
+    scores: dict[str, list[float]] = {}
+    for index, view in enumerate(views):
+        size = view.camera.height, view.camera.width
+        true = true_layers(variant, view)
+        parts: dict[str, dict[str, float]] = {}
+        if "V" in true:
+            parts["veil"] = plane_errors(objective.veil_share(index, size), true["V"])
+        if "M" in true:
+            cover = objective.drop_cover(index, size)
+            parts["drops"] = mask_scores(cover > WATER, true["M"] > WATER) | plane_errors(cover, true["M"])
+        if "S" in true:
+            parts["falling"] = {"cover_error": objective.cover - float(np.median(true["S"]))}
+        for part, values in parts.items():
+            for name, value in values.items():
+                scores.setdefault(f"{part}_{name}", []).append(value)
+    return {name: float(np.mean(values)) for name, values in scores.items()}

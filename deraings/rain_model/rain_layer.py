@@ -1,0 +1,202 @@
+"""Falling rain: new in every view, so that views disagree on it, but it only ever adds light.
+
+What many views agree on is the median, and in denser rain there is some of it in front of the median pixel: the scene
+is learned as if behind an even veil, O = (1 - S) B + S beta in encoded values with S the median cover. Such a veil
+cannot be told from a brighter scene of less contrast by any single pixel. Two things tell it:
+
+* *That it rains.* Rain is what makes the differences of photograph and render skewed to the bright side along one
+  direction only: averaged along short lines at twelve angles, less their surroundings, the differences of a dry scene
+  are skewed much alike at all angles, if at all; in rain they are more so along the streaks.
+* *How much.* Between the streaks the photographs show the scene itself. So their darkest pixels are as dark as the
+  scene is, and S follows from how much lighter the darkest of the render are. Fog in the scene lightens both alike.
+
+The first gates the second: where it does not rain S is nought, whatever the scene.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from deraings.planes import Plane, resized, within_side
+from hydroviews.scene.images import Image
+
+ANGLES = tuple(range(0, 180, 15))  # degrees counter-clockwise from +x
+THIRDS = np.full(3, 1 / 3, np.float32)
+LONG_SIDE = 480  # pixels; streaks are looked for in no larger pictures
+LEARNED = ("powers", "levels", "heard", "cover")
+LEVELS = 512  # bins of a histogram of encoded values in [0, 1]
+THIN = 0.004  # cover that is as good as none
+COMMON = 0.15  # share of the skew of most directions that one may exceed them by: drops that ran are long as well
+
+
+@dataclass(frozen=True)
+class FallingConfig:
+    """How falling rain is found and accounted for."""
+
+    brightness: float = 0.88  # beta, the encoded value of what streaks are made of
+    line: float = 1 / 45  # length of the lines in longer sides of the picture
+    start: float = 0.1  # share of the iterations before the first look: streaks are not learned yet
+    settled: float = 0.5  # and after which the cover stays, if it surely rains: single streaks are learned by then
+    looks: int = 240  # in all, spread evenly
+    memory: int = 60  # looks that running sums remember
+    fewest: float = 14.0  # of them, before anything is believed: some 16 looks
+    dry: float = 0.045  # skew of one direction over the others up to which it does not rain
+    rainy: float = 0.075  # and from which it surely does
+    darkest_photographed: float = 2e-4  # quantile of the photographs
+    darkest_rendered: float = 5e-3  # and of the renders, which are smoother, that are the same in dry weather
+    most: float = 0.5  # cover
+
+    def __post_init__(self) -> None:
+        if not self.fewest < self.memory:
+            raise ValueError(f"fewest {self.fewest} of {self.memory} remembered looks: rain could never be believed")
+
+
+class FallingRain:
+    """Running statistics of photographs and renders, and the median cover that follows."""
+
+    def __init__(self, iterations: int, config: FallingConfig) -> None:
+        self._config = config
+        self._first, self._settled = round(config.start * iterations), round(config.settled * iterations)
+        self._every = max(1, (iterations - self._first) // config.looks)
+        self.powers = np.zeros((len(ANGLES), 3))  # sums of weights, squares and cubes of differences along lines
+        self.levels = np.zeros((2, LEVELS))  # histograms of photographs and renders
+        self.heard = np.zeros(2)  # sum and number of a witness's median covers
+        self.cover = np.zeros(1)  # S
+
+    @property
+    def brightness(self) -> float:
+        """beta, the encoded value of what streaks are made of."""
+        return self._config.brightness
+
+    def due(self, iteration: int) -> bool:
+        """Whether to look at a view in this step."""
+        return iteration >= self._first and iteration % self._every == 0
+
+    def observe(self, photograph: Image, seen: Image, weights: NDArray[np.float32] | None, iteration: int) -> None:
+        """Look at a view, and renew the cover.
+
+        Args:
+            photograph: [H, W, 3].
+            seen: what the model expects of it, [H, W, 3], with the rain that it knows of.
+            weights: of the pixels [H, W]; those of weight 0 are not looked at.
+            iteration: of the training.
+        """
+        config = self._config
+        keep = 1 - 1 / config.memory
+        grey = [_small(image @ THIRDS) for image in (photograph, seen)]
+        clear = None if weights is None else _small(weights) > 0.5
+        self.powers = keep * self.powers + line_powers(grey[0] - grey[1], config.line, clear)
+        if iteration < self._settled or self.certainty() < 1:
+            self.levels = keep * self.levels + np.stack([_histogram(image, clear) for image in grey])
+        self.cover[0] = min(self.certainty() * self.even(), config.most)
+
+    def hear(self, median: float) -> None:
+        """Take in a witness's median cover of a view."""
+        self.heard += median, 1
+
+    def even(self) -> float:
+        """The median cover if it rains: of the darkest pixels, and of the witness if there is one, the mean."""
+        if not self.heard[1]:
+            return self.lightened()
+        return 0.5 * (self.lightened() + max(0.0, self.heard[0] / self.heard[1]))
+
+    def certainty(self) -> float:
+        """How sure it is that it rains, 0 to 1; few looks say nothing."""
+        config = self._config
+        if self.powers[0, 0] < config.fewest:
+            return 0.0
+        return float(np.clip((directed_skew(self.powers) - config.dry) / (config.rainy - config.dry), 0, 1))
+
+    def lightened(self) -> float:
+        """The cover by which the render's darkest pixels are lighter than those of the photographs."""
+        config = self._config
+        if not self.levels.any():
+            return 0.0
+        quantiles = config.darkest_photographed, config.darkest_rendered
+        dark, lighter = (_quantile(counts, q) for counts, q in zip(self.levels, quantiles, strict=True))
+        return max(0.0, (lighter - dark) / (config.brightness - dark)) if dark < config.brightness else 0.0
+
+    def angle(self) -> int:
+        """The direction of the streaks in degrees counter-clockwise from +x, to 15 degrees."""
+        return ANGLES[int(np.argmax(_skews(self.powers)))]
+
+    def arrays(self) -> dict[str, NDArray]:
+        """All that was observed, for checkpoints."""
+        return {name: getattr(self, name) for name in LEARNED}
+
+    def restore(self, arrays: dict[str, NDArray]) -> None:
+        """Take back what `arrays` returned."""
+        for name in LEARNED:
+            setattr(self, name, arrays[name].copy())
+
+
+def line_powers(difference: NDArray[np.float32], length: float, clear: NDArray[np.bool_] | None) -> NDArray:
+    """1 and the means of squares and cubes [A, 3] of a picture averaged along lines at `ANGLES`, less its surroundings.
+
+    Args:
+        difference: [H, W].
+        length: of the lines, in longer sides of the picture.
+        clear: pixels that count [H, W]; all by default.
+    """
+    side = max(3, round(max(difference.shape) * length)) | 1
+    if clear is not None:
+        if not clear.any():
+            return np.zeros((len(ANGLES), 3))
+        difference = np.where(clear, difference, np.float32(0))
+    around = cv2.blur(difference, (side, side))
+    powers = np.ones((len(ANGLES), 3))
+    for row, angle in zip(powers, ANGLES, strict=True):
+        along = cv2.filter2D(difference, -1, line_kernel(side, angle)) - around
+        along = along if clear is None else along[clear]
+        limit = 4 * along.std()
+        along = np.clip(along, -limit, limit)
+        square = along * along
+        row[1:] = square.mean(dtype=np.float64), (square * along).mean(dtype=np.float64)
+    return powers
+
+
+def line_kernel(side: int, angle: float) -> NDArray[np.float32]:
+    """A line through the middle of [side, side] at `angle` degrees counter-clockwise from +x, of sum 1."""
+    reach = np.linspace(-(side - 1) / 2, (side - 1) / 2, 8 * side)
+    x = reach * np.cos(np.radians(angle)) + (side - 1) / 2
+    y = -reach * np.sin(np.radians(angle)) + (side - 1) / 2
+    knots = np.arange(side)
+    columns, rows = (np.maximum(0, 1 - np.abs(place[:, None] - knots)) for place in (x, y))
+    return np.asarray(rows.T @ columns / len(reach), np.float32)
+
+
+def directed_skew(powers: NDArray) -> float:
+    """By how much the skewness along one direction exceeds what that along most others allows; 0 for nothing seen.
+
+    Where drops on the lens make all directions skewed, one stands out a little more. Falling rain stands out alone.
+    """
+    skews = _skews(powers)
+    usual = float(np.median(skews))
+    return float(skews.max()) - usual - COMMON * max(0.0, usual)
+
+
+def _skews(powers: NDArray) -> NDArray:
+    count, squares, cubes = powers.T
+    scale = squares**1.5 / np.sqrt(np.maximum(count, 1e-12))
+    return np.divide(cubes, scale, out=np.zeros(len(powers)), where=scale > 0)
+
+
+def _small(plane: Plane) -> Plane:
+    """A plane [H, W], averaged down to a longer side of LONG_SIDE."""
+    return resized(plane, within_side(plane.shape, LONG_SIDE))
+
+
+def _histogram(image: NDArray[np.float32], clear: NDArray[np.bool_] | None) -> NDArray:
+    values = image if clear is None else image[clear]
+    places = np.clip(values.ravel() * LEVELS, 0, LEVELS - 1).astype(np.int64)
+    return np.bincount(places, minlength=LEVELS) / max(values.size, 1)
+
+
+def _quantile(counts: NDArray, share: float) -> float:
+    """The encoded value below which a share of a histogram lies."""
+    sums = np.cumsum(counts)
+    index = int(np.searchsorted(sums, share * sums[-1]))
+    before = sums[index - 1] if index else 0.0
+    return float((index + (share * sums[-1] - before) / max(counts[index], 1e-12)) / LEVELS)

@@ -1,0 +1,1 @@
+"""The embedded scenes: modelled here, rendered by Blender, read like any other capture."""

@@ -1,0 +1,1 @@
+"""Where captures come from: a catalogue of published ones, downloads, photographs, videos."""

@@ -1,0 +1,1 @@
+"""Published captures over HTTP, out of their archives."""

@@ -1,0 +1,175 @@
+"""One scene's files out of a zip or tar archive: nothing else, nothing outside its folder, whole or not there."""
+
+import gzip
+import lzma
+import os
+import shutil
+import stat
+import tarfile
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import IO
+
+from tqdm import tqdm
+
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import PARTIAL, plain_full_disk, replacing
+
+DEPTH = 3  # how far down an archive the scene's folder may be
+BLOCK = 1 << 20  # bytes
+DAMAGE = (
+    zipfile.BadZipFile,
+    tarfile.TarError,
+    gzip.BadGzipFile,
+    lzma.LZMAError,
+    zlib.error,
+    EOFError,
+    NotImplementedError,
+)
+
+
+@dataclass(frozen=True)
+class Member:
+    """A file in an archive."""
+
+    name: str
+    size: int
+    link: bool
+    entry: zipfile.ZipInfo | tarfile.TarInfo
+
+
+Opened = zipfile.ZipFile | tarfile.TarFile
+
+
+def is_archive(path: Path) -> bool:
+    """Whether a file is a zip or tar archive."""
+    return zipfile.is_zipfile(path) or tarfile.is_tarfile(path)
+
+
+def unpack(archive: Path, scene: str, folder: Path, label: str = "") -> None:
+    """Unpack the files below the archive's folder `scene` to `folder`, which appears when all are there.
+
+    Files that an interrupted call unpacked are kept.
+
+    Args:
+        archive: zip, or tar with any compression.
+        scene: name of a folder in it.
+        folder: must not be there, or be empty.
+        label: what tells this version of the archive from others; only files of the same one are kept.
+
+    Raises:
+        InputError: damaged, without the scene, with names that lead outside or links, or the disk is full.
+    """
+    staging = folder.with_name(f"{PARTIAL}unpacked-{label}-{folder.name}")
+    with _opened(archive) as opened:
+        files = _scene_files(archive, _members(opened), scene)
+        missing = {path: member for path, member in files.items() if not _is_there(staging / path, member)}
+        _refuse_if_too_large(folder, sum(member.size for member in missing.values()))
+        with tqdm(
+            total=sum(member.size for member in files.values()),
+            initial=sum(member.size for path, member in files.items() if path not in missing),
+            desc=f"unpacking {scene}",
+            unit="B",
+            unit_scale=True,
+        ) as bar:
+            for path, member in missing.items():
+                _write(opened, member, staging / path)
+                bar.update(member.size)
+    with plain_full_disk(folder):
+        os.replace(staging, folder)
+
+
+@contextmanager
+def _opened(archive: Path) -> Iterator[Opened]:
+    """The archive, any damage that shows while it is read told as an InputError."""
+    try:
+        if zipfile.is_zipfile(archive):
+            with zipfile.ZipFile(archive) as opened:
+                yield opened
+        else:
+            with tarfile.open(archive) as opened_tar:
+                yield opened_tar
+    except DAMAGE as error:
+        raise InputError(
+            f"{archive}: damaged, or neither a zip nor a tar archive",
+            found=f"{archive.stat().st_size} bytes; {error}",
+            fix="delete it and run the same command again",
+        ) from error
+
+
+def _members(opened: Opened) -> list[Member]:
+    if isinstance(opened, zipfile.ZipFile):
+        return [
+            Member(info.filename, info.file_size, stat.S_ISLNK(info.external_attr >> 16), info)
+            for info in opened.infolist()
+            if not info.is_dir()
+        ]
+    members = opened.getmembers()
+    while opened.fileobj and opened.fileobj.read(BLOCK):  # a compressed file's checksum stands at its end
+        pass
+    return [Member(info.name, info.size, not info.isfile(), info) for info in members if not info.isdir()]
+
+
+def _scene_files(archive: Path, members: list[Member], scene: str) -> dict[PurePosixPath, Member]:
+    """The scene's files by their paths below its folder; hidden ones are left out."""
+    found: dict[PurePosixPath, dict[PurePosixPath, Member]] = {}
+    for member in members:
+        parts = _safe_parts(archive, member.name)
+        if scene not in parts[:DEPTH]:
+            continue
+        inside = parts.index(scene) + 1
+        if inside == len(parts) or any(part.startswith((".", "__MACOSX")) for part in parts):
+            continue
+        if member.link:
+            raise _unsafe(archive, member.name, "a link")
+        found.setdefault(PurePosixPath(*parts[:inside]), {})[PurePosixPath(*parts[inside:])] = member
+    if not found:
+        folders = sorted({PurePosixPath(member.name).parts[0] for member in members if member.name})
+        raise InputError(f"{archive}: no folder {scene} in it", found=", ".join(folders[:12]) or "nothing")
+    return found[min(found, key=lambda prefix: (len(prefix.parts), str(prefix)))]
+
+
+def _safe_parts(archive: Path, name: str) -> tuple[str, ...]:
+    parts = PurePosixPath(name).parts
+    if not parts or ".." in parts or parts[0] == "/" or "\\" in name or "\0" in name or ":" in parts[0]:
+        raise _unsafe(archive, name, "a name that leads outside")
+    return parts
+
+
+def _unsafe(archive: Path, name: str, what: str) -> InputError:
+    return InputError(
+        f"{archive}: not safe to unpack", found=f"{what}: {name!r}", fix="get the archive from its authors again"
+    )
+
+
+def _is_there(path: Path, member: Member) -> bool:
+    return path.is_file() and path.stat().st_size == member.size
+
+
+def _refuse_if_too_large(folder: Path, needed: int) -> None:
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    free = shutil.disk_usage(folder.parent).free
+    if needed > free:
+        raise InputError(
+            f"{folder}: no space left on the disk",
+            found=f"{free / 1e9:.1f} GB free",
+            expected=f"{needed / 1e9:.1f} GB",
+            fix="free some space and run the same command again",
+        )
+
+
+def _write(opened: Opened, member: Member, path: Path) -> None:
+    source: IO[bytes] | None
+    if isinstance(opened, zipfile.ZipFile):
+        assert isinstance(member.entry, zipfile.ZipInfo)
+        source = opened.open(member.entry)
+    else:
+        assert isinstance(member.entry, tarfile.TarInfo)
+        source = opened.extractfile(member.entry)
+    assert source is not None  # links were refused
+    with source, replacing(path) as temporary, temporary.open("wb") as target:
+        shutil.copyfileobj(source, target, BLOCK)

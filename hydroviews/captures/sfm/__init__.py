@@ -1,0 +1,1 @@
+"""Structure from motion: cameras and points from photographs, with pycolmap."""

@@ -1,0 +1,266 @@
+"""Cameras for a folder of photographs, and points for cameras that come without, estimated with pycolmap."""
+
+import os
+import shutil
+from functools import partial
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pycolmap
+from tqdm import tqdm
+
+from hydroviews.captures.exif_orientation import common_turn, write_upright
+from hydroviews.captures.sfm import matching as features
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import PARTIAL, listing, plain_full_disk
+from hydroviews.files.claims import claim
+from hydroviews.formats import read_scene
+from hydroviews.formats.colmap import reliable
+from hydroviews.formats.colmap_format import SparsePoints, read_images
+from hydroviews.formats.photographs import photographs_below, some, unreadable_photographs, view_names
+from hydroviews.formats.writers import check_whole, to_colmap_camera
+from hydroviews.scene.images import SUFFIXES, write_png
+from hydroviews.scene.masks import MASKS, mask_digest, mask_name, write_ignored
+from hydroviews.scene.scenes import Points, Scene
+
+Matcher = Literal["auto", "exhaustive", "sequential"]
+
+MINIMUM = 3  # registered views that make a scene
+# Degrees between the rays of the first pair: wide is stable, but captures from one side have none that wide.
+# COLMAP halves each twice before it gives up.
+FIRST_PAIR_ANGLES = (16.0, 4.0)
+ENOUGH = 0.9  # share of photographs that must register before no other first pair is tried
+SNAPSHOT_EVERY = 10  # registered views that an interruption may cost twice over
+
+SETTINGS = "poses.json"
+DATABASE = "database.db"
+COPIES = ".without-streaks"
+
+ADVICE = (
+    "take more photographs, each sharing at least two thirds of what it shows with the next and taken from "
+    "another place; blurred ones, bare walls and mirrors do not register"
+)
+
+
+def estimate_poses(
+    images: Path,
+    out: Path,
+    camera_model: str = "SIMPLE_RADIAL",
+    matcher: Matcher = "auto",
+    seed: int = 0,
+    masks: Path | None = None,
+    advice: str = ADVICE,
+    rainy: bool = False,
+) -> Scene:
+    """Estimate a camera for each photograph in `images` and write the capture `out`.
+
+    Features, matches and then incremental mapping, all on the CPU. Finished work is kept in `out`: the same
+    call goes on after an interruption and returns at once when all is done.
+
+    Args:
+        images: the photographs, in folders or not.
+        out: gets `images` (links, or copies where links cannot be made or all photographs have to be turned upright,
+            which they are not where there are masks), `sparse/0` (the largest model, others
+            after it), `database.db` and `poses.json`.
+        camera_model: COLMAP's name; one camera is shared by photographs of one size.
+        matcher: all pairs, or neighbours in the order of names with loops closed; auto takes the first for up
+            to `features.EXHAUSTIVE_LIMIT` photographs.
+        seed: of the random sampling. Mapping runs in several threads, so the last digits may still differ, and
+            goes on from a snapshot after an interruption, which may change more than those.
+        masks: folder with a mask for every photograph, named as COLMAP names them (see `hydroviews.scene.masks`); what
+            they hide has no features.
+        advice: what to do if too few register.
+        rainy: look for features in copies without upright streaks. On 480-pixel views of Mip-NeRF 360 bonsai two
+            steps apart, with streaks n 100, l 30, w 3, that gives 76 right matches a pair for 49.
+
+    Returns:
+        The scene that `read_scene(out)` gives, with the number of registered photographs in its notes.
+
+    Raises:
+        InputError: fewer than three photographs, fewer than three registered, or `out` was made otherwise or lies
+            among the photographs.
+    """
+    sources = photographs_below(images) if images.is_dir() else []
+    if len(sources) < MINIMUM:
+        other = unreadable_photographs(images) if images.is_dir() else "no such folder"
+        raise InputError(
+            f"{images}: {len(sources)} photographs",
+            found=other or None,
+            expected=f"at least {MINIMUM} ({', '.join(SUFFIXES)})",
+            fix=ADVICE if images.is_dir() and not other else None,
+        )
+    if out.resolve().is_relative_to(images.resolve()):  # copies of photographs would be photographs the next time
+        raise InputError(f"{out}: among the photographs", expected="a folder beside them", fix="choose another --out")
+    links = _link_names(images, sources)
+    exhaustive = matcher == "exhaustive" or (matcher == "auto" and len(sources) <= features.EXHAUSTIVE_LIMIT)
+    settings = {"camera_model": camera_model, "exhaustive": exhaustive, "seed": seed, "images": sorted(links)}
+    settings |= {"masks": mask_digest(masks) if masks else None, "rainy": rainy or None}  # None as where it lacks
+    settings |= {"files": listing(sources)}
+    claim(
+        out / SETTINGS,
+        settings,
+        taken="holds poses that were estimated otherwise",
+        foreign=None,
+        fix="choose another folder, or remove this one",
+    )
+    if not (out / "sparse").is_dir():
+        database, pictures, names = out / DATABASE, out / "images", sorted(links)
+        _link(links, pictures, turned=masks is None and common_turn(sources))
+        features.register(database, pictures, names, camera_model, shared=True, masks=masks)
+        if rainy:
+            pictures = features.copy_without_streaks(pictures, out / COPIES, names)
+        features.extract(database, pictures, names, camera_model, masks)
+        pairs = features.all_pairs(len(names)) if exhaustive else features.sequence_pairs(len(names))
+        features.match(database, names, pairs, seed)
+        _map(out, len(names), seed, advice)
+        shutil.rmtree(out / COPIES, ignore_errors=True)
+    return read_scene(out)
+
+
+def _link_names(images: Path, sources: list[Path]) -> dict[str, Path]:
+    """Flat file names without blanks, unique without their suffixes, and the photographs they stand for."""
+    relative = [path.relative_to(images).as_posix() for path in sources]
+    stems = [stem.replace(" ", "_") for stem in view_names(relative)]
+    if len(set(stems)) < len(stems):
+        twice = sorted({stem for stem in stems if stems.count(stem) > 1})
+        raise InputError(f"{images}: several images share a name", found=some(twice), fix="rename them")
+    return {stem + path.suffix: path for stem, path in zip(stems, sources, strict=True)}
+
+
+def _link(links: dict[str, Path], folder: Path, turned: bool) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, source in links.items():
+        target = folder / name
+        if target.exists():
+            continue
+        target.unlink(missing_ok=True)  # a link to where the photographs were before they were moved
+        if turned:
+            write_upright(source, target)
+            continue
+        try:
+            target.symlink_to(source.resolve())
+        except OSError:  # no links on this file system
+            shutil.copy2(source, target)
+
+
+def _map(out: Path, count: int, seed: int, advice: str) -> None:
+    """Incremental mapping; the models go to `out/sparse` together, the largest first."""
+    models: list[pycolmap.Reconstruction] = []
+    best = 0
+    for angle in FIRST_PAIR_ANGLES:
+        grown = _incremental_mapping(out, count, angle, seed)
+        if grown and grown[0].num_reg_images() > best:
+            models, best = grown, grown[0].num_reg_images()
+        if best > ENOUGH * count:
+            break
+    if best < MINIMUM:
+        raise InputError(
+            f"{out / 'images'}: only {best} of {count} photographs could be registered",
+            expected=f"at least {MINIMUM}",
+            fix=advice,
+        )
+    finished = out / (PARTIAL + "sparse")
+    shutil.rmtree(finished, ignore_errors=True)
+    with plain_full_disk(out / "sparse"):
+        for i, model in enumerate(models):
+            (finished / str(i)).mkdir(parents=True)
+            model.write_binary(finished / str(i))
+            check_whole(finished / str(i))
+        os.replace(finished, out / "sparse")
+
+
+def _incremental_mapping(out: Path, count: int, angle: float, seed: int) -> list[pycolmap.Reconstruction]:
+    """The models that grow from a first pair whose rays meet at `angle` degrees, the largest first."""
+    scratch = out / (PARTIAL + "mapping")
+    snapshots = scratch / "snapshots"
+    snapshots.mkdir(parents=True, exist_ok=True)
+    begun = sorted(snapshots.iterdir())[-2:-1]  # the last one may be half written
+    options = pycolmap.IncrementalPipelineOptions(min_model_size=MINIMUM, random_seed=seed)
+    options.num_threads = 1  # with more, rounding differs from run to run, and now and then the model with it
+    options.snapshot_path, options.snapshot_frames_freq = snapshots, SNAPSHOT_EVERY
+    options.mapper.init_min_tri_angle = angle
+    with tqdm(total=count, desc=f"mapping, first pair {angle:.0f} degrees apart", unit="image") as bar:
+        if begun:
+            bar.update(len(read_images(begun[0])))
+        call = partial(
+            pycolmap.incremental_mapping,
+            out / DATABASE,
+            out / "images",
+            scratch,
+            options,
+            input_path=begun[0] if begun else "",
+            initial_image_pair_callback=lambda: None if begun else bar.update(2),
+            next_image_callback=lambda: bar.update(1),
+        )
+        models = features.interruptible(call)
+    shutil.rmtree(scratch)
+    return sorted(models.values(), key=lambda model: -model.num_reg_images())
+
+
+def triangulate(scene: Scene, workspace: Path, seed: int = 0) -> Points:
+    """Points of a scene whose poses are known, for captures that come without any.
+
+    SIFT features of the undistorted photographs, of what masks show of them, are matched between views near each
+    other and triangulated; poses and intrinsics stay. Interrupted work is taken up again from `workspace`, which
+    serves one scene.
+
+    Args:
+        scene: with correct cameras.
+        workspace: gets the undistorted photographs and the database.
+        seed: of the verification's random sampling.
+
+    Returns:
+        Points seen by three views within two pixels; there may be none, if poses or photographs do not fit.
+    """
+    scene = scene.resized(features.MAX_IMAGE_SIZE)
+    # COLMAP's text forms have no blanks in names; the number tells "a b" from "a_b".
+    names = [f"{i:05d}-{view.name.replace(' ', '_')}.png" for i, view in enumerate(scene.views)]
+    masks = workspace / MASKS if any(view.mask for view in scene.views) else None
+    for name, view in zip(names, tqdm(scene.views, desc="photographs"), strict=True):
+        if not (workspace / "images" / name).is_file():
+            write_png(workspace / "images" / name, view.image())
+        if masks:
+            ignored = view.ignored()
+            nothing = np.zeros((view.camera.height, view.camera.width), bool)
+            write_ignored(masks / mask_name(name), nothing if ignored is None else ignored)
+    database = workspace / DATABASE
+    features.register(database, workspace / "images", names, "PINHOLE", shared=False, masks=masks)
+    features.extract(database, workspace / "images", names, "PINHOLE", masks)
+    features.match(
+        database, names, features.pose_pairs(np.stack([view.camera.world_to_camera for view in scene.views])), seed
+    )
+    model = _posed_model(scene, names, database)
+    options = pycolmap.IncrementalPipelineOptions(random_seed=seed)
+    (workspace / "points").mkdir(exist_ok=True)
+    model = pycolmap.triangulate_points(model, database, workspace / "images", workspace / "points", options=options)
+    return _points(model)
+
+
+def _posed_model(scene: Scene, names: list[str], database: Path) -> pycolmap.Reconstruction:
+    """The scene's cameras under the ids that the database gave its images, which get the same intrinsics."""
+    model = pycolmap.Reconstruction()
+    with pycolmap.Database.open(database) as opened:
+        for name, view in zip(names, scene.views, strict=True):
+            stored = opened.read_image_with_name(name)
+            if stored is None:
+                raise InputError(f"{database}: made for other images", found=f"no {name}", fix="remove its folder")
+            camera = to_colmap_camera(view.camera, stored.camera_id)
+            opened.update_camera(camera)
+            model.add_camera_with_trivial_rig(camera)
+            image = pycolmap.Image(name=name, camera_id=stored.camera_id, image_id=stored.image_id)
+            model.add_image_with_trivial_frame(image, pycolmap.Rigid3d(view.camera.world_to_camera[:3]))
+    return model
+
+
+def _points(model: pycolmap.Reconstruction) -> Points:
+    model.update_point_3d_errors()
+    points = [model.points3D[i] for i in sorted(model.points3D)]
+    return reliable(
+        SparsePoints(
+            np.array([point.xyz for point in points]).reshape(-1, 3),
+            np.array([point.color for point in points], np.uint8).reshape(-1, 3),
+            np.array([point.error for point in points]),
+            np.array([point.track.length() for point in points], np.int64),
+        )
+    )

@@ -1,0 +1,1 @@
+"""A capture from a video: sharp frames, masks drawn by the user."""

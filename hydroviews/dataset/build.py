@@ -1,0 +1,110 @@
+"""A capture and rain patterns become a data set on disk; an interrupted build goes on where it stopped.
+
+    <out>/<scene>/clean/*.png                 the ground truth
+    <out>/<scene>/sparse/0, transforms.json   cameras and points for COLMAP and nerfstudio readers
+    <out>/<scene>/split.json                  training and held-out views
+    <out>/<scene>/depth/*.exr                 z-depth, where the capture has it
+    <out>/<scene>/masks/*.png.png             hidden pixels, where the capture has masks
+    <out>/<scene>/<pattern>/images/*.png      rainy views; layers/*.exr what was added; pattern.json every parameter
+    <out>/<scene>/**/statistics.csv           what rain did to every view; README.md says it in words
+    <out>/manifest.json                       SHA-256 of every file of the finished scenes
+
+A capture that was taken in rain has no clean views: its own photographs are the one variant, `captured-0`.
+Every file is written whole or not at all, so a file that exists is finished. What a scene was asked to be is
+kept in its `request.json`: another request for the same folder is refused.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from hydroviews.dataset.card.card import keep_licence, write_card
+from hydroviews.dataset.clean_views import CLEAN, write_cameras, write_views
+from hydroviews.dataset.manifest import read_manifest, record_scene
+from hydroviews.dataset.rainy_variant import link_shared, write_captured, write_variant
+from hydroviews.dataset.request import Request, make_request, refuse_own_capture, take_folder
+from hydroviews.dataset.statistics import write_statistics
+from hydroviews.errors import InputError
+from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.rain.patterns import Pattern, parse_pattern
+from hydroviews.rain.setting import Technique, survey
+from hydroviews.scene.scenes import Scene
+
+
+def build(
+    scene: Scene,
+    out: Path,
+    *,
+    patterns: Sequence[Pattern],
+    long_side: int | None = None,
+    seed: int = 0,
+    technique: Technique = "disk",
+    source: str = "",
+    overwrite: bool = False,
+) -> Path:
+    """Build a scene's clean views and rainy variants under `out`; what is finished is kept.
+
+    Args:
+        scene: the capture at its own size.
+        out: the data folder; the scene goes to `out/<scene.name>`.
+        patterns: which rains; none builds the clean views and cameras alone.
+        long_side: pixels of the built views' longer side; never larger than the capture.
+        seed: of everything that is drawn.
+        technique: how water on the lens is drawn, fast ("disk"), accurate ("aperture") or traced.
+        source: what the user called the capture.
+        overwrite: drop a scene that was built from another request.
+
+    Returns:
+        The scene's folder.
+
+    Raises:
+        InputError: the folder holds a scene built otherwise, an image is unreadable, or the disk is full.
+    """
+    if long_side is not None and long_side < 1:
+        raise InputError(f"long side of {long_side} pixels", expected="at least 1")
+    folder = out / scene.name
+    refuse_own_capture(scene, folder)
+    if scene.captured_rainy and patterns:
+        raise InputError(
+            f"{scene.name}: taken in rain, there are no clean views to add {patterns[0].name} to",
+            fix="build it without patterns (leave PATTERNS out)",
+        )
+    request = make_request(scene, source, long_side, seed, technique)
+    take_folder(out, folder, request, overwrite)
+    entry = read_manifest(out)["scenes"].get(scene.name, {"patterns": [], "files": {}})
+    for name in filter(lambda name: (folder / name).is_dir(), entry["patterns"]):
+        link_shared(folder / name)
+    if {p.name for p in patterns} <= set(entry["patterns"]) and _are_there(folder, entry["files"]):
+        return folder
+    images = f"{CAPTURED}/images" if scene.captured_rainy else CLEAN
+    clean = write_views(scene.resized(long_side), folder, images)
+    clean = write_cameras(clean, folder, scene, images)
+    if scene.captured_rainy:
+        write_captured(clean, folder)
+    rains = sorted({*patterns, *map(parse_pattern, entry["patterns"])})  # those of an earlier call too
+    _write_rain(clean, folder, rains, entry, request)
+    names = [pattern.name for pattern in rains]
+    keep_licence(scene, folder)
+    write_card(folder, [CAPTURED] if scene.captured_rainy else names, clean.notes)
+    facts = {"seed": seed, "long_side": long_side, "source": request.source, "views": len(clean.views)}
+    record_scene(out, scene.name, {**facts, "notes": list(clean.notes), "patterns": names})
+    return folder
+
+
+def _write_rain(
+    clean: Scene, folder: Path, rains: Sequence[Pattern], entry: Mapping[str, Any], request: Request
+) -> None:
+    """Write the variants that are not finished by what the manifest's entry says, and statistics that are not there."""
+    files = {rain: [name for name in entry["files"] if name.startswith(f"{rain.name}/")] for rain in rains}
+    missing = [rain for rain in rains if rain.name not in entry["patterns"] or not _are_there(folder, files[rain])]
+    setting = survey(clean, request.seed, request.technique) if missing else None
+    for rain in rains:
+        if setting is not None and rain in missing:
+            write_variant(clean, folder, rain, setting)
+        else:
+            write_statistics(folder, rain.name)
+
+
+def _are_there(folder: Path, files: Collection[str]) -> bool:
+    """Whether there are any, and each of them is a file in the folder."""
+    return bool(files) and all((folder / name).is_file() for name in files)

@@ -1,0 +1,175 @@
+"""The data card of a built scene, `<scene>/README.md`: what it is, how hard it is, where it came from.
+
+Everything in it is read from the scene's own files, so that the same files give the same card. Losses of plain 3DGS are
+taken from a results folder once there are runs, and kept in `losses.csv` beside the card; both are files of the scene
+like others, with their hashes in the manifest.
+"""
+
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from hydroviews.blender.embedded_scenes.captures import EMBEDDED
+from hydroviews.dataset.card.markdown import describe_rain, how_to_open, markdown_table
+from hydroviews.dataset.statistics import STATISTICS, read_statistics
+from hydroviews.files.atomic import read_json, replacing, write_bytes
+from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.photographs import FOLDERS
+from hydroviews.profiles import PROFILES
+from hydroviews.scene.images import image_size, list_images
+from hydroviews.scene.scenes import Scene
+
+CARD, LOSSES, LICENCE = "README.md", "losses.csv", "licence"
+LICENCE_FILES = ("SOURCE*", "LICENSE*", "LICENCE*", "COPYING*")
+MODELLED = "Modelled and rendered by HydroViews with Blender; Apache-2.0, like its code."
+SHOWN = {  # heading: column of the statistics, its factor, format and unit
+    "input PSNR": ("psnr", 1, "{:.1f}", " dB"),
+    "water": ("water", 100, "{:.1f}", " %"),
+    "mist": ("mist", 100, "{:.1f}", " %"),
+    "streaks": ("streaks", 100, "{:.1f}", " %"),
+    "brightness": ("brightness_change", 1, "{:+.3f}", ""),
+    "added light": ("added_light", 1, "{:.3f}", ""),
+    "angle": ("angle", 1, "{:.0f}", " degrees"),
+}
+
+
+MEASURED = (
+    "Means over the views, least and most in brackets. Water, mist and streaks are shares of the picture; brightness "
+    "is rainy minus clean in encoded values; added light is linear, 1 is white paper; the angle is measured from the "
+    "pixels. Every view's numbers are in each variant's `statistics.csv`."
+)
+
+
+def keep_licence(capture: Scene, folder: Path) -> None:
+    """Copy the capture's own word on its origin and licence, if it lies beside its photographs, to `licence/`.
+
+    Args:
+        capture: as read, before it is built.
+        folder: of the built scene.
+    """
+    images = capture.views[0].path.parent
+    for place in (images.parent, images) if images.name in FOLDERS else (images,):
+        for file in sorted(path for pattern in LICENCE_FILES for path in place.glob(pattern) if path.is_file()):
+            with replacing(folder / LICENCE / file.name) as temporary:
+                shutil.copyfile(file, temporary)
+
+
+def write_card(folder: Path, patterns: Sequence[str], notes: Sequence[str] = ()) -> Path:
+    """Write the card of a scene whose other files are finished.
+
+    Args:
+        folder: of the built scene.
+        patterns: names of its variants.
+        notes: what the reader of the capture found worth telling.
+
+    Raises:
+        InputError: a file of the scene is missing or unreadable.
+    """
+    request = read_json(folder / "request.json")
+    facts = {name: read_json(folder / name / "pattern.json") for name in patterns}
+    parts = [
+        _about(folder, request, facts, notes),
+        _severity(folder, facts),
+        _losses(folder),
+        _origin(folder, request, patterns),
+        how_to_open(folder.name, patterns),
+    ]
+    path = folder / CARD
+    write_bytes(path, ("\n\n".join(part for part in parts if part) + "\n").encode())
+    return path
+
+
+def _about(folder: Path, request: Mapping[str, Any], facts: Mapping[str, Any], notes: Sequence[str]) -> str:
+    split = read_json(folder / "split.json")
+    pictures = folder / "clean" if (folder / "clean").is_dir() else next(iter(sorted(folder.glob("*/images"))))
+    sizes = sorted({image_size(path) for path in list_images(pictures)})
+    size = f"{sizes[0][0]}x{sizes[0][1]}" if len(sizes) == 1 else f"{len(sizes)} sizes, {sizes[0]} to {sizes[-1]}"
+    rains = ", ".join(facts) or "none yet"
+    rows = [
+        ("capture", _spoken(request["source"])),
+        ("views", f"{len(split['train']) + len(split['test'])} of {size} pixels"),
+        ("split", f"{len(split['train'])} to train on, {len(split['test'])} held out"),
+        ("tracks", f"given-poses; sparse-views, with {len(split.get('sparse', []))} of the training views"),
+        ("rain", rains),
+        ("seed", request["seed"]),
+    ]
+    lines = [f"# {folder.name}", "", markdown_table(("", ""), rows)]
+    if notes:
+        lines += ["", *(f"* {note}" for note in notes)]
+    return "\n".join(lines)
+
+
+def _severity(folder: Path, facts: Mapping[str, Any]) -> str:
+    """What rain did to the views, a row a variant, and each one's parameters in words."""
+    if not facts:
+        return ""
+    parts = ["## Rain"]
+    if (folder / STATISTICS).is_file():
+        table = read_statistics(folder / STATISTICS).set_index("pattern")
+        numbers = [(name, table.loc[[name]].iloc[0]) for name in facts]
+        rows = [
+            (name, row["grade"], *(_mean_and_range(row, *what) for what in SHOWN.values())) for name, row in numbers
+        ]
+        parts += [markdown_table(("rain", "grade", *SHOWN), rows), MEASURED]
+    words = [
+        f"* **{name}**: {describe_rain(fact['effect'], fact.get('parameters', {}))}" for name, fact in facts.items()
+    ]
+    return "\n\n".join([*parts, "\n".join(words)])
+
+
+def _mean_and_range(row: pd.Series, column: str, factor: float, form: str, unit: str) -> str:
+    values = [factor * float(row[f"{column}_{what}"]) for what in ("mean", "min", "max")]
+    if pd.isna(values[0]):
+        return ""
+    mean, low, high = (form.format(value) for value in values)
+    return f"{mean}{unit}" + (f" ({low} to {high})" if low != high else "")
+
+
+def _losses(folder: Path) -> str:
+    if not (folder / LOSSES).is_file():
+        return ""
+    rows = []
+    for row in pd.read_csv(folder / LOSSES, keep_default_na=False).to_dict("records"):
+        levels = [f"{row[name]:.2f} dB" for name in ("clean", "rainy", "loss")]
+        rows.append((row["pattern"], row["grade"], row["track"], *levels, row["seeds"]))
+    head = ("rain", "grade", "track", "trained on clean views", "on rainy views", "loss", "seeds")
+    text = "Held-out PSNR of plain 3D Gaussian splatting against the clean views."
+    return "\n".join(["## What it costs plain 3DGS", "", text, "", markdown_table(head, rows)])
+
+
+def _origin(folder: Path, request: Mapping[str, Any], patterns: Sequence[str]) -> str:
+    source, size = request["source"], request["long_side"]
+    path = f"path/to/{_spoken(source)}" if _spoken(source) != source else source
+    command = ["python -m hydroviews build", f"--scene {path}", *_profile(folder)]
+    command += [f"--long-side {size}"] if size else []
+    command += [f"--technique {request['technique']}"] if request["technique"] != "disk" else []
+    added = [name for name in patterns if name != CAPTURED]
+    command += [f"--seed {request['seed']}"] + ([f"--patterns {' '.join(added)}"] if added else [])
+    kept = sorted((folder / LICENCE).iterdir()) if (folder / LICENCE).is_dir() else []
+    licence = [MODELLED if source in EMBEDDED else "The photographs' licence is unknown: none lay beside them."]
+    if kept:
+        licence = [f"From `{LICENCE}/{file.name}`:\n\n" + _quoted(file) for file in kept]
+    made = f"Made by {request['generator']} with\n\n```\n{' '.join(command)}\n```"
+    return "\n\n".join(["## Origin", made, *licence])
+
+
+def _profile(folder: Path) -> list[str]:
+    """Which profile has as many views as an embedded scene: only that says how many are rendered."""
+    split = read_json(folder / "split.json")
+    count = len(split["train"]) + len(split["test"])
+    source = read_json(folder / "request.json")["source"]
+    fitting = [profile.name for profile in PROFILES.values() if profile.embedded_views == count]
+    return [f"--profile {fitting[0]}"] if source in EMBEDDED and fitting else []
+
+
+def _spoken(source: str) -> str:
+    """A folder's name without the path to it, which is another on every machine."""
+    return Path(source).name if Path(source).is_absolute() or source.startswith(".") else source
+
+
+def _quoted(file: Path) -> str:
+    lines = file.read_text(errors="replace").strip().splitlines()
+    return "\n".join(f"> {line}".rstrip() for line in lines[:40])

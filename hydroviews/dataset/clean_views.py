@@ -1,0 +1,80 @@
+"""What all variants of a built scene share: views at their final size, masks, depth, cameras, points and split."""
+
+import shutil
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from hydroviews.captures.sfm.poses import triangulate
+from hydroviews.files.atomic import write_json
+from hydroviews.formats.colmap import reliable
+from hydroviews.formats.colmap_format import read_points
+from hydroviews.formats.writers import write_colmap, write_nerfstudio
+from hydroviews.scene.depth import FOLDER as DEPTH
+from hydroviews.scene.depth import depth_path, fitted_depth, write_depth
+from hydroviews.scene.images import write_png
+from hydroviews.scene.masks import MASKS, mask_name, write_ignored
+from hydroviews.scene.scenes import Scene, View
+
+CLEAN = "clean"
+FEW_POINTS = 100  # of a capture whose poses may be wrong
+
+
+def write_views(scene: Scene, folder: Path, images: str) -> Scene:
+    """Write the views, and what masks hide of them, at their final size; returns the scene that reads from them."""
+    views, masked = [], any(view.mask for view in scene.views)
+    for view in tqdm(scene.views, desc=f"{scene.name}: {images.partition('/')[0]} views", unit="view"):
+        path = folder / images / f"{view.name}.png"
+        if not path.is_file():
+            write_png(path, view.image())
+        built = View(view.name, view.camera, path, mask=_write_mask(view, folder) if masked else None)
+        _write_depth(view, built, folder)
+        views.append(built)
+    distorted = sum(view.lens is not None and depth_path(view).is_file() for view in scene.views)
+    notes = [f"{distorted} depth maps left out: their photographs are distorted"] if distorted else []
+    return replace(scene, views=tuple(views), notes=(*scene.notes, *notes))
+
+
+def _write_mask(view: View, folder: Path) -> Path:
+    """Write what is hidden of a view, be it nothing: COLMAP and nerfstudio want masks of all views or of none."""
+    path = folder / MASKS / mask_name(f"{view.name}.png")
+    if not path.is_file():
+        ignored = view.ignored()
+        nothing = np.zeros((view.camera.height, view.camera.width), np.bool_)
+        write_ignored(path, nothing if ignored is None else ignored)
+    return path
+
+
+def _write_depth(view: View, built: View, folder: Path) -> None:
+    """Write the view's depth map, if the capture has one that fits: rain in space is hidden behind surfaces."""
+    source, path = depth_path(view), folder / DEPTH / f"{view.name}.exr"
+    if view.lens is None and source.is_file() and not path.is_file():
+        write_depth(path, fitted_depth(source, built.camera))
+
+
+def triangulated(count: int) -> str:
+    """A note on the points that a capture did not come with."""
+    few = ", which is few: are these the photographs' cameras, in the axes that the file's format has?"
+    return f"{count} points triangulated from the photographs{few if count < FEW_POINTS else ''}"
+
+
+def write_cameras(scene: Scene, folder: Path, capture: Scene, images: str) -> Scene:
+    """Write cameras, points and split; a capture without points gets some from its full-size photographs.
+
+    Returns:
+        The scene with the points that were written, and a note on those that were triangulated.
+    """
+    model = folder / "sparse" / "0"
+    if not len(scene.points):
+        found = reliable(read_points(model)) if model.is_dir() else triangulate(capture, folder / ".triangulation")
+        note = triangulated(len(found))
+        print(f"{scene.name}: {note}")
+        scene = replace(scene, points=found, notes=(*scene.notes, note))
+    if not model.is_dir():
+        write_colmap(scene, model)
+    shutil.rmtree(folder / ".triangulation", ignore_errors=True)
+    write_nerfstudio(scene, folder / "transforms.json", images)
+    write_json(folder / "split.json", asdict(scene.split))
+    return scene

@@ -1,0 +1,124 @@
+"""One rainy variant of a built scene: images, what was added, every parameter, cameras to open it with."""
+
+import json
+import math
+import os
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from hydroviews.dataset.manifest import GENERATOR
+from hydroviews.dataset.statistics import STATISTICS, write_statistics
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import read_json, remove_tree, replacing, write_json
+from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.writers import write_nerfstudio
+from hydroviews.rain import effects
+from hydroviews.rain.layers import write_layers
+from hydroviews.rain.patterns import Pattern
+from hydroviews.rain.setting import Setting
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.images import read_image, write_png
+from hydroviews.scene.masks import MASKS
+from hydroviews.scene.scenes import Scene, View
+
+SHARED = ("sparse", MASKS)  # of a scene: the same in all its variants
+FOCAL_STEP = 1.1  # factor between focal lengths that are told apart by water on the lens
+Optics = tuple[int, int, int] | None  # width, height and focal length that an effect is made ready for; None: any
+
+
+def write_variant(scene: Scene, folder: Path, pattern: Pattern, setting: Setting) -> None:
+    """Write the views of a scene in this rain, and their statistics.
+
+    What is there is kept if it was made with the same parameters.
+    """
+    variant, drawn = folder / pattern.name, effects.draw(pattern, setting)
+    facts = {"effect": pattern.effect, "index": pattern.index, "grade": pattern.grade, "seed": setting.seed}
+    groups: dict[Optics, list[View]] = {}
+    for view in scene.views:
+        groups.setdefault(_optics(pattern, view.camera), []).append(view)
+    with tqdm(total=len(scene.views), desc=f"{scene.name}: {pattern.name}", unit="view") as bar:
+        for views in groups.values():  # one after another: what is made ready for a size may be large
+            camera = views[0].camera
+            lens = variant / ".lens" / f"{camera.width}x{camera.height}-{_focal(camera):.0f}px"
+            prepared = effects.prepare(pattern, drawn, setting, camera, lens)
+            _take_variant(variant, {**facts, "generator": GENERATOR, "parameters": prepared.parameters})
+            for view in views:
+                _write_rainy(view, variant, pattern.effect, prepared)
+                bar.update()
+    link_shared(variant)
+    write_nerfstudio(scene, variant / "transforms.json", "images")
+    write_statistics(folder, pattern.name)
+
+
+def _optics(pattern: Pattern, camera: Camera) -> Optics:
+    """Water on the lens is made ready for every size and focal length of a capture; other rain once for all."""
+    if pattern.effect != "raindrop":
+        return None
+    return camera.width, camera.height, round(math.log(_focal(camera)) / math.log(FOCAL_STEP))
+
+
+def _focal(camera: Camera) -> float:
+    return math.sqrt(camera.fx * camera.fy)
+
+
+def _take_variant(variant: Path, facts: Mapping[str, Any]) -> None:
+    """Write `pattern.json` before any view, and drop the views that an interrupted build made with other parameters."""
+    path = variant / "pattern.json"
+    try:
+        earlier = read_json(path) if path.is_file() else None
+    except InputError:
+        earlier = None
+    if _same(earlier, json.loads(json.dumps(facts))):
+        return
+    for name in ("images", "layers"):
+        remove_tree(variant / name)
+    (variant / STATISTICS).unlink(missing_ok=True)
+    write_json(path, facts)
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Whether two JSON values are the same but for what another machine's arithmetic rounds otherwise."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        return one.keys() == other.keys() and all(_same(one[key], other[key]) for key in one)
+    if isinstance(one, list) and isinstance(other, list):
+        return len(one) == len(other) and all(map(_same, one, other))
+    if isinstance(one, float) and isinstance(other, float):
+        return math.isclose(one, other, rel_tol=1e-6, abs_tol=1e-9)
+    return bool(one == other)
+
+
+def _write_rainy(view: View, variant: Path, effect: str, prepared: effects.Effect) -> None:
+    image, layer = variant / "images" / f"{view.name}.png", variant / "layers" / f"{view.name}.exr"
+    if image.is_file() and layer.is_file():
+        return
+    clean = read_image(view.path)
+    layers = effects.rain_on(prepared, clean, view)
+    write_layers(layer, layers)
+    write_png(image, effects.composite(effect, prepared.parameters, clean, layers))
+
+
+def write_captured(scene: Scene, folder: Path) -> None:
+    """Make a project of the photographs on which it rained, beside which there are no clean ones."""
+    variant = folder / CAPTURED
+    link_shared(variant)
+    write_nerfstudio(scene, variant / "transforms.json", "images")
+    effect, _, index = CAPTURED.rpartition("-")
+    write_json(variant / "pattern.json", {"effect": effect, "index": int(index), "generator": GENERATOR})
+
+
+def link_shared(variant: Path) -> None:
+    """Links to the scene's cameras and masks, or copies where links cannot be made."""
+    for name in SHARED:
+        link = variant / name
+        if link.exists() or link.is_symlink() or not (variant.parent / name).is_dir():
+            continue
+        try:
+            os.symlink(os.path.join("..", name), link)
+        except OSError:  # a file system without links
+            with replacing(link) as temporary:
+                shutil.rmtree(temporary, ignore_errors=True)
+                shutil.copytree(variant.parent / name, temporary)

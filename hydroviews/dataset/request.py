@@ -1,0 +1,99 @@
+"""What a scene was asked to be: kept beside it, so that another request for the same folder is refused."""
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from hydroviews.dataset.manifest import GENERATOR, forget_scene
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import sha256
+from hydroviews.files.claims import claim
+from hydroviews.rain.setting import Technique
+from hydroviews.scene.depth import depth_path
+from hydroviews.scene.scenes import Scene
+
+UNCOMPRESSED = (".bmp", ".tif", ".tiff")
+GLIMPSE = 65536  # bytes
+
+
+@dataclass(frozen=True)
+class Request:
+    """What fixes the pixels of a built scene, beside the patterns."""
+
+    source: str  # the name or folder it was built from, for people
+    capture: str  # fingerprint of the capture's cameras
+    long_side: int | None
+    seed: int
+    technique: Technique  # of water on the lens
+    generator: str = GENERATOR
+
+
+def make_request(scene: Scene, source: str, long_side: int | None, seed: int, technique: Technique) -> Request:
+    """The request for a capture at its own size."""
+    return Request(source or scene.name, _fingerprint(scene), long_side, seed, technique)
+
+
+def take_folder(out: Path, folder: Path, request: Request, overwrite: bool) -> None:
+    """Take the folder for this request; what another request left there is refused, or dropped to overwrite it.
+
+    Raises:
+        InputError: another request's scene is there, or files that no build wrote.
+    """
+    claim(
+        folder / "request.json",
+        vars(request),
+        taken="this scene was built from another request",
+        foreign="holds files that no build wrote",
+        fix="choose another --out, or add --overwrite to build it anew",
+        ignored=("source",),
+        overwrite=overwrite,
+        forget=lambda: forget_scene(out, folder.name),
+    )
+
+
+def refuse_own_capture(scene: Scene, folder: Path) -> None:
+    """A build must not write into the capture that it reads."""
+    target = folder.resolve()
+    inside = [view.path for view in scene.views if target in view.path.resolve().parents]
+    if inside:
+        raise InputError(
+            f"{folder}: the capture itself would be overwritten by what is built from it",
+            found=f"its images, such as {inside[0]}",
+            fix="choose another --out, outside the folder that holds the capture",
+        )
+
+
+def _fingerprint(scene: Scene) -> str:
+    """Changes when the capture's views, cameras, points, split, image files or what it says of itself do."""
+    digest = hashlib.sha256(json.dumps(asdict(scene.split)).encode())
+    digest.update(np.ascontiguousarray(scene.points.positions, np.float64).round(9).tobytes())
+    digest.update(np.ascontiguousarray(scene.points.colours).tobytes())
+    for view in scene.views:
+        camera = view.camera
+        pose = [round(x, 9) for x in camera.world_to_camera.ravel().tolist()]
+        facts = [view.name, camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, pose]
+        digest.update(json.dumps(facts).encode() + _glimpse(view.path))
+        digest.update(_glimpse(view.mask) if view.mask else b"")
+        digest.update(_glimpse(depth_path(view)))
+    told = [scene.captured_rainy, scene.metres_per_unit, scene.clean_error, scene.drops_cost]
+    digest.update(json.dumps(told).encode())
+    return digest.hexdigest()[:16]
+
+
+def _glimpse(path: Path) -> bytes:
+    """Size, beginning and end of a file: enough to see that it is another one, cheap for large captures.
+
+    Where pictures are not compressed all of it, since a change in the middle leaves size and ends.
+    """
+    if not path.is_file():
+        return b"missing"
+    if path.suffix.lower() in UNCOMPRESSED:
+        return sha256(path).encode()
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        start = file.read(GLIMPSE)
+        file.seek(max(0, size - GLIMPSE))
+        return str(size).encode() + start + file.read()

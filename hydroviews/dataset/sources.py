@@ -1,0 +1,164 @@
+"""Captures by name or folder, built at a profile's size."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from hydroviews.blender.embedded_scenes.captures import EMBEDDED, read_embedded, render_embedded
+from hydroviews.captures.catalogue import Capture, MissingCapture, all_captures, captures_root, find_captures, locate
+from hydroviews.dataset.build import build
+from hydroviews.dataset.drop_masks import write_drop_masks
+from hydroviews.dataset.manifest import MANIFEST
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import BUSY, locked, read_json
+from hydroviews.files.claims import remove_leftovers
+from hydroviews.formats import read_scene
+from hydroviews.formats.photographs import FOLDERS, photographs_below
+from hydroviews.profiles import Profile
+from hydroviews.rain.patterns import choose_patterns
+from hydroviews.rain.setting import Technique
+from hydroviews.scene.images import image_size
+from hydroviews.scene.scenes import Scene
+
+RENDERED = "captures"  # embedded scenes as rendered, beside the built ones
+
+
+def find_capture(source: str, rendered: Path, views: int, long_side: int, captures: Path | None = None) -> Scene:
+    """The capture of that name, rendered if it is an embedded scene, or the one in that folder.
+
+    Args:
+        source: an embedded scene (courtyard), a published one (mipnerf360/garden, or garden alone), or a folder with
+            a COLMAP, nerfstudio, LLFF or NSVF capture, given by its path or its name in the captures' folder.
+        rendered: where embedded scenes are rendered.
+        views: number of views of an embedded scene.
+        long_side: pixels of the longer side that is wanted, and an embedded scene's width.
+        captures: the folder with published captures; see `catalogue.captures_root`.
+
+    Raises:
+        InputError: neither a name nor a folder, a capture that is not on this machine, or an unreadable one.
+    """
+    if source in EMBEDDED:
+        width, height = long_side, max(1, long_side * 3 // 4)
+        folder = rendered / f"{source}-{views}-{width}x{height}"
+        with locked(folder, BUSY):
+            remove_leftovers(folder)
+            render_embedded(source, folder, views, width, height, seed=0)
+        if Path(source).is_dir():
+            print(f"{source}: the embedded scene; the folder of that name here is ./{source}")
+        return read_embedded(source, folder)
+    root = captures_root(captures)
+    published = find_captures(source)
+    if len(published) == 1:
+        return _read_published(published[0], source, root, long_side)
+    if published:
+        names = ", ".join(capture.name for capture in published)
+        raise InputError(f"SCENE={source}: several captures have this name", expected=f"one of {names}")
+    for folder in (Path(source), root / source):
+        if source and folder.is_dir():
+            return read_scene(folder)
+    raise InputError(
+        f"SCENE={source}: no such capture",
+        found=f"no folder {source} here or in {root}",
+        expected=f"{', '.join(EMBEDDED)}, a folder with images and cameras, or a published capture "
+        f"({', '.join(capture.name for capture in all_captures())})",
+    )
+
+
+def _read_published(capture: Capture, source: str, root: Path, long_side: int) -> Scene:
+    """A published capture below `root`, or in the folder `source` where that is one too."""
+    folder = locate(capture, root) or (Path(source) if Path(source).is_dir() else None)
+    if folder is None:
+        raise MissingCapture(capture, root)
+    images, notes = choose_images(folder, capture.images, long_side)
+    scene = read_scene(folder, capture.folder_name, images)
+    if Path(source).is_dir():
+        notes.append(f"read as the published {capture.name}, from {folder}; a folder of your own is ./{source}")
+    rainy = scene.captured_rainy or capture.captured_rainy
+    return replace(scene, notes=(*scene.notes, *notes), captured_rainy=rainy)
+
+
+def choose_images(folder: Path, published: str, long_side: int) -> tuple[str | None, list[str]]:
+    """Which of a capture's folders of photographs to read: none larger than needed.
+
+    Args:
+        folder: the capture, which may hold the same photographs at several sizes.
+        published: the folder that results at full size are published for.
+        long_side: pixels that are wanted.
+
+    Returns:
+        The smallest folder with photographs of at least `long_side` pixels that is not larger than the published one,
+        else the published one, else the smallest one larger than that; None where there is none of the usual names.
+        And a note where it is not what results are published for.
+    """
+    sizes = {name: max(image_size(files[0])) for name in FOLDERS if (files := _photographs(folder / name))}
+    if published not in sizes:
+        enough = [name for name in sizes if sizes[name] >= long_side]
+        chosen = min(enough, key=sizes.__getitem__) if enough else max(sizes, key=sizes.__getitem__, default=None)
+        return chosen, [f"no {published}, for which results are published: views come from {chosen}"] if chosen else []
+    fitting = [name for name in sizes if long_side <= sizes[name] <= sizes[published]]
+    return min(fitting, key=sizes.__getitem__) if fitting else published, []
+
+
+def _photographs(folder: Path) -> list[Path]:
+    return photographs_below(folder) if folder.is_dir() else []
+
+
+def build_source(
+    source: str,
+    out: Path,
+    profile: Profile,
+    *,
+    patterns: Sequence[str] = (),
+    all_patterns: bool = False,
+    long_side: int | None = None,
+    seed: int | None = None,
+    technique: Technique | None = None,
+    overwrite: bool = False,
+    captures: Path | None = None,
+) -> Path:
+    """Build a capture and the named patterns under `out`; keeps what is there.
+
+    Args:
+        source: see `find_capture`.
+        out: the data folder.
+        profile: sizes and counts where nothing else is said.
+        patterns: names such as raindrop-0; none builds the clean views alone.
+        all_patterns: where none is named, the profile's patterns; a capture that was taken in rain gets none.
+        long_side: pixels, instead of the profile's.
+        seed: of the rain; a scene that is already there keeps its own if None.
+        technique: of water on the lens, "disk", "aperture" or "traced"; a scene that is already there keeps its own.
+        overwrite: drop a scene that was built from another request.
+        captures: the folder with published captures.
+
+    Returns:
+        The built scene's folder.
+    """
+    long_side = profile.long_side if long_side is None else long_side
+    named = choose_patterns(patterns, ())  # a wrong name is told before anything is rendered
+    scene = find_capture(source, out / RENDERED, profile.embedded_views, long_side, captures)
+    for note in scene.notes:
+        print(f"{scene.name}: {note}")
+    default = profile.patterns if all_patterns and not scene.captured_rainy else ()
+    with locked(out / scene.name, BUSY):
+        remove_leftovers(out / MANIFEST)
+        built = _built_request(out / scene.name)
+        folder = build(
+            scene,
+            out,
+            patterns=named or choose_patterns((), default),
+            long_side=long_side,
+            seed=built.get("seed", 0) if seed is None else seed,
+            technique=technique or built.get("technique", "disk"),
+            source=source,
+            overwrite=overwrite,
+        )
+        if scene.captured_rainy:
+            write_drop_masks(scene, folder, scene.resized(long_side).views)
+    return folder
+
+
+def _built_request(folder: Path) -> dict[str, Any]:
+    """What a scene that is already there was asked to be; empty where there is none."""
+    request = folder / "request.json"
+    return dict(read_json(request)) if request.is_file() else {}

@@ -1,0 +1,187 @@
+"""What rain did to every view of a variant, measured from its files: `statistics.csv`, a row a view.
+
+    <scene>/<pattern>/statistics.csv   a row a view
+    <scene>/statistics.csv             a row a variant: mean, least and most over its views
+
+| column | is |
+|---|---|
+| water, mist, streaks | mean of the layer planes M, V and S: shares of the picture |
+| brightness_change | mean of rainy minus clean, encoded values, signed |
+| added_light | mean of what pixels gained, in linear light; 1 is white paper |
+| psnr | of the rainy view against the clean one, dB |
+| angle | of streaks, measured: degrees counter-clockwise from +x, 90 is vertical |
+| seed_density | of streaks of the recipe, measured; n / 25600 was asked for |
+
+What a kind of rain does not have is empty.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import read_json, replacing
+from hydroviews.rain.layers import read_layers
+from hydroviews.rain.streaks.effect import StreakPattern
+from hydroviews.rain.streaks.measures import mean_angle, seed_density, streak_angle
+from hydroviews.scene.images import list_images, read_image, to_linear, to_uint8
+
+STATISTICS = "statistics.csv"
+LINEAR = to_linear(np.arange(256, dtype=np.float32) / 255)  # of every 8-bit value
+DECIMALS = 5
+PLANES = {"water": "M", "mist": "V", "streaks": "S"}
+FALLING = {"streak": "S", "storm": "M"}  # the plane that shows an effect's streaks
+
+
+@dataclass(frozen=True)
+class ViewStatistics:
+    """One rainy view against its clean one; None for what this kind of rain does not have."""
+
+    view: str
+    water: float | None
+    mist: float | None
+    streaks: float | None
+    brightness_change: float
+    added_light: float
+    psnr: float  # infinite where no pixel changed
+    angle: float | None
+    seed_density: float | None
+
+
+NUMBERS = [field.name for field in fields(ViewStatistics) if field.name != "view"]
+SUMMARY = [f"{name}_{what}" for name in NUMBERS for what in ("mean", "min", "max")]
+ANEW = "delete it and build again"
+
+
+def write_statistics(folder: Path, pattern: str) -> Path:
+    """Measure a finished variant and write its `statistics.csv`, then the scene's; what is there is kept.
+
+    Args:
+        folder: of the built scene.
+        pattern: the variant's name.
+
+    Returns:
+        The variant's file.
+
+    Raises:
+        InputError: a view or a layer is missing or unreadable, or the disk is full.
+    """
+    path = folder / pattern / STATISTICS
+    if not path.is_file():
+        _write(path, measure_variant(folder, pattern))
+    _write(folder / STATISTICS, summarise(folder))
+    return path
+
+
+def measure_variant(folder: Path, pattern: str) -> pd.DataFrame:
+    """Statistics of every view of a variant, a row each in order of name, from its files."""
+    variant = folder / pattern
+    facts = read_json(variant / "pattern.json")
+    images = list_images(variant / "images")
+    rows = [
+        asdict(_measure_files(folder, variant, image, facts))
+        for image in tqdm(images, desc=f"{folder.name}: {pattern}, statistics", unit="view", leave=False)
+    ]
+    return pd.DataFrame(rows, columns=["view", *NUMBERS]).round(DECIMALS)
+
+
+def _measure_files(folder: Path, variant: Path, image: Path, facts: Mapping[str, Any]) -> ViewStatistics:
+    clean = to_uint8(read_image(folder / "clean" / image.name))
+    rainy = to_uint8(read_image(image))
+    if clean.shape != rainy.shape:
+        raise InputError(f"{image}: another size than its clean view", found=rainy.shape, expected=clean.shape)
+    layers = read_layers(variant / "layers" / f"{image.stem}.exr")
+    return measure_view(image.stem, clean, rainy, layers, facts)
+
+
+def measure_view(
+    name: str,
+    clean: NDArray[np.uint8],
+    rainy: NDArray[np.uint8],
+    layers: Mapping[str, NDArray[np.float32]],
+    facts: Mapping[str, Any],
+) -> ViewStatistics:
+    """Statistics of one view.
+
+    Args:
+        name: of the view.
+        clean: [H, W, 3], sRGB-encoded, 0 to 255.
+        rainy: the same in rain.
+        layers: planes [H, W] by channel name.
+        facts: the variant's `pattern.json`: its effect and parameters.
+    """
+    squared = cv2.norm(rainy, clean, cv2.NORM_L2SQR) / (clean.size * 255**2)
+    gained = np.maximum(cv2.LUT(rainy, LINEAR) - cv2.LUT(clean, LINEAR), 0)
+    falling = layers.get(FALLING.get(facts["effect"], ""))
+    density = None
+    if facts["effect"] == "streak" and falling is not None:
+        density = seed_density(falling, _streak_pattern(facts["parameters"]))
+    return ViewStatistics(
+        view=name,
+        **{column: float(layers[plane].mean()) if plane in layers else None for column, plane in PLANES.items()},
+        brightness_change=float(rainy.mean() - clean.mean()) / 255,
+        added_light=float(gained.mean()),
+        psnr=-10 * float(np.log10(squared)) if squared else float("inf"),
+        angle=None if falling is None else streak_angle(falling),
+        seed_density=density,
+    )
+
+
+def _streak_pattern(parameters: Mapping[str, Any]) -> StreakPattern:
+    names = {field.name for field in fields(StreakPattern)}
+    return StreakPattern(**{name: value for name, value in parameters.items() if name in names})
+
+
+def read_statistics(path: Path) -> pd.DataFrame:
+    """The rows of a `statistics.csv`, of a variant or of a scene; what is empty reads as NaN, names stay text.
+
+    Raises:
+        InputError: the file is missing, is cut short, or is no such table.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+        table = pd.read_csv(StringIO(text), converters={"view": str, "pattern": str})  # 007 is a name, not 7
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: not a table of statistics", found=error, fix=ANEW) from None
+    expected = ["view", *NUMBERS] if "view" in table else ["pattern", *SUMMARY]
+    absent = [name for name in expected if name not in table]
+    if absent:
+        raise InputError(f"{path}: not a table of statistics", found=f"no column {', '.join(absent)}", fix=ANEW)
+    if not text.endswith("\n"):
+        raise InputError(f"{path}: cut short", found=f"{len(table)} rows, the last one not to its end", fix=ANEW)
+    return table
+
+
+def summarise(folder: Path) -> pd.DataFrame:
+    """A scene's variants, a row each: mean, least and most of every number over the views."""
+    rows = []
+    for path in sorted(folder.glob(f"[!.]*/{STATISTICS}")):
+        views, facts = read_statistics(path), read_json(path.parent / "pattern.json")
+        about = {"pattern": path.parent.name, "effect": facts["effect"], "grade": facts.get("grade", "")}
+        rows.append({**about, "views": len(views), **_summary(views)})
+    return pd.DataFrame(rows, columns=["pattern", "effect", "grade", "views", *SUMMARY]).round(DECIMALS)
+
+
+def _summary(views: pd.DataFrame) -> dict[str, float]:
+    summary: dict[str, float] = {}
+    for name in NUMBERS:
+        values = views[name].dropna().to_numpy(np.float64)
+        mean = mean_angle(values) if name == "angle" else values.mean() if len(values) else np.nan
+        if name == "angle":  # 179 and 1 degrees lie beside each other
+            values = (values - mean + 90) % 180 - 90 + mean
+        least, most = (values.min(), values.max()) if len(values) else (np.nan, np.nan)
+        summary |= {f"{name}_mean": mean, f"{name}_min": least, f"{name}_max": most}
+    return summary
+
+
+def _write(path: Path, table: pd.DataFrame) -> None:
+    with replacing(path) as temporary:
+        table.to_csv(temporary, index=False)

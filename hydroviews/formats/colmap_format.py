@@ -1,0 +1,195 @@
+"""COLMAP's model files, binary and text (https://colmap.github.io/format.html), read with every length checked.
+
+pycolmap reads them too, but takes a file cut short for a shorter model, or ends the process.
+"""
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pycolmap
+from numpy.typing import NDArray
+
+from hydroviews.errors import InputError
+from hydroviews.formats.geometry import rigid_pose
+from hydroviews.scene.lenses import Lens
+
+
+class RegisteredImage(NamedTuple):
+    """An image of a model: its file name, which camera took it, and its pose."""
+
+    name: str
+    camera_id: int
+    world_to_camera: NDArray[np.float64]  # [4, 4]
+
+
+@dataclass(frozen=True)
+class SparsePoints:
+    """Sparse points with what tells the good ones: reprojection error in pixels and views that see them."""
+
+    positions: NDArray[np.float64]  # [N, 3]
+    colours: NDArray[np.uint8]  # [N, 3]
+    errors: NDArray[np.float64]  # [N]
+    track_lengths: NDArray[np.int64]  # [N]
+
+
+def model_suffix(folder: Path) -> str | None:
+    """Either ".bin" or ".txt" where `folder` holds a model, else None."""
+    for suffix in (".bin", ".txt"):
+        if (folder / f"cameras{suffix}").is_file() and (folder / f"images{suffix}").is_file():
+            return suffix
+    return None
+
+
+def read_cameras(folder: Path) -> dict[int, Lens]:
+    """The cameras of the model in `folder` by their ids.
+
+    Raises:
+        InputError: damaged, cut short, or of an unknown camera model.
+    """
+    path = folder / f"cameras{model_suffix(folder)}"
+    cameras = {}
+    for number, model, width, height, params in _records(path, _binary_cameras, _text_cameras):
+        try:
+            cameras[number] = Lens(model, width, height, params)
+        except InputError as error:
+            raise InputError(f"{path}: camera {number}: {error}") from error
+    return cameras
+
+
+def read_images(folder: Path) -> list[RegisteredImage]:
+    """The registered images of the model in `folder`.
+
+    Raises:
+        InputError: damaged, cut short, or with a pose that is none.
+    """
+    path = folder / f"images{model_suffix(folder)}"
+    images = []
+    for quaternion, translation, camera_id, name in _records(path, _binary_images, _text_images):
+        pose = np.c_[_rotation(np.array(quaternion), f"{path}: {name}"), translation]
+        images.append(RegisteredImage(name, camera_id, rigid_pose(pose, f"{path}: {name}")))
+    return images
+
+
+def read_points(folder: Path) -> SparsePoints:
+    """The points of the model in `folder` in order of their ids; none where the file is missing.
+
+    Raises:
+        InputError: damaged or cut short.
+    """
+    path = folder / f"points3D{model_suffix(folder)}"
+    rows = list(_records(path, _binary_points, _text_points)) if path.is_file() else []
+    table = np.array(sorted(rows), np.float64).reshape(-1, 9)[:, 1:]
+    return SparsePoints(table[:, :3], table[:, 3:6].astype(np.uint8), table[:, 6], table[:, 7].astype(np.int64))
+
+
+def _rotation(quaternion: NDArray[np.float64], where: str) -> NDArray[np.float64]:
+    """[3, 3] from a quaternion (w, x, y, z) of any length but zero."""
+    length = np.linalg.norm(quaternion)
+    if not (np.isfinite(length) and length > 0):
+        raise InputError(f"{where}: the pose has numbers that are not finite, or no rotation", found=quaternion)
+    w, x, y, z = quaternion / length
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def _records(path: Path, binary: Any, text: Any) -> Iterator[tuple]:
+    """The records of a file through the parser of its format, any damage told as an InputError."""
+    try:
+        if path.suffix == ".bin":
+            cursor = _Cursor(path.read_bytes())
+            yield from binary(cursor)
+            cursor.finish()
+        else:
+            yield from text(path.read_text().splitlines())
+    except (struct.error, ValueError, IndexError, StopIteration, UnicodeDecodeError) as error:
+        raise InputError(
+            f"{path}: damaged or cut short",
+            found=f"{path.stat().st_size} bytes ({error})",
+            expected="a whole COLMAP model file",
+            fix="copy the model again, or estimate the poses again",
+        ) from error
+
+
+class _Cursor:
+    """Little-endian values from bytes, in order."""
+
+    def __init__(self, content: bytes) -> None:
+        self.content, self.offset = content, 0
+
+    def take(self, layout: str) -> tuple:
+        values = struct.unpack_from("<" + layout, self.content, self.offset)
+        self.offset += struct.calcsize("<" + layout)
+        return values
+
+    def name(self) -> str:
+        end = self.content.index(b"\0", self.offset)
+        name = self.content[self.offset : end].decode()
+        self.offset = end + 1
+        return name
+
+    def skip(self, count: int) -> None:
+        self.offset += count
+
+    def finish(self) -> None:
+        if self.offset != len(self.content):
+            raise ValueError(f"the records end at byte {self.offset}")
+
+
+def _binary_cameras(cursor: _Cursor) -> Iterator[tuple]:
+    for _ in range(cursor.take("Q")[0]):
+        number, model_id, width, height = cursor.take("IiQQ")
+        model = pycolmap.CameraModelId(model_id).name
+        count = len(pycolmap.Camera.create_from_model_name(1, model, 1.0, 1, 1).params)
+        yield number, model, width, height, cursor.take(f"{count}d")
+
+
+def _binary_images(cursor: _Cursor) -> Iterator[tuple]:
+    for _ in range(cursor.take("Q")[0]):
+        values = cursor.take("I7dI")
+        name = cursor.name()
+        cursor.skip(24 * cursor.take("Q")[0])  # keypoints
+        yield values[1:5], values[5:8], values[8], name
+
+
+def _binary_points(cursor: _Cursor) -> Iterator[tuple]:
+    for _ in range(cursor.take("Q")[0]):
+        values = cursor.take("Q3d3BdQ")
+        cursor.skip(8 * values[-1])  # track
+        yield values
+
+
+def _data_lines(lines: list[str]) -> Iterator[list[str]]:
+    return (line.split() for line in lines if line.strip() and not line.startswith("#"))
+
+
+def _text_cameras(lines: list[str]) -> Iterator[tuple]:
+    for number, model, width, height, *params in _data_lines(lines):
+        yield int(number), model, int(width), int(height), tuple(map(float, params))
+
+
+def _text_images(lines: list[str]) -> Iterator[tuple]:
+    rows = iter([line for line in lines if not line.startswith("#")])
+    for row in rows:
+        if not row.strip():
+            continue
+        values = row.split(maxsplit=9)
+        if len(values) != 10:
+            raise ValueError(f"not an image: {row[:80]!r}")
+        yield tuple(map(float, values[1:5])), tuple(map(float, values[5:8])), int(values[8]), values[9].strip()
+        next(rows, None)  # the keypoints' line, which may be empty
+
+
+def _text_points(lines: list[str]) -> Iterator[tuple]:
+    for values in _data_lines(lines):
+        if len(values) < 8 or len(values) % 2:
+            raise ValueError(f"not a point: {' '.join(values)[:80]!r}")
+        yield int(values[0]), *map(float, values[1:8]), (len(values) - 8) // 2

@@ -1,0 +1,152 @@
+"""nerfstudio, instant-ngp and Blender captures: `transforms.json` with OpenGL camera-to-world matrices."""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from plyfile import PlyData, PlyParseError
+
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import read_json
+from hydroviews.formats.geometry import OPENGL_TO_OPENCV, inverse, misplaced_note, rigid_pose
+from hydroviews.formats.photographs import make_view, match_files, other_images, read_split, some, view_names
+from hydroviews.scene.images import image_size
+from hydroviews.scene.lenses import Lens
+from hydroviews.scene.masks import MASKS, find_mask
+from hydroviews.scene.scenes import Points, Scene, View, make_scene, no_points
+
+CAMERA_FILE = "transforms.json"
+
+PERSPECTIVE = ("", "OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE")
+FISHEYE = ("OPENCV_FISHEYE",)
+
+
+def read_nerfstudio(folder: Path, name: str) -> Scene:
+    """Read `transforms.json`; frames whose image is missing are left out and noted.
+
+    Intrinsics may be shared or a frame's own (`fl_x, fl_y, cx, cy, w, h, k1..k4, p1, p2`, or `camera_angle_x`).
+    `applied_transform` only tells how the world was turned before: poses and points are both given after it.
+    Black pixels of a frame's `mask_path` are hidden.
+
+    Raises:
+        InputError: not such a file, no frame with an image, a pose or an intrinsic that is none.
+    """
+    path = folder / CAMERA_FILE
+    content = read_json(path)
+    frames = content.get("frames") if isinstance(content, dict) else None
+    if not isinstance(frames, list) or not frames or not all(isinstance(frame, dict) for frame in frames):
+        raise InputError(f"{path}: no frames", expected='{"frames": [{"file_path", "transform_matrix"}, ...]}')
+    names = [_file_name(path, i, frame) for i, frame in enumerate(frames)]
+    files = match_files(folder, names)
+    if not any(files):
+        raise other_images(path, folder, names)
+    views = [
+        _view(path, view_name, file, {**content, **frame}, _mask(folder, frame))
+        for view_name, file, frame in zip(view_names(names), files, frames, strict=True)
+        if file
+    ]
+    points, notes = _points(folder, content), []
+    missing = [frame_name for frame_name, file in zip(names, files, strict=True) if not file]
+    notes.append(f"cameras from {CAMERA_FILE}: {len(views)} of {len(names)} frames have an image")
+    if missing:
+        notes.append(f"no image for {some(missing)}")
+    if not len(points):
+        notes.append("the capture has no points")
+    ordered = sorted(views, key=lambda view: view.name)
+    notes += misplaced_note([view.name for view in ordered], [view.camera.centre for view in ordered])
+    return make_scene(name, views, points, read_split(folder), notes)
+
+
+def _file_name(path: Path, index: int, frame: Mapping[str, Any]) -> str:
+    if not isinstance(frame.get("file_path"), str) or "transform_matrix" not in frame:
+        raise InputError(f"{path}: frame {index} is not complete", expected="file_path and transform_matrix")
+    return str(Path(frame["file_path"]))  # without a leading ./
+
+
+def _mask(folder: Path, frame: Mapping[str, Any]) -> Path | None:
+    """The mask a frame names, else the one of its image's name in `masks`."""
+    if not frame.get("mask_path"):
+        return find_mask(folder / MASKS, Path(frame["file_path"]).name)
+    path = folder / str(frame["mask_path"])
+    if not path.is_file():
+        raise InputError(f"{path}: no such mask", fix="copy it back, or remove mask_path from the frame")
+    return path
+
+
+def _view(path: Path, name: str, file: Path, frame: Mapping[str, Any], mask: Path | None) -> View:
+    camera_to_world = rigid_pose(frame["transform_matrix"], f"{path}: {name}") @ OPENGL_TO_OPENCV
+    return make_view(name, file, _lens(path, name, file, frame), inverse(camera_to_world), mask)
+
+
+def _lens(path: Path, name: str, file: Path, frame: Mapping[str, Any]) -> Lens:
+    """The lens of a frame; what is not given is taken from the image and from the field of view."""
+    where = f"{path}: {name}"
+    width, height = image_size(file)
+    width, height = round(_number(where, frame, "w", width)), round(_number(where, frame, "h", height))
+    focal_x = _focal(where, frame, "x", width)
+    focal_y = _focal(where, frame, "y", height) or focal_x
+    focal_x = focal_x or focal_y
+    if not (focal_x and focal_x > 0 and focal_y and focal_y > 0):
+        raise InputError(f"{where}: no focal length", expected="a positive fl_x, or camera_angle_x")
+    centre = _number(where, frame, "cx", width / 2), _number(where, frame, "cy", height / 2)
+    model, distortion = _distortion(where, frame)
+    return Lens(model, width, height, (focal_x, focal_y, *centre, *distortion))
+
+
+def _focal(where: str, frame: Mapping[str, Any], axis: str, extent: int) -> float | None:
+    """Focal length in pixels along an axis, from itself or from the field of view in radians."""
+    if f"fl_{axis}" in frame:
+        return _number(where, frame, f"fl_{axis}", 0)
+    if f"camera_angle_{axis}" in frame:
+        return extent / 2 / math.tan(_number(where, frame, f"camera_angle_{axis}", 0) / 2 or math.inf)
+    return None
+
+
+def _distortion(where: str, frame: Mapping[str, Any]) -> tuple[str, Sequence[float]]:
+    """COLMAP's camera model and the parameters after fx, fy, cx, cy."""
+    k1, k2, k3, k4, p1, p2 = (_number(where, frame, key, 0.0) for key in ("k1", "k2", "k3", "k4", "p1", "p2"))
+    declared = str(frame.get("camera_model", "")).upper()
+    if declared in FISHEYE or frame.get("is_fisheye"):
+        return "OPENCV_FISHEYE", (k1, k2, k3, k4)
+    if declared not in PERSPECTIVE:
+        raise InputError(
+            f"{where}: camera_model {declared} is not supported",
+            expected=f"one of {', '.join((*PERSPECTIVE[1:], *FISHEYE))}",
+            fix="undistort the images to a pinhole camera first",
+        )
+    if k4:
+        raise InputError(
+            f"{where}: a fourth radial coefficient on a perspective camera",
+            found=f"k4 {k4}",
+            expected="k1, k2, k3, p1, p2, or camera_model OPENCV_FISHEYE",
+        )
+    if k3:
+        return "FULL_OPENCV", (k1, k2, p1, p2, k3, 0.0, 0.0, 0.0)
+    return ("OPENCV", (k1, k2, p1, p2)) if any((k1, k2, p1, p2)) else ("PINHOLE", ())
+
+
+def _number(where: str, frame: Mapping[str, Any], key: str, default: float) -> float:
+    value = frame.get(key, default)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise InputError(f"{where}: {key} is not a number", found=value)
+    return float(value)
+
+
+def _points(folder: Path, content: Mapping[str, Any]) -> Points:
+    """The point cloud of `ply_file_path`, grey where it has no colours; none where none is named."""
+    if not content.get("ply_file_path"):
+        return no_points()
+    path = folder / content["ply_file_path"]
+    try:
+        vertices = PlyData.read(path)["vertex"]
+        positions = np.stack([vertices[axis] for axis in "xyz"], axis=1).astype(np.float64)
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file", fix="copy it back, or remove ply_file_path") from None
+    except (PlyParseError, ValueError, KeyError) as error:
+        raise InputError(f"{path}: not a point cloud", found=error, fix="copy it again") from error
+    colours = np.full((len(positions), 3), 128, np.uint8)
+    if "red" in vertices.data.dtype.names:
+        colours = np.stack([vertices[channel] for channel in ("red", "green", "blue")], axis=1).astype(np.uint8)
+    return Points(positions, colours)

@@ -1,0 +1,169 @@
+"""Which file on disk belongs to which camera, and the view the two make."""
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import read_json
+from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.scene.cameras import same_shape
+from hydroviews.scene.images import SUFFIXES, image_size, list_images
+from hydroviews.scene.lenses import Lens
+from hydroviews.scene.masks import MASKS, find_mask
+from hydroviews.scene.scenes import Split, View, wrong_size
+
+UNREAD = (".heic", ".heif", ".avif", ".jxl", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2", ".gif")
+FOLDERS = ("images", "clean", "input", "images_2", "images_4", "images_8")
+
+
+def image_folder(folder: Path, given: str | None = None) -> Path:
+    """The folder with a capture's photographs: `given`, or the first of FOLDERS that holds any.
+
+    Raises:
+        InputError: there is none.
+    """
+    for name in (given,) if given else FOLDERS:
+        if (folder / name).is_dir() and photographs_below(folder / name):
+            return folder / name
+    raise InputError(
+        f"{folder}: no photographs beside the cameras",
+        found=", ".join(sorted(p.name for p in folder.iterdir())) or "an empty folder",
+        expected=f"a folder {given or ', '.join(FOLDERS)} with {', '.join(SUFFIXES)} files",
+    )
+
+
+def photographs_below(folder: Path) -> list[Path]:
+    """All pictures in `folder` and the folders in it, sorted; hidden and partial files are left out."""
+    found = (path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES)
+    return sorted(p for p in found if not any(part.startswith(".") for part in p.relative_to(folder).parts))
+
+
+def unreadable_photographs(folder: Path) -> str:
+    """How many files are photographs in formats that are not read here, such as "50 .heic"; empty if none are."""
+    suffixes = [path.suffix.lower() for path in folder.rglob("*") if path.suffix.lower() in UNREAD]
+    return ", ".join(f"{count} {suffix}" for suffix, count in sorted(Counter(suffixes).items()))
+
+
+def one_by_one(pictures: Path, out: Path) -> dict[Path, Path]:
+    """The PNG in folder `out` for a picture, or for each one directly in a folder of them.
+
+    Raises:
+        InputError: no pictures, two of one name, or one that would be written over.
+    """
+    files = list_images(pictures) if pictures.is_dir() else [pictures]
+    if not files:
+        found = unreadable_photographs(pictures) or "none of them"
+        raise InputError(f"{pictures}: no pictures", found=found, expected=f"{', '.join(SUFFIXES)} files")
+    targets = {file: out / f"{file.stem}.png" for file in files}
+    twice = [name for name, count in Counter(target.name for target in targets.values()).items() if count > 1]
+    if twice:
+        raise InputError(f"{pictures}: several pictures would become {some(twice)}", fix="rename them")
+    if {file.resolve() for file in files} & {target.resolve() for target in targets.values()}:
+        raise InputError(f"{out}: pictures would be written over", fix="choose another --out")
+    return targets
+
+
+def match_files(folder: Path, names: Sequence[str]) -> list[Path | None]:
+    """The file in `folder` for each name in a camera file, None where there is none.
+
+    A file of the same name with another suffix counts: smaller copies are often stored in another format.
+    """
+    by_stem = {_stem(path.relative_to(folder).as_posix()): path for path in photographs_below(folder)}
+    return [folder / name if (folder / name).is_file() else by_stem.get(_stem(name)) for name in names]
+
+
+def _stem(name: str) -> str:
+    path = PurePosixPath(name)
+    return str(path.with_suffix("")) if path.suffix.lower() in SUFFIXES else str(path)
+
+
+def all_files(camera_file: Path, folder: Path, names: Sequence[str]) -> list[Path]:
+    """`match_files` where every photograph must be there.
+
+    Raises:
+        InputError: some are missing, or the camera file is of another capture altogether.
+    """
+    files = match_files(folder, names)
+    missing = [name for name, file in zip(names, files, strict=True) if file is None]
+    if missing and len(missing) == len(names):
+        raise other_images(camera_file, folder, names)
+    if missing:
+        raise InputError(
+            f"{camera_file}: {len(missing)} of its {len(names)} images are not in {folder}",
+            found="no " + some(missing),
+            fix="copy the missing images there, or estimate the poses again from the ones that are left",
+        )
+    return [file for file in files if file is not None]
+
+
+def other_images(camera_file: Path, folder: Path, names: Sequence[str]) -> InputError:
+    """The error for a camera file none of whose images is there."""
+    return InputError(
+        f"{camera_file}: a camera file for other images",
+        found=f"cameras for {some(names)}; {folder} holds {some([p.name for p in photographs_below(folder)])}",
+        expected="the same names",
+        fix="put the camera file beside the images it was made from",
+    )
+
+
+def some(names: Sequence[str]) -> str:
+    """The first few names, and how many more there are."""
+    shown = ", ".join(names[:5])
+    return f"{shown} and {len(names) - 5} more" if len(names) > 5 else shown or "nothing"
+
+
+def view_names(names: Sequence[str]) -> list[str]:
+    """File names without folder and suffix; with the folders, joined by underscores, where two would be the same."""
+    stems = [PurePosixPath(_stem(name)) for name in names]
+    counts = Counter(stem.name for stem in stems)
+    if max(counts.values(), default=1) == 1:
+        return [stem.name for stem in stems]
+    return ["_".join(part for part in stem.parts if part not in (".", "..", "/")) for stem in stems]
+
+
+def make_view(
+    name: str, path: Path, lens: Lens, world_to_camera: NDArray[np.float64], mask: Path | None = None
+) -> View:
+    """A view of the photograph at its own size, which may be a multiple or fraction of the lens's.
+
+    Raises:
+        InputError: the photograph has another shape than the lens, or cannot be read.
+    """
+    size = image_size(path)
+    if not same_shape(size, (lens.width, lens.height)):
+        raise wrong_size(path, size, (lens.width, lens.height))
+    camera = lens.pinhole(size).camera(world_to_camera)
+    return View(name, camera, path, None if lens.is_pinhole else lens, mask)
+
+
+def mask_beside(folder: Path, photographs: Path, file: Path) -> Path | None:
+    """The mask of a photograph in a capture's `masks`, None where there is none."""
+    return find_mask(folder / MASKS, file.relative_to(photographs).as_posix())
+
+
+def read_split(folder: Path) -> Split | None:
+    """The split in `split.json`, of the folder itself or of the built scene it is a rainy variant of.
+
+    Raises:
+        InputError: the file is not {"train": [names], "test": [names]}, with or without "sparse": [names].
+    """
+    path = folder / "split.json"
+    if not path.is_file() and (folder.name == CAPTURED or (folder.parent / "clean").is_dir()):
+        path = folder.parent / "split.json"
+    if not path.is_file():
+        return None
+    content = read_json(path)
+    content = {"sparse": [], **content} if isinstance(content, dict) else {}
+    parts = ("train", "test", "sparse")
+    if not all(_is_names(content.get(part)) for part in parts):
+        raise InputError(f"{path}: not a split", expected='{"train": [view names], "test": [view names]}')
+    train, test, sparse = (tuple(content[part]) for part in parts)
+    return Split(train, test, sparse)
+
+
+def _is_names(value: object) -> bool:
+    return isinstance(value, list) and all(isinstance(name, str) for name in value)

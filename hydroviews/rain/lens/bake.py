@@ -1,0 +1,179 @@
+"""Light through the water on a lens: a matte that Blender bakes once, or a picture that it traces."""
+
+import json
+import tempfile
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydroviews.blender.process import run_blender
+from hydroviews.rain.lens.mesh import WaterMesh, lens_side, water_mesh
+from hydroviews.rain.lens.path_matte import PathMatte, assemble, dry
+from hydroviews.rain.lens.pattern import RaindropPattern
+from hydroviews.rain.lens.water import Water, water_at
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.images import Image
+
+VERSION = 2  # raised whenever the same pattern gives another matte
+FINE_PIXELS = 3_000_000  # about as many light paths as a pass follows
+MOST_PATHS = 8  # along a side of a pixel
+ACCURATE_PATHS = 576  # a pixel, that the accurate matte wants
+MOST_PASSES = 24  # so many bakes it may take: large pictures get fewer paths, for memory's sake
+COMPOSITED = ("mist", "air")  # what a pattern says that no matte depends on
+
+
+def bake_matte(
+    pattern: RaindropPattern,
+    camera: Camera,
+    folder: Path,
+    frame: int = 0,
+    paths: int | None = None,
+    passes: int | None = None,
+) -> PathMatte:
+    """The matte of a pattern's key frame, kept in `folder` and read from there if it fits.
+
+    With the technique "aperture" every path starts at its own point of the camera's aperture, and several independent
+    bakes are added up; otherwise paths start at a pinhole, and what they show is blurred by the aperture's disk.
+
+    Args:
+        pattern: the rain.
+        camera: its size and intrinsics; the pose means nothing.
+        folder: gets `matte-<frame>.npz` and Blender's log.
+        frame: 0 to `pattern.key_frames` - 1.
+        paths: k, to follow k x k light paths a pixel instead of `paths_per_side`; more are slower and less noisy.
+        passes: how often, instead of once and, with an aperture, `accurate_passes` times.
+
+    Raises:
+        InputError: Blender failed (see `process.run_blender`), or the kept matte is damaged.
+    """
+    paths = paths or paths_per_side(camera)
+    aperture = pattern.technique == "aperture"
+    passes = passes or (accurate_passes(paths) if aperture else 1)
+    kept = folder / f"matte-{frame}.npz"
+    key = _key(pattern, camera, [frame, paths, passes])
+    if kept.exists():
+        matte, kept_key = PathMatte.load(kept)
+        if kept_key == key:
+            return matte
+    mesh = lens_water(pattern, camera, frame)
+    if len(mesh.caps) == 0:
+        matte = dry(camera.height, camera.width)
+    else:
+        disk = focus_disk(pattern, camera)
+        opening = aperture_radius(disk, camera) if aperture else 0.0
+        matte = bake(mesh, camera, folder, paths, passes, opening, 0.0 if aperture else disk)
+    matte.save(kept, key)
+    return matte
+
+
+def bake(
+    mesh: WaterMesh,
+    camera: Camera,
+    folder: Path,
+    paths: int,
+    passes: int = 1,
+    aperture: float = 0.0,
+    disk: float = 0.0,
+) -> PathMatte:
+    """The matte of any water: k x k paths a pixel, so many times; `aperture` as a radius in lens distances.
+
+    Raises:
+        InputError: Blender failed (see `process.run_blender`).
+    """
+    task = {"paths": paths, "passes": passes, "aperture": aperture}
+    traced = _run("bake_drops", mesh, camera, task, folder, "raindrops")
+    return assemble(traced["cover"], traced["pixel"], traced["place"], traced["throughput"], disk)
+
+
+def trace(
+    mesh: WaterMesh,
+    camera: Camera,
+    picture: Image,
+    samples: int,
+    folder: Path,
+    aperture: float = 0.0,
+    seed: int = 0,
+) -> tuple[NDArray[np.float32], float]:
+    """What mattes approximate, by full path tracing with depth of field.
+
+    Args:
+        mesh: the water.
+        camera: its size and intrinsics; the pose means nothing.
+        picture: [H, W, 3], linear light.
+        samples: paths a pixel.
+        folder: gets Blender's log.
+        aperture: its radius in lens distances, focused on the picture.
+        seed: of the paths.
+
+    Returns:
+        [H, W, 4]: linear radiance of the drops, and their cover; and the CPU seconds of rendering alone.
+
+    Raises:
+        InputError: Blender failed (see `process.run_blender`).
+    """
+    task = {"samples": samples, "picture": np.asarray(picture, np.float32), "aperture": aperture, "seed": seed}
+    traced = _run("trace_drops", mesh, camera, task, folder, "tracing drops")
+    return traced["light"], float(traced["seconds"])
+
+
+def _run(
+    module: str, mesh: WaterMesh, camera: Camera, task: dict[str, Any], folder: Path, label: str
+) -> dict[str, Any]:
+    """Run a Blender process on water, a camera and a task, whose arrays go through files; what it wrote."""
+    with tempfile.TemporaryDirectory(prefix="hydroviews-") as scratch:
+        arrays = {name: value for name, value in task.items() if isinstance(value, np.ndarray)}
+        np.savez(Path(scratch) / "input.npz", **asdict(mesh), **arrays)
+        request = {name: value for name, value in task.items() if name not in arrays}
+        files = {"input": str(Path(scratch) / "input.npz"), "output": str(Path(scratch) / "output.npz")}
+        run_blender(module, request | files | {"camera": intrinsics(camera)}, folder / "blender.log", label)
+        with np.load(files["output"]) as output:
+            return dict(output)
+
+
+def lens_water(pattern: RaindropPattern, camera: Camera, frame: int) -> WaterMesh:
+    """The water of a key frame in front of a camera."""
+    return water_mesh(water_of(pattern, camera, frame), pattern.capillary_length, camera)
+
+
+def water_of(pattern: RaindropPattern, camera: Camera, frame: int) -> Water:
+    """The water of a key frame on a lens of this camera's shape."""
+    side = lens_side(camera)
+    return water_at(pattern, (camera.width / side, camera.height / side), moment_of(pattern, frame))
+
+
+def moment_of(pattern: RaindropPattern, frame: int) -> float:
+    """When in the film a key frame is, 0 to 1."""
+    return frame / max(pattern.key_frames - 1, 1)
+
+
+def intrinsics(camera: Camera) -> dict[str, Any]:
+    """The camera at the origin, as JSON: drops on the lens do not care where it is."""
+    return {**asdict(camera), "world_to_camera": np.eye(4).tolist()}
+
+
+def _key(pattern: RaindropPattern, camera: Camera, rest: list[int]) -> str:
+    drawn = {name: value for name, value in asdict(pattern).items() if name not in COMPOSITED}
+    return json.dumps([VERSION, drawn, intrinsics(camera), rest])
+
+
+def paths_per_side(camera: Camera) -> int:
+    """k, for k x k light paths a pixel: 5 at 400 x 300, between 2 for large pictures and 8 for small ones."""
+    return int(np.clip(np.sqrt(FINE_PIXELS / (camera.width * camera.height)), 2, MOST_PATHS))
+
+
+def accurate_passes(paths: int) -> int:
+    """How many bakes of k x k paths a pixel the accurate matte adds up."""
+    return int(np.clip(np.ceil(ACCURATE_PATHS / paths**2), 1, MOST_PASSES))
+
+
+def focus_disk(pattern: RaindropPattern, camera: Camera) -> float:
+    """Diameter of the defocus disk in pixels."""
+    return pattern.focus_blur * lens_side(camera)
+
+
+def aperture_radius(disk: float, camera: Camera) -> float:
+    """Radius of the aperture, in lens distances, that draws a point of the lens as a disk of this many pixels."""
+    return disk / (2 * float(np.sqrt(camera.fx * camera.fy)))

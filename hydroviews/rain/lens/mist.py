@@ -1,0 +1,88 @@
+"""Mist on the lens: a smooth veil that covers part of the view with light from all around."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from hydroviews.rain.lens.pattern import RaindropPattern
+from hydroviews.rain.lens.rivulets import draw_rivulets
+from hydroviews.rain.seeds import generator
+
+BLOBS = (5, 9, 17)  # knots of the random surfaces along a side
+SHARES = (0.5, 0.3, 0.2)  # of each
+DRIFT = 0.08  # sides that mist moves during the film
+FINEST = 160  # pixels along the longer side at which trails are wiped; mist has no finer detail
+WIPED = 0.75  # share of the mist that a running drop takes along
+
+
+def mist_veil(pattern: RaindropPattern, width: int, height: int, moment: float) -> NDArray[np.float32]:
+    """The share V of each pixel's light that mist replaces, R = (1 - V) B + V air in linear light.
+
+    Dense on one side, thin on the other, with clouds of a few sizes; where drops have run it is wiped thin. Its form
+    does not depend on `pattern.mist`, nor, but for sampling, on the picture's size.
+
+    Args:
+        pattern: the rain; its `mist` is the largest V.
+        width: of the picture in pixels.
+        height: of the picture in pixels.
+        moment: of the film, 0 to 1.
+
+    Returns:
+        [height, width], in [0, pattern.mist].
+    """
+    if pattern.mist <= 0:
+        return np.zeros((height, width), np.float32)
+    side = np.sqrt(width * height)
+    shrink = max(1.0, max(width, height) / FINEST)
+    columns, rows = max(1, round(width / shrink)), max(1, round(height / shrink))
+    x = (np.arange(columns) + 0.5) / columns * width / side
+    y = (np.arange(rows) + 0.5) / rows * height / side
+    form = _form(pattern.seed, (width / side, height / side), x, y, moment)
+    veil = form * (1 - WIPED * _wiped(pattern, (width / side, height / side), x, y, moment))
+    fine = cv2.resize(veil.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(pattern.mist * np.clip(fine, 0, 1), np.float32)
+
+
+def _form(seed: int, extent: tuple[float, float], x: NDArray, y: NDArray, moment: float) -> NDArray[np.float64]:
+    """The veil before wiping [rows, columns], in [0, 1]."""
+    rng = generator(seed, "mist")
+    direction, drift = rng.uniform(0, 2 * np.pi, 2)
+    x = x + DRIFT * moment * np.cos(drift)
+    y = y + DRIFT * moment * np.sin(drift)
+    across = (x / extent[0] - 0.5) * np.cos(direction)
+    along = (y / extent[1] - 0.5) * np.sin(direction)
+    clouds = np.zeros((len(y), len(x)))
+    for knots, share in zip(BLOBS, SHARES, strict=True):
+        grid = rng.uniform(-1, 1, (2 * knots, 2 * knots))
+        clouds += share * _surface(grid, x * knots / 2 + 1, y * knots / 2 + 1)
+    dense = np.clip(0.55 + 0.75 * (along[:, None] + across[None]) + 0.9 * clouds, 0, 1)
+    return np.asarray(dense**2 * (3 - 2 * dense))
+
+
+def _surface(grid: NDArray[np.float64], x: NDArray, y: NDArray) -> NDArray[np.float64]:
+    """Cubic B-spline surface over a grid, which repeats itself, at x [C] and y [R]: [R, C]."""
+    return np.asarray(_spline(len(grid), y) @ grid @ _spline(len(grid), x).T)
+
+
+def _spline(knots: int, t: NDArray) -> NDArray[np.float64]:
+    """Weights [T, knots] of a uniform periodic cubic B-spline."""
+    start = np.floor(t).astype(int)
+    f = t - start
+    parts = ((1 - f) ** 3, 3 * f**3 - 6 * f**2 + 4, -3 * f**3 + 3 * f**2 + 3 * f + 1, f**3)
+    weights = np.zeros((len(t), knots))
+    for offset, part in enumerate(parts):
+        np.add.at(weights, (np.arange(len(t)), (start + offset) % knots), part / 6)
+    return weights
+
+
+def _wiped(
+    pattern: RaindropPattern, extent: tuple[float, float], x: NDArray, y: NDArray, moment: float
+) -> NDArray[np.float64]:
+    """How much of the mist running drops have taken along, [rows, columns] in [0, 1]."""
+    wiped = np.zeros((len(y), len(x)))
+    for rivulet in draw_rivulets(pattern, extent, moment):
+        way, reach = rivulet.way, 1.3 * rivulet.start_radius
+        for px, py in way[:: max(1, int(reach / 2 / 0.004))]:
+            square = ((x - px) / reach)[None] ** 2 + ((y - py) / reach)[:, None] ** 2
+            np.maximum(wiped, np.exp(-(square**2)), out=wiped)
+    return wiped

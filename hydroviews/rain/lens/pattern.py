@@ -1,0 +1,93 @@
+"""What is drawn for one wet lens, and from which distributions."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hydroviews.rain.setting import Technique
+
+LIGHT, MEDIUM, HEAVY = 0, 1, 2
+COVERAGE = ((0.05, 0.09), (0.08, 0.14), (0.12, 0.2))  # by grade
+MIST = ((0.05, 0.15), (0.2, 0.3), (0.4, 0.6))
+DROPLETS = ((200, 500), (400, 800), (700, 1200))
+RIVULETS = ((0, 1), (1, 2), (2, 4))
+
+
+@dataclass(frozen=True)
+class RaindropPattern:
+    """A lens in rain as a short film; "side" is the geometric mean of the picture's width and height.
+
+    `coverage`, `droplets`, `rivulets`, `mist` and `focus_blur` may be changed alone: more of them adds drops and mist
+    to those that are there, whose places and shapes stay (but for droplets that have less room).
+    """
+
+    coverage: float  # share of the picture that large drops cover, as far as they find room
+    radius_median: float  # of the large drops, in sides
+    radius_spread: float  # standard deviation of the radius's logarithm
+    droplets: int  # number of tiny drops between the large ones, before those that would touch others are left out
+    droplet_median: float  # of their radii, in sides
+    droplet_spread: float
+    rivulets: int  # drops that run down and leave trails
+    contact_angle_min: float  # degrees
+    contact_angle_max: float
+    capillary_length: float  # 2.7 mm of glass, in sides: drops larger than this hang
+    growth: float  # the most that a drop's radius grows during the film, relative
+    focus_blur: float  # diameter of the defocus disk, in sides
+    mist: float  # cover by mist where it is densest, 0 to 1
+    air: tuple[float, float, float]  # colour of lit mist, relative to the scene's air light
+    key_frames: int  # the views are shared out evenly among them, in order
+    technique: Technique
+    seed: int  # of places, shapes and motion
+
+
+def draw_pattern(rng: np.random.Generator, grade: int = MEDIUM) -> RaindropPattern:
+    """Draw the parameters of a lens in light, medium or heavy rain.
+
+    Distributions, and why:
+
+    * Radii are log-normal, the usual description of drops that come from many collisions (Marshall and Palmer's
+      exponential law holds for falling drops; those on glass have lost the smallest, which merge or dry first). On
+      photographs of drops on a pane in front of a camera (Qian et al. 2018), radii of 5 to 10 pixels at 720 x 480 are
+      most frequent, 0.009 to 0.017 sides; condensed droplets between them are about three times smaller.
+    * Contact angles of water on glass that is neither clean nor coated lie between 30 and 60 degrees.
+    * A pane 5 to 15 cm in front of a camera shows 6 to 15 cm of glass: the capillary length, 2.7 mm, is 0.02 to 0.045
+      sides.
+    * Lenses focused on the scene draw a drop with a disk of 0.006 to 0.014 sides, as on the same photographs.
+    * Coverage, mist, droplets and rivulets rise with the grade.
+
+    Args:
+        rng: the generator; the same numbers are drawn for every grade.
+        grade: 0 light, 1 medium, 2 heavy.
+    """
+    place = rng.uniform(size=4)
+
+    def between(limits: tuple[tuple[float, float], ...], i: int) -> float:
+        low, high = limits[grade]
+        return low + (high - low) * float(place[i])
+
+    return RaindropPattern(
+        coverage=between(COVERAGE, 0),
+        mist=between(MIST, 1),
+        droplets=round(between(DROPLETS, 2)),
+        rivulets=round(between(RIVULETS, 3)),
+        radius_median=float(rng.uniform(0.009, 0.017)),
+        radius_spread=float(rng.uniform(0.4, 0.6)),
+        droplet_median=float(rng.uniform(0.0025, 0.0045)),
+        droplet_spread=float(rng.uniform(0.3, 0.5)),
+        contact_angle_min=float(rng.uniform(30, 38)),
+        contact_angle_max=float(rng.uniform(45, 58)),
+        capillary_length=float(rng.uniform(0.02, 0.045)),
+        growth=float(rng.uniform(0.02, 0.12)),
+        focus_blur=float(rng.uniform(0.006, 0.014)),
+        air=_tint(rng),
+        key_frames=3,
+        technique="disk",
+        seed=int(rng.integers(2**31)),
+    )
+
+
+def _tint(rng: np.random.Generator) -> tuple[float, float, float]:
+    """Lit mist is a little darker or brighter than the brightest tenth of the scene, and hardly coloured."""
+    strength = rng.uniform(0.85, 1.0)
+    red, green, blue = (strength * (1 + 0.03 * rng.uniform(-1, 1, 3))).tolist()
+    return red, green, blue

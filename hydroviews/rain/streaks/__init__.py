@@ -1,0 +1,1 @@
+"""Rain streaks by the paper's recipe: motion-blurred noise."""

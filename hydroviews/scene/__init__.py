@@ -1,0 +1,1 @@
+"""A scene: views with cameras, pictures, masks and depth, and the points between them."""

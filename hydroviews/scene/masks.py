@@ -1,0 +1,91 @@
+"""Masks of pixels that must not be looked at: people, number plates, a car's bonnet.
+
+On disk masks follow COLMAP, so that other software finds them: `masks/<image file name>.png`, so
+`masks/frame-0001.png.png` for `images/frame-0001.png`; black (0) is hidden, anything else is shown. In memory
+they are boolean planes [H, W], True where hidden.
+"""
+
+import hashlib
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import sha256, write_bytes
+
+MASKS = "masks"
+TOUCHED = 1e-3  # a pixel that a hidden one has this share of is hidden
+
+Ignored = NDArray[np.bool_]  # [H, W], True where hidden
+
+
+def mask_name(image: str) -> str:
+    """COLMAP's name for the mask of an image file: `a/b.jpg` has `a/b.jpg.png`."""
+    return image + ".png"
+
+
+def find_mask(folder: Path, image: str) -> Path | None:
+    """The mask of an image in a folder of masks, None where there is none.
+
+    Args:
+        folder: of the masks; it need not exist.
+        image: file name relative to the folder of photographs. A mask of just that name counts as well if it is
+            a PNG, as it does for COLMAP.
+    """
+    names = [mask_name(image), image] if image.lower().endswith(".png") else [mask_name(image)]
+    return next((folder / name for name in names if (folder / name).is_file()), None)
+
+
+def mask_digest(folder: Path) -> str:
+    """SHA-256 that changes when any of the masks does."""
+    digest = hashlib.sha256()
+    for path in sorted(folder.rglob("*.png")):
+        digest.update(path.relative_to(folder).as_posix().encode() + bytes.fromhex(sha256(path)))
+    return digest.hexdigest()
+
+
+def read_grey(path: Path) -> NDArray[np.uint8]:
+    """The brightest channel of each pixel [H, W]; transparency does not count.
+
+    Raises:
+        InputError: missing, or not an 8- or 16-bit picture.
+    """
+    encoded = np.fromfile(path, np.uint8) if path.is_file() else np.zeros(0, np.uint8)
+    pixels = cv2.imdecode(encoded, cv2.IMREAD_UNCHANGED) if encoded.size else None
+    if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
+        raise InputError(f"{path}: cannot be read as a mask", expected="a grey picture", fix="write it again")
+    if pixels.ndim == 3:
+        pixels = pixels[..., :3].max(axis=2) if pixels.shape[2] > 2 else pixels[..., 0]
+    if pixels.dtype == np.uint16:
+        pixels = np.ceil(pixels / 257)  # what is not black stays so
+    return np.asarray(pixels, np.uint8)
+
+
+def read_ignored(path: Path) -> Ignored:
+    """A mask file as a plane, True where it is black.
+
+    Raises:
+        InputError: missing or unreadable.
+    """
+    return np.asarray(read_grey(path) == 0)
+
+
+def write_ignored(path: Path, ignored: Ignored) -> None:
+    """Write a mask file: black where hidden, white elsewhere; the same mask gives the same bytes."""
+    ok, encoded = cv2.imencode(".png", np.where(ignored, np.uint8(0), np.uint8(255)))
+    if not ok:
+        raise ValueError(f"{path}: PNG encoding failed for an array of shape {ignored.shape}")
+    write_bytes(path, encoded.tobytes())
+
+
+def fit_ignored(ignored: Ignored, width: int, height: int) -> Ignored:
+    """A mask at another size of the same shape: a pixel that a hidden one touches is hidden."""
+    old_height, old_width = ignored.shape
+    if (width, height) == (old_width, old_height):
+        return ignored
+    larger = width > old_width or height > old_height
+    share = ignored.astype(np.float32)
+    resized = cv2.resize(share, (width, height), interpolation=cv2.INTER_LINEAR if larger else cv2.INTER_AREA)
+    return np.asarray(resized > TOUCHED)

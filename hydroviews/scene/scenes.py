@@ -1,0 +1,230 @@
+"""A scene is what every method gets: named views with cameras and images, points, and a split."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydroviews.errors import InputError
+from hydroviews.scene.cameras import Camera, fitted_size, same_shape
+from hydroviews.scene.images import Image, read_image, resize_area
+from hydroviews.scene.lenses import Lens
+from hydroviews.scene.masks import TOUCHED, Ignored, fit_ignored, read_ignored
+
+TEST_EVERY = 8
+SPARSE_EVERY = 3
+
+
+@dataclass(frozen=True)
+class View:
+    """A photograph and its camera. `name` is the file name without folder and suffix, unique in its scene.
+
+    `lens` is what the photograph was taken with, None where that is a pinhole already; `camera` is always the
+    pinhole camera of what `image` returns. `mask` hides part of the photograph (see `hydroviews.scene.masks`).
+    """
+
+    name: str
+    camera: Camera
+    path: Path
+    lens: Lens | None = None
+    mask: Path | None = None
+
+    def image(self) -> Image:
+        """Read the picture, undistorted: float32 [H, W, 3], sRGB-encoded, [0, 1], at the camera's size.
+
+        Raises:
+            InputError: missing, unreadable, smaller than the camera, or of another shape.
+        """
+        image = read_image(self.path)
+        height, width = image.shape[:2]
+        if self.lens is not None:
+            if not same_shape((width, height), (self.lens.width, self.lens.height)):
+                raise wrong_size(self.path, (width, height), (self.lens.width, self.lens.height))
+            image = self.lens.undistort(image)
+        size, wanted = (image.shape[1], image.shape[0]), (self.camera.width, self.camera.height)
+        if not same_shape(size, wanted) or size < wanted:
+            raise wrong_size(self.path, (width, height), wanted)
+        return resize_area(image, *wanted)
+
+    def ignored(self) -> Ignored | None:
+        """The mask, undistorted and resized like the picture: bool [H, W], True where it must not be looked at.
+
+        A pixel that a hidden one touches is hidden. None where the view has no mask, or one that hides nothing.
+
+        Raises:
+            InputError: the mask is unreadable, or of another shape than the photograph.
+        """
+        if self.mask is None:
+            return None
+        ignored = read_ignored(self.mask)
+        fitted = self.fitted(ignored, self.mask)
+        return fitted if ignored.any() else None
+
+    def fitted(self, ignored: Ignored, origin: Path) -> Ignored:
+        """A mask of the photograph, undistorted and resized like the picture; `origin` is the file it is from.
+
+        Raises:
+            InputError: it has another shape than the photograph.
+        """
+        size = (ignored.shape[1], ignored.shape[0])
+        expected = (self.camera.width, self.camera.height)
+        if self.lens is not None:
+            expected = (self.lens.width, self.lens.height)
+        if not same_shape(size, expected):
+            raise wrong_size(origin, size, expected)
+        if self.lens is not None:
+            ignored = np.asarray(self.lens.undistort(ignored.astype(np.float32)) > TOUCHED)
+        return fit_ignored(ignored, self.camera.width, self.camera.height)
+
+
+def wrong_size(path: Path, found: tuple[int, int], expected: tuple[int, int]) -> InputError:
+    """The error for a photograph that its camera was not estimated from."""
+    return InputError(
+        f"{path}: image and camera differ in size",
+        found=f"{found[0]}x{found[1]} pixels",
+        expected=f"{expected[0]}x{expected[1]}, or a larger image of the same shape",
+        fix="use the images that the cameras were estimated from, all resized alike",
+    )
+
+
+@dataclass(frozen=True)
+class Points:
+    """Sparse scene points: positions [N, 3] in world units, colours [N, 3] uint8."""
+
+    positions: NDArray[np.float64]
+    colours: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+
+def no_points() -> Points:
+    """An empty cloud."""
+    return Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
+
+
+@dataclass(frozen=True)
+class Split:
+    """Names of the training and the held-out views; `sparse` are those trained on where views are to be few."""
+
+    train: tuple[str, ...]
+    test: tuple[str, ...]
+    sparse: tuple[str, ...] = ()
+
+
+def every_eighth(names: Sequence[str]) -> Split:
+    """Every 8th view by name, starting with the first, is held out (the split of Mip-NeRF 360)."""
+    ordered = sorted(names)
+    test = tuple(ordered[::TEST_EVERY])
+    return Split(tuple(n for n in ordered if n not in set(test)), test)
+
+
+def every_third(train: Sequence[str]) -> tuple[str, ...]:
+    """Every 3rd training view by name, starting with the first; the first and the last where that is only one."""
+    ordered = sorted(train)
+    chosen = ordered[::SPARSE_EVERY]
+    return tuple(chosen if len(chosen) > 1 else [ordered[0], ordered[-1]])
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Views in order of their names, points, a split, and what a reader should know about the capture."""
+
+    name: str
+    views: tuple[View, ...]
+    points: Points
+    split: Split
+    notes: tuple[str, ...] = field(default=())
+    captured_rainy: bool = False  # it rained when the photographs were taken: there is no clean ground truth
+    metres_per_unit: float | None = None  # where the capture says it
+    clean_error: float | None = None  # of plain 3DGS on clean views, over their fine detail, where it is known
+    drops_cost: float = 1.0  # error that sharp drops leave in plain 3DGS, over what is predicted, where it is known
+
+    @property
+    def train_views(self) -> tuple[View, ...]:
+        """The views a method may learn from."""
+        return self._select(self.split.train)
+
+    @property
+    def test_views(self) -> tuple[View, ...]:
+        """The held-out views."""
+        return self._select(self.split.test)
+
+    def sparse(self) -> "Scene":
+        """The same scene with only its sparse views to train on."""
+        return replace(self, split=replace(self.split, train=self.split.sparse))
+
+    def _select(self, names: Sequence[str]) -> tuple[View, ...]:
+        by_name = {view.name: view for view in self.views}
+        return tuple(by_name[name] for name in names)
+
+    def resized(self, long_side: int | None) -> "Scene":
+        """The scene with cameras fitted to `long_side` pixels; images are area-averaged when they are read."""
+        views = tuple(replace(v, camera=v.camera.resized(*_fitted(v.camera, long_side))) for v in self.views)
+        return replace(self, views=views)
+
+
+def _fitted(camera: Camera, long_side: int | None) -> tuple[int, int]:
+    return fitted_size(camera.width, camera.height, long_side)
+
+
+def make_scene(
+    name: str,
+    views: Sequence[View],
+    points: Points,
+    split: Split | None = None,
+    notes: Sequence[str] = (),
+) -> Scene:
+    """A checked scene: views sorted by name, the split and its sparse views drawn if none are given.
+
+    Raises:
+        InputError: no views, two of one name, fewer than two to train on, a split that names absent views or
+            lists one twice, or sparse views that are no training views.
+    """
+    ordered = tuple(sorted(views, key=lambda view: view.name))
+    names = [view.name for view in ordered]
+    if not names:
+        raise InputError(f"{name}: no view with a camera", expected="at least three registered images")
+    twice = sorted({n for n in names if names.count(n) > 1}) if len(set(names)) < len(names) else []
+    if twice:
+        raise InputError(f"{name}: several images share a name", found=", ".join(twice[:5]), fix="rename them")
+    split = split or every_eighth(names)
+    absent = sorted(set(split.train + split.test) - set(names))
+    if absent:
+        raise InputError(
+            f"{name}: the split names views that are not there",
+            found=", ".join(absent[:5]),
+            fix="correct split.json, or remove it to have it drawn again",
+        )
+    listed = split.train + split.test
+    if len(set(listed)) < len(listed):
+        raise InputError(
+            f"{name}: the split lists views twice",
+            found=", ".join(sorted({n for n in listed if listed.count(n) > 1})[:5]),
+            expected="each view once, to train on or held out",
+            fix="correct split.json, or remove it to have it drawn again",
+        )
+    if len(split.train) < 2 or not split.test:
+        raise InputError(
+            f"{name}: too few views",
+            found=f"{len(split.train)} to train on, {len(split.test)} held out",
+            expected="at least two to train on and one held out (every 8th by name), so at least three images",
+            fix="add photographs, or estimate the poses again so that more of them register",
+        )
+    return Scene(name, ordered, points, _with_sparse(name, split), tuple(notes))
+
+
+def _with_sparse(name: str, split: Split) -> Split:
+    if not split.sparse:
+        return replace(split, sparse=every_third(split.train))
+    odd = sorted(set(split.sparse) - set(split.train))
+    if odd or len(set(split.sparse)) < len(split.sparse) or len(split.sparse) < 2:
+        raise InputError(
+            f"{name}: the split's sparse views are no choice of its training views",
+            found=", ".join(odd[:5]) or f"{len(split.sparse)} views, {len(set(split.sparse))} of them different",
+            expected="at least two training views, each once",
+            fix="correct split.json, or remove its sparse views to have them drawn again",
+        )
+    return split

@@ -1,0 +1,120 @@
+"""Does a method keep its contract? A short training or two on a small room, and a line a promise."""
+
+import contextlib
+import dataclasses
+import tempfile
+import time
+import traceback
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+from tqdm import tqdm
+
+from baselines.method import find_method
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import write_json
+from hydroviews.profiles import find_profile
+from leaderboard.contract import interruptions, promises
+from leaderboard.contract.case import Case, Failed, NotTestable
+
+CHECKS: dict[str, Callable[[Case], str]] = {
+    "found by its name": promises.found,
+    "configurations": promises.configurations,
+    "trains": promises.training,
+    "renders any camera": promises.rendering,
+    "saved and loaded": promises.saving,
+    "statistics": promises.statistics,
+    "same seed, same result": promises.same_seed,
+    "held-out views unseen": promises.held_out,
+    "masks respected": promises.masks,
+    "bad photographs refused": promises.unreadable,
+    "fitted twice": promises.finished,
+    "other checkpoints refused": promises.foreign,
+    "Ctrl-C and on": interruptions.ctrl_c,
+    "SIGTERM and on": interruptions.termination,
+}
+BASIC = ("configurations", "trains")  # without these there is nothing to check the others on
+
+
+class Result(StrEnum):
+    """What a check can end with."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    NOT_TESTABLE = "not testable"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Of one check."""
+
+    check: str
+    result: Result
+    reason: str  # what was seen, or why it failed or could not be tested
+    seconds: float = 0.0
+    trace: str = ""  # of an exception that is no verdict
+
+
+def check(method: str, profile: str = "demo", steps: int = 30, report: Path | None = None) -> list[Outcome]:
+    """Check a method, print a line a check, and write them all as JSON if asked to.
+
+    Args:
+        method: a registered name, or package.module:Class.
+        profile: whose configuration is shortened.
+        steps: of training, where the configuration counts them; the interrupted ones take some seconds.
+        report: the JSON file.
+
+    Raises:
+        InputError: no such method or profile, or no steps.
+    """
+    if steps < 1:
+        raise InputError(f"--steps {steps}: too few", expected="1 or more")
+    kind = find_method(method)
+    with tempfile.TemporaryDirectory(prefix="hydroviews-check-") as folder:
+        outcomes = run_checks(Case(method, kind, find_profile(profile).name, steps, Path(folder)))
+    counts = Counter(outcome.result for outcome in outcomes)
+    print(f"\n{method}: " + ", ".join(f"{counts[result]} {result}" for result in Result))
+    for outcome in outcomes:
+        if outcome.trace:
+            print(f"\n{outcome.check}:\n{outcome.trace}", end="")
+    if report:
+        checks = [dataclasses.asdict(outcome) for outcome in outcomes]
+        passed = not counts[Result.FAILED]
+        write_json(report, {"method": method, "profile": profile, "steps": steps, "passed": passed, "checks": checks})
+    return outcomes
+
+
+def run_checks(case: Case) -> list[Outcome]:
+    """All checks in order, each printed when it is done; the rest cannot be tested once a basic one has failed."""
+    outcomes: list[Outcome] = []
+    broken, width = "", max(map(len, CHECKS))
+    with tqdm(CHECKS.items(), desc=case.name, unit="check", leave=False, disable=None) as bar:
+        for name, function in bar:
+            outcome = Outcome(name, Result.NOT_TESTABLE, broken) if broken else try_check(case, name, function)
+            bar.write(f"{outcome.result:12}  {name:{width}}  {outcome.reason}")
+            outcomes.append(outcome)
+            if name in BASIC and outcome.result == Result.FAILED:
+                broken = f"failed already: {name}"
+    return outcomes
+
+
+def try_check(case: Case, name: str, function: Callable[[Case], str]) -> Outcome:
+    """One check; what the method prints meanwhile goes to a file."""
+    start, trace = time.perf_counter(), ""
+    try:
+        with (
+            (case.folder / "output.txt").open("a") as output,
+            contextlib.redirect_stdout(output),
+            contextlib.redirect_stderr(output),
+        ):
+            result, reason = Result.PASSED, function(case)
+    except NotTestable as why:
+        result, reason = Result.NOT_TESTABLE, str(why)
+    except Failed as why:
+        result, reason = Result.FAILED, str(why)
+    except Exception as error:  # whatever a method does
+        result, reason, trace = Result.FAILED, f"{type(error).__name__}: {error}", traceback.format_exc()
+    return Outcome(name, result, " ".join(reason.split()), round(time.perf_counter() - start, 2), trace)

@@ -1,0 +1,1 @@
+"""A trained scene in a browser, and files for other viewers."""

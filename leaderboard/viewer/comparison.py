@@ -1,0 +1,52 @@
+"""One view of a run beside its photograph."""
+
+from dataclasses import dataclass
+
+from baselines.method import Method
+from hydroviews import metrics
+from hydroviews.scene.images import Image, to_uint8
+from hydroviews.scene.scenes import View
+from leaderboard.previews import error_map
+from leaderboard.runs import Run
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A view as the viewer shows it: a photograph that was trained on, or a held-out one, clean if there is one."""
+
+    view: View
+    held_out: bool
+    scored: bool  # held out and clean
+
+    @property
+    def label(self) -> str:
+        """What it is listed as."""
+        return f"{self.view.name} (held out)" if self.held_out else self.view.name
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The photograph, what the trained scene looks like from its camera, where they differ: each [H, W, 3]."""
+
+    photograph: Image
+    render: Image
+    error: Image
+    psnr: float | None  # dB, as the leaderboard counts it; None where the view is not scored
+
+
+def list_shots(run: Run) -> list[Shot]:
+    """The photographs the run was trained on, then the held-out views."""
+    training = run.training_scene()
+    scored = not training.captured_rainy
+    held_out = run.clean_scene() if scored else training
+    seen = [Shot(view, held_out=False, scored=False) for view in training.train_views]
+    return seen + [Shot(view, held_out=True, scored=scored) for view in held_out.test_views]
+
+
+def compare(method: Method, shot: Shot) -> Comparison:
+    """Render a view and hold it against its photograph; both are 8-bit, as they are scored."""
+    photograph, ignored = shot.view.image(), shot.view.ignored()
+    render = to_uint8(method.render(shot.view.camera)).astype("float32") / 255
+    error = error_map(render, photograph, ignored)
+    psnr = float(metrics.psnr(render, photograph, ignored=ignored)) if shot.scored else None
+    return Comparison(photograph, render, error, psnr)

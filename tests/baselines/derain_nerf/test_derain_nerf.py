@@ -1,0 +1,180 @@
+"""What drops hide is not learned from; what they leave is."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import balls
+import numpy as np
+import pytest
+import torch
+from tiny_attention import GENERATOR
+
+from baselines.derain_nerf import method as derain_nerf
+from baselines.derain_nerf.method import (
+    MASKS,
+    DerainNeRF,
+    DerainNeRFConfig,
+    DropConfig,
+    PlainField,
+    attention_of,
+    drop_masks,
+    hidden,
+)
+from baselines.derain_nerf.raindrop_attention.detection import Found
+from baselines.derain_nerf.raindrop_attention.network import Generator
+from baselines.derain_nerf.raindrop_attention.weights import save_generator
+from baselines.training.images import TrainingImages
+from hydroviews.errors import InputError
+from hydroviews.scene.scenes import Scene
+
+SHORT = replace(balls.SMALL, iterations=20, rays=64, teach_always=10)
+DROP = np.array([1.0, 0.0, 1.0], np.float32)  # no colour of the scene
+
+
+def pasted(image: np.ndarray, _: int = 0) -> np.ndarray:
+    """Drops at the same places of every picture."""
+    image = image.copy()
+    for top, left in ((3, 5), (9, 13), (15, 21), (2, 24)):
+        image[top : top + 6, left : left + 5] = DROP
+    return image
+
+
+MASK = (pasted(np.zeros((24, 32, 3), np.float32)) == DROP).all(axis=-1)
+
+
+def rainy(folder: Path, change=pasted) -> Scene:
+    """The ball through drops."""
+    return balls.photographed(folder, n_views=24, width=32, height=24, change=change)
+
+
+def told(image: np.ndarray, _: Generator) -> Found:
+    """A network that knows."""
+    return Found(MASK.astype(np.float32), image)
+
+
+@pytest.fixture
+def drops(tmp_path, monkeypatch) -> DropConfig:
+    """Settings under which exactly the pasted drops are found."""
+    monkeypatch.setattr(derain_nerf, "detect", told)
+    return untrained(tmp_path)
+
+
+def untrained(folder: Path) -> DropConfig:
+    torch.manual_seed(0)
+    path = folder / "untrained.safetensors"
+    save_generator(path, GENERATOR, Generator(GENERATOR).state_dict(), {})
+    return DropConfig(weights=str(path), widened=0)
+
+
+def fitted(method, scene, folder):
+    method.fit(scene, folder)
+    return method
+
+
+def parameters(method):
+    return torch.cat([p.detach().flatten() for p in method._learnt.trained.model.parameters()])
+
+
+def test_masks_bring_back_what_drops_cost(tmp_path, drops):
+    scene = rainy(tmp_path / "scene")
+    masked = fitted(DerainNeRF(DerainNeRFConfig(balls.SMALL, drops), 0), scene, tmp_path / "masked")
+    plain = fitted(PlainField(balls.SMALL, 0), scene, tmp_path / "plain")
+    with_masks, without = (balls.psnr(method.render, scene.test_views) for method in (masked, plain))
+    assert with_masks > 16
+    assert with_masks > without + 3
+    assert f"{MASK.mean():.1%}" in masked.statistics().used
+
+
+def test_hidden_pixels_do_not_count(tmp_path, drops):
+    config = DerainNeRFConfig(SHORT, drops)
+    one = rainy(tmp_path / "one")
+    other = rainy(tmp_path / "other", lambda image, _: np.where(MASK[..., None], 0.5, image))
+    trained = [fitted(DerainNeRF(config, 0), scene, tmp_path / f"run-{i}") for i, scene in enumerate((one, other))]
+    assert torch.equal(*map(parameters, trained))
+    plain = [fitted(PlainField(SHORT, 0), scene, tmp_path / f"plain-{i}") for i, scene in enumerate((one, other))]
+    assert not torch.equal(*map(parameters, plain))
+
+
+def test_a_saved_model_renders_the_same_and_the_seed_counts(tmp_path, drops):
+    config = DerainNeRFConfig(SHORT, drops)
+    scene = rainy(tmp_path / "scene")
+    method = fitted(DerainNeRF(config, 0), scene, tmp_path / "run")
+    method.save(tmp_path / "run")
+    camera = scene.test_views[0].camera.resized(29, 23)
+    loaded = DerainNeRF.load(config, 0, tmp_path / "run")
+    np.testing.assert_array_equal(loaded.render(camera), method.render(camera))
+    assert method.render(camera).shape == (23, 29, 3)
+    other = fitted(DerainNeRF(config, 1), scene, tmp_path / "other")
+    assert not torch.equal(parameters(method), parameters(other))
+
+
+def test_a_checkpoint_with_other_masks_is_refused(tmp_path, drops):
+    scene = rainy(tmp_path / "scene")
+    fitted(DerainNeRF(DerainNeRFConfig(SHORT, drops), 0), scene, tmp_path / "run")
+    with pytest.raises(InputError, match="another run"):
+        DerainNeRF(DerainNeRFConfig(SHORT, replace(drops, widened=1)), 0).fit(scene, tmp_path / "run")
+
+
+def test_masks_are_found_once_for_photographs_and_weights(tmp_path, monkeypatch, drops):
+    images = TrainingImages([np.zeros((24, 32, 3), np.uint8), np.full((24, 32, 3), 9, np.uint8)])
+    first = drop_masks(images, ["a", "b"], drops, tmp_path / MASKS)
+    assert all((mask == MASK).all() for mask in first)
+    monkeypatch.setattr(derain_nerf, "detect", lambda *_: pytest.fail("asked again"))
+    again = drop_masks(images, ["a", "b"], drops, tmp_path / MASKS)
+    assert all((a == b).all() for a, b in zip(first, again, strict=True))
+    changed = TrainingImages([np.ones((24, 32, 3), np.uint8), np.full((24, 32, 3), 9, np.uint8)])
+    with pytest.raises(pytest.fail.Exception, match="asked again"):
+        drop_masks(changed, ["a", "b"], drops, tmp_path / MASKS)
+
+
+def test_a_damaged_mask_is_refused(tmp_path, drops):
+    images = TrainingImages([np.zeros((24, 32, 3), np.uint8)])
+    drop_masks(images, ["a"], drops, tmp_path)
+    next(tmp_path.rglob("a.png")).write_bytes(b"nothing")
+    with pytest.raises(InputError, match="cannot be read as a mask"):
+        drop_masks(images, ["a"], drops, tmp_path)
+
+
+def test_what_is_hidden_is_widened():
+    attention = np.zeros((9, 9), np.float32)
+    attention[4, 4], attention[0, 0] = 0.5, 0.49
+    assert hidden(attention, DropConfig(threshold=0.5, widened=0)).sum() == 1
+    assert hidden(attention, DropConfig(threshold=0.5, widened=1)).sum() == 5
+    assert hidden(attention, DropConfig(threshold=0.5, widened=2))[2:7, 4].all()
+    assert not hidden(attention, DropConfig(threshold=0.5, widened=2))[1, 1]
+
+
+def test_large_pictures_are_looked_at_as_small_ones(monkeypatch):
+    seen = []
+
+    def look(image, _):
+        seen.append(image.shape)
+        return Found(np.full(image.shape[:2], image[0, 0, 0], np.float32), image)
+
+    monkeypatch.setattr(derain_nerf, "detect", look)
+    image = np.full((30, 90, 3), 0.25, np.float32)
+    for longest in (45, 90, 480):
+        attention = attention_of(image, Generator(GENERATOR), longest)
+        assert attention.shape == (30, 90)
+        np.testing.assert_allclose(attention, 0.25)
+    assert seen == [(15, 45, 3), (30, 90, 3), (30, 90, 3)]
+
+
+def test_other_weights_are_another_configuration_and_odd_profiles_are_refused(tmp_path, monkeypatch):
+    drops = untrained(tmp_path)
+    monkeypatch.setattr(DerainNeRF, "profiles", {"demo": DerainNeRFConfig(SHORT, drops)})
+    assert len(DerainNeRF.configuration("demo").drops.weights_sha256) == 64
+    with pytest.raises(InputError, match="unknown"):
+        DerainNeRF.configuration("enormous")
+    monkeypatch.setattr(DerainNeRF, "profiles", {"demo": DerainNeRFConfig(SHORT, DropConfig(weights="enormous"))})
+    with pytest.raises(InputError, match="none of that name"):
+        DerainNeRF.configuration("demo")
+
+
+def test_a_network_looks_at_the_photographs(tmp_path):
+    """Nothing told: the code that finds drops, on a picture of its own."""
+    images = TrainingImages([np.random.default_rng(0).integers(0, 256, (24, 32, 3), np.uint8)])
+    everything = replace(untrained(tmp_path), threshold=0.0)
+    nothing = replace(everything, threshold=1.0)
+    assert drop_masks(images, ["a"], everything, tmp_path)[0].all()
+    assert not drop_masks(images, ["a"], nothing, tmp_path)[0].any()

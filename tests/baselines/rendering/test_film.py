@@ -1,0 +1,91 @@
+"""Films of finished runs: the frames asked for, gone on with after an interruption, playable."""
+
+import cv2
+import numpy as np
+import pytest
+from finished_runs import Cloud, finished_run
+
+from baselines.rendering.film import FilmChoice, fitted
+from hydroviews.errors import InputError
+from hydroviews.scene.images import read_image
+from leaderboard.film import film
+
+CHOICE = FilmChoice(seconds=0.5, fps=12, size=64)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    return finished_run(tmp_path_factory.mktemp("film"))
+
+
+def read_film(path) -> tuple[np.ndarray, float, str]:
+    capture = cv2.VideoCapture(str(path))
+    code = int(capture.get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little").decode()
+    frames = []
+    while (got := capture.read())[0]:
+        frames.append(got[1][..., ::-1] / 255)
+    return np.array(frames), capture.get(cv2.CAP_PROP_FPS), code
+
+
+@pytest.mark.parametrize("suffix", ["mp4", "webm"])
+def test_a_film_has_the_frames_asked_for_in_a_codec_that_browsers_play(run, tmp_path, suffix):
+    out = tmp_path / f"film.{suffix}"
+    film(run.folder, run.data.parent, out, CHOICE)
+    frames, fps, code = read_film(out)
+    assert frames.shape == (6, 48, 64, 3)
+    assert fps == pytest.approx(12)
+    assert code.lower() in ("vp09", "vp90")
+    assert np.abs(frames[0] - frames[3]).mean() > 0.02  # it moves
+    assert [path.name for path in tmp_path.iterdir()] == [out.name]
+
+
+def test_an_interrupted_film_goes_on_with_the_frames_it_has(run, tmp_path, monkeypatch):
+    rendered = []
+
+    def render(self, camera, render=Cloud.render):
+        if len(rendered) == 4:
+            raise KeyboardInterrupt
+        rendered.append(camera)
+        return render(self, camera)
+
+    out = tmp_path / "film.mp4"
+    with monkeypatch.context() as patch:
+        patch.setattr(Cloud, "render", render)
+        with pytest.raises(KeyboardInterrupt):
+            film(run.folder, run.data.parent, out, CHOICE)
+    frames = sorted((tmp_path / "film-frames").glob("*.png"))
+    assert len(frames) == 4
+    assert not out.exists()
+    with pytest.raises(InputError, match="another film"):
+        film(run.folder, run.data.parent, out, FilmChoice(seconds=0.5, fps=12, size=48))
+    stamps = [path.stat().st_mtime_ns for path in frames]
+    kept, remaining = [read_image(path) for path in frames], []
+
+    def count(self, camera, render=Cloud.render):
+        remaining.append(camera)
+        assert [path.stat().st_mtime_ns for path in frames] == stamps
+        return render(self, camera)
+
+    monkeypatch.setattr(Cloud, "render", count)
+    film(run.folder, run.data.parent, out, CHOICE)
+    assert len(remaining) == 2
+    assert np.abs(read_film(out)[0][:4] - kept).mean() < 0.05
+    assert not (tmp_path / "film-frames").exists()
+
+
+def test_cameras_are_enlarged_to_even_sides(run):
+    camera = run.clean_scene().test_views[0].camera  # 48x36
+    large = fitted(camera, 801)
+    assert (large.width, large.height) == (800, 600)
+    assert large.fx / large.width == pytest.approx(camera.fx / camera.width)
+
+
+@pytest.mark.parametrize("changes", [{"seconds": 0.05}, {"fps": 0}, {"size": 5}, {"seconds": 1e6}])
+def test_impossible_films_are_refused(changes):
+    with pytest.raises(InputError, match="impossible"):
+        FilmChoice(**{"seconds": 1.0, "fps": 10, "size": 64, **changes})
+
+
+def test_other_suffixes_are_refused(run, tmp_path):
+    with pytest.raises(InputError, match=r"film\.avi"):
+        film(run.folder, run.data.parent, tmp_path / "film.avi", CHOICE)

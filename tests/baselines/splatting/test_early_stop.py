@@ -1,0 +1,90 @@
+"""Training that stops when views it does not learn from are no longer matched better."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from splats import photographed
+from trainings import CONFIG, assert_identical, crashed_and_resumed
+
+from baselines.gaussian_splatting import GaussianSplatting
+from baselines.splatting.config import EarlyStop
+from baselines.splatting.kernels.rasterizer import render
+from baselines.splatting.objective import Objective
+from baselines.splatting.schedule import held_in
+from baselines.splatting.trainer import train
+from baselines.training.images import read_images
+from hydroviews.errors import InputError
+
+# Rates this large do harm sooner or later.
+LARGE = replace(CONFIG.rates, means=2e-3, means_final=2e-2, scales=0.02, opacity=0.2)
+STOPPING = replace(CONFIG, iterations=1500, rates=LARGE, early_stop=EarlyStop(views=2, every=25, patience=3))
+
+
+class Watched(Objective):
+    def __init__(self, images):
+        super().__init__(images)
+        self.seen = []
+
+    def about(self):
+        return {"name": "Objective", "ssim_share": 0.2}
+
+    def __call__(self, image, view, iteration, workspace):
+        self.seen.append(view)
+        return super().__call__(image, view, iteration, workspace)
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    return photographed(tmp_path_factory.mktemp("scene"))
+
+
+def test_held_in_views_are_spread_evenly():
+    assert held_in(12, 3) == (2, 6, 10)
+    assert held_in(4, 3) == (0, 2, 3)
+    with pytest.raises(InputError, match="no training view is left"):
+        held_in(3, 3)
+
+
+def test_training_stops_where_looks_got_no_better(scene, tmp_path):
+    objective = Watched(read_images(scene.train_views))
+    trained = train(scene, STOPPING, 0, tmp_path, objective)
+    best = int(np.argmin(trained.residuals))
+    assert trained.iterations < 1500
+    assert trained.iterations == 25 * len(trained.residuals) == 25 * (best + 1 + 3)
+    held = held_in(len(scene.train_views), 2)
+    assert set(objective.seen) == set(range(len(scene.train_views))) - set(held)
+    near, background = trained.near, np.zeros(3, np.float32)
+    last = []
+    for index in held:
+        image, state = render(trained.gaussians, scene.train_views[index].camera, background, near=near)
+        last.append(objective.residual(image, index, state.workspace))
+    assert trained.residuals[-1] == pytest.approx(np.mean(last), rel=1e-5)
+
+
+def test_patience_that_is_never_spent_changes_only_the_views(scene, tmp_path):
+    trained = train(scene, replace(CONFIG, early_stop=EarlyStop(views=2, every=50, patience=100)), 0, tmp_path)
+    assert trained.iterations == 200
+    assert len(trained.residuals) == 4
+    assert trained.residuals[-1] < trained.residuals[0]
+
+
+@pytest.mark.parametrize("iteration", [10, 30, 76])
+def test_a_crash_leaves_no_trace(scene, tmp_path, iteration):
+    undisturbed = train(scene, STOPPING, 0, tmp_path / "undisturbed")
+    config = replace(STOPPING, checkpoint_seconds=0.0)
+    resumed = crashed_and_resumed(scene, config, iteration, tmp_path / "run")
+    assert_identical(undisturbed, resumed)
+    assert resumed.residuals == undisturbed.residuals
+    again = train(scene, config, 0, tmp_path / "run")  # it has stopped, and stays so
+    assert_identical(undisturbed, again)
+    assert again.iterations == undisturbed.iterations
+
+
+def test_the_model_says_where_training_stopped(scene, tmp_path):
+    method = GaussianSplatting(STOPPING, 0)
+    method.fit(scene, tmp_path)
+    method.save(tmp_path)
+    loaded = GaussianSplatting.load(STOPPING, 0, tmp_path)._trained
+    assert loaded.iterations == method._trained.iterations < 1500
+    assert loaded.residuals == method._trained.residuals

@@ -1,0 +1,169 @@
+"""The fused loss and Adam against torch."""
+
+import numpy as np
+import pytest
+import torch
+
+from baselines.splatting.backends.torch_rasterizer import photometric_loss as exact_loss
+from baselines.splatting.kernels.adam import adam_step
+from baselines.splatting.kernels.photometric import photometric_loss, prepare
+
+
+def pair(width, height, seed=0):
+    generator = np.random.default_rng(seed)
+    target = generator.random((height, width, 3)).astype(np.float32)
+    return (target + 0.1 * generator.normal(size=target.shape)).astype(np.float32), target
+
+
+@pytest.mark.parametrize("size", [(1, 1), (3, 20), (40, 30), (65, 17)])
+@pytest.mark.parametrize("share", [0.0, 0.2, 1.0])
+def test_loss_and_gradient_match_autograd(size, share):
+    image, target = pair(*size)
+    loss, gradient = photometric_loss(image, prepare(target), share)
+    x = torch.from_numpy(image).double().requires_grad_()
+    exact = exact_loss(x, torch.from_numpy(target).double(), share)
+    exact.backward()
+    assert loss == pytest.approx(float(exact.detach()), abs=1e-6)
+    assert np.abs(gradient - x.grad.numpy()).max() < 2e-5 * np.abs(x.grad.numpy()).max() + 1e-9
+
+
+def test_weights_scale_each_pixels_share():
+    image, target = pair(31, 22)
+    weights = np.random.default_rng(1).random((22, 31)).astype(np.float32)
+    loss, gradient = photometric_loss(image, prepare(target), 0.2, weights)
+    x = torch.from_numpy(image).double().requires_grad_()
+    y, w = torch.from_numpy(target).double(), torch.from_numpy(weights).double()[..., None]
+    # the SSIM map has no shortcut: weigh it by differentiating one weighted pixel's share at a time is too slow,
+    # so take it from the difference between all of L1 and the whole loss
+    window = torch.exp(-(torch.arange(-5, 6, dtype=torch.float64) ** 2) / 4.5)
+    window = (window / window.sum()).view(1, 1, 1, -1)
+
+    def blur(plane):
+        plane = torch.nn.functional.conv2d(plane.permute(2, 0, 1)[:, None], window, padding=(0, 5))
+        plane = torch.nn.functional.conv2d(plane, window.transpose(2, 3), padding=(5, 0))
+        return plane[:, 0].permute(1, 2, 0)
+
+    mx, my = blur(x), blur(y)
+    ssim = (2 * mx * my + 1e-4) * (2 * (blur(x * y) - mx * my) + 9e-4)
+    ssim = ssim / ((mx**2 + my**2 + 1e-4) * (blur(x * x) - mx**2 + blur(y * y) - my**2 + 9e-4))
+    exact = (w * (0.8 * (x - y).abs() + 0.2 * (1 - ssim))).mean()
+    exact.backward()
+    assert loss == pytest.approx(float(exact.detach()), abs=1e-6)
+    assert np.abs(gradient - x.grad.numpy()).max() < 2e-5 * np.abs(x.grad.numpy()).max()
+
+
+def test_weight_one_is_no_weight_and_zero_is_no_gradient():
+    image, target = pair(20, 20)
+    plain = photometric_loss(image, prepare(target))
+    ones = photometric_loss(image, prepare(target), weights=np.ones((20, 20), np.float32))
+    nothing = photometric_loss(image, prepare(target), weights=np.zeros((20, 20), np.float32))
+    assert plain[0] == ones[0]
+    assert np.array_equal(plain[1], ones[1])
+    assert nothing[0] == 0
+    assert not nothing[1].any()
+
+
+def test_equal_images_have_no_loss():
+    _, target = pair(20, 20)
+    loss, gradient = photometric_loss(target.copy(), prepare(target))
+    assert loss == pytest.approx(0, abs=1e-6)
+    assert np.abs(gradient).max() < 1e-6
+
+
+def test_bytes_and_floats_make_the_same_target():
+    pixels = np.random.default_rng(0).integers(0, 256, (9, 7, 3), np.uint8)
+    one, two = prepare(pixels), prepare(pixels.astype(np.float32) / np.float32(255))
+    assert np.array_equal(one.pixels, two.pixels)
+    assert np.array_equal(one.mean_square, two.mean_square)
+
+
+def test_sizes_must_agree():
+    image, target = pair(8, 8)
+    with pytest.raises(ValueError, match="differ in size"):
+        photometric_loss(image[:-1], prepare(target))
+    with pytest.raises(ValueError, match="differ in size"):
+        photometric_loss(image, prepare(target), weights=np.ones((7, 8), np.float32))
+
+
+@pytest.mark.parametrize("shape", [(1,), (1000, 3), (700, 16, 3), (0, 3)])
+def test_adam_is_torchs(shape):
+    generator = np.random.default_rng(0)
+    ours = generator.normal(size=shape).astype(np.float32)
+    theirs = torch.from_numpy(ours.copy()).requires_grad_()
+    optimiser = torch.optim.Adam([theirs], lr=1e-2, eps=1e-15)
+    first, second = np.zeros_like(ours), np.zeros_like(ours)
+    for step in range(1, 8):
+        gradient = generator.normal(size=shape).astype(np.float32)
+        theirs.grad = torch.from_numpy(gradient.copy())
+        optimiser.step()
+        adam_step(ours, gradient, first, second, step, 1e-2)
+    assert np.allclose(ours, theirs.detach().numpy(), rtol=1e-5, atol=1e-6)
+
+
+def test_adam_takes_a_rate_for_each_column():
+    values, gradient = np.zeros((500, 4, 3), np.float32), np.ones((500, 4, 3), np.float32)
+    rates = np.arange(12, dtype=np.float32).reshape(4, 3)
+    adam_step(values, gradient, np.zeros_like(values), np.zeros_like(values), 1, rates)
+    assert np.allclose(values, -rates[None], rtol=1e-5)
+
+
+@pytest.fixture
+def hidden():
+    """A picture [30, 40, 3], a render of it, and a mask with a person-like blob, single pixels and a border."""
+    image, target = pair(40, 30)
+    ignored = np.zeros((30, 40), bool)
+    ignored[5:20, 10:17] = ignored[25, 30] = ignored[:, -2:] = True
+    return image, target, ignored
+
+
+@pytest.mark.parametrize("share", [0.0, 0.2, 1.0])
+def test_what_is_hidden_changes_nothing(hidden, share):
+    image, target, ignored = hidden
+    loss, gradient = photometric_loss(image, prepare(target, ignored), share)
+    gradient = gradient.copy()
+    noise = np.random.default_rng(2).random(image.shape).astype(np.float32)
+    noise[6, 11] = np.nan
+    other_image, other_target = (np.where(ignored[..., None], noise, picture) for picture in (image, target))
+    again, same = photometric_loss(other_image, prepare(other_target, ignored), share)
+    assert loss == again
+    assert np.array_equal(gradient, same)
+    assert not gradient[ignored].any()
+    assert (gradient[~ignored] != 0).mean() > 0.99
+
+
+@pytest.mark.parametrize("share", [0.0, 0.2, 1.0])
+def test_gradient_beside_hidden_pixels_matches_autograd_and_differences(hidden, share):
+    image, target, ignored = hidden
+    loss, gradient = photometric_loss(image, prepare(target, ignored), share)
+    y, shown = torch.from_numpy(target).double(), torch.from_numpy(~ignored)
+    x = torch.from_numpy(image).double().requires_grad_()
+    exact = exact_loss(x, y, share, shown)
+    exact.backward()
+    assert loss == pytest.approx(float(exact.detach()), abs=1e-6)
+    assert np.abs(gradient - x.grad.numpy()).max() < 2e-5 * np.abs(x.grad.numpy()).max() + 1e-9
+    for row, column in ((4, 12), (12, 17), (25, 29), (10, 37)):  # beside what is hidden
+        step = torch.zeros_like(y)
+        step[row, column, 1] = 1e-6
+        difference = (exact_loss(x + step, y, share, shown) - exact_loss(x - step, y, share, shown)) / 2e-6
+        assert gradient[row, column, 1] == pytest.approx(float(difference.detach()), rel=1e-3, abs=1e-8)
+
+
+def test_a_mask_that_hides_nothing_is_no_mask_and_one_that_hides_all_leaves_no_loss(hidden):
+    image, target, ignored = hidden
+    plain, gradient = photometric_loss(image, prepare(target))
+    gradient = gradient.copy()
+    loss, same = photometric_loss(image, prepare(target, np.zeros_like(ignored)))
+    assert loss == plain
+    assert np.array_equal(gradient, same)
+    loss, gradient = photometric_loss(image, prepare(target, np.ones_like(ignored)))
+    assert loss == 0
+    assert not gradient.any()
+    with pytest.raises(ValueError, match="mask"):
+        prepare(target, ignored[1:])
+
+
+def test_weights_and_masks_go_together(hidden):
+    image, target, ignored = hidden
+    halves = np.full(ignored.shape, 0.5, np.float32)
+    loss = photometric_loss(image, prepare(target, ignored))[0]
+    assert photometric_loss(image, prepare(target, ignored), weights=halves)[0] == pytest.approx(loss / 2, rel=1e-6)

@@ -1,0 +1,74 @@
+"""Splat files: exact there and back, and what other programs' files must have."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.lib.recfunctions import repack_fields
+from plyfile import PlyData, PlyElement
+from splats import cloud
+
+from baselines.splatting.files.ply import read_ply, write_ply
+from baselines.splatting.gaussians import FIELDS
+from hydroviews.errors import InputError
+
+
+@pytest.mark.parametrize("degree", [0, 1, 2, 3])
+def test_round_trip_is_exact(tmp_path, degree):
+    gaussians = cloud(20, degree)
+    write_ply(tmp_path / "splats.ply", gaussians)
+    again = read_ply(tmp_path / "splats.ply")
+    assert all(np.array_equal(getattr(gaussians, name), getattr(again, name)) for name in FIELDS)
+    assert not again.origin.any()
+
+
+def test_a_far_origin_comes_back_exactly(tmp_path):
+    gaussians = replace(cloud(5, 1), origin=np.array([1e6 / 3, -2e6, 0.1]))
+    write_ply(tmp_path / "splats.ply", gaussians)
+    assert np.array_equal(read_ply(tmp_path / "splats.ply").origin, gaussians.origin)
+
+
+def test_header_and_order_are_what_viewers_expect(tmp_path):
+    gaussians = cloud(3, 3)
+    write_ply(tmp_path / "splats.ply", gaussians)
+    header = (tmp_path / "splats.ply").read_bytes().split(b"end_header")[0].decode().splitlines()
+    assert header[:2] == ["ply", "format binary_little_endian 1.0"]
+    names = [line.split()[-1] for line in header if line.startswith("property float")]
+    rest = [f"f_rest_{i}" for i in range(45)]
+    scale, rotation = [f"scale_{i}" for i in range(3)], [f"rot_{i}" for i in range(4)]
+    expected = ["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", *rest, "opacity", *scale, *rotation]
+    assert names == expected
+    vertex = PlyData.read(str(tmp_path / "splats.ply"))["vertex"]
+    assert np.array_equal(vertex["f_rest_1"], gaussians.sh[:, 2, 0])  # red first ...
+    assert np.array_equal(vertex["f_rest_15"], gaussians.sh[:, 1, 1])  # ... then green
+
+
+def test_no_gaussians(tmp_path):
+    write_ply(tmp_path / "splats.ply", cloud(0, 2))
+    assert len(read_ply(tmp_path / "splats.ply")) == 0
+
+
+def test_files_that_are_not_splats_are_refused(tmp_path):
+    path = tmp_path / "splats.ply"
+    with pytest.raises(InputError, match="no such file"):
+        read_ply(path)
+    path.write_bytes(b"not a ply at all")
+    with pytest.raises(InputError, match="not a readable"):
+        read_ply(path)
+    write_ply(path, cloud(10, 3))
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(InputError, match="not a readable"):
+        read_ply(path)
+    points = np.zeros(2, [("x", "f4"), ("y", "f4"), ("z", "f4"), ("red", "u1")])
+    PlyData([PlyElement.describe(points, "vertex")]).write(str(path))
+    with pytest.raises(InputError, match="f_dc_0"):
+        read_ply(path)
+
+
+def test_an_odd_number_of_coefficients_is_refused(tmp_path):
+    write_ply(tmp_path / "splats.ply", cloud(2, 1))
+    vertex = PlyData.read(str(tmp_path / "splats.ply"))["vertex"].data
+    names = [name for name in vertex.dtype.names if name != "f_rest_8"]
+    PlyData([PlyElement.describe(repack_fields(vertex[names]), "vertex")]).write(str(tmp_path / "odd.ply"))
+    with pytest.raises(InputError, match="8 f_rest"):
+        read_ply(tmp_path / "odd.ply")

@@ -1,0 +1,90 @@
+"""Training that begins with smaller images."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from splats import photographed
+from trainings import CONFIG, Interrupted, assert_identical, crashed_and_resumed, psnr, trained_behind_a_mask
+
+from baselines.gaussian_splatting import GaussianSplatting
+from baselines.splatting.kernels.rasterizer import render
+from baselines.splatting.schedule import shrink_at, shrunk
+from baselines.splatting.trainer import TrainerConfig, train
+from baselines.training.images import TrainingImages, read_images
+from hydroviews.scene.cameras import Camera
+
+COARSE = replace(CONFIG, resolutions=((0.25, 4), (0.25, 2)))
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    return photographed(tmp_path_factory.mktemp("scene"), 12, 50, 38)
+
+
+def test_when_images_are_small():
+    assert [shrink_at(i, 100, COARSE.resolutions) for i in (0, 24, 25, 49, 50, 99)] == [4, 4, 2, 2, 1, 1]
+    assert shrink_at(0, 100, ()) == 1
+
+
+@pytest.mark.parametrize("resolutions", [((0.6, 4), (0.6, 2)), ((0.0, 2),), ((0.5, 0),)])
+def test_impossible_settings_are_refused(resolutions):
+    with pytest.raises(ValueError, match="resolutions"):
+        TrainerConfig(resolutions=resolutions)
+
+
+def test_small_cameras_see_the_same():
+    camera = Camera(53, 37, 60, 61, 25, 19, np.eye(4))
+    small = shrunk(camera, 4)
+    assert (small.width, small.height) == (13, 9)
+    points = np.random.default_rng(0).uniform(-1, 1, (20, 3)) + np.array([0, 0, 4])
+    assert np.allclose(small.project(points)[0] * (53 / 13, 37 / 9), camera.project(points)[0])
+    assert shrunk(camera, 1) is camera
+
+
+def test_targets_are_averages_over_areas():
+    pixels = np.random.default_rng(0).integers(0, 256, (8, 12, 3), np.uint8)
+    images = TrainingImages([pixels])
+    expected = pixels.reshape(4, 2, 6, 2, 3).mean(axis=(1, 3))
+    assert np.abs(images.pixels(0, (4, 6)) - expected).max() <= 0.5
+    assert images.target(0, (4, 6)) is images.target(0, (4, 6))
+    assert images.target(0, (8, 12)) is images.target(0)
+    assert images.ignored(0, (4, 6)) is None
+
+
+def test_a_small_pixel_that_touches_a_hidden_one_is_hidden():
+    hidden = np.zeros((8, 12), bool)
+    hidden[3, 5] = True
+    images = TrainingImages([np.full((8, 12, 3), 200, np.uint8)], [hidden])
+    expected = np.zeros((4, 6), bool)
+    expected[1, 2] = True
+    assert np.array_equal(images.ignored(0, (4, 6)), expected)
+    assert np.array_equal(images.target(0, (4, 6)).shown == 0, expected)
+
+
+def test_a_scene_is_learnt_from_small_images_first(scene, tmp_path):
+    sizes = []
+
+    class Watched(Interrupted):
+        def __call__(self, image, view, iteration, workspace):
+            sizes.append(image.shape[:2])
+            return super().__call__(image, view, iteration, workspace)
+
+    train(scene, COARSE, 0, tmp_path / "watched", Watched(read_images(scene.train_views), -1, None))
+    assert sizes == 50 * [(10, 13)] + 50 * [(19, 25)] + 100 * [(38, 50)]
+    method = GaussianSplatting(replace(COARSE, iterations=500), 0)
+    method.fit(scene, tmp_path / "run")
+    assert psnr(method, scene.train_views) > 30
+    assert psnr(method, scene.test_views) > 26
+    assert render(method._trained.gaussians, scene.views[0].camera)[0].shape == (38, 50, 3)
+
+
+@pytest.mark.parametrize("iteration", [20, 50, 120])
+def test_a_crash_leaves_no_trace(scene, tmp_path, iteration):
+    undisturbed = train(scene, COARSE, 0, tmp_path / "undisturbed")
+    config = replace(COARSE, checkpoint_seconds=0.0)
+    assert_identical(undisturbed, crashed_and_resumed(scene, config, iteration, tmp_path / "run"))
+
+
+def test_what_masks_hide_leaves_no_trace(scene, tmp_path):
+    assert_identical(*trained_behind_a_mask(scene, COARSE, tmp_path))

@@ -1,0 +1,223 @@
+"""Training: what it must reach, and that interruptions leave no trace."""
+
+import os
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from processes import wait_until
+from splats import camera, photographed
+from trainings import CONFIG, Interrupted, assert_identical, crashed_and_resumed, psnr, trained_behind_a_mask
+
+from baselines.gaussian_splatting import GaussianSplatting, GaussianSplattingClean
+from baselines.method import find_method
+from baselines.splatting.files.ply import read_ply
+from baselines.splatting.kernels.rasterizer import render
+from baselines.splatting.trainer import CHECKPOINT, train
+from baselines.training.devices import chosen_device
+from baselines.training.images import read_images
+from baselines.training.stopping import Saving
+from hydroviews.errors import InputError
+from hydroviews.scene.images import resize_area, write_png
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    return photographed(tmp_path_factory.mktemp("scene"))
+
+
+@pytest.fixture(scope="module")
+def undisturbed(scene, tmp_path_factory):
+    return train(scene, CONFIG, 0, tmp_path_factory.mktemp("run"))
+
+
+def test_a_synthetic_scene_is_learnt(scene, tmp_path):
+    method = GaussianSplatting(replace(CONFIG, iterations=500), 0)
+    method.fit(scene, tmp_path)
+    assert psnr(method, scene.train_views) > 30
+    assert psnr(method, scene.test_views) > 26
+
+
+def test_the_same_seed_gives_the_same_bits(scene, undisturbed, tmp_path):
+    assert_identical(undisturbed, train(scene, CONFIG, 0, tmp_path / "same"))
+    other = train(scene, CONFIG, 1, tmp_path / "other")
+    assert not np.array_equal(other.gaussians.means[:5], undisturbed.gaussians.means[:5])
+
+
+@pytest.mark.parametrize("iteration", [0, 19, 20, 61, 137])
+def test_a_crash_leaves_no_trace(scene, undisturbed, tmp_path, iteration):
+    config = replace(CONFIG, checkpoint_seconds=0.0 if iteration != 61 else 0.05)
+    assert_identical(undisturbed, crashed_and_resumed(scene, config, iteration, tmp_path))
+
+
+@pytest.mark.parametrize(("number", "error"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit)])
+def test_signals_end_the_run_after_a_checkpoint(scene, undisturbed, tmp_path, number, error):
+    handler = signal.getsignal(number)
+    objective = Interrupted(read_images(scene.train_views), 90, lambda: os.kill(os.getpid(), number))
+    with pytest.raises(error):
+        train(scene, CONFIG, 0, tmp_path, objective)
+    assert signal.getsignal(number) is handler
+    first = train(scene, replace(CONFIG, checkpoint_seconds=1e9), 0, tmp_path)
+    assert_identical(undisturbed, first)
+
+
+def test_what_masks_hide_leaves_no_trace(scene, tmp_path):
+    assert_identical(*trained_behind_a_mask(scene, CONFIG, tmp_path))
+
+
+KILLED = """
+import sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[1])
+from splats import photographed
+from trainings import CONFIG, train
+from dataclasses import replace
+folder = Path(sys.argv[2])
+train(photographed(folder / "scene"), replace(CONFIG, checkpoint_seconds=0.0), 0, folder / "run")
+"""
+
+
+def test_a_killed_process_leaves_no_trace(scene, undisturbed, tmp_path):
+    command = [sys.executable, "-c", KILLED, str(Path(__file__).parents[2] / "helpers"), str(tmp_path)]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    checkpoint = tmp_path / "run" / CHECKPOINT
+    wait_until(checkpoint.exists, process)
+    process.kill()
+    process.wait()
+    assert_identical(undisturbed, train(scene, CONFIG, 0, tmp_path / "run"))
+
+
+def test_training_learns_the_antialiased_scene_it_renders(scene, undisturbed, tmp_path):
+    far = [replace(view, camera=view.camera.resized(12, 9)) for view in scene.views]
+    trained = train(scene, replace(CONFIG, antialiased=True), 0, tmp_path)
+    assert trained.gaussians.means.tobytes() != undisturbed.gaussians.means.tobytes()
+    errors = {}
+    for name, gaussians, mode in (("antialiased", trained.gaussians, True), ("classic", undisturbed.gaussians, False)):
+        images = [render(gaussians, view.camera, near=trained.near, antialiased=mode)[0] for view in far]
+        truths = [resize_area(view.image(), 12, 9) for view in scene.views]
+        errors[name] = np.mean([np.mean((image - truth) ** 2) for image, truth in zip(images, truths, strict=True)])
+    assert errors["antialiased"] < errors["classic"]  # from four times as far away
+
+
+def test_time_adds_up_over_sessions(scene, tmp_path):
+    objective = Interrupted(read_images(scene.train_views), 100, lambda: os.kill(os.getpid(), signal.SIGINT))
+    with pytest.raises(KeyboardInterrupt):
+        train(scene, CONFIG, 0, tmp_path, objective)
+    whole = train(scene, CONFIG, 0, tmp_path)
+    again = train(scene, CONFIG, 0, tmp_path)  # nothing left to do
+    assert_identical(whole, again)
+    assert 0 < whole.seconds <= again.seconds < whole.seconds + 1
+
+
+@pytest.mark.parametrize("change", ["configuration", "seed", "images", "cameras"])
+def test_a_checkpoint_of_another_run_is_refused(scene, tmp_path, change):
+    config = replace(CONFIG, iterations=3)
+    train(scene, config, 0, tmp_path)
+    seed = 0
+    if change == "configuration":
+        config = replace(config, rates=replace(config.rates, opacity=0.1))
+    elif change == "seed":
+        seed = 1
+    elif change == "images":
+        view = scene.train_views[0]
+        altered = tmp_path / view.path.name
+        write_png(altered, 1 - view.image())
+        views = tuple(replace(v, path=altered) if v is view else v for v in scene.views)
+        scene = replace(scene, views=views)
+    else:
+        views = tuple(replace(v, camera=replace(v.camera, fx=v.camera.fx + 1)) for v in scene.views)
+        scene = replace(scene, views=views)
+    with pytest.raises(InputError, match=change):
+        train(scene, config, seed, tmp_path)
+
+
+def test_a_damaged_checkpoint_is_refused(scene, tmp_path):
+    config = replace(CONFIG, iterations=3)
+    train(scene, config, 0, tmp_path)
+    path = tmp_path / CHECKPOINT
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(InputError, match=r"checkpoint\.safetensors: damaged"):
+        train(scene, config, 0, tmp_path)
+
+
+def test_a_saved_model_renders_the_same_pixels(scene, tmp_path):
+    config = replace(CONFIG, iterations=30)
+    method = GaussianSplattingClean(config, 0)
+    method.fit(scene, tmp_path)
+    method.save(tmp_path)
+    again = GaussianSplattingClean.load(config, 0, tmp_path)
+    view = camera(50, 40, 1.0)
+    assert method.render(view).tobytes() == again.render(view).tobytes()
+    assert method.statistics() == again.statistics()
+    statistics = method.statistics()
+    assert statistics.n_primitives == len(read_ply(tmp_path / "splats.ply"))
+    assert statistics.train_seconds > 0
+    assert statistics.device == "cpu"
+    assert statistics.model_mb == pytest.approx((tmp_path / "model.safetensors").stat().st_size / 1e6)
+
+
+def test_a_render_is_the_callers_to_keep(scene, tmp_path):
+    method = GaussianSplatting(replace(CONFIG, iterations=3), 0)
+    method.fit(scene, tmp_path)
+    first = method.render(camera(30, 20, 0.0))
+    kept = first.copy()
+    method.render(camera(30, 20, 2.0))
+    assert np.array_equal(first, kept)
+
+
+def test_methods_are_registered_and_profiles_known(tmp_path):
+    assert find_method("3dgs") is GaussianSplatting
+    assert find_method("3dgs-clean").trains_on == "clean"
+    paper = GaussianSplatting.configuration("paper")
+    assert paper.iterations == 30_000
+    assert paper.rates.scales == 5e-3
+    with pytest.raises(InputError, match="PROFILE=fast"):
+        GaussianSplatting.configuration("fast")
+    with pytest.raises(InputError, match="not trained"):
+        GaussianSplatting(paper, 0).statistics()
+    with pytest.raises(InputError, match="no such file"):
+        GaussianSplatting.load(paper, 0, tmp_path)
+
+
+def test_devices(monkeypatch):
+    monkeypatch.delenv("HYDROVIEWS_DEVICE", raising=False)
+    assert chosen_device("cpu") == "cpu"
+    with pytest.raises(InputError, match="device tpu"):
+        chosen_device("tpu")
+    monkeypatch.setenv("HYDROVIEWS_DEVICE", "cpu")
+    assert chosen_device("cuda") == "cpu"
+    monkeypatch.setenv("HYDROVIEWS_DEVICE", "cuda")
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    with pytest.raises(InputError, match="no CUDA device"):
+        chosen_device("cpu")
+
+
+def test_a_gpu_is_used_where_what_is_needed_there_is_installed(monkeypatch, capsys):
+    monkeypatch.delenv("HYDROVIEWS_DEVICE", raising=False)
+    monkeypatch.setattr("torch.cuda.is_available", lambda: True)
+    assert chosen_device("auto") == chosen_device("auto", "numpy") == "cuda"
+    assert capsys.readouterr().err == ""
+    assert chosen_device("auto", "no_such_package") == "cpu"
+    assert "on the CPU, though there is a GPU: no_such_package not installed" in capsys.readouterr().err
+    with pytest.raises(InputError, match="no_such_package not installed"):
+        chosen_device("cuda", "no_such_package")
+
+
+def test_checkpoints_that_take_long_are_written_less_often():
+    class Time:
+        seconds = 0.0
+
+    clock = Time()
+    saving = Saving(clock, 30.0)
+    clock.seconds = 31.0
+    assert saving.due
+    with saving.timed():
+        clock.seconds += 5
+    clock.seconds += 31
+    assert not saving.due
+    clock.seconds += 70
+    assert saving.due

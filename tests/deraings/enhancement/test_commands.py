@@ -1,0 +1,145 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tiny_network import TINY
+
+from deraings.enhancement import __main__ as commands
+from deraings.enhancement.__main__ import Request, describe_command, enhance_command, export_command, train_command
+from deraings.enhancement.config import TrainingConfig
+from deraings.enhancement.data import Data, described, started_from
+from deraings.enhancement.network import EnhancementNetwork
+from deraings.enhancement.validation import Rainy, as_columns, as_json, scores, table
+from deraings.enhancement.weights import save_network
+from hydroviews.errors import InputError
+from hydroviews.scene.images import read_image, write_png
+
+
+def pictures(folder, count: int = 2):
+    rng = np.random.default_rng(0)
+    for i in range(count):
+        write_png(folder / f"{i}.png", rng.integers(0, 256, (40, 50, 3)).astype(np.uint8))
+
+
+@pytest.fixture
+def weights(tmp_path):
+    """Of a network that changes nothing."""
+    path = tmp_path / "weights.safetensors"
+    network = EnhancementNetwork(TINY)
+    save_network(path, TINY, network.state_dict(), {"data": "nothing", "steps": 0})
+    return path
+
+
+def test_a_folder_of_pictures_is_enhanced(tmp_path, weights, capsys):
+    pictures(tmp_path / "in")
+    enhance_command(tmp_path / "in", tmp_path / "out", str(weights))
+    assert "nothing" in capsys.readouterr().out
+    for name in ("0.png", "1.png"):
+        np.testing.assert_array_equal(read_image(tmp_path / "out" / name), read_image(tmp_path / "in" / name))
+
+
+@pytest.mark.parametrize("keep_fog", [False, True])
+def test_fog_can_be_kept(tmp_path, weights, monkeypatch, keep_fog):
+    pictures(tmp_path / "in")
+    asked = []
+    monkeypatch.setattr(commands, "enhance", lambda image, enhancer, lift: asked.append(lift) or image)
+    enhance_command(tmp_path / "in", tmp_path / "out", str(weights), keep_fog=keep_fog)
+    assert asked == [not keep_fog] * 2
+
+
+def test_no_picture_is_lost_when_others_are_enhanced(tmp_path, weights):
+    pictures(tmp_path / "in")
+    with pytest.raises(InputError, match="written over"):
+        enhance_command(tmp_path / "in", tmp_path / "in", str(weights))
+    write_png(tmp_path / "in" / "1.jpg", np.zeros((8, 8, 3), np.float32))
+    with pytest.raises(InputError, match=r"several pictures would become 1\.png"):
+        enhance_command(tmp_path / "in", tmp_path / "out", str(weights))
+    (tmp_path / "phone").mkdir()
+    (tmp_path / "phone" / "a.heic").write_bytes(b"")
+    with pytest.raises(InputError, match=r"no pictures\n.*1 \.heic"):
+        enhance_command(tmp_path / "phone", tmp_path / "out", str(weights))
+    assert not (tmp_path / "out").exists()
+
+
+def test_describe_counts(capsys):
+    describe_command("small", 400, 300)
+    assert "1,207,328" in capsys.readouterr().out
+
+
+def test_nothing_is_exported_where_nothing_was_trained(tmp_path):
+    pictures(tmp_path / "photographs")
+    with pytest.raises(InputError, match="nothing has been trained"):
+        export_command(Request(Data(tmp_path / "photographs"), out=tmp_path / "empty"))
+
+
+def test_what_a_training_begins_with_stands_in_its_data(tmp_path, weights):
+    pictures(tmp_path / "photographs")
+    data, config = Data(tmp_path / "photographs"), TrainingConfig(network=TINY)
+    assert "begun" not in described(data, started_from(data, config))
+    data = replace(data, start=str(weights))
+    begun = described(data, started_from(data, config))
+    assert "begun with weights.safetensors (0 steps, " in begun
+    save_network(weights, TINY, EnhancementNetwork(TINY).state_dict(), {"data": "others", "steps": 0})
+    assert described(data, started_from(data, config)) != begun
+
+
+def test_sizes_and_lenses_stand_in_the_data(tmp_path):
+    pictures(tmp_path / "photographs")
+    data = Data(tmp_path / "photographs", sides=(480, 288), lenses=7)
+    assert "480 or 288 pixels wide or high; 7 wet lenses a frame" in described(data, None)
+
+
+def test_other_photographs_and_pairs_are_other_data(tmp_path):
+    pictures(tmp_path / "photographs")
+    data = Data(tmp_path / "photographs", pairs=(tmp_path / "pairs",))
+    for folder in ("input", "target"):
+        pictures(tmp_path / "pairs" / folder)
+    before = described(data, None)
+    assert described(data, None) == before
+    pairs = sorted((tmp_path / "pairs").rglob("*.png"))
+    write_png(pairs[0], np.zeros((99, 99, 3), np.float32))
+    with_others = described(data, None)
+    assert with_others != before
+    write_png(tmp_path / "photographs" / "1.png", np.zeros((99, 99, 3), np.float32))
+    assert described(data, None) != with_others
+
+
+@pytest.mark.parametrize("wrong", [{"sides": ()}, {"lenses": 0}])
+def test_there_has_to_be_a_size_and_a_lens(tmp_path, wrong):
+    with pytest.raises(InputError, match="nothing to learn from"):
+        Data(tmp_path, **wrong)
+
+
+def test_parts_have_to_fit_into_the_smallest_frame(tmp_path):
+    pictures(tmp_path / "photographs")
+    with pytest.raises(InputError, match="cannot cut parts of 192x192 pixels"):
+        train_command(Request(Data(tmp_path / "photographs", sides=(384, 240)), out=tmp_path / "out"))
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_training_begins_only_with_its_own_kind_of_network(tmp_path, weights):
+    data = Data(tmp_path, start=str(weights))
+    start = started_from(data, TrainingConfig(network=TINY))
+    assert start
+    assert start.network.config == TINY
+    with pytest.raises(InputError, match="cannot begin a training of another network"):
+        started_from(data, TrainingConfig())
+
+
+def test_scores_are_means_by_kind():
+    clean = np.full((32, 32, 3), 0.5, np.float32)
+    network = EnhancementNetwork(TINY).requires_grad_(False)
+    rows = scores(network, [Rainy("mist", clean + 0.1, clean), Rainy("mist", clean + 0.01, clean)])
+    assert [row.kind for row in rows] == ["mist"]
+    assert (rows[0].before, rows[0].after) == (pytest.approx(30, abs=1e-3), pytest.approx(30, abs=1e-3))
+    assert rows[0].brightness == pytest.approx(255 * 0.055, abs=1e-3)
+    assert as_columns(rows) == {"mist": rows[0].after}
+    assert "| mist | 2 | 30.00 | 30.00 |" in table(rows)
+    assert "14.03/255" in table(rows)
+
+
+def test_clean_pictures_that_stay_the_same_have_no_number():
+    clean = np.full((32, 32, 3), 0.5, np.float32)
+    rows = scores(EnhancementNetwork(TINY).requires_grad_(False), [Rainy("clean", clean, clean)])
+    assert as_json(rows)[0]["before"] is None
+    assert "the same" in table(rows)

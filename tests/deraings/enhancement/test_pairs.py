@@ -1,0 +1,101 @@
+import numpy as np
+import pytest
+from wet import HEIGHT, WIDTH, lens, photograph
+
+from deraings.enhancement.pair_folders import PairFolder, find_pairs
+from deraings.enhancement.pairs import VEILED, Pairs, batches
+from deraings.enhancement.validation import rain_on, setting_of
+from hydroviews.errors import InputError
+from hydroviews.pairs.drawing import Pair, camera_of
+from hydroviews.pairs.drawn import DrawnRain
+from hydroviews.rain.patterns import Pattern
+from hydroviews.rain.seeds import generator
+from hydroviews.scene.images import write_png
+
+
+def test_a_pair_depends_on_seed_and_number_alone():
+    sides = {384: photograph(0, 256, 384), 480: photograph(1, 320, 480)}
+    pool = {(384, 256): (lens(True, 256, 384),), (480, 320): (lens(True, 320, 480),)}
+    source = DrawnRain([sides], pool)
+    first = Pairs(source, [], 64, seed=0)
+    for batch in batches(first, 2, 3, 4, workers=0):
+        assert batch.rainy.shape == batch.clean.shape == batch.cover.shape == (2, 3, 64, 64)
+        assert batch.whole_rainy.shape == batch.whole_clean.shape == (2, 1 + VEILED, 3, 128, 128)
+        assert np.array_equal(batch.rainy[1], Pairs(source, [], 64, seed=0)[7][0])
+    few = Pairs(source, [], 64, seed=0, veiled=0)[7]
+    assert few.whole_rainy.shape == (1, 3, 128, 128)
+    assert np.array_equal(few.rainy, first[7].rainy)
+    assert not np.array_equal(first[0][0], Pairs(source, [], 64, seed=1)[0][0])
+
+
+class Ramp(DrawnRain):
+    """A picture whose values say where they are."""
+
+    def __init__(self):
+        super().__init__([{96: photograph()}], {})
+
+    def pair(self, rng):
+        rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH].astype(np.float32)
+        picture = np.stack([(rows + 0.5) / HEIGHT, (columns + 0.5) / WIDTH, np.ones_like(rows)], axis=-1)
+        return Pair(picture, picture, picture, np.zeros((HEIGHT, WIDTH, 4), np.float32))
+
+
+def test_a_part_is_where_its_box_says():
+    mirrored = 0
+    for index in range(20):
+        sample = Pairs(Ramp(), [], 32, 0)[index]
+        top, bottom, left, right = sample.box.tolist()
+        assert (bottom - top, right - left) == pytest.approx((32 / HEIGHT, 32 / WIDTH))
+        assert sample.rainy[0].mean() == pytest.approx((top + bottom) / 2, abs=1e-5)
+        is_mirrored = bool(sample.rainy[1, 0, 0] > sample.rainy[1, 0, -1])
+        middle = float(sample.rainy[1].mean())
+        assert (1 - middle if is_mirrored else middle) == pytest.approx((left + right) / 2, abs=1e-5)
+        assert bool(sample.whole_rainy[0, 1, 0, 0] > sample.whole_rainy[0, 1, 0, -1]) == is_mirrored
+        mirrored += is_mirrored
+    assert 0 < mirrored < 20
+
+
+def write_pairs(folder, names):
+    for i, name in enumerate(names):
+        write_png(folder / name, photograph(i))
+
+
+@pytest.mark.parametrize(
+    ("rainy", "clean"),
+    [
+        ("train/input/0001.png", "train/target/0001.png"),  # 4K-Rain13k, UAV-Rain1k
+        ("train/rain/norain-1x2.png", "train/norain/norain-1.png"),  # Rain100 in parts
+        ("train/rainy/rain-001.png", "train/clean/norain-001.png"),
+        ("train/rain-001.png", "train/norain-001.png"),  # the first release of Rain100
+        ("train/input/12_3.png", "train/gt/12.png"),  # several rains of one photograph
+    ],
+)
+def test_published_pairs_are_found(tmp_path, rainy, clean):
+    write_pairs(tmp_path, [rainy, clean])
+    assert find_pairs(tmp_path / "train") == [(tmp_path / rainy, tmp_path / clean)]
+
+
+def test_published_pairs_that_do_not_fit_are_refused(tmp_path):
+    write_pairs(tmp_path, ["input/a.png", "input/b.png", "target/a.png"])
+    with pytest.raises(InputError, match="no clean picture"):
+        find_pairs(tmp_path)
+    (tmp_path / "input/b.png").unlink()
+    write_png(tmp_path / "target/a.png", photograph(0))
+    rainy, clean, cover, veil = PairFolder(tmp_path, 32).pair(generator(0))
+    assert rainy.shape == cover.shape == (HEIGHT, WIDTH, 3)
+    assert np.isnan(cover).all()
+    assert np.isnan(veil).all()
+    np.testing.assert_array_equal(rainy, clean)
+    with pytest.raises(InputError, match="too small"):
+        PairFolder(tmp_path, 128).pair(generator(0))
+    with pytest.raises(InputError, match="no rainy and clean"):
+        find_pairs(tmp_path / "target")
+
+
+def test_graded_streaks_get_harder_with_the_grade(tmp_path):
+    write_png(tmp_path / "a.png", photograph(0, 256, 384))
+    image = photograph(0, 256, 384).astype(np.float32) / 255
+    setting = setting_of(tmp_path / "a.png", image, 0)
+    assert setting.views[0].camera.width == camera_of((384, 256)).width == 384
+    harm = [float(np.mean((rain_on(image, Pattern("streak", i), setting, tmp_path) - image) ** 2)) for i in range(3)]
+    assert harm[0] < harm[1] < harm[2]

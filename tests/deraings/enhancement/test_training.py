@@ -1,0 +1,215 @@
+import csv
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import torch
+from tiny_network import TINY
+
+from baselines.training.network_training import CHECKPOINT, CURVE, rate_at, rounded
+from deraings.enhancement.config import TrainingConfig, Upkeep
+from deraings.enhancement.loss import cover_loss, enhancement_loss
+from deraings.enhancement.pairs import Pairs, Sample
+from deraings.enhancement.training import Training, train
+from deraings.enhancement.weights import load_enhancer, save_network
+from hydroviews.errors import InputError
+from hydroviews.pairs.drawing import Pair
+from hydroviews.pairs.drawn import DrawnRain
+
+CONFIG = TrainingConfig(network=TINY, steps=6, batch=2, patch=32, warm_up=2, precision="float32")
+UPKEEP = Upkeep(checkpoint_every=2, validate_every=3, workers=0)
+
+
+class Brighter(DrawnRain):
+    """Pictures that rain has made brighter by a fifth."""
+
+    def __init__(self):
+        super().__init__([{48: np.full((48, 40, 3), 100, np.uint8)}], {})
+
+    def pair(self, rng):
+        clean = rng.uniform(0, 0.8, (48, 40, 3)).astype(np.float32)
+        return Pair(clean + np.float32(0.2), clean, np.full_like(clean, 0.25), np.full((48, 40, 4), np.nan, np.float32))
+
+
+class Interrupting(Brighter):
+    """The same until the sixth pair is asked for."""
+
+    def __init__(self):
+        super().__init__()
+        self.count = 0
+
+    def pair(self, rng):
+        self.count += 1
+        if self.count > 5:
+            raise KeyboardInterrupt
+        return super().pair(rng)
+
+
+def learn(folder, config=CONFIG, source=None, data="brighter", upkeep=UPKEEP, start=None):
+    torch.set_num_threads(1)
+    scores = iter(range(100))
+    pairs = Pairs(source or Brighter(), [], config.patch, config.seed)
+    return train(folder, config, pairs, data, lambda _: {"score": float(next(scores))}, upkeep, start)
+
+
+def flat(network):
+    return torch.cat([p.flatten() for p in network.parameters()])
+
+
+def weights_of(training):
+    return flat(training.averaged)
+
+
+def test_training_removes_what_it_can(tmp_path):
+    config = replace(CONFIG, steps=60, rate=3e-3, batch=4, averaging=0.9)
+    training = learn(tmp_path, config)
+    rainy, clean = torch.full((1, 3, 32, 32), 0.6), torch.full((1, 3, 32, 32), 0.4)
+    assert (training.averaged(rainy) - clean).abs().mean() < 0.08
+    assert training.loss < 1
+
+
+@pytest.mark.parametrize("precision", ["float32", "bfloat16"])
+def test_an_interrupted_training_ends_with_the_same_bits(tmp_path, precision):
+    config = replace(CONFIG, precision=precision)
+    whole = learn(tmp_path / "whole", config)
+    with pytest.raises(KeyboardInterrupt):
+        learn(tmp_path / "parts", config, Interrupting())
+    parts = learn(tmp_path / "parts", config)
+    assert parts.step == whole.step == 6
+    assert torch.equal(weights_of(whole), weights_of(parts))
+    assert whole.loss == parts.loss
+
+
+def test_a_training_begins_with_the_weights_it_is_given_and_goes_on_from_its_own(tmp_path):
+    start = learn(tmp_path / "first", replace(CONFIG, steps=60, rate=3e-3, batch=4)).averaged
+    still = replace(CONFIG, rate=1e-9, final_rate=1e-9)
+    assert torch.allclose(weights_of(learn(tmp_path / "still", still, start=start)), flat(start), atol=1e-6)
+    whole = learn(tmp_path / "whole", start=start)
+    assert not torch.equal(weights_of(whole), weights_of(learn(tmp_path / "chance")))
+    with pytest.raises(KeyboardInterrupt):
+        learn(tmp_path / "parts", source=Interrupting(), start=start)
+    assert torch.equal(weights_of(whole), weights_of(learn(tmp_path / "parts", start=start)))
+
+
+def test_workers_do_not_change_the_result(tmp_path):
+    alone = learn(tmp_path / "alone")
+    helped = learn(tmp_path / "helped", upkeep=replace(UPKEEP, workers=2))
+    assert torch.equal(weights_of(alone), weights_of(helped))
+
+
+def test_every_seed_is_another_training_and_nought_is_one(tmp_path):
+    first, again, other = (learn(tmp_path / str(i), replace(CONFIG, seed=seed)) for i, seed in enumerate((0, 0, 1)))
+    assert torch.equal(weights_of(first), weights_of(again))
+    assert not torch.equal(weights_of(first), weights_of(other))
+
+
+def test_a_finished_training_is_not_trained_again(tmp_path):
+    done = learn(tmp_path)
+    assert torch.equal(weights_of(done), weights_of(learn(tmp_path, source=Interrupting())))
+
+
+@pytest.mark.parametrize("changed", [{"config": replace(CONFIG, rate=1.0)}, {"data": "darker"}])
+def test_a_checkpoint_of_another_training_is_refused(tmp_path, changed):
+    learn(tmp_path)
+    with pytest.raises(InputError, match="another run"):
+        learn(tmp_path, **changed)
+
+
+def test_a_damaged_checkpoint_is_refused(tmp_path):
+    learn(tmp_path)
+    (tmp_path / CHECKPOINT).write_bytes((tmp_path / CHECKPOINT).read_bytes()[:1000])
+    with pytest.raises(InputError, match="damaged"):
+        learn(tmp_path)
+
+
+def test_the_curve_has_a_row_a_validation(tmp_path):
+    learn(tmp_path)
+    rows = list(csv.DictReader((tmp_path / CURVE).open()))
+    assert [int(row["step"]) for row in rows] == [3, 6]
+    assert [float(row["score"]) for row in rows] == [0, 1]
+    assert all(0 < float(row["loss"]) < 3 for row in rows)
+
+
+def test_the_rate_rises_and_falls():
+    config = TrainingConfig(steps=100, warm_up=10, rate=1.0, final_rate=0.1)
+    rates = [rate_at(step, config) for step in range(100)]
+    assert rates[0] == pytest.approx(0.1)
+    assert rates[9] == pytest.approx(1.0)
+    assert rates[54] == pytest.approx(0.557, abs=0.01)
+    assert rates[-1] == pytest.approx(0.1, abs=0.01)
+    assert all(one >= other for one, other in pairwise(rates[9:]))
+
+
+def test_loss_is_the_share_of_the_rain_that_is_left():
+    clean = torch.zeros(2, 3, 16, 16)
+    rainy = clean + torch.tensor([0.1, 0.4]).reshape(2, 1, 1, 1)
+    half = clean + 0.5 * rainy
+    assert enhancement_loss(rainy, clean, rainy, 0.0, 0.0, 0.0) == pytest.approx(1)
+    assert enhancement_loss(half, clean, rainy, 0.0, 0.0, 0.0) == pytest.approx(0.5)
+    assert enhancement_loss(clean, clean, clean, 0.1, 0.1, 0.02) == 0
+    assert enhancement_loss(clean + 0.01, clean, clean, 0.0, 0.0, 0.02) == pytest.approx(0.5)
+
+
+def test_noise_is_as_large_in_coefficients_as_in_pixels():
+    noise = 0.1 * torch.randn(1, 3, 64, 64, generator=torch.Generator().manual_seed(0))
+    clean, rainy = torch.zeros_like(noise), torch.ones_like(noise)
+    pixels = enhancement_loss(noise, clean, rainy, 0.0, 0.0, 0.0)
+    both = enhancement_loss(noise, clean, rainy, 1.0, 0.0, 0.0)
+    assert float((both - pixels) / pixels) == pytest.approx(np.pi / 2 / np.sqrt(2), rel=0.05)  # Rayleigh, half-normal
+
+
+def test_squares_see_what_is_smooth_and_coefficients_what_is_not():
+    noise = 0.1 * torch.randn(1, 3, 64, 64, generator=torch.Generator().manual_seed(0))
+    smooth, clean = torch.full_like(noise, noise.abs().mean()), torch.zeros_like(noise)
+    loss = lambda error, *weights: float(enhancement_loss(error, clean, torch.ones_like(noise), *weights, 0.0))  # noqa: E731
+    assert loss(noise, 0.0, 0.0) == pytest.approx(loss(smooth, 0.0, 0.0))
+    assert loss(smooth, 0.0, 1.0) == pytest.approx(2 * loss(smooth, 0.0, 0.0))
+    assert loss(noise, 0.0, 1.0) < 1.2 * loss(noise, 0.0, 0.0)
+    assert loss(smooth, 1.0, 0.0) < 1.2 * loss(smooth, 0.0, 0.0)
+
+
+def test_cover_is_learned_where_it_is_known():
+    found, cover = torch.zeros(1, 3, 4, 4), torch.full((1, 3, 4, 4), 0.5)
+    assert cover_loss(found, cover) == pytest.approx(np.log(2))
+    assert cover_loss(found + 9, torch.ones_like(cover)) < 1e-3 < cover_loss(found - 9, torch.ones_like(cover))
+    cover[:, 1] = torch.nan
+    assert cover_loss(found, cover) == pytest.approx(np.log(2))
+    assert cover_loss(found, torch.full_like(cover, torch.nan)) == 0
+
+
+def test_the_network_finds_the_cover_and_says_nothing_of_what_nobody_knows(tmp_path):
+    training = learn(tmp_path, replace(CONFIG, steps=60, rate=3e-3, averaging=0.9))
+    with torch.no_grad():
+        found = torch.sigmoid(training.averaged.cover(training.averaged.features(torch.rand(1, 3, 32, 32))))
+    assert (found - 0.25).abs().mean() < 0.1
+    unknown = Training(CONFIG)
+    part, whole, box = torch.rand(1, 3, 32, 32), torch.rand(1, 2, 3, 128, 128), torch.tensor([[0.0, 1.0, 0.0, 1.0]])
+    veil = torch.full((1, 2, 4, 128, 128), torch.nan)
+    unknown.learn(Sample(part, part, torch.full_like(part, torch.nan), box, whole, whole, veil))
+    assert all(torch.isfinite(p).all() for p in unknown.network.parameters())
+    assert not unknown.network.cover[0].bias.any()
+
+
+def test_weights_come_back_with_their_card(tmp_path):
+    training = learn(tmp_path)
+    card = {"data": "brighter", "steps": 6}
+    path = tmp_path / "weights.safetensors"
+    save_network(path, TINY, training.averaged.state_dict(), card)
+    enhancer = load_enhancer(path)
+    assert enhancer.card == card
+    assert "6 steps on brighter" in enhancer.reason
+    assert str(path) in enhancer.reason
+    image = torch.rand(1, 3, 32, 32)
+    training.averaged.load_state_dict(rounded(training.averaged.state_dict()))
+    assert torch.equal(enhancer.network(image), training.averaged(image))
+
+
+def test_weights_that_are_not_there_or_of_something_else_are_refused(tmp_path):
+    with pytest.raises(InputError, match="none of that name"):
+        load_enhancer("enormous")
+    with pytest.raises(InputError, match="no such file"):
+        load_enhancer(tmp_path / "weights.safetensors")
+    save_network(tmp_path / "other.safetensors", TINY, {"w": torch.zeros(1)}, {"data": "", "steps": 0})
+    with pytest.raises(InputError, match="not an enhancement network"):
+        load_enhancer(tmp_path / "other.safetensors")

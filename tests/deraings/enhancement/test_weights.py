@@ -1,0 +1,54 @@
+"""What is shipped does what its card says, on a photograph that it has never seen."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from skimage import data
+
+from deraings.enhancement.enhance import enhance
+from deraings.enhancement.network import SMALL
+from deraings.enhancement.weights import DEFAULT, SHIPPED, load_enhancer
+from hydroviews.metrics import psnr
+from hydroviews.rain.lens import pattern as drops_pattern
+from hydroviews.rain.lens.mist import mist_veil
+from hydroviews.rain.seeds import generator
+from hydroviews.rain.streaks.effect import composite, draw_pattern, streak_layer
+from hydroviews.scene.images import Image, resize_area, to_linear, to_srgb
+
+MOST_BYTES = 15e6
+
+
+@pytest.fixture(scope="module")
+def photograph() -> Image:
+    return resize_area((data.astronaut() / 255).astype(np.float32)[:384], 400, 300)
+
+
+def test_the_shipped_weights_are_small_and_say_what_they_are():
+    enhancer = load_enhancer()
+    assert (SHIPPED / f"{DEFAULT}.safetensors").stat().st_size < MOST_BYTES
+    assert enhancer.network.config == SMALL
+    assert {"data", "seed", "steps", "held out", "validation"} <= set(enhancer.card)
+    assert f"{enhancer.card['steps']} steps" in enhancer.reason
+    beside = json.loads((SHIPPED / f"{DEFAULT}.json").read_text())
+    assert {name: value for name, value in beside.items() if name != "network"} == enhancer.card
+
+
+@pytest.mark.parametrize("grade", [1, 2])
+def test_streaks_are_taken_out(photograph, grade):
+    pattern = draw_pattern(generator(0, "streaks", grade), grade)
+    rainy = composite(photograph, streak_layer(pattern, 400, 300, generator(1)), pattern.brightness)
+    gained = psnr(enhance(rainy), photograph) - psnr(rainy, photograph)
+    assert gained > 3.5
+
+
+def test_thick_mist_is_taken_off(photograph):
+    pattern = replace(drops_pattern.draw_pattern(generator(0, "mist")), mist=0.5)
+    veil = mist_veil(pattern, 400, 300, 0.5)[..., None]
+    rainy = to_srgb((1 - veil) * to_linear(photograph) + veil * np.float32(0.6))
+    assert psnr(enhance(rainy), photograph) - psnr(rainy, photograph) > 3
+
+
+def test_a_clean_photograph_stays_clean(photograph):
+    assert psnr(enhance(photograph), photograph) > 37

@@ -1,0 +1,102 @@
+"""The unreduced loss and the network's parts, each against a slow or closed form."""
+
+import numpy as np
+import pytest
+import torch
+
+from baselines.splatting.kernels.loss_map import loss_map
+from baselines.splatting.kernels.photometric import photometric_loss, prepare
+from deraings.masks.network import MaskNetwork, high_pass, spectral_pooling
+from hydroviews.metrics.ssim import ssim_map
+
+
+def pictures(seed=0, height=23, width=31):
+    rng = np.random.default_rng(seed)
+    target = rng.random((height, width, 3), np.float32)
+    return np.clip(target + rng.normal(0, 0.1, target.shape), 0, 1).astype(np.float32), target
+
+
+def test_the_map_adds_up_to_the_loss():
+    image, target = pictures()
+    for share in (0.0, 0.2, 1.0):
+        expected = photometric_loss(image, prepare(target), share)[0]
+        assert loss_map(image, prepare(target), share).mean() == pytest.approx(expected, rel=1e-5)
+
+
+def test_the_map_is_l1_and_ssim_of_each_pixel():
+    image, target = pictures()
+    a, b = (
+        torch.from_numpy(np.pad(x, ((5, 5), (5, 5), (0, 0)))).double().permute(2, 0, 1)[None] for x in (image, target)
+    )
+    similarity = ssim_map(a, b)[0].mean(dim=0).numpy()
+    expected = 0.8 * np.abs(image - target).mean(axis=2) + 0.2 * (1 - similarity)
+    assert np.abs(loss_map(image, prepare(target)) - expected).max() < 1e-4
+
+
+def test_hidden_pixels_have_no_loss_and_leave_no_trace():
+    image, target = pictures()
+    ignored = np.zeros(image.shape[:2], bool)
+    ignored[4:15, 6:20] = True
+    spoilt = np.where(ignored[..., None], np.float32(np.nan), image)
+    found = loss_map(image, prepare(target, ignored)).copy()
+    assert (found[ignored] == 0).all()
+    assert np.array_equal(found, loss_map(spoilt, prepare(target, ignored)))
+
+
+def test_the_map_does_not_take_another_size():
+    image, target = pictures()
+    with pytest.raises(ValueError, match="differ in size"):
+        loss_map(image[:-1], prepare(target))
+
+
+def test_the_gradient_of_the_masked_loss_by_the_image():
+    """Each pixel's SSIM is weighed, not the pictures: an unmasked pixel still sees masked ones in its window."""
+    image, target = pictures(height=12, width=13)
+    weights = np.random.default_rng(3).random((12, 13), np.float32)
+    _, gradient = photometric_loss(image, prepare(target), weights=weights)
+    for row, column, channel in ((0, 0, 0), (5, 6, 1), (11, 12, 2), (3, 9, 0)):
+        step = np.zeros_like(image)
+        step[row, column, channel] = 1e-3
+        sides = [np.mean(weights * loss_map(image + s * step, prepare(target)), dtype=np.float64) for s in (1, -1)]
+        assert (sides[0] - sides[1]) / 2e-3 == pytest.approx(gradient[row, column, channel], rel=0.05, abs=2e-5)
+
+
+@pytest.mark.parametrize("shape", [(16, 20), (15, 21), (1, 7), (9, 1)])
+@pytest.mark.parametrize("cutoff", [0.0, 0.125, 0.3])
+def test_spectral_pooling_is_the_rms_of_the_high_passed_map(shape, cutoff):
+    features = torch.randn(2, 3, *shape, generator=torch.Generator().manual_seed(0))
+    spectrum = torch.fft.rfft2(features) * high_pass(*shape, cutoff)
+    passed = torch.fft.irfft2(spectrum, s=shape)
+    assert passed.mean(dim=(2, 3)).abs().max() < 1e-6  # so the mean would tell nothing
+    expected = (passed**2).mean(dim=(2, 3)).sqrt()
+    assert torch.allclose(spectral_pooling(features, cutoff), expected, atol=2e-6)
+
+
+def test_what_passes():
+    x = torch.arange(64)
+    waves = torch.stack([torch.cos(2 * np.pi * f * x).repeat(64, 1) for f in (0, 4 / 64, 8 / 64, 16 / 64)])
+    found = spectral_pooling(torch.stack([waves, waves.mT]), 0.125)
+    assert torch.allclose(found, torch.tensor([0, 0, 0.5**0.5, 0.5**0.5]), atol=2e-6)
+
+
+def test_the_network_has_the_papers_parts_and_starts_with_hardly_any_mask():
+    network = MaskNetwork(shrink=4, fine=2, width=8, cutoff=0.125)
+    assert [block[0].kernel_size for block in network.encoder] == [(1, 1), (3, 3), (1, 1)]
+    assert (len(network.unet.down), len(network.unet.up)) == (5, 4)
+    mask = network(torch.rand(1, 3, 60, 84))
+    assert mask.shape == (1, 1, 30, 42)
+    assert torch.allclose(mask, torch.tensor(0.02))
+
+
+@pytest.mark.parametrize("attention", [True, False])
+def test_every_weight_learns(attention):
+    network = MaskNetwork(shrink=2, fine=1, width=8, cutoff=0.125, attention=attention)
+    assert any("mlp" in name for name, _ in network.named_parameters()) == attention
+    picture = torch.rand(1, 3, 66, 70, generator=torch.Generator().manual_seed(0))
+    descent = torch.optim.SGD(network.parameters(), 0.1)
+    for _ in range(2):  # the last layer starts at zero and lets nothing through at first
+        descent.zero_grad()
+        (network(picture) * picture[:, :1, ::2, ::2]).sum().backward()
+        descent.step()
+    silent = [name for name, p in network.named_parameters() if p.grad is None or not p.grad.abs().sum() > 0]
+    assert silent == []

@@ -1,0 +1,231 @@
+"""Occlusion masks: that the rule leads where its closed form says, and that interruptions leave no trace."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from baselines.training.checkpoints import read_arrays, write_arrays
+from baselines.training.images import TrainingImages
+from deraings.masks.config import MaskConfig
+from deraings.masks.maps import evidence
+from deraings.masks.network import masked_loss
+from deraings.masks.occlusion_masks import OcclusionMasks
+
+HEIGHT, WIDTH = 46, 70  # no multiples of what the network works at
+ALWAYS = MaskConfig(start=1e-9, warm_up=0, every=1, rate=1e-2, width=8, least_evidence=0)
+PAPER = replace(ALWAYS, regularisation=1.0, price=0.0)
+
+
+def drop_pictures(seed, count=4, fixed=False):
+    """Dim, noisy pictures with a bright square drop each, and where the drops are; `fixed` ones cannot be seen."""
+    rng = np.random.default_rng(seed)
+    pictures = rng.integers(40, 120, (count, HEIGHT, WIDTH, 3)).astype(np.uint8)
+    drops = np.zeros((count, HEIGHT, WIDTH), bool)
+    for k in range(count):
+        top, left = (16, 24) if fixed else (rng.integers(4, HEIGHT - 20), rng.integers(4, WIDTH - 20))
+        drops[k, top : top + 16, left : left + 16] = True
+    if not fixed:
+        pictures[drops] = 230
+    return pictures, drops
+
+
+def losses(drops, seed=0):
+    """0.05 +- a fifth where it is dry, four times that in drops."""
+    noise = np.random.default_rng(seed).uniform(0.8, 1.2, drops.shape)
+    return (np.where(drops, 0.2, 0.05) * noise).astype(np.float32)
+
+
+def taught(pictures, losses, config=ALWAYS, lessons=100, seed=0):
+    masks = OcclusionMasks(TrainingImages(list(pictures)), 1000, seed, config)
+    for i in range(lessons):
+        view = -i % len(pictures)
+        masks.learn(view, losses[view], i)
+    return masks
+
+
+@pytest.mark.parametrize("price", [0.0, 0.1])
+def test_a_free_mask_ends_at_the_closed_form(price):
+    loss = torch.tensor(np.random.default_rng(0).uniform(0, 0.5, (12, 16)), dtype=torch.float32)
+    logits = torch.zeros_like(loss, requires_grad=True)
+    adam = torch.optim.Adam([logits], 0.15)
+    for _ in range(300):
+        adam.zero_grad()
+        masked_loss(torch.sigmoid(logits), loss, 0.15, price).backward()
+        adam.step()
+    expected = ((loss - price) / 0.3).clamp(0, 1)
+    assert (expected == 1).any()
+    assert (torch.sigmoid(logits) - expected).abs().max() < 0.02
+
+
+def test_a_constant_mask_ends_at_the_mean_loss():
+    loss = torch.tensor(np.random.default_rng(1).uniform(0, 0.2, (12, 16)), dtype=torch.float32)
+    mask = torch.zeros((), requires_grad=True)
+    descent = torch.optim.SGD([mask], 0.5)
+    for _ in range(60):
+        descent.zero_grad()
+        masked_loss(mask, loss, 0.15).backward()
+        descent.step()
+    assert mask.item() == pytest.approx(float(loss.mean()) / 0.3, abs=1e-4)
+
+
+@pytest.mark.parametrize(("config", "scale"), [(PAPER, 0.5), (PAPER, 5.0), (ALWAYS, 1.0)])
+def test_the_network_ends_near_the_closed_form_at_any_level_of_loss(config, scale):
+    pictures, drops = drop_pictures(0)
+    masks = taught(pictures, scale * losses(drops), config)
+    found = np.stack([masks.mask(k, (HEIGHT, WIDTH)) for k in range(len(pictures))])
+    assert masks.typical == pytest.approx(0.05 * scale, rel=0.1)
+    excess = np.where(drops, 0.2, 0.05) * scale - config.price * masks.typical
+    expected = np.clip(excess / (2 * config.regularisation * masks.typical), 0, 1)
+    assert np.abs(found - expected).mean() < 0.08
+    assert found[drops].mean() > 0.85
+    assert found[~drops].mean() == pytest.approx(0.5 if config is PAPER else 0, abs=0.1)
+
+
+def test_pictures_never_seen_are_masked_alike():
+    pictures, drops = drop_pictures(0, count=8)
+    images = np.concatenate([pictures, (unseen := drop_pictures(9))[0]])
+    masks = OcclusionMasks(TrainingImages(list(images)), 1000, 0, ALWAYS)
+    for i, loss in enumerate(np.tile(losses(drops), (10, 1, 1))):
+        masks.learn(i % 8, loss, i)
+    found = np.stack([masks.mask(8 + k, (HEIGHT, WIDTH)) for k in range(4)])
+    assert found[unseen[1]].mean() > found[~unseen[1]].mean() + 0.25
+
+
+def test_drops_that_cannot_be_seen_are_found_by_their_place_on_the_lens():
+    pictures, drops = drop_pictures(0, count=4, fixed=True)
+    masks = OcclusionMasks(TrainingImages(list(pictures)), 1000, 0, ALWAYS)
+    for i, loss in enumerate(np.tile(losses(drops)[:3], (16, 1, 1))):
+        masks.learn(i % 3, loss, i)
+    found = masks.mask(3, (HEIGHT, WIDTH))  # nothing was learnt from this picture
+    assert found[drops[3]].mean() > found[~drops[3]].mean() + 0.25
+
+
+def test_evidence_is_in_what_views_share_place_by_place():
+    rng = np.random.default_rng(0)
+    dry = rng.random((12, 30, 40), np.float32) * np.linspace(0.5, 1.5, 30, dtype=np.float32)[:, None]  # sky above
+    drops = dry + (rng.random((30, 40)) < 0.1)
+    assert evidence(list(dry)) == pytest.approx(1, abs=0.3)
+    assert evidence(list(drops.astype(np.float32))) > 5
+    assert evidence([]) == evidence([dry[0]]) == 0
+
+
+@pytest.mark.parametrize("fixed", [True, False])
+def test_masks_are_used_only_where_something_is_on_the_lens(fixed):
+    pictures, drops = drop_pictures(0, count=8, fixed=fixed)
+    config = replace(ALWAYS, least_evidence=5.0)
+    masks = taught(pictures, losses(drops), config, lessons=8)
+    assert masks.due(9)
+    weights = masks.weights(0, (HEIGHT, WIDTH), 9)
+    assert (weights is not None) == masks.due(10) == masks.found()["used"] == fixed
+    assert masks.mask(0, (HEIGHT, WIDTH)).any() == fixed
+    again = OcclusionMasks(TrainingImages(list(pictures)), 1000, 0, config)
+    again.restore(masks.arrays())
+    assert again.found() == masks.found()
+
+
+def test_a_scene_that_is_fitted_is_hardly_masked():
+    pictures, drops = drop_pictures(0)
+    masks = taught(pictures, 1e-2 * losses(drops), lessons=40)
+    assert masks.typical == ALWAYS.least_loss
+    assert masks.mask(0, (HEIGHT, WIDTH)).max() < 0.15
+
+
+def test_nothing_is_masked_before_the_start_and_nothing_learnt_before_the_lessons():
+    pictures, drops = drop_pictures(0)
+    config = MaskConfig(start=0.5, warm_up=0.2, every=4, least_evidence=0)
+    masks = OcclusionMasks(TrainingImages(list(pictures)), 1000, 0, config)
+    before = masks.arrays()
+    masks.learn(0, losses(drops)[0], 299)
+    assert all(value.tobytes() == before[name].tobytes() for name, value in masks.arrays().items())
+    assert [i for i in range(290, 310) if masks.due(i)] == [300, 304, 308]
+    masks.learn(0, losses(drops)[0], 300)
+    assert masks.arrays()["level"][1] == 1
+    assert masks.weights(0, (HEIGHT, WIDTH), 499) is None
+    weights = masks.weights(0, (HEIGHT, WIDTH), 500)
+    assert weights is not None
+    assert np.array_equal(weights, 1 - masks.mask(0, (HEIGHT, WIDTH)))
+
+
+@pytest.mark.parametrize("shape", [(46, 70), (1, 1), (5, 7), (33, 31), (129, 3)])
+def test_any_size(shape):
+    pictures = np.random.default_rng(0).integers(0, 256, (2, *shape, 3)).astype(np.uint8)
+    loss = np.random.default_rng(1).random((2, *shape), np.float32)
+    masks = taught(pictures, loss, lessons=4)
+    for size in (shape, (max(1, shape[0] // 2), max(1, shape[1] // 2))):
+        mask = masks.mask(1, size)
+        assert mask.shape == size
+        assert mask.dtype == np.float32
+        assert ((mask >= 0) & (mask <= 1)).all()
+    masks.learn(0, loss[0, ::2, ::2], 9)  # of a smaller render of the view
+
+
+def test_views_of_different_sizes_learn_together():
+    rng = np.random.default_rng(0)
+    sizes = [(40, 60), (60, 40), (24, 36)]
+    masks = OcclusionMasks(
+        TrainingImages([rng.integers(0, 256, (*s, 3)).astype(np.uint8) for s in sizes]), 10, 0, ALWAYS
+    )
+    for i, size in enumerate(sizes):
+        masks.learn(i, rng.random(size, np.float32), i)
+    assert [masks.mask(i, size).shape for i, size in enumerate(sizes)] == sizes
+
+
+@pytest.mark.parametrize("value", [0.0, np.nan])
+def test_a_loss_that_says_nothing_teaches_nothing(value):
+    pictures, drops = drop_pictures(0)
+    masks = taught(pictures, losses(drops), lessons=3)
+    before = masks.arrays()
+    masks.learn(0, np.full((HEIGHT, WIDTH), value, np.float32), 9)
+    assert all(array.tobytes() == before[name].tobytes() for name, array in masks.arrays().items())
+
+
+def test_broken_pixels_do_not_spoil_the_network():
+    pictures, drops = drop_pictures(0)
+    broken = losses(drops)
+    broken[:, 5, 6:9], broken[:, 7, 7] = np.nan, np.inf
+    masks = taught(pictures, broken, lessons=3)
+    assert np.isfinite(masks.mask(0, (HEIGHT, WIDTH))).all()
+    assert all(np.isfinite(value).all() for value in masks.arrays().values())
+
+
+@pytest.mark.parametrize("lessons", [0, 1, 7])
+def test_an_interruption_leaves_no_trace(tmp_path, lessons):
+    pictures, drops = drop_pictures(0)
+    loss = losses(drops)
+    whole = taught(pictures, loss, lessons=lessons)
+    whole.weights(2, (HEIGHT, WIDTH), 500)
+    write_arrays(tmp_path / "masks.safetensors", whole.arrays(), {})
+    again = OcclusionMasks(TrainingImages(list(pictures)), 1000, 5, ALWAYS)  # whose first weights are others
+    again.restore(read_arrays(tmp_path / "masks.safetensors")[0])
+    assert again.mask(2, (HEIGHT, WIDTH)).tobytes() == whole.mask(2, (HEIGHT, WIDTH)).tobytes()
+    for i in range(lessons, 12):
+        for masks in (whole, again):
+            masks.learn(-i % len(pictures), loss[-i % len(pictures)], i)
+    expected = whole.arrays()
+    assert {name: a.tobytes() for name, a in again.arrays().items()} == {n: a.tobytes() for n, a in expected.items()}
+
+
+def test_seeds_and_other_peoples_random_numbers_and_threads():
+    pictures, drops = drop_pictures(0)
+    torch.manual_seed(3)
+    state, threads = torch.get_rng_state(), torch.get_num_threads()
+    one = taught(pictures, losses(drops), lessons=3).arrays()
+    assert torch.equal(torch.get_rng_state(), state)
+    assert torch.get_num_threads() == threads
+    torch.manual_seed(4)
+    torch.set_num_threads(2)
+    same, other = (taught(pictures, losses(drops), lessons=3, seed=seed).arrays() for seed in (0, 1))
+    torch.set_num_threads(threads)
+    assert all(value.tobytes() == same[name].tobytes() for name, value in one.items())
+    assert any(value.tobytes() != other[name].tobytes() for name, value in one.items())
+
+
+def test_settings_are_told_and_checked():
+    pictures, _ = drop_pictures(0)
+    about = OcclusionMasks(TrainingImages(list(pictures)), 1000, 7).about()
+    assert (about["seed"], about["first"], about["first_lesson"], about["cutoff"]) == (7, 300, 100, 0.125)
+    for wrong in ({"start": 0}, {"warm_up": 0.6}, {"every": 0}, {"regularisation": 0}, {"fine": 3}):
+        with pytest.raises(ValueError, match=r"start|regularisation|fine"):
+            MaskConfig(**wrong)

@@ -1,0 +1,164 @@
+import cv2
+import numpy as np
+import panorama
+import pytest
+
+from deraings.rain_model.drops import DropConfig, Drops
+
+DISK = (slice(18, 30), slice(25, 37))  # of the lens, in pixels
+
+
+def behind_drops(views):
+    """The views with one drop that shows a grey of its own, a little lighter where the scene is."""
+    wet = views.copy()
+    wet[(slice(None), *DISK)] = 0.5 + 0.1 * (views.mean(axis=(1, 2), keepdims=True) - 0.4)
+    return wet
+
+
+def watch(scene, photographs, config=None, epochs=3):
+    """Drops that have seen all photographs of a known scene, learned with an error of 0.02."""
+    drops = Drops((panorama.HEIGHT, panorama.WIDTH), len(scene), 100, config or DropConfig())
+    error = 0.02 * np.random.default_rng(3).standard_normal(scene.shape).astype(np.float32)
+    for view in list(range(len(scene))) * epochs:
+        drops.observe(photographs[view], scene[view] - error[view], view)
+    return drops
+
+
+def mask_of(drops, view=0):
+    water = water_of(drops, view)
+    return np.zeros((panorama.HEIGHT, panorama.WIDTH), bool) if water is None else water.cover > 0.5
+
+
+def water_of(drops, view=0):
+    return drops.water(view, (panorama.HEIGHT, panorama.WIDTH), 100)
+
+
+def test_a_drop_is_found_and_nothing_else():
+    scene = panorama.views_of(panorama.paint(), 14)
+    mask = mask_of(watch(scene, behind_drops(scene)))
+    assert mask[DISK].mean() > 0.95
+    mask[DISK] = False
+    assert mask.mean() < 0.05
+
+
+def test_a_passer_by_who_is_hidden_here_and_there_hides_no_drop():
+    scene = panorama.views_of(panorama.paint(), 24)
+    photographs = behind_drops(scene)
+    drops = [Drops((panorama.HEIGHT, panorama.WIDTH), len(scene), 100, DropConfig()) for _ in range(2)]
+    for view in range(len(scene)):
+        hidden = np.zeros(photographs.shape[1:3], bool)
+        hidden[:, 5 * view % 60 : 5 * view % 60 + 20] = True  # over the drop in a third of the views
+        drops[0].observe(photographs[view], scene[view], view)
+        masked = np.where(hidden[..., None], np.float32(0), photographs[view])
+        drops[1].observe(masked, scene[view], view, 1 - hidden.astype(np.float32))
+    inside = (slice(DISK[0].start + 2, DISK[0].stop - 2), slice(DISK[1].start + 2, DISK[1].stop - 2))
+    expected, found = (d.line(0)[0] for d in drops)
+    assert expected[inside].min() > 0.7
+    assert np.abs(found - expected)[inside].max() < 0.1
+
+
+def test_what_is_hidden_in_every_view_is_no_drop():
+    scene = panorama.views_of(panorama.paint(), 14)
+    shown = np.ones(scene.shape[1:3], np.float32)
+    shown[DISK] = 0
+    drops = Drops(shown.shape, len(scene), 100, DropConfig(fewest=0))
+    for view in range(len(scene)):
+        drops.observe(behind_drops(scene)[view] * shown[..., None], scene[view], view, shown)
+    assert not water_of(drops).cover[DISK].any()
+
+
+@pytest.mark.parametrize("cover", [0.3, 0.7])
+def test_a_drop_that_covers_in_part_is_a_line(cover):
+    scene = panorama.views_of(panorama.paint(), 24)
+    wet = scene.copy()
+    wet[(slice(None), *DISK)] = (1 - cover) * scene[(slice(None), *DISK)] + cover * np.float32([0.5, 0.6, 0.7])
+    water = water_of(watch(scene, wet, DropConfig(fewest=0)))
+    inside = (slice(DISK[0].start + 2, DISK[0].stop - 2), slice(DISK[1].start + 2, DISK[1].stop - 2))
+    assert water.cover[inside].mean() == pytest.approx(cover, abs=0.04)
+    assert np.allclose(water.light[inside].mean(axis=(0, 1)), cover * np.float32([0.5, 0.6, 0.7]), atol=0.04)
+    seen = water.over(scene[3])
+    assert np.abs(seen - wet[3])[inside].mean() < 0.02
+    outside = np.ones(water.cover.shape, bool)
+    outside[DISK[0].start - 2 : DISK[0].stop + 2, DISK[1].start - 2 : DISK[1].stop + 2] = False
+    assert water.cover[outside].max() < 0.1
+    assert (water.weights[outside] == 1).all()
+    assert (water.light <= water.cover[..., None]).all()
+
+
+def test_what_is_too_fine_to_render_is_no_drop():
+    scene = panorama.views_of(panorama.paint(), 24)
+    smooth = np.stack([cv2.GaussianBlur(view, (0, 0), 2.0) for view in scene])
+    assert not mask_of(watch(smooth, scene, DropConfig(fewest=0))).any()
+
+
+def test_dry_views_keep_every_pixel():
+    scene = panorama.views_of(panorama.paint(), 14)
+    assert not mask_of(watch(scene, scene)).any()
+
+
+def test_a_white_wall_that_never_changes_is_no_drop():
+    scene = panorama.views_of(panorama.paint(), 14)
+    scene[:, :20] = 0.95
+    assert not mask_of(watch(scene, scene))[:20].any()
+
+
+def test_a_drop_that_came_late_is_not_looked_for_early():
+    scene = panorama.views_of(panorama.paint(), 36)
+    photographs = np.concatenate([scene[:18], behind_drops(scene[18:])])
+    drops = watch(scene, photographs, epochs=4)
+    assert mask_of(drops, 35)[DISK].mean() > 0.9
+    assert mask_of(drops, 0)[DISK].mean() < 0.1
+
+
+def test_water_everywhere_leaves_part_of_the_lens():
+    scene = panorama.views_of(panorama.paint(), 14)
+    noise = np.random.default_rng(5).uniform(0.45, 0.55, scene.shape).astype(np.float32)
+    assert 0.3 < mask_of(watch(scene, noise)).mean() <= DropConfig().most + 0.01
+
+
+def test_a_scene_that_is_not_learned_yet_is_no_water():
+    scene = panorama.views_of(panorama.paint(), 14)
+    mean = np.broadcast_to(scene.mean(axis=(0, 1, 2)), scene.shape)
+    assert mask_of(watch(mean, scene)).mean() < 0.25  # single pixels, by chance: the render is nothing but noise
+
+
+def test_too_few_views_tell_nothing():
+    scene = panorama.views_of(panorama.paint(), 3)
+    assert water_of(watch(scene, behind_drops(scene))) is None
+
+
+def test_not_before_its_start_and_at_any_size():
+    scene = panorama.views_of(panorama.paint(), 14)
+    drops = watch(scene, behind_drops(scene), DropConfig(long_side=40))
+    assert drops.water(0, (panorama.HEIGHT, panorama.WIDTH), 0) is None
+    water = drops.water(0, (23, 31), 100)
+    assert water.cover.shape == water.weights.shape == (23, 31)
+    assert water.light.shape == (23, 31, 3)
+    assert water.weights.min() == pytest.approx(0, abs=0.1)
+    assert water.weights.max() == 1
+
+
+def test_lines_are_those_of_least_squares_over_the_views():
+    config = DropConfig(noise=0.0, clear=-2.0, wet=-1.0, most_moments=1)
+    rng = np.random.default_rng(0)
+    seen = rng.uniform(0.2, 0.8, (9, 5, 7, 3)).astype(np.float32)
+    photographs = (0.4 * seen + 0.2 + 0.05 * rng.standard_normal(seen.shape)).astype(np.float32)
+    drops = Drops((5, 7), 9, 100, config)
+    for view in range(9):
+        drops.observe(photographs[view], seen[view], view)
+    cover, light = drops.line(0)
+    weights = (1 - 1 / 9) ** np.arange(8, -1, -1)  # what running means remember
+    weights = (weights / weights.sum())[:, None, None, None]
+    means = [(weights * values.astype(np.float64)).sum(axis=0) for values in (photographs, seen)]
+    together = (weights * (photographs - means[0]) * (seen - means[1])).sum(axis=0).mean(axis=2)
+    alone = (weights * (seen - means[1]) ** 2).sum(axis=0).mean(axis=2)
+    expected = np.clip(1 - together / alone, 0, 1)
+    assert np.allclose(cover, expected, atol=1e-4)
+    rest = means[0] - (1 - expected)[..., None] * means[1]
+    assert np.allclose(light, np.clip(rest, 0, expected[..., None]), atol=1e-4)
+
+
+def test_before_any_view_nothing_is_known():
+    drops = Drops((panorama.HEIGHT, panorama.WIDTH), 14, 100, DropConfig())
+    assert not any(plane.any() for plane in drops.line(0))
+    assert water_of(drops) is None

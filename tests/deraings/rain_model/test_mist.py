@@ -1,0 +1,108 @@
+import cv2
+import numpy as np
+import panorama
+import pytest
+
+from baselines.splatting.kernels.photometric import photometric_loss, prepare
+from baselines.splatting.kernels.workspace import Workspace
+from deraings.rain_model.mist import Veil, VeilConfig, _gather, _spread, roughness_gradient
+from deraings.rain_model.mist_bounds import thickest_veil
+
+AIR = np.array([0.55, 0.6, 0.65], np.float32)
+STEPS = 400
+
+
+def learn(scene, photographs, config=None, steps=STEPS):
+    """Fit a veil to photographs of a known scene."""
+    pictures = panorama.eight_bit(photographs)
+    veil, workspace = Veil(pictures, steps, config or VeilConfig(start=0)), Workspace()
+    targets = [prepare(picture) for picture in pictures]
+    for step in range(steps):
+        view = step % len(scene)
+        seen = veil.apply(scene[view], view, workspace)
+        _, gradient = photometric_loss(seen, targets[view], workspace=workspace)
+        veil.learn(scene[view], view, gradient, step, workspace)
+    return veil
+
+
+def share_of(veil, view=0):
+    return veil.share(view, (panorama.HEIGHT, panorama.WIDTH))
+
+
+def test_a_veil_is_found():
+    scene = panorama.views_of(panorama.paint(), 10)
+    true = panorama.slanted_veil(0.4)
+    veil = learn(scene, panorama.misted(scene, true, AIR))
+    assert np.sqrt(np.mean((share_of(veil) - true) ** 2)) < 0.05
+    assert np.corrcoef(share_of(veil).ravel(), true.ravel())[0, 1] > 0.95
+
+
+@pytest.mark.parametrize("paler", [0.0, 0.5])
+def test_dry_views_and_fog_in_the_scene_have_none(paler):
+    scene = panorama.views_of(panorama.paint() * (1 - paler) + 0.7 * paler, 10)
+    assert share_of(learn(scene, scene)).max() < 0.01
+
+
+def test_where_every_place_of_the_lens_shows_something_dark_no_mist_is_looked_for():
+    scene = panorama.views_of(panorama.paint(), 8)
+    veil = Veil(panorama.eight_bit(scene), STEPS, VeilConfig(start=0))
+    assert not veil.due(0)
+    assert not share_of(veil).any()
+
+
+def test_mist_is_never_lighter_than_the_dark_things_behind_it():
+    scene = panorama.views_of(panorama.paint(), 12)
+    true = panorama.slanted_veil(0.4)
+    pictures = panorama.eight_bit(panorama.misted(scene, true, AIR))
+    hidden = np.zeros(true.shape, bool)
+    hidden[:, :30] = True
+    bound = thickest_veil(pictures, AIR, (1, 4, 5), 0.05)[0]
+    knots = np.linspace(0, 0.4, 5)
+    assert (VeilConfig().slack * bound > knots - 0.03).all()
+    assert np.abs(bound - knots).max() < 0.2
+    assert (thickest_veil(pictures, AIR, (1, 4, 5), 0.05, [hidden] * 12)[0, :, 0] == 1).all()
+
+
+def test_pictures_of_other_sizes_show_the_same_lens():
+    scene = panorama.views_of(panorama.paint(), 12)
+    pictures = panorama.eight_bit(panorama.misted(scene, panorama.slanted_veil(0.4), AIR))
+    smaller = [cv2.resize(pictures[0], (30, 40)), *pictures[1:]]
+    mixed, alike = (thickest_veil(group, AIR, (1, 4, 5), 0.05)[0] for group in (smaller, pictures))
+    assert np.abs(mixed - alike).max() < 0.03
+
+
+def test_a_veil_that_drifts_is_followed():
+    scene = panorama.views_of(panorama.paint(), 24)
+    first, last = panorama.slanted_veil(0.4), panorama.slanted_veil(0.4)[:, ::-1]
+    photographs = np.concatenate(
+        [panorama.misted(scene[i : i + 1], first + (last - first) * i / 23, AIR) for i in range(24)]
+    )
+    veil = learn(scene, photographs, VeilConfig(start=0, roughness=0.005), steps=600)
+    left, right = (slice(None), slice(0, 12)), (slice(None), slice(-12, None))
+    assert share_of(veil, 0)[right].mean() > 2 * share_of(veil, 0)[left].mean()
+    assert share_of(veil, 23)[left].mean() > 2 * share_of(veil, 23)[right].mean()
+
+
+def test_a_picture_that_is_all_mist_stays_finite():
+    scene = panorama.views_of(panorama.paint(), 3)
+    veil = learn(scene, np.ones_like(scene), steps=60)
+    assert np.isfinite(share_of(veil)).all()
+    assert np.isfinite(veil.colour).all()
+    assert share_of(veil).max() <= VeilConfig().thickest + 1e-6
+
+
+def test_gather_is_the_transpose_of_spread():
+    rng = np.random.default_rng(0)
+    knots, plane = rng.standard_normal((4, 5)), rng.standard_normal((23, 31))
+    assert (_spread(knots, plane.shape) * plane).sum() == pytest.approx((knots * _gather(plane, knots.shape)).sum())
+
+
+def test_roughness_gradient_agrees_with_differences():
+    knots = np.random.default_rng(0).standard_normal((3, 4, 5))
+
+    def roughness(values):
+        return sum((np.diff(values, axis=axis) ** 2).sum() for axis in range(3)) / 2
+
+    moved = knots.copy()
+    moved[1, 2, 3] += 1e-6
+    assert roughness_gradient(knots)[1, 2, 3] == pytest.approx((roughness(moved) - roughness(knots)) / 1e-6, abs=1e-4)

@@ -1,0 +1,176 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import panorama
+import pytest
+
+from baselines.splatting.kernels.workspace import Workspace
+from baselines.splatting.objective import Objective
+from baselines.training.images import TrainingImages
+from deraings.masks.config import MaskConfig
+from deraings.masks.occlusion_masks import OcclusionMasks
+from deraings.rain_model.drops import DropConfig
+from deraings.rain_model.mist import VeilConfig
+from deraings.rain_model.objective import RainConfig, RainObjective
+from deraings.rain_model.rain_layer import FallingConfig
+from deraings.rain_model.report import found
+
+STEPS = 60
+EAGER = RainConfig(VeilConfig(start=0), DropConfig(start=0.1), FallingConfig(start=0))
+
+
+def scene_of(count):
+    return panorama.views_of(panorama.paint(), count)
+
+
+def renders(scene, seed=0):
+    """What a render of the scene may look like: right up to noise."""
+    noise = 0.03 * np.random.default_rng(seed).standard_normal(scene.shape)
+    return np.clip(scene + noise, 0, None).astype(np.float32)
+
+
+def objective_of(scene, config=EAGER, **more):
+    return RainObjective(TrainingImages(panorama.eight_bit(scene)), STEPS, config, **more)
+
+
+def steps(objective, images, first, last):
+    """Losses and gradients of some steps."""
+    workspace, out = Workspace(), []
+    for step in range(first, last):
+        view = step % len(images)
+        loss, gradient = objective(images[view], view, step, workspace)
+        out.append((loss, gradient.copy()))
+    return out
+
+
+def test_without_any_rain_to_look_for_it_is_the_plain_loss():
+    scene = scene_of(4)
+    plain = Objective(TrainingImages(panorama.eight_bit(scene)))
+    ours = objective_of(scene, RainConfig(None, None, None))
+    for (loss, gradient), (expected, g) in zip(
+        steps(ours, renders(scene), 0, 4), steps(plain, renders(scene), 0, 4), strict=True
+    ):
+        assert loss == expected
+        assert np.array_equal(gradient, g)
+
+
+def test_before_anything_is_looked_for_it_is_the_plain_loss():
+    scene = scene_of(8)
+    plain = Objective(TrainingImages(panorama.eight_bit(scene)))
+    (loss, gradient), *_ = steps(objective_of(scene, RainConfig()), renders(scene), 0, 1)
+    (expected, g), *_ = steps(plain, renders(scene), 0, 1)
+    assert loss == expected
+    assert np.array_equal(gradient, g)
+
+
+def rainy(objective, cover=0.1, veil=0.3):
+    """The objective with rain in it, as if it had been found."""
+    objective.falling.cover[0] = cover
+    objective.veil.roots[:] = np.sqrt(veil)
+    return objective
+
+
+def test_gradient_agrees_with_differences():
+    scene = scene_of(3)
+    image = np.clip(renders(scene)[0], 0.05, 1)
+    objective = rainy(objective_of(scene, replace(EAGER, drops=None, falling=FallingConfig(start=0.5))))
+    _, gradient = objective(image, 0, 1, Workspace())
+    rainy(objective)  # as before the step
+    objective.veil.colour[:] = objective.veil.expected
+    rng = np.random.default_rng(4)
+    for direction in (np.sign(gradient), np.sign(gradient) * (rng.uniform(size=gradient.shape) < 0.2)):
+        up, down = (objective.residual(image + s * direction.astype(np.float32), 0, Workspace()) for s in (5e-4, -5e-4))
+        assert (up - down) / 1e-3 == pytest.approx(float((gradient * direction).sum()), rel=0.02)
+
+
+def test_training_taken_up_again_goes_on_the_same():
+    scene = scene_of(14)
+    images = renders(scene)
+    whole, first = objective_of(scene), objective_of(scene)
+    everything = steps(whole, images, 0, STEPS)
+    steps(first, images, 0, 30)
+    kept = {name: value.copy() for name, value in first.arrays().items()}
+    second = objective_of(scene)
+    second.restore(kept)
+    for (loss, gradient), (expected, g) in zip(steps(second, images, 30, STEPS), everything[30:], strict=True):
+        assert loss == expected
+        assert np.array_equal(gradient, g)
+    assert all(np.array_equal(value, second.arrays()[name]) for name, value in whole.arrays().items())
+    assert found(second) == found(whole)
+
+
+def test_pixels_that_are_not_finite_teach_nothing():
+    scene = scene_of(8)
+    objective, images = objective_of(scene), renders(scene)
+    images[:, 3:5, 4:6] = np.nan
+    for loss, gradient in steps(objective, images, 0, STEPS):
+        assert np.isfinite(loss)
+        assert np.isfinite(gradient).all()
+    assert all(np.isfinite(value).all() for value in objective.arrays().values())
+
+
+def test_hidden_pixels_of_the_photographs_teach_nothing():
+    scene = scene_of(8)
+    hidden = np.zeros((panorama.HEIGHT, panorama.WIDTH), bool)
+    hidden[:10] = True
+
+    def trained(images):
+        objective = RainObjective(TrainingImages(panorama.eight_bit(scene), [hidden] * len(scene)), STEPS, EAGER)
+        return steps(objective, images, 0, STEPS)
+
+    changed = renders(scene)
+    changed[:, :10] = 0.9
+    for (loss, gradient), (expected, g) in zip(trained(changed), trained(renders(scene)), strict=True):
+        assert loss == expected
+        assert np.array_equal(gradient, g)
+        assert not gradient[:10].any()
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_one_view_is_enough_to_run(count):
+    scene = scene_of(count)
+    objective = objective_of(scene)
+    assert all(np.isfinite(loss) for loss, _ in steps(objective, renders(scene), 0, 20))
+    assert found(objective)["drops"] == 0
+
+
+def test_smaller_renders_are_compared_with_smaller_photographs():
+    scene = scene_of(8)
+    objective = rainy(objective_of(scene))
+    loss, gradient = objective(np.full((23, 31, 3), 0.4, np.float32), 0, 30, Workspace())
+    assert np.isfinite(loss)
+    assert gradient.shape == (23, 31, 3)
+
+
+def test_masks_learn_from_the_loss_and_weigh_it():
+    scene = scene_of(8)
+    learned = []
+
+    class Left(OcclusionMasks):
+        """Masks the left of every view."""
+
+        def learn(self, view, loss, iteration):
+            learned.append((view, iteration, loss.shape))
+
+        def weights(self, view, size, iteration):
+            plane = np.ones(size, np.float32)
+            plane[:, :30] = 0
+            return plane
+
+    masks = Left(TrainingImages(panorama.eight_bit(scene)), 10, 0, MaskConfig(start=0.2, warm_up=0.2, every=2))
+    objective = objective_of(scene, RainConfig(None, None, None), masks=masks)
+    (_, gradient), *_ = steps(objective, renders(scene), 0, 3)
+    size = panorama.HEIGHT, panorama.WIDTH
+    assert learned == [(0, 0, size), (2, 2, size)]
+    assert not gradient[:, :24].any()
+    assert gradient[:, 36:].any()
+
+
+def test_what_was_found_and_the_settings_can_be_written_down():
+    objective = objective_of(scene_of(3))
+    written = json.loads(json.dumps(objective.about()))
+    assert written["rain"]["drops"]["start"] == EAGER.drops.start
+    other = objective_of(scene_of(3), replace(EAGER, drops=DropConfig(start=0.2)))
+    assert json.loads(json.dumps(other.about())) != written
+    assert json.loads(json.dumps(found(objective)))["falling"] == 0

@@ -1,0 +1,139 @@
+"""Any method on enhanced photographs: the same as the ablation, masks in force, found by name, taken up again."""
+
+import os
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from splats import photographed
+from tiny_network import TINY
+from trainings import CONFIG, assert_identical
+
+from baselines.gaussian_splatting import GaussianSplatting, GaussianSplattingClean
+from baselines.method import WRAPPERS, find_method
+from deraings.enhanced_method import EnhancedConfig, enhanced_scene, on_enhanced
+from deraings.enhancement.network import EnhancementNetwork
+from deraings.enhancement.weights import DEFAULT, find_weights, load_enhancer, save_network
+from deraings.method import DeRainGSConfig, Enhancement
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import sha256
+from hydroviews.scene.lenses import Lens
+from hydroviews.scene.masks import write_ignored
+from leaderboard.records import run_folder
+
+REPOSITORY = Path(__file__).parents[2]
+ON_ENHANCED = "deraings.enhanced_method:on_enhanced"
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    """Some views hide a corner."""
+    folder = tmp_path_factory.mktemp("scene")
+    scene = photographed(folder, n_views=9)
+    ignored = np.zeros((36, 48), bool)
+    ignored[:9, 30:] = True
+    write_ignored(folder / "mask.png", ignored)
+    masked = [replace(view, mask=folder / "mask.png" if i % 2 else None) for i, view in enumerate(scene.views)]
+    return replace(scene, views=tuple(masked))
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory):
+    """Of a network that has learned nothing, and so changes pictures in its own way."""
+    torch.manual_seed(0)
+    network = EnhancementNetwork(TINY)
+    with torch.no_grad():
+        for value in network.parameters():
+            value += 0.02 * torch.randn(value.shape)
+    path = tmp_path_factory.mktemp("weights") / "tiny.safetensors"
+    save_network(path, TINY, network.state_dict(), {"steps": 0, "data": "nothing"})
+    return path
+
+
+def test_it_computes_what_the_ablation_does(scene, weights, tmp_path):
+    short = replace(CONFIG, iterations=60)
+    ablation = Enhancement(DeRainGSConfig(short, enhancement=str(weights)), 0)
+    ablation.fit(scene, tmp_path / "ablation")
+    wrapped = on_enhanced(GaussianSplatting)(EnhancedConfig(short, str(weights), sha256(weights)), 0)
+    wrapped.fit(scene, tmp_path / "wrapped")
+    plain = GaussianSplatting(short, 0)
+    plain.fit(scene, tmp_path / "plain")
+    assert_identical(ablation._trained, wrapped._inner._trained)
+    camera = scene.views[0].camera
+    assert not np.array_equal(wrapped.render(camera), plain.render(camera))
+    assert wrapped.statistics().used == f"enhancement {weights}"
+
+    wrapped.save(tmp_path / "wrapped")
+    loaded = type(wrapped).load(wrapped.config, 0, tmp_path / "wrapped")
+    assert np.array_equal(loaded.render(camera), wrapped.render(camera))
+    assert loaded.statistics() == wrapped.statistics()
+    assert (tmp_path / "wrapped" / "splats.ply").is_file()
+
+
+def test_a_finished_training_is_not_begun_again_and_other_weights_are_refused(scene, weights, tmp_path):
+    kind, short = on_enhanced(GaussianSplatting), replace(CONFIG, iterations=20)
+    config = EnhancedConfig(short, str(weights), sha256(weights))
+    first = kind(config, 0)
+    first.fit(scene, tmp_path)
+    kept = sorted((tmp_path / "enhanced").rglob("*.png"))
+    times = [path.stat().st_mtime_ns for path in kept]
+    again = kind(config, 0)
+    again.fit(scene, tmp_path)
+    assert_identical(first._inner._trained, again._inner._trained)
+    assert times == [path.stat().st_mtime_ns for path in kept]
+    with pytest.raises(InputError, match="of another run, with a different images"):
+        kind(replace(config, enhancement=DEFAULT), 0).fit(scene, tmp_path)
+
+
+def test_what_is_hidden_stays_hidden_behind_a_lens_too(scene, weights, tmp_path):
+    lens = Lens("SIMPLE_RADIAL", 48, 36, (43.2, 24.0, 18.0, 0.05))
+    pinhole = lens.pinhole()
+    views = [replace(v, camera=pinhole.camera(v.camera.world_to_camera), lens=lens) for v in scene.views]
+    seen = replace(scene, views=tuple(views))
+    enhanced = enhanced_scene(seen, load_enhancer(weights), tmp_path)
+    for before, after in zip(seen.train_views, enhanced.train_views, strict=True):
+        assert after.lens is None
+        assert after.image().shape == before.image().shape
+        assert not np.array_equal(after.image(), before.image())
+        assert (after.ignored() is None) == (before.ignored() is None)
+        assert before.ignored() is None or np.array_equal(after.ignored(), before.ignored())
+    assert enhanced.test_views == seen.test_views
+
+
+def test_it_is_found_by_name():
+    registered = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]["entry-points"][WRAPPERS]
+    assert registered["enhance"] == ON_ENHANCED
+    wrapped = find_method(f"3dgs+{ON_ENHANCED}")
+    assert wrapped is on_enhanced(GaussianSplatting)
+    assert wrapped.trains_on == "rainy"
+    assert on_enhanced(GaussianSplattingClean).trains_on == "clean"
+    config = wrapped.configuration("demo")
+    assert config == EnhancedConfig(GaussianSplatting.configuration("demo"), DEFAULT, sha256(find_weights(DEFAULT)))
+    assert wrapped.shortened(config, 7).method.iterations == 7
+    with pytest.raises(InputError, match="no-such-profile"):
+        wrapped.configuration("no-such-profile")
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("3dgs+fly", r"no such wrapper\n.*fly\n.*package.module:function"),
+        ("3dgs+", "no such wrapper"),
+        ("nothing+enhance", r"no such method\n.*nothing"),
+        ("3dgs+json:JSONDecoder", "is not a wrapper"),
+        ("3dgs+no.module:function", "cannot import no.module:function"),
+        ("3dgs+builtins:repr", r"builtins:repr is not a method\n.*class"),
+    ],
+)
+def test_what_is_no_wrapper_is_refused(name, message):
+    with pytest.raises(InputError, match=message):
+        find_method(name)
+
+
+def test_its_runs_have_a_folder_of_their_own():
+    folder = run_folder(Path("results"), "demo", "3dgs+enhance", "yard", "streak-0", 0, "given-poses")
+    assert folder == Path("results/demo/3dgs+enhance/yard/streak-0/seed-0")
+    assert os.sep not in folder.parts[2]

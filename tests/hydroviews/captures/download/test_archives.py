@@ -1,0 +1,103 @@
+import os
+
+import pytest
+from archived import FILES, SCENE, contents, write_tar, write_zip
+
+from hydroviews.captures.download import archives
+from hydroviews.captures.download.archives import is_archive, unpack
+from hydroviews.errors import InputError
+
+WRITERS = {"a.zip": write_zip, "a.tar.gz": write_tar}
+
+
+@pytest.fixture(params=WRITERS)
+def kind(request, tmp_path):
+    """Writes an archive of one kind."""
+    (tmp_path / "archives").mkdir()
+    return lambda files, links=(): WRITERS[request.param](tmp_path / "archives" / request.param, files, links)
+
+
+def test_only_the_scene_is_unpacked(kind, tmp_path):
+    unpack(kind(FILES), "train", tmp_path / "captures" / "tandt" / "train")
+    assert contents(tmp_path / "captures") == {f"tandt/train/{name}": content for name, content in SCENE.items()}
+
+
+def test_an_interrupted_call_is_gone_on_with(kind, tmp_path, monkeypatch):
+    archive, folder, real = kind(FILES), tmp_path / "train", archives.replacing
+    written = []
+
+    def once(path):
+        if written:
+            raise KeyboardInterrupt
+        written.append(path.name)
+        return real(path)
+
+    monkeypatch.setattr(archives, "replacing", once)
+    with pytest.raises(KeyboardInterrupt):
+        unpack(archive, "train", folder)
+    assert not folder.exists()
+    monkeypatch.setattr(archives, "replacing", lambda path: written.append(path.name) or real(path))
+    unpack(archive, "train", folder)
+    assert sorted(written) == ["a.jpg", "b.jpg", "cameras.bin"]  # each once
+    assert contents(folder) == SCENE
+    assert {path.name for path in tmp_path.iterdir()} == {"archives", "train"}
+
+
+def test_files_of_another_version_are_not_kept(kind, tmp_path, monkeypatch):
+    monkeypatch.setattr(archives.os, "replace", _refuses_folders(os.replace))
+    with pytest.raises(KeyboardInterrupt):
+        unpack(kind(FILES), "train", tmp_path / "train", "one")
+    monkeypatch.undo()
+    changed = {**FILES, "tandt/train/images/a.jpg": b"FIRST"}
+    unpack(kind(changed), "train", tmp_path / "train", "two")
+    assert contents(tmp_path / "train") == {**SCENE, "images/a.jpg": b"FIRST"}
+
+
+def _refuses_folders(real):
+    def replace(source, target):
+        if os.path.isdir(source):
+            raise KeyboardInterrupt
+        real(source, target)
+
+    return replace
+
+
+@pytest.mark.parametrize(
+    "name", ["../../outside.txt", "/outside.txt", "tandt/train/../../../outside.txt", "tandt\\train\\a", "C:/train/a"]
+)
+def test_names_that_lead_outside_are_refused(kind, tmp_path, name):
+    with pytest.raises(InputError, match=r"not safe to unpack\n.*leads outside"):
+        unpack(kind({**FILES, name: b"evil"}), "train", tmp_path / "captures" / "train")
+    assert not (tmp_path / "captures" / "train").exists()
+    assert not (tmp_path / "outside.txt").exists()
+
+
+def test_links_are_refused(kind, tmp_path):
+    with pytest.raises(InputError, match=r"not safe to unpack\n.*a link: 'tandt/train/images/c.jpg'"):
+        unpack(kind(FILES, ["tandt/train/images/c.jpg"]), "train", tmp_path / "train")
+    assert not (tmp_path / "train").exists()
+
+
+def test_an_archive_without_the_scene(kind, tmp_path):
+    with pytest.raises(InputError, match=r"no folder horse in it\n.*tandt"):
+        unpack(kind(FILES), "horse", tmp_path / "horse")
+
+
+def test_a_damaged_archive(kind, tmp_path):
+    archive = kind({"train/a.bin": os.urandom(50_000)})
+    whole = bytearray(archive.read_bytes())
+    whole[20_000:20_100] = bytes(100)
+    archive.write_bytes(whole)
+    with pytest.raises(InputError, match="damaged"):
+        unpack(archive, "train", tmp_path / "train")
+    assert not (tmp_path / "train").exists()
+    archive.write_bytes(b"<html>sign in first</html>")
+    assert not is_archive(archive)
+    with pytest.raises(InputError, match="neither a zip nor a tar archive"):
+        unpack(archive, "train", tmp_path / "train")
+
+
+def test_a_full_disk_is_told_first(kind, tmp_path, monkeypatch):
+    monkeypatch.setattr(archives.shutil, "disk_usage", lambda path: type("Usage", (), {"free": 1000})())
+    with pytest.raises(InputError, match="no space left on the disk"):
+        unpack(kind(FILES), "train", tmp_path / "train")

@@ -1,0 +1,119 @@
+import hashlib
+from dataclasses import replace
+
+import pytest
+from archived import FILES, SCENE, contents, write_zip
+from servers import serving
+
+from hydroviews.captures.catalogue import Archive, find_captures
+from hydroviews.captures.download import captures as downloads
+from hydroviews.captures.download import http as transfer
+from hydroviews.captures.download.captures import addresses, download_captures, get_archive
+from hydroviews.errors import InputError
+
+
+@pytest.fixture(autouse=True)
+def plain_network(monkeypatch):
+    monkeypatch.setattr(transfer, "PAUSE", 0.0)
+    for name in ("http_proxy", "HTTP_PROXY", downloads.VARIABLE):
+        monkeypatch.delenv(name, raising=False)
+
+
+@pytest.fixture
+def content(tmp_path):
+    path = write_zip(tmp_path / "made.zip", FILES)
+    content = path.read_bytes()
+    path.unlink()
+    return content
+
+
+@pytest.fixture
+def mirror(content):
+    with serving({"/data/tandt_db.zip": content}) as server:
+        yield server
+
+
+def test_a_capture_is_downloaded_from_a_mirror_and_kept(mirror, content, tmp_path):
+    (folder,) = download_captures("train", tmp_path, f"{mirror.address}/data/")
+    assert folder == tmp_path / "tandt" / "train"
+    unpacked = contents(folder)
+    source = unpacked.pop("SOURCE.md").decode()
+    assert "https://www.tanksandtemples.org" in source
+    assert hashlib.sha256(content).hexdigest() in source
+    assert unpacked == SCENE
+    lock = (tmp_path / "downloads" / "tandt_db.zip.sha256").read_text()
+    assert lock == f"{hashlib.sha256(content).hexdigest()}  tandt_db.zip\n"
+    assert list(download_captures("tanksandtemples/train", tmp_path, "http://nowhere")) == [folder]
+    assert len(mirror.asked) == 1
+
+
+def test_another_scene_comes_from_the_archive_that_is_there(mirror, tmp_path, monkeypatch):
+    monkeypatch.setenv(downloads.VARIABLE, f"{mirror.address}/data/tandt_db.zip")
+    list(download_captures("train", tmp_path))
+    (folder,) = download_captures("truck", tmp_path)
+    assert (folder / "images" / "a.jpg").read_bytes() == b"another scene"
+    assert len(mirror.asked) == 1
+
+
+def test_an_archive_put_there_by_hand_will_do(content, tmp_path):
+    (tmp_path / "downloads").mkdir()
+    (tmp_path / "downloads" / "tandt_db.zip").write_bytes(content)
+    (folder,) = download_captures("train", tmp_path)
+    assert contents(folder).items() >= SCENE.items()
+
+
+def test_the_first_checksum_holds(mirror, content, tmp_path):
+    archive = Archive("tandt_db.zip", (f"{mirror.address}/data/tandt_db.zip",), 1)
+    path = tmp_path / "tandt_db.zip"
+    first = get_archive(archive, path)
+    assert get_archive(archive, path) == first
+    path.write_bytes(content + b"\0")
+    with pytest.raises(InputError, match=r"wrong checksum[\s\S]*tandt_db\.zip\.sha256"):
+        get_archive(archive, path)
+    path.unlink()
+    mirror.files["/data/tandt_db.zip"] = content + b"\0"
+    with pytest.raises(InputError, match=f"wrong checksum .*, expected {first}"):
+        get_archive(archive, path)
+
+
+def test_the_catalogues_checksum_comes_first(mirror, content, tmp_path):
+    archive = Archive("tandt_db.zip", (f"{mirror.address}/data/tandt_db.zip",), 1, sha256="0" * 64)
+    with pytest.raises(InputError, match="wrong checksum"):
+        get_archive(archive, tmp_path / "tandt_db.zip")
+    good = replace(archive, sha256=hashlib.sha256(content).hexdigest())
+    get_archive(good, tmp_path / "tandt_db.zip")
+    assert not (tmp_path / "tandt_db.zip.sha256").exists()
+
+
+def test_a_page_of_text_is_not_locked_in(mirror, content, tmp_path):
+    mirror.files["/page"] = b"<html>sign in first</html>"
+    archive = Archive("a.zip", (f"{mirror.address}/page",), 1)
+    with pytest.raises(InputError, match="no zip or tar archive"):
+        get_archive(archive, tmp_path / "a.zip")
+    assert not list(tmp_path.iterdir())
+    get_archive(replace(archive, urls=(*archive.urls, f"{mirror.address}/data/tandt_db.zip")), tmp_path / "a.zip")
+
+
+def test_a_mirror_comes_before_the_catalogue():
+    archive = find_captures("garden")[0].archive
+    assert addresses(archive) == list(archive.urls)
+    assert addresses(archive, "https://here/x") == ["https://here/x/360_v2.zip", *archive.urls]
+    assert addresses(archive, "https://here/y.tar") == ["https://here/y.tar", *archive.urls]
+    with pytest.raises(InputError, match="not an address"):
+        addresses(archive, "/mnt/data")
+
+
+def test_what_has_to_be_fetched_by_hand_is_told(tmp_path):
+    with pytest.raises(InputError, match=r"horse is not on this machine[\s\S]*has no horse"):
+        list(download_captures("horse", tmp_path))
+    with pytest.raises(InputError, match=r"network drive[\s\S]*github.com/yunhaoli2020/DerainNeRF"):
+        list(download_captures("waterdrops/church", tmp_path))
+    with pytest.raises(InputError, match="no such capture to download"):
+        list(download_captures("moon", tmp_path))
+
+
+def test_a_collection_comes_whole_before_what_is_for_hands(mirror, tmp_path):
+    got = []
+    with pytest.raises(InputError, match="has no horse"):
+        got.extend(download_captures("tanksandtemples", tmp_path, f"{mirror.address}/data"))
+    assert {path.name for path in (tmp_path / "tandt").iterdir()} == {"train", "truck"}

@@ -1,0 +1,160 @@
+import hashlib
+import json
+
+import numpy as np
+import pytest
+from servers import serving
+
+from hydroviews.captures.download import http as transfer
+from hydroviews.captures.download.http import fetch
+from hydroviews.errors import InputError
+
+CONTENT = np.random.default_rng(0).bytes(3_000_000)
+SHA = hashlib.sha256(CONTENT).hexdigest()
+
+
+@pytest.fixture(autouse=True)
+def no_waiting(monkeypatch):
+    monkeypatch.setattr(transfer, "PAUSE", 0.0)
+    for name in ("http_proxy", "HTTP_PROXY"):
+        monkeypatch.delenv(name, raising=False)
+
+
+@pytest.fixture
+def server():
+    with serving({"/a.bin": CONTENT}) as running:
+        yield running
+
+
+def leftovers(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_a_file_arrives_with_its_checksum(server, tmp_path):
+    assert fetch([f"{server.address}/a.bin"], tmp_path / "deep" / "a.bin") == SHA
+    assert (tmp_path / "deep" / "a.bin").read_bytes() == CONTENT
+    assert leftovers(tmp_path / "deep") == ["a.bin"]
+
+
+def test_a_cut_connection_is_taken_up_again(server, tmp_path):
+    server.cut_after = [1_200_000, 500_000]
+    fetch([f"{server.address}/a.bin"], tmp_path / "a.bin")
+    assert (tmp_path / "a.bin").read_bytes() == CONTENT
+    assert [ask[1] for ask in server.asked] == [None, "bytes=1200000-", "bytes=1700000-"]
+
+
+def test_a_later_call_goes_on_where_an_earlier_one_ended(server, tmp_path):
+    url = f"{server.address}/a.bin"
+    server.cut_after = [1_200_000]
+    with pytest.raises(KeyboardInterrupt):
+        _interrupted(server, url, tmp_path / "a.bin")
+    assert leftovers(tmp_path) == ["a.bin.part", "a.bin.part.json"]
+    server.asked.clear()
+    fetch([url], tmp_path / "a.bin")
+    assert server.asked == [("/a.bin", "bytes=1200000-")]
+    assert (tmp_path / "a.bin").read_bytes() == CONTENT
+    assert leftovers(tmp_path) == ["a.bin"]
+
+
+def _interrupted(server, url, target):
+    """A call that ends with Ctrl-C while it waits to try again."""
+
+    def interrupt(seconds):
+        raise KeyboardInterrupt
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(transfer.time, "sleep", interrupt)
+        fetch([url], target)
+
+
+def test_a_file_that_changed_in_between_is_fetched_anew(server, tmp_path):
+    url = f"{server.address}/a.bin"
+    server.cut_after = [1_200_000]
+    with pytest.raises(KeyboardInterrupt):
+        _interrupted(server, url, tmp_path / "a.bin")
+    server.files["/a.bin"], server.tag = CONTENT[::-1], '"two"'
+    fetch([url], tmp_path / "a.bin")
+    assert (tmp_path / "a.bin").read_bytes() == CONTENT[::-1]
+
+
+def test_without_a_tag_another_size_is_noticed(server, tmp_path):
+    url = f"{server.address}/a.bin"
+    server.cut_after, server.tag = [1_200_000], None
+    with pytest.raises(KeyboardInterrupt):
+        _interrupted(server, url, tmp_path / "a.bin")
+    server.files["/a.bin"] = CONTENT[::-1] + b"more"
+    fetch([url], tmp_path / "a.bin")
+    assert (tmp_path / "a.bin").read_bytes() == CONTENT[::-1] + b"more"
+
+
+def test_a_server_without_ranges_sends_all_of_it_again(server, tmp_path):
+    server.ranges, server.cut_after = False, [2_000_000]
+    fetch([f"{server.address}/a.bin"], tmp_path / "a.bin")
+    assert (tmp_path / "a.bin").read_bytes() == CONTENT
+    assert len(server.asked) == 2
+
+
+def test_a_part_longer_than_the_file_is_dropped(server, tmp_path):
+    url = f"{server.address}/a.bin"
+    (tmp_path / "a.bin.part").write_bytes(CONTENT + b"too much")
+    (tmp_path / "a.bin.part.json").write_text(json.dumps({"url": url, "size": 5_000_000, "tag": None}))
+    fetch([url], tmp_path / "a.bin")
+    assert (tmp_path / "a.bin").read_bytes() == CONTENT
+    assert [ask[1] for ask in server.asked] == ["bytes=3000008-", None]
+
+
+@pytest.mark.parametrize("about", [None, "{", {"url": "http://elsewhere"}, {"url": "", "size": None, "tag": None}])
+def test_a_part_of_unknown_origin_is_not_used(server, tmp_path, about):
+    (tmp_path / "a.bin.part").write_bytes(b"x" * 1000)
+    if about is not None:
+        text = (
+            about if isinstance(about, str) else json.dumps(about | {"url": about["url"] or f"{server.address}/a.bin"})
+        )
+        (tmp_path / "a.bin.part.json").write_text(text)
+    fetch([f"{server.address}/a.bin"], tmp_path / "a.bin")
+    assert (tmp_path / "a.bin").read_bytes() == CONTENT
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_bytes_of_two_servers_are_joined_only_under_a_checksum(server, tmp_path, known):
+    server.cut_after = [1_200_000, 0, 0, 0, 0]
+    with serving({"/a.bin": CONTENT}, tag='"another"') as mirror:
+        urls = [f"{server.address}/a.bin", f"{mirror.address}/a.bin"]
+        fetch(urls, tmp_path / "a.bin", SHA if known else None)
+        assert mirror.asked == [("/a.bin", "bytes=1200000-" if known else None)]
+    assert (tmp_path / "a.bin").read_bytes() == CONTENT
+
+
+def test_the_next_mirror_is_asked(server, tmp_path):
+    urls = ["http://127.0.0.1:9/a.bin", f"{server.address}/absent.bin", f"{server.address}/a.bin"]
+    assert fetch(urls, tmp_path / "a.bin") == SHA
+
+
+def test_a_wrong_checksum_is_refused_and_the_next_mirror_asked(server, tmp_path):
+    server.files["/bad.bin"] = b"something else"
+    urls = [f"{server.address}/bad.bin", f"{server.address}/a.bin"]
+    fetch(urls, tmp_path / "a.bin", SHA)
+    assert (tmp_path / "a.bin").read_bytes() == CONTENT
+    with pytest.raises(InputError, match=r"wrong checksum [0-9a-f]{64}, expected " + SHA):
+        fetch(urls[:1], tmp_path / "b.bin", SHA)
+    assert leftovers(tmp_path) == ["a.bin"]
+
+
+def test_what_no_server_has_is_told_with_every_reason(server, tmp_path):
+    server.status = [404, 503, 503, 503, 503]
+    urls = [f"{server.address}/a.bin", f"{server.address}/a.bin?2", "http://127.0.0.1:9/a.bin"]
+    with pytest.raises(InputError) as refusal:
+        fetch(urls, tmp_path / "a.bin")
+    text = str(refusal.value)
+    assert f"{urls[0]}: the server answered 404" in text
+    assert f"{urls[1]}: the server answered 503" in text
+    assert f"{urls[2]}: no connection" in text
+    assert "--mirror URL" in text
+    assert len(server.asked) == 5  # 404 once, 503 four times
+
+
+def test_a_full_disk_is_told_before_anything_is_written(server, tmp_path, monkeypatch):
+    monkeypatch.setattr(transfer.shutil, "disk_usage", lambda path: type("Usage", (), {"free": 1000})())
+    with pytest.raises(InputError, match="no space left on the disk"):
+        fetch([f"{server.address}/a.bin"], tmp_path / "a.bin")
+    assert "a.bin.part" not in leftovers(tmp_path)

@@ -1,0 +1,104 @@
+from collections import Counter
+
+import pytest
+
+from hydroviews.blender.embedded_scenes.captures import EMBEDDED
+from hydroviews.captures.catalogue import all_captures, captures_root, find_captures, locate
+from hydroviews.dataset.suites import known_suites, read_suite
+from hydroviews.errors import InputError
+
+MIPNERF360 = {"bicycle", "bonsai", "counter", "garden", "kitchen", "room", "stump"}
+
+
+def test_the_catalogue_names_every_capture_once():
+    captures = all_captures()
+    assert {c.scene for c in captures if c.collection == "mipnerf360"} == MIPNERF360
+    assert {c.scene for c in captures if c.collection == "tanksandtemples"} == {"horse", "train", "truck"}
+    assert {"church", "factory", "tanabata"} < {c.scene for c in captures if c.collection == "waterdrops"}
+    names = [name for capture in captures for name in capture.spellings]
+    assert max(Counter(names).values()) == 1
+    built = [capture.folder_name for capture in captures]
+    assert len(set(built) | set(EMBEDDED)) == len(built) + len(EMBEDDED)
+
+
+def test_everything_can_be_had_somehow():
+    for capture in all_captures():
+        assert (capture.archive is None) != (capture.by_hand == ""), capture.name
+        assert capture.page.startswith("https://")
+        for url in capture.archive.urls if capture.archive else ():
+            assert url.startswith(("http://", "https://"))
+            assert url.endswith("/" + capture.archive.name)
+
+
+@pytest.mark.parametrize(
+    "name", ["mipnerf360/garden", "garden", "360_v2/garden", "mipnerf360_garden", "MipNeRF360/Garden", "garden/"]
+)
+def test_a_capture_has_several_spellings(name):
+    assert [capture.name for capture in find_captures(name)] == ["mipnerf360/garden"]
+
+
+def test_a_collection_is_all_of_its_captures():
+    assert {capture.scene for capture in find_captures("mipnerf360")} == MIPNERF360
+    assert find_captures("") == find_captures("gard") == find_captures("./garden") == find_captures("/garden") == []
+
+
+@pytest.mark.parametrize(
+    "folder", ["360_v2/garden", "mipnerf360/garden", "mipnerf360_garden", "garden", "360_V2/Garden"]
+)
+def test_a_capture_is_found_in_every_usual_folder(tmp_path, folder):
+    (garden,) = find_captures("garden")
+    (tmp_path / folder).mkdir(parents=True)
+    assert locate(garden, tmp_path) is None  # nothing in it
+    (tmp_path / folder / "images").mkdir()
+    assert locate(garden, tmp_path) == tmp_path / folder
+    assert locate(garden, tmp_path / "elsewhere") is None
+
+
+def test_the_folder_of_captures(tmp_path, monkeypatch):
+    monkeypatch.delenv("HYDROVIEWS_CAPTURES", raising=False)
+    assert str(captures_root()) == "captures"
+    monkeypatch.setenv("HYDROVIEWS_CAPTURES", "/somewhere")
+    assert str(captures_root()) == "/somewhere"
+    assert captures_root(tmp_path) == tmp_path
+
+
+def test_the_papers_suite_is_the_papers_table():
+    suite = read_suite("paper")
+    by_effect = {
+        effect: {scene.rpartition("/")[2] for scene, effects in suite.scenes.items() if effect in effects}
+        for effect in ("raindrop", "streak")
+    }
+    assert by_effect == {
+        "raindrop": MIPNERF360,
+        "streak": {"bicycle", "garden", "kitchen", "stump", "horse", "train", "truck"},
+    }
+    assert suite.patterns == (0, 1, 2)
+
+
+@pytest.mark.parametrize("name", known_suites())
+def test_suites_name_known_captures(name):
+    for scene in read_suite(name).scenes:
+        assert scene in ("courtyard", "room", "street") or [c.name for c in find_captures(scene)] == [scene]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("scenes = 3", "not a suite"),
+        ("[scenes]", "not a suite"),
+        ("title = 'x'", "not a suite"),
+        ("[scene]\ngarden = []", "not a suite"),
+        ("[scenes]\ngarden = ['hail']", "effects of garden"),
+        ("[scenes]\ngarden = 'streak'", "effects of garden"),
+        ("[scenes]\ngarden = [['streak']]", "effects of garden"),
+        ("patterns = []\n[scenes]\ngarden = ['streak']", "patterns"),
+        ("patterns = ['streak-0']\n[scenes]\ngarden = []", "patterns"),
+        ("[scenes", "not valid TOML"),
+    ],
+)
+def test_what_is_no_suite_is_refused(tmp_path, content, message):
+    (tmp_path / "own.toml").write_text(content)
+    with pytest.raises(InputError, match=message):
+        read_suite(str(tmp_path / "own.toml"))
+    with pytest.raises(InputError, match="no such suite"):
+        read_suite("moon")

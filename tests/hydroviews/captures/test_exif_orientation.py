@@ -1,0 +1,79 @@
+"""Photographs as phones store them: pixels as the sensor lay, a tag for the turn, a focal length."""
+
+import cv2
+import numpy as np
+import PIL.Image
+import pycolmap
+import pytest
+
+from hydroviews.captures.exif_orientation import common_turn, orientation, write_upright
+from hydroviews.captures.sfm import matching as features
+from hydroviews.scene.images import image_size, read_image, write_png
+
+ORIENTATION, EXIF, FOCAL_35 = 0x0112, 0x8769, 0xA405
+TURNS = {1: 0, 8: 1, 3: 2, 6: 3}  # quarter turns counter-clockwise to upright
+
+
+def photograph(path, size=(64, 48), tag=None, focal=26, seed=0):
+    """A JPEG with a texture that is brightest in its upper left corner as it is stored."""
+    rng = np.random.default_rng(seed)
+    pixels = cv2.resize(rng.integers(0, 120, (12, 16, 3), np.uint8), size, interpolation=cv2.INTER_CUBIC)
+    pixels[: size[1] // 3, : size[0] // 3] = 250
+    exif = PIL.Image.Exif()
+    if tag:
+        exif[ORIENTATION] = tag
+    if focal:
+        exif.get_ifd(EXIF)[FOCAL_35] = focal
+    path.parent.mkdir(parents=True, exist_ok=True)
+    PIL.Image.fromarray(pixels).save(path, quality=95, exif=exif)
+    return path
+
+
+@pytest.mark.parametrize("tag", TURNS)
+def test_a_photograph_is_turned_and_keeps_its_focal_length(tmp_path, tag):
+    source = photograph(tmp_path / "a.jpg", tag=tag)
+    assert orientation(source) == tag
+    write_upright(source, tmp_path / "upright" / "a.jpg")
+    target = tmp_path / "upright" / "a.jpg"
+    assert orientation(target) == 1
+    expected = np.rot90(read_image(source), TURNS[tag])
+    assert image_size(target) == expected.shape[1::-1]
+    assert np.abs(read_image(target) - expected).mean() < 0.02
+    with PIL.Image.open(target) as image:
+        assert image.getexif().get_ifd(EXIF)[FOCAL_35] == 26
+
+
+def test_all_are_turned_or_none(tmp_path, capsys):
+    upright, portrait = photograph(tmp_path / "a.jpg"), photograph(tmp_path / "b.jpg", tag=6)
+    write_png(tmp_path / "c.png", np.zeros((4, 4, 3), np.float32))
+    (tmp_path / "d.jpg").write_bytes(b"no picture")
+    assert not common_turn([upright, tmp_path / "c.png", tmp_path / "d.jpg"])
+    assert common_turn([portrait, portrait])
+    assert orientation(photograph(tmp_path / "e.jpg", tag=77)) == 1
+    assert capsys.readouterr().out == ""
+    assert not common_turn([upright, portrait])
+    assert "upright and sideways" in capsys.readouterr().out
+
+
+def test_cameras_are_those_of_the_photographs_not_of_their_copies(tmp_path):
+    names = [f"{i}.jpg" for i in range(5)]
+    for i, name in enumerate(names):
+        photograph(tmp_path / "images" / name, (320, 240) if i < 3 else (240, 320), seed=i)
+    copies = features.copy_without_streaks(tmp_path / "images", tmp_path / "copies", names)
+    features.register(tmp_path / "d.db", tmp_path / "images", names, "SIMPLE_RADIAL", shared=True)
+    features.extract(tmp_path / "d.db", copies, names, "SIMPLE_RADIAL")
+    with pycolmap.Database.open(tmp_path / "d.db") as database:
+        images = [database.read_image_with_name(name) for name in names]
+        assert all(len(database.read_keypoints(image.image_id)) for image in images)
+        cameras = [database.read_camera(image.camera_id) for image in images]
+    assert len({camera.camera_id for camera in cameras}) == 2
+    assert all(camera.has_prior_focal_length for camera in cameras)
+    assert cameras[0].focal_length == pytest.approx(320 * 26 / 36, rel=0.1)  # full frame is 36 mm wide
+
+
+def test_a_copy_that_cannot_be_written_is_no_copy(tmp_path, monkeypatch):
+    photograph(tmp_path / "images" / "a.jpg")
+    monkeypatch.setattr(cv2, "imencode", lambda *_: (False, None))
+    with pytest.raises(ValueError, match=r"a\.jpg: encoding failed"):
+        features.copy_without_streaks(tmp_path / "images", tmp_path / "copies", ["a.jpg"])
+    assert not (tmp_path / "copies" / "a.jpg").exists()

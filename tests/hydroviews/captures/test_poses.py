@@ -1,0 +1,223 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pycolmap
+import pytest
+from captures import WALK, capture, flower_walk
+from processes import PATIENCE, wait_until
+from synthetic import capture_in
+
+from hydroviews.captures.sfm import matching as features
+from hydroviews.captures.sfm import poses
+from hydroviews.captures.sfm.poses import estimate_poses, triangulate
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import listing
+from hydroviews.formats import read_scene
+from hydroviews.formats.geometry import misplaced, misplaced_note, rigid_pose
+from hydroviews.scene.images import write_png
+
+
+@pytest.fixture(scope="module")
+def flower(tmp_path_factory):
+    """Nine photographs of a real capture at half size, in a folder and with names that need care."""
+    folder = tmp_path_factory.mktemp("flower") / "my photos"
+    for name, image in flower_walk():
+        write_png(folder / "first walk" / f"a {name}.png", image)
+    return folder
+
+
+def relative_rotation_error(scene, other, a, b):
+    """Degrees between what two scenes say of the turn from one view to another."""
+    turns = [s.views[b].camera.rotation @ s.views[a].camera.rotation.T for s in (scene, other)]
+    cosine = (np.trace(turns[0].T @ turns[1]) - 1) / 2
+    return np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+
+
+def test_interrupted_estimation_goes_on_and_agrees_with_the_solved_poses(flower, tmp_path):
+    script = "import sys; from pathlib import Path; from hydroviews.captures.sfm.poses import estimate_poses as run; "
+    script += "run(Path(sys.argv[1]), Path(sys.argv[2]))"
+    out = tmp_path / "out"
+    process = subprocess.Popen([sys.executable, "-c", script, flower, out], stderr=subprocess.PIPE, text=True)
+    wait_until((out / "pairs.txt").exists, process)  # features are done
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=PATIENCE)
+    assert process.returncode not in (0, -signal.SIGABRT)
+    assert "KeyboardInterrupt" in errors
+    assert not (out / "sparse").exists()
+
+    scene = estimate_poses(flower, out)
+    assert scene.notes[0] == "cameras from sparse/0: 9 of 9 images registered"
+    assert len(scene.points) > 300
+    assert all(" " not in view.name for view in scene.views)
+    solved = read_scene(capture("llff_flower"))
+    solved = replace(solved, views=tuple(solved.views[i] for i in WALK))
+    assert max(relative_rotation_error(scene, solved, 0, i) for i in range(1, 9)) < 1
+
+    before = {path: path.stat().st_mtime_ns for path in (out / "sparse" / "0").iterdir()}
+    estimate_poses(flower, out)
+    assert {path: path.stat().st_mtime_ns for path in (out / "sparse" / "0").iterdir()} == before
+    with pytest.raises(InputError, match=r"estimated otherwise\n.*seed"):
+        estimate_poses(flower, out, seed=1)
+
+
+def test_an_interruption_waits_for_the_safe_point():
+    ended = []
+
+    def call(cancellation_token):
+        os.kill(os.getpid(), signal.SIGINT)
+        while not cancellation_token.is_cancelled:
+            time.sleep(0.01)
+        time.sleep(0.3)  # on the way to the safe point
+        ended.append(True)
+
+    with pytest.raises(KeyboardInterrupt):
+        features.interruptible(call)
+    assert ended
+
+
+def test_interrupted_mapping_goes_on_from_a_snapshot(flower, tmp_path, monkeypatch):
+    def interrupted(call):
+        if call.func is not pycolmap.incremental_mapping:
+            return call(cancellation_token=pycolmap.CancellationToken())
+        token, registered = pycolmap.CancellationToken(), []
+
+        def register():
+            registered.append(1)
+            if len(registered) == 6:
+                token.cancel()
+
+        return partial(call, next_image_callback=register)(cancellation_token=token)
+
+    monkeypatch.setattr(poses, "SNAPSHOT_EVERY", 2)
+    with monkeypatch.context() as patch:
+        patch.setattr(features, "interruptible", interrupted)
+        with pytest.raises(InterruptedError):
+            estimate_poses(flower, tmp_path)
+    snapshots = sorted((tmp_path / ".partial-mapping" / "snapshots").iterdir())
+    assert len(snapshots) >= 2
+    scene = estimate_poses(flower, tmp_path)
+    assert len(scene.views) == 9
+    assert not (tmp_path / ".partial-mapping").exists()
+    solved = read_scene(capture("llff_flower"))
+    solved = replace(solved, views=tuple(solved.views[i] for i in WALK))
+    assert max(relative_rotation_error(scene, solved, 0, i) for i in range(1, 9)) < 1
+
+
+def test_triangulated_points_fit_the_given_poses(tmp_path):
+    scene = read_scene(capture("ngp_fox")).resized(320)
+    views = [replace(view, name=name) for view, name in zip(scene.views, ["a b", "a_b"], strict=False)]
+    scene = replace(scene, views=(*views, *scene.views[2:10]))  # the same name to COLMAP, which has no blanks in its
+    points = triangulate(scene, tmp_path)
+    assert len(points) > 200
+    assert points.colours.std() > 10
+    solved = [view.camera.project(points.positions) for view in scene.views]
+    inside = sum(
+        (depth > 0) & (pixels > 0).all(1) & (pixels < (view.camera.width, view.camera.height)).all(1)
+        for (pixels, depth), view in zip(solved, scene.views, strict=True)
+    )
+    assert (inside >= 3).mean() > 0.95  # each is seen by three views
+    again = triangulate(scene, tmp_path)  # from the finished database
+    np.testing.assert_array_equal(again.positions, points.positions)
+
+
+def test_photographs_that_share_nothing(tmp_path):
+    random = np.random.default_rng(0)
+    for i in range(3):
+        write_png(tmp_path / "noise" / f"{i}.png", random.random((64, 64, 3)).astype(np.float32))
+    with pytest.raises(InputError, match=r"only 0 of 3 photographs could be registered\n.*\n.*take more"):
+        estimate_poses(tmp_path / "noise", tmp_path / "out")
+    assert not (tmp_path / "out" / "sparse").exists()
+
+
+def test_too_few_photographs(tmp_path):
+    with pytest.raises(InputError, match=r"0 photographs\n.*no such folder"):
+        estimate_poses(tmp_path / "nowhere", tmp_path / "out")
+    write_png(tmp_path / "two" / "a.png", np.zeros((8, 8, 3), np.float32))
+    with pytest.raises(InputError, match="1 photographs"):
+        estimate_poses(tmp_path / "two", tmp_path / "out")
+    for name in "bc":
+        write_png(tmp_path / "two" / f"{name}.png", np.zeros((8, 8, 3), np.float32))
+    with pytest.raises(InputError, match="among the photographs"):
+        estimate_poses(tmp_path / "two", tmp_path / "two" / "out")
+
+
+def test_settings_are_kept(tmp_path):
+    scene = capture_in(tmp_path / "flat", n_views=3)
+    with pytest.raises(InputError):
+        estimate_poses(scene.views[0].path.parent, tmp_path / "out", camera_model="OPENCV", matcher="sequential")
+    settings = json.loads((tmp_path / "out" / "poses.json").read_text())
+    assert settings == {
+        "camera_model": "OPENCV",
+        "exhaustive": False,
+        "seed": 0,
+        "images": ["view-00.png", "view-01.png", "view-02.png"],
+        "masks": None,
+        "rainy": None,
+        "files": listing(view.path for view in scene.views),
+    }
+    assert Path(os.readlink(tmp_path / "out" / "images" / "view-01.png")) == scene.views[1].path.resolve()
+
+
+def test_other_photographs_of_the_same_names_and_photographs_that_moved(tmp_path):
+    scene = capture_in(tmp_path / "flat", n_views=3)
+    images = scene.views[0].path.parent
+    with pytest.raises(InputError, match="could be registered"):
+        estimate_poses(images, tmp_path / "out")
+    moved = images.rename(tmp_path / "moved")
+    with pytest.raises(InputError, match="could be registered"):
+        estimate_poses(moved, tmp_path / "out")
+    assert (tmp_path / "out" / "images" / "view-01.png").is_file()
+    write_png(moved / "view-01.png", np.zeros((99, 99, 3), np.float32))
+    with pytest.raises(InputError, match=r"estimated otherwise[\s\S]*files"):
+        estimate_poses(moved, tmp_path / "out")
+
+
+def test_sequence_pairs_join_neighbours_and_close_loops():
+    pairs = features.sequence_pairs(300)
+    assert {(i, i + 1) for i in range(299)} <= pairs
+    assert (0, 299) in pairs
+    assert (10, 10 + 128) in pairs
+    assert len(pairs) < 5000 < len(features.all_pairs(300))
+    assert features.sequence_pairs(2) == {(0, 1)}
+    assert all(i < j < 300 for i, j in pairs)
+
+
+def test_pose_pairs_need_a_common_direction(tmp_path):
+    scene = capture_in(tmp_path, n_views=36)  # a ring, ten degrees apart
+    pairs = features.pose_pairs(np.stack([view.camera.world_to_camera for view in scene.views]))
+    apart = {min(j - i, 36 - (j - i)) for i, j in pairs}
+    assert {1, 2, 3, 4, 5} <= apart <= {1, 2, 3, 4, 5, 6}  # none beyond sixty degrees
+    assert {(i, i + 1) for i in range(35)} <= pairs
+
+
+def test_misplaced_cameras():
+    line = np.c_[np.arange(40.0), np.zeros(40), np.zeros(40)]
+    assert misplaced(line) == []
+    wrong = line.copy()
+    wrong[17] += (0, 50, 0)
+    assert misplaced(wrong) == [17]
+    wrong[18] += (0, 50, 1)
+    assert misplaced(wrong) == [17, 18]
+    assert misplaced_note([f"v{i}" for i in range(40)], wrong)[0].startswith("v17, v18: more than 10 median steps")
+    jump = line.copy()
+    jump[20:] += (0, 50, 0)  # a second walk elsewhere
+    assert misplaced(jump) == []
+    wrong = line.copy()
+    wrong[0] -= (30, 0, 0)
+    assert misplaced(wrong) == [0]
+    assert misplaced(np.random.default_rng(0).normal(size=(100, 3))) == []
+
+
+def test_rigid_pose_of_another_size():
+    with pytest.raises(InputError, match="here: the pose is not a matrix"):
+        rigid_pose([[1, 2], [3, 4]], "here")
+    with pytest.raises(InputError, match="here: the pose is not a matrix"):
+        rigid_pose("identity", "here")

@@ -1,0 +1,352 @@
+import errno
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pycolmap
+import pytest
+from synthetic import capture_in
+
+from hydroviews.dataset import build as build_module
+from hydroviews.dataset.build import build
+from hydroviews.dataset.manifest import read_manifest, scene_files
+from hydroviews.dataset.rainy_variant import FOCAL_STEP
+from hydroviews.dataset.variants import open_clean, open_variant
+from hydroviews.dataset.verify import verify
+from hydroviews.errors import InputError
+from hydroviews.formats import read_scene
+from hydroviews.formats.writers import write_colmap
+from hydroviews.rain import effects, severity
+from hydroviews.rain.patterns import Pattern, choose_patterns
+from hydroviews.rain.setting import survey
+from hydroviews.scene.images import read_image, write_png
+from hydroviews.scene.scenes import make_scene, no_points
+
+STREAK = Pattern("streak", 0)
+
+
+@pytest.fixture
+def scene(tmp_path):
+    return capture_in(tmp_path / "capture" / "yard")
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in scene_files(folder)}
+
+
+def test_a_build_holds_what_the_layout_promises(scene, tmp_path):
+    folder = build(scene, tmp_path / "data", patterns=[STREAK], seed=3)
+    names = [view.name for view in scene.views]
+    for part, suffix in (("clean", "png"), ("streak-0/images", "png"), ("streak-0/layers", "exr")):
+        assert sorted(p.name for p in (folder / part).iterdir()) == [f"{n}.{suffix}" for n in names]
+    facts = json.loads((folder / "streak-0" / "pattern.json").read_text())
+    assert facts["seed"] == 3
+    assert set(facts["parameters"]) == {"n", "length", "angle", "width", "brightness"}
+    split = json.loads((folder / "split.json").read_text())
+    assert split["test"] == names[::8]
+    assert verify(tmp_path / "data", every_view=True) == []
+
+
+def test_a_variant_opens_in_other_software(scene, tmp_path):
+    folder = build(scene, tmp_path / "data", patterns=[STREAK])
+    model = pycolmap.Reconstruction(folder / "streak-0" / "sparse" / "0")
+    transforms = json.loads((folder / "streak-0" / "transforms.json").read_text())
+    assert model.num_reg_images() == len(scene.views) == len(transforms["frames"])
+    flip = np.diag([1.0, -1, -1, 1])
+    frames = {Path(f["file_path"]).name: np.array(f["transform_matrix"]) @ flip for f in transforms["frames"]}
+    for image in model.images.values():
+        pose = np.eye(4)
+        pose[:3] = image.cam_from_world().matrix()
+        assert np.allclose(np.linalg.inv(frames[image.name]), pose, atol=1e-9)
+        assert (folder / "streak-0" / "images" / image.name).is_file()
+        assert image.camera.model.name == "PINHOLE"
+
+
+def test_opened_scenes_have_the_cameras_and_split_of_the_capture(scene, tmp_path):
+    folder = build(scene, tmp_path / "data", patterns=[STREAK])
+    for opened in (open_clean(folder), open_variant(folder, "streak-0")):
+        assert opened.split == scene.split
+        assert len(opened.points) == len(scene.points)
+        for ours, given in zip(opened.views, scene.views, strict=True):
+            assert np.allclose(ours.camera.world_to_camera, given.camera.world_to_camera, atol=1e-9)
+            assert ours.camera.fx == given.camera.fx
+    assert np.array_equal(open_clean(folder).views[0].image(), scene.views[0].image())
+    assert not np.array_equal(open_variant(folder, "streak-0").views[0].image(), scene.views[0].image())
+
+
+def test_seeds(scene, tmp_path):
+    first, again, other = (
+        contents(build(scene, tmp_path / out, patterns=[STREAK], seed=seed))
+        for out, seed in (("a", 0), ("b", 0), ("c", 1))
+    )
+    assert first == again
+    assert first["streak-0/images/view-00.png"] != other["streak-0/images/view-00.png"]
+    assert first["streak-0/images/view-00.png"] != first["streak-0/images/view-01.png"]
+
+
+def test_rain_is_fresh_in_every_view_and_other_in_every_pattern(scene, tmp_path):
+    folder = build(scene, tmp_path / "data", patterns=choose_patterns(["streak-0", "streak-1"], ()))
+    rain = {
+        (p, v): (folder / p / "layers" / f"{v}.exr").read_bytes()
+        for p in ("streak-0", "streak-1")
+        for v in ("view-00", "view-01")
+    }
+    assert len(set(rain.values())) == 4
+    parameters = [json.loads((folder / p / "pattern.json").read_text())["parameters"] for p in ("streak-0", "streak-1")]
+    assert parameters[0] != parameters[1]
+
+
+def test_full_disk_then_resume(scene, tmp_path, monkeypatch):
+    whole = contents(build(scene, tmp_path / "whole", patterns=[STREAK]))
+    monkeypatch.setattr("hydroviews.files.atomic.os.replace", _full_after(15))
+    with pytest.raises(InputError, match="no space left"):
+        build(scene, tmp_path / "data", patterns=[STREAK])
+    assert "yard" not in read_manifest(tmp_path / "data")["scenes"]
+    monkeypatch.undo()
+    assert contents(build(scene, tmp_path / "data", patterns=[STREAK])) == whole
+    assert verify(tmp_path / "data") == []
+
+
+def test_views_of_other_parameters_are_not_mixed_in(scene, tmp_path, monkeypatch):
+    other = Pattern("streak", 1)
+    build(scene, tmp_path / "data", patterns=[other])
+    finished = contents(tmp_path / "data" / "yard" / "streak-1")
+    monkeypatch.setattr("hydroviews.files.atomic.os.replace", _full_after(15))
+    with pytest.raises(InputError, match="no space left"):
+        build(scene, tmp_path / "data", patterns=[STREAK])
+    monkeypatch.undo()
+    begun = list((tmp_path / "data" / "yard" / "streak-0" / "images").iterdir())
+    assert 0 < len(begun) < len(scene.views)
+    monkeypatch.setitem(severity.LOSS["streak"], "light", 0.2)
+    folder = build(scene, tmp_path / "data", patterns=[STREAK])
+    whole = build(scene, tmp_path / "whole", patterns=[STREAK])
+    assert contents(folder / "streak-0") == contents(whole / "streak-0")
+    assert contents(folder / "streak-1") == finished  # what was finished stays as it was
+    assert verify(tmp_path / "data", every_view=True) == []
+
+
+@pytest.mark.parametrize("lost", ["pattern.json", "images/view-04.png", "statistics.csv", "transforms.json"])
+def test_a_finished_variant_is_repaired_whatever_it_lost(scene, tmp_path, lost):
+    folder = build(scene, tmp_path / "data", patterns=[STREAK])
+    whole = contents(folder)
+    (folder / "streak-0" / lost).unlink()
+    build(scene, tmp_path / "data", patterns=[STREAK])
+    assert contents(folder) == whole
+
+
+def _full_after(writes: int):
+    """os.replace on a disk that is full after some files."""
+    import os
+
+    done = []
+    real = os.replace
+
+    def replace(source, target):
+        done.append(target)
+        if len(done) > writes:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        real(source, target)
+
+    return replace
+
+
+def test_another_request_is_refused_and_overwrite_builds_it(scene, tmp_path):
+    build(scene, tmp_path / "data", patterns=[STREAK], long_side=32)
+    with pytest.raises(InputError, match="another request") as refusal:
+        build(scene, tmp_path / "data", patterns=[STREAK], long_side=24)
+    assert "long_side 32" in str(refusal.value)
+    folder = build(scene, tmp_path / "data", patterns=[STREAK], long_side=24, overwrite=True)
+    assert read_image(folder / "clean" / "view-00.png").shape == (18, 24, 3)
+    assert verify(tmp_path / "data") == []
+
+
+def test_rain_that_was_begun_and_not_ended_is_not_listed(scene, tmp_path):
+    build(scene, tmp_path, patterns=[Pattern("streak", 0)], long_side=24)
+    begun = tmp_path / scene.name / "streak-2"
+    (begun / "images").mkdir(parents=True)
+    (begun / "pattern.json").write_text("{}")
+    (begun / "images" / "view-00.png").write_bytes(b"")
+    folder = build(scene, tmp_path, patterns=[Pattern("streak", 0), Pattern("streak", 1)], long_side=24)
+    files = read_manifest(tmp_path)["scenes"][scene.name]["files"]
+    assert not [name for name in files if name.startswith("streak-2/")]
+    assert any("streak-2" in problem and "not in the manifest" in problem for problem in verify(tmp_path))
+    (folder / "streak-1" / "sparse").unlink()
+    build(scene, tmp_path, patterns=[Pattern("streak", 1)], long_side=24)
+    assert (folder / "streak-1" / "sparse").is_dir()
+
+
+def test_patterns_can_be_added_later(scene, tmp_path):
+    build(scene, tmp_path / "data", patterns=[])
+    folder = build(scene, tmp_path / "data", patterns=[STREAK])
+    together = build(scene, tmp_path / "other", patterns=[STREAK])
+    assert contents(folder) == contents(together)
+    assert read_manifest(tmp_path / "data")["scenes"]["yard"]["patterns"] == ["streak-0"]
+
+
+def test_a_finished_build_is_not_touched(scene, tmp_path, monkeypatch):
+    build(scene, tmp_path / "data", patterns=[STREAK])
+    monkeypatch.setattr(build_module, "write_views", None)
+    build(scene, tmp_path / "data", patterns=[STREAK])
+
+
+def test_verify_names_what_changed(scene, tmp_path):
+    folder = build(scene, tmp_path / "data", patterns=[STREAK])
+    image = folder / "streak-0" / "images" / "view-00.png"
+    write_png(image, read_image(image) * 0.5)
+    (folder / "clean" / "view-05.png").unlink()
+    (folder / "stray.txt").write_text("")
+    layer = folder / "streak-0" / "layers" / "view-01.exr"
+    layer.write_bytes(layer.read_bytes()[:100])
+    problems = "\n".join(verify(tmp_path / "data", every_view=True))
+    assert "view-00.png: changed" in problems
+    assert "view-00.png: differs by" in problems
+    assert "view-05.png: missing" in problems
+    assert "stray.txt: not in the manifest" in problems
+    assert "view-01.exr: not a readable EXR" in problems
+
+
+def test_verify_needs_a_manifest(tmp_path):
+    with pytest.raises(InputError, match=r"no manifest\.json"):
+        verify(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["rain-0", "streak", "streak-x", "streak--1", ""])
+def test_unknown_patterns_are_refused(name):
+    with pytest.raises(InputError, match="no such rain pattern"):
+        choose_patterns([name], (1,))
+
+
+def test_a_capture_is_never_built_over(scene, tmp_path):
+    before = contents(scene.views[0].path.parents[1])
+    for overwrite in (False, True):
+        with pytest.raises(InputError, match="the capture itself would be overwritten"):
+            build(scene, tmp_path / "capture", patterns=[STREAK], overwrite=overwrite)
+    assert contents(scene.views[0].path.parents[1]) == before
+
+
+def test_files_of_unknown_origin_are_not_taken_for_finished(scene, tmp_path):
+    folder = build(scene, tmp_path / "data", patterns=[STREAK], seed=0)
+    (folder / "request.json").unlink()
+    with pytest.raises(InputError, match="files that no build wrote"):
+        build(scene, tmp_path / "data", patterns=[STREAK], seed=5)
+
+
+def test_a_finished_scene_that_lost_files_is_repaired(scene, tmp_path):
+    folder = build(scene, tmp_path / "data", patterns=[STREAK])
+    whole = contents(folder)
+    (folder / "clean" / "view-03.png").unlink()
+    (folder / "streak-0" / "layers" / "view-04.exr").unlink()
+    build(scene, tmp_path / "data", patterns=[STREAK])
+    assert contents(folder) == whole
+
+
+def test_another_photograph_of_the_same_size_is_another_request(scene, tmp_path):
+    build(scene, tmp_path / "data", patterns=[])
+    image = scene.views[0].path
+    content = bytearray(image.read_bytes())
+    content[-20] ^= 1
+    image.write_bytes(content)
+    with pytest.raises(InputError, match="another request"):
+        build(scene, tmp_path / "data", patterns=[])
+
+
+def test_rain_off_the_lens_is_made_ready_once_for_pictures_of_all_sizes(scene, tmp_path, monkeypatch):
+    views = [replace(v, camera=v.camera.resized(*((48, 36), (40, 30))[i % 2])) for i, v in enumerate(scene.views)]
+    prepare, prepared = effects.prepare, []
+    monkeypatch.setattr(effects, "prepare", lambda *facts: prepared.append(facts) or prepare(*facts))
+    several = make_scene("yard", views, scene.points)
+    folder = build(several, tmp_path / "data", patterns=choose_patterns(["streak-0", "storm-0"], ()))
+    assert len(prepared) == 2
+    assert read_image(folder / "storm-0" / "images" / "view-07.png").shape == (30, 40, 3)
+    assert verify(tmp_path / "data", every_view=True) == []
+
+
+class Dry:
+    """Nothing on the lens."""
+
+    def __init__(self, pattern, drawn, setting, camera, folder):
+        self.camera, self.folder, self.parameters = camera, folder, {}
+
+    def layers(self, clean, view):
+        assert view.camera.fx == pytest.approx(self.camera.fx, rel=FOCAL_STEP - 1)
+        return dict.fromkeys("MVRGB", np.zeros(clean.shape[:2], np.float32))
+
+
+def test_water_on_the_lens_is_made_ready_for_every_focal_length(scene, tmp_path, monkeypatch):
+    factors = (1.0, 1.01, 1.6)
+    views = [replace(v, camera=zoomed(v.camera, factors[i % 3])) for i, v in enumerate(scene.views)]
+    prepared = []
+    monkeypatch.setattr(effects, "prepare", lambda *facts: prepared.append(Dry(*facts)) or prepared[-1])
+    build(make_scene("yard", views, scene.points), tmp_path / "data", patterns=[Pattern("raindrop", 0)])
+    assert 2 <= len({one.folder for one in prepared}) == len(prepared) <= 3  # 1 and 1.01 may lie on two sides of a step
+    assert max(one.camera.fx for one in prepared) > 1.5 * min(one.camera.fx for one in prepared)
+
+
+def zoomed(camera, factor):
+    return replace(camera, fx=factor * camera.fx, fy=factor * camera.fy)
+
+
+def test_what_a_capture_says_of_itself_belongs_to_the_request(scene, tmp_path):
+    capture = scene.views[0].path.parents[1]
+    write_colmap(replace(scene, points=no_points()), capture / "sparse" / "0")
+    storm = [Pattern("storm", 0)]
+    with pytest.raises(InputError, match=r"how large the scene is[\s\S]*capture\.json"):
+        build(read_scene(capture), tmp_path / "data", patterns=storm)
+    (capture / "capture.json").write_text('{"metres_per_unit": 0.5}')
+    with pytest.raises(InputError, match="another request"):
+        build(read_scene(capture), tmp_path / "data", patterns=storm)
+    folder = build(read_scene(capture), tmp_path / "data", patterns=storm, overwrite=True)
+    parameters = json.loads((folder / "storm-0" / "pattern.json").read_text())["parameters"]
+    assert (parameters["metres_per_unit"], parameters["metres_estimated"]) == (0.5, False)
+    (capture / "capture.json").write_text('{"rain": "captured"}')
+    with pytest.raises(InputError, match="another request"):
+        build(read_scene(capture), tmp_path / "data", patterns=[])
+    for scale in ("0", "-1", "true", '"2"'):
+        (capture / "capture.json").write_text(f'{{"metres_per_unit": {scale}}}')
+        with pytest.raises(InputError, match=r"capture\.json: metres_per_unit"):
+            read_scene(capture)
+
+
+RECORD_OFTEN = """
+import sys
+from pathlib import Path
+from hydroviews.dataset.manifest import record_scene
+for turn in range(100):
+    record_scene(Path(sys.argv[1]), sys.argv[2], {"patterns": [], "turn": turn})
+"""
+
+
+def test_scenes_that_are_recorded_at_the_same_time_all_stand_in_the_manifest(tmp_path):
+    names = ["a", "b", "c"]
+    for name in names:
+        (tmp_path / name).mkdir()
+    command = [sys.executable, "-c", RECORD_OFTEN, str(tmp_path)]
+    processes = [subprocess.Popen([*command, name], stderr=subprocess.DEVNULL) for name in names]
+    assert [process.wait(60) for process in processes] == [0, 0, 0]
+    scenes = read_manifest(tmp_path)["scenes"]
+    assert {name: scenes[name]["turn"] for name in scenes} == dict.fromkeys(names, 99)
+
+
+def test_an_unfinished_scene_does_not_verify(scene, tmp_path):
+    folder = build(scene, tmp_path / "data", patterns=[])
+    (tmp_path / "data" / "manifest.json").write_text('{"generator": "", "scenes": {}}')
+    assert verify(tmp_path / "data") == [f"{folder}: not finished; run its build again"]
+
+
+@pytest.mark.parametrize("content", ["{", "{}", "[]", '{"scenes": {"yard": {}}}'])
+def test_a_broken_manifest_is_told(tmp_path, content):
+    (tmp_path / "manifest.json").write_text(content)
+    with pytest.raises(InputError, match="delete it and build again"):
+        verify(tmp_path)
+
+
+def test_the_technique_of_drops_is_part_of_the_request(scene, tmp_path):
+    folder = build(scene, tmp_path, patterns=[], technique="aperture")
+    assert json.loads((folder / "request.json").read_text())["technique"] == "aperture"
+    with pytest.raises(InputError, match="technique disk"):
+        build(scene, tmp_path, patterns=[])
+    drawn = effects.draw(Pattern("raindrop", 0), survey(scene, 0, "aperture"))
+    assert drawn.technique == "aperture"

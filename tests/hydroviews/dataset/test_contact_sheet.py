@@ -1,0 +1,108 @@
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from processes import PATIENCE
+from synthetic import capture_in
+
+from hydroviews.dataset.build import build
+from hydroviews.dataset.contact_sheet import spread, write_sheets
+from hydroviews.dataset.verify import verify
+from hydroviews.errors import InputError
+from hydroviews.formats import read_scene
+from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.writers import write_colmap
+from hydroviews.rain.patterns import Pattern
+from hydroviews.scene.images import read_image, to_uint8
+from hydroviews.scene.picture_grid import GAP, MARGIN, PAPER, Row, Tile, draw_sheet, write
+
+
+@pytest.fixture
+def built(tmp_path) -> Path:
+    return build(capture_in(tmp_path / "capture" / "yard"), tmp_path / "data", patterns=[Pattern("streak", 1)])
+
+
+def test_sheets_show_the_views_and_leave_the_scene_as_it_was(built):
+    paths = write_sheets(built, columns=3)
+    assert [path.name for path in paths] == ["yard.png", "yard-layers.png"]
+    assert verify(built.parent) == []
+    sheet = to_uint8(read_image(paths[0]))
+    for part, names in (("clean", ("view-01", "view-04", "view-07")), ("streak-1/images", ("view-04",))):
+        for name in names:
+            assert holds(sheet, to_uint8(read_image(built / part / f"{name}.png"))), (part, name)
+    assert not holds(sheet, to_uint8(read_image(built / "clean" / "view-00.png")))
+    first = [path.read_bytes() for path in paths]
+    assert [path.read_bytes() for path in write_sheets(built, columns=3)] == first
+
+
+def holds(sheet: np.ndarray, picture: np.ndarray) -> bool:
+    """Whether a picture is somewhere in a sheet, pixel by pixel."""
+    height, width = picture.shape[:2]
+    tops = np.flatnonzero((sheet == picture[0, 0]).all(-1))
+    for top, left in zip(*np.unravel_index(tops, sheet.shape[:2]), strict=True):
+        if np.array_equal(sheet[top : top + height, left : left + width], picture):
+            return True
+    return False
+
+
+def test_a_scene_without_rain_has_one_sheet(tmp_path):
+    folder = build(capture_in(tmp_path / "capture" / "yard"), tmp_path / "data", patterns=[])
+    assert [path.name for path in write_sheets(folder, tmp_path / "out")] == ["yard.png"]
+    for columns in (0, 400):
+        with pytest.raises(InputError, match="at least 1, at most 40"):
+            write_sheets(folder, columns=columns)
+
+
+def test_a_scene_captured_in_rain_has_its_own_row(tmp_path):
+    capture = tmp_path / "capture" / "yard"
+    write_colmap(capture_in(capture), capture / "sparse" / "0")
+    (capture / "capture.json").write_text('{"rain": "captured"}')
+    folder = build(read_scene(capture), tmp_path / "data", patterns=[])
+    (path,) = write_sheets(folder, columns=2)
+    picture = to_uint8(read_image(folder / CAPTURED / "images" / "view-02.png"))
+    assert holds(to_uint8(read_image(path)), picture)
+
+
+def test_statistics_that_lack_a_view_are_told(built):
+    path = built / "streak-1" / "statistics.csv"
+    path.write_text("".join(path.read_text().splitlines(keepends=True)[:3]))
+    with pytest.raises(InputError, match=r"statistics\.csv: no row for view-03\n.*2 rows"):
+        write_sheets(built)
+
+
+def test_the_command(built):
+    command = [sys.executable, "-m", "hydroviews", "sheet", str(built.parent), "--views", "2"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == [str(built.parent / "sheets" / f"yard{end}.png") for end in ("", "-layers")]
+    wrong = subprocess.run([*command, "--scene", "other"], capture_output=True, text=True, timeout=PATIENCE)
+    assert wrong.returncode == 2
+    assert "no finished scene other" in wrong.stderr
+
+
+@pytest.mark.parametrize(("count", "expected"), [(1, "c"), (2, "bd"), (3, "ace"), (9, "abcde")])
+def test_views_are_spread_evenly(count, expected):
+    assert "".join(spread(list("abcde"), count)) == expected
+
+
+def test_tiles_are_shrunk_not_enlarged_and_the_sheet_keeps_its_width():
+    large, small = np.full((300, 900, 3), 0.5), np.zeros((30, 40, 3))
+    sheet = draw_sheet("title", "remark", [Row("a", "", [Tile(large, "one")] * 3), Row("b", "", [Tile(small)])], 1000)
+    assert sheet.shape[1] <= 1000
+    grey = (sheet == 128).all(-1).sum(axis=1)
+    side = (1000 - 2 * MARGIN + GAP) // 3 - GAP
+    assert grey.max() == 3 * side
+    assert (sheet == 0).all(-1).sum() >= 30 * 40
+    assert draw_sheet("t", "", [Row("b", "", [Tile(small)])], 1000).shape[1] == 40 + 2 * MARGIN
+
+
+def test_letters_stay_in_their_room():
+    canvas = np.full((40, 300, 3), PAPER, np.uint8)
+    end = write(canvas, "a long caption that does not fit", 20, 20, 18, 0, limit=100)
+    written = np.flatnonzero((canvas < PAPER).any(axis=(0, 2)))
+    assert written.min() >= 20
+    assert written.max() < end <= 121
+    assert write(canvas, "", 7, 20, 18, 0, limit=100) == 7
+    assert write(canvas, "no room", 7, 20, 18, 0, limit=3) == 7

@@ -1,0 +1,108 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+from distorted import colmap_capture
+from synthetic import capture_in
+
+from hydroviews.dataset.drop_masks import read_drops
+from hydroviews.dataset.manifest import data_hash, record_files
+from hydroviews.dataset.sources import build_source
+from hydroviews.dataset.verify import verify
+from hydroviews.errors import InputError
+from hydroviews.formats import read_scene
+from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.writers import write_colmap
+from hydroviews.profiles import find_profile
+from hydroviews.scene.images import read_image, write_png
+
+DEMO = find_profile("demo")
+
+
+@pytest.fixture
+def church(tmp_path):
+    """A waterdrop capture of 9 views of 48x36 without masks."""
+    folder = tmp_path / "root" / "waterdrops" / "church"
+    write_colmap(capture_in(folder), folder / "sparse" / "0")
+    return folder
+
+
+def masks() -> np.ndarray:
+    """[18, 24, 9]: in the i-th photograph column i is a drop; the last has none."""
+    array = np.zeros((18, 24, 9))
+    for i in range(8):
+        array[:, i, i] = 1
+    return array
+
+
+def built(tmp_path: Path, **changes) -> Path:
+    return build_source("church", tmp_path / "data", DEMO, captures=tmp_path / "root", **changes)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64, np.bool_, "0 to 255"])
+def test_the_array_of_masks_is_kept_at_the_built_size(church, tmp_path, kind):
+    np.save(church / "rainMask.npy", (masks() * 255).astype(np.uint8) if kind == "0 to 255" else masks().astype(kind))
+    folder = built(tmp_path)
+    drops = [read_drops(folder, f"view-{i:02d}") for i in range(9)]
+    assert [plane.shape for plane in drops] == [(36, 48)] * 9
+    assert [sorted(set(np.nonzero(plane)[1])) for plane in drops[1:8]] == [
+        [2 * i - 1, 2 * i, 2 * i + 1, 2 * i + 2] for i in range(1, 8)
+    ]  # a pixel that a drop touches is one
+    assert not drops[8].any()
+    assert verify(tmp_path / "data") == []
+    stamp = (tmp_path / "data" / "manifest.json").stat().st_mtime_ns
+    built(tmp_path)
+    assert (tmp_path / "data" / "manifest.json").stat().st_mtime_ns == stamp
+
+
+def test_pictures_of_masks(church, tmp_path):
+    picture = np.zeros((36, 48, 3), np.uint8)
+    picture[:10] = 255
+    write_png(church / "rain_masks" / "view-03.png.png", picture)
+    folder = built(tmp_path, long_side=24)
+    assert np.array_equal(read_drops(folder, "view-03")[:, 0], np.arange(18) < 5)
+    assert read_drops(folder, "view-04") is None
+    assert verify(tmp_path / "data") == []
+    before = data_hash(folder.parent, folder.name, CAPTURED)
+    drops = f"{CAPTURED}/drops/view-03.png"
+    write_png(folder / drops, np.zeros((18, 24, 3), np.uint8))
+    record_files(folder.parent, folder.name, [drops])
+    assert data_hash(folder.parent, folder.name, CAPTURED) != before  # methods may learn from them
+
+
+def test_a_capture_without_masks_has_none(church, tmp_path):
+    assert read_drops(built(tmp_path), "view-00") is None
+
+
+@pytest.mark.parametrize(
+    ("array", "message"),
+    [
+        (np.zeros((18, 24, 8)), "masks for other photographs\n.*8 masks, 9 photographs"),
+        (np.zeros((18, 20, 9)), "differ in size"),
+        (np.zeros((18, 24)), "not an array of masks"),
+        (np.array(["a"]), "not an array of masks"),
+    ],
+)
+def test_masks_of_something_else_are_refused(church, tmp_path, array, message):
+    np.save(church / "rainMask.npy", array)
+    with pytest.raises(InputError, match=message):
+        built(tmp_path)
+
+
+def test_a_damaged_array_is_told(church, tmp_path):
+    (church / "rainMask.npy").write_bytes(b"\x93NUMPY cut")
+    with pytest.raises(InputError, match="not a NumPy array"):
+        built(tmp_path)
+
+
+def test_masks_of_distorted_photographs_are_undistorted_like_them(tmp_path):
+    folder = colmap_capture(tmp_path / "root" / "waterdrops" / "church")
+    height, width = read_image(folder / "images" / "view00.png").shape[:2]
+    picture = np.zeros((height, width, 3), np.uint8)
+    picture[: height // 3, : width // 4] = 255
+    for kind in ("rain_masks", "masks"):
+        write_png(folder / kind / "view00.png.png", picture if kind == "rain_masks" else 255 - picture)
+    ignored = read_scene(folder).resized(DEMO.long_side).views[0].ignored()
+    drops = read_drops(built(tmp_path), "view00")
+    assert np.array_equal(drops, ignored)
+    assert not np.array_equal(drops, picture[..., 0] > 0)

@@ -1,0 +1,137 @@
+from pathlib import Path
+
+import pytest
+from distorted import write_model, write_photographs
+
+from hydroviews.dataset import sources
+from hydroviews.dataset.sources import build_source, choose_images, find_capture
+from hydroviews.errors import InputError
+from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.profiles import find_profile
+from hydroviews.scene.images import read_image, resize_area, write_png
+
+NAMES = [f"view{i}.png" for i in range(5)]
+
+
+@pytest.fixture(autouse=True)
+def no_captures_of_this_machine(monkeypatch, tmp_path):
+    monkeypatch.delenv("HYDROVIEWS_CAPTURES", raising=False)
+    monkeypatch.chdir(tmp_path)
+
+
+def published(folder: Path, sizes: dict[str, tuple[int, int]]) -> Path:
+    """A COLMAP project with the same photographs at several sizes, the largest one the lens's."""
+    write_model(folder / "sparse" / "0", NAMES)
+    write_photographs(folder / "full", NAMES)
+    for name, size in sizes.items():
+        for photograph in NAMES:
+            write_png(folder / name / photograph, resize_area(read_image(folder / "full" / photograph), *size))
+    for photograph in NAMES:
+        (folder / "full" / photograph).unlink()
+    return folder
+
+
+SIZES = {"images": (96, 72), "images_2": (48, 36), "images_4": (24, 18), "images_8": (12, 9)}
+
+
+@pytest.fixture
+def root(tmp_path):
+    published(tmp_path / "root" / "360_v2" / "garden", SIZES)
+    return tmp_path / "root"
+
+
+def find(source, root=None, long_side=20):
+    return find_capture(source, Path("rendered"), 40, long_side, root)
+
+
+@pytest.mark.parametrize("source", ["garden", "mipnerf360/garden", "360_v2/garden"])
+def test_a_capture_is_read_by_name(root, source):
+    scene = find(source, root)
+    assert scene.name == "mipnerf360_garden"
+    assert {view.path.parent for view in scene.views} == {root / "360_v2" / "garden" / "images_4"}
+    assert not scene.captured_rainy
+
+
+def test_the_environment_names_the_folder(root, monkeypatch):
+    monkeypatch.setenv("HYDROVIEWS_CAPTURES", str(root))
+    assert find("garden").name == "mipnerf360_garden"
+
+
+@pytest.mark.parametrize(
+    ("long_side", "published_for", "folder"),
+    [
+        (1600, "images_4", "images_4"),  # never larger than what results are published for
+        (1600, "images_2", "images_2"),
+        (25, "images_2", "images_2"),
+        (24, "images_2", "images_4"),
+        (20, "images_4", "images_4"),
+        (12, "images_4", "images_8"),
+        (5, "images", "images_8"),
+    ],
+)
+def test_no_larger_photographs_are_read_than_needed(root, long_side, published_for, folder):
+    assert choose_images(root / "360_v2" / "garden", published_for, long_side) == (folder, [])
+
+
+def test_other_sizes_are_taken_and_noted(tmp_path):
+    folder = published(tmp_path / "root" / "garden", {"images": SIZES["images"], "images_2": SIZES["images_2"]})
+    assert choose_images(folder, "images_4", 1600)[0] == "images"
+    assert choose_images(folder, "images_4", 30)[0] == "images_2"
+    notes = find("garden", tmp_path / "root").notes
+    assert "no images_4, for which results are published: views come from images_2" in notes
+    assert choose_images(tmp_path, "images_4", 30) == (None, [])
+
+
+def test_an_embedded_scene_wins_over_a_published_one(root, monkeypatch):
+    published(root / "360_v2" / "room", SIZES)
+    monkeypatch.setattr(sources, "EMBEDDED", ("courtyard", "room"))
+    monkeypatch.setattr(sources, "render_embedded", lambda name, folder, *size, seed: None)
+    monkeypatch.setattr(sources, "read_embedded", lambda name, folder: (name, str(folder)))
+    assert find("room", root) == ("room", "rendered/room-40-20x15")
+    assert find("mipnerf360/room", root).name == "mipnerf360_room"
+
+
+def test_what_is_not_there_says_where_to_get_it(root):
+    with pytest.raises(InputError) as error:
+        find("mipnerf360/bicycle", root)
+    text = str(error.value)
+    assert str(root / "360_v2" / "bicycle") in text
+    assert str(root / "mipnerf360_bicycle") in text
+    assert "python -m hydroviews download mipnerf360/bicycle" in text
+    assert "https://storage.googleapis.com/gresearch/refraw360/360_v2.zip" in text
+    assert "HYDROVIEWS_CAPTURES" in text
+    with pytest.raises(InputError, match="has no horse"):
+        find("tanksandtemples/horse", root)
+    with pytest.raises(InputError, match=r"several captures[\s\S]*mipnerf360/stump"):
+        find("mipnerf360", root)
+    with pytest.raises(InputError, match=r"no such capture[\s\S]*mipnerf360/garden"):
+        find("moon", root)
+
+
+def test_own_captures_by_path_or_by_name_in_the_folder(root, tmp_path):
+    published(root / "my yard", {"images": SIZES["images"]})
+    assert find("my yard", root).name == "my yard"
+    assert find(str(root / "my yard")).name == "my yard"
+    published(tmp_path / "garden", {"images": SIZES["images"]})  # a folder of a published name, here
+    assert find("garden", tmp_path / "empty").views[0].path.parent == Path("garden/images")
+    assert "read as the published mipnerf360/garden" in find("garden", tmp_path / "empty").notes[-1]
+    assert find("./garden", root).name == "garden"
+
+
+def test_a_wrong_pattern_is_told_before_anything_is_rendered(tmp_path):
+    with pytest.raises(InputError, match="PATTERNS=streak: no such rain pattern"):
+        build_source("courtyard", tmp_path / "data", find_profile("demo"), patterns=["streak"])
+    assert not (tmp_path / "data").exists()
+
+
+def test_a_scene_captured_in_rain_gets_none(tmp_path):
+    published(tmp_path / "root" / "waterdrops" / "church", {"images": SIZES["images"]})
+    folder = build_source(
+        "church", tmp_path / "data", find_profile("demo"), all_patterns=True, captures=tmp_path / "root"
+    )
+    assert folder.name == "waterdrops_church"
+    assert sorted(p.name for p in folder.iterdir() if p.is_dir()) == [CAPTURED, "sparse"]
+    with pytest.raises(InputError, match="taken in rain"):
+        build_source(
+            "church", tmp_path / "data", find_profile("demo"), patterns=["streak-1"], captures=tmp_path / "root"
+        )

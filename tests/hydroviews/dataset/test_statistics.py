@@ -1,0 +1,180 @@
+import time
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hydroviews import metrics
+from hydroviews.dataset.statistics import measure_view, read_statistics, write_statistics
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import write_json
+from hydroviews.rain.layers import read_layers, write_layers
+from hydroviews.rain.streaks.effect import StreakPattern, composite, streak_layer
+from hydroviews.rain.streaks.measures import mean_angle, seed_density, streak_angle
+from hydroviews.scene.images import read_image, to_linear, write_png
+
+STREAKS = StreakPattern(n=200, length=30, angle=70.0, width=5)
+NAMES = ["000", "001", "1e3"]  # of views: they look like numbers, as photographs' names often do
+
+
+def half(plane: np.ndarray) -> np.ndarray:
+    return plane.astype(np.float16).astype(np.float32)
+
+
+def raindrops(clean: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """A made-up drop layer: a covered corner with its own light."""
+    mask = np.zeros(clean.shape[:2], np.float32)
+    mask[:10, :20] = 1
+    mist = np.full_like(mask, 0.25)
+    light = {c: half(0.2 * rng.random(mask.shape)) for c in "RGB"}
+    return np.clip(clean * (1 - mask)[..., None], 0, 1), {"M": mask, "V": mist, **light}
+
+
+@pytest.fixture
+def built(tmp_path) -> Path:
+    """A scene folder with three views in streaks and in drops, laid out as a build does."""
+    folder, rng = tmp_path / "yard", np.random.default_rng(0)
+    for name in NAMES:
+        clean = rng.random((60, 80, 3)).astype(np.float32)
+        write_png(folder / "clean" / f"{name}.png", clean)
+        clean = read_image(folder / "clean" / f"{name}.png")
+        layer = half(streak_layer(STREAKS, 80, 60, rng))
+        for pattern, (rainy, layers) in {
+            "streak-1": (composite(clean, layer, 0.8), {"S": layer}),
+            "raindrop-0": raindrops(clean, rng),
+        }.items():
+            write_layers(folder / pattern / "layers" / f"{name}.exr", layers)
+            write_png(folder / pattern / "images" / f"{name}.png", rainy)
+    write_json(
+        folder / "streak-1" / "pattern.json",
+        {"effect": "streak", "index": 1, "grade": "medium", "parameters": vars(STREAKS) | {"added later": 1}},
+    )
+    facts = {"effect": "raindrop", "index": 0, "grade": "light", "parameters": {}}
+    write_json(folder / "raindrop-0" / "pattern.json", facts)
+    return folder
+
+
+def test_a_row_a_view_says_what_the_files_say(built):
+    table = read_statistics(write_statistics(built, "streak-1")).set_index("view")
+    assert list(table.index) == NAMES
+    clean, rainy = (read_image(built / part / "001.png") for part in ("clean", "streak-1/images"))
+    row = table.loc["001"]
+    assert row.psnr == pytest.approx(metrics.psnr(rainy, clean), abs=1e-4)
+    assert row.brightness_change == pytest.approx(float((rainy - clean).mean()), abs=1e-5)
+    gained = np.maximum(to_linear(rainy) - to_linear(clean), 0)
+    assert row.added_light == pytest.approx(float(gained.mean()), abs=1e-5)
+    layer = read_layers(built / "streak-1" / "layers" / "001.exr")["S"]
+    assert row.streaks == pytest.approx(float(layer.mean()), abs=1e-5)
+    assert table[["water", "mist"]].isna().all(axis=None)
+    drops = read_statistics(write_statistics(built, "raindrop-0"))
+    assert np.allclose(drops.water, 200 / 4800, atol=1e-5)
+    assert np.allclose(drops.mist, 0.25)
+    assert (drops.brightness_change < 0).all()
+    assert drops[["streaks", "angle", "seed_density"]].isna().all(axis=None)
+
+
+def test_the_scene_has_a_row_a_variant(built):
+    for pattern in ("streak-1", "raindrop-0"):
+        write_statistics(built, pattern)
+    table = read_statistics(built / "statistics.csv").set_index("pattern")
+    assert list(table.index) == ["raindrop-0", "streak-1"]
+    assert list(table.grade) == ["light", "medium"]
+    views = read_statistics(built / "streak-1" / "statistics.csv")
+    row = table.loc["streak-1"]
+    assert row.views == 3
+    assert (row.psnr_min, row.psnr_max) == (views.psnr.min(), views.psnr.max())
+    assert row.psnr_mean == pytest.approx(views.psnr.mean(), abs=1e-5)
+
+
+def test_the_same_files_give_the_same_bytes_and_a_finished_table_is_kept(built, monkeypatch):
+    path = write_statistics(built, "streak-1")
+    first = path.read_bytes()
+    path.unlink()
+    assert write_statistics(built, "streak-1").read_bytes() == first
+    monkeypatch.setattr("hydroviews.dataset.statistics.measure_variant", None)
+    write_statistics(built, "streak-1")
+
+
+def test_a_missing_layer_and_another_size_are_told(built):
+    (built / "streak-1" / "layers" / "001.exr").unlink()
+    with pytest.raises(InputError, match=r"001\.exr: no such layer"):
+        write_statistics(built, "streak-1")
+    write_png(built / "clean" / "000.png", np.zeros((4, 4, 3), np.uint8))
+    with pytest.raises(InputError, match="another size than its clean view"):
+        write_statistics(built, "raindrop-0")
+
+
+@pytest.mark.parametrize("length", [0, 10, 70, 200, -1])
+def test_a_table_that_is_none_or_is_cut_short_is_told(built, length):
+    path = write_statistics(built, "streak-1")
+    content = path.read_bytes()
+    for damaged in (content[:length], b"a,b\n1,2\n", b"view,psnr\n000,1\n", b"\xff\xfe"):
+        path.write_bytes(damaged)
+        with pytest.raises(InputError, match=r"not a table of statistics|cut short"):
+            read_statistics(path)
+
+
+def test_a_dry_view_has_an_infinite_psnr(built):
+    picture = np.full((20, 20, 3), 7, np.uint8)
+    dry = measure_view("a", picture, picture, {"S": np.zeros((20, 20), np.float32)}, _facts(STREAKS))
+    assert dry.psnr == float("inf")
+    assert (dry.angle, dry.seed_density) == (None, None)
+
+
+def _facts(pattern: StreakPattern) -> dict:
+    return {"effect": "streak", "parameters": vars(pattern)}
+
+
+@pytest.mark.parametrize("size", [(320, 240), (400, 300), (800, 533), (301, 533)])
+def test_measured_angle_is_theta(size):
+    for theta, length, width, n in product((40, 67, 90, 120), (20, 40), (3, 7), (100, 300)):
+        pattern = StreakPattern(n, length, float(theta), width)
+        layer = half(streak_layer(pattern, *size, np.random.default_rng(1)))
+        measured = streak_angle(layer)
+        assert measured is not None
+        assert abs((measured - theta + 90) % 180 - 90) < 3, (pattern, measured)
+
+
+@pytest.mark.parametrize("n", [100, 300])
+def test_measured_density_is_what_was_asked_for(n):
+    measured = []
+    for seed in range(20):
+        pattern = StreakPattern(n, (20, 40)[seed % 2], (40.0, 90.0, 120.0)[seed % 3], (3, 7)[seed // 2 % 2])
+        layer = half(streak_layer(pattern, 400, 300, np.random.default_rng(seed)))
+        measured.append(seed_density(layer, pattern))
+    expected = n / 25600
+    drawn = 20 * 800 * 600
+    standard_error = np.sqrt(expected * (1 - expected) / drawn)
+    assert abs(np.mean(measured) - expected) < 4 * standard_error
+    assert np.abs(np.array(measured) / expected - 1).max() < 0.15
+
+
+def test_directions_of_pictures_that_are_known():
+    y, x = np.mgrid[:64, :96].astype(np.float32)
+    for angle in (0, 30, 90, 150, 179):
+        across = np.radians(angle)
+        stripes = np.sin(0.4 * (x * np.sin(across) + y * np.cos(across)))
+        measured = streak_angle(stripes.astype(np.float32))
+        assert measured is not None
+        assert abs((measured - angle + 90) % 180 - 90) < 0.5
+    assert streak_angle(np.ones((64, 64), np.float32)) is None
+    assert streak_angle(np.ones((3, 64), np.float32)) is None
+    assert mean_angle(np.array([178.0, 4.0])) == pytest.approx(1)
+    assert np.isnan(mean_angle(np.array([])))
+
+
+def test_tiny_pictures_have_no_density():
+    assert seed_density(np.zeros((2, 3), np.float32), STREAKS) is None
+
+
+def test_statistics_are_cheap(tmp_path):
+    rng = np.random.default_rng(0)
+    clean = rng.integers(0, 256, (300, 400, 3), np.uint8)
+    layer = half(streak_layer(STREAKS, 400, 300, rng))
+    seconds = []
+    for _ in range(5):
+        start = time.perf_counter()
+        measure_view("a", clean, clean[::-1], {"S": layer}, _facts(STREAKS))
+        seconds.append(time.perf_counter() - start)
+    assert min(seconds) < 0.1  # 30 ms where nothing else runs

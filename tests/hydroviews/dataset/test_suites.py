@@ -1,0 +1,66 @@
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from synthetic import capture_in
+
+from hydroviews.dataset.manifest import read_manifest
+from hydroviews.dataset.suites import build_suite, read_suite
+from hydroviews.dataset.verify import verify
+from hydroviews.formats.writers import write_colmap
+from hydroviews.profiles import find_profile
+
+OWN = """
+title = "Two yards and a moon"
+patterns = [0, 2]
+
+[scenes]
+"{root}/yard" = ["streak"]
+moon = ["streak"]
+"mipnerf360/garden" = ["raindrop"]
+"{root}/other yard" = []
+"""
+
+
+@pytest.fixture
+def suite(tmp_path):
+    for name in ("yard", "other yard"):
+        folder = tmp_path / "root" / name
+        write_colmap(capture_in(folder), folder / "sparse" / "0")
+    path = tmp_path / "own.toml"
+    path.write_text(OWN.format(root=tmp_path / "root"))
+    return path
+
+
+def test_what_is_missing_does_not_hold_up_the_rest(suite, tmp_path):
+    data, demo = tmp_path / "data", find_profile("demo")
+    failures = build_suite(read_suite(str(suite)), data, demo, captures=tmp_path / "root")
+    assert list(failures) == ["moon", "mipnerf360/garden"]
+    scenes = read_manifest(data)["scenes"]
+    assert {name: scene["patterns"] for name, scene in scenes.items()} == {
+        "yard": ["streak-0", "streak-2"],
+        "other yard": [],
+    }
+    assert verify(data) == []
+    stamp = (data / "yard" / "streak-0" / "pattern.json").stat().st_mtime_ns
+    garden = tmp_path / "root" / "garden"
+    write_colmap(capture_in(garden, seed=1), garden / "sparse" / "0")
+    (suite).write_text(suite.read_text().replace('["raindrop"]', '["streak"]'))
+    assert list(build_suite(read_suite(str(suite)), data, demo, captures=tmp_path / "root")) == ["moon"]
+    assert (data / "yard" / "streak-0" / "pattern.json").stat().st_mtime_ns == stamp
+    assert read_manifest(data)["scenes"]["mipnerf360_garden"]["patterns"] == ["streak-0", "streak-2"]
+
+
+def test_the_command_reports_and_ends_with_status_1(suite, tmp_path):
+    command = [sys.executable, "-m", "hydroviews", "build", "--suite", str(suite), "--out", str(tmp_path / "data")]
+    command += ["--captures", str(tmp_path / "nothing")]
+    root = Path(__file__).parents[3]
+    result = subprocess.run(command, capture_output=True, text=True, cwd=root)
+    assert result.returncode == 1, result.stderr
+    assert "Two yards and a moon: 2 of 4 scenes are built" in result.stdout
+    assert "SCENE=mipnerf360/garden" in result.stdout
+    assert "python -m hydroviews download mipnerf360/garden" in result.stdout
+    result = subprocess.run([*command, "--patterns", "streak-0"], capture_output=True, text=True, cwd=root)
+    assert result.returncode == 2
+    assert "--suite with --patterns" in result.stderr

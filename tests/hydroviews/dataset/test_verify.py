@@ -1,0 +1,142 @@
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from synthetic import capture_in
+
+from hydroviews.dataset.build import build
+from hydroviews.dataset.contact_sheet import write_sheets
+from hydroviews.dataset.manifest import read_manifest, record_files, record_scene
+from hydroviews.dataset.verify import expected_view, verify
+from hydroviews.formats import read_scene
+from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.writers import write_colmap
+from hydroviews.rain.effects import composite
+from hydroviews.rain.layers import read_layers, write_layers
+from hydroviews.rain.patterns import Pattern
+from hydroviews.scene.images import read_image, write_png
+from hydroviews.scene.scenes import make_scene
+
+
+@pytest.fixture
+def built(tmp_path) -> Path:
+    """A scene in streaks and in a storm."""
+    patterns = [Pattern("streak", 1), Pattern("storm", 1)]
+    return build(capture_in(tmp_path / "capture" / "yard"), tmp_path / "data", patterns=patterns)
+
+
+def problems_after_signing(built: Path, every_view: bool = True) -> str:
+    """What verify says once the manifest has the hashes of the files as they are now."""
+    entry = read_manifest(built.parent)["scenes"]["yard"]
+    record_scene(built.parent, "yard", {key: value for key, value in entry.items() if key != "files"})
+    return "\n".join(verify(built.parent, every_view))
+
+
+def test_every_effect_is_derived_again(built):
+    assert verify(built.parent, every_view=True) == []
+
+
+@pytest.mark.parametrize("pattern", ["streak-1", "storm-1"])
+def test_a_view_that_does_not_follow_from_its_layers(built, pattern):
+    image = built / pattern / "images" / "view-03.png"
+    pixels = read_image(image)
+    pixels[5, 7] = np.clip(pixels[5, 7] + 2 / 255, 0, 1)
+    write_png(image, pixels)
+    record_files(built.parent, "yard", [f"{pattern}/images/view-03.png"])
+    problems = verify(built.parent, every_view=True)
+    assert len(problems) >= 1
+    assert f"{image}: differs by 2" in problems[0]
+    assert verify(built.parent) == []  # the first view alone is as it was
+
+
+@pytest.mark.parametrize(
+    ("pattern", "change", "expected"),
+    [
+        ("storm-1", lambda layers: layers | {"M": layers["M"] - 0.5}, "M is outside 0 to 1"),
+        ("storm-1", lambda layers: layers | {"R": layers["R"] * np.nan}, "R is outside 0 to inf"),
+        (
+            "storm-1",
+            lambda layers: {k: v for k, v in layers.items() if k != "V"},
+            "channels B, G, M, R, expected",
+        ),
+        ("streak-1", lambda layers: {"S": layers["S"][:-1]}, "S has another size"),
+    ],
+)
+def test_layers_that_are_none(built, pattern, change, expected):
+    path = built / pattern / "layers" / "view-00.exr"
+    write_layers(path, change(read_layers(path)))
+    assert f"view-00.exr: {expected}" in problems_after_signing(built)
+
+
+def test_statistics_are_there_and_true(built):
+    path = built / "streak-1" / "statistics.csv"
+    lines = path.read_text().splitlines()
+    cells = lines[1].split(",")
+    cells[3] = "0.9"  # streaks of view-00
+    path.write_text("\n".join([lines[0], ",".join(cells), *lines[3:]]) + "\n")
+    problems = problems_after_signing(built)
+    assert "streaks of view-00 is 0." in problems
+    assert "no row for view-01" in problems
+    path.unlink()
+    assert "no statistics.csv; run the build again" in problems_after_signing(built)
+
+
+def test_views_may_be_called_by_numbers(tmp_path):
+    capture = capture_in(tmp_path / "capture" / "yard")
+    numbered = [replace(view, name=f"{i:03d}") for i, view in enumerate(capture.views)]
+    scene = make_scene("2026", numbered, capture.points)
+    folder = build(scene, tmp_path / "data", patterns=[Pattern("streak", 0)])
+    assert verify(tmp_path / "data", every_view=True) == []
+    assert len(write_sheets(folder)) == 2
+
+
+@pytest.mark.parametrize("content", ["", "[]", "{}", '{"effect": "streak", "parameters": {"n": 100}}'])
+def test_a_damaged_pattern_is_a_problem_like_others(built, content):
+    (built / "streak-1" / "pattern.json").write_text(content)
+    problems = "\n".join(verify(built.parent))
+    assert "pattern.json: changed since it was built" in problems
+    assert "pattern.json: not " in problems
+
+
+def test_a_variant_without_views(built):
+    for image in (built / "streak-1" / "images").iterdir():
+        image.unlink()
+    assert "streak-1: no views" in problems_after_signing(built)
+
+
+def test_a_scene_captured_in_rain_has_its_hashes_checked(tmp_path):
+    capture = tmp_path / "capture" / "yard"
+    write_colmap(capture_in(capture), capture / "sparse" / "0")
+    (capture / "capture.json").write_text('{"rain": "captured"}')
+    folder = build(read_scene(capture), tmp_path / "data", patterns=[])
+    assert verify(tmp_path / "data") == []
+    image = folder / CAPTURED / "images" / "view-02.png"
+    write_png(image, read_image(image) * 0.5)
+    assert verify(tmp_path / "data") == [f"{image}: changed since it was built"]
+    assert "it rained when the photographs were taken" in (folder / "README.md").read_text()
+
+
+@pytest.mark.parametrize("effect", ["streak", "raindrop", "storm"])
+def test_the_equations_are_those_of_the_composite(effect):
+    rng = np.random.default_rng(0)
+    clean = rng.random((20, 30, 3)).astype(np.float32)
+    clean[0], clean[1] = 0, 1
+    planes = {name: rng.random((20, 30)).astype(np.float32) for name in ("MVRGB" if effect != "streak" else "S")}
+    if effect != "streak":
+        planes["R"] *= 8  # a lamp in a drop
+        planes["M"][2], planes["V"][3] = 1, 1
+    facts = {"effect": effect, "parameters": {"brightness": 0.93}}
+    built = composite(effect, facts["parameters"], clean, planes)
+    assert np.abs(expected_view(facts, clean, planes) - built).max() < 2e-6
+
+
+def test_cameras_of_a_variant_are_the_scenes(built):
+    link = built / "streak-1" / "sparse"
+    link.unlink()
+    assert any("not the scene's sparse" in problem for problem in verify(built.parent))
+    shutil.copytree(built / "sparse", link)  # as where links cannot be made, or after a copy that follows them
+    assert verify(built.parent) == []
+    (link / "0" / "cameras.bin").write_bytes(b"")
+    assert any("not the scene's sparse" in problem for problem in verify(built.parent))

@@ -1,0 +1,96 @@
+import os
+import subprocess
+import sys
+
+import pytest
+
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import read_json
+from hydroviews.files.claims import claim, remove_leftovers
+
+WORDS = {"taken": "holds something else", "foreign": "holds foreign files", "fix": "choose another"}
+
+
+@pytest.fixture
+def dead():
+    """The number of a process that has ended."""
+    process = subprocess.Popen([sys.executable, "-c", ""])
+    process.wait()
+    return process.pid
+
+
+def test_the_same_settings_take_the_folder_again(tmp_path):
+    path = tmp_path / "a" / "request.json"
+    for note in ("first", "second"):
+        claim(path, {"seed": 0, "note": note}, **WORDS, ignored=("note",))
+    assert read_json(path) == {"seed": 0, "note": "first"}
+
+
+def test_other_settings_are_refused_with_what_differs(tmp_path):
+    path = tmp_path / "a" / "request.json"
+    claim(path, {"seed": 0, "config": {"size": 4, "steps": 10}, "images": ["a", "b"]}, **WORDS)
+    with pytest.raises(InputError) as refusal:
+        claim(path, {"seed": 0, "config": {"size": 5, "steps": 10}, "images": ["a", "c"]}, **WORDS)
+    text = str(refusal.value)
+    assert "holds something else" in text
+    assert "found: config {'size': 4}; images 2 entries, only here b" in text
+    assert "expected: config {'size': 5}; images 2 entries, only here c" in text
+    assert "seed" not in text
+
+
+def test_overwriting_empties_the_folder_after_it_is_forgotten(tmp_path):
+    path, seen = tmp_path / "a" / "request.json", []
+    claim(path, {"seed": 0}, **WORDS)
+    (tmp_path / "a" / "result").write_text("old")
+    claim(path, {"seed": 1}, **WORDS, overwrite=True, forget=lambda: seen.append((tmp_path / "a" / "result").exists()))
+    assert seen == [True]
+    assert [p.name for p in (tmp_path / "a").iterdir()] == ["request.json"]
+    assert read_json(path) == {"seed": 1}
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_files_of_unknown_origin_are_never_removed(tmp_path, overwrite):
+    (tmp_path / "thesis.txt").write_text("years of work")
+    with pytest.raises(InputError, match="holds foreign files"):
+        claim(tmp_path / "request.json", {"seed": 0}, **WORDS, overwrite=overwrite)
+    assert (tmp_path / "thesis.txt").read_text() == "years of work"
+    claim(tmp_path / "request.json", {"seed": 0}, **{**WORDS, "foreign": None})
+
+
+def test_half_written_files_go_with_their_process(tmp_path, dead):
+    folder = tmp_path / "scene [1]"
+    (folder / "images").mkdir(parents=True)
+    doomed = [
+        folder / "images" / f".partial-{dead}-a.png",
+        folder / f".partial-{dead}-sparse",
+        tmp_path / f".partial-{dead}-{folder.name}",
+    ]
+    kept = [
+        folder / "images" / f".partial-{os.getpid()}-b.png",
+        folder / ".partial-mapping",
+        folder / "images" / "c.png",
+        tmp_path / f".partial-{dead}-another scene",
+    ]
+    for path in [*doomed[:1], *kept[:1], kept[2]]:
+        path.write_text("half")
+    for path in [*doomed[1:], kept[1], kept[3]]:
+        path.mkdir()
+        (path / "file").write_text("half")
+    remove_leftovers(folder)
+    assert not any(path.exists() for path in doomed)
+    assert all(path.exists() for path in kept)
+
+
+def test_a_files_leftovers_go_too(tmp_path, dead):
+    for name in ("manifest.json", "another.json"):
+        (tmp_path / f".partial-{dead}-{name}").write_text("{")
+    remove_leftovers(tmp_path / "manifest.json")
+    assert [path.name for path in tmp_path.iterdir()] == [f".partial-{dead}-another.json"]
+
+
+def test_a_claim_clears_leftovers(tmp_path, dead):
+    leftover = tmp_path / "a" / f".partial-{dead}-request.json"
+    leftover.parent.mkdir()
+    leftover.write_text("{")
+    claim(tmp_path / "a" / "request.json", {"seed": 0}, **WORDS)
+    assert [p.name for p in leftover.parent.iterdir()] == ["request.json"]

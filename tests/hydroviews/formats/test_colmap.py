@@ -1,0 +1,242 @@
+import json
+import shutil
+
+import numpy as np
+import pycolmap
+import pytest
+from captures import capture
+from distorted import LENS, arc, colmap_capture, colours, photograph, write_model, write_photographs
+
+from hydroviews.errors import InputError
+from hydroviews.formats import read_scene
+from hydroviews.formats.colmap import reliable
+from hydroviews.formats.colmap_format import SparsePoints
+from hydroviews.scene.images import write_png
+from hydroviews.scene.lenses import Lens
+
+
+@pytest.mark.parametrize("text", [False, True], ids=["binary", "text"])
+def test_reads_views_points_and_split(tmp_path, text):
+    scene = read_scene(colmap_capture(tmp_path / "ring", text=text))
+    assert scene.name == "ring"
+    assert [view.name for view in scene.views] == [f"view{i:02d}" for i in range(9)]
+    assert scene.split.test == ("view00", "view08")
+    assert scene.notes == ("cameras from sparse/0: 9 of 9 images registered",)
+    for view, pose in zip(scene.views, arc(9), strict=True):
+        assert view.lens == LENS
+        np.testing.assert_allclose(view.camera.world_to_camera, pose, atol=1e-12)
+    pinhole = LENS.pinhole()
+    camera = scene.views[0].camera
+    assert (camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy) == tuple(pinhole)
+    np.testing.assert_allclose(scene.points.positions[:, 0], 0.1 * np.arange(10))
+    assert scene.points.colours[3].tolist() == [3, 100, 255]
+    assert np.abs(scene.views[0].image() - LENS.undistort(photograph(LENS))).max() < 1 / 255
+    assert scene.resized(40).views[0].image().shape == (29, 40, 3)  # of 98x72
+
+
+def test_largest_of_several_models_is_taken(tmp_path):
+    folder = colmap_capture(tmp_path)
+    (folder / "sparse" / "0").rename(folder / "sparse" / "1")
+    write_model(folder / "sparse" / "0", ["view00.png", "view01.png"])
+    scene = read_scene(folder)
+    assert len(scene.views) == 9
+    assert scene.notes[1] == "the largest of several models; not used: sparse/0 (2 images)"
+
+
+@pytest.mark.parametrize("place", ["sparse", "colmap/sparse/0", "."])
+def test_models_in_other_places_are_found(tmp_path, place):
+    folder = colmap_capture(tmp_path)
+    (folder / "sparse").rename(folder / "moved")
+    (folder / place).mkdir(parents=True, exist_ok=True)
+    for file in (folder / "moved" / "0").iterdir():
+        file.rename(folder / place / file.name)
+    assert len(read_scene(folder).views) == 9
+
+
+def test_unregistered_photographs_are_counted(tmp_path):
+    folder = colmap_capture(tmp_path)
+    write_photographs(folder / "images", ["view09.png", "view10.png"])
+    assert read_scene(folder).notes == ("cameras from sparse/0: 9 of 11 images registered",)
+
+
+def test_smaller_photographs_in_another_format(tmp_path):
+    half = Lens("OPENCV", 48, 36, tuple(np.array(LENS.params) * ([0.5] * 4 + [1] * 4)))
+    write_photographs(tmp_path / "images_2", [f"view{i}.png" for i in range(3)], half)
+    write_model(tmp_path / "sparse" / "0", [f"view{i}.JPG" for i in range(3)])
+    view = read_scene(tmp_path).views[0]
+    assert view.path.name == "view0.png"
+    pinhole = LENS.pinhole((48, 36))
+    assert (view.camera.width, view.camera.height) == pinhole[:2]
+    assert pinhole.fx / pinhole.width == pytest.approx(LENS.pinhole().fx / LENS.pinhole().width)
+    x, y = np.meshgrid(np.arange(pinhole.width) + 0.5, np.arange(pinhole.height) + 0.5)
+    expected = colours(np.stack([(x - pinhole.cx) / pinhole.fx, (y - pinhole.cy) / pinhole.fy], axis=-1))
+    assert np.abs(view.image() - expected)[1:-1, 1:-1].max() < 0.03
+
+
+def test_split_of_a_built_scene_and_of_its_variants(tmp_path):
+    scene = colmap_capture(tmp_path / "scene")
+    (scene / "images").rename(scene / "clean")
+    split = {"train": ["view01", "view02"], "test": ["view05"]}
+    (scene / "split.json").write_text(json.dumps(split))
+    shutil.copytree(scene / "clean", scene / "streak-0" / "images")
+    (scene / "streak-0" / "sparse").symlink_to("../sparse")
+    for folder in (scene, scene / "streak-0"):
+        read = read_scene(folder)
+        assert read.split.train == ("view01", "view02")
+        assert read.split.test == ("view05",)
+        assert read.views[0].path.parent == folder / ("clean" if folder == scene else "images")
+    (scene / "split.json").write_text("[]")
+    with pytest.raises(InputError, match=r"split\.json: not a split"):
+        read_scene(scene)
+
+
+def test_photographs_in_folders_keep_apart(tmp_path):
+    names = [f"{camera}/{i}.png" for camera in ("left", "right") for i in range(3)]
+    write_photographs(tmp_path / "images", names)
+    write_model(tmp_path / "sparse" / "0", names)
+    assert [view.name for view in read_scene(tmp_path).views] == [
+        "left_0", "left_1", "left_2", "right_0", "right_1", "right_2",
+    ]  # fmt: skip
+
+
+def test_missing_image(tmp_path):
+    folder = colmap_capture(tmp_path)
+    (folder / "images" / "view03.png").unlink()
+    with pytest.raises(InputError, match=r"1 of its 9 images are not in .*images\n.*no view03\.png\n.*copy"):
+        read_scene(folder)
+
+
+def test_camera_file_for_other_images(tmp_path):
+    folder = colmap_capture(tmp_path)
+    shutil.rmtree(folder / "images")
+    write_photographs(folder / "images", ["a.png", "b.png", "c.png"])
+    with pytest.raises(InputError, match="a camera file for other images"):
+        read_scene(folder)
+
+
+def test_no_registered_image(tmp_path):
+    folder = colmap_capture(tmp_path)
+    write_model(folder / "sparse" / "0", [])
+    with pytest.raises(InputError, match=r"no registered image\n.*hydroviews poses"):
+        read_scene(folder)
+
+
+def test_too_few_views(tmp_path):
+    with pytest.raises(InputError, match=r"too few views\n.*1 to train on, 1 held out"):
+        read_scene(colmap_capture(tmp_path, count=2))
+
+
+def test_image_of_another_size(tmp_path):
+    folder = colmap_capture(tmp_path)
+    write_png(folder / "images" / "view02.png", np.zeros((72, 100, 3), np.float32))
+    with pytest.raises(InputError, match=r"view02\.png: image and camera differ in size\n.*100x72 pixels\n.*96x72"):
+        read_scene(folder)
+
+
+@pytest.mark.parametrize("file", ["cameras", "images", "points3D"])
+@pytest.mark.parametrize("share", [0.0, 0.05, 0.5, 0.99])
+def test_truncated_binary_model(tmp_path, file, share):
+    folder = colmap_capture(tmp_path)
+    path = folder / "sparse" / "0" / f"{file}.bin"
+    content = path.read_bytes()
+    path.write_bytes(content[: int(len(content) * share)])
+    with pytest.raises(InputError, match=rf"{file}\.bin: damaged or cut short\n.*bytes"):
+        read_scene(folder)
+
+
+@pytest.mark.parametrize("file", ["cameras", "images", "points3D"])
+def test_truncated_text_model(tmp_path, file):
+    folder = colmap_capture(tmp_path, text=True)
+    path = folder / "sparse" / "0" / f"{file}.txt"
+    lines = path.read_text().splitlines()
+    last = max(i for i, line in enumerate(lines) if line.strip())
+    path.write_text("\n".join([*lines[:last], lines[last][: len(lines[last]) // 3]]))
+    with pytest.raises(InputError, match=rf"{file}\.txt"):
+        read_scene(folder)
+
+
+def test_too_long_binary_model(tmp_path):
+    folder = colmap_capture(tmp_path)
+    with (folder / "sparse" / "0" / "images.bin").open("ab") as file:
+        file.write(b"rest")
+    with pytest.raises(InputError, match=r"images\.bin: damaged.*\n.*records end"):
+        read_scene(folder)
+
+
+def test_pose_that_is_not_a_number(tmp_path):
+    folder = colmap_capture(tmp_path, text=True)
+    path = folder / "sparse" / "0" / "images.txt"
+    lines = path.read_text().splitlines()
+    row = next(i for i, line in enumerate(lines) if line.endswith("view04.png"))
+    lines[row] = " ".join([lines[row].split()[0], "nan", *lines[row].split()[2:]])
+    path.write_text("\n".join(lines))
+    with pytest.raises(InputError, match=r"images\.txt: view04\.png.*not finite"):
+        read_scene(folder)
+
+
+def test_images_of_a_camera_that_is_not_there(tmp_path):
+    folder = colmap_capture(tmp_path, text=True)
+    path = folder / "sparse" / "0" / "cameras.txt"
+    path.write_text(path.read_text().replace("\n1 OPENCV", "\n7 OPENCV"))
+    with pytest.raises(InputError, match=r"names cameras that cameras\.\* lacks\n.*camera 1\n.*\[7\]"):
+        read_scene(folder)
+
+
+def test_folders_without_cameras(tmp_path):
+    with pytest.raises(InputError, match="neither cameras nor photographs"):
+        read_scene(tmp_path)
+    with pytest.raises(InputError, match="no such folder"):
+        read_scene(tmp_path / "nowhere")
+    write_photographs(tmp_path / "images", ["a.png"])
+    with pytest.raises(InputError, match=r"1 photographs and no camera file\n.*\n.*python -m hydroviews poses"):
+        read_scene(tmp_path)
+
+
+def test_model_without_photographs(tmp_path):
+    write_model(tmp_path / "sparse" / "0", ["a.png"])
+    with pytest.raises(InputError, match="no photographs beside the cameras"):
+        read_scene(tmp_path)
+
+
+def test_reliable_points_unless_too_few():
+    errors = np.where(np.arange(3000) % 3 == 0, 5.0, 0.5)
+    tracks = np.full(3000, 4)
+    points = SparsePoints(np.zeros((3000, 3)), np.zeros((3000, 3), np.uint8), errors, tracks)
+    assert len(reliable(points)) == 2000
+    few = SparsePoints(points.positions[:9], points.colours[:9], errors[:9] + 2, tracks[:9])
+    assert len(reliable(few)) == 9
+
+
+def test_bonsai_flags_exactly_the_misplaced_cameras():
+    scene = read_scene(capture("mipnerf360_bonsai"))
+    assert scene.notes[0] == "cameras from sparse/0: 292 of 292 images registered"
+    assert len(scene.notes) == 2
+    assert scene.notes[1].startswith("DSCF5644, DSCF5645: more than 10 median steps away")
+    assert len(scene.points) == 17157
+    assert len(scene.split.test) == 37
+
+
+@pytest.mark.parametrize("name", ["llff_flower", "mipnerf360_bonsai"])
+def test_points_project_to_their_keypoints_after_undistortion(name):
+    folder = capture(name)
+    scene = read_scene(folder)
+    model = pycolmap.Reconstruction(folder / "sparse" / "0")
+    by_name = {image.name.rsplit(".")[0]: image for image in model.images.values()}
+    for view in scene.views[:: len(scene.views) // 10]:
+        seen = [p for p in by_name[view.name].points2D if p.has_point3D()]
+        rays = view.lens.colmap().cam_from_img(np.array([p.xy for p in seen]))
+        camera = view.camera
+        observed = rays * (camera.fx, camera.fy) + (camera.cx, camera.cy)
+        pixels, depths = camera.project([model.points3D[p.point3D_id].xyz for p in seen])
+        assert (depths > 0).all()
+        assert np.median(np.linalg.norm(pixels - observed, axis=1)) < 1
+
+
+def test_read_bonsai_photograph_is_not_shifted_against_the_original():
+    view = read_scene(capture("mipnerf360_bonsai")).views[0]
+    picture, lens = view.image(), view.lens
+    assert picture.shape == (531, 798, 3)
+    bitmap, _ = pycolmap.undistort_image(
+        pycolmap.UndistortCameraOptions(), pycolmap.Bitmap.read(str(view.path), True), lens.colmap()
+    )
+    assert np.abs(picture * 255 - bitmap.to_array()).mean() < 1

@@ -1,0 +1,90 @@
+import numpy as np
+import pytest
+from captures import capture
+from distorted import arc, write_photographs
+
+from hydroviews.errors import InputError
+from hydroviews.formats import read_scene
+from hydroviews.scene.lenses import Lens
+
+
+def table(count, size=(96, 72), focal=80.0):
+    """Rows for the cameras of `arc`: columns down, right, backward, position, (height, width, focal)."""
+    rows = []
+    for pose in arc(count):
+        to_world = np.linalg.inv(pose)
+        right, down, forward, position = to_world[:3].T
+        matrix = np.stack([down, right, -forward, position, [size[1], size[0], focal]], axis=1)
+        rows.append([*matrix.ravel(), 1.0, 10.0])
+    return np.array(rows)
+
+
+def write_capture(folder, rows, count=4):
+    write_photographs(
+        folder / "images", [f"{i:02d}.png" for i in range(count)], Lens("PINHOLE", 96, 72, (80, 80, 48, 36))
+    )
+    np.save(folder / "poses_bounds.npy", rows)
+    return folder
+
+
+@pytest.mark.parametrize("factor", [1, 4])
+def test_poses_and_focal_length(tmp_path, factor):
+    scene = read_scene(write_capture(tmp_path, table(4, (96 * factor, 72 * factor), 80.0 * factor)))
+    for view, pose in zip(scene.views, arc(4), strict=True):
+        np.testing.assert_allclose(view.camera.world_to_camera, pose, atol=1e-12)
+    camera = scene.views[0].camera
+    assert (camera.width, camera.height, camera.fx, camera.fy) == (96, 72, 80, 80)
+    assert (camera.cx, camera.cy) == (48, 36)
+    assert scene.notes[0] == "cameras from poses_bounds.npy: 4 images"
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        (table(5), r"other images\n.*5 cameras, 4 images"),
+        (table(4)[:, :15], "not an LLFF camera file"),
+        (table(4, size=(100, 72)), r"differ in size\n.*96x72 pixels\n.*100x72"),
+        (np.full((4, 17), np.nan), "bad heights, widths or focal lengths"),
+        (table(4) * np.where(np.arange(17) == 0, np.nan, 1), "not finite"),
+        (np.tile(np.r_[np.zeros(4), 72, np.zeros(4), 96, np.zeros(4), 80, 1, 9], (4, 1)), "not rigid"),
+    ],
+)
+def test_bad_files(tmp_path, rows, message):
+    with pytest.raises(InputError, match=message):
+        read_scene(write_capture(tmp_path, rows))
+
+
+def test_file_cut_short(tmp_path):
+    folder = write_capture(tmp_path, table(4))
+    content = (folder / "poses_bounds.npy").read_bytes()
+    for length in (0, 20, 300):
+        (folder / "poses_bounds.npy").write_bytes(content[:length])
+        with pytest.raises(InputError, match=r"poses_bounds\.npy: not a NumPy array"):
+            read_scene(folder)
+
+
+def test_flower_poses_agree_with_its_colmap_model(tmp_path):
+    folder = capture("llff_flower")
+    solved = read_scene(folder)
+    assert solved.notes[0].startswith("cameras from sparse/0")  # preferred where both are there
+    (tmp_path / "images").symlink_to(folder / "images")
+    (tmp_path / "poses_bounds.npy").write_bytes((folder / "poses_bounds.npy").read_bytes())
+    scene = read_scene(tmp_path)
+    assert len(scene.views) == 34
+    camera = scene.views[0].camera
+    assert (camera.width, camera.height) == (800, 600)
+    assert camera.fx == pytest.approx(3575.06 * 800 / 4032, rel=1e-4)
+    # The world differs by a similarity; rotations between views do not.
+    for a, b in ((0, 33), (5, 20), (12, 30)):
+        relative = [s.views[b].camera.rotation @ s.views[a].camera.rotation.T for s in (scene, solved)]
+        cosine = (np.trace(relative[0].T @ relative[1]) - 1) / 2
+        assert np.degrees(np.arccos(min(cosine, 1))) < 0.5
+        ratios = [_baseline_direction(s, a, b) for s in (scene, solved)]
+        assert ratios[0] @ ratios[1] > 0.99
+
+
+def _baseline_direction(scene, a, b):
+    """Unit vector to the second camera as the first one sees it."""
+    first, second = scene.views[a].camera, scene.views[b].camera
+    direction = first.rotation @ (second.centre - first.centre)
+    return direction / np.linalg.norm(direction)

@@ -1,0 +1,223 @@
+import json
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from captures import capture
+from distorted import LENS, arc, write_photographs
+from plyfile import PlyData, PlyElement
+
+from hydroviews.errors import InputError
+from hydroviews.formats import read_scene
+from hydroviews.scene.images import to_uint8, write_png
+from hydroviews.scene.lenses import Lens
+
+TO_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
+SHARED = dict(zip(("fl_x", "fl_y", "cx", "cy", "k1", "k2", "p1", "p2", "w", "h"), (*LENS.params, 96, 72), strict=True))
+
+
+def frames(count=4, suffix=".png"):
+    return [
+        {"file_path": f"./images/{i:02d}{suffix}", "transform_matrix": (np.linalg.inv(pose) @ TO_OPENGL).tolist()}
+        for i, pose in enumerate(arc(count))
+    ]
+
+
+def write_capture(folder: Path, content: dict, count: int = 4) -> Path:
+    write_photographs(folder / "images", [f"{i:02d}.png" for i in range(count)])
+    (folder / "transforms.json").write_text(json.dumps(content))
+    return folder
+
+
+def test_opengl_poses_and_shared_intrinsics(tmp_path):
+    scene = read_scene(write_capture(tmp_path, {**SHARED, "frames": frames()}))
+    assert [view.name for view in scene.views] == ["00", "01", "02", "03"]
+    assert scene.views[0].lens == LENS
+    for view, pose in zip(scene.views, arc(4), strict=True):
+        np.testing.assert_allclose(view.camera.world_to_camera, pose, atol=1e-12)
+    assert scene.notes == (
+        "cameras from transforms.json: 4 of 4 frames have an image",
+        "the capture has no points",
+    )
+
+
+def test_intrinsics_of_a_frame_win(tmp_path):
+    own = frames()
+    own[1].update(fl_x=100.0, k1=0.0, k2=0.0, p1=0.0, p2=0.0)
+    scene = read_scene(write_capture(tmp_path, {**SHARED, "frames": own}))
+    assert scene.views[0].lens == LENS
+    assert scene.views[1].lens is None
+    assert scene.views[1].camera.fx == 100.0
+
+
+def test_field_of_view_alone_and_names_without_suffix(tmp_path):
+    angle = 2 * math.atan(48 / 80)
+    scene = read_scene(write_capture(tmp_path, {"camera_angle_x": angle, "frames": frames(suffix="")}))
+    camera = scene.views[0].camera
+    assert (camera.fx, camera.fy, camera.cx, camera.cy) == pytest.approx((80, 80, 48, 36))
+    assert scene.views[0].path.name == "00.png"
+
+
+@pytest.mark.parametrize(
+    ("given", "model", "distortion"),
+    [
+        ({}, None, None),
+        ({"camera_model": "PINHOLE"}, None, None),
+        ({"camera_model": "OPENCV", "k1": 0.1, "p2": 0.01}, "OPENCV", (0.1, 0, 0, 0.01)),
+        ({"k1": 0.1, "k3": 0.01}, "FULL_OPENCV", (0.1, 0, 0, 0, 0.01, 0, 0, 0)),
+        ({"camera_model": "OPENCV_FISHEYE", "k1": 0.1, "k4": 0.01}, "OPENCV_FISHEYE", (0.1, 0, 0, 0.01)),
+        ({"is_fisheye": True}, "OPENCV_FISHEYE", (0, 0, 0, 0)),
+    ],
+)
+def test_camera_models(tmp_path, given, model, distortion):
+    scene = read_scene(write_capture(tmp_path, {"fl_x": 80.0, **given, "frames": frames()}))
+    lens = scene.views[0].lens
+    assert (lens and lens.model) == model
+    if lens:
+        assert lens.params == (80, 80, 48, 36, *distortion)
+        assert scene.views[0].image().shape[2] == 3
+
+
+def test_smaller_photographs_than_said(tmp_path):
+    twice = {**SHARED, "w": 192, "h": 144, "fl_x": 160.0, "fl_y": 164.0, "cx": 94.0, "cy": 74.0}
+    view = read_scene(write_capture(tmp_path, {**twice, "frames": frames()})).views[0]
+    full = view.lens.pinhole()
+    assert view.camera.fx / view.camera.width == pytest.approx(full.fx / full.width)
+    assert view.camera.width == round(full.width / 2)
+
+
+def test_missing_frames_are_noted(tmp_path):
+    scene = read_scene(write_capture(tmp_path, {**SHARED, "frames": frames(6)}))
+    assert len(scene.views) == 4
+    assert "4 of 6 frames" in scene.notes[0]
+    assert scene.notes[1] == "no image for images/04.png, images/05.png"
+
+
+def test_no_frame_with_an_image(tmp_path):
+    other = [{**frame, "file_path": f"elsewhere/{i}.png"} for i, frame in enumerate(frames())]
+    with pytest.raises(InputError, match="a camera file for other images"):
+        read_scene(write_capture(tmp_path, {**SHARED, "frames": other}))
+
+
+def test_points_of_a_ply_file(tmp_path):
+    vertices = np.array(
+        [(1, 2, 3, 10, 20, 30)], [(a, "f4") for a in "xyz"] + [(c, "u1") for c in ("red", "green", "blue")]
+    )
+    PlyData([PlyElement.describe(vertices, "vertex")]).write(tmp_path / "points.ply")
+    content = {**SHARED, "ply_file_path": "points.ply", "applied_transform": np.eye(4)[:3].tolist(), "frames": frames()}
+    scene = read_scene(write_capture(tmp_path, content))
+    assert scene.points.positions.tolist() == [[1, 2, 3]]
+    assert scene.points.colours.tolist() == [[10, 20, 30]]
+    (tmp_path / "points.ply").write_bytes(b"no ply")
+    with pytest.raises(InputError, match=r"points\.ply: not a point cloud"):
+        read_scene(tmp_path)
+    (tmp_path / "points.ply").unlink()
+    with pytest.raises(InputError, match=r"points\.ply: no such file"):
+        read_scene(tmp_path)
+
+
+def with_matrix(change):
+    changed = frames()
+    matrix = np.array(changed[2]["transform_matrix"])
+    change(matrix)
+    changed[2]["transform_matrix"] = matrix.tolist()
+    return changed
+
+
+def test_rotation_off_by_rounding_is_made_rigid(tmp_path):
+    def change(matrix):
+        matrix[:3, :3] *= 1.005
+
+    pose = read_scene(write_capture(tmp_path, {**SHARED, "frames": with_matrix(change)})).views[2].camera.rotation
+    np.testing.assert_allclose(pose @ pose.T, np.eye(3), atol=1e-14)
+    np.testing.assert_allclose(pose, arc(4)[2][:3, :3], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("row", "column", "value", "message"),
+    [
+        (0, 3, float("nan"), "not finite"),
+        (1, 1, 5.0, "not rigid"),
+        (slice(0, 3), slice(0, 3), 0.0, "not rigid"),
+        (slice(0, 3), 0, None, "not rigid"),
+    ],
+    ids=["nan", "sheared", "zero", "mirrored"],
+)
+def test_poses_that_are_none(tmp_path, row, column, value, message):
+    def change(matrix):
+        matrix[row, column] = -matrix[row, column] if value is None else value
+
+    with pytest.raises(InputError, match=rf"transforms\.json: 02: the pose .*{message}"):
+        read_scene(write_capture(tmp_path, {**SHARED, "frames": with_matrix(change)}))
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ([], "no frames"),
+        ({"frames": []}, "no frames"),
+        ({"frames": [{"file_path": "images/00.png"}]}, "frame 0 is not complete"),
+        ({"frames": frames()}, "no focal length"),
+        ({"fl_x": "long", "frames": frames()}, "fl_x is not a number"),
+        ({"fl_x": -80.0, "frames": frames()}, "no focal length"),
+        ({"fl_x": 80.0, "k4": 0.1, "frames": frames()}, "fourth radial coefficient"),
+        ({"fl_x": 80.0, "camera_model": "EQUIRECTANGULAR", "frames": frames()}, "EQUIRECTANGULAR is not supported"),
+        ({"fl_x": 80.0, "w": 100, "h": 72, "frames": frames()}, "image and camera differ in size"),
+        ({"fl_x": 80.0, "frames": frames(2)}, "too few views"),
+    ],
+)
+def test_bad_files(tmp_path, content, message):
+    with pytest.raises(InputError, match=message):
+        read_scene(write_capture(tmp_path, content))
+
+
+def test_not_json(tmp_path):
+    (tmp_path / "transforms.json").write_text('{"frames": [')
+    with pytest.raises(InputError, match="not valid JSON"):
+        read_scene(tmp_path)
+
+
+def test_image_that_is_none(tmp_path):
+    write_capture(tmp_path, {**SHARED, "frames": frames()})
+    (tmp_path / "images" / "01.png").write_bytes(b"")
+    with pytest.raises(InputError, match=r"01\.png: cannot be read as an image"):
+        read_scene(tmp_path)
+
+
+def test_leading_folders_of_other_machines_do_not_matter_for_names(tmp_path):
+    write_png(tmp_path / "train" / "a.png", np.zeros((72, 96, 3), np.float32))
+    own = [{**frame, "file_path": f"train/{name}"} for name, frame in zip("abc", frames(3), strict=True)]
+    write_photographs(tmp_path / "train", ["b.png", "c.png"])
+    (tmp_path / "transforms.json").write_text(json.dumps({**SHARED, "frames": own}))
+    assert [view.name for view in read_scene(tmp_path).views] == ["a", "b", "c"]
+
+
+def test_fox_matches_lie_on_epipolar_lines_and_triangulate():
+    scene = read_scene(capture("ngp_fox"))
+    assert scene.views[0].lens.model == "OPENCV"
+    assert isinstance(scene.views[0].lens, Lens)
+    first, second = scene.views[0], scene.views[4]
+    left, right = _matches(first.image(), second.image())
+    matrices = [view.camera.matrix @ view.camera.world_to_camera[:3] for view in (first, second)]
+    points = cv2.triangulatePoints(*matrices, left.T, right.T)
+    points = (points[:3] / points[3]).T
+    for view, observed in ((first, left), (second, right)):
+        pixels, depths = view.camera.project(points)
+        errors = np.linalg.norm(pixels - observed, axis=1)
+        assert np.median(errors) < 1
+        assert (errors < 2).mean() > 0.8  # the others are wrong matches
+        assert (depths[errors < 2] > 0).mean() > 0.95
+
+
+def _matches(first, second):
+    """Pixels [N, 2] of SIFT features that are each other's clear nearest; OpenCV puts pixel centres at 0."""
+    sift = cv2.SIFT_create(2000)
+    points_a, a = sift.detectAndCompute(to_uint8(first), None)
+    points_b, b = sift.detectAndCompute(to_uint8(second), None)
+    pairs = [m for m, n in cv2.BFMatcher().knnMatch(a, b, k=2) if m.distance < 0.7 * n.distance]
+    assert len(pairs) > 100
+    left = np.array([points_a[m.queryIdx].pt for m in pairs]) + 0.5
+    right = np.array([points_b[m.trainIdx].pt for m in pairs]) + 0.5
+    return left, right

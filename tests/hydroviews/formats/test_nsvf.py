@@ -1,0 +1,54 @@
+import numpy as np
+import pytest
+from synthetic import capture_in
+
+from hydroviews.errors import InputError
+from hydroviews.formats import read_scene
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """A capture, and the same one in NSVF's layout in `nsvf`."""
+    scene = capture_in(tmp_path / "yard")
+    (tmp_path / "nsvf" / "pose").mkdir(parents=True)
+    (tmp_path / "yard" / "images").rename(tmp_path / "nsvf" / "rgb")
+    for view in scene.views:
+        np.savetxt(tmp_path / "nsvf" / "pose" / f"{view.name}.txt", np.linalg.inv(view.camera.world_to_camera))
+    matrix = np.eye(4)
+    matrix[:3, :3] = scene.views[0].camera.matrix
+    np.savetxt(tmp_path / "nsvf" / "intrinsics.txt", matrix)
+    return scene
+
+
+@pytest.mark.parametrize("short", [False, True])
+def test_cameras_are_the_ones_written(scene, tmp_path, short):
+    if short:  # the form of the synthetic scenes: f cx cy, then other things
+        camera = scene.views[0].camera
+        text = f"{camera.fx} {camera.cx} {camera.cy} 0.\n0. 0. 0.\n0.\n1.\n{camera.height} {camera.width}\n"
+        (tmp_path / "nsvf" / "intrinsics.txt").write_text(text)
+    read = read_scene(tmp_path / "nsvf")
+    assert read.split == scene.split
+    for ours, given in zip(read.views, scene.views, strict=True):
+        assert ours.name == given.name
+        assert np.allclose(ours.camera.world_to_camera, given.camera.world_to_camera, atol=1e-9)
+        assert np.allclose(ours.camera.matrix, given.camera.matrix)
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "message"),
+    [
+        ("pose/view-03.txt", None, "1 of 9 photographs have no pose\n.*view-03.txt"),
+        ("pose/view-03.txt", "1 0 0 0\n0 1 0 0\n0 0 1", "not a pose"),
+        ("pose/view-03.txt", "1 0 0 0\n0 1 0 0\n0 0 2 0\n0 0 0 1", "not rigid"),
+        ("pose/view-03.txt", "nothing", "not numbers"),
+        ("intrinsics.txt", "0 0 0\n", "no focal length"),
+        ("intrinsics.txt", "", "no focal length"),
+    ],
+)
+def test_damage_is_told(scene, tmp_path, file, content, message):
+    path = tmp_path / "nsvf" / file
+    path.unlink()
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(InputError, match=message):
+        read_scene(tmp_path / "nsvf")

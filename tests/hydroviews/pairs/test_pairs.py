@@ -1,0 +1,110 @@
+import numpy as np
+import pytest
+from wet import HEIGHT, WIDTH, lens, photograph
+
+from hydroviews.errors import InputError
+from hydroviews.pairs.drawing import KINDS, LINEAR, air_light, draw_mist, draw_rain, draw_veil, wet_lens
+from hydroviews.pairs.drawn import exposed
+from hydroviews.pairs.photographs import fit_frame, frame_of, frames, read_photographs, split_photographs
+from hydroviews.rain.lens.bake import moment_of
+from hydroviews.rain.lens.mist import mist_veil
+from hydroviews.rain.seeds import generator
+from hydroviews.scene.images import to_linear, to_srgb, write_png
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_rain_changes_what_it_should(kind):
+    rainy, clean, cover, veil = draw_rain(photograph(), kind, [lens()], generator(3, kind))
+    np.testing.assert_array_equal(clean, photograph().astype(np.float32) / 255)
+    assert rainy.shape == clean.shape
+    assert rainy.min() >= 0
+    assert rainy.max() <= 1
+    assert np.array_equal(rainy, clean) == (kind == "clean")
+    assert cover.min() >= 0
+    assert cover.max() <= 1
+    assert (cover[..., 0] > 0).any() == (kind in ("streak", "both"))
+    assert (cover[..., 1] > 0).any() == (kind in ("raindrop", "both"))
+    assert np.isnan(veil).all() == (kind in ("streak", "both"))
+    if kind == "raindrop":
+        np.testing.assert_array_equal(veil[..., 0], cover[..., 2])
+    dry_pixels = cover.max(axis=-1) == 0
+    np.testing.assert_allclose(rainy[dry_pixels], clean[dry_pixels], atol=1e-6)
+
+
+def test_mist_is_composited_in_linear_light_with_the_light_of_the_air():
+    picture, wet = photograph(), lens(drops=False)
+    pattern = draw_mist(wet, generator(5))
+    assert pattern.mist > 0
+    rainy, mask, found = wet_lens(picture, wet, generator(5))
+    assert not mask.any()
+    veil = mist_veil(pattern, WIDTH, HEIGHT, moment_of(pattern, 0))[..., None]
+    linear = to_linear(picture.astype(np.float32) / 255)
+    air = air_light(linear) * np.array(pattern.air, np.float32)
+    np.testing.assert_allclose(rainy, to_srgb((1 - veil) * linear + veil * air), atol=1e-5)
+    np.testing.assert_allclose(found, np.concatenate([veil, veil * air], axis=-1), atol=1e-6)
+
+
+def test_drops_show_what_light_paths_bring():
+    picture = photograph()
+    dry_mist = next(seed for seed in range(100) if draw_mist(lens(), generator(seed)).mist == 0)
+    rainy, mask, _ = wet_lens(picture, lens(), generator(dry_mist))
+    np.testing.assert_array_equal(mask, lens().matte.mask)
+    np.testing.assert_allclose(rainy[30, 40], picture[0, 0] / 255, atol=1e-3)
+    np.testing.assert_allclose(rainy[:20], picture[:20] / 255, atol=1e-3)
+
+
+def test_small_pictures_in_mist_are_brighter_where_it_is_and_sometimes_dry():
+    picture = photograph(0, 128, 192)
+    pairs = [draw_veil(picture, generator(seed), 128) for seed in range(20)]
+    assert {pair[0].shape for pair in pairs} == {(128, 128, 3)}
+    dry_ones = [pair for pair in pairs if not pair[2].any()]
+    misty_ones = [pair for pair in pairs if pair[2].any()]
+    assert 0 < len(dry_ones) < 10
+    assert all(np.array_equal(rainy, clean) for rainy, clean, _ in dry_ones)
+    contrast = [float(rainy.std() / clean.std()) for rainy, clean, _ in misty_ones]
+    assert max(contrast) < 1
+    assert min(contrast) < 0.7
+    assert np.mean([clean.mean() for _, clean, _ in pairs]) < picture.mean() / 255  # shorter exposures
+
+
+def test_strengths_cover_the_grades():
+    levels = [draw_mist(lens(), generator(seed, "mist")).mist for seed in range(300)]
+    assert 0.05 < np.mean(np.array(levels) == 0) < 0.3
+    assert max(levels) > 0.85
+    assert 0.03 < np.median(levels) < 0.3
+
+
+def test_linear_table_is_the_encoding():
+    np.testing.assert_allclose(to_srgb(LINEAR) * 255, np.arange(256), atol=1e-3)
+
+
+def test_frames_are_the_benchmarks_size_in_both_directions(tmp_path):
+    assert set(frames()) == {(480, 320), (320, 480), (384, 256), (256, 384)}
+    assert frames((90,)) == ((90, 60), (60, 90))
+    assert frame_of(321, 481, 480) == (320, 480)
+    image = np.random.default_rng(0).random((481, 321, 3)).astype(np.float32)
+    assert fit_frame(image, (320, 480)).shape == (480, 320, 3)
+    with pytest.raises(ValueError, match="enlarge"):
+        fit_frame(image, (480, 320))
+    write_png(tmp_path / "small.png", image[:100, :100])
+    with pytest.raises(InputError, match="too small"):
+        read_photographs([tmp_path / "small.png"])
+    small = read_photographs([tmp_path / "small.png"], (90, 60))[0]
+    assert {side: picture.shape for side, picture in small.items()} == {90: (60, 90, 3), 60: (40, 60, 3)}
+
+
+def test_every_tenth_photograph_by_name_is_held_out(tmp_path):
+    for i in range(25):
+        write_png(tmp_path / f"{i:02d}.png", photograph(i))
+    split = split_photographs(tmp_path)
+    assert [file.stem for file in split.held_out] == ["00", "10", "20"]
+    assert len(split.training) == 22
+    with pytest.raises(InputError, match="no such folder"):
+        split_photographs(tmp_path / "nothing")
+
+
+def test_exposures_are_darker_and_keep_order():
+    picture = photograph()
+    darker = exposed(picture, generator(0))
+    assert (darker <= picture).all()
+    assert darker.mean() > 0.3 * picture.mean()

@@ -1,0 +1,57 @@
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from hydroviews.rain.lens.mist import mist_veil
+from hydroviews.rain.lens.pattern import draw_pattern
+from hydroviews.rain.lens.rivulets import draw_rivulets
+
+PATTERN = replace(draw_pattern(np.random.default_rng(3), 1), mist=0.5, rivulets=0, seed=0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_mist_is_smooth_and_within_its_level(seed):
+    veil = mist_veil(replace(PATTERN, seed=seed), 160, 120, 0.0)
+    assert 0 <= veil.min() < 0.2
+    assert 0.3 < veil.max() <= 0.5
+    assert max(np.abs(np.diff(veil, axis=axis)).max() for axis in (0, 1)) < 0.5 / 15
+
+
+def test_level_scales_the_same_form():
+    strong, weak = (mist_veil(replace(PATTERN, mist=level), 64, 48, 0.0) for level in (0.8, 0.2))
+    np.testing.assert_allclose(strong, 4 * weak, rtol=1e-5)
+
+
+def test_the_form_does_not_depend_on_the_size_of_the_picture():
+    large, small = mist_veil(PATTERN, 640, 480, 0.5), mist_veil(PATTERN, 64, 48, 0.5)
+    shrunk = cv2.resize(large, (64, 48), interpolation=cv2.INTER_AREA)
+    np.testing.assert_allclose(shrunk, small, atol=0.01)
+
+
+def test_mist_drifts_slightly_and_seeds_differ():
+    start, end = (mist_veil(PATTERN, 80, 60, moment) for moment in (0.0, 1.0))
+    other = mist_veil(replace(PATTERN, seed=1), 80, 60, 0.0)
+    assert 0.002 < np.abs(end - start).mean() < 0.6 * np.abs(other - start).mean()
+
+
+def test_running_drops_wipe_it_thin():
+    pattern = replace(PATTERN, rivulets=3)
+    wiped, whole = mist_veil(pattern, 240, 240, 0.0), mist_veil(PATTERN, 240, 240, 0.0)
+    way = np.concatenate([rivulet.way for rivulet in draw_rivulets(pattern, (1.0, 1.0), 0.0)])
+    column, row = (way[np.all((way > 0) & (way < 1), axis=1)] * 240).astype(int).T
+    share = wiped[row, column].sum() / whole[row, column].sum()
+    assert share < 0.4
+    assert np.median(wiped / np.maximum(whole, 1e-9)) > 0.99
+
+
+@pytest.mark.parametrize("size", [(1, 1), (17, 15), (400, 40), (3, 300)])
+def test_any_size_of_picture(size):
+    veil = mist_veil(PATTERN, *size, 0.5)
+    assert veil.shape == size[::-1]
+    assert np.all((veil >= 0) & (veil <= 0.5))
+
+
+def test_no_mist():
+    assert not mist_veil(replace(PATTERN, mist=0.0), 20, 10, 0.0).any()

@@ -1,0 +1,94 @@
+import numpy as np
+import pytest
+
+from hydroviews.errors import InputError
+from hydroviews.rain.lens.path_matte import PathMatte, assemble, defocus
+
+
+def paths_from(places, throughput=1.0, shape=(5, 7), disk=0.0) -> PathMatte:
+    """One path for every pixel of a lens that is all under water."""
+    pixels = np.arange(shape[0] * shape[1])
+    return assemble(np.ones(shape), pixels, np.asarray(places, float), np.full(len(pixels), throughput), disk)
+
+
+def pixel_centres(shape=(5, 7)):
+    y, x = np.mgrid[0 : shape[0], 0 : shape[1]] + 0.5
+    return np.stack([x.ravel(), y.ravel()], -1)
+
+
+@pytest.fixture
+def picture(rng):
+    return rng.random((5, 7, 3)).astype(np.float32)
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(0)
+
+
+def test_straight_paths_show_the_picture_itself(picture):
+    matte = paths_from(pixel_centres())
+    np.testing.assert_allclose(matte.apply(picture), picture, atol=1e-6)
+    assert matte.mask.min() == 1
+
+
+def test_paths_between_pixels_are_bilinear(picture):
+    shifted = paths_from(pixel_centres() + np.array([0.25, 0])).apply(picture)
+    np.testing.assert_allclose(shifted[:, :-1], 0.75 * picture[:, :-1] + 0.25 * picture[:, 1:], atol=1e-6)
+
+
+@pytest.mark.parametrize(("offset", "flip"), [([7, 0], 1), ([-7, 0], 1), ([0, 5], 0), ([0, -5], 0)])
+def test_the_picture_is_mirrored_beyond_its_borders(picture, offset, flip):
+    np.testing.assert_allclose(
+        paths_from(pixel_centres() + offset).apply(picture), np.flip(picture, axis=flip), atol=1e-6
+    )
+
+
+def test_two_periods_away_is_the_picture_again(picture):
+    np.testing.assert_allclose(paths_from(pixel_centres() + np.array([28, -10])).apply(picture), picture, atol=1e-6)
+
+
+def test_light_that_no_path_accounts_for_is_as_bright_as_the_view(picture):
+    drops = paths_from(pixel_centres(), throughput=0.25).apply(picture)
+    np.testing.assert_allclose(drops, 0.25 * picture + 0.75 * picture.mean(axis=(0, 1)), atol=1e-6)
+
+
+def test_a_grey_picture_stays_grey_behind_defocused_drops(rng):
+    pixels = rng.integers(0, 35, 60)
+    throughput = np.full(60, 0.1)
+    cover = np.bincount(pixels, throughput, minlength=35).reshape(5, 7) * 1.3
+    matte = assemble(np.minimum(cover, 1), pixels, rng.uniform(-20, 20, (60, 2)), throughput, disk=2.6)
+    grey = np.full((5, 7, 3), 0.4, np.float32)
+    np.testing.assert_allclose((1 - matte.mask[..., None]) * grey + matte.apply(grey), grey, atol=1e-6)
+
+
+def test_defocus_is_a_disk_of_the_given_diameter():
+    point = np.zeros((41, 41), np.float32)
+    point[20, 20] = 1
+    spread = defocus(point, 11.0)
+    y, x = np.mgrid[-20:21, -20:21]
+    assert spread.sum() == pytest.approx(1, abs=1e-5)
+    assert np.all(spread[np.hypot(x, y) > 6.3] == 0)
+    np.testing.assert_allclose(spread[np.hypot(x, y) < 4.7], 1 / (np.pi * 5.5**2), rtol=0.02)
+    assert defocus(point, 0.9) is point
+
+
+def test_a_picture_of_another_size_is_refused(picture):
+    with pytest.raises(ValueError, match="found"):
+        paths_from(pixel_centres()).apply(picture[:4])
+
+
+def test_a_matte_comes_back_from_its_file(picture, tmp_path):
+    matte = paths_from(pixel_centres() + 0.3, 0.7, disk=2.0)
+    matte.save(tmp_path / "matte.npz", "a key")
+    loaded, key = PathMatte.load(tmp_path / "matte.npz")
+    assert key == "a key"
+    assert np.array_equal(loaded.apply(picture), matte.apply(picture))
+    assert np.array_equal(loaded.mask, matte.mask)
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut short", b"not an archive"])
+def test_a_damaged_matte_is_named(tmp_path, content):
+    (tmp_path / "matte.npz").write_bytes(content)
+    with pytest.raises(InputError, match=r"matte\.npz"):
+        PathMatte.load(tmp_path / "matte.npz")

@@ -1,0 +1,122 @@
+import json
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+
+from hydroviews.rain.lens import water as drops_film
+from hydroviews.rain.lens.drop_shapes import Outline
+from hydroviews.rain.lens.pattern import RaindropPattern, draw_pattern
+from hydroviews.rain.lens.rivulets import draw_rivulets
+from hydroviews.rain.lens.water import TOUCH, Drop, place_drops, water_at
+
+EXTENT = (1.2, 1 / 1.2)
+PATTERN = replace(draw_pattern(np.random.default_rng(3), 2), coverage=0.15, rivulets=3, growth=0.12, seed=0)
+
+
+def all_disks(drops) -> np.ndarray:
+    return np.array([disk for drop in drops for disk in drop.outline.disks])
+
+
+def water_of(drops) -> float:
+    return sum(drop.outline.radius**3 for drop in drops)
+
+
+def test_the_same_generator_draws_the_same_pattern_and_it_goes_through_json():
+    first, second = (draw_pattern(np.random.default_rng(4), 1) for _ in range(2))
+    assert first == second
+    loaded = json.loads(json.dumps(asdict(first)))
+    assert RaindropPattern(**{**loaded, "air": tuple(loaded["air"])}) == first
+    assert draw_pattern(np.random.default_rng(5), 1) != first
+
+
+def test_grades_differ_in_strength_alone():
+    light, medium, heavy = (draw_pattern(np.random.default_rng(4), grade) for grade in range(3))
+    for name in ("coverage", "mist", "droplets"):
+        assert getattr(light, name) < getattr(medium, name) < getattr(heavy, name)
+    assert light.seed == heavy.seed
+    assert light.radius_median == heavy.radius_median
+
+
+@pytest.mark.parametrize("extent", [EXTENT, (0.6, 1.6), (10**0.5, 0.1**0.5), (1.0, 1.0)])
+def test_drops_lie_apart_and_cover_what_was_asked(extent):
+    drops = place_drops(PATTERN, extent)
+    assert drops == place_drops(PATTERN, extent)
+    disks = all_disks(drops)
+    owner = np.repeat(np.arange(len(drops)), [len(d.outline.disks) for d in drops])
+    apart = np.linalg.norm(disks[:, None, :2] - disks[None, :, :2], axis=-1)
+    other = owner[:, None] != owner
+    assert np.all((apart > TOUCH * (disks[:, None, 2] + disks[:, 2]))[other])
+    area = sum(np.pi * d.outline.radius**2 for d in drops)
+    largest = np.pi * max(d.outline.radius for d in drops) ** 2
+    assert 0 <= area - 0.15 * 1.1**2 * extent[0] * extent[1] < largest
+
+
+def test_more_coverage_and_droplets_leave_what_is_there_in_place():
+    few = water_at(replace(PATTERN, rivulets=0, coverage=0.05, droplets=100), EXTENT, 0.0)
+    many = water_at(replace(PATTERN, rivulets=0, coverage=0.2, droplets=500), EXTENT, 0.0)
+    assert many.drops[: len(few.drops)] == few.drops
+    assert len(many.drops) > 2 * len(few.drops)
+    dry = water_at(replace(PATTERN, rivulets=0, coverage=0.0, droplets=100), EXTENT, 0.0)
+    wet = water_at(replace(PATTERN, rivulets=0, coverage=0.0, droplets=500), EXTENT, 0.0)
+    assert np.array_equal(wet.droplets[: len(dry.droplets)], dry.droplets)
+
+
+def test_drops_grow_slowly_and_stay_where_they_are():
+    pattern = replace(PATTERN, rivulets=0, coverage=0.03, growth=0.05)
+    start, end = (water_at(pattern, EXTENT, moment).drops for moment in (0.0, 1.0))
+    growth = np.array([b.outline.radius / a.outline.radius for a, b in zip(start, end, strict=True)])
+    assert 1 < growth.min() < growth.max() <= 1.05
+    np.testing.assert_array_equal(all_disks(start)[:, :2], all_disks(end)[:, :2])
+
+
+def test_drops_that_touch_merge_and_keep_their_water():
+    pattern = replace(PATTERN, rivulets=0, growth=0.4)
+    apart = drops_film._grown(pattern, place_drops(pattern, EXTENT), 1.0)
+    merged = water_at(pattern, EXTENT, 1.0).drops
+    assert len(merged) < len(apart)
+    assert water_of(merged) == pytest.approx(water_of(apart))
+    disks = all_disks(merged)
+    assert max(len(d.outline.disks) for d in merged) <= 3
+    owner = np.repeat(np.arange(len(merged)), [len(d.outline.disks) for d in merged])
+    reach = np.linalg.norm(disks[:, None, :2] - disks[None, :, :2], axis=-1) / (disks[:, None, 2] + disks[:, 2])
+    assert np.all(reach[owner[:, None] != owner] >= TOUCH)
+
+
+def test_many_merged_disks_become_one_round_drop_at_their_centre_of_mass():
+    four = [Drop(Outline(((x, 0.0, 1.0), (x, 1.5, 1.0))), 0.5) for x in (0.0, 2.0)]
+    (drop,) = drops_film._merge(four)
+    assert len(drop.outline.disks) == 1
+    np.testing.assert_allclose(drop.outline.middle, [1.0, 0.75])
+    assert drop.outline.radius**3 == pytest.approx(4)
+
+
+def test_running_drops_go_down_and_leave_beads_and_no_drops_in_their_way():
+    start, end = (draw_rivulets(PATTERN, EXTENT, moment) for moment in (0.0, 1.0))
+    assert len(start) == len(end) == 3
+    for before, after in zip(start, end, strict=True):
+        assert len(after.way) > len(before.way)
+        np.testing.assert_array_equal(after.way[: len(before.way)], before.way)
+        assert np.all(np.diff(after.way[:, 1]) > 0)
+    water = water_at(PATTERN, EXTENT, 1.0)
+    disks = all_disks(water.drops)
+    for rivulet in water.rivulets:
+        room = np.linalg.norm(rivulet.way[:, None] - disks[None, :, :2], axis=-1) - disks[:, 2]
+        assert room.min() > rivulet.start_radius
+        assert rivulet.radius >= rivulet.start_radius
+    assert max(len(rivulet.beads) for rivulet in water.rivulets) > 3
+
+
+def test_droplets_touch_nothing():
+    water = water_at(replace(PATTERN, droplets=900), EXTENT, 0.5)
+    x_y, radius = water.droplets[:, :2], water.droplets[:, 2]
+    apart = np.linalg.norm(x_y[:, None] - x_y, axis=-1) - radius[:, None] - radius + np.diag(np.full(len(radius), 9))
+    assert apart.min() > 0
+    disks = all_disks(water.drops)
+    assert (np.linalg.norm(x_y[:, None] - disks[:, :2], axis=-1) - radius[:, None] - disks[:, 2]).min() > 0
+
+
+def test_an_empty_lens():
+    water = water_at(replace(PATTERN, coverage=0.0, droplets=0, rivulets=0), EXTENT, 0.5)
+    assert water.drops == water.rivulets == ()
+    assert len(water.droplets) == 0

@@ -1,0 +1,344 @@
+import hashlib
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from scipy import integrate
+from synthetic import capture_in, ring_camera
+
+from hydroviews.errors import InputError
+from hydroviews.rain.seeds import generator
+from hydroviews.rain.setting import Light, Setting, survey
+from hydroviews.rain.storm import drop_sizes as storm_drops
+from hydroviews.rain.storm import reference as storm_reference
+from hydroviews.rain.storm.drop_sizes import Cloud, draw_cloud
+from hydroviews.rain.storm.effect import Storm, StormPattern, draw_pattern, skylight, storm_light
+from hydroviews.rain.storm.rasterise import NEAREST, Shutter, draw, project
+from hydroviews.rain.storm.world import horizontal, in_metres, metres_and_focus, up_direction
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.images import to_linear, to_srgb
+from hydroviews.scene.scenes import View, no_points
+
+UP = np.array([0, -1.0, 0])
+STILL = np.zeros(3)
+SHUTTER = Shutter(time=0, exposure=0.01, aperture=0.0, focus=4.0)
+PATTERN = StormPattern(30.0, 1.0, 1.0, 40.0, 0.2, 0.01, 0.003, 1.0, 5)
+
+
+def camera(width: int = 100, height: int = 75, at: tuple[float, float, float] = (0, 0, 0)) -> Camera:
+    """Looking along +z, y down."""
+    pose = np.eye(4)
+    pose[:3, 3] = -np.array(at)
+    return Camera(width, height, 0.9 * width, 0.9 * width, width / 2, height / 2, pose)
+
+
+def far(view: Camera) -> np.ndarray:
+    return np.full((view.height, view.width), np.inf, np.float32)
+
+
+def one_drop(at: tuple, velocity: tuple = (0, 8.0, 0), diameter: float = 0.003) -> Cloud:
+    """A world with a single drop; it repeats after 100 metres."""
+    arrays = (np.array([at], float), np.array([velocity], float), np.array([diameter]), np.array([100.0]))
+    return Cloud(*arrays)
+
+
+def setting_in(folder, **options):
+    scene = capture_in(folder / "scene", **options)
+    return survey(scene, 0)
+
+
+def scaled(setting: Setting, metres_per_unit: float) -> Setting:
+    return replace(setting, metres_per_unit=metres_per_unit)
+
+
+def test_sizes_and_speeds_are_those_of_the_literature():
+    sizes = np.linspace(0.5, 6, 200_001)
+    numbers = 8000 * np.exp(-4.1 * 10**-0.21 * sizes)  # Marshall and Palmer at 10 mm/h
+    for order in (0, 2, 3):
+        by_hand = integrate.simpson(sizes**order * numbers, x=sizes)
+        assert storm_drops.moment(order, 10, 0.5, 6) == pytest.approx(by_hand, rel=1e-6)
+    # Gunn and Kinzer's measurements, m/s.
+    measured = {1.0: 4.03, 2.0: 6.49, 3.0: 8.06, 4.0: 8.83, 5.0: 9.09}
+    for diameter, speed in measured.items():
+        assert storm_drops.fall_speed(np.array(diameter)) == pytest.approx(speed, rel=0.03)
+
+
+def test_drawn_diameters_follow_the_distribution():
+    cloud = draw_cloud(30, 1, STILL, 0, UP, 0)
+    assert len(cloud) == storm_drops.count(30, 1)
+    millimetres = 1000 * cloud.diameters
+    for low, high in ((0.5, 1), (1, 2), (2, 3), (3, 6)):
+        share = storm_drops.moment(3, 30, low, high) / storm_drops.moment(3, 30, 0.5, 6)
+        error = np.sqrt(share * (1 - share) / len(cloud))
+        assert abs(((millimetres >= low) & (millimetres < high)).mean() - share) < 4 * error
+    assert np.allclose(cloud.velocities @ UP, -storm_drops.fall_speed(millimetres))
+
+
+def test_a_denser_storm_keeps_its_drops():
+    thin, dense = (draw_cloud(30, density, STILL, 0.3, UP, 7) for density in (0.1, 0.13))
+    assert len(dense) > len(thin)
+    for name in ("positions", "velocities", "diameters", "periods"):
+        assert np.array_equal(getattr(dense, name)[: len(thin)], getattr(thin, name))
+
+
+def test_drawn_drops_and_veil_together_hide_what_all_drops_hide():
+    view = camera(120, 90)
+    cloud = draw_cloud(30, 6, STILL, 0.3, UP, 1)
+    covers = [draw(project(cloud, view, replace(SHUTTER, time=t)), far(view)) for t in (0.0, 0.7, 1.9)]
+    drawn = float(np.mean(-np.log1p(-np.stack(covers))))
+    everywhere = 6 * storm_drops.moment(2, 30, 0, 100) * np.pi / 4 * 1e-6  # m^2 a cubic metre
+    distance = 30.0
+    veil = float(storm_drops.optical_depth(30, 6, np.array(distance)))
+    assert veil > 0.5 * drawn > 0
+    assert drawn + veil == pytest.approx(everywhere * distance, rel=0.03)
+
+
+@pytest.mark.parametrize("velocity", [(0, 8, 0), (5, 5, 0), (-3, 8, 1), (8, 0, 0), (0, 0, 0.5), (0, 0, 0)])
+@pytest.mark.parametrize("distance", [0.5, 3.0])
+def test_a_drop_covers_its_own_area_however_it_moves(velocity, distance):
+    view = camera(200, 150)
+    cover = draw(project(one_drop((0.013, -0.021, distance), velocity), view, SHUTTER), far(view))
+    area = np.pi / 4 * (0.003 * view.fx / (distance + velocity[2] * SHUTTER.exposure / 2)) ** 2
+    assert cover.sum() == pytest.approx(area, rel=0.03)
+
+
+def test_drawing_against_drops_followed_through_the_exposure():
+    view = camera()
+    cloud = draw_cloud(30, 0.15, np.array([2.0, 0, 0]), 0.3, np.array([0, -0.8, 0.6]), 3)
+    depth = far(view)
+    depth[:, 50:] = 2.0
+    for shutter in (Shutter(2.0, 0.01, 0.004, 4.0), Shutter(2.0, 0.002, 0.0, 4.0)):
+        fast = draw(project(cloud, view, shutter), depth)
+        slow = storm_reference.cover(cloud, view, shutter, depth, samples=2**12)
+        assert slow.max() > 0.01
+        assert fast.mean() == pytest.approx(slow.mean(), rel=0.02)
+        assert np.sqrt(np.mean((fast - slow) ** 2)) < 0.3 * np.sqrt(np.mean(slow**2))
+        wide = [cv2.GaussianBlur(np.asarray(c, np.float64), (0, 0), 2) for c in (fast, slow)]
+        assert np.abs(wide[0] - wide[1]).max() < 0.08 * wide[1].max()
+
+
+def test_a_frozen_drop_is_triangulated_from_two_views():
+    drop = (0.1, -0.05, 2.0)
+    cloud = one_drop(drop, velocity=(0, 8, 0), diameter=0.01)
+    views = [camera(400, 300), camera(400, 300, at=(0.4, 0.05, 0.1))]
+    rays = []
+    for view in views:
+        cover = draw(project(cloud, view, SHUTTER), far(view)).astype(np.float64)
+        y, x = np.mgrid[0 : view.height, 0 : view.width] + 0.5
+        u, v = (cover * x).sum() / cover.sum(), (cover * y).sum() / cover.sum()
+        rays.append(view.rotation.T @ np.array([(u - view.cx) / view.fx, (v - view.cy) / view.fy, 1]))
+    distances = np.linalg.lstsq(np.stack([rays[0], -rays[1]], axis=1), views[1].centre, rcond=None)[0]
+    found = distances[0] * rays[0]
+    middle = np.array(drop) + np.array([0, 8, 0]) * SHUTTER.exposure / 2
+    assert np.linalg.norm(found - middle) < 0.01
+
+
+def test_two_cameras_see_the_same_drops():
+    cloud = draw_cloud(80, 1, np.array([1.0, 0, 0]), 0.3, UP, 2)
+    left, right = camera(400, 300), camera(400, 300, at=(0.1, 0, 0))
+    streaks = [project(cloud, view, SHUTTER) for view in (left, right)]
+    depths = [set(np.round(s[:, 7], 9)) for s in streaks]  # both look along z, so a drop has one depth
+    both = depths[0] & depths[1]
+    assert len(both) > 0.5 * len(depths[0])
+    first, second = ({round(s[7], 9): s for s in one} for one in streaks)
+    for depth in sorted(both)[:200]:
+        shift = first[depth][0] - second[depth][0]
+        assert shift == pytest.approx(left.fx * 0.1 / depth, rel=1e-3)
+
+
+def test_drops_move_between_views_unless_the_storm_is_frozen(tmp_path):
+    setting = setting_in(tmp_path)
+    view = setting.views[3]
+    clean = view.image()
+    falling = Storm(PATTERN, scaled(setting, 1.0)).layers(clean, view)["M"]
+    frozen = Storm(replace(PATTERN, interval=0.0), scaled(setting, 1.0)).layers(clean, view)["M"]
+    later = Storm(replace(PATTERN, interval=0.5), scaled(setting, 1.0))
+    assert not np.array_equal(falling, frozen)
+    again = later.drops(view, in_metres(view.camera, 1.0), far(view.camera))
+    shifted = replace(later.cloud, positions=later.cloud.positions + later.cloud.velocities * 3 * 0.5)
+    shutter = Shutter(0.0, PATTERN.exposure, PATTERN.aperture, later.parameters["focus"])
+    assert np.allclose(draw(project(shifted, view.camera, shutter), far(view.camera)), again, atol=1e-5)
+
+
+def test_surfaces_hide_what_is_behind_them():
+    view, cloud = camera(), draw_cloud(80, 1, STILL, 0.3, UP, 4)
+    streaks = project(cloud, view, SHUTTER)
+    wall = np.full((75, 100), 1.0, np.float32)
+    wall[:, 60:] = np.inf
+    cover, open_air = draw(streaks, wall), draw(streaks, far(view))
+    assert np.array_equal(cover[:, 60:], open_air[:, 60:])
+    assert np.array_equal(cover[:, :60], draw(streaks[streaks[:, 7] < 1], far(view))[:, :60])
+    assert cover[:, :60].sum() < 0.9 * open_air[:, :60].sum()
+    assert draw(streaks, np.full((75, 100), NEAREST, np.float32)).max() == 0
+
+
+@pytest.mark.parametrize("speed", [-20.0, 20.0])
+def test_a_drop_that_passes_the_lens_is_drawn_while_it_is_in_front(speed):
+    view = camera()
+    half = NEAREST - 0.5 * speed * SHUTTER.exposure  # crosses the nearest depth half way through the exposure
+    streaks = project(one_drop((0.02, 0.0, half), (0, 0, speed)), view, SHUTTER)
+    assert len(streaks) == 1
+    assert np.isfinite(streaks).all()
+    near, far_end = NEAREST, NEAREST + 0.5 * abs(speed) * SHUTTER.exposure
+    ends = [view.fx * 0.02 / z + view.cx for z in (near, far_end)]
+    assert streaks[0, 4] == pytest.approx(abs(ends[0] - ends[1]))
+    assert streaks[0, 6] == pytest.approx(0.5 * np.pi / 4 * (0.003 * view.fx / ((near + far_end) / 2)) ** 2)
+    assert len(project(one_drop((0.02, 0, -1.0), (0, 0, 1.0)), view, SHUTTER)) == 0
+
+
+@pytest.mark.parametrize("wind", [0.0, 4.0, -7.0])
+def test_streaks_lean_with_the_wind(wind):
+    view = camera(400, 300)
+    streaks = project(draw_cloud(30, 4, np.array([wind, 0, 0]), 0.0, UP, 6), view, SHUTTER)
+    middle = np.abs(streaks[:, :2] - (200, 150)).max(axis=1) < 40
+    diameters = np.sqrt(streaks[middle, 6] * 4 / np.pi) * streaks[middle, 7] / view.fx * 1000
+    expected = np.arctan2(storm_drops.fall_speed(diameters), wind)
+    assert np.allclose(np.arctan2(streaks[middle, 3], streaks[middle, 2]), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (17, 15), (33, 1)])
+def test_tiny_pictures(width, height):
+    view = camera(width, height)
+    cover = draw(project(draw_cloud(80, 1, STILL, 0.3, UP, 4), view, SHUTTER), far(view))
+    assert cover.shape == (height, width)
+    assert np.isfinite(cover).all()
+    assert cover.max() < 1
+    assert cover.min() >= 0
+
+
+def test_up_is_told_from_level_cameras():
+    ring = [View(str(i), ring_camera(i, 48, 36), None) for i in range(9)]
+    assert np.allclose(up_direction(ring), [0, -1, 0], atol=3e-3)
+    tilt = cv2.Rodrigues(np.array([0.5, 0, 0]))[0]  # all look the same way, down
+    pose = np.eye(4)
+    pose[:3, :3] = tilt
+    tilted = [View("a", Camera(4, 3, 4, 4, 2, 1.5, pose), None)]
+    assert np.allclose(up_direction(tilted), -tilt[1], atol=1e-9)
+    turned = np.diag([-1.0, -1, 1, 1])  # on its head
+    with pytest.raises(InputError, match="which way is up"):
+        up_direction([View("a", camera(), None), View("b", replace(camera(), world_to_camera=turned), None)])
+
+
+def test_wind_blows_along_the_ground():
+    first = ring_camera(0.3, 48, 36)
+    for angle in (0, 90, 200):
+        wind = horizontal(first, UP, angle)
+        assert abs(wind @ UP) < 1e-12
+        assert np.linalg.norm(wind) == pytest.approx(1)
+    assert horizontal(first, UP, 0) @ first.rotation[2] > 0.9
+
+
+def test_scale_is_estimated_from_what_cameras_look_at(tmp_path):
+    setting = setting_in(tmp_path)
+    scale, focus = metres_and_focus(setting.views, setting.points)
+    assert scale == pytest.approx(1.0, rel=0.1)  # the ring stands 4 units away
+    assert focus == 4
+    assert metres_and_focus(setting.views, setting.points, 3.0) == (3.0, pytest.approx(3.0 * 4, rel=0.1))
+    assert metres_and_focus(setting.views, no_points(), 3.0) == (3.0, 4.0)
+    with pytest.raises(InputError, match="how large the scene is"):
+        Storm(PATTERN, replace(setting, points=no_points()))
+    for impossible in (0.0, -1.0, float("nan")):
+        with pytest.raises(InputError, match="scale of a capture"):
+            Storm(PATTERN, scaled(setting, impossible))
+
+
+def test_the_same_storm_in_other_units(tmp_path):
+    setting = setting_in(tmp_path)
+    small = tuple(replace(v, camera=in_metres(v.camera, 0.1)) for v in setting.views)
+    points = replace(setting.points, positions=setting.points.positions * 0.1)
+    one = Storm(PATTERN, scaled(setting, 1.0))
+    other = Storm(PATTERN, replace(setting, views=small, points=points, metres_per_unit=10.0))
+    clean = setting.views[2].image()
+    for name, plane in one.layers(clean, setting.views[2]).items():
+        assert np.allclose(plane, other.layers(clean, small[2])[name], atol=1e-5)
+
+
+def test_layers_are_a_composite_in_linear_light(tmp_path):
+    setting = setting_in(tmp_path)
+    view = setting.views[0]
+    for picture in (np.full((36, 48, 3), 0.5, np.float32), view.image()):
+        layers = Storm(replace(PATTERN, density=8.0), setting).layers(picture, view)
+        assert set(layers) == {"M", "V", "R", "G", "B"}
+        assert 0 < layers["M"].mean() < 0.5
+        assert 0 < layers["V"].max() <= 0.6
+        through = ((1 - layers["M"]) * (1 - layers["V"]))[..., None]
+        rainy = through * to_linear(picture) + np.stack([layers[c] for c in "RGB"], axis=-1)
+        assert rainy.max() <= 1.0
+    flat = np.full((36, 48, 3), 0.5, np.float32)  # rain over an even grey world shows that grey
+    grey = replace(setting, light=Light((0.2, 0.2, 0.2), (0.2, 0.2, 0.2)))
+    layers = Storm(replace(PATTERN, density=8.0), grey).layers(flat, view)
+    through = ((1 - layers["M"]) * (1 - layers["V"]))[..., None]
+    rainy = through * to_linear(flat) + np.stack([layers[c] for c in "RGB"], axis=-1)
+    assert np.allclose(to_srgb(rainy), flat, atol=1e-3)
+
+
+def test_streaks_shine_near_lamps_and_vanish_in_the_dark(tmp_path):
+    setting = setting_in(tmp_path, width=160, height=120)
+    view = setting.views[0]
+    night = np.full((120, 160, 3), 0.01, np.float32)
+    night[20:26, 20:26] = 1.0
+    dark = replace(setting, light=Light((0.003, 0.003, 0.003), (0.02, 0.02, 0.02)))
+    layers = Storm(replace(PATTERN, density=8.0), dark).layers(night, view)
+    light = layers["G"] / (1 - (1 - layers["M"]) * (1 - layers["V"]))
+    assert light[10:36, 10:36].mean() > 20 * light[90:, 130:].mean()
+    assert layers["G"][90:, 130:].max() < 1 / 255 / 12.92  # half of the darkest grey that 8 bits have
+
+
+def test_rain_is_as_bright_as_the_sky_that_pictures_do_not_show():
+    assert skylight(Light((0.1, 0.1, 0.1), (0.4, 0.4, 0.4))) == pytest.approx(2)
+    assert skylight(Light((0.1, 0.2, 0.3), (0.1, 0.2, 0.3))) == pytest.approx(1)
+    assert skylight(Light((0, 0, 0), (0, 0, 0))) == 1
+    light = Light((0.1, 0.1, 0.1), (0.4, 0.4, 0.4))
+    for shown, expected in ((0.05, 0.1), (0.3, 0.4), (0.7, 0.7)):  # lifted; as bright as the air; brighter already
+        grey = to_srgb(np.full((20, 30, 3), shown, np.float32))
+        assert np.allclose(storm_light(grey, light), expected, rtol=1e-3)
+
+
+def test_the_veil_grows_with_distance_and_is_mixed_at_edges(tmp_path):
+    storm = Storm(replace(PATTERN, density=20.0), scaled(setting_in(tmp_path), 1.0))
+    view = camera(80, 60)
+    clean, depth = np.full((60, 80, 3), 0.2, np.float32), np.full((60, 80), 5.0, np.float32)
+    depth[:, 40:] = np.inf
+    clean[:, 41:] = 0.8
+    clean[:, 40] = 0.5  # half of it is the far side
+    veil = storm.veil(view, depth, clean)
+    near, sky = veil[:, 30].mean(), veil[:, 70].mean()
+    assert 0 < near < 0.2 * sky
+    assert sky == pytest.approx(0.6, abs=1e-3)
+    assert near + 0.2 * (sky - near) < veil[:, 40].mean() < near + 0.8 * (sky - near)
+    assert np.all(storm.veil(view, 2 * depth, clean)[:, :36] > veil[:, :36])
+
+
+def test_patterns_are_graded_and_seeded():
+    storms = [[draw_pattern(generator(seed, "storm", grade), grade) for seed in range(50)] for grade in range(3)]
+    rates = [[storm.rate for storm in grade] for grade in storms]
+    assert max(rates[0]) < min(rates[1]) <= max(rates[1]) < min(rates[2])
+    assert all(1 / 200 <= storm.exposure <= 1 / 60 for grade in storms for storm in grade)
+    assert draw_pattern(generator(0, "storm", 1), 1) == storms[1][0]
+
+
+BITS = """
+import hashlib, numpy as np
+from hydroviews.scene.cameras import Camera
+from hydroviews.rain.storm.rasterise import Shutter, draw, project
+from hydroviews.rain.storm.drop_sizes import draw_cloud
+view = Camera(64, 48, 60, 60, 32, 24, np.eye(4))
+cloud = draw_cloud(30, 1, np.array([1.0, 0, 0]), 0.3, np.array([0, -1.0, 0]), 1)
+cover = draw(project(cloud, view, Shutter(2.0, 0.01, 0.004, 4.0)), np.full((48, 64), np.inf, np.float32))
+print(hashlib.sha256(cover.tobytes()).hexdigest())
+"""
+
+
+def test_the_same_bits_in_every_process(tmp_path):
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}  # compiled in the first, read in the second
+    command = [sys.executable, "-c", BITS]
+    first, second = (subprocess.run(command, env=environment, capture_output=True, check=True) for _ in range(2))
+    view = Camera(64, 48, 60, 60, 32, 24, np.eye(4))
+    cloud = draw_cloud(30, 1, np.array([1.0, 0, 0]), 0.3, UP, 1)
+    cover = draw(project(cloud, view, Shutter(2.0, 0.01, 0.004, 4.0)), far(view))
+    assert first.stdout == second.stdout
+    assert hashlib.sha256(cover.tobytes()).hexdigest() == first.stdout.decode().strip()

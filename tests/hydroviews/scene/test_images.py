@@ -1,0 +1,51 @@
+import cv2
+import numpy as np
+import pytest
+
+from hydroviews.errors import InputError
+from hydroviews.scene.images import read_image, resize_area, to_linear, to_srgb, to_uint8, write_png
+
+
+def test_png_round_trip_and_equal_bytes(tmp_path):
+    image = np.random.default_rng(0).integers(0, 256, (5, 7, 3)).astype(np.float32) / 255
+    for name in ("a.png", "b.png"):
+        write_png(tmp_path / name, image)
+    assert np.array_equal(read_image(tmp_path / "a.png"), image)
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def test_sixteen_bit_grey_and_transparent_pictures(tmp_path):
+    grey = np.arange(12, dtype=np.uint16).reshape(3, 4) * 5000
+    cv2.imwrite(str(tmp_path / "grey.png"), grey)
+    read = read_image(tmp_path / "grey.png")
+    assert read.shape == (3, 4, 3)
+    assert np.allclose(read, (grey / 65535)[..., None])
+    bgra = np.zeros((2, 2, 4), np.uint8)
+    bgra[..., 2], bgra[0, :, 3] = 200, 255
+    cv2.imwrite(str(tmp_path / "rgba.png"), bgra)
+    read = read_image(tmp_path / "rgba.png")
+    assert np.allclose(read[0], [200 / 255, 0, 0])
+    assert np.allclose(read[1], 0)
+
+
+def test_unreadable_pictures(tmp_path):
+    (tmp_path / "empty.png").write_bytes(b"")
+    (tmp_path / "text.jpg").write_text("not a picture")
+    for name in ("empty.png", "text.jpg"):
+        with pytest.raises(InputError, match=f"{name}: cannot be read"):
+            read_image(tmp_path / name)
+    with pytest.raises(InputError, match="no such image"):
+        read_image(tmp_path / "none.png")
+
+
+def test_transfer_curve_round_trip_and_known_value():
+    x = np.linspace(0, 1, 256, dtype=np.float32)
+    assert np.array_equal(to_uint8(to_srgb(to_linear(x))), to_uint8(x))
+    assert to_linear(np.array([0.5]))[0] == pytest.approx(0.214041, abs=1e-5)
+
+
+def test_area_average_keeps_the_mean_and_never_enlarges():
+    image = np.random.default_rng(0).random((60, 80, 3), np.float32)
+    assert resize_area(image, 40, 30) == pytest.approx(image.reshape(30, 2, 40, 2, 3).mean((1, 3)), abs=1e-6)
+    with pytest.raises(ValueError, match="cannot enlarge"):
+        resize_area(image, 81, 60)

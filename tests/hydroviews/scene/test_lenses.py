@@ -1,0 +1,146 @@
+import numpy as np
+import pycolmap
+import pytest
+from distorted import LENS, colmap_capture, colours, photograph
+
+from hydroviews.dataset.build import build
+from hydroviews.errors import InputError
+from hydroviews.formats import read_scene
+from hydroviews.scene.depth import write_depth
+from hydroviews.scene.images import to_uint8, write_png
+from hydroviews.scene.lenses import Lens
+from hydroviews.scene.scenes import View
+
+FISHEYE = (60.0, 61.0, 48.0, 35.0)
+LENSES = [
+    Lens("SIMPLE_RADIAL", 96, 72, (80.0, 48.0, 36.0, -0.1)),
+    Lens("RADIAL", 96, 72, (80.0, 47.0, 37.0, 0.1, -0.05)),
+    LENS,
+    Lens("FULL_OPENCV", 96, 72, (80.0, 82.0, 47.0, 37.0, -0.1, 0.02, 0.001, -0.001, 0.01, 0.02, 0.01, 0.0)),
+    Lens("FOV", 96, 72, (80.0, 82.0, 47.0, 37.0, 0.5)),
+    Lens("OPENCV_FISHEYE", 96, 72, (*FISHEYE, 0.02, -0.01, 0.002, 0.0)),
+    Lens("SIMPLE_RADIAL_FISHEYE", 96, 72, (60.0, 48.0, 36.0, 0.02)),
+    Lens("RADIAL_FISHEYE", 96, 72, (60.0, 48.0, 36.0, 0.02, -0.01)),
+    Lens("SIMPLE_FISHEYE", 96, 72, (60.0, 48.0, 36.0)),
+    Lens("FISHEYE", 96, 72, FISHEYE),
+    Lens("THIN_PRISM_FISHEYE", 96, 72, (*FISHEYE, 0.02, -0.01, 0.001, 0.001, 0.0, 0.0, 0.001, 0.001)),
+    Lens("RAD_TAN_THIN_PRISM_FISHEYE", 96, 72, (*FISHEYE, 0.02, -0.01, *[0.0] * 4, 0.001, 0.001, *[0.0] * 4)),
+    Lens("SIMPLE_DIVISION", 96, 72, (80.0, 48.0, 36.0, -0.1)),
+    Lens("DIVISION", 96, 72, (80.0, 82.0, 47.0, 37.0, -0.1)),
+    Lens("EUCM", 96, 72, (80.0, 82.0, 47.0, 37.0, 0.5, 1.1)),
+    Lens("PINHOLE", 96, 72, (80.0, 82.0, 47.0, 37.0)),
+    Lens("SIMPLE_PINHOLE", 96, 72, (80.0, 48.0, 36.0)),
+]
+
+
+def expected_picture(lens, size=None):
+    pinhole = lens.pinhole(size)
+    x, y = np.meshgrid(np.arange(pinhole.width) + 0.5, np.arange(pinhole.height) + 0.5)
+    return colours(np.stack([(x - pinhole.cx) / pinhole.fx, (y - pinhole.cy) / pinhole.fy], axis=-1))
+
+
+def test_every_model_of_colmap_is_tried():
+    tried = {lens.model for lens in LENSES} | {"EQUIRECTANGULAR", "INVALID"}
+    assert tried == set(pycolmap.CameraModelId.__members__)
+
+
+@pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.model)
+def test_undistorted_photograph_is_what_a_pinhole_camera_sees(lens):
+    picture = lens.undistort(photograph(lens))
+    expected = expected_picture(lens)
+    assert picture.shape == expected.shape
+    inside = np.abs(picture - expected)[1:-1, 1:-1]
+    assert inside.max() < 0.01  # bilinear sampling of a smooth function
+    assert np.abs(picture - expected).max() < 0.08  # the outermost half pixel is repeated
+
+
+@pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.model)
+def test_no_blank_pixels(lens):
+    pinhole = lens.pinhole()
+    ends = np.array([[x, y] for x in (0.5, pinhole.width - 0.5) for y in (0.5, pinhole.height - 0.5)])
+    rays = np.c_[(ends - (pinhole.cx, pinhole.cy)) / (pinhole.fx, pinhole.fy), np.ones(4)]
+    pixels = lens.colmap().img_from_cam(rays)
+    assert (pixels > -0.5).all()
+    assert (pixels < np.array([lens.width, lens.height]) + 0.5).all()
+
+
+def test_agrees_with_pycolmap_undistortion():
+    image = photograph(LENS)
+    bitmap, camera = pycolmap.undistort_image(
+        pycolmap.UndistortCameraOptions(blank_pixels=0), pycolmap.Bitmap.from_array(to_uint8(image)), LENS.colmap()
+    )
+    pinhole = LENS.pinhole()
+    assert (camera.width, camera.height, *camera.params) == pytest.approx(tuple(pinhole))
+    difference = LENS.undistort(image) * 255 - bitmap.to_array()
+    assert np.abs(difference)[1:-1, 1:-1].max() < 1.6  # it rounds twice
+
+
+def test_pinhole_photographs_are_left_alone():
+    lens = Lens("PINHOLE", 96, 72, (80.0, 82.0, 47.0, 37.0))
+    image = photograph(lens)
+    assert lens.is_pinhole
+    assert lens.undistort(image) is image
+    assert lens.pinhole() == (96, 72, 80.0, 82.0, 47.0, 37.0)
+    assert Lens("OPENCV", 96, 72, (80.0, 82.0, 47.0, 37.0, 0.0, 0.0, 0.0, 0.0)).is_pinhole
+
+
+@pytest.mark.parametrize("factor", [0.5, 2])
+def test_photographs_of_another_scale_use_the_same_lens(factor):
+    size = round(96 * factor), round(72 * factor)
+    scaled = Lens("OPENCV", *size, tuple(np.array(LENS.params) * ([factor] * 4 + [1] * 4)))
+    picture = LENS.undistort(photograph(scaled))
+    expected = expected_picture(LENS, size)
+    assert picture.shape == expected.shape
+    assert np.abs(picture - expected)[1:-1, 1:-1].max() < 0.03
+    full, other = LENS.pinhole(), LENS.pinhole(size)
+    assert other.fx / other.width == pytest.approx(full.fx / full.width, rel=1e-12)
+    assert other.cy / other.height == pytest.approx(full.cy / full.height, rel=1e-12)
+
+
+def test_view_undistorts_and_shrinks(tmp_path):
+    path = tmp_path / "photograph.png"
+    write_png(path, photograph(LENS))
+    camera = LENS.pinhole().camera(np.eye(4))
+    view = View("photograph", camera.resized(45, round(45 * camera.height / camera.width)), path, LENS)
+    small = view.camera
+    x, y = np.meshgrid(np.arange(small.width) + 0.5, np.arange(small.height) + 0.5)
+    expected = colours(np.stack([(x - small.cx) / small.fx, (y - small.cy) / small.fy], axis=-1))
+    assert np.abs(view.image() - expected).max() < 0.03
+
+
+def test_photograph_of_another_shape_is_refused(tmp_path):
+    path = tmp_path / "tall.png"
+    write_png(path, np.zeros((96, 72, 3), np.float32))
+    with pytest.raises(InputError, match=r"tall\.png.*\n.*72x96 pixels\n.*96x72") as caught:
+        View("tall", LENS.pinhole().camera(np.eye(4)), path, LENS).image()
+    assert "what to do" in str(caught.value)
+    with pytest.raises(ValueError, match="72x96"):
+        LENS.undistort(np.zeros((96, 72, 3), np.float32))
+
+
+@pytest.mark.parametrize(
+    ("model", "params", "message"),
+    [
+        ("BROWN", (1.0,), "unknown camera model"),
+        ("PINHOLE", (80.0, 82.0, 47.0), "found: 3 numbers"),
+        ("PINHOLE", (80.0, float("nan"), 47.0, 37.0), "bad parameters"),
+    ],
+)
+def test_bad_lenses_are_refused(model, params, message):
+    with pytest.raises(InputError, match=message):
+        Lens(model, 96, 72, params)
+
+
+def test_panoramas_are_refused():
+    names = pycolmap.Camera.create_from_model_name(1, "EQUIRECTANGULAR", 1.0, 96, 48).params
+    with pytest.raises(InputError, match="no pinhole camera"):
+        Lens("EQUIRECTANGULAR", 96, 48, tuple(names)).pinhole()
+
+
+def test_depth_maps_of_distorted_photographs_are_left_out_with_a_note(tmp_path):
+    capture = colmap_capture(tmp_path / "yard")
+    for path in (capture / "images").iterdir():
+        write_depth(capture / "depth" / f"{path.stem}.exr", np.ones((LENS.height, LENS.width)))
+    folder = build(read_scene(capture), tmp_path / "data", patterns=[])
+    assert not (folder / "depth").exists()
+    assert "9 depth maps left out" in (folder / "README.md").read_text()

@@ -1,0 +1,120 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic import capture_in
+
+from hydroviews.errors import InputError
+from hydroviews.formats.photographs import read_split
+from hydroviews.scene.images import write_png
+from hydroviews.scene.scenes import Split, every_eighth, every_third, make_scene, no_points
+
+
+def test_every_eighth_by_name():
+    names = [f"{i:02d}" for i in range(20)]
+    split = every_eighth(names[::-1])
+    assert split.test == ("00", "08", "16")
+    assert split.train == tuple(name for name in names if name not in split.test)
+
+
+def test_views_are_sorted_and_split(tmp_path):
+    scene = capture_in(tmp_path)
+    again = make_scene("again", scene.views[::-1], scene.points)
+    assert again.views == scene.views
+    assert [view.name for view in again.test_views] == ["view-00", "view-08"]
+    assert len(again.train_views) == 7
+    given = make_scene("given", scene.views, no_points(), Split(("view-03", "view-01"), ("view-02",)))
+    assert [view.name for view in given.train_views] == ["view-03", "view-01"]
+
+
+def test_resized_scene_averages_its_images(tmp_path):
+    scene = capture_in(tmp_path, width=48, height=36)
+    view, small = scene.views[0], scene.resized(24).views[0]
+    assert (small.camera.width, small.camera.height) == (24, 18)
+    expected = view.image().reshape(18, 2, 24, 2, 3).mean(axis=(1, 3))
+    np.testing.assert_allclose(small.image(), expected, atol=1e-6)
+    assert scene.resized(None).views[0].camera.matrix.tolist() == view.camera.matrix.tolist()
+
+
+@pytest.mark.parametrize("size", [(36, 48), (48, 35), (24, 18), (60, 36)])
+def test_image_that_does_not_fit_its_camera(tmp_path, size):
+    view = capture_in(tmp_path, width=48, height=36).views[4]
+    write_png(view.path, np.zeros((size[1], size[0], 3), np.float32))
+    with pytest.raises(InputError, match=rf"view-04\.png.*differ in size\n.*{size[0]}x{size[1]} pixels\n.*48x36"):
+        view.image()
+
+
+def test_larger_image_of_the_same_shape_is_shrunk(tmp_path):
+    view = capture_in(tmp_path, width=48, height=36).views[0]
+    write_png(view.path, np.full((72, 96, 3), 0.5, np.float32))
+    assert view.image().shape == (36, 48, 3)
+
+
+def test_missing_image(tmp_path):
+    view = capture_in(tmp_path).views[0]
+    view.path.unlink()
+    with pytest.raises(InputError, match=r"view-00\.png: no such image"):
+        view.image()
+
+
+def test_scenes_that_are_none(tmp_path):
+    views = capture_in(tmp_path).views
+    with pytest.raises(InputError, match="no view with a camera"):
+        make_scene("empty", [], no_points())
+    with pytest.raises(InputError, match=r"share a name\n.*view-01"):
+        make_scene("twice", [*views, replace(views[1])], no_points())
+    with pytest.raises(InputError, match=r"too few views\n.*1 to train on, 1 held out"):
+        make_scene("few", views[:2], no_points())
+    with pytest.raises(InputError, match=r"not there\n.*view-99"):
+        make_scene("absent", views, no_points(), Split(("view-01", "view-99"), ("view-02",)))
+    with pytest.raises(InputError, match=r"2 to train on, 0 held out"):
+        make_scene("no test", views, no_points(), Split(("view-01", "view-02"), ()))
+
+
+@pytest.mark.parametrize(
+    ("train", "test"), [(("view-00", "view-01"), ("view-00",)), (("view-01", "view-01", "view-02"), ("view-00",))]
+)
+def test_a_split_that_lists_a_view_twice_is_refused(tmp_path, train, test):
+    scene = capture_in(tmp_path / "yard")
+    with pytest.raises(InputError, match="lists views twice"):
+        make_scene("yard", scene.views, scene.points, Split(train, test))
+
+
+@pytest.mark.parametrize(
+    ("train", "sparse"), [("abcdefg", "adg"), ("gfedcba", "adg"), ("abcd", "ad"), ("abc", "ac"), ("ab", "ab")]
+)
+def test_every_third_training_view_is_a_sparse_one_and_there_are_two(train, sparse):
+    assert every_third(list(train)) == tuple(sparse)
+
+
+def test_a_scene_of_sparse_views(tmp_path):
+    scene = capture_in(tmp_path / "yard")
+    assert scene.split.sparse == ("view-01", "view-04", "view-07")
+    few = scene.sparse()
+    assert [view.name for view in few.train_views] == ["view-01", "view-04", "view-07"]
+    assert few.test_views == scene.test_views
+    train, test = scene.split.train, scene.split.test
+    given = make_scene("yard", scene.views, scene.points, Split(train, test, ("view-05", "view-02")))
+    assert [view.name for view in given.sparse().train_views] == ["view-05", "view-02"]
+
+
+@pytest.mark.parametrize("sparse", [("view-01",), ("view-01", "view-01"), ("view-01", "view-00"), ("view-01", "x")])
+def test_sparse_views_are_at_least_two_training_views(tmp_path, sparse):
+    scene = capture_in(tmp_path / "yard")
+    with pytest.raises(InputError, match="no choice of its training views"):
+        make_scene("yard", scene.views, scene.points, Split(scene.split.train, scene.split.test, sparse))
+
+
+@pytest.mark.parametrize("sparse", [3, ["view-01", 4], "view-01"])
+def test_a_split_file_with_odd_sparse_views(tmp_path, sparse):
+    (tmp_path / "split.json").write_text(json.dumps({"train": ["a"], "test": ["b"], "sparse": sparse}))
+    with pytest.raises(InputError, match="not a split"):
+        read_split(tmp_path)
+
+
+def test_a_split_file_without_sparse_views_is_one(tmp_path):
+    (tmp_path / "split.json").write_text('{"train": ["a"], "test": ["b"]}')
+    assert read_split(tmp_path) == Split(("a",), ("b",), ())
+    (tmp_path / "split.json").write_text('{"train": ["a", "c"], "test": ["b"], "sparse": ["c", "a"]}')
+    assert read_split(tmp_path) == Split(("a", "c"), ("b",), ("c", "a"))

@@ -1,0 +1,181 @@
+"""What keeps the contract passes every check, and what breaks it once fails the one check for that."""
+
+import json
+import subprocess
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import contract_toys
+import numpy as np
+import pytest
+
+from baselines.method import Method
+from hydroviews.errors import InputError
+from leaderboard.__main__ import check_command
+from leaderboard.contract import check as check_module
+from leaderboard.contract import interruptions
+from leaderboard.contract.case import Case
+from leaderboard.contract.check import BASIC, CHECKS, Result, check, run_checks, try_check
+from leaderboard.contract.room import N_VIEWS, draw_room
+
+REPOSITORY = Path(__file__).parents[3]
+INTERRUPTED = ("Ctrl-C and on", "SIGTERM and on")
+QUICK = tuple(name for name in CHECKS if name not in INTERRUPTED)
+
+
+@pytest.fixture
+def case(tmp_path, monkeypatch):
+    """Makes the case of a toy."""
+    monkeypatch.setattr(interruptions, "SECONDS", 1.0)
+
+    def of(toy: str) -> Case:
+        return Case(f"contract_toys:{toy}", getattr(contract_toys, toy), "demo", 10, tmp_path)
+
+    return of
+
+
+def results(case: Case, names=QUICK) -> dict[str, Result]:
+    return {name: try_check(case, name, CHECKS[name]).result for name in names}
+
+
+def test_a_method_that_keeps_the_contract_passes(case, capsys):
+    outcomes = run_checks(case("Good"))
+    reasons = {outcome.check: outcome.reason for outcome in outcomes}
+    assert {outcome.result for outcome in outcomes} == {Result.PASSED}, reasons
+    assert list(reasons) == list(CHECKS)
+    assert reasons["configurations"] == "demo, quick"
+    assert "with seed 1 others" in reasons["same seed, same result"]
+    assert reasons["Ctrl-C and on"].endswith("goes on from checkpoint.json: the same pixels")
+    assert capsys.readouterr().out.count("passed") == len(CHECKS)
+
+
+@pytest.mark.parametrize(
+    ("toy", "broken"),
+    [
+        ("AnyProfile", "configurations"),
+        ("OneSize", "renders any camera"),
+        ("Doubles", "renders any camera"),
+        ("TooBright", "renders any camera"),
+        ("OneArray", "renders any camera"),
+        ("Rounds", "saved and loaded"),
+        ("NoTime", "statistics"),
+        ("Peeks", "held-out views unseen"),
+        ("LooksBehindMasks", "masks respected"),
+        ("ForgetsWhatIsBad", "bad photographs refused"),
+        ("TakesAnything", "other checkpoints refused"),
+    ],
+)
+def test_a_broken_promise_fails_its_check_and_no_other(case, toy, broken):
+    found = results(case(toy))
+    assert found.pop(broken) == Result.FAILED
+    assert set(found.values()) == {Result.PASSED}
+
+
+def test_without_a_seed_nothing_repeats(case):
+    assert results(case("Unseeded"))["same seed, same result"] == Result.FAILED
+
+
+def test_without_a_checkpoint_some_checks_cannot_be_made(case, monkeypatch):
+    monkeypatch.setattr(interruptions, "ATTEMPTS", 1)
+    names = ["fitted twice", "other checkpoints refused", INTERRUPTED[0]]
+    assert set(results(case("NoCheckpoint"), names).values()) == {Result.NOT_TESTABLE}
+    assert set(results(case("NoCheckpoint"), set(QUICK) - set(names)).values()) == {Result.PASSED}
+
+
+@pytest.mark.parametrize(
+    ("toy", "message"),
+    [("GoesOnElsewhere", "it ends with other pixels"), ("EndsWhenInterrupted", "returned as if it had ended")],
+)
+def test_a_training_that_does_not_go_on_as_it_was_fails(case, toy, message):
+    outcome = try_check(case(toy), "Ctrl-C and on", CHECKS["Ctrl-C and on"])
+    assert outcome.result == Result.FAILED, outcome.reason
+    assert message in outcome.reason
+
+
+@pytest.mark.parametrize(("toy", "basic"), [("Unrecordable", "configurations"), ("Crashes", "trains")])
+def test_nothing_is_checked_without_the_basics(case, toy, basic):
+    outcomes = run_checks(case(toy))
+    failed = [outcome for outcome in outcomes if outcome.result == Result.FAILED]
+    assert [outcome.check for outcome in failed] == [basic]
+    assert basic in BASIC
+    later = outcomes[outcomes.index(failed[0]) + 1 :]
+    assert {(o.result, o.reason) for o in later} == {(Result.NOT_TESTABLE, f"failed already: {basic}")}
+    if toy == "Crashes":
+        assert failed[0].reason == "ArithmeticError: diverged at step 7"
+        assert "contract_toys.py" in failed[0].trace
+
+
+def test_the_check_itself_can_be_ended(case):
+    def ended(_: Case) -> str:
+        raise SystemExit(143)
+
+    with pytest.raises(SystemExit):
+        try_check(case("Good"), "trains", ended)
+
+
+def test_it_is_told_in_words_in_json_and_by_the_exit_status(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(check_module, "CHECKS", {name: CHECKS[name] for name in ("found by its name", "trains")})
+    report = tmp_path / "report.json"
+    check_command("contract_toys:Good", steps=3, json=report)
+    assert "contract_toys:Good: 2 passed, 0 failed, 0 not testable" in capsys.readouterr().out
+    with pytest.raises(SystemExit) as end:
+        check_command("contract_toys:Crashes", json=report)
+    assert end.value.code == 1
+    assert "Traceback" in capsys.readouterr().out
+    told = json.loads(report.read_text())
+    assert told["passed"] is False
+    assert [(one["check"], one["result"]) for one in told["checks"]] == [
+        ("found by its name", "passed"),
+        ("trains", "failed"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"method": "nothing"}, "no such method"),
+        ({"method": "contract_toys:Good", "profile": "huge"}, "PROFILE=huge"),
+        ({"method": "contract_toys:Good", "steps": 0}, "--steps 0"),
+    ],
+)
+def test_what_cannot_be_checked_is_refused(arguments, message):
+    with pytest.raises(InputError, match=message):
+        check(**arguments)
+
+
+def test_make_check_names_the_method():
+    command = ["make", "--dry-run", "--no-print-directory", f"VENV={sys.prefix}", "check", "METHOD=a.b:C"]
+    lines = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, check=True).stdout
+    assert "-m leaderboard check 'a.b:C' --profile demo" in lines
+
+
+@dataclass(frozen=True)
+class Nested:
+    @dataclass(frozen=True)
+    class Inner:
+        iterations: int = 500
+        rate: float = 0.1
+
+    inner: Inner = field(default_factory=Inner)
+    name: str = "x"
+
+
+def test_settings_are_shortened_wherever_they_count_iterations():
+    assert Method.shortened(Nested(), 20) == Nested(Nested.Inner(20))
+    assert Method.shortened(Nested(), 1000) == Nested()
+    assert Method.shortened(contract_toys.Config(), 7).iterations == 7
+    assert Method.shortened(3, 20) == 3
+
+
+def test_the_room_is_one_scene_seen_from_several_sides(tmp_path):
+    scene = draw_room(tmp_path)
+    assert (len(scene.train_views), len(scene.test_views)) == (N_VIEWS - 2, 2)
+    for view in scene.views:
+        pixels, depths = view.camera.project(scene.points.positions)
+        ahead = (depths > 0.2) & (pixels > 1).all(axis=1) & (pixels < (47, 35)).all(axis=1)
+        columns, rows = pixels[ahead].astype(int).T
+        seen = view.image()[rows, columns] * 255
+        errors = np.abs(seen - scene.points.colours[ahead]).max(axis=1)
+        assert ahead.sum() > 40
+        assert np.median(errors) < 12

@@ -1,0 +1,201 @@
+"""The viewer: what it puts into the scene, and what choosing a view shows."""
+
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+from finished_runs import finished_run
+
+from baselines.splatting.backends.torch_rasterizer import basis
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import write_json
+from hydroviews.metrics import psnr
+from hydroviews.scene.images import read_image
+from leaderboard.finished_runs import find_splats, finished_runs, load_method, open_run
+from leaderboard.runs import Run
+from leaderboard.viewer.comparison import compare, list_shots
+from leaderboard.viewer.normalise import SIZE, frustum_length, make_stage, pose, stage_splats, vertical_fov, window_fov
+from leaderboard.viewer.viewer import HELD_OUT, TRAINING, open_viewer
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory) -> Run:
+    return finished_run(tmp_path_factory.mktemp("view"))
+
+
+@pytest.fixture
+def viser():
+    return pytest.importorskip("viser", reason="needs the extra viewer")
+
+
+@contextmanager
+def viewing(run: Run):
+    viewer = open_viewer(run.folder, run.data.parent, port=0)
+    try:
+        yield viewer
+    finally:
+        viewer.server.stop()
+
+
+class TestComparison:
+    def test_training_photographs_come_first_and_rainy_then_clean_held_out_ones(self, run):
+        shots = list_shots(run)
+        assert [shot.view.name for shot in shots if shot.held_out] == list(run.clean_scene().split.test)
+        assert [shot.held_out for shot in shots] == [False] * 7 + [True] * 2
+        assert {shot.view.path.parent.name for shot in shots[:7]} == {"images"}
+        assert {shot.view.path.parent.name for shot in shots[7:]} == {"clean"}
+        assert shots[-1].label == "view-08 (held out)"
+
+    def test_psnr_is_that_of_the_written_render(self, run):
+        shot = list_shots(run)[-1]
+        comparison = compare(load_method(run), shot)
+        written = read_image(run.folder / "renders" / f"{shot.view.name}.png")
+        assert np.array_equal(comparison.render, written)
+        assert comparison.psnr == psnr(written, read_image(shot.view.path))
+        assert comparison.error.shape == comparison.photograph.shape == written.shape
+        assert compare(load_method(run), list_shots(run)[0]).psnr is None
+
+    def test_what_was_captured_in_rain_is_shown_and_not_scored(self, tmp_path):
+        wet = finished_run(tmp_path, rainy=True)
+        shots = list_shots(wet)
+        assert [shot.held_out for shot in shots] == [False] * 7 + [True] * 2
+        assert compare(load_method(wet), shots[-1]).psnr is None
+
+
+class TestStage:
+    def test_a_scene_far_away_is_shown_as_the_same_one_near(self, run, tmp_path):
+        far = finished_run(tmp_path, shift=1e6)
+        staged = []
+        for one in (run, far):
+            gaussians, cameras = find_splats(one.folder), [shot.view.camera for shot in list_shots(one)]
+            stage = make_stage(cameras, gaussians)
+            staged.append(
+                (stage_splats(gaussians, cameras, stage), pose(cameras[0], stage), frustum_length(cameras, stage))
+            )
+        for name, value in vars(staged[0][0]).items():
+            assert np.allclose(getattr(staged[1][0], name), value, atol=1e-3), name
+        assert np.allclose(staged[0][1][1], staged[1][1][1], atol=1e-5)
+        assert staged[0][2] == pytest.approx(staged[1][2])
+
+    def test_splats_have_the_shapes_and_colours_of_the_gaussians(self, run):
+        gaussians, cameras = find_splats(run.folder), [list_shots(run)[0].view.camera]
+        stage = make_stage(cameras, gaussians)
+        splats = stage_splats(gaussians, cameras, stage)
+        assert np.median(np.linalg.norm(splats.centers, axis=1)) == pytest.approx(SIZE)
+        scales = np.sqrt(np.linalg.eigvalsh(splats.covariances))
+        assert np.allclose(scales, 0.1 * stage.scale, rtol=1e-3)
+        direction = gaussians.means[0] + gaussians.origin - cameras[0].centre
+        values = basis(1, torch.from_numpy(direction / np.linalg.norm(direction))[None]).numpy()
+        assert np.allclose(splats.rgbs[0], np.clip(values @ gaussians.sh[0] + 0.5, 0, 1), atol=1e-5)
+        assert np.allclose(splats.opacities[:, 0], 1 / (1 + np.exp(-gaussians.opacity_logits)), atol=1e-6)
+
+    def test_a_window_of_any_shape_shows_the_whole_image(self, run):
+        camera = list_shots(run)[0].view.camera  # 4:3
+        assert window_fov(camera, 2.0) == pytest.approx(vertical_fov(camera))
+        assert np.tan(window_fov(camera, 0.5) / 2) * 0.5 == pytest.approx(camera.width / camera.fx / 2)
+
+    def test_cameras_alone_make_a_stage(self, run):
+        cameras = [shot.view.camera for shot in list_shots(run)]
+        away = make_stage(cameras, None).place([camera.centre for camera in cameras])
+        assert np.median(np.linalg.norm(away, axis=1)) == pytest.approx(SIZE)
+        assert frustum_length(cameras[:1], make_stage(cameras[:1], None)) == 1
+
+
+class TestServer:
+    def test_the_scene_has_gaussians_and_every_camera(self, viser, run):
+        with viewing(run) as viewer:
+            assert len(viewer.server.scene.get_handle_by_name("/splats").buffer) == 300
+            names = {handle.name for handle in viewer.frustums.values()}
+            assert names == {f"/{TRAINING}/view-0{i}" for i in range(1, 8)} | {f"/{HELD_OUT}/view-0{i}" for i in (0, 8)}
+            assert viewer.server.get_port() > 0
+            assert all(handle.image is not None for handle in viewer.frustums.values())
+
+    def test_clicking_a_camera_renders_its_view(self, viser, run, monkeypatch):
+        clicks = {}
+        monkeypatch.setattr(viser.CameraFrustumHandle, "on_click", lambda self, call: clicks.update({self.name: call}))
+        with viewing(run) as viewer:
+            assert viewer.chooser.value == "view-00 (held out)"
+            before = viewer.pictures["render"].image
+            clicks[f"/{HELD_OUT}/view-08"](None)
+            assert viewer.chooser.value == "view-08 (held out)"
+            after = viewer.pictures["render"].image
+            assert np.array_equal(after / np.float32(255), read_image(run.folder / "renders/view-08.png"))
+            assert not np.array_equal(after, before)
+            assert f"{compare(load_method(run), list_shots(run)[-1]).psnr:.2f} dB" in viewer.figures.content
+            clicks[f"/{TRAINING}/view-03"](None)
+            assert "was trained on this photograph" in viewer.figures.content
+
+    def test_the_chosen_camera_does_not_stand_in_its_own_way(self, viser, run):
+        with viewing(run) as viewer:
+            viewer.chooser.value = "view-04"
+            assert not viewer.frustums["view-04"].visible
+            assert viewer.frustums["view-00 (held out)"].visible
+
+    def test_windows_fly_to_the_chosen_camera(self, viser, run, monkeypatch):
+        camera = SimpleNamespace(wxyz=np.array([1.0, 0, 0, 0]), position=np.zeros(3), fov=1.0, aspect=0.5, look_at=None)
+        window = SimpleNamespace(camera=camera, atomic=viser.ViserServer.atomic, flush=lambda: None)
+        with viewing(run) as viewer:
+            window.atomic = viewer.server.atomic
+            monkeypatch.setattr(viewer.server, "get_clients", lambda: {0: window})
+            viewer.chooser.value = "view-04"
+            target = list_shots(run)[3].view
+            assert target.name == "view-04"
+            wxyz, position = pose(target.camera, viewer.stage)
+            assert np.allclose(camera.position, position)
+            assert abs(camera.wxyz @ wxyz) == pytest.approx(1)
+            assert camera.fov == pytest.approx(window_fov(target.camera, 0.5))
+            assert np.allclose(camera.look_at - position, SIZE * target.camera.rotation[2])
+
+    def test_photographs_and_cameras_can_be_switched_off(self, viser, run, monkeypatch):
+        boxes = {}
+
+        def remember(self, label, initial_value, add=viser.GuiApi.add_checkbox):
+            boxes[label] = add(self, label, initial_value)
+            return boxes[label]
+
+        monkeypatch.setattr(viser.GuiApi, "add_checkbox", remember)
+        with viewing(run) as viewer:
+            boxes["photographs"].value = False
+            assert all(handle.image is None for handle in viewer.frustums.values())
+            boxes["photographs"].value = True
+            assert all(handle.image is not None for handle in viewer.frustums.values())
+            for label, name in {"Gaussians": "/splats", "training cameras": f"/{TRAINING}"}.items():
+                boxes[label].value = False
+                assert not viewer.server.scene.get_handle_by_name(name).visible
+
+    def test_a_method_without_gaussians_still_shows_cameras_and_renders(self, viser, tmp_path):
+        grey = finished_run(tmp_path, "Grey")
+        with viewing(grey) as viewer:
+            assert viewer.server.scene.get_handle_by_name("/splats") is None
+            assert len(viewer.frustums) == 9
+            assert (viewer.pictures["render"].image == 128).all()
+
+
+class TestRuns:
+    def test_a_run_is_opened_by_its_folder(self, run):
+        assert open_run(run.folder, run.data.parent) == run
+        assert finished_runs(run.folder.parent) == [run.folder]
+
+    def test_a_missing_run_is_refused_with_those_there_are(self, run):
+        with pytest.raises(InputError, match="no such run") as refusal:
+            open_run(run.folder.with_name("seed-7"), run.data.parent)
+        assert str(run.folder) in str(refusal.value)
+
+    def test_an_unfinished_run_is_refused(self, tmp_path):
+        folder = tmp_path / "results/demo/3dgs/yard/streak-0/seed-0"
+        write_json(folder / "config.json", {})
+        with pytest.raises(InputError, match="training has not finished"):
+            open_run(folder, tmp_path)
+
+    def test_other_data_are_refused(self, run, tmp_path):
+        with pytest.raises(InputError, match="no finished scene yard"):
+            open_run(run.folder, tmp_path)
+
+    def test_without_viser_it_says_what_to_install(self, run, monkeypatch):
+        monkeypatch.setitem(sys.modules, "viser", None)
+        with pytest.raises(InputError, match=r"\.\[viewer\]"):
+            open_viewer(Path("nowhere"), Path("data"))
