@@ -10,18 +10,18 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from baselines.method import Method, Statistics, settings_of
+from baselines.method import Method, TrainingSummary, settings_of
 from baselines.on_clean import on_clean
 from baselines.splatting.config import Pruning
 from baselines.splatting.files.checkpoints import read_model, write_model
 from baselines.splatting.files.ply import write_ply
 from baselines.splatting.gaussians import Gaussians
+from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.rasterizer import render
-from baselines.splatting.kernels.workspace import Workspace
 from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import LearningRates
-from baselines.splatting.strategies.densification import Densification
-from baselines.splatting.strategies.relocation import Relocation
+from baselines.splatting.strategies.densification import DefaultStrategy
+from baselines.splatting.strategies.relocation import MCMCStrategy
 from baselines.splatting.trainer import Trained, TrainerConfig, train
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, write_json
@@ -32,7 +32,15 @@ from hydroviews.scene.scenes import Scene
 MODEL = "model.safetensors"
 SPLATS = "splats.ply"
 FOUND = "found.json"  # where methods look for more than the scene in their photographs
-RECORDED = ("near", "seconds", "device", "extent", "iterations", "residuals", "broken")  # of a training, in the model
+RECORDED = (
+    "near",
+    "seconds",
+    "device",
+    "extent",
+    "iterations",
+    "residuals",
+    "non_finite",
+)  # of a training, in the model
 
 # Short runs: larger steps that shrink towards the end, no opacity resets, fast growth by absolute gradients up to a
 # budget that two cores can afford. On Mip-NeRF 360 bonsai at 400x266, 4,000 iterations and 60,000 Gaussians, held-out
@@ -40,63 +48,63 @@ RECORDED = ("near", "seconds", "device", "extent", "iterations", "residuals", "b
 # and fast growth by absolute gradients; with twice, the usual rates of the colours cost 0.5 dB.
 # The quick profile as it stands: 28.6 dB.
 SHORT_RATES = LearningRates(sh=7.5e-3, sh_rest=3.75e-4, opacity=0.1, scales=2e-2, quaternions=4e-3, final=0.1)
-SHORT_GROWTH = Densification(
-    start=300, every=100, growth=0.3, gradient=2e-4, absolute=True, reset_every=None, largest=0.5
+SHORT_GROWTH = DefaultStrategy(
+    start=300, every=100, growth=0.3, grow_grad2d=2e-4, absolute=True, reset_every=None, prune_scale3d=0.5
 )
 PROFILES = {
     "demo": TrainerConfig(
         iterations=3000,
-        sh_every=500,
-        rates=SHORT_RATES,
+        sh_degree_interval=500,
+        learning_rates=SHORT_RATES,
         near=0.05,
-        densification=replace(SHORT_GROWTH, stop=2200, budget=30_000),
+        strategy=replace(SHORT_GROWTH, stop=2200, budget=30_000),
     ),
     "quick": TrainerConfig(
         iterations=12_000,
-        sh_every=1000,
-        rates=SHORT_RATES,
+        sh_degree_interval=1000,
+        learning_rates=SHORT_RATES,
         near=0.05,
-        densification=replace(SHORT_GROWTH, stop=9000, budget=60_000),
+        strategy=replace(SHORT_GROWTH, stop=9000, budget=60_000),
     ),
     "paper": TrainerConfig(),
 }
 
 
-def of_length(iterations: int, profile: TrainerConfig) -> TrainerConfig:
+def with_iterations(iterations: int, profile: TrainerConfig) -> TrainerConfig:
     """A profile's training in another number of iterations, growing for the same share of them.
 
     For methods whose steps cost more, so that they stay within the same time.
     """
-    growth, share = profile.densification, iterations / profile.iterations
-    assert isinstance(growth, Densification)
+    growth, share = profile.strategy, iterations / profile.iterations
+    assert isinstance(growth, DefaultStrategy)
     return replace(
         profile,
         iterations=iterations,
-        sh_every=round(share * profile.sh_every),
-        densification=replace(growth, stop=round(share * growth.stop)),
+        sh_degree_interval=round(share * profile.sh_degree_interval),
+        strategy=replace(growth, stop=round(share * growth.stop)),
     )
 
 
-def within(budget: int, profile: TrainerConfig) -> TrainerConfig:
+def pruned_to_budget(budget: int, profile: TrainerConfig) -> TrainerConfig:
     """A profile's training with fewer Gaussians: half as many again grow early, the least useful go before the middle.
 
     Twice the iterations, most of them with the Gaussians that stay, whose steps are cheaper. On so small a budget that
     beats relocation, which wants more iterations than short profiles have: docs/splatting.md has the figures.
     """
-    growth, iterations = profile.densification, 2 * profile.iterations
-    assert isinstance(growth, Densification)
+    growth, iterations = profile.strategy, 2 * profile.iterations
+    assert isinstance(growth, DefaultStrategy)
     return replace(
         profile,
         iterations=iterations,
-        densification=replace(growth, stop=round(0.24 * iterations), budget=3 * budget // 2),
+        strategy=replace(growth, stop=round(0.24 * iterations), budget=3 * budget // 2),
         pruning=Pruning(at=(0.25, 0.35, 0.45), budget=budget),
     )
 
 
 BUDGETED = {
-    "demo": within(15_000, PROFILES["demo"]),
-    "quick": within(30_000, PROFILES["quick"]),
-    "paper": replace(PROFILES["paper"], densification=Relocation()),
+    "demo": pruned_to_budget(15_000, PROFILES["demo"]),
+    "quick": pruned_to_budget(30_000, PROFILES["quick"]),
+    "paper": replace(PROFILES["paper"], strategy=MCMCStrategy()),
 }
 
 
@@ -110,7 +118,7 @@ class GaussianSplatting(Method):
         self.found: dict[str, Any] = {}  # in the photographs, beside the scene
         self._trained: Trained | None = None
         self._model_mb: float | None = None
-        self._workspace = Workspace()
+        self._workspace = BufferPool()
 
     @classmethod
     def configuration(cls, profile: str) -> Any:
@@ -140,20 +148,20 @@ class GaussianSplatting(Method):
         trained = self._require()
         background = np.asarray(self.splatting.background, np.float32)
         image, _ = render(
-            self.seen_by(camera),
+            self.gaussians_for_camera(camera),
             camera,
             background,
             near=trained.near,
             antialiased=self.splatting.antialiased,
-            workspace=self._workspace,
+            buffers=self._workspace,
         )
         return np.clip(image, 0, 1)
 
-    def seen_by(self, camera: Camera) -> Gaussians:
+    def gaussians_for_camera(self, camera: Camera) -> Gaussians:
         """The Gaussians in the colours that a camera is shown; here all cameras are shown the same."""
         return self._require().gaussians
 
-    def for_viewers(self) -> Gaussians:
+    def export_gaussians(self) -> Gaussians:
         """The Gaussians as a .ply can hold them."""
         return self._require().gaussians
 
@@ -162,7 +170,7 @@ class GaussianSplatting(Method):
         trained = self._require()
         about = {name: getattr(trained, name) for name in RECORDED} | {"found": bool(self.found)}
         write_model(folder / MODEL, trained.gaussians, about)
-        write_ply(folder / SPLATS, self.for_viewers())
+        write_ply(folder / SPLATS, self.export_gaussians())
         if self.found:
             write_json(folder / FOUND, self.found)
         self._model_mb = (folder / MODEL).stat().st_size / 1e6
@@ -183,10 +191,10 @@ class GaussianSplatting(Method):
         method._model_mb = (folder / MODEL).stat().st_size / 1e6
         return method
 
-    def statistics(self) -> Statistics:
+    def summary(self) -> TrainingSummary:
         """See Method."""
         trained = self._require()
-        return Statistics(trained.seconds, len(trained.gaussians), self._model_mb, trained.device)
+        return TrainingSummary(trained.seconds, len(trained.gaussians), self._model_mb, trained.device)
 
     def _require(self) -> Trained:
         if self._trained is None:

@@ -20,7 +20,7 @@ WRAPPERS = "hydroviews.wrappers"  # entry points: functions that make a method o
 
 
 @dataclass(frozen=True)
-class Statistics:
+class TrainingSummary:
     """What a trained model is and cost; None where a number could not be had."""
 
     train_seconds: float  # training alone, summed over resumed sessions
@@ -53,7 +53,7 @@ class Method(ABC):
         """
 
     @classmethod
-    def shortened(cls, config: Any, steps: int) -> Any:
+    def with_max_iterations(cls, config: Any, steps: int) -> Any:
         """The same settings with no more than `steps` training steps, so that a method can be checked quickly.
 
         This limits `iterations` of the dataclass and of those it holds, and leaves others as they are. A method that
@@ -90,7 +90,7 @@ class Method(ABC):
         """
 
     @abstractmethod
-    def statistics(self) -> Statistics:
+    def summary(self) -> TrainingSummary:
         """Time and size of the trained model."""
 
 

@@ -169,6 +169,6 @@ class NerfW(RadianceMethod):
         """See RadianceMethod."""
         return nerf_w_terms(self.config)
 
-    def about(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, Any]:
         """See RadianceMethod."""
         return {name: value for name, value in asdict(self.config).items() if name != "volumetric"}

@@ -108,7 +108,7 @@ def row(case: str, name: str, pair: Pair, profile: str, seed: int, folder: Path)
     kind = find_method(name)
     method = kind(kind.configuration(profile), seed)
     method.fit(only_training(photographs), folder / slug(case) / slug(name))
-    return {"photographs": case, "method": name, **held_out(method, truth), "used": method.statistics().used}
+    return {"photographs": case, "method": name, **held_out(method, truth), "used": method.summary().used}
 
 
 def main(

@@ -76,7 +76,7 @@ def main(
     for name, method in cases(profile, seed):
         print(f"{name}:")
         method.fit(rainy, folder / slug(name))
-        milliseconds = 1000 * method.statistics().train_seconds / method.splatting.iterations
+        milliseconds = 1000 * method.summary().train_seconds / method.splatting.iterations
         row = {"masks at": name, **held_out(method, clean), "ms an iteration": round(milliseconds, 1)}
         rows.append(row | (covered(method, built / pattern, rainy) if isinstance(method, Masks) else {}))
         write_bytes(folder / "masking.csv", pd.DataFrame(rows).to_csv(index=False).encode())

@@ -16,10 +16,10 @@ import pandas as pd
 import plotly.graph_objects as go
 import tyro
 
-from baselines.gaussian_splatting import of_length
+from baselines.gaussian_splatting import with_iterations
 from baselines.method import Method, find_method
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.strategies.densification import Densification
+from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.volumetric.config import VolumetricConfig
 from benchmarks.quality import held_out, slug
 from hydroviews.dataset.sources import build_source
@@ -50,7 +50,7 @@ class Course:
         scene = self.clean if method.trains_on == "clean" else self.rainy
         started = time.monotonic()
         method.fit(only_training(scene), folder)
-        took = {"train s": round(method.statistics().train_seconds, 1), "fit s": round(time.monotonic() - started, 1)}
+        took = {"train s": round(method.summary().train_seconds, 1), "fit s": round(time.monotonic() - started, 1)}
         return method, {"method": name, "steps": steps, **took}
 
     def row(self, name: str, seconds: float, speed: float) -> dict[str, Any]:
@@ -69,7 +69,7 @@ class Course:
 
     def probe(self, name: str) -> float:
         """Steps a second in a first short training."""
-        config = find_method(name).shortened(self.settings(name), PROBE)
+        config = find_method(name).with_max_iterations(self.settings(name), PROBE)
         _, row = self.train(name, PROBE, config, self.folder / slug(name) / "probe")
         return speed_of(row)
 
@@ -77,10 +77,10 @@ class Course:
 def in_steps(settings: Any, steps: int) -> Any:
     """The same settings for so many training steps, with what they count in steps stretched or cut alike."""
     if isinstance(settings, TrainerConfig):
-        growth = settings.densification
-        assert isinstance(growth, Densification)
+        growth = settings.strategy
+        assert isinstance(growth, DefaultStrategy)
         start = round(growth.start * min(1, steps / settings.iterations))
-        return of_length(steps, replace(settings, densification=replace(growth, start=start)))
+        return with_iterations(steps, replace(settings, strategy=replace(growth, start=start)))
     if isinstance(settings, VolumetricConfig):
         share = steps / settings.iterations
         counted = {name: round(share * getattr(settings, name)) for name in ("rising", "anneal", "teach_always")}

@@ -17,11 +17,11 @@ import pandas as pd
 import tyro
 from tqdm import tqdm
 
-from baselines.gaussian_splatting import PROFILES, SPLATS, GaussianSplatting, within
+from baselines.gaussian_splatting import PROFILES, SPLATS, GaussianSplatting, pruned_to_budget
 from baselines.method import Method
 from baselines.splatting.config import EarlyStop, Pruning, TrainerConfig
-from baselines.splatting.strategies.densification import Densification
-from baselines.splatting.strategies.relocation import Relocation
+from baselines.splatting.strategies.densification import DefaultStrategy
+from baselines.splatting.strategies.relocation import MCMCStrategy
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean
 from hydroviews.files.atomic import write_bytes
@@ -32,17 +32,17 @@ from hydroviews.scene.scenes import Scene
 
 def cases(profile: TrainerConfig) -> Iterator[tuple[str, TrainerConfig]]:
     """Names and configurations, most telling first: each changes one thing of the profile."""
-    growth = profile.densification
-    assert isinstance(growth, Densification)
+    growth = profile.strategy
+    assert isinstance(growth, DefaultStrategy)
     half = growth.budget // 2
     yield "profile", profile
-    yield f"densification, {half} Gaussians", replace(profile, densification=replace(growth, budget=half))
-    yield f"pruned to {half} Gaussians, twice the iterations", within(half, profile)
-    yield f"pruned to {half // 2} Gaussians, twice the iterations", within(half // 2, profile)
-    relocation = Relocation(start=growth.start, stop=growth.stop, every=growth.every, budget=half)
-    yield f"relocation, {half} Gaussians", replace(profile, densification=relocation)
+    yield f"densification, {half} Gaussians", replace(profile, strategy=replace(growth, budget=half))
+    yield f"pruned to {half} Gaussians, twice the iterations", pruned_to_budget(half, profile)
+    yield f"pruned to {half // 2} Gaussians, twice the iterations", pruned_to_budget(half // 2, profile)
+    relocation = MCMCStrategy(start=growth.start, stop=growth.stop, every=growth.every, budget=half)
+    yield f"relocation, {half} Gaussians", replace(profile, strategy=relocation)
     weaker = replace(relocation, growth=0.15, noise=5e3, opacity_penalty=1e-3, scale_penalty=1e-3, spread=0.7)
-    yield f"relocation with weaker noise and penalties, {half} Gaussians", replace(profile, densification=weaker)
+    yield f"relocation with weaker noise and penalties, {half} Gaussians", replace(profile, strategy=weaker)
     for share in (0.3, 0.5):
         pruned = replace(profile, pruning=Pruning(at=(0.75,), share=share))
         yield f"{share:.0%} pruned by contribution", pruned
@@ -58,7 +58,7 @@ def measure(name: str, config: TrainerConfig, scene: Scene, seed: int, folder: P
     method = GaussianSplatting(config, seed)
     method.fit(scene, folder)
     method.save(folder)
-    statistics = method.statistics()
+    statistics = method.summary()
     return {
         "case": name,
         **held_out(method, scene),

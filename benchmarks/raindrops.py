@@ -2,7 +2,7 @@
 
     python -m benchmarks.raindrops --out results/bench
 
-Prints a table and writes raindrops.csv. Every technique shows the same drops with the same aperture in front of the
+Prints a table and writes raindrops.csv. Every lens renderer shows the same drops with the same aperture in front of the
 same picture; the PSNR, in encoded values, is over the pixels that are at least half under water, against path tracing
 with `reference_samples` and another seed. Seconds are CPU seconds, of rendering or of applying a matte alone, without
 starting Blender; "once" is the whole bake. Cases that are in the file already are kept.
@@ -29,14 +29,14 @@ from hydroviews.rain.lens.bake import aperture_radius, bake_matte, focus_disk, l
 from hydroviews.rain.lens.path_matte import PathMatte
 from hydroviews.rain.lens.pattern import RaindropPattern, draw_pattern
 from hydroviews.rain.light import expand_highlights
-from hydroviews.rain.setting import Technique
+from hydroviews.rain.scene_statistics import LensRenderer
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image, read_image, to_linear, to_srgb
 
 GRADES = ("light", "medium", "heavy")
 SIZES = ((200, 150), (400, 300))
 CASE = ["size", "grade", "background", "reference"]
-MATTES: tuple[tuple[Technique, int | None], ...] = (("disk", 2), ("disk", None), ("disk", 8), ("aperture", None))
+MATTES: tuple[tuple[LensRenderer, int | None], ...] = (("disk", 2), ("disk", None), ("disk", 8), ("aperture", None))
 REPEATS = 7
 
 
@@ -71,7 +71,7 @@ def pictures(width: int, height: int) -> Iterator[tuple[str, Image]]:
 
 
 def measure(pattern: RaindropPattern, picture: Image, folder: Path, reference: int) -> list[dict[str, Any]]:
-    """A row for each technique in front of one picture; mattes are kept in `folder`."""
+    """A row for each lens renderer in front of one picture; mattes are kept in `folder`."""
     height, width = picture.shape[:2]
     camera = Camera(width, height, 0.8 * width, 0.8 * width, width / 2, height / 2, np.eye(4))
     clean = to_linear(picture)
@@ -81,20 +81,26 @@ def measure(pattern: RaindropPattern, picture: Image, folder: Path, reference: i
     inside = truth[..., 3] > 0.5
     expected = _composite(clean, truth[..., 3], truth[..., :3])
 
-    def row(technique: str, cover: NDArray, drops: NDArray, once: float, per_view: float) -> dict[str, Any]:
+    def row(lens_renderer: str, cover: NDArray, drops: NDArray, once: float, per_view: float) -> dict[str, Any]:
         error = _composite(clean, cover, drops)[inside] - expected[inside]
         psnr = -10 * np.log10((error.astype(np.float64) ** 2).mean())
-        return {"technique": technique, "psnr": psnr, "once_s": once, "view_s": per_view, "inside": inside.mean()}
+        return {
+            "lens_renderer": lens_renderer,
+            "psnr": psnr,
+            "once_s": once,
+            "view_s": per_view,
+            "inside": inside.mean(),
+        }
 
     rows = []
     for samples in (16, 64, 384):
         traced, seconds = trace(mesh, camera, light, samples, folder, opening, seed=samples)
         rows.append(row(f"path tracing, {samples}", traced[..., 3], traced[..., :3], 0.0, seconds))
-    for technique, paths in MATTES:
-        name = technique if paths is None else f"{technique}, {paths}x{paths} paths"
-        once, matte = _baked(replace(pattern, technique=technique), camera, folder / name, paths)
+    for lens_renderer, paths in MATTES:
+        name = lens_renderer if paths is None else f"{lens_renderer}, {paths}x{paths} paths"
+        once, matte = _baked(replace(pattern, lens_renderer=lens_renderer), camera, folder / name, paths)
         rows.append(row(name, matte.mask, matte.apply(light), once, _cost(matte, light)))
-    traced_64 = next(r["view_s"] for r in rows if r["technique"] == "path tracing, 64")
+    traced_64 = next(r["view_s"] for r in rows if r["lens_renderer"] == "path tracing, 64")
     return [{**r, "cheaper than 64": traced_64 / r["view_s"]} for r in rows]
 
 
@@ -150,7 +156,7 @@ def main(out: Path = Path("results/bench"), reference_samples: int = 1024) -> No
             write_bytes(file, table.to_csv(index=False, float_format="%.5g").encode())
     print(table.to_string(index=False, float_format="{:.4g}".format))
     columns = ["psnr", "once_s", "view_s", "cheaper than 64"]
-    print("\nmeans\n" + table.groupby(["size", "technique"], sort=False)[columns].mean().round(4).to_string())
+    print("\nmeans\n" + table.groupby(["size", "lens_renderer"], sort=False)[columns].mean().round(4).to_string())
 
 
 if __name__ == "__main__":

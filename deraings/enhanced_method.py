@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Self
 
 from tqdm import tqdm
 
-from baselines.method import Method, Statistics
+from baselines.method import Method, TrainingSummary
 from baselines.training.images import read_images
 from deraings.enhancement.views import EnhancedViews
 from deraings.enhancement.weights import DEFAULT, Enhancer, find_weights, load_enhancer
@@ -52,9 +52,9 @@ class OnEnhanced(Method):
         return EnhancedConfig(cls.method.configuration(profile), DEFAULT, sha256(find_weights(DEFAULT)))
 
     @classmethod
-    def shortened(cls, config: EnhancedConfig, steps: int) -> EnhancedConfig:
+    def with_max_iterations(cls, config: EnhancedConfig, steps: int) -> EnhancedConfig:
         """See Method; every photograph is enhanced all the same."""
-        return replace(config, method=cls.method.shortened(config.method, steps))
+        return replace(config, method=cls.method.with_max_iterations(config.method, steps))
 
     def fit(self, scene: Scene, folder: Path) -> None:
         """See Method; enhanced photographs are kept in `folder`."""
@@ -77,9 +77,9 @@ class OnEnhanced(Method):
         method._inner = cls.method.load(config.method, seed, folder)
         return method
 
-    def statistics(self) -> Statistics:
+    def summary(self) -> TrainingSummary:
         """See Method; `used` names the weights."""
-        inner = self._inner.statistics()
+        inner = self._inner.summary()
         enhancement = f"enhancement {self.config.enhancement}"
         return replace(inner, used=f"{enhancement}, {inner.used}" if inner.used else enhancement)
 

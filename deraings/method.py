@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from baselines.gaussian_splatting import PROFILES, GaussianSplatting
-from baselines.method import Statistics
+from baselines.method import TrainingSummary
 from baselines.splatting.config import TrainerConfig
 from baselines.training.images import read_images
 from deraings.enhancement.views import EnhancedViews, enhanced_images
@@ -90,8 +90,8 @@ class DeRainGS(GaussianSplatting):
         iterations = config.splatting.iterations
         masks = OcclusionMasks(images, iterations, self.seed, config.masks) if config.masks else None
         derained = EnhancedViews(images, names, load_enhancer(config.witness), kept, lift) if config.witness else None
-        ssim_share = config.splatting.ssim_share
-        self._objective = RainObjective(images, iterations, config.rain, ssim_share, masks, derained, points)
+        lambda_dssim = config.splatting.lambda_dssim
+        self._objective = RainObjective(images, iterations, config.rain, lambda_dssim, masks, derained, points)
         return self._objective
 
     def fit(self, scene: Scene, folder: Path) -> None:
@@ -104,10 +104,10 @@ class DeRainGS(GaussianSplatting):
         assert self._objective is not None
         return self._objective
 
-    def statistics(self) -> Statistics:
+    def summary(self) -> TrainingSummary:
         """See Method; `used` says what was found in the photographs."""
         texts = {name: " and ".join(v) or "nothing" if isinstance(v, list) else v for name, v in self.found.items()}
-        return replace(super().statistics(), used=", ".join(f"{name} {text}" for name, text in texts.items()))
+        return replace(super().summary(), used=", ".join(f"{name} {text}" for name, text in texts.items()))
 
 
 class DeRainGSPlus(DeRainGS):

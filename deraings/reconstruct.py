@@ -14,7 +14,7 @@ from hydroviews.captures.video.capture import capture_video
 from hydroviews.captures.video.frames import FrameChoice
 from hydroviews.dataset.contact_sheet import spread
 from hydroviews.errors import InputError
-from hydroviews.files.claims import claim
+from hydroviews.files.settings_guard import claim_folder
 from hydroviews.formats import has_cameras, read_scene
 from hydroviews.formats.photographs import photographs_below, unreadable_photographs
 from hydroviews.profiles import find_profile
@@ -73,7 +73,7 @@ def reconstruct(request: Reconstruction) -> Path:
     if request.seed < 0:
         raise InputError(f"--seed {request.seed}: no seed", expected="a whole number from 0 on")
     settings = settings_of(request)
-    claim(
+    claim_folder(
         folder / SETTINGS,
         settings,
         taken="holds a reconstruction with other settings",
@@ -93,7 +93,7 @@ def reconstruct(request: Reconstruction) -> Path:
     splats = (folder / TRAINING / SPLATS).is_file()  # methods without Gaussians write none
     model = f"{TRAINING}/{SPLATS} for splat viewers" if splats else f"the model in {TRAINING}"
     print(f"{folder}: {model}, {FILM}, {SHEET}")
-    print(f"found in the photographs: {method.statistics().used or 'nothing was looked for'}")
+    print(f"found in the photographs: {method.summary().used or 'nothing was looked for'}")
     return folder
 
 

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from scipy.spatial import KDTree
 
-from baselines.method import Method, Statistics
+from baselines.method import Method, TrainingSummary
 from baselines.training.checkpoints import read_arrays, write_arrays
 from hydroviews.errors import InputError
 from hydroviews.profiles import find_profile
@@ -113,9 +113,9 @@ class MedianView(Method):
         method._seconds, method._model_mb = about["seconds"], (folder / MODEL).stat().st_size / 1e6
         return method
 
-    def statistics(self) -> Statistics:
+    def summary(self) -> TrainingSummary:
         """See Method."""
-        return Statistics(self._seconds, n_primitives=None, model_mb=self._model_mb, device="cpu")
+        return TrainingSummary(self._seconds, n_primitives=None, model_mb=self._model_mb, device="cpu")
 
 
 def looked_up(photograph: Image, camera: Camera, places: np.ndarray) -> Image:

@@ -19,7 +19,7 @@ from hydroviews.dataset.suites import build_suite, read_suite
 from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.profiles import Profile, find_profile
-from hydroviews.rain.setting import Technique
+from hydroviews.rain.scene_statistics import LensRenderer
 
 
 def build_command(
@@ -29,7 +29,7 @@ def build_command(
     profile: str = "demo",
     seed: int | None = None,
     long_side: int | None = None,
-    technique: Technique | None = None,
+    lens_renderer: LensRenderer | None = None,
     patterns: tuple[str, ...] = (),
     captures: Path | None = None,
     overwrite: bool = False,
@@ -43,16 +43,16 @@ def build_command(
         profile: demo, quick or paper: size, patterns, views of an embedded scene.
         seed: of everything drawn; 0 if the scene is new.
         long_side: pixels of the longer side, instead of the profile's.
-        technique: how water on the lens is drawn: disk (fast, the default), aperture (accurate) or traced (slow).
+        lens_renderer: how water on the lens is drawn: disk (fast, the default), aperture (accurate) or traced (slow).
         patterns: such as raindrop-0 streak-2, instead of the profile's.
         captures: the folder with published captures; $HYDROVIEWS_CAPTURES or `captures` if not given.
         overwrite: drop a scene that was built with other settings.
     """
     sizes, data = find_profile(profile), out or Path("data") / profile
     if suite is not None:
-        if patterns or long_side is not None or technique:
+        if patterns or long_side is not None or lens_renderer:
             raise InputError(
-                "--suite with --patterns, --long-side or --technique", fix="name patterns in a suite of your own"
+                "--suite with --patterns, --long-side or --lens-renderer", fix="name patterns in a suite of your own"
             )
         _build_suite(suite, data, sizes, captures, seed, overwrite)
         return
@@ -64,7 +64,7 @@ def build_command(
         all_patterns=True,
         long_side=long_side,
         seed=seed,
-        technique=technique,
+        lens_renderer=lens_renderer,
         overwrite=overwrite,
         captures=captures,
     )

@@ -30,7 +30,7 @@ from leaderboard.records import (
     write_leaderboard,
     write_record,
 )
-from leaderboard.runs import Run, claim
+from leaderboard.runs import Run, claim_folder
 from leaderboard.score import describe, score
 from leaderboard.tables import CEILING, FLOOR, print_scene, write_tables
 
@@ -126,7 +126,7 @@ def carry_out(run: Run, overwrite: bool = False) -> Record:
 
 
 def _carry_out(run: Run, overwrite: bool) -> Record:
-    claim(run, overwrite)
+    claim_folder(run, overwrite)
     if (run.folder / RECORD).is_file():
         record = read_record(run.folder / RECORD)
         if record.status == "done":

@@ -32,7 +32,7 @@ def predict(run: Run) -> None:
     method.fit(only_training(scene), run.folder)
     method.save(run.folder)
     seconds = render_views(method, scene, run.folder / "renders")
-    statistics = method.statistics()
+    statistics = method.summary()
     write_json(
         run.folder / PREDICTION,
         {

@@ -19,7 +19,7 @@ from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.manifest import data_hash, read_manifest
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.errors import InputError
-from hydroviews.files import claims
+from hydroviews.files import settings_guard
 from hydroviews.files.atomic import read_json
 from hydroviews.scene.scenes import Scene
 from leaderboard.records import GIVEN_POSES, SPARSE_VIEWS, check_track, run_folder
@@ -103,13 +103,13 @@ def refuse_other_data(run: Run, fix: str) -> None:
         )
 
 
-def claim(run: Run, overwrite: bool) -> None:
+def claim_folder(run: Run, overwrite: bool) -> None:
     """Make the run's folder its own. A run with the same settings is gone on with, overwriting or not.
 
     Raises:
         InputError: it holds a run with other settings and `overwrite` is not asked for, or files of unknown origin.
     """
-    claims.claim(
+    settings_guard.claim_folder(
         run.folder / CONFIG,
         run.settings(),
         taken="holds a run with other settings",

@@ -28,7 +28,7 @@ from tqdm import tqdm
 from baselines.derain_nerf.raindrop_attention.detection import detect
 from baselines.derain_nerf.raindrop_attention.network import Generator
 from baselines.derain_nerf.raindrop_attention.weights import find_weights, load_detector
-from baselines.method import Statistics
+from baselines.method import TrainingSummary
 from baselines.training.images import TrainingImages
 from baselines.volumetric.config import NERF, VolumetricConfig
 from baselines.volumetric.method import RadianceMethod
@@ -93,7 +93,7 @@ class DerainNeRF(RadianceMethod):
         config: DerainNeRFConfig = self.config
         return config.volumetric
 
-    def about(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, Any]:
         """See RadianceMethod."""
         return asdict(self.config.drops)
 
@@ -103,10 +103,10 @@ class DerainNeRF(RadianceMethod):
         self._hidden = float(np.mean(np.concatenate([mask.ravel() for mask in masks])))
         return [1 - mask.astype(np.float32) for mask in masks]
 
-    def statistics(self) -> Statistics:
+    def summary(self) -> TrainingSummary:
         """See Method."""
         used = "" if self._hidden is None else f"{self._hidden:.1%} of the pixels hidden as drops"
-        return replace(super().statistics(), used=used)
+        return replace(super().summary(), used=used)
 
 
 class PlainField(RadianceMethod):

@@ -111,15 +111,15 @@ class ReferenceAppearance(Appearance):
         """See Appearance."""
         return self.config.rate_coordinates * self._decay(iteration)
 
-    def about(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, Any]:
         """See Appearance."""
-        return {**super().about(), "seed": self.seed, "iterations": self.iterations, **asdict(self.config)}
+        return {**super().settings(), "seed": self.seed, "iterations": self.iterations, **asdict(self.config)}
 
-    def arrays(self) -> dict[str, NDArray]:
+    def training_state(self) -> dict[str, NDArray]:
         """See Appearance."""
         return {**module_arrays(self, self._adam), STEPS: np.array([self._steps])}
 
-    def restore(self, arrays: dict[str, NDArray]) -> None:
+    def load_training_state(self, arrays: dict[str, NDArray]) -> None:
         """See Appearance."""
         restore_module(self, arrays, self._adam)
         self._steps = int(arrays[STEPS][0])

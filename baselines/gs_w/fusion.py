@@ -74,7 +74,7 @@ class Fusion(nn.Module):
         No gradient goes by way of colours to positions: that by where splats lie is left to place them.
 
         Args:
-            parameters: of `Gaussians.arrays()`.
+            parameters: of `Gaussians.state_dict()`.
             camera: that looks, relative to the Gaussians' origin.
             dynamic: features [n, D].
         """

@@ -24,18 +24,18 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from baselines.gaussian_splatting import MODEL, PROFILES, GaussianSplatting, of_length
+from baselines.gaussian_splatting import MODEL, PROFILES, GaussianSplatting, with_iterations
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT, ReferenceConfig
 from baselines.gs_w.encoder import load_resnet
 from baselines.gs_w.fusion import Fusion
-from baselines.gs_w.mean_look import averaged, from_everywhere, looking
+from baselines.gs_w.mean_appearance import averaged, from_everywhere, looking
 from baselines.gs_w.objective import VisibleObjective
-from baselines.method import Statistics
+from baselines.method import TrainingSummary
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.schedule import LearningRates
-from baselines.splatting.strategies.densification import Densification
+from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.training.checkpoints import read_arrays, write_arrays
 from baselines.training.images import read_images
 from baselines.training.torch_state import module_arrays, restore_module
@@ -62,12 +62,12 @@ class GaussianInTheWild(GaussianSplatting):
 
     profiles: ClassVar[Mapping[str, Any]] = {
         "demo": GSWConfig(PROFILES["demo"], SHORT),
-        "quick": GSWConfig(of_length(6500, PROFILES["quick"]), SHORT),
+        "quick": GSWConfig(with_iterations(6500, PROFILES["quick"]), SHORT),
         "paper": GSWConfig(
             TrainerConfig(
                 iterations=70_000,
-                rates=LearningRates(means_final=1.6e-7, sh=1.25e-4, sh_rest=1.25e-4),
-                densification=Densification(gradient=4e-4),
+                learning_rates=LearningRates(means_final=1.6e-7, sh=1.25e-4, sh_rest=1.25e-4),
+                strategy=DefaultStrategy(grow_grad2d=4e-4),
             )
         ),
     }
@@ -112,7 +112,7 @@ class GaussianInTheWild(GaussianSplatting):
         )
         if config.appearance.weights:
             load_resnet(self._appearance.encoder, Path(config.appearance.weights))
-        return VisibleObjective(images, splatting.ssim_share, self._appearance)
+        return VisibleObjective(images, splatting.lambda_dssim, self._appearance)
 
     def fit(self, scene: Scene, folder: Path) -> None:
         """See Method; then the references have done their part."""
@@ -126,11 +126,11 @@ class GaussianInTheWild(GaussianSplatting):
         self._fusion = appearance.fusion.cpu()
         self._shown = from_everywhere(gaussians, self._fusion, cameras, *seen_with)
 
-    def seen_by(self, camera: Camera) -> Gaussians:
+    def gaussians_for_camera(self, camera: Camera) -> Gaussians:
         """See GaussianSplatting; the mean look."""
         return looking(self._require().gaussians, self._fusion, camera)
 
-    def for_viewers(self) -> Gaussians:
+    def export_gaussians(self) -> Gaussians:
         """See GaussianSplatting; what is added to the Gaussians' own colours is the mean over the training cameras."""
         gaussians = self._require().gaussians
         return replace(gaussians.bare(), sh=np.concatenate([self._shown[:, None], gaussians.sh[:, 1:]], axis=1))
@@ -155,11 +155,11 @@ class GaussianInTheWild(GaussianSplatting):
         method._model_mb = _megabytes(folder)
         return method
 
-    def statistics(self) -> Statistics:
+    def summary(self) -> TrainingSummary:
         """See Method; `used` names the encoder."""
         appearance: ReferenceConfig = self.config.appearance
         weights = Path(appearance.weights).name if appearance.weights else "from scratch"
-        return replace(super().statistics(), used=f"encoder {appearance.backbone} {weights}")
+        return replace(super().summary(), used=f"encoder {appearance.backbone} {weights}")
 
 
 def _megabytes(folder: Path) -> float:

@@ -13,9 +13,9 @@ from torch import Tensor
 from torch.nn import functional
 
 from baselines.gs_w.appearance import ReferenceAppearance
+from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.loss_map import loss_map
 from baselines.splatting.kernels.photometric import photometric_loss
-from baselines.splatting.kernels.workspace import Workspace
 from baselines.splatting.objective import Objective
 from baselines.training.images import TrainingImages
 from hydroviews.metrics.lpips import lpips
@@ -27,18 +27,18 @@ class VisibleObjective(Objective):
 
     appearance: ReferenceAppearance
 
-    def __init__(self, images: TrainingImages, ssim_share: float, appearance: ReferenceAppearance) -> None:
-        super().__init__(images, ssim_share, appearance)
+    def __init__(self, images: TrainingImages, lambda_dssim: float, appearance: ReferenceAppearance) -> None:
+        super().__init__(images, lambda_dssim, appearance)
         self.first = round(appearance.config.visible_from * appearance.iterations)
 
-    def __call__(self, image: Image, view: int, iteration: int, workspace: Workspace) -> tuple[float, Image]:
+    def __call__(self, image: Image, view: int, iteration: int, buffers: BufferPool) -> tuple[float, Image]:
         """See Objective; gradients by the mask are left where `ReferenceAppearance.learn` finds them."""
         target = self.target(view, (image.shape[0], image.shape[1]))
         weights = None
         if iteration >= self.first:
-            losses = loss_map(image, target, self.ssim_share, workspace)
+            losses = loss_map(image, target, self.lambda_dssim, buffers)
             weights = learn_visibility(self.appearance.visible, losses, self.appearance.config.visible_price)
-        loss, gradient = photometric_loss(image, target, self.ssim_share, weights, workspace)
+        loss, gradient = photometric_loss(image, target, self.lambda_dssim, weights, buffers)
         if self.appearance.config.lpips:
             ignored = self.images.ignored(view, (image.shape[0], image.shape[1]))
             device = self.appearance.fusion.middle.device

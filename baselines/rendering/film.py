@@ -12,7 +12,7 @@ from baselines.method import Method
 from baselines.rendering.camera_paths import camera_path
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import remove_tree, replacing
-from hydroviews.files.claims import claim
+from hydroviews.files.settings_guard import claim_folder
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import read_image, to_uint8, write_png
 from hydroviews.scene.scenes import Scene
@@ -61,7 +61,7 @@ def draw_film(method: Method, scene: Scene, out: Path, choice: FilmChoice, about
     cameras = [view.camera for view in scene.train_views]
     path = [fitted(camera, choice.size) for camera in camera_path(cameras, scene.points, choice.n_frames)]
     frames = out.with_name(out.stem + FRAMES)
-    claim(
+    claim_folder(
         frames / SETTINGS,
         {**about, **vars(choice)},
         taken="holds frames of another film",

@@ -3,9 +3,9 @@
 from dataclasses import dataclass, field
 
 from baselines.splatting.schedule import LearningRates
-from baselines.splatting.strategies.densification import Densification
+from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.strategies.pruning import Pruning
-from baselines.splatting.strategies.relocation import Relocation
+from baselines.splatting.strategies.relocation import MCMCStrategy
 
 
 @dataclass(frozen=True)
@@ -23,10 +23,10 @@ class TrainerConfig:
 
     iterations: int = 30_000
     sh_degree: int = 3
-    sh_every: int = 1000  # iterations between two rises of the spherical-harmonic degree
-    ssim_share: float = 0.2  # lambda in (1 - lambda) L1 + lambda (1 - SSIM)
-    rates: LearningRates = field(default_factory=LearningRates)
-    densification: Densification | Relocation = field(default_factory=Densification)
+    sh_degree_interval: int = 1000  # iterations between two rises of the spherical-harmonic degree
+    lambda_dssim: float = 0.2  # lambda in (1 - lambda) L1 + lambda (1 - SSIM)
+    learning_rates: LearningRates = field(default_factory=LearningRates)
+    strategy: DefaultStrategy | MCMCStrategy = field(default_factory=DefaultStrategy)
     resolutions: tuple[tuple[float, int], ...] = ()  # (share of the iterations, factor by which images are smaller)
     early_stop: EarlyStop | None = None
     pruning: Pruning | None = None

@@ -50,7 +50,7 @@ class Gaussians:
         """The highest spherical-harmonic degree there are coefficients for."""
         return degree_of(self.sh.shape[1])
 
-    def arrays(self) -> dict[str, NDArray[np.float32]]:
+    def state_dict(self) -> dict[str, NDArray[np.float32]]:
         """The parameters by name, in the order of FIELDS, then the features where there are any."""
         arrays = {name: getattr(self, name) for name in FIELDS}
         return arrays if self.features is None else {**arrays, FEATURES: self.features}
@@ -61,7 +61,7 @@ class Gaussians:
 
     def map(self, function: Callable[[NDArray], NDArray]) -> "Gaussians":
         """The same function applied to every parameter array."""
-        changed = {name: np.ascontiguousarray(function(value)) for name, value in self.arrays().items()}
+        changed = {name: np.ascontiguousarray(function(value)) for name, value in self.state_dict().items()}
         return replace(self, **changed)
 
     def select(self, which: NDArray) -> "Gaussians":
@@ -85,5 +85,5 @@ def concatenate(first: Gaussians, second: Gaussians) -> Gaussians:
     """
     if not np.array_equal(first.origin, second.origin):
         raise ValueError(f"Gaussians with origins {first.origin} and {second.origin} cannot be joined")
-    joined = {name: np.concatenate([value, getattr(second, name)]) for name, value in first.arrays().items()}
+    joined = {name: np.concatenate([value, getattr(second, name)]) for name, value in first.state_dict().items()}
     return Gaussians(**joined, origin=first.origin)

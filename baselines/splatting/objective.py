@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.appearance.appearance import Appearance
-from baselines.splatting.kernels.photometric import Target, photometric_loss, prepare
-from baselines.splatting.kernels.workspace import Workspace
+from baselines.splatting.kernels.buffer_pool import BufferPool
+from baselines.splatting.kernels.photometric import Target, photometric_loss, prepare_target
 from baselines.training.images import Size, TrainingImages
 from hydroviews.scene.images import Image
 
@@ -19,13 +19,13 @@ TARGET_PLANES = 3  # of the size of the picture in float32
 class Objective:
     """The photometric loss against the photographs. Methods derive from it to change what is compared, and how.
 
-    Whatever a derived class learns on the way it returns from `arrays` and takes back in `restore`, so that
+    Whatever a derived class learns on the way it returns from `arrays` and takes back in `load_state_dict`, so that
     checkpoints hold it.
     """
 
-    def __init__(self, images: TrainingImages, ssim_share: float = 0.2, appearance: Appearance | None = None):
+    def __init__(self, images: TrainingImages, lambda_dssim: float = 0.2, appearance: Appearance | None = None):
         self.images = images
-        self.ssim_share = ssim_share
+        self.lambda_dssim = lambda_dssim
         self._targets: dict[tuple[int, Size], Target] = {}
         self._room = PREPARED_BYTES
         self.appearance = appearance  # what gives Gaussians their colours, where it is not spherical harmonics alone
@@ -36,7 +36,7 @@ class Objective:
         key = view, (pixels.shape[0], pixels.shape[1])
         target = self._targets.get(key)
         if target is None:
-            target = prepare(pixels, ignored)
+            target = prepare_target(pixels, ignored)
             needed = TARGET_PLANES * target.pixels.nbytes
             if needed <= self._room:
                 self._room -= needed
@@ -44,13 +44,13 @@ class Objective:
         return target
 
     def compare(
-        self, images: Sequence[Image], view: int, iteration: int, workspace: Workspace
+        self, images: Sequence[Image], view: int, iteration: int, buffers: BufferPool
     ) -> tuple[float, Sequence[Image]]:
         """The loss of a view's looks, in the order of `Appearance.looks`, and its gradients by each of them."""
-        loss, gradient = self(images[0], view, iteration, workspace)
+        loss, gradient = self(images[0], view, iteration, buffers)
         return loss, [gradient, *(np.zeros_like(image) for image in images[1:])]
 
-    def __call__(self, image: Image, view: int, iteration: int, workspace: Workspace) -> tuple[float, Image]:
+    def __call__(self, image: Image, view: int, iteration: int, buffers: BufferPool) -> tuple[float, Image]:
         """The loss of a rendered training view, at its own size or a smaller one, and its gradient by the image.
 
         Args:
@@ -60,24 +60,26 @@ class Objective:
             workspace: buffers to reuse.
         """
         target = self.target(view, (image.shape[0], image.shape[1]))
-        return photometric_loss(image, target, self.ssim_share, workspace=workspace)
+        return photometric_loss(image, target, self.lambda_dssim, buffers=buffers)
 
-    def residual(self, image: Image, view: int, workspace: Workspace) -> float:
+    def residual(self, image: Image, view: int, buffers: BufferPool) -> float:
         """The loss of a rendered view that is only looked at; learns nothing from it."""
-        return photometric_loss(image, self.target(view), self.ssim_share, workspace=workspace)[0]
+        return photometric_loss(image, self.target(view), self.lambda_dssim, buffers=buffers)[0]
 
-    def about(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, Any]:
         """The settings; a checkpoint made with others is refused."""
-        settings = {"name": type(self).__name__, "ssim_share": self.ssim_share}
-        return settings if self.appearance is None else {**settings, "appearance": self.appearance.about()}
+        settings = {"name": type(self).__name__, "ssim_share": self.lambda_dssim}
+        return settings if self.appearance is None else {**settings, "appearance": self.appearance.settings()}
 
-    def arrays(self) -> dict[str, NDArray]:
+    def state_dict(self) -> dict[str, NDArray]:
         """What has been learnt beside the Gaussians."""
-        learnt = {} if self.appearance is None else self.appearance.arrays()
+        learnt = {} if self.appearance is None else self.appearance.training_state()
         return {f"appearance.{name}": value for name, value in learnt.items()}
 
-    def restore(self, arrays: dict[str, NDArray]) -> None:
+    def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """Take back what `arrays` returned."""
         if self.appearance is not None:
             start = "appearance."
-            self.appearance.restore({k.removeprefix(start): v for k, v in arrays.items() if k.startswith(start)})
+            self.appearance.load_training_state(
+                {k.removeprefix(start): v for k, v in arrays.items() if k.startswith(start)}
+            )

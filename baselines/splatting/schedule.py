@@ -42,7 +42,7 @@ def view_at(iteration: int, n_views: int, seed: int) -> int:
     return int(random_stream(seed, VIEW_ORDER, epoch).permutation(n_views)[position])
 
 
-def held_in(n_views: int, n_held: int) -> tuple[int, ...]:
+def validation_views(n_views: int, n_held: int) -> tuple[int, ...]:
     """Which of the training views are only looked at: spread evenly.
 
     Raises:

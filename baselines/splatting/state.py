@@ -22,7 +22,7 @@ class TrainingState:
     iteration: int = 0  # steps done
     seconds: float = 0.0  # time spent on them, over all sessions
     residuals: tuple[float, ...] = ()  # mean losses of the held-in views, one a look
-    broken: int = 0  # Gaussians removed so far because a parameter was not finite
+    non_finite: int = 0  # Gaussians removed so far because a parameter was not finite
 
     def keep(self, which: NDArray[np.bool_]) -> "TrainingState":
         """Only those Gaussians that a mask [N] picks, with all that is known of them."""
@@ -51,11 +51,11 @@ def fresh_state(gaussians: Gaussians) -> TrainingState:
 
 def finite(gaussians: Gaussians) -> NDArray[np.bool_]:
     """Which Gaussians [N] have no parameter that is NaN or infinite."""
-    checks = [np.isfinite(v).all(axis=tuple(range(1, v.ndim))) for v in gaussians.arrays().values()]
+    checks = [np.isfinite(v).all(axis=tuple(range(1, v.ndim))) for v in gaussians.state_dict().values()]
     return np.logical_and.reduce(checks)
 
 
-def without_broken(state: TrainingState) -> TrainingState:
+def without_non_finite(state: TrainingState) -> TrainingState:
     """Only the Gaussians whose parameters are all finite; says on stderr, the first time, what was removed.
 
     Until then they are harmless: no renderer shows them, so their gradients are zero.
@@ -64,10 +64,10 @@ def without_broken(state: TrainingState) -> TrainingState:
     count = int((~whole).sum())
     if not count:
         return state
-    if not state.broken:
+    if not state.non_finite:
         bad = {
             name: int((~np.isfinite(v)).reshape(len(v), -1).any(axis=1).sum())
-            for name, v in state.gaussians.arrays().items()
+            for name, v in state.gaussians.state_dict().items()
         }
         where = ", ".join(f"{name} of {number}" for name, number in bad.items() if number)
         tqdm.write(
@@ -75,7 +75,7 @@ def without_broken(state: TrainingState) -> TrainingState:
             f"are NaN or infinite: {where}. It will not be said again.",
             file=sys.stderr,
         )
-    return replace(state.keep(whole), broken=state.broken + count)
+    return replace(state.keep(whole), non_finite=state.non_finite + count)
 
 
 def opacities(gaussians: Gaussians) -> NDArray[np.float64]:

@@ -17,7 +17,7 @@ from baselines.splatting.files.checkpoints import read_checkpoint, write_checkpo
 from baselines.splatting.gaussians import FEATURES, Gaussians
 from baselines.splatting.initialisation import initialise, scene_extent
 from baselines.splatting.objective import Objective
-from baselines.splatting.state import TrainingState, fresh_state, without_broken
+from baselines.splatting.state import TrainingState, fresh_state, without_non_finite
 from baselines.splatting.strategies.pruning import prune
 from baselines.training.checkpoints import fingerprint_of
 from baselines.training.images import read_images
@@ -41,7 +41,7 @@ class Trained:
     extent: float
     iterations: int | None = None  # that were done: fewer than configured where training stopped early
     residuals: tuple[float, ...] = ()  # mean losses of the held-in views, one a look
-    broken: int = 0  # Gaussians removed because a parameter was NaN or infinite
+    non_finite: int = 0  # Gaussians removed because a parameter was NaN or infinite
 
 
 def train(scene: Scene, config: TrainerConfig, seed: int, folder: Path, objective: Objective | None = None) -> Trained:
@@ -61,7 +61,7 @@ def train(scene: Scene, config: TrainerConfig, seed: int, folder: Path, objectiv
         KeyboardInterrupt, SystemExit: on Ctrl-C and SIGTERM, after a checkpoint was written.
     """
     cameras = tuple(view.camera for view in scene.train_views)
-    objective = objective or Objective(read_images(scene.train_views), config.ssim_share)
+    objective = objective or Objective(read_images(scene.train_views), config.lambda_dssim)
     extent = scene_extent(cameras)[1]
     near = config.near * extent
     backend = make_backend(
@@ -72,13 +72,13 @@ def train(scene: Scene, config: TrainerConfig, seed: int, folder: Path, objectiv
     compile_seconds = warm_up(config.sh_degree) if kernels else 0.0
 
     fingerprint = fingerprint_of(
-        config, seed, scene, objective.images, objective=objective.about(), device=backend.device
+        config, seed, scene, objective.images, objective=objective.settings(), device=backend.device
     )
-    held = schedule.held_in(len(cameras), config.early_stop.views) if config.early_stop else ()
+    held = schedule.validation_views(len(cameras), config.early_stop.views) if config.early_stop else ()
     run = _Run(config, seed, cameras, held, extent, backend, objective, folder / CHECKPOINT, fingerprint)
     if run.checkpoint.exists():
         state, learnt = read_checkpoint(run.checkpoint, fingerprint)
-        objective.restore(learnt)
+        objective.load_state_dict(learnt)
     else:
         start = initialise(scene.points, cameras, config.sh_degree, seed)
         state = fresh_state(equipped(start, objective.appearance))
@@ -92,7 +92,7 @@ def train(scene: Scene, config: TrainerConfig, seed: int, folder: Path, objectiv
         extent=extent,
         iterations=state.iteration,
         residuals=state.residuals,
-        broken=state.broken,
+        non_finite=state.non_finite,
     )
 
 
@@ -144,20 +144,22 @@ class _Run:
         config = self.config
         view = self.learnt[schedule.view_at(iteration, len(self.learnt), self.seed)]
         shrink = schedule.shrink_at(iteration, config.iterations, config.resolutions)
-        degree = schedule.sh_degree_at(iteration, config.sh_every, config.sh_degree)
-        rates = schedule.rates_at(iteration, config.iterations, config.rates, self.extent, config.sh_degree)
+        degree = schedule.sh_degree_at(iteration, config.sh_degree_interval, config.sh_degree)
+        rates = schedule.rates_at(iteration, config.iterations, config.learning_rates, self.extent, config.sh_degree)
         if self.objective.appearance is not None:
             rates |= {FEATURES: self.objective.appearance.feature_rate(iteration)}
-        duties = config.densification.duties(iteration, float(rates["means"]), self.extent, self.seed)
-        return self.backend.step(schedule.shrunk(self.cameras[view], shrink), view, iteration, degree, rates, duties)
+        step_options = config.strategy.step_options(iteration, float(rates["means"]), self.extent, self.seed)
+        return self.backend.step(
+            schedule.shrunk(self.cameras[view], shrink), view, iteration, degree, rates, step_options
+        )
 
     def due(self, done: int) -> bool:
         """Whether `change` has anything to do after so many steps."""
         config = self.config
         checked = done % CHECK_EVERY == 0 or done == config.iterations
         pruned = config.pruning is not None and config.pruning.due(done - 1, config.iterations)
-        refined = config.densification.due(done - 1)
-        return refined or pruned or self.looked(done) or (checked and self.backend.broken() > 0)
+        refined = config.strategy.due(done - 1)
+        return refined or pruned or self.looked(done) or (checked and self.backend.non_finite() > 0)
 
     def looked(self, done: int) -> bool:
         """Whether the held-in views are looked at after so many steps."""
@@ -166,16 +168,16 @@ class _Run:
     def change(self, state: TrainingState) -> TrainingState:
         """What is due between two steps: broken Gaussians out, refinement, pruning, a look at the held-in views."""
         config, backend, done = self.config, self.backend, state.iteration
-        state = without_broken(state)
-        if config.densification.due(done - 1):
-            state = config.densification.refine(state, self.extent, self.seed)
+        state = without_non_finite(state)
+        if config.strategy.due(done - 1):
+            state = config.strategy.refine(state, self.extent, self.seed)
         backend.put(state)
         if config.pruning and config.pruning.due(done - 1, config.iterations):
             left = config.pruning.left(done - 1, config.iterations)
             state = prune(state, backend.contributions(self.cameras), config.pruning, left)
             backend.put(state)
         if self.looked(done):
-            degree = schedule.sh_degree_at(done - 1, config.sh_every, config.sh_degree)
+            degree = schedule.sh_degree_at(done - 1, config.sh_degree_interval, config.sh_degree)
             losses = [backend.residual(self.cameras[view], view, degree) for view in self.held]
             state = replace(state, residuals=(*state.residuals, float(np.mean(losses))))
             backend.put(state)
@@ -190,4 +192,4 @@ class _Run:
 
     def save(self, state: TrainingState) -> None:
         """Write the checkpoint."""
-        write_checkpoint(self.checkpoint, state, self.objective.arrays(), self.fingerprint)
+        write_checkpoint(self.checkpoint, state, self.objective.state_dict(), self.fingerprint)

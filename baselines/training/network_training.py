@@ -63,7 +63,7 @@ class Progress(Protocol):
     def save(self, path: Path, fingerprint: dict[str, Any]) -> None:
         """Write all of it."""
 
-    def restore(self, path: Path, fingerprint: dict[str, Any]) -> None:
+    def load_state_dict(self, path: Path, fingerprint: dict[str, Any]) -> None:
         """Take over what `save` wrote."""
 
 
@@ -77,14 +77,14 @@ def in_words(photographs: Sequence[Path], folder: Path) -> str:
     return f"{len(photographs)} photographs ({folder.parent.name}/{folder.name}, {listing(photographs)})"
 
 
-def take_up(training: Progress, folder: Path, fingerprint: dict[str, Any]) -> None:
+def resume(training: Progress, folder: Path, fingerprint: dict[str, Any]) -> None:
     """Bring a new training as far as the checkpoint in a folder has come, if there is one.
 
     Raises:
         InputError: the checkpoint is damaged or of another training.
     """
     if (folder / CHECKPOINT).is_file():
-        training.restore(folder / CHECKPOINT, fingerprint)
+        training.load_state_dict(folder / CHECKPOINT, fingerprint)
 
 
 def run(

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from baselines.method import Method, Statistics, settings_of
+from baselines.method import Method, TrainingSummary, settings_of
 from baselines.training.checkpoints import read_arrays, write_arrays
 from baselines.training.devices import chosen_device
 from baselines.training.images import TrainingImages, read_images
@@ -68,7 +68,7 @@ class RadianceMethod(Method):
         """What training minimises."""
         return photometric_terms(self.volumetric)
 
-    def about(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, Any]:
         """Settings beside those of `volumetric` that lead to another result, for JSON."""
         return {}
 
@@ -90,7 +90,7 @@ class RadianceMethod(Method):
             folder,
             self.make,
             self.loss(),
-            about={"method": type(self).__name__, **self.about()},
+            about={"method": type(self).__name__, **self.settings()},
             images=images,
             weights=weights,
         )
@@ -105,7 +105,7 @@ class RadianceMethod(Method):
         learnt = self._require()
         trained = learnt.trained
         about = {
-            "space": trained.model.space.about(),
+            "space": trained.model.space.settings(),
             "views": learnt.views,
             "seconds": trained.seconds,
             "device": trained.device,
@@ -134,10 +134,10 @@ class RadianceMethod(Method):
         method._model_mb = (folder / MODEL).stat().st_size / 1e6
         return method
 
-    def statistics(self) -> Statistics:
+    def summary(self) -> TrainingSummary:
         """See Method."""
         trained = self._require().trained
-        return Statistics(trained.seconds, None, self._model_mb, trained.device)
+        return TrainingSummary(trained.seconds, None, self._model_mb, trained.device)
 
     def _require(self) -> _Learnt:
         if self._learnt is None:

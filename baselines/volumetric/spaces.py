@@ -57,7 +57,7 @@ class Space(Protocol):
     def unit(self, points: Tensor) -> Tensor:
         """Points [..., 3] of the space in the unit cube."""
 
-    def about(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, Any]:
         """All that makes the space, for JSON."""
 
 
@@ -98,7 +98,7 @@ class Contracted:
         """See Space."""
         return contract(points) / 4 + 0.5
 
-    def about(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, Any]:
         """See Space."""
         return {"kind": self.kind, **asdict(self)}
 
@@ -143,7 +143,7 @@ class Forward:
         """See Space."""
         return points / 2 + 0.5
 
-    def about(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, Any]:
         """See Space."""
         return {"kind": self.kind, **asdict(self)}
 

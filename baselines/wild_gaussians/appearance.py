@@ -99,15 +99,15 @@ class WildAppearance(Appearance):
         """See Appearance."""
         return self._config.gaussian_rate * self._decay(iteration)
 
-    def about(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, Any]:
         """See Appearance."""
-        return {**super().about(), **asdict(self._config)}
+        return {**super().settings(), **asdict(self._config)}
 
-    def arrays(self) -> dict[str, NDArray]:
+    def training_state(self) -> dict[str, NDArray]:
         """See Appearance."""
         return module_arrays(self, self._adam)
 
-    def restore(self, arrays: dict[str, NDArray]) -> None:
+    def load_training_state(self, arrays: dict[str, NDArray]) -> None:
         """See Appearance."""
         restore_module(self, arrays, self._adam)
 

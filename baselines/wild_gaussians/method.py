@@ -3,7 +3,7 @@
 Gaussians are toned for each view by an appearance model (`appearance.py`), and pixels that show what is not of
 the scene, told by frozen features, do not count (`uncertainty.py`). Two looks of the Gaussians are rendered a
 step: the toned one is compared by L1, the plain one by SSIM. Some Gaussians start far off, for the sky
-(`sky.py`). Views that were not trained on show each Gaussian as those that were do in the mean (`mean_look.py`).
+(`sky.py`). Views that were not trained on show each Gaussian as those that were do in the mean (`mean_appearance.py`).
 
 Where it deviates from the paper, beside what those files say: the densification is ours, by absolute gradients as
 theirs, without Mip-Splatting's 3D filter; the 2D one is there in the profile `paper`.
@@ -18,23 +18,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.gaussian_splatting import PROFILES as PLAIN
-from baselines.gaussian_splatting import GaussianSplatting, of_length
-from baselines.method import Statistics
+from baselines.gaussian_splatting import GaussianSplatting, with_iterations
+from baselines.method import TrainingSummary
 from baselines.splatting.backends.base import GSPLAT
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.initialisation import scene_extent
+from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import photometric_loss
-from baselines.splatting.kernels.workspace import Workspace
 from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import LearningRates
-from baselines.splatting.strategies.densification import Densification
+from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.trainer import train
 from baselines.training.devices import chosen_device
 from baselines.training.images import TrainingImages, read_images
 from baselines.training.torch_state import one_thread
 from baselines.wild_gaussians.appearance import AppearanceConfig, WildAppearance
 from baselines.wild_gaussians.features import find_features
-from baselines.wild_gaussians.mean_look import mean_look
+from baselines.wild_gaussians.mean_appearance import mean_appearance
 from baselines.wild_gaussians.sky import bounds_of, with_room, with_sky
 from baselines.wild_gaussians.uncertainty import Uncertainty, UncertaintyConfig
 from hydroviews.scene.images import Image
@@ -71,13 +71,13 @@ def short(plain: TrainerConfig) -> WildConfig:
 # The authors' schedule for casual captures: 70,000 iterations, slow rates, growth by absolute gradients.
 PAPER = TrainerConfig(
     iterations=70_000,
-    rates=LearningRates(means=1.6e-5, means_final=1.6e-7, scales=5e-4),
-    densification=Densification(start=1800, stop=35_000, every=1500, absolute=True, reset_every=5000),
+    learning_rates=LearningRates(means=1.6e-5, means_final=1.6e-7, scales=5e-4),
+    strategy=DefaultStrategy(start=1800, stop=35_000, every=1500, absolute=True, reset_every=5000),
     antialiased=True,
 )
 PROFILES = {
     "demo": short(PLAIN["demo"]),
-    "quick": short(of_length(8000, PLAIN["quick"])),  # a step costs almost twice as much
+    "quick": short(with_iterations(8000, PLAIN["quick"])),  # a step costs almost twice as much
     "paper": WildConfig(PAPER, sky=50_000),
 }
 
@@ -88,48 +88,50 @@ class WildObjective(Objective):
     def __init__(
         self,
         images: TrainingImages,
-        ssim_share: float,
+        lambda_dssim: float,
         appearance: WildAppearance | None,
         uncertainty: Uncertainty | None,
     ) -> None:
-        super().__init__(images, ssim_share, appearance)
+        super().__init__(images, lambda_dssim, appearance)
         self._uncertainty = uncertainty
 
-    def __call__(self, image: Image, view: int, iteration: int, workspace: Workspace) -> tuple[float, Image]:
+    def __call__(self, image: Image, view: int, iteration: int, buffers: BufferPool) -> tuple[float, Image]:
         """See Objective: the same without an appearance."""
         weights = self._weights(image, view, iteration)
         target = self.target(view, (image.shape[0], image.shape[1]))
-        return photometric_loss(image, target, self.ssim_share, weights, workspace)
+        return photometric_loss(image, target, self.lambda_dssim, weights, buffers)
 
     def compare(
-        self, images: Sequence[Image], view: int, iteration: int, workspace: Workspace
+        self, images: Sequence[Image], view: int, iteration: int, buffers: BufferPool
     ) -> tuple[float, Sequence[Image]]:
         """See Objective."""
         toned, plain = images
         weights = self._weights(toned, view, iteration)
         target = self.target(view, (toned.shape[0], toned.shape[1]))
         total, gradients = 0.0, []
-        for image, ssim_share, share in ((toned, 0.0, 1 - self.ssim_share), (plain, 1.0, self.ssim_share)):
-            loss, gradient = photometric_loss(image, target, ssim_share, weights, workspace)
+        for image, lambda_dssim, share in ((toned, 0.0, 1 - self.lambda_dssim), (plain, 1.0, self.lambda_dssim)):
+            loss, gradient = photometric_loss(image, target, lambda_dssim, weights, buffers)
             total += share * loss
             gradients.append(np.float32(share) * gradient)  # a copy: the next call writes over it
         return total, gradients
 
-    def about(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, Any]:
         """See Objective."""
-        return {**super().about(), "uncertainty": self._uncertainty and self._uncertainty.about()}
+        return {**super().settings(), "uncertainty": self._uncertainty and self._uncertainty.settings()}
 
-    def arrays(self) -> dict[str, NDArray]:
+    def state_dict(self) -> dict[str, NDArray]:
         """See Objective."""
-        learnt = self._uncertainty.arrays() if self._uncertainty else {}
-        return super().arrays() | {f"uncertainty.{name}": value for name, value in learnt.items()}
+        learnt = self._uncertainty.state_dict() if self._uncertainty else {}
+        return super().state_dict() | {f"uncertainty.{name}": value for name, value in learnt.items()}
 
-    def restore(self, arrays: dict[str, NDArray]) -> None:
+    def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """See Objective."""
-        super().restore(arrays)
+        super().load_state_dict(arrays)
         if self._uncertainty:
             start = "uncertainty."
-            self._uncertainty.restore({k.removeprefix(start): v for k, v in arrays.items() if k.startswith(start)})
+            self._uncertainty.load_state_dict(
+                {k.removeprefix(start): v for k, v in arrays.items() if k.startswith(start)}
+            )
 
     def _weights(self, image: Image, view: int, iteration: int) -> NDArray[np.float32] | None:
         """What pixels of a view weigh; the uncertainty learns from its render."""
@@ -162,11 +164,11 @@ class WildGaussians(GaussianSplatting):
         if config.appearance:
             appearance = WildAppearance(len(images), bounds, splatting.iterations, config.appearance, self.seed)
         with one_thread():
-            objective = WildObjective(images, splatting.ssim_share, appearance, self._uncertainty(images))
+            objective = WildObjective(images, splatting.lambda_dssim, appearance, self._uncertainty(images))
             trained = train(scene, splatting, self.seed, folder, objective)
             if appearance:
                 cameras = [view.camera for view in scene.train_views]
-                shown = mean_look(trained.gaussians, appearance, cameras, trained.near, splatting.antialiased)
+                shown = mean_appearance(trained.gaussians, appearance, cameras, trained.near, splatting.antialiased)
                 trained = replace(trained, gaussians=shown)
         self._trained = trained
         self.found["sky"] = len(scene.points) - before
@@ -178,11 +180,11 @@ class WildGaussians(GaussianSplatting):
             return None
         features = find_features(config.uncertainty.features, chosen_device(config.splatting.device, GSPLAT))
         self.found["uncertainty"] = features.name
-        return Uncertainty(images, features, config.uncertainty, config.splatting.densification, self.seed)
+        return Uncertainty(images, features, config.uncertainty, config.splatting.strategy, self.seed)
 
-    def statistics(self) -> Statistics:
+    def summary(self) -> TrainingSummary:
         """See Method; `used` names the features that the uncertainty had, and how many Gaussians began as sky."""
         found = self.found
         parts = [f"uncertainty from {found['uncertainty']}"] if "uncertainty" in found else []
         parts += [f"{found['sky']} Gaussians for the sky"] if found.get("sky") else []
-        return replace(super().statistics(), used=", ".join(parts))
+        return replace(super().summary(), used=", ".join(parts))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.initialisation import FEWEST_POINTS, scene_extent
-from baselines.splatting.strategies.densification import Densification
+from baselines.splatting.strategies.densification import DefaultStrategy
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.scenes import Points, Scene
 
@@ -53,11 +53,13 @@ def with_sky(scene: Scene, bounds: Bounds, count: int) -> Scene:
 
 def with_room(config: TrainerConfig, bounds: Bounds, count: int, extent: float) -> TrainerConfig:
     """The training with Gaussians as large as those of the sky must be, which are far off: sizes are the scene's."""
-    growth = config.densification
-    if not count or not isinstance(growth, Densification):
+    growth = config.strategy
+    if not count or not isinstance(growth, DefaultStrategy):
         return config
     spacing = DISTANCE * bounds.radius * np.sqrt(4 * np.pi / count)
-    return replace(config, densification=replace(growth, largest=max(growth.largest, LARGEST * spacing / extent)))
+    return replace(
+        config, strategy=replace(growth, prune_scale3d=max(growth.prune_scale3d, LARGEST * spacing / extent))
+    )
 
 
 def fibonacci(count: int) -> NDArray[np.float64]:

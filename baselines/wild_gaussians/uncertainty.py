@@ -26,8 +26,8 @@ from torch.nn.functional import interpolate, softplus
 from tqdm import tqdm
 
 from baselines.splatting.schedule import random_stream
-from baselines.splatting.strategies.densification import Densification
-from baselines.splatting.strategies.relocation import Relocation
+from baselines.splatting.strategies.densification import DefaultStrategy
+from baselines.splatting.strategies.relocation import MCMCStrategy
 from baselines.training.images import Size, TrainingImages
 from baselines.training.torch_state import module_arrays, restore_module
 from baselines.wild_gaussians.features import Features, Wanted, unlikeness
@@ -62,7 +62,7 @@ class Uncertainty:
         images: TrainingImages,
         features: Features,
         config: UncertaintyConfig,
-        densification: Densification | Relocation,
+        strategy: DefaultStrategy | MCMCStrategy,
         seed: int,
     ) -> None:
         """Look at all photographs, showing progress.
@@ -71,12 +71,12 @@ class Uncertainty:
             images: the photographs.
             features: what is seen of them.
             config: settings.
-            densification: says when opacities are reset.
+            strategy: says when opacities are reset.
             seed: of the first weights and of dropout.
         """
         self.images, self.features, self.config, self.seed = images, features, config, seed
-        self._resets = densification.reset_every if isinstance(densification, Densification) else None
-        self._last = densification.stop
+        self._resets = strategy.reset_every if isinstance(strategy, DefaultStrategy) else None
+        self._last = strategy.stop
         pictures = tqdm(range(len(images)), desc="features of the photographs", unit="image", leave=False)
         self._seen = [features(images.pixels(view) / np.float32(255)) for view in pictures]
         everywhere = torch.cat([seen.flatten(1) for seen in self._seen], dim=1)
@@ -132,15 +132,15 @@ class Uncertainty:
         latest = min(iteration, self._last - 1) // self._resets * self._resets
         return iteration - latest < self.config.protected
 
-    def about(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, Any]:
         """The settings; a checkpoint made with others is another run's."""
         return {**asdict(self.config), "features": self.features.name, "seed": self.seed}
 
-    def arrays(self) -> dict[str, NDArray]:
+    def state_dict(self) -> dict[str, NDArray]:
         """What was learnt."""
         return module_arrays(self.head, self._adam)
 
-    def restore(self, arrays: dict[str, NDArray]) -> None:
+    def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """Take back what `arrays` returned."""
         restore_module(self.head, arrays, self._adam)
 

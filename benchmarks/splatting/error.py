@@ -48,7 +48,7 @@ def _precision(degree: int, tile_shift: int, polynomial: int) -> dict[str, Any]:
     gaussians, weights = _scene(degree)
     with _tiles_of(tile_shift), _exponential_of(polynomial):
         image, state = rasterizer.render(gaussians, CAMERA, sh_degree=degree)
-        ours = {k: v.copy() for k, v in rasterizer.backward(state, weights).parameters.arrays().items()}
+        ours = {k: v.copy() for k, v in rasterizer.backward(state, weights).parameters.state_dict().items()}
         image = image.copy()
     exact, theirs, _ = _exact(gaussians, weights, degree)
     about = {"sh degree": degree, "tile": 1 << tile_shift, "2^x polynomial": polynomial}

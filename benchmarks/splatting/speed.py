@@ -13,12 +13,12 @@ from tqdm import tqdm
 from baselines.splatting import objective
 from baselines.splatting.backends import base as backends
 from baselines.splatting.kernels import binning, blending, blending_gradient, projection, projection_gradient
+from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.rasterizer import backward, backward_looks, render, render_looks
-from baselines.splatting.kernels.workspace import Workspace
 from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import LearningRates, rates_at
 from baselines.splatting.state import fresh_state
-from baselines.splatting.strategies.densification import Densification
+from baselines.splatting.strategies.densification import DefaultStrategy
 from benchmarks.splatting.scenes import picture, room, view
 
 COUNTS = (10_000, 30_000, 50_000, 200_000)
@@ -65,16 +65,16 @@ def looks(repeats: int) -> pd.DataFrame:
 def of_looks(n: int, number: int, threads: int, repeats: int) -> dict[str, Any]:
     """Median milliseconds of one number of looks."""
     camera = view(*SIZES[0])
-    gaussians, workspace = room(n, camera), Workspace()
+    gaussians, buffers = room(n, camera), BufferPool()
     sh = np.stack([gaussians.sh] * number)
     gradient = np.random.default_rng(0).normal(size=(number, camera.height, camera.width, 3)).astype(np.float32)
 
     def at_once() -> None:
-        backward_looks(render_looks(gaussians, sh, camera, workspace=workspace)[1], gradient)
+        backward_looks(render_looks(gaussians, sh, camera, buffers=buffers)[1], gradient)
 
     def one_by_one() -> None:
         for each in gradient:
-            backward(render(gaussians, camera, workspace=workspace)[1], each)
+            backward(render(gaussians, camera, buffers=buffers)[1], each)
 
     before = numba.get_num_threads()
     numba.set_num_threads(threads)
@@ -102,14 +102,14 @@ def speed(n: int, size: tuple[int, int], threads: int, repeats: int) -> dict[str
     camera = view(*size)
     backend = backends.CpuBackend(Objective(picture(camera)), np.zeros(3, np.float32), 0.01)
     backend.put(fresh_state(room(n, camera)))
-    rates, duties = rates_at(0, 1, STILL, 1.0, 3), Densification().duties(0, 0.0, 1.0, 0)
+    rates, step_options = rates_at(0, 1, STILL, 1.0, 3), DefaultStrategy().step_options(0, 0.0, 1.0, 0)
     before = numba.get_num_threads()
     numba.set_num_threads(threads)
     turns = []
     for iteration in range(repeats + 3):
         with timed() as seconds:
             start = time.perf_counter()
-            backend.step(camera, 0, iteration, 3, rates, duties)
+            backend.step(camera, 0, iteration, 3, rates, step_options)
             turns.append({"step": time.perf_counter() - start, **seconds})
     numba.set_num_threads(before)
     milliseconds = 1000 * pd.DataFrame(turns[3:]).median()

@@ -8,7 +8,7 @@ import torch
 import tyro
 from tqdm import tqdm
 
-from baselines.training.network_training import network_fingerprint, rounded, take_up
+from baselines.training.network_training import network_fingerprint, resume, rounded
 from deraings.enhancement.config import TrainingConfig, Upkeep
 from deraings.enhancement.data import Data, described, started_from, training_pairs
 from deraings.enhancement.enhance import enhance
@@ -64,7 +64,7 @@ def export_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
         torch.set_num_threads(request.threads)
     training = Training(request.training)
     words = described(request.data, started_from(request.data, request.training))
-    take_up(training, request.out, network_fingerprint(request.training, words))
+    resume(training, request.out, network_fingerprint(request.training, words))
     if training.step == 0:
         raise InputError(f"{request.out}: nothing has been trained there", fix="give the folder of a training")
     write_weights(request, training, words)

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from baselines.training.checkpoints import check_fingerprint, read_arrays, write_arrays
-from baselines.training.network_training import Validate, average_in, network_fingerprint, rate_at, run, take_up
+from baselines.training.network_training import Validate, average_in, network_fingerprint, rate_at, resume, run
 from baselines.training.torch_state import module_arrays, restore_module
 from deraings.enhancement.config import TrainingConfig, Upkeep
 from deraings.enhancement.loss import cover_loss, enhancement_loss
@@ -90,7 +90,7 @@ class Training:
         arrays = {**module_arrays(self.network, self.optimiser), **averaged}
         write_arrays(path, arrays, {"fingerprint": fingerprint, "progress": progress})
 
-    def restore(self, path: Path, fingerprint: dict[str, Any]) -> None:
+    def load_state_dict(self, path: Path, fingerprint: dict[str, Any]) -> None:
         """Take over what `save` wrote.
 
         Raises:
@@ -131,7 +131,7 @@ def train(
     training, fingerprint = Training(config), network_fingerprint(config, data)
     if start is not None:
         training.begin_with(start)
-    take_up(training, folder, fingerprint)
+    resume(training, folder, fingerprint)
     loader = batches(pairs, config.batch, training.step, config.steps, upkeep.workers)
     run(training, loader, config.steps, folder, fingerprint, validate, upkeep)
     return training

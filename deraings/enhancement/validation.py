@@ -16,7 +16,7 @@ from hydroviews.pairs.drawing import air_light, camera_of
 from hydroviews.pairs.photographs import fit_frame, frame_of
 from hydroviews.rain import effects
 from hydroviews.rain.patterns import GRADES, Pattern
-from hydroviews.rain.setting import FINE, SAMPLED_SIDE, Light, Setting
+from hydroviews.rain.scene_statistics import FINE, SAMPLED_SIDE, Light, SceneStatistics
 from hydroviews.scene.images import Image, image_size, read_image, resize_area, to_linear
 from hydroviews.scene.scenes import Points, View
 
@@ -45,7 +45,7 @@ class Score:
     brightness: float  # mean over pictures of |mean(enhanced) - mean(clean)|
 
 
-def setting_of(photograph: Path, image: Image, seed: int) -> Setting:
+def setting_of(photograph: Path, image: Image, seed: int) -> SceneStatistics:
     """A photograph as if it were a scene, for severity to grade rain by its detail, contrast and light.
 
     How often places of a scene are seen is taken from the benchmark's scenes, how well it can be reconstructed is what
@@ -58,12 +58,12 @@ def setting_of(photograph: Path, image: Image, seed: int) -> Setting:
     fine = image - cv2.GaussianBlur(image, (0, 0), FINE)
     linear = to_linear(image)
     mean, air = linear.mean(axis=(0, 1), dtype=np.float64), air_light(linear)
-    return Setting(
+    return SceneStatistics(
         scene=photograph.stem,
         seed=seed,
         views=(View(photograph.stem, camera_of((width, height)), photograph),),
         points=Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8)),
-        rarity=RARITY,
+        mean_inverse_visibility=RARITY,
         samples=(small,),
         detail=max(DETAIL, float(np.mean(fine**2, dtype=np.float64))),
         light=Light(tuple(mean.tolist()), tuple(air.tolist())),
@@ -93,7 +93,7 @@ def validation_set(files: Sequence[Path], seed: int, folder: Path) -> list[Rainy
     return rainy
 
 
-def rain_on(image: Image, pattern: Pattern, setting: Setting, folder: Path) -> Image:
+def rain_on(image: Image, pattern: Pattern, setting: SceneStatistics, folder: Path) -> Image:
     """A photograph in a pattern of the benchmark."""
     drawn = effects.draw(pattern, setting)
     if pattern.effect == "raindrop":

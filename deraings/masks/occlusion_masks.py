@@ -142,11 +142,11 @@ class OcclusionMasks:
         """The median loss of a pixel, averaged over the last lessons, and at least `least_loss`."""
         return max(float(self._level[0]), self.config.least_loss)
 
-    def about(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, Any]:
         """The settings; a checkpoint made with others is another run's."""
         return {"seed": self.seed, "first": self.first, "first_lesson": self.first_lesson, **asdict(self.config)}
 
-    def arrays(self) -> dict[str, NDArray]:
+    def state_dict(self) -> dict[str, NDArray]:
         """All that was learnt: weights, batch statistics, moments, typical loss, loss on the lens, masks kept."""
         arrays = module_arrays(self.network, self.adam)
         arrays |= {f"loss.{view}": loss.copy() for view, loss in self._losses.items()}
@@ -155,7 +155,7 @@ class OcclusionMasks:
             arrays["evidence"] = np.array([self._evidence])
         return {**arrays, "level": self._level.copy()}
 
-    def restore(self, arrays: dict[str, NDArray]) -> None:
+    def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """Take back what `arrays` returned."""
         restore_module(self.network, arrays, self.adam)
         self._level = arrays["level"].copy()

@@ -128,11 +128,11 @@ class Drops:
             light = np.asarray(cv2.resize(light, size[::-1], interpolation=cv2.INTER_LINEAR), np.float32)
         return Water(cover, light, _counted(cover, config.shown, config.hidden))
 
-    def arrays(self) -> dict[str, NDArray]:
+    def state_dict(self) -> dict[str, NDArray]:
         """All that was observed, for checkpoints."""
         return {"sums": self.sums}
 
-    def restore(self, arrays: dict[str, NDArray]) -> None:
+    def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """Take back what `arrays` returned."""
         self.sums = arrays["sums"].copy()
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.kernels.adam import adam_step
-from baselines.splatting.kernels.workspace import Workspace
+from baselines.splatting.kernels.buffer_pool import BufferPool
 from deraings.rain_model.mist_bounds import mist_bounds
 from deraings.rain_model.mist_config import VeilConfig
 from deraings.rain_model.mist_kernels import veiled, veiled_gradient, warm_up
@@ -77,11 +77,11 @@ class Veil:
         roots = np.tensordot(self._weights(view), self.roots, 1)
         return np.square(_spread(roots, size))
 
-    def apply(self, image: Image, view: int, workspace: Workspace) -> Image:
+    def apply(self, image: Image, view: int, buffers: BufferPool) -> Image:
         """The rendered view [H, W, 3] seen through the mist."""
-        return veiled(image, self.share(view, (image.shape[0], image.shape[1])), self.colour, workspace)
+        return veiled(image, self.share(view, (image.shape[0], image.shape[1])), self.colour, buffers)
 
-    def learn(self, image: Image, view: int, gradient: Image, iteration: int, workspace: Workspace) -> Image:
+    def learn(self, image: Image, view: int, gradient: Image, iteration: int, buffers: BufferPool) -> Image:
         """One step of Adam; returns the gradient by the image.
 
         Args:
@@ -94,7 +94,7 @@ class Veil:
         config, size = self._config, (image.shape[0], image.shape[1])
         weights = self._weights(view)
         root = _spread(np.tensordot(weights, self.roots, 1), size)
-        g_image, g_share, g_colour = veiled_gradient(image, np.square(root), self.colour, gradient, workspace)
+        g_image, g_share, g_colour = veiled_gradient(image, np.square(root), self.colour, gradient, buffers)
         penalised = g_share + np.float32(config.penalty / root.size)
         by_knot = weights[:, None, None] * _gather(2 * root * penalised, self.roots.shape[1:])
         by_knot += np.float32(config.roughness / self.roots[0].size) * roughness_gradient(self.roots)
@@ -106,11 +106,11 @@ class Veil:
         np.clip(self.colour, 0, 1, out=self.colour)
         return g_image
 
-    def arrays(self) -> dict[str, NDArray]:
+    def state_dict(self) -> dict[str, NDArray]:
         """All that is learned, for checkpoints."""
         return {"roots": self.roots, "colour": self.colour, **self._adam}
 
-    def restore(self, arrays: dict[str, NDArray]) -> None:
+    def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """Take back what `arrays` returned."""
         self.roots, self.colour = arrays["roots"].copy(), arrays["colour"].copy()
         self._adam = {name: arrays[name].copy() for name in self._adam}

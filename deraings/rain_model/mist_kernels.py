@@ -14,8 +14,8 @@ from numba import prange
 from numpy.typing import NDArray
 
 from baselines.splatting.backends.warm_up import compile_apart
+from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.jit import inlined, kernel
-from baselines.splatting.kernels.workspace import Workspace
 from hydroviews.scene.images import Image
 
 BRIGHTEST = 4.0  # linear light, and square of the encoded value, up to which the tables go; brighter is clipped
@@ -95,12 +95,12 @@ def warm_up() -> None:
 
 def exercise_kernels() -> None:
     """Both kernels once, on a picture of one pixel."""
-    pixel, share, workspace = np.zeros((1, 1, 3), np.float32), np.zeros((1, 1), np.float32), Workspace()
-    veiled(pixel, share, pixel[0, 0], workspace)
-    veiled_gradient(pixel, share, pixel[0, 0], pixel, workspace)
+    pixel, share, buffers = np.zeros((1, 1, 3), np.float32), np.zeros((1, 1), np.float32), BufferPool()
+    veiled(pixel, share, pixel[0, 0], buffers)
+    veiled_gradient(pixel, share, pixel[0, 0], pixel, buffers)
 
 
-def veiled(image: Image, share: NDArray[np.float32], colour: NDArray[np.float32], workspace: Workspace) -> Image:
+def veiled(image: Image, share: NDArray[np.float32], colour: NDArray[np.float32], buffers: BufferPool) -> Image:
     """The picture behind a veil; where its share is nought, exactly the picture.
 
     Args:
@@ -109,7 +109,7 @@ def veiled(image: Image, share: NDArray[np.float32], colour: NDArray[np.float32]
         colour: a [3], linear light of the veil.
         workspace: the result is one of its buffers.
     """
-    out = workspace.array("veiled", image.shape)
+    out = buffers.array("veiled", image.shape)
     decode, _, encode, _ = TABLES
     _veiled(image, share, colour, decode, encode, out)
     return out
@@ -120,12 +120,12 @@ def veiled_gradient(
     share: NDArray[np.float32],
     colour: NDArray[np.float32],
     gradient: Image,
-    workspace: Workspace,
+    buffers: BufferPool,
 ) -> tuple[Image, NDArray[np.float32], NDArray[np.float32]]:
     """From the gradient by the veiled picture [H, W, 3] those by the picture, the share [H, W] and the colour [3]."""
-    g_image = workspace.array("g_unveiled", image.shape)
-    g_share = workspace.array("g_share", share.shape)
-    g_colour = workspace.array("g_veil_colour", (BANDS, 3))
+    g_image = buffers.array("g_unveiled", image.shape)
+    g_share = buffers.array("g_share", share.shape)
+    g_colour = buffers.array("g_veil_colour", (BANDS, 3))
     decode, decode_slope, _, encode_slope = TABLES
     _veiled_gradient(image, share, colour, decode, decode_slope, encode_slope, gradient, g_image, g_share, g_colour)
     return g_image, g_share, g_colour.sum(axis=0)

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.loss_map import loss_map
 from baselines.splatting.kernels.photometric import Target, photometric_loss
-from baselines.splatting.kernels.workspace import Workspace
 from baselines.splatting.objective import Objective
 from baselines.training.images import TrainingImages
 from deraings.enhancement.views import EnhancedViews
@@ -49,7 +49,7 @@ class RainObjective(Objective):
         images: TrainingImages,
         iterations: int,
         config: RainConfig | None = None,
-        ssim_share: float = 0.2,
+        lambda_dssim: float = 0.2,
         masks: OcclusionMasks | None = None,
         derained: EnhancedViews | None = None,
         points: Callable[[], PointColours] | None = None,
@@ -66,7 +66,7 @@ class RainObjective(Objective):
                 looked for; asked for only if it surely rains.
             points: looks up scene points in the photographs, to tell mist on the lens from fog in the scene.
         """
-        super().__init__(images, ssim_share)
+        super().__init__(images, lambda_dssim)
         self.config = config = config or RainConfig()
         self.masks, self.derained, self._iterations = masks, derained, iterations
         count = len(images)
@@ -80,7 +80,7 @@ class RainObjective(Objective):
         self._renewals = {round(share * iterations) for share in renewed}
         self.drops = Drops(sizes[0], count, iterations, config.drops) if config.drops else None
 
-    def __call__(self, image: Image, view: int, iteration: int, workspace: Workspace) -> tuple[float, Image]:
+    def __call__(self, image: Image, view: int, iteration: int, buffers: BufferPool) -> tuple[float, Image]:
         """See Objective; learns of the rain as well."""
         if self.streaks and iteration in self._renewals:
             self.streaks.renew()
@@ -89,28 +89,28 @@ class RainObjective(Objective):
         image = image if finite is None else np.where(finite[..., None], image, np.float32(0))
         size = image.shape[0], image.shape[1]
         cover, water = self._cover(view, size), self._water(view, size, iteration)
-        even = self._behind_even_rain(image, cover, view, iteration, workspace)
-        clear, behind = self._seen(image, cover, view, iteration, workspace)
+        even = self._behind_even_rain(image, cover, view, iteration, buffers)
+        clear, behind = self._seen(image, cover, view, iteration, buffers)
         seen = clear if water is None else water.over(clear)
         if self.masks and self.masks.due(iteration):
-            self.masks.learn(view, loss_map(seen, target, self.ssim_share, workspace=workspace), iteration)
+            self.masks.learn(view, loss_map(seen, target, self.lambda_dssim, buffers=buffers), iteration)
         shown = _product(target.shown, None if finite is None else finite.astype(np.float32))
         weights = self._weights(shown, size, water, view, iteration)
         self._observe(clear, clear if even is None else even, target, shown, weights, view, iteration)
-        loss, gradient = photometric_loss(seen, target, self.ssim_share, weights, workspace)
+        loss, gradient = photometric_loss(seen, target, self.lambda_dssim, weights, buffers)
         if water is not None:
             gradient = gradient * (1 - water.cover)[..., None]
         if self.veil and self.veil.due(iteration):
-            gradient = self.veil.learn(behind, view, gradient, iteration, workspace)
+            gradient = self.veil.learn(behind, view, gradient, iteration, buffers)
         return loss, gradient * (1 - cover)
 
-    def residual(self, image: Image, view: int, workspace: Workspace) -> float:
+    def residual(self, image: Image, view: int, buffers: BufferPool) -> float:
         """See Objective."""
         size = image.shape[0], image.shape[1]
         water = self._water(view, size, self._iterations)
-        seen, _ = self._seen(image, self._cover(view, size), view, self._iterations, workspace)
+        seen, _ = self._seen(image, self._cover(view, size), view, self._iterations, buffers)
         seen = seen if water is None else water.over(seen)
-        return photometric_loss(seen, self.target(view), self.ssim_share, workspace=workspace)[0]
+        return photometric_loss(seen, self.target(view), self.lambda_dssim, buffers=buffers)[0]
 
     @property
     def cover(self) -> float:
@@ -130,25 +130,25 @@ class RainObjective(Objective):
         return self.drops.water(view, size, iteration) if self.drops else None
 
     def _behind_even_rain(
-        self, image: Image, cover: NDArray[np.float32], view: int, iteration: int, workspace: Workspace
+        self, image: Image, cover: NDArray[np.float32], view: int, iteration: int, buffers: BufferPool
     ) -> Image | None:
         """The view without its single streaks, to learn of the rain; None where none are known, or nobody looks."""
         looked = self.falling and (self.falling.due(iteration) or self._streaks_due(view, image))
         if not looked or cover.ndim == 0:
             return None
-        return self._seen(image, np.asarray(self.cover, np.float32), view, iteration, workspace)[0].copy()
+        return self._seen(image, np.asarray(self.cover, np.float32), view, iteration, buffers)[0].copy()
 
     def _streaks_due(self, view: int, image: Image) -> bool:
         return bool(self.streaks and self.cover > THIN and self.streaks.due(view, (image.shape[0], image.shape[1])))
 
     def _seen(
-        self, image: Image, cover: NDArray[np.float32], view: int, iteration: int, workspace: Workspace
+        self, image: Image, cover: NDArray[np.float32], view: int, iteration: int, buffers: BufferPool
     ) -> tuple[Image, Image]:
         """The scene through all the rain but drops, and through the falling rain alone."""
         if self.falling and cover.any():
             image = image * (1 - cover) + cover * np.float32(self.falling.brightness)
         if self.veil and self.veil.due(iteration):
-            return self.veil.apply(image, view, workspace), image
+            return self.veil.apply(image, view, buffers), image
         return image, image
 
     def _weights(
@@ -209,21 +209,23 @@ class RainObjective(Objective):
         water = self._water(view, size, self._iterations)
         return np.zeros(size, np.float32) if water is None else water.cover
 
-    def about(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, Any]:
         """See Objective."""
-        masks = self.masks.about() if self.masks else None
+        masks = self.masks.settings() if self.masks else None
         witness = self.derained.digest if self.derained else None
-        return {**super().about(), "rain": asdict(self.config), "masks": masks, "witness": witness}
+        return {**super().settings(), "rain": asdict(self.config), "masks": masks, "witness": witness}
 
-    def arrays(self) -> dict[str, NDArray]:
+    def state_dict(self) -> dict[str, NDArray]:
         """See Objective."""
-        return {f"{part}.{name}": value for part, model in self._parts() for name, value in model.arrays().items()}
+        return {f"{part}.{name}": value for part, model in self._parts() for name, value in model.state_dict().items()}
 
-    def restore(self, arrays: dict[str, NDArray]) -> None:
+    def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """See Objective."""
         for part, model in self._parts():
             start = f"{part}."
-            model.restore({name[len(start) :]: value for name, value in arrays.items() if name.startswith(start)})
+            model.load_state_dict(
+                {name[len(start) :]: value for name, value in arrays.items() if name.startswith(start)}
+            )
 
     def _parts(self) -> list[tuple[str, Any]]:
         parts = (

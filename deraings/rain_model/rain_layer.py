@@ -122,11 +122,11 @@ class FallingRain:
         """The direction of the streaks in degrees counter-clockwise from +x, to 15 degrees."""
         return ANGLES[int(np.argmax(_skews(self.powers)))]
 
-    def arrays(self) -> dict[str, NDArray]:
+    def state_dict(self) -> dict[str, NDArray]:
         """All that was observed, for checkpoints."""
         return {name: getattr(self, name) for name in LEARNED}
 
-    def restore(self, arrays: dict[str, NDArray]) -> None:
+    def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """Take back what `arrays` returned."""
         for name in LEARNED:
             setattr(self, name, arrays[name].copy())

@@ -111,12 +111,12 @@ class Streaks:
             return None
         return np.clip(np.float32(even) + resized(self.deviation(view), size), 0, np.float32(self._config.most))
 
-    def arrays(self) -> dict[str, NDArray]:
+    def state_dict(self) -> dict[str, NDArray]:
         """All that was observed, for checkpoints."""
         views = {f"{VIEW}{view}": deviation for view, deviation in self.deviations.items()}
         return {"power": self.power, "gain": self.gain, "looks": self.looks, "visits": self.visits, **views}
 
-    def restore(self, arrays: dict[str, NDArray]) -> None:
+    def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """Take back what `arrays` returned."""
         self.power, self.gain = arrays["power"].copy(), arrays["gain"].copy()
         self.looks, self.visits = arrays["looks"].copy(), arrays["visits"].copy()

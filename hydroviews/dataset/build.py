@@ -27,7 +27,7 @@ from hydroviews.dataset.statistics import write_statistics
 from hydroviews.errors import InputError
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.rain.patterns import Pattern, parse_pattern
-from hydroviews.rain.setting import Technique, survey
+from hydroviews.rain.scene_statistics import LensRenderer, survey
 from hydroviews.scene.scenes import Scene
 
 
@@ -38,7 +38,7 @@ def build(
     patterns: Sequence[Pattern],
     long_side: int | None = None,
     seed: int = 0,
-    technique: Technique = "disk",
+    lens_renderer: LensRenderer = "disk",
     source: str = "",
     overwrite: bool = False,
 ) -> Path:
@@ -50,7 +50,7 @@ def build(
         patterns: which rains; none builds the clean views and cameras alone.
         long_side: pixels of the built views' longer side; never larger than the capture.
         seed: of everything that is drawn.
-        technique: how water on the lens is drawn, fast ("disk"), accurate ("aperture") or traced.
+        lens_renderer: how water on the lens is drawn, fast ("disk"), accurate ("aperture") or traced.
         source: what the user called the capture.
         overwrite: drop a scene that was built from another request.
 
@@ -69,7 +69,7 @@ def build(
             f"{scene.name}: taken in rain, there are no clean views to add {patterns[0].name} to",
             fix="build it without patterns (leave PATTERNS out)",
         )
-    request = make_request(scene, source, long_side, seed, technique)
+    request = make_request(scene, source, long_side, seed, lens_renderer)
     take_folder(out, folder, request, overwrite)
     entry = read_manifest(out)["scenes"].get(scene.name, {"patterns": [], "files": {}})
     for name in filter(lambda name: (folder / name).is_dir(), entry["patterns"]):
@@ -97,7 +97,7 @@ def _write_rain(
     """Write the variants that are not finished by what the manifest's entry says, and statistics that are not there."""
     files = {rain: [name for name in entry["files"] if name.startswith(f"{rain.name}/")] for rain in rains}
     missing = [rain for rain in rains if rain.name not in entry["patterns"] or not _are_there(folder, files[rain])]
-    setting = survey(clean, request.seed, request.technique) if missing else None
+    setting = survey(clean, request.seed, request.lens_renderer) if missing else None
     for rain in rains:
         if setting is not None and rain in missing:
             write_variant(clean, folder, rain, setting)

@@ -19,7 +19,7 @@ from hydroviews.formats.writers import write_nerfstudio
 from hydroviews.rain import effects
 from hydroviews.rain.layers import write_layers
 from hydroviews.rain.patterns import Pattern
-from hydroviews.rain.setting import Setting
+from hydroviews.rain.scene_statistics import SceneStatistics
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import read_image, write_png
 from hydroviews.scene.masks import MASKS
@@ -30,7 +30,7 @@ FOCAL_STEP = 1.1  # factor between focal lengths that are told apart by water on
 Optics = tuple[int, int, int] | None  # width, height and focal length that an effect is made ready for; None: any
 
 
-def write_variant(scene: Scene, folder: Path, pattern: Pattern, setting: Setting) -> None:
+def write_variant(scene: Scene, folder: Path, pattern: Pattern, setting: SceneStatistics) -> None:
     """Write the views of a scene in this rain, and their statistics.
 
     What is there is kept if it was made with the same parameters.

@@ -10,8 +10,8 @@ import numpy as np
 from hydroviews.dataset.manifest import GENERATOR, forget_scene
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import sha256
-from hydroviews.files.claims import claim
-from hydroviews.rain.setting import Technique
+from hydroviews.files.settings_guard import claim_folder
+from hydroviews.rain.scene_statistics import LensRenderer
 from hydroviews.scene.depth import depth_path
 from hydroviews.scene.scenes import Scene
 
@@ -27,13 +27,13 @@ class Request:
     capture: str  # fingerprint of the capture's cameras
     long_side: int | None
     seed: int
-    technique: Technique  # of water on the lens
+    lens_renderer: LensRenderer  # of water on the lens
     generator: str = GENERATOR
 
 
-def make_request(scene: Scene, source: str, long_side: int | None, seed: int, technique: Technique) -> Request:
+def make_request(scene: Scene, source: str, long_side: int | None, seed: int, lens_renderer: LensRenderer) -> Request:
     """The request for a capture at its own size."""
-    return Request(source or scene.name, _fingerprint(scene), long_side, seed, technique)
+    return Request(source or scene.name, _fingerprint(scene), long_side, seed, lens_renderer)
 
 
 def take_folder(out: Path, folder: Path, request: Request, overwrite: bool) -> None:
@@ -42,7 +42,7 @@ def take_folder(out: Path, folder: Path, request: Request, overwrite: bool) -> N
     Raises:
         InputError: another request's scene is there, or files that no build wrote.
     """
-    claim(
+    claim_folder(
         folder / "request.json",
         vars(request),
         taken="this scene was built from another request",

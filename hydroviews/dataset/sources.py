@@ -12,12 +12,12 @@ from hydroviews.dataset.drop_masks import write_drop_masks
 from hydroviews.dataset.manifest import MANIFEST
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import BUSY, locked, read_json
-from hydroviews.files.claims import remove_leftovers
+from hydroviews.files.settings_guard import remove_leftovers
 from hydroviews.formats import read_scene
 from hydroviews.formats.photographs import FOLDERS, photographs_below
 from hydroviews.profiles import Profile
 from hydroviews.rain.patterns import choose_patterns
-from hydroviews.rain.setting import Technique
+from hydroviews.rain.scene_statistics import LensRenderer
 from hydroviews.scene.images import image_size
 from hydroviews.scene.scenes import Scene
 
@@ -113,7 +113,7 @@ def build_source(
     all_patterns: bool = False,
     long_side: int | None = None,
     seed: int | None = None,
-    technique: Technique | None = None,
+    lens_renderer: LensRenderer | None = None,
     overwrite: bool = False,
     captures: Path | None = None,
 ) -> Path:
@@ -127,7 +127,7 @@ def build_source(
         all_patterns: where none is named, the profile's patterns; a capture that was taken in rain gets none.
         long_side: pixels, instead of the profile's.
         seed: of the rain; a scene that is already there keeps its own if None.
-        technique: of water on the lens, "disk", "aperture" or "traced"; a scene that is already there keeps its own.
+        lens_renderer: "disk", "aperture" or "traced"; a scene that is already there keeps its own.
         overwrite: drop a scene that was built from another request.
         captures: the folder with published captures.
 
@@ -149,7 +149,7 @@ def build_source(
             patterns=named or choose_patterns((), default),
             long_side=long_side,
             seed=built.get("seed", 0) if seed is None else seed,
-            technique=technique or built.get("technique", "disk"),
+            lens_renderer=lens_renderer or built.get("lens_renderer", "disk"),
             source=source,
             overwrite=overwrite,
         )

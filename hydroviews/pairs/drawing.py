@@ -17,8 +17,8 @@ from hydroviews.rain.lens.bake import bake_matte, moment_of
 from hydroviews.rain.lens.mist import mist_veil
 from hydroviews.rain.lens.path_matte import PathMatte
 from hydroviews.rain.lens.pattern import RaindropPattern
+from hydroviews.rain.scene_statistics import AIR, TINT
 from hydroviews.rain.seeds import generator
-from hydroviews.rain.setting import AIR, TINT
 from hydroviews.rain.streaks import effect as streaks
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image, to_linear, to_srgb
@@ -180,5 +180,5 @@ def draw_veil(photograph: Bytes, rng: np.random.Generator, side: int) -> tuple[I
 
 
 def air_light(linear: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The light [3] of a scene's air, from one picture of linear light: see hydroviews.rain.setting."""
+    """The light [3] of a scene's air, from one picture of linear light: see hydroviews.rain.scene_statistics."""
     return light.air_light(linear[::SPARSE, ::SPARSE].reshape(-1, 3), AIR, TINT)

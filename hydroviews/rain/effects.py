@@ -16,8 +16,8 @@ from hydroviews.rain import severity
 from hydroviews.rain.lens import effect as raindrops
 from hydroviews.rain.lens import pattern as drops_pattern
 from hydroviews.rain.patterns import Pattern
+from hydroviews.rain.scene_statistics import SceneStatistics
 from hydroviews.rain.seeds import generator
-from hydroviews.rain.setting import Setting
 from hydroviews.rain.storm import effect as storm
 from hydroviews.rain.streaks import effect as streaks
 from hydroviews.scene.cameras import Camera
@@ -37,18 +37,18 @@ class Effect(Protocol):
         ...
 
 
-def draw(pattern: Pattern, setting: Setting) -> Any:
+def draw(pattern: Pattern, setting: SceneStatistics) -> Any:
     """The parameters of a pattern, from its seed, as hard on this scene as its grade says."""
     rng = generator(setting.seed, setting.scene, pattern.effect, pattern.index)
     if pattern.effect == "streak":
         return severity.grade_streaks(streaks.draw_pattern(rng, pattern.level), pattern.grade, setting)
     if pattern.effect == "storm":
         return storm.draw_pattern(rng, pattern.level)
-    lens = replace(drops_pattern.draw_pattern(rng, pattern.level), technique=setting.technique)
+    lens = replace(drops_pattern.draw_pattern(rng, pattern.level), lens_renderer=setting.lens_renderer)
     return severity.grade_raindrops(lens, pattern.grade, setting)
 
 
-def prepare(pattern: Pattern, drawn: Any, setting: Setting, camera: Camera, folder: Path) -> Effect:
+def prepare(pattern: Pattern, drawn: Any, setting: SceneStatistics, camera: Camera, folder: Path) -> Effect:
     """Make ready for views of this size and these intrinsics; what Blender bakes for them is kept in `folder`."""
     if pattern.effect == "streak":
         return Streaks(drawn, setting, pattern)
@@ -60,7 +60,7 @@ def prepare(pattern: Pattern, drawn: Any, setting: Setting, camera: Camera, fold
 class Streaks:
     """Fresh streaks for every view; parameters and angle shared."""
 
-    def __init__(self, drawn: streaks.StreakPattern, setting: Setting, pattern: Pattern) -> None:
+    def __init__(self, drawn: streaks.StreakPattern, setting: SceneStatistics, pattern: Pattern) -> None:
         self.parameters = asdict(drawn)
         self._drawn, self._seed = drawn, setting.seed
         self._labels = (setting.scene, pattern.effect, pattern.index)

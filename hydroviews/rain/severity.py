@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from hydroviews.rain.lens.mist import mist_veil
 from hydroviews.rain.lens.pattern import RaindropPattern
+from hydroviews.rain.scene_statistics import SceneStatistics
 from hydroviews.rain.seeds import generator
-from hydroviews.rain.setting import Setting
 from hydroviews.rain.streaks.effect import StreakPattern, streak_layer
 from hydroviews.scene.images import to_linear, to_srgb
 
@@ -41,12 +41,12 @@ TO_MEDIAN = 0.3  # how far from the mean to the median what many views agree on 
 LEFT = 1.7  # of the mean squared cover by streaks, times the scene's rarity: what is learned of single streaks
 
 
-def wanted_harm(effect: str, grade: str, setting: Setting) -> float:
+def wanted_harm(effect: str, grade: str, setting: SceneStatistics) -> float:
     """Mean squared error, in encoded values, that a pattern of this grade should leave in what is learned."""
     return float((setting.clean_error or LEARNED) * setting.detail * (10 ** (LOSS[effect][grade] / 10) - 1))
 
 
-def grade_streaks(drawn: StreakPattern, grade: str, setting: Setting) -> StreakPattern:
+def grade_streaks(drawn: StreakPattern, grade: str, setting: SceneStatistics) -> StreakPattern:
     """The pattern with n, and if need be its brightness, set to the grade on this scene."""
     wanted = wanted_harm("streak", grade, setting)
     camera = setting.views[0].camera
@@ -55,7 +55,7 @@ def grade_streaks(drawn: StreakPattern, grade: str, setting: Setting) -> StreakP
         rngs = [generator(setting.seed, setting.scene, "trial", i) for i in range(TRIAL_VIEWS)]
         pattern = replace(drawn, n=n)
         layers = np.stack([streak_layer(pattern, camera.width, camera.height, rng) for rng in rngs])
-        return learned_cover(layers, setting.rarity)
+        return learned_cover(layers, setting.mean_inverse_visibility)
 
     brightness, contrast = drawn.brightness, mean_squared_contrast(setting, drawn.brightness)
     n = solve(lambda value: cover(value) * contrast, wanted, FEWEST, MOST)
@@ -65,7 +65,7 @@ def grade_streaks(drawn: StreakPattern, grade: str, setting: Setting) -> StreakP
     return replace(drawn, n=round(n), brightness=round(brightness, 3))
 
 
-def grade_raindrops(drawn: RaindropPattern, grade: str, setting: Setting) -> RaindropPattern:
+def grade_raindrops(drawn: RaindropPattern, grade: str, setting: SceneStatistics) -> RaindropPattern:
     """The pattern with its mist, and if need be its coverage, set to the grade on this scene."""
     wanted = wanted_harm("raindrop", grade, setting)
     a_share = drops_harm(1.0, setting)
@@ -75,7 +75,7 @@ def grade_raindrops(drawn: RaindropPattern, grade: str, setting: Setting) -> Rai
     return replace(drawn, coverage=round(coverage, 4), mist=round(mist, 4))
 
 
-def veil_harm(pattern: RaindropPattern, setting: Setting) -> Callable[[float], float]:
+def veil_harm(pattern: RaindropPattern, setting: SceneStatistics) -> Callable[[float], float]:
     """For a level of mist, the mean squared difference that it makes to the scene, in encoded values."""
     air = (np.array(pattern.air) * setting.light.air).astype(np.float32)
     forms: dict[tuple[int, int], NDArray[np.float32]] = {}
@@ -93,7 +93,7 @@ def veil_harm(pattern: RaindropPattern, setting: Setting) -> Callable[[float], f
     return harm
 
 
-def drops_harm(coverage: float, setting: Setting) -> float:
+def drops_harm(coverage: float, setting: SceneStatistics) -> float:
     """Mean squared error that sharp drops leave in what is learned, in encoded values.
 
     They show another place than the one they cover, and so err by twice the variance of the views; what is learned
@@ -102,19 +102,19 @@ def drops_harm(coverage: float, setting: Setting) -> float:
     return (
         setting.drops_cost
         * coverage
-        * setting.rarity
+        * setting.mean_inverse_visibility
         * 2
         * float(np.mean([sample.var(axis=(0, 1)).mean(dtype=np.float64) for sample in setting.samples]))
     )
 
 
-def learned_cover(layers: NDArray[np.float32], rarity: float) -> float:
+def learned_cover(layers: NDArray[np.float32], mean_inverse_visibility: float) -> float:
     """Mean square of the cover that a scene is learned to have under layers S [N, H, W] of fresh streaks."""
     agreed = (1 - TO_MEDIAN) * layers.mean(dtype=np.float64) + TO_MEDIAN * np.median(layers)
-    return float(agreed**2 + LEFT * rarity * np.mean(layers**2, dtype=np.float64))
+    return float(agreed**2 + LEFT * mean_inverse_visibility * np.mean(layers**2, dtype=np.float64))
 
 
-def mean_squared_contrast(setting: Setting, brightness: float) -> float:
+def mean_squared_contrast(setting: SceneStatistics, brightness: float) -> float:
     """Mean of (beta - B)^2 over the scene, in encoded values."""
     return float(np.mean([np.mean((brightness - sample) ** 2) for sample in setting.samples]))
 

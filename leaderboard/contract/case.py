@@ -38,7 +38,7 @@ class Case:
 
     def config(self, steps: int | None = None) -> Any:
         """The profile's settings with `steps` training steps, the case's own if not given."""
-        return self.kind.shortened(self.kind.configuration(self.profile), steps or self.steps)
+        return self.kind.with_max_iterations(self.kind.configuration(self.profile), steps or self.steps)
 
     def room(self, name: str, seed: int = 0) -> Scene:
         """The room drawn into a folder of its own."""

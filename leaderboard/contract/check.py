@@ -26,7 +26,7 @@ CHECKS: dict[str, Callable[[Case], str]] = {
     "trains": promises.training,
     "renders any camera": promises.rendering,
     "saved and loaded": promises.saving,
-    "statistics": promises.statistics,
+    "summary": promises.summary,
     "same seed, same result": promises.same_seed,
     "held-out views unseen": promises.held_out,
     "masks respected": promises.masks,
@@ -90,14 +90,14 @@ def check(method: str, profile: str = "demo", steps: int = 30, report: Path | No
 def run_checks(case: Case) -> list[Outcome]:
     """All checks in order, each printed when it is done; the rest cannot be tested once a basic one has failed."""
     outcomes: list[Outcome] = []
-    broken, width = "", max(map(len, CHECKS))
+    non_finite, width = "", max(map(len, CHECKS))
     with tqdm(CHECKS.items(), desc=case.name, unit="check", leave=False, disable=None) as bar:
         for name, function in bar:
-            outcome = Outcome(name, Result.NOT_TESTABLE, broken) if broken else try_check(case, name, function)
+            outcome = Outcome(name, Result.NOT_TESTABLE, non_finite) if non_finite else try_check(case, name, function)
             bar.write(f"{outcome.result:12}  {name:{width}}  {outcome.reason}")
             outcomes.append(outcome)
             if name in BASIC and outcome.result == Result.FAILED:
-                broken = f"failed already: {name}"
+                non_finite = f"failed already: {name}"
     return outcomes
 
 

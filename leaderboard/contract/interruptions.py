@@ -84,7 +84,7 @@ def _interrupted(case: Case, number: signal.Signals) -> str:
 @cache
 def left_alone(case: Case) -> LeftAlone:
     """Train for as many steps as take some seconds."""
-    before = case.train(case.scene, "timed").statistics().train_seconds
+    before = case.train(case.scene, "timed").summary().train_seconds
     steps = max(case.steps, round(case.steps * SECONDS / max(before, 1e-3)))
     folder = case.folder / "left-alone"
     if _run(case, steps, folder) != 0:
@@ -133,11 +133,11 @@ def _train(name: str, profile: str, steps: int, scene: Scene, folder: Path, note
         for stream in (1, 2):
             os.dup2(output.fileno(), stream)
     kind = find_method(name)
-    method = kind(kind.shortened(kind.configuration(profile), steps), 0)
+    method = kind(kind.with_max_iterations(kind.configuration(profile), steps), 0)
     (notes / BEGUN).touch()
     start = time.perf_counter()
     method.fit(scene, folder)
-    write_json(notes / ENDED, {"fit": time.perf_counter() - start, "training": method.statistics().train_seconds})
+    write_json(notes / ENDED, {"fit": time.perf_counter() - start, "training": method.summary().train_seconds})
     method.save(folder)
 
 

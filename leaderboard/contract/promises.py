@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.method import Method, Statistics
+from baselines.method import Method, TrainingSummary
 from hydroviews.errors import InputError
 from hydroviews.profiles import PROFILES
 from hydroviews.rain.seeds import generator
@@ -95,11 +95,11 @@ def saving(case: Case) -> str:
     return f"the same pixels, from {some(files_in(folder))}"
 
 
-def statistics(case: Case) -> str:
+def summary(case: Case) -> str:
     """Time and size, with the right types; asked for after saving, as runs do."""
     case.trained.save(case.folder / "trained")
-    found = case.trained.statistics()
-    if not isinstance(found, Statistics):
+    found = case.trained.summary()
+    if not isinstance(found, TrainingSummary):
         raise Failed(f"{type(found).__name__}, expected baselines.method.Statistics")
     numbers = {"train_seconds": found.train_seconds, "n_primitives": found.n_primitives, "model_mb": found.model_mb}
     for name, value in numbers.items():

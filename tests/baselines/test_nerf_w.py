@@ -177,7 +177,7 @@ def test_a_saved_model_renders_the_same_pixels(spoilt, tmp_path):
     loaded = NerfW.load(SHORT, 0, tmp_path)
     view = spoilt.test_views[0].camera
     np.testing.assert_array_equal(loaded.render(view), method.render(view))
-    assert loaded.statistics() == method.statistics()
+    assert loaded.summary() == method.summary()
     with pytest.raises(InputError, match="not a model of this configuration"):
         NerfW.load(replace(SHORT, appearance=9), 0, tmp_path)
 
@@ -204,7 +204,7 @@ def test_it_is_found_by_name():
     with pytest.raises(InputError, match="PROFILE=large"):
         NerfW.configuration("large")
     with pytest.raises(InputError, match="not trained"):
-        NerfW(CONFIG, 0).statistics()
+        NerfW(CONFIG, 0).summary()
 
 
 def test_two_threads_give_the_same_bits_again(tmp_path):

@@ -64,12 +64,12 @@ def test_it_computes_what_the_ablation_does(scene, weights, tmp_path):
     assert_identical(ablation._trained, wrapped._inner._trained)
     camera = scene.views[0].camera
     assert not np.array_equal(wrapped.render(camera), plain.render(camera))
-    assert wrapped.statistics().used == f"enhancement {weights}"
+    assert wrapped.summary().used == f"enhancement {weights}"
 
     wrapped.save(tmp_path / "wrapped")
     loaded = type(wrapped).load(wrapped.config, 0, tmp_path / "wrapped")
     assert np.array_equal(loaded.render(camera), wrapped.render(camera))
-    assert loaded.statistics() == wrapped.statistics()
+    assert loaded.summary() == wrapped.summary()
     assert (tmp_path / "wrapped" / "splats.ply").is_file()
 
 
@@ -112,7 +112,7 @@ def test_it_is_found_by_name():
     assert on_enhanced(GaussianSplattingClean).trains_on == "clean"
     config = wrapped.configuration("demo")
     assert config == EnhancedConfig(GaussianSplatting.configuration("demo"), DEFAULT, sha256(find_weights(DEFAULT)))
-    assert wrapped.shortened(config, 7).method.iterations == 7
+    assert wrapped.with_max_iterations(config, 7).method.iterations == 7
     with pytest.raises(InputError, match="no-such-profile"):
         wrapped.configuration("no-such-profile")
 

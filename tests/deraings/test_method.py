@@ -96,10 +96,10 @@ def test_it_learns_resumes_and_comes_back(scene, weights, tmp_path, switches, mo
 
     interrupted = methods.RainObjective.__call__
 
-    def crash(self, image, view, iteration, workspace):
+    def crash(self, image, view, iteration, buffers):
         if iteration == 130:
             raise RuntimeError("power cut")
-        return interrupted(self, image, view, iteration, workspace)
+        return interrupted(self, image, view, iteration, buffers)
 
     with monkeypatch.context() as patch, pytest.raises(RuntimeError, match="power cut"):
         patch.setattr(methods.RainObjective, "__call__", crash)
@@ -107,15 +107,15 @@ def test_it_learns_resumes_and_comes_back(scene, weights, tmp_path, switches, mo
     resumed = DeRainGS(config, 0)
     resumed.fit(scene, tmp_path / "run")
     assert_identical(undisturbed._trained, resumed._trained)
-    assert resumed.statistics().used == undisturbed.statistics().used
-    assert "needed " in resumed.statistics().used
-    assert "[" not in resumed.statistics().used
+    assert resumed.summary().used == undisturbed.summary().used
+    assert "needed " in resumed.summary().used
+    assert "[" not in resumed.summary().used
 
     resumed.save(tmp_path / "run")
     loaded = DeRainGS.load(config, 0, tmp_path / "run")
     camera = scene.views[0].camera
     assert np.array_equal(loaded.render(camera), resumed.render(camera))
-    assert loaded.statistics() == resumed.statistics()
+    assert loaded.summary() == resumed.summary()
 
     (tmp_path / "run" / FOUND).unlink()
     with pytest.raises(InputError, match=FOUND):

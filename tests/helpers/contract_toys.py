@@ -9,7 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from baselines.method import Method, Statistics
+from baselines.method import Method, TrainingSummary
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, write_json
 from hydroviews.rain.seeds import generator
@@ -43,7 +43,7 @@ class Good(Method):
 
     def fit(self, scene: Scene, folder: Path) -> None:
         colours = [self.colour_of(view) for view in scene.train_views]
-        self.restore(folder / self.checkpoint, self.fingerprint(colours))
+        self.load_state_dict(folder / self.checkpoint, self.fingerprint(colours))
         try:
             while self.state[0] < self.config.iterations:
                 self.step(colours)
@@ -70,7 +70,7 @@ class Good(Method):
         digest = hashlib.sha256(json.dumps(colours).encode()).hexdigest()
         return {"config": asdict(self.config), "seed": self.seed, "colours": digest}
 
-    def restore(self, path: Path, expected: dict) -> None:
+    def load_state_dict(self, path: Path, expected: dict) -> None:
         if path.is_file():
             kept = read_json(path)
             if kept["fingerprint"] != expected:
@@ -89,8 +89,8 @@ class Good(Method):
         method.state = tuple(read_json(folder / "model.json"))
         return method
 
-    def statistics(self) -> Statistics:
-        return Statistics(self.state[2], None, 0.001, "cpu")
+    def summary(self) -> TrainingSummary:
+        return TrainingSummary(self.state[2], None, 0.001, "cpu")
 
 
 class NoCheckpoint(Good):
@@ -150,8 +150,8 @@ class Rounds(Good):
 
 
 class NoTime(Good):
-    def statistics(self) -> Statistics:
-        return Statistics(float("nan"), None, None, "cpu")
+    def summary(self) -> TrainingSummary:
+        return TrainingSummary(float("nan"), None, None, "cpu")
 
 
 class Unseeded(Good):
@@ -183,7 +183,7 @@ class ForgetsWhatIsBad(Good):
 
 
 class TakesAnything(Good):
-    def restore(self, path: Path, expected: dict) -> None:
+    def load_state_dict(self, path: Path, expected: dict) -> None:
         if path.is_file():
             self.state = tuple(read_json(path)["state"])
 
@@ -191,8 +191,8 @@ class TakesAnything(Good):
 class GoesOnElsewhere(Good):
     """Draws views anew when it is taken up again."""
 
-    def restore(self, path: Path, expected: dict) -> None:
-        super().restore(path, expected)
+    def load_state_dict(self, path: Path, expected: dict) -> None:
+        super().load_state_dict(path, expected)
         self.first = self.state[0]
 
     def draw(self, step: int, n_views: int) -> int:

@@ -8,7 +8,7 @@ import numpy as np
 from synthetic import capture_in
 
 from baselines.gaussian_splatting import SPLATS
-from baselines.method import Method, Statistics
+from baselines.method import Method, TrainingSummary
 from baselines.splatting.files.ply import read_ply, write_ply
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.rasterizer import render
@@ -20,7 +20,7 @@ from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 from hydroviews.scene.scenes import Points, Scene, View
 from leaderboard.predict import predict
-from leaderboard.runs import Run, claim
+from leaderboard.runs import Run, claim_folder
 
 
 @dataclass(frozen=True)
@@ -60,8 +60,8 @@ class Cloud(Method):
         method.gaussians = read_ply(folder / SPLATS)
         return method
 
-    def statistics(self) -> Statistics:
-        return Statistics(0.1, len(self.gaussians), 0.1, "cpu")
+    def summary(self) -> TrainingSummary:
+        return TrainingSummary(0.1, len(self.gaussians), 0.1, "cpu")
 
 
 class Grey(Method):
@@ -86,8 +86,8 @@ class Grey(Method):
     def load(cls, config: Settings, seed: int, folder: Path) -> Self:
         return cls(config, seed)
 
-    def statistics(self) -> Statistics:
-        return Statistics(0.1, None, None, "cpu")
+    def summary(self) -> TrainingSummary:
+        return TrainingSummary(0.1, None, None, "cpu")
 
 
 def finished_run(folder: Path, method: str = "Cloud", shift: float = 0.0, rainy: bool = False) -> Run:
@@ -101,7 +101,7 @@ def finished_run(folder: Path, method: str = "Cloud", shift: float = 0.0, rainy:
     patterns = () if rainy else (pattern,)
     build_source(str(capture), folder / "data/demo", find_profile("demo"), patterns=patterns, all_patterns=rainy)
     run = Run(f"finished_runs:{method}", "demo", 0, folder / "data/demo", "yard", pattern, folder / "results")
-    claim(run, overwrite=False)
+    claim_folder(run, overwrite=False)
     predict(run)
     write_bytes(folder / "results/leaderboard.csv", b"")
     return run

@@ -7,17 +7,17 @@ import pytest
 
 from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.objective import Objective
-from baselines.splatting.strategies.densification import Densification
-from baselines.splatting.strategies.relocation import Relocation
+from baselines.splatting.strategies.densification import DefaultStrategy
+from baselines.splatting.strategies.relocation import MCMCStrategy
 from baselines.splatting.trainer import TrainerConfig, train
 from baselines.training.images import read_images
 from hydroviews.scene.images import write_png
 from hydroviews.scene.masks import write_ignored
 
-DENSIFY = Densification(start=20, stop=150, every=20, budget=150, reset_every=60, gradient=5e-5, largest=1.0)
-CONFIG = TrainerConfig(iterations=200, sh_degree=1, sh_every=60, densification=DENSIFY, device="cpu")
-RELOCATION = Relocation(start=20, stop=150, every=20, budget=150, growth=0.1, noise=5e4)
-BUDGETED = replace(CONFIG, densification=RELOCATION)
+DENSIFY = DefaultStrategy(start=20, stop=150, every=20, budget=150, reset_every=60, grow_grad2d=5e-5, prune_scale3d=1.0)
+CONFIG = TrainerConfig(iterations=200, sh_degree=1, sh_degree_interval=60, strategy=DENSIFY, device="cpu")
+RELOCATION = MCMCStrategy(start=20, stop=150, every=20, budget=150, growth=0.1, noise=5e4)
+BUDGETED = replace(CONFIG, strategy=RELOCATION)
 
 
 class Interrupted(Objective):
@@ -27,13 +27,13 @@ class Interrupted(Objective):
         super().__init__(images)
         self._when, self._action = iteration, action
 
-    def about(self):
+    def settings(self):
         return {"name": "Objective", "ssim_share": 0.2}
 
-    def __call__(self, image, view, iteration, workspace):
+    def __call__(self, image, view, iteration, buffers):
         if iteration == self._when:
             self._action()
-        return super().__call__(image, view, iteration, workspace)
+        return super().__call__(image, view, iteration, buffers)
 
 
 def crashed_and_resumed(scene, config, iteration, folder):

@@ -22,10 +22,10 @@ def test_settings_of_every_method_are_for_so_many_steps(name, steps):
 def test_growth_begins_and_ends_with_the_schedule():
     usual = PROFILES["demo"]
     short, long = in_steps(usual, usual.iterations // 10), in_steps(usual, 2 * usual.iterations)
-    assert short.densification.start == usual.densification.start // 10
-    assert short.densification.stop == usual.densification.stop // 10
-    assert long.densification.start == usual.densification.start  # nothing is gained by waiting
-    assert long.densification.stop == 2 * usual.densification.stop
+    assert short.strategy.start == usual.strategy.start // 10
+    assert short.strategy.stop == usual.strategy.stop // 10
+    assert long.strategy.start == usual.strategy.start  # nothing is gained by waiting
+    assert long.strategy.stop == 2 * usual.strategy.stop
 
 
 def test_a_training_taken_up_keeps_to_its_steps(tmp_path):

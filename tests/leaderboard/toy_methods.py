@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from baselines.method import Method, Statistics
+from baselines.method import Method, TrainingSummary
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, write_json
 from hydroviews.scene.cameras import Camera
@@ -45,8 +45,8 @@ class MeanColour(Method):
         method.colour = np.array(read_json(folder / "colour.json"))
         return method
 
-    def statistics(self) -> Statistics:
-        return Statistics(train_seconds=0.5, n_primitives=None, model_mb=0.001, device="cpu")
+    def summary(self) -> TrainingSummary:
+        return TrainingSummary(train_seconds=0.5, n_primitives=None, model_mb=0.001, device="cpu")
 
 
 class MeanColourClean(MeanColour):

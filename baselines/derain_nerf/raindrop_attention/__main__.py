@@ -16,7 +16,7 @@ from baselines.derain_nerf.raindrop_attention.pairs import KINDS, Patches, Watch
 from baselines.derain_nerf.raindrop_attention.training import Training, train
 from baselines.derain_nerf.raindrop_attention.validation import as_columns, as_json, scores, table
 from baselines.derain_nerf.raindrop_attention.weights import load_detector, save_generator
-from baselines.training.network_training import in_words, network_fingerprint, rounded, take_up
+from baselines.training.network_training import in_words, network_fingerprint, resume, rounded
 from hydroviews.cli import run_command
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
@@ -68,7 +68,7 @@ def export_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
     """Write weights and data card of a training as far as it is; settings as for `train`."""
     _take_threads(request.threads)
     training = Training(request.training())
-    take_up(training, request.out, network_fingerprint(training.config, described(request)))
+    resume(training, request.out, network_fingerprint(training.config, described(request)))
     if training.step == 0:
         raise InputError(f"{request.out}: nothing has been trained there", fix="give the folder of a training")
     write_weights(request, training)

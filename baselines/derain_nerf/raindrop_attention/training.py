@@ -15,7 +15,7 @@ from baselines.derain_nerf.raindrop_attention.losses import attention_loss, disc
 from baselines.derain_nerf.raindrop_attention.network import Generator
 from baselines.derain_nerf.raindrop_attention.pairs import Batch, Patches
 from baselines.training.checkpoints import check_fingerprint, read_arrays, write_arrays
-from baselines.training.network_training import Validate, average_in, network_fingerprint, rate_at, run, take_up
+from baselines.training.network_training import Validate, average_in, network_fingerprint, rate_at, resume, run
 from baselines.training.torch_state import module_arrays, restore_module
 
 SMOOTHING = 0.99  # of the losses that are shown
@@ -106,7 +106,7 @@ class Training:
         progress = {name: getattr(self, name) for name in ("step", "seconds", "losses", "curve")}
         write_arrays(path, arrays, {"fingerprint": fingerprint, "progress": progress})
 
-    def restore(self, path: Path, fingerprint: dict[str, Any]) -> None:
+    def load_state_dict(self, path: Path, fingerprint: dict[str, Any]) -> None:
         """Take over what `save` wrote.
 
         Raises:
@@ -143,7 +143,7 @@ def train(
         InputError: the checkpoint is damaged or of another training.
     """
     training, fingerprint = Training(config), network_fingerprint(config, data)
-    take_up(training, folder, fingerprint)
+    resume(training, folder, fingerprint)
     batches = (patches[step] for step in range(training.step, config.steps))
     run(training, batches, config.steps, folder, fingerprint, validate, upkeep)
     return training

@@ -17,8 +17,8 @@ from torch import Tensor, nn
 
 from baselines.splatting.backends.torch_ops import finite_rows
 from baselines.splatting.gaussians import SHAPE, Gaussians
+from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.constants import LOW_PASS
-from baselines.splatting.kernels.workspace import Workspace
 from hydroviews.scene.cameras import Camera
 
 REACH = 3.5  # standard deviations within which a Gaussian is seen at all
@@ -37,7 +37,7 @@ class Appearance(nn.Module):
         """What Gaussians look like in a view: where they are and what they cover stays, their colours are these.
 
         Args:
-            parameters: of `Gaussians.arrays()`, of those `in_sight`; means are relative to the Gaussians' origin.
+            parameters: of `Gaussians.state_dict()`, of those `in_sight`; means are relative to the Gaussians' origin.
             camera: that looks; relative to that origin as well.
             view: index of the training view.
             degree: of spherical harmonics in use.
@@ -55,16 +55,16 @@ class Appearance(nn.Module):
     def feature_rate(self, iteration: int) -> float:
         """Adam's learning rate of the features."""
 
-    def about(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, Any]:
         """The settings; a checkpoint made with others is refused."""
         return {"name": type(self).__name__}
 
     @abstractmethod
-    def arrays(self) -> dict[str, NDArray]:
+    def training_state(self) -> dict[str, NDArray]:
         """What has been learnt beside the Gaussians; see torch_state.module_arrays."""
 
     @abstractmethod
-    def restore(self, arrays: dict[str, NDArray]) -> None:
+    def load_training_state(self, arrays: dict[str, NDArray]) -> None:
         """Take back what `arrays` returned."""
 
 
@@ -83,7 +83,7 @@ class Dressed:
         shape = {name: self._leaves[name].detach().numpy() for name in SHAPE}
         self.gaussians = Gaussians(**shape, sh=self.sh[0], origin=self._origin)  # what the view shows
 
-    def backward(self, gradient: Gaussians, by_looks: NDArray[np.float32], workspace: Workspace) -> Gaussians:
+    def backward(self, gradient: Gaussians, by_looks: NDArray[np.float32], buffers: BufferPool) -> Gaussians:
         """From gradients by what is rendered to those by all Gaussians; those of the network are in `.grad`.
 
         Args:
@@ -97,15 +97,15 @@ class Dressed:
         torch.autograd.backward([end for end, _ in learning], [value for _, value in learning])
         found = {
             name: self.spread(
-                np.zeros(leaf.shape, np.float32) if leaf.grad is None else leaf.grad.numpy(), name, workspace
+                np.zeros(leaf.shape, np.float32) if leaf.grad is None else leaf.grad.numpy(), name, buffers
             )
             for name, leaf in self._leaves.items()
         }
         return Gaussians(**found, origin=self._origin)
 
-    def spread(self, values: NDArray, name: str, workspace: Workspace, *, rest: int = 0) -> NDArray:
+    def spread(self, values: NDArray, name: str, buffers: BufferPool, *, rest: int = 0) -> NDArray:
         """Values [n, ...] of those in sight among those of all Gaussians [N, ...], where the others have `rest`."""
-        spread = workspace.array(f"all_{name}", (self._total, *values.shape[1:]), values.dtype)
+        spread = buffers.array(f"all_{name}", (self._total, *values.shape[1:]), values.dtype)
         spread.fill(rest)
         spread[self.rows] = values
         return spread
@@ -133,7 +133,7 @@ def moved(camera: Camera, origin: NDArray[np.float64]) -> Camera:
 
 def tensors(gaussians: Gaussians, device: torch.device | None = None) -> dict[str, Tensor]:
     """The parameters on a device; on the CPU, which is the default, they share the Gaussians' memory."""
-    return {name: torch.from_numpy(value).to(device) for name, value in gaussians.arrays().items()}
+    return {name: torch.from_numpy(value).to(device) for name, value in gaussians.state_dict().items()}
 
 
 def in_sight(parameters: dict[str, Tensor], camera: Camera) -> tuple[Tensor, dict[str, Tensor]]:

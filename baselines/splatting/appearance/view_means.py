@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 from baselines.splatting.appearance.appearance import in_sight, moved, tensors
 from baselines.splatting.gaussians import Gaussians
-from baselines.splatting.kernels.workspace import Workspace
+from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.strategies.pruning import contributions
 from hydroviews.scene.cameras import Camera
 
@@ -43,12 +43,12 @@ def mean_over_views(
         what: is averaged, for the progress bar.
     """
     parameters = tensors(gaussians, device)
-    workspace, sums, pixels = Workspace(), np.zeros((len(gaussians), 0)), np.zeros(len(gaussians))
+    buffers, sums, pixels = BufferPool(), np.zeros((len(gaussians), 0)), np.zeros(len(gaussians))
     for view, camera in enumerate(tqdm(cameras, desc=f"averaging the views' {what}", unit="view", leave=False)):
         local = moved(camera, gaussians.origin)
         rows, seen = in_sight(parameters, local)
         found, which = values(view, local, seen).cpu().numpy(), rows.cpu().numpy()
-        shown = contributions(gaussians, [camera], near, antialiased, workspace)[which]
+        shown = contributions(gaussians, [camera], near, antialiased, buffers)[which]
         weights = np.maximum(shown, UNSEEN)
         if not sums.shape[1]:
             sums = np.zeros((len(gaussians), found.shape[1]))

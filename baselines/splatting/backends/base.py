@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from baselines.splatting.appearance.appearance import Dressed, dressed
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.adam import adam_step
+from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.rasterizer import Gradients, backward, backward_looks, render, render_looks
-from baselines.splatting.kernels.workspace import Workspace
 from baselines.splatting.objective import Objective
 from baselines.splatting.state import TrainingState, finite
-from baselines.splatting.strategies.base import Duties
+from baselines.splatting.strategies.base import StepOptions
 from baselines.splatting.strategies.densification import observe
 from baselines.splatting.strategies.pruning import contributions
 from baselines.splatting.strategies.relocation import add_noise, add_penalties
@@ -36,7 +36,7 @@ class Backend(Protocol):
     def get(self, iteration: int, seconds: float) -> TrainingState:
         """The state as numpy arrays, valid until the next step."""
 
-    def broken(self) -> int:
+    def non_finite(self) -> int:
         """How many Gaussians have a parameter that is NaN or infinite; none of them is shown or learns."""
 
     def residual(self, camera: Camera, view: int, degree: int) -> float:
@@ -45,7 +45,9 @@ class Backend(Protocol):
     def contributions(self, cameras: Sequence[Camera]) -> NDArray[np.float64]:
         """Blending weights of the Gaussians [N], summed over all pixels of all cameras; see `pruning`."""
 
-    def step(self, camera: Camera, view: int, iteration: int, degree: int, rates: Rates, duties: Duties) -> float:
+    def step(
+        self, camera: Camera, view: int, iteration: int, degree: int, rates: Rates, step_options: StepOptions
+    ) -> float:
         """Render a training view, compare, and take one step of Adam; returns the loss.
 
         Args:
@@ -68,7 +70,7 @@ class CpuBackend:
     ) -> None:
         self._objective = objective
         self._background = background
-        self._workspace = Workspace()
+        self._workspace = BufferPool()
         self._how: dict[str, Any] = {"near": near, "antialiased": antialiased, "workspace": self._workspace}
         self._state: TrainingState | None = None
 
@@ -81,7 +83,7 @@ class CpuBackend:
         assert self._state is not None
         return replace(self._state, iteration=iteration, seconds=seconds)
 
-    def broken(self) -> int:
+    def non_finite(self) -> int:
         """See Backend."""
         assert self._state is not None
         return int((~finite(self._state.gaussians)).sum())
@@ -98,21 +100,23 @@ class CpuBackend:
         assert self._state is not None
         return contributions(self._state.gaussians, cameras, **self._how)
 
-    def step(self, camera: Camera, view: int, iteration: int, degree: int, rates: Rates, duties: Duties) -> float:
+    def step(
+        self, camera: Camera, view: int, iteration: int, degree: int, rates: Rates, step_options: StepOptions
+    ) -> float:
         """See Backend."""
-        state, workspace = self._state, self._workspace
+        state, buffers = self._state, self._workspace
         assert state is not None
         loss, gradients, rank = self._learn(state.gaussians, camera, view, iteration, degree)
-        if duties.watch:
-            means2d = gradients.means2d_absolute if duties.absolute else gradients.means2d
+        if step_options.watch:
+            means2d = gradients.means2d_absolute if step_options.absolute else gradients.means2d
             observe(state, rank, means2d, (camera.width, camera.height))
-        if duties.opacity_penalty or duties.scale_penalty:
-            add_penalties(state.gaussians, duties, gradients.parameters)
-        moments = zip(state.first.arrays().values(), state.second.arrays().values(), strict=True)
-        for (name, values), (first, second) in zip(state.gaussians.arrays().items(), moments, strict=True):
+        if step_options.opacity_penalty or step_options.scale_penalty:
+            add_penalties(state.gaussians, step_options, gradients.parameters)
+        moments = zip(state.first.state_dict().values(), state.second.state_dict().values(), strict=True)
+        for (name, values), (first, second) in zip(state.gaussians.state_dict().items(), moments, strict=True):
             adam_step(values, getattr(gradients.parameters, name), first, second, iteration + 1, rates[name])
-        if duties.noise:
-            add_noise(state.gaussians, duties, workspace.array("noise", state.gaussians.means.shape))
+        if step_options.noise:
+            add_noise(state.gaussians, step_options, buffers.array("noise", state.gaussians.means.shape))
         return loss
 
     def _learn(

@@ -17,16 +17,16 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from baselines.splatting.appearance.appearance import in_sight, moved
-from baselines.splatting.backends.torch_ops import drawn, finite_rows, noise, penalty_gradient, without_broken
+from baselines.splatting.backends.torch_ops import drawn, finite_rows, noise, penalty_gradient, without_non_finite
 from baselines.splatting.backends.torch_rasterizer import photometric_loss
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.adam import BETA1, BETA2, EPSILON
+from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.constants import LOW_PASS
 from baselines.splatting.kernels.spherical_harmonics import C0, degree_of
-from baselines.splatting.kernels.workspace import Workspace
 from baselines.splatting.objective import Objective
 from baselines.splatting.state import TrainingState
-from baselines.splatting.strategies.base import Duties
+from baselines.splatting.strategies.base import StepOptions
 from baselines.training.images import Size
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import locked
@@ -48,7 +48,7 @@ class _DeviceState:
     seen: Tensor
     origin: NDArray[np.float64]
     residuals: tuple[float, ...]  # as in TrainingState
-    broken: int  # likewise
+    non_finite: int  # likewise
 
 
 def require_kernels() -> None:
@@ -86,7 +86,7 @@ class CudaBackend:
         self._objective = objective
         self._background = torch.from_numpy(background).cuda()
         self._near, self._mode = near, "antialiased" if antialiased else "classic"
-        self._workspace = Workspace()
+        self._workspace = BufferPool()
         self._state: _DeviceState | None = None
         if objective.appearance is not None:
             objective.appearance.cuda()
@@ -102,7 +102,7 @@ class CudaBackend:
             seen=torch.from_numpy(state.seen).cuda(),
             origin=state.gaussians.origin,
             residuals=state.residuals,
-            broken=state.broken,
+            non_finite=state.non_finite,
         )
 
     def get(self, iteration: int, seconds: float) -> TrainingState:
@@ -117,10 +117,10 @@ class CudaBackend:
             iteration=iteration,
             seconds=seconds,
             residuals=state.residuals,
-            broken=state.broken,
+            non_finite=state.non_finite,
         )
 
-    def broken(self) -> int:
+    def non_finite(self) -> int:
         """See Backend."""
         return int((~finite_rows(self._current().parameters)).sum())
 
@@ -145,30 +145,30 @@ class CudaBackend:
         return total.cpu().numpy() / C0
 
     def step(
-        self, camera: Camera, view: int, iteration: int, degree: int, rates: dict[str, Any], duties: Duties
+        self, camera: Camera, view: int, iteration: int, degree: int, rates: dict[str, Any], step_options: StepOptions
     ) -> float:
         """See Backend."""
         state = self._current()
         leaves = {name: value.detach().requires_grad_() for name, value in state.parameters.items()}
         rows, looks = self._looks(leaves, camera, view, degree)
-        renders = [self._rasterize(look, state.origin, camera, degree, duties.absolute) for look in looks]
-        if duties.watch:
+        renders = [self._rasterize(look, state.origin, camera, degree, step_options.absolute) for look in looks]
+        if step_options.watch:
             for _, details in renders:
                 details["means2d"].retain_grad()
         loss = self._backward([image for image, _ in renders], view, iteration)
         if self._objective.appearance is not None:
             self._objective.appearance.learn(iteration)
         with torch.no_grad():
-            if duties.watch:
-                _observe(state, rows, [details for _, details in renders], duties, camera)
+            if step_options.watch:
+                _observe(state, rows, [details for _, details in renders], step_options, camera)
             for name in leaves:
-                parts = [leaves[name].grad, penalty_gradient(name, state.parameters[name], duties)]
+                parts = [leaves[name].grad, penalty_gradient(name, state.parameters[name], step_options)]
                 none = torch.zeros_like(state.parameters[name])  # where nothing is learnt, moments go on falling
                 gradient = sum((part for part in parts if part is not None), none)
                 _adam(state, name, gradient, iteration + 1, rates[name])
-            if duties.noise:
+            if step_options.noise:
                 means = state.parameters["means"]
-                means += noise(state.parameters, duties, drawn(duties, means))
+                means += noise(state.parameters, step_options, drawn(step_options, means))
         return loss
 
     def render(self, gaussians: Gaussians, camera: Camera) -> Image:
@@ -204,7 +204,7 @@ class CudaBackend:
             return _background_alone(parameters, camera, self._background)
         pose = camera.world_to_camera.copy()
         pose[:3, 3] += pose[:3, :3] @ origin
-        parameters, whole = without_broken(parameters)
+        parameters, whole = without_non_finite(parameters)
         images, _, details = rasterization(
             parameters["means"],
             parameters["quaternions"],
@@ -235,7 +235,7 @@ class CudaBackend:
                 shown = None if ignored is None else torch.from_numpy(~ignored).cuda()
                 self._targets[view, size] = torch.from_numpy(images.pixels(view, size)).cuda(), shown
             target, shown = self._targets[view, size]
-            loss = photometric_loss(image, target / 255, self._objective.ssim_share, shown)
+            loss = photometric_loss(image, target / 255, self._objective.lambda_dssim, shown)
             loss.backward()
             return float(loss.detach())
         pictures = [image.detach().cpu().numpy() for image in renders]
@@ -256,12 +256,12 @@ def _background_alone(
 
 
 def _observe(
-    state: _DeviceState, rows: Rows, renders: Sequence[dict[str, Any]], duties: Duties, camera: Camera
+    state: _DeviceState, rows: Rows, renders: Sequence[dict[str, Any]], step_options: StepOptions, camera: Camera
 ) -> None:
     half_size = state.seen.new_tensor([camera.width / 2, camera.height / 2])
     shown = (renders[0]["radii"][0] > 0).all(dim=-1)
     means2d = [details["means2d"] for details in renders]
-    gradient = sum((m.absgrad if duties.absolute else m.grad)[0] for m in means2d)
+    gradient = sum((m.absgrad if step_options.absolute else m.grad)[0] for m in means2d)
     state.gradient_sum[rows] += (gradient * half_size).norm(dim=-1) * shown
     state.seen[rows] += shown
 
@@ -276,7 +276,7 @@ def _adam(state: _DeviceState, name: str, gradient: Tensor, step: int, rates: fl
 
 
 def _upload(gaussians: Gaussians) -> dict[str, Tensor]:
-    return {name: torch.from_numpy(value).cuda() for name, value in gaussians.arrays().items()}
+    return {name: torch.from_numpy(value).cuda() for name, value in gaussians.state_dict().items()}
 
 
 def _download(tensors: dict[str, Tensor], origin: NDArray[np.float64]) -> Gaussians:

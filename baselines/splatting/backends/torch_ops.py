@@ -9,33 +9,33 @@ import torch
 from torch import Tensor
 
 from baselines.splatting.backends.torch_rasterizer import rotations
-from baselines.splatting.strategies.base import Duties
+from baselines.splatting.strategies.base import StepOptions
 from baselines.splatting.strategies.relocation import FARTHEST, GATE, GATE_STEEPNESS
 
 
-def penalty_gradient(name: str, values: Tensor, duties: Duties) -> Tensor | None:
+def penalty_gradient(name: str, values: Tensor, step_options: StepOptions) -> Tensor | None:
     """The gradient of the penalty on the parameter `name` of values [N, ...]; None where there is none."""
-    if name == "opacity_logits" and duties.opacity_penalty:
+    if name == "opacity_logits" and step_options.opacity_penalty:
         opacity = values.sigmoid()
-        return duties.opacity_penalty / max(opacity.numel(), 1) * opacity * (1 - opacity)
-    if name == "log_scales" and duties.scale_penalty:
-        return duties.scale_penalty / max(values.numel(), 1) * values.exp()
+        return step_options.opacity_penalty / max(opacity.numel(), 1) * opacity * (1 - opacity)
+    if name == "log_scales" and step_options.scale_penalty:
+        return step_options.scale_penalty / max(values.numel(), 1) * values.exp()
     return None
 
 
-def noise(parameters: dict[str, Tensor], duties: Duties, normal: Tensor) -> Tensor:
+def noise(parameters: dict[str, Tensor], step_options: StepOptions, normal: Tensor) -> Tensor:
     """What `relocation.add_noise` adds to the positions [N, 3] for normal noise [N, 3]."""
     transparency = 1 - parameters["opacity_logits"].sigmoid()
-    weight = duties.noise * torch.sigmoid(GATE_STEEPNESS * (transparency - GATE))
+    weight = step_options.noise * torch.sigmoid(GATE_STEEPNESS * (transparency - GATE))
     axes = rotations(parameters["quaternions"]) * parameters["log_scales"].exp()[:, None]
     moves = weight[:, None] * torch.einsum("nij,nkj,nk->ni", axes, axes, normal)
     return torch.where((moves.abs() < FARTHEST).all(dim=1, keepdim=True), moves, 0.0)
 
 
-def drawn(duties: Duties, like: Tensor) -> Tensor:
+def drawn(step_options: StepOptions, like: Tensor) -> Tensor:
     """Normal noise shaped like a tensor, on its device; the same for the same generator."""
-    assert duties.generator is not None
-    generator = torch.Generator(like.device).manual_seed(int(duties.generator.integers(2**62)))
+    assert step_options.generator is not None
+    generator = torch.Generator(like.device).manual_seed(int(step_options.generator.integers(2**62)))
     return torch.randn(like.shape, generator=generator, device=like.device, dtype=like.dtype)
 
 
@@ -46,7 +46,7 @@ def finite_rows(parameters: dict[str, Tensor]) -> Tensor:
     return torch.isfinite(torch.stack(nothing).sum(dim=0))
 
 
-def without_broken(parameters: dict[str, Tensor]) -> tuple[dict[str, Tensor], Tensor]:
+def without_non_finite(parameters: dict[str, Tensor]) -> tuple[dict[str, Tensor], Tensor]:
     """Ones in place of the parameters of broken Gaussians, which so get no gradient, and which are whole, bool [N]."""
     whole = finite_rows(parameters)
     if whole.all():

@@ -11,7 +11,7 @@ from hydroviews.scene.cameras import Camera
 
 def tensors(gaussians: Gaussians) -> dict[str, Tensor]:
     """The parameters in float64, ready to be differentiated."""
-    return {k: torch.from_numpy(v).double().requires_grad_() for k, v in gaussians.arrays().items()}
+    return {k: torch.from_numpy(v).double().requires_grad_() for k, v in gaussians.state_dict().items()}
 
 
 def render(
@@ -83,7 +83,7 @@ def rotations(quaternions: Tensor) -> Tensor:
     return torch.stack(rows, 1).reshape(-1, 3, 3)
 
 
-def photometric_loss(image: Tensor, target: Tensor, ssim_share: float, shown: Tensor | None = None) -> Tensor:
+def photometric_loss(image: Tensor, target: Tensor, lambda_dssim: float, shown: Tensor | None = None) -> Tensor:
     """(1 - lambda) L1 + lambda (1 - SSIM) as in `photometric`, of images [H, W, 3] in any precision, on any device.
 
     Where `shown`, bool [H, W], is false, pixels are hidden.
@@ -102,7 +102,7 @@ def photometric_loss(image: Tensor, target: Tensor, ssim_share: float, shown: Te
     ssim = ssim / ((mean_x**2 + mean_y**2 + c1) * (xx - mean_x**2 + yy - mean_y**2 + c2))
     if shown is not None:
         ssim = torch.where(shown, ssim, 1)
-    return (1 - ssim_share) * (x - y).abs().mean() + ssim_share * (1 - ssim.mean())
+    return (1 - lambda_dssim) * (x - y).abs().mean() + lambda_dssim * (1 - ssim.mean())
 
 
 def _covariances(p: dict[str, Tensor], local: Tensor, camera: Camera) -> Tensor:

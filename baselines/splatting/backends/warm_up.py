@@ -18,8 +18,8 @@ from baselines.splatting.kernels.rasterizer import backward_looks, render_looks
 from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import LearningRates
 from baselines.splatting.state import fresh_state
-from baselines.splatting.strategies.densification import Densification
-from baselines.splatting.strategies.relocation import Relocation
+from baselines.splatting.strategies.densification import DefaultStrategy
+from baselines.splatting.strategies.relocation import MCMCStrategy
 from baselines.training.images import TrainingImages
 from hydroviews.cli import run_process
 from hydroviews.files.atomic import write_bytes
@@ -62,7 +62,7 @@ def exercise_kernels(sh_degree: int) -> None:
     backend = CpuBackend(grey, np.zeros(3, np.float32), 0.01)
     backend.put(fresh_state(gaussians))
     rates = schedule.rates_at(0, 1, LearningRates(), 1.0, sh_degree)
-    for strategy in (Densification(), Relocation()):
-        backend.step(camera, 0, 0, sh_degree, rates, strategy.duties(0, 1e-4, 1.0, 0))
+    for strategy in (DefaultStrategy(), MCMCStrategy()):
+        backend.step(camera, 0, 0, sh_degree, rates, strategy.step_options(0, 1e-4, 1.0, 0))
     images, state = render_looks(gaussians, np.stack([gaussians.sh] * 2), camera)
     backward_looks(state, images)

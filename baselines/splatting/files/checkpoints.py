@@ -11,7 +11,7 @@ from baselines.training.checkpoints import check_fingerprint, read_arrays, write
 from hydroviews.errors import InputError
 
 PARTS = ("gaussians", "first", "second")
-PROGRESS = ("iteration", "seconds", "residuals", "broken")
+PROGRESS = ("iteration", "seconds", "residuals", "non_finite")
 
 
 def write_checkpoint(path: Path, state: TrainingState, learnt: dict[str, NDArray], fingerprint: dict[str, Any]) -> None:
@@ -23,7 +23,7 @@ def write_checkpoint(path: Path, state: TrainingState, learnt: dict[str, NDArray
         learnt: what the objective has learnt.
         fingerprint: of configuration, seed and scene; must be the same when read.
     """
-    arrays = {f"{part}.{name}": value for part in PARTS for name, value in getattr(state, part).arrays().items()}
+    arrays = {f"{part}.{name}": value for part in PARTS for name, value in getattr(state, part).state_dict().items()}
     arrays |= {"gradient_sum": state.gradient_sum, "seen": state.seen, "origin": state.gaussians.origin}
     arrays |= {f"learnt.{name}": value for name, value in learnt.items()}
     progress = {name: getattr(state, name) for name in PROGRESS}
@@ -51,7 +51,7 @@ def read_checkpoint(path: Path, fingerprint: dict[str, Any]) -> tuple[TrainingSt
 
 def write_model(path: Path, gaussians: Gaussians, about: dict[str, Any]) -> None:
     """Write trained Gaussians exactly, with a description."""
-    write_arrays(path, {**gaussians.arrays(), "origin": gaussians.origin}, about)
+    write_arrays(path, {**gaussians.state_dict(), "origin": gaussians.origin}, about)
 
 
 def read_model(path: Path) -> tuple[Gaussians, dict[str, Any]]:

@@ -55,7 +55,7 @@ def write_compressed_ply(path: Path, gaussians: Gaussians) -> None:
     gsply = _import_gsply()
     if not len(gaussians):
         raise InputError(f"{path}: no Gaussians to write")
-    if not all(np.isfinite(value).all() for value in gaussians.arrays().values()):
+    if not all(np.isfinite(value).all() for value in gaussians.state_dict().values()):
         raise InputError(f"{path}: Gaussians that are not finite", fix="train the model again")
     near = gaussians.select(neighbouring_order(gaussians.means))
     content = gsply.compress_to_bytes(

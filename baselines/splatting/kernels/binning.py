@@ -145,7 +145,7 @@ def count_pairs(splats, order, tile_shift, tiles_x, tiles_y, packed, rank, count
 
 
 @serial_kernel
-def lay_out(pairs, counts, tile_start):
+def sort_by_tile(pairs, counts, tile_start):
     """Turn the counts into start positions, in place; returns the number of pairs."""
     total = 0
     for place in range(pairs.shape[0]):

@@ -6,13 +6,13 @@ The same arithmetic as `photometric`, which sums the map up as it goes and keeps
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import C1, C2, Target, filter_products, filter_vertically
-from baselines.splatting.kernels.workspace import Workspace
 from hydroviews.scene.images import Image
 
 
 def loss_map(
-    image: Image, target: Target, ssim_share: float = 0.2, workspace: Workspace | None = None
+    image: Image, target: Target, lambda_dssim: float = 0.2, buffers: BufferPool | None = None
 ) -> NDArray[np.float32]:
     """(1 - lambda) |C^ - C| + lambda (1 - SSIM) of every pixel [H, W], averaged over channels; 0 where hidden.
 
@@ -30,15 +30,15 @@ def loss_map(
     height, width = image.shape[:2]
     if target.pixels.shape != (height, 3 * width):
         raise ValueError(f"image {image.shape} and target {target.pixels.shape} differ in size")
-    workspace = workspace or Workspace()
+    buffers = buffers or BufferPool()
     if target.shown is not None:  # by selection, since a render may hold NaN there
         image = np.where(target.shown[..., None] > 0, image, np.float32(0))
     x = np.ascontiguousarray(image, np.float32).reshape(height, -1)
-    rows = workspace.array("mask_rows", (3, *x.shape))
-    planes = workspace.array("mask_planes", (3, *x.shape))
+    rows = buffers.array("mask_rows", (3, *x.shape))
+    planes = buffers.array("mask_planes", (3, *x.shape))
     filter_products(x, target.pixels, rows)
     filter_vertically(rows, planes)
-    losses = (1 - ssim_share) * np.abs(target.pixels - x) + ssim_share * (1 - _similarity(target, planes))
+    losses = (1 - lambda_dssim) * np.abs(target.pixels - x) + lambda_dssim * (1 - _similarity(target, planes))
     out = losses.reshape(height, width, 3).mean(axis=2)
     if target.shown is not None:
         out[target.shown == 0] = 0

@@ -15,8 +15,8 @@ import numpy as np
 from numba import prange
 from numpy.typing import NDArray
 
+from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.jit import inlined, kernel
-from baselines.splatting.kernels.workspace import Workspace
 from hydroviews.scene.images import Image
 from hydroviews.scene.masks import Ignored
 
@@ -111,7 +111,7 @@ def compare(x, y, mean_y, mean_yy, weights, share, planes, out_planes, sums, gra
     """
     height, n = x.shape
     weighted = weights.shape[0] > 0
-    l1_share, ssim_share = np.float32(1 - share), np.float32(share)
+    l1_share, lambda_dssim = np.float32(1 - share), np.float32(share)
     inverse_count = np.float32(1 / (height * n))
     for band in prange(BANDS):
         padded = np.zeros((3, n + 2 * PAD), np.float32)
@@ -143,7 +143,7 @@ def compare(x, y, mean_y, mean_yy, weights, share, planes, out_planes, sums, gra
                 difference = x_row[i] - y_row[i]
                 sign = ONE if difference > 0 else (-ONE if difference < 0 else np.float32(0))
                 g_row[i] = w * l1_share * inverse_count * sign
-                loss[i] = w * (l1_share * abs(difference) + ssim_share * (ONE - ssim))
+                loss[i] = w * (l1_share * abs(difference) + lambda_dssim * (ONE - ssim))
             total += loss.sum()
             filter_row(by_mean, n, out_planes[0, row])
             filter_row(by_square, n, out_planes[1, row])
@@ -169,7 +169,7 @@ def add_ssim_gradient(x, y, share, planes, gradient):
                 g_row[i] += factor * (by_mean[i] + TWO * x_row[i] * by_square[i] + y_row[i] * by_product[i])
 
 
-def prepare(image: NDArray, ignored: Ignored | None = None) -> Target:
+def prepare_target(image: NDArray, ignored: Ignored | None = None) -> Target:
     """A target from an image [H, W, 3], uint8 or float32 in [0, 1], of which the pixels `ignored` [H, W] are hidden.
 
     Raises:
@@ -196,9 +196,9 @@ NO_WEIGHTS = np.zeros((0, 0), np.float32)
 def photometric_loss(
     image: Image,
     target: Target,
-    ssim_share: float = 0.2,
+    lambda_dssim: float = 0.2,
     weights: NDArray[np.float32] | None = None,
-    workspace: Workspace | None = None,
+    buffers: BufferPool | None = None,
 ) -> tuple[float, Image]:
     """The loss averaged over pixels and channels, and its gradient by the image [H, W, 3].
 
@@ -216,20 +216,20 @@ def photometric_loss(
     if target.pixels.shape != (height, 3 * width) or (weights is not None and weights.shape != (height, width)):
         found = None if weights is None else weights.shape
         raise ValueError(f"image {image.shape}, target {target.pixels.shape} and weights {found} differ in size")
-    workspace = workspace or Workspace()
+    buffers = buffers or BufferPool()
     if target.shown is not None:  # by selection, since a render may hold NaN there
         image = np.where(target.shown[..., None] > 0, image, np.float32(0))
         weights = target.shown if weights is None else weights * target.shown
     x = np.ascontiguousarray(image, np.float32).reshape(height, -1)
-    planes = workspace.array("loss_planes", (3, *x.shape))
-    more_planes = workspace.array("loss_planes2", (3, *x.shape))
-    gradient = workspace.array("g_image", x.shape)
-    sums = workspace.array("loss_sums", (BANDS,), np.float64)
+    planes = buffers.array("loss_planes", (3, *x.shape))
+    more_planes = buffers.array("loss_planes2", (3, *x.shape))
+    gradient = buffers.array("g_image", x.shape)
+    sums = buffers.array("loss_sums", (BANDS,), np.float64)
     filter_products(x, target.pixels, planes)
     factors = NO_WEIGHTS if weights is None else np.ascontiguousarray(weights, np.float32)
-    arguments = (target.pixels, target.mean, target.mean_square, factors, ssim_share, planes, more_planes)
+    arguments = (target.pixels, target.mean, target.mean_square, factors, lambda_dssim, planes, more_planes)
     compare(x, *arguments, sums, gradient)
-    add_ssim_gradient(x, target.pixels, ssim_share, more_planes, gradient)
+    add_ssim_gradient(x, target.pixels, lambda_dssim, more_planes, gradient)
     if target.shown is not None:
         gradient.reshape(image.shape)[target.shown == 0] = 0
     return float(sums.sum()) / x.size, gradient.reshape(image.shape)

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from baselines.splatting.gaussians import SHAPE, Gaussians
 from baselines.splatting.kernels import blending, blending_gradient, projection, projection_gradient
+from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.constants import NEAR
 from baselines.splatting.kernels.spherical_harmonics import C0, degree_of
-from baselines.splatting.kernels.tiles import Tiles, deal_out
+from baselines.splatting.kernels.tiles import Tiles, bin_splats
 from baselines.splatting.kernels.vectors import CONSTANTS
-from baselines.splatting.kernels.workspace import Workspace
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 
@@ -39,7 +39,7 @@ class RenderState:
     transmittance: NDArray[np.float32]  # [H, W]; 1 - it is the image's alpha
     last: NDArray[np.float32]
     taken: NDArray[np.int32]
-    workspace: Workspace = field(repr=False)
+    buffers: BufferPool = field(repr=False)
 
     @property
     def visible(self) -> NDArray[np.bool_]:
@@ -69,7 +69,7 @@ def render(
     *,
     near: float = NEAR,
     antialiased: bool = False,
-    workspace: Workspace | None = None,
+    buffers: BufferPool | None = None,
 ) -> tuple[Image, RenderState]:
     """The image [H, W, 3] that a camera sees; not clipped above 1.
 
@@ -86,7 +86,7 @@ def render(
     Returns:
         The image and the state for `backward`.
     """
-    options: dict[str, Any] = {"near": near, "antialiased": antialiased, "workspace": workspace}
+    options: dict[str, Any] = {"near": near, "antialiased": antialiased, "workspace": buffers}
     images, state = render_looks(gaussians, gaussians.sh[None], camera, background, sh_degree, **options)
     return images[0], state
 
@@ -100,13 +100,13 @@ def render_looks(
     *,
     near: float = NEAR,
     antialiased: bool = False,
-    workspace: Workspace | None = None,
+    buffers: BufferPool | None = None,
 ) -> tuple[NDArray[np.float32], RenderState]:
     """Images [L, H, W, 3] of L looks: Gaussians with the coefficients sh [L, N, K, 3] in place of their own.
 
     For the rest see `render`; the state is for `backward_looks`.
     """
-    workspace = workspace or Workspace()
+    buffers = buffers or BufferPool()
     looks, n, most = len(sh), len(gaussians), degree_of(sh.shape[2])
     degree = most if sh_degree is None else sh_degree
     if not 0 <= degree <= most:
@@ -114,12 +114,12 @@ def render_looks(
     if sh.shape[1] != n:
         raise ValueError(f"coefficients {sh.shape} of {n} Gaussians, expected [looks, {n}, K, 3]")
     view = _view(gaussians, camera)
-    splats = workspace.array("splats", (n, projection.COLOURS + 3 * looks))
-    depths = workspace.array("depths", (n,))
+    splats = buffers.array("splats", (n, projection.COLOURS + 3 * looks))
+    depths = buffers.array("depths", (n,))
     projection.project(
         *(getattr(gaussians, name) for name in SHAPE), sh, degree, *view, near, antialiased, splats, depths
     )
-    tiles = deal_out(splats, depths, camera.width, camera.height, workspace)
+    tiles = bin_splats(splats, depths, camera.width, camera.height, buffers)
     size = camera.height, camera.width
     state = RenderState(
         gaussians=gaussians,
@@ -130,12 +130,12 @@ def render_looks(
         background=np.asarray(background, np.float32),
         depths=depths,
         tiles=tiles,
-        transmittance=workspace.array("transmittance", size),
-        last=workspace.array("last", size),
-        taken=workspace.array("taken", (len(tiles.heaviest),), np.int32),
-        workspace=workspace,
+        transmittance=buffers.array("transmittance", size),
+        last=buffers.array("last", size),
+        taken=buffers.array("taken", (len(tiles.heaviest),), np.int32),
+        buffers=buffers,
     )
-    images = workspace.array("images", (looks, *size, 3))
+    images = buffers.array("images", (looks, *size, 3))
     blending.blend(*_blending_arguments(state), state.transmittance, state.last, state.taken, images)
     return images, state
 
@@ -155,16 +155,16 @@ def backward_looks(state: RenderState, grad_images: NDArray[np.float32]) -> tupl
         The gradients by the Gaussians, whose colours are those of the first look, and by all looks' coefficients,
         [L, N, K, 3]. They belong to the workspace as those of `backward` do.
     """
-    workspace, gaussians, tiles = state.workspace, state.gaussians, state.tiles
-    moments = workspace.array("moments", (len(tiles.splats), projection_gradient.TO_COLOURS + 3 * len(state.sh)))
+    buffers, gaussians, tiles = state.buffers, state.gaussians, state.tiles
+    moments = buffers.array("moments", (len(tiles.splats), projection_gradient.TO_COLOURS + 3 * len(state.sh)))
     grads = np.ascontiguousarray(grad_images, np.float32)
     blending_gradient.blend_gradient(
         *_blending_arguments(state), state.transmittance, state.last, state.taken, grads, moments
     )
     shape = {name: getattr(gaussians, name) for name in SHAPE}
-    g_shape = {name: workspace.array(f"g_{name}", value.shape) for name, value in shape.items()}
-    g_sh = workspace.array("g_sh", state.sh.shape)
-    means2d, absolute = (workspace.array(name, (len(gaussians), 2)) for name in ("g_means2d", "g_absolute"))
+    g_shape = {name: buffers.array(f"g_{name}", value.shape) for name, value in shape.items()}
+    g_sh = buffers.array("g_sh", state.sh.shape)
+    means2d, absolute = (buffers.array(name, (len(gaussians), 2)) for name in ("g_means2d", "g_absolute"))
     projection_gradient.project_gradient(
         *shape.values(),
         state.sh,

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.kernels import binning
-from baselines.splatting.kernels.workspace import Workspace
+from baselines.splatting.kernels.buffer_pool import BufferPool
 
 LARGE_IMAGE = 300_000  # pixels from which tiles of 32x32 are faster than 16x16
 
@@ -26,30 +26,30 @@ class Tiles:
     pair_slot: NDArray[np.int32]  # [pairs], where the lists hold each place's pairs
 
 
-def deal_out(
-    splats: NDArray[np.float32], depths: NDArray[np.float32], width: int, height: int, workspace: Workspace
+def bin_splats(
+    splats: NDArray[np.float32], depths: NDArray[np.float32], width: int, height: int, buffers: BufferPool
 ) -> Tiles:
     """Sort splats [N, 9 + 3 L] by depths [N], infinite where culled, and find the tiles of an image they reach."""
     total = len(splats)
-    sort_keys = [workspace.array(name, (total,), np.uint32) for name in ("keys", "keys2")]
-    sort_values = [workspace.array(name, (total,), np.int32) for name in ("order2", "order")]
+    sort_keys = [buffers.array(name, (total,), np.uint32) for name in ("keys", "keys2")]
+    sort_values = [buffers.array(name, (total,), np.int32) for name in ("order2", "order")]
     visible = binning.depth_order(depths, sort_keys[0], sort_values[0], sort_keys[1], sort_values[1])
     order = sort_values[1][:visible]
 
     shift = 5 if width * height >= LARGE_IMAGE else 4
     tiles_x, tiles_y = (width + (1 << shift) - 1) >> shift, (height + (1 << shift) - 1) >> shift
-    packed = workspace.array("packed", (visible, splats.shape[1]))
-    rank = workspace.array("rank", (total,), np.int32)
+    packed = buffers.array("packed", (visible, splats.shape[1]))
+    rank = buffers.array("rank", (total,), np.int32)
     rank.fill(-1)
-    counts = workspace.array("counts", (binning.BANDS, tiles_x * tiles_y), np.int32)
+    counts = buffers.array("counts", (binning.BANDS, tiles_x * tiles_y), np.int32)
     counts.fill(0)
-    pair_start = workspace.array("pair_start", (visible + 1,), np.int32)
+    pair_start = buffers.array("pair_start", (visible + 1,), np.int32)
     pair_start[-1] = 0
-    tile_start = workspace.array("tile_start", (tiles_x * tiles_y + 1,), np.int32)
+    tile_start = buffers.array("tile_start", (tiles_x * tiles_y + 1,), np.int32)
     binning.count_pairs(splats, order, shift, tiles_x, tiles_y, packed, rank, counts, pair_start)
-    pairs = binning.lay_out(pair_start, counts, tile_start)
-    tile_splats = workspace.array("tile_splats", (pairs,), np.int32)
-    pair_slot = workspace.array("pair_slot", (pairs,), np.int32)
+    pairs = binning.sort_by_tile(pair_start, counts, tile_start)
+    tile_splats = buffers.array("tile_splats", (pairs,), np.int32)
+    pair_slot = buffers.array("pair_slot", (pairs,), np.int32)
     binning.deal_pairs(packed, shift, tiles_x, tiles_y, counts, pair_start, tile_splats, pair_slot)
     heaviest = np.argsort(-np.diff(tile_start), kind="stable")
     return Tiles(order, rank, packed, shift, tile_start, tile_splats, heaviest, pair_start, pair_slot)

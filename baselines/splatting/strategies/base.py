@@ -1,7 +1,7 @@
 """How many Gaussians, and where: what the training loop asks a strategy, whichever it is.
 
-`Densification` (Kerbl et al. 2023) clones, splits, prunes and resets opacities; `Relocation` (Kheradmand et al. 2024)
-moves dead Gaussians to live ones within a budget. The type of `TrainerConfig.strategy` chooses.
+`DefaultStrategy` (Kerbl et al. 2023) clones, splits, prunes and resets opacities; `MCMCStrategy` (Kheradmand et al.
+2024) moves dead Gaussians to live ones within a budget. The type of `TrainerConfig.strategy` chooses.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from baselines.splatting.state import TrainingState
 
 
 @dataclass(frozen=True)
-class Duties:
+class StepOptions:
     """What a strategy asks of one step, beside learning from the view."""
 
     watch: bool = False  # add up position gradients in the state
@@ -33,7 +33,7 @@ def refinement_due(iteration: int, start: int, stop: int, every: int) -> bool:
 class Strategy(Protocol):
     """A frozen dataclass of settings with three hooks; iterations count from 0."""
 
-    def duties(self, iteration: int, means_rate: float, extent: float, seed: int) -> Duties:
+    def step_options(self, iteration: int, means_lr: float, extent: float, seed: int) -> StepOptions:
         """What to do in a step.
 
         Args:

@@ -15,7 +15,7 @@ from baselines.splatting.gaussians import Gaussians, concatenate
 from baselines.splatting.kernels.jit import kernel
 from baselines.splatting.schedule import SPLITTING, random_stream
 from baselines.splatting.state import TrainingState
-from baselines.splatting.strategies.base import Duties, refinement_due
+from baselines.splatting.strategies.base import StepOptions, refinement_due
 
 SPLIT_INTO = 2
 SHRINK = 1.6  # a split Gaussian's parts are smaller by this factor
@@ -23,7 +23,7 @@ CHUNKS = 16
 
 
 @dataclass(frozen=True)
-class Densification:
+class DefaultStrategy:
     """When and where to grow. Iterations count from 0; lengths are shares of the scene extent."""
 
     start: int = 500  # no refinement before
@@ -31,17 +31,17 @@ class Densification:
     every: int = 100  # iterations between two refinements
     budget: int = 5_000_000  # never more Gaussians than this
     growth: float = 10.0  # one refinement adds at most this share of the present number
-    gradient: float = 2e-4  # mean gradient by the normalised image position above which a Gaussian is too coarse
+    grow_grad2d: float = 2e-4  # mean gradient by the normalised image position above which a Gaussian is too coarse
     absolute: bool = False  # sum absolute gradients over pixels, which finds blurred texture (Ye et al. 2024, AbsGS)
-    split_size: float = 0.01  # larger Gaussians are split, smaller ones doubled
-    least_opacity: float = 0.005  # less opaque ones are removed
-    largest: float = 0.1  # larger ones are removed
+    grow_scale3d: float = 0.01  # larger Gaussians are split, smaller ones doubled
+    prune_opacity: float = 0.005  # less opaque ones are removed
+    prune_scale3d: float = 0.1  # larger ones are removed
     reset_every: int | None = 3000  # iterations between two opacity resets; None for never
     reset_to: float = 0.01  # highest opacity after a reset
 
-    def duties(self, iteration: int, means_rate: float, extent: float, seed: int) -> Duties:
+    def step_options(self, iteration: int, means_lr: float, extent: float, seed: int) -> StepOptions:
         """See Strategy: gradients are added up while Gaussians may still be added."""
-        return Duties(watch=iteration + 1 < self.stop, absolute=self.absolute)
+        return StepOptions(watch=iteration + 1 < self.stop, absolute=self.absolute)
 
     def due(self, iteration: int) -> bool:
         """See Strategy."""
@@ -78,18 +78,20 @@ def observe(state: TrainingState, rank: NDArray[np.int32], means2d: NDArray[np.f
     _observe(rank, means2d, np.float32(size[0] / 2), np.float32(size[1] / 2), state.gradient_sum, state.seen)
 
 
-def grow_due(strategy: Densification, iteration: int) -> bool:
+def grow_due(strategy: DefaultStrategy, iteration: int) -> bool:
     """Whether to add and remove after step `iteration`."""
     return refinement_due(iteration, strategy.start, strategy.stop, strategy.every)
 
 
-def reset_due(strategy: Densification, iteration: int) -> bool:
+def reset_due(strategy: DefaultStrategy, iteration: int) -> bool:
     """Whether to reset opacities after step `iteration`; never once growth has stopped."""
     done = iteration + 1
     return strategy.reset_every is not None and done < strategy.stop and done % strategy.reset_every == 0
 
 
-def grow(state: TrainingState, strategy: Densification, extent: float, generator: np.random.Generator) -> TrainingState:
+def grow(
+    state: TrainingState, strategy: DefaultStrategy, extent: float, generator: np.random.Generator
+) -> TrainingState:
     """Remove what is transparent or oversized; split or double those with the largest gradients.
 
     Args:
@@ -104,17 +106,17 @@ def grow(state: TrainingState, strategy: Densification, extent: float, generator
     gaussians = state.gaussians
     size = np.exp(gaussians.log_scales).max(axis=1)
     opacity = 1 / (1 + np.exp(-gaussians.opacity_logits))
-    keep = (opacity >= strategy.least_opacity) & (size <= strategy.largest * extent)
+    keep = (opacity >= strategy.prune_opacity) & (size <= strategy.prune_scale3d * extent)
     gradient = np.where(keep, state.gradient_sum / np.maximum(state.seen, 1), 0)
 
     kept = int(keep.sum())
     room = max(0, min(strategy.budget - kept, int(strategy.growth * kept)))
-    chosen = np.flatnonzero(gradient > strategy.gradient)
+    chosen = np.flatnonzero(gradient > strategy.grow_grad2d)
     chosen = chosen[np.argsort(-gradient[chosen], kind="stable")[:room]]
-    large = size[chosen] > strategy.split_size * extent
-    doubled, split = np.sort(chosen[~large]), np.sort(chosen[large])
+    large = size[chosen] > strategy.grow_scale3d * extent
+    cloned, split = np.sort(chosen[~large]), np.sort(chosen[large])
     keep[split] = False
-    added = concatenate(gaussians.select(doubled), split_up(gaussians.select(split), generator))
+    added = concatenate(gaussians.select(cloned), split_up(gaussians.select(split), generator))
     return state.refined(keep, added)
 
 
@@ -142,7 +144,7 @@ def rotation_matrices(quaternions: NDArray) -> NDArray[np.float64]:
     return np.stack(rows, axis=1).reshape(-1, 3, 3)
 
 
-def reset_opacity(state: TrainingState, strategy: Densification) -> TrainingState:
+def reset_opacity(state: TrainingState, strategy: DefaultStrategy) -> TrainingState:
     """Make everything nearly transparent, so that only what the views ask for comes back; clears those moments."""
     ceiling = np.float32(np.log(strategy.reset_to / (1 - strategy.reset_to)))
     lowered = np.minimum(state.gaussians.opacity_logits, ceiling)

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.gaussians import Gaussians
+from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.rasterizer import backward, render
 from baselines.splatting.kernels.spherical_harmonics import C0
-from baselines.splatting.kernels.workspace import Workspace
 from baselines.splatting.state import TrainingState
 from hydroviews.scene.cameras import Camera
 
@@ -44,15 +44,15 @@ def contributions(
     cameras: Iterable[Camera],
     near: float,
     antialiased: bool = False,
-    workspace: Workspace | None = None,
+    buffers: BufferPool | None = None,
 ) -> NDArray[np.float64]:
     """Blending weights [N], summed over all pixels of all cameras, >= 0."""
-    workspace = workspace or Workspace()
+    buffers = buffers or BufferPool()
     # grey, so that no colour is clamped at zero, where it would have no gradient
     grey = replace(gaussians.bare(), sh=np.zeros((len(gaussians), 1, 3), np.float32))
     total = np.zeros(len(gaussians))
     for camera in cameras:
-        image, state = render(grey, camera, near=near, antialiased=antialiased, workspace=workspace)
+        image, state = render(grey, camera, near=near, antialiased=antialiased, buffers=buffers)
         total += backward(state, np.ones_like(image)).parameters.sh[:, 0, 0]
     return total / C0
 

@@ -19,7 +19,7 @@ from baselines.splatting.kernels.geometry import exp64, rotation, sigmoid, unit_
 from baselines.splatting.kernels.jit import exact_kernel
 from baselines.splatting.schedule import NOISE, RELOCATION, random_stream
 from baselines.splatting.state import TrainingState, opacities
-from baselines.splatting.strategies.base import Duties, refinement_due
+from baselines.splatting.strategies.base import StepOptions, refinement_due
 from baselines.splatting.strategies.densification import offsets
 
 PAPER_EXTENT = 5.0  # of the paper's captures (Mip-NeRF 360 bonsai: 5.03); its noise and penalty have their lengths
@@ -31,7 +31,7 @@ CHUNKS = 32
 
 
 @dataclass(frozen=True)
-class Relocation:
+class MCMCStrategy:
     """When and how; the defaults are the paper's, whose lengths are those of a scene of extent 5."""
 
     start: int = 500  # no refinement before
@@ -45,13 +45,13 @@ class Relocation:
     scale_penalty: float = 0.01  # factor of the mean standard deviation
     spread: float = 0.0  # of copies around their source, in its standard deviations; the paper's stay where it is
 
-    def duties(self, iteration: int, means_rate: float, extent: float, seed: int) -> Duties:
+    def step_options(self, iteration: int, means_lr: float, extent: float, seed: int) -> StepOptions:
         """See Strategy: penalties and noise in every step; the same scene in other units is trained the same way."""
         unit = extent / PAPER_EXTENT
-        return Duties(
+        return StepOptions(
             opacity_penalty=self.opacity_penalty,
             scale_penalty=self.scale_penalty / unit,
-            noise=self.noise * means_rate / unit**2,
+            noise=self.noise * means_lr / unit**2,
             generator=random_stream(seed, NOISE, iteration),
         )
 
@@ -75,7 +75,7 @@ def limit(state: TrainingState, budget: int) -> TrainingState:
     return state.keep(keep)
 
 
-def relocate(state: TrainingState, strategy: Relocation, generator: np.random.Generator) -> TrainingState:
+def relocate(state: TrainingState, strategy: MCMCStrategy, generator: np.random.Generator) -> TrainingState:
     """Every dead Gaussian becomes a copy of a live one; moments of both start at zero."""
     opacity = opacities(state.gaussians)
     dead, live = np.flatnonzero(opacity <= strategy.dead), np.flatnonzero(opacity > strategy.dead)
@@ -87,7 +87,7 @@ def relocate(state: TrainingState, strategy: Relocation, generator: np.random.Ge
     return _copied(state, rows, sources, strategy, generator)
 
 
-def grow(state: TrainingState, strategy: Relocation, generator: np.random.Generator) -> TrainingState:
+def grow(state: TrainingState, strategy: MCMCStrategy, generator: np.random.Generator) -> TrainingState:
     """More copies of live Gaussians, until the budget is reached."""
     n = len(state.gaussians)
     number = min(strategy.budget, int((1 + strategy.growth) * n)) - n
@@ -123,7 +123,7 @@ def _copied(
     state: TrainingState,
     rows: NDArray[np.int64],
     sources: NDArray[np.int64],
-    strategy: Relocation,
+    strategy: MCMCStrategy,
     generator: np.random.Generator,
 ) -> TrainingState:
     """The Gaussians `rows`, with opacity and size shared between each of `sources` and its copies."""
@@ -150,7 +150,7 @@ def _copied(
 
 
 def _cleared(moments: Gaussians, which: NDArray[np.bool_]) -> Gaussians:
-    for value in moments.arrays().values():
+    for value in moments.state_dict().values():
         value[which] = 0
     return moments
 
@@ -166,10 +166,10 @@ def _add_penalties(log_scales, opacity_logits, by_scale, by_opacity, g_log_scale
                 g_log_scales[i, k] += by_scale * exp64(np.float64(log_scales[i, k]))
 
 
-def add_penalties(gaussians: Gaussians, duties: Duties, gradients: Gaussians) -> None:
+def add_penalties(gaussians: Gaussians, step_options: StepOptions, gradients: Gaussians) -> None:
     """Add the gradient of both penalties, in place."""
     n = max(len(gaussians), 1)
-    weights = duties.scale_penalty / (3 * n), duties.opacity_penalty / n
+    weights = step_options.scale_penalty / (3 * n), step_options.opacity_penalty / n
     changed = gradients.log_scales, gradients.opacity_logits
     _add_penalties(gaussians.log_scales, gaussians.opacity_logits, *weights, *changed)
 
@@ -194,7 +194,7 @@ def _add_noise(means, quaternions, log_scales, opacity_logits, normal, factor):
             means[i, 2] += weight * (r[6] * v0 + r[7] * v1 + r[8] * v2)
 
 
-def add_noise(gaussians: Gaussians, duties: Duties, normal: NDArray[np.float32]) -> None:
+def add_noise(gaussians: Gaussians, step_options: StepOptions, normal: NDArray[np.float32]) -> None:
     """Move the positions in place by covariance times normal noise [N, 3], gated by opacity (equation 8).
 
     Args:
@@ -202,6 +202,6 @@ def add_noise(gaussians: Gaussians, duties: Duties, normal: NDArray[np.float32])
         duties: with the factor and the generator of the noise.
         normal: [N, 3], is overwritten.
     """
-    assert duties.generator is not None
-    duties.generator.standard_normal(out=normal, dtype=np.float32)
-    _add_noise(*list(gaussians.arrays().values())[:4], normal, float(duties.noise))
+    assert step_options.generator is not None
+    step_options.generator.standard_normal(out=normal, dtype=np.float32)
+    _add_noise(*list(gaussians.state_dict().values())[:4], normal, float(step_options.noise))

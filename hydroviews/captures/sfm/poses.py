@@ -14,7 +14,7 @@ from hydroviews.captures.exif_orientation import common_turn, write_upright
 from hydroviews.captures.sfm import matching as features
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import PARTIAL, listing, plain_full_disk
-from hydroviews.files.claims import claim
+from hydroviews.files.settings_guard import claim_folder
 from hydroviews.formats import read_scene
 from hydroviews.formats.colmap import reliable
 from hydroviews.formats.colmap_format import SparsePoints, read_images
@@ -97,7 +97,7 @@ def estimate_poses(
     settings = {"camera_model": camera_model, "exhaustive": exhaustive, "seed": seed, "images": sorted(links)}
     settings |= {"masks": mask_digest(masks) if masks else None, "rainy": rainy or None}  # None as where it lacks
     settings |= {"files": listing(sources)}
-    claim(
+    claim_folder(
         out / SETTINGS,
         settings,
         taken="holds poses that were estimated otherwise",
@@ -198,11 +198,11 @@ def _incremental_mapping(out: Path, count: int, angle: float, seed: int) -> list
     return sorted(models.values(), key=lambda model: -model.num_reg_images())
 
 
-def triangulate(scene: Scene, workspace: Path, seed: int = 0) -> Points:
+def triangulate(scene: Scene, buffers: Path, seed: int = 0) -> Points:
     """Points of a scene whose poses are known, for captures that come without any.
 
     SIFT features of the undistorted photographs, of what masks show of them, are matched between views near each
-    other and triangulated; poses and intrinsics stay. Interrupted work is taken up again from `workspace`, which
+    other and triangulated; poses and intrinsics stay. Interrupted work is taken up again from `buffers`, which
     serves one scene.
 
     Args:
@@ -216,24 +216,24 @@ def triangulate(scene: Scene, workspace: Path, seed: int = 0) -> Points:
     scene = scene.resized(features.MAX_IMAGE_SIZE)
     # COLMAP's text forms have no blanks in names; the number tells "a b" from "a_b".
     names = [f"{i:05d}-{view.name.replace(' ', '_')}.png" for i, view in enumerate(scene.views)]
-    masks = workspace / MASKS if any(view.mask for view in scene.views) else None
+    masks = buffers / MASKS if any(view.mask for view in scene.views) else None
     for name, view in zip(names, tqdm(scene.views, desc="photographs"), strict=True):
-        if not (workspace / "images" / name).is_file():
-            write_png(workspace / "images" / name, view.image())
+        if not (buffers / "images" / name).is_file():
+            write_png(buffers / "images" / name, view.image())
         if masks:
             ignored = view.ignored()
             nothing = np.zeros((view.camera.height, view.camera.width), bool)
             write_ignored(masks / mask_name(name), nothing if ignored is None else ignored)
-    database = workspace / DATABASE
-    features.register(database, workspace / "images", names, "PINHOLE", shared=False, masks=masks)
-    features.extract(database, workspace / "images", names, "PINHOLE", masks)
+    database = buffers / DATABASE
+    features.register(database, buffers / "images", names, "PINHOLE", shared=False, masks=masks)
+    features.extract(database, buffers / "images", names, "PINHOLE", masks)
     features.match(
         database, names, features.pose_pairs(np.stack([view.camera.world_to_camera for view in scene.views])), seed
     )
     model = _posed_model(scene, names, database)
     options = pycolmap.IncrementalPipelineOptions(random_seed=seed)
-    (workspace / "points").mkdir(exist_ok=True)
-    model = pycolmap.triangulate_points(model, database, workspace / "images", workspace / "points", options=options)
+    (buffers / "points").mkdir(exist_ok=True)
+    model = pycolmap.triangulate_points(model, database, buffers / "images", buffers / "points", options=options)
     return _points(model)
 
 

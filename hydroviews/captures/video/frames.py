@@ -21,7 +21,7 @@ from tqdm import tqdm
 
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, sha256, write_json
-from hydroviews.files.claims import claim
+from hydroviews.files.settings_guard import claim_folder
 from hydroviews.scene.images import without_streaks, write_png
 from hydroviews.scene.masks import MASKS, mask_name
 
@@ -157,7 +157,7 @@ def take_frames(path: Path, out: Path, choice: FrameChoice) -> list[str]:
     """
     with open_film(path) as film:
         source = {"video": path.name, "bytes": path.stat().st_size, "sha256": sha256(path)}
-        claim(
+        claim_folder(
             out / SETTINGS,
             {**source, **asdict(choice)},
             taken="holds frames of another film, or taken otherwise",

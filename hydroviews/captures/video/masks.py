@@ -14,7 +14,7 @@ from tqdm import tqdm
 from hydroviews.captures.video.frames import IMAGES, frame_times, open_film
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import sha256
-from hydroviews.files.claims import claim
+from hydroviews.files.settings_guard import claim_folder
 from hydroviews.formats.photographs import photographs_below, some
 from hydroviews.scene.cameras import same_shape
 from hydroviews.scene.images import SUFFIXES, read_image, to_uint8, write_png
@@ -81,7 +81,7 @@ def _claim(given: Path, out: Path, inpaint: bool) -> None:
             f"{out}: the cameras were estimated without masks",
             fix="choose another --out, or remove that folder",
         )
-    claim(
+    claim_folder(
         out / SETTINGS,
         {"sha256": digests, "inpaint": inpaint},
         taken="holds frames with other masks",

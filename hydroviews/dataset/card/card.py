@@ -145,7 +145,7 @@ def _origin(folder: Path, request: Mapping[str, Any], patterns: Sequence[str]) -
     path = f"path/to/{_spoken(source)}" if _spoken(source) != source else source
     command = ["python -m hydroviews build", f"--scene {path}", *_profile(folder)]
     command += [f"--long-side {size}"] if size else []
-    command += [f"--technique {request['technique']}"] if request["technique"] != "disk" else []
+    command += [f"--lens-renderer {request['lens_renderer']}"] if request["lens_renderer"] != "disk" else []
     added = [name for name in patterns if name != CAPTURED]
     command += [f"--seed {request['seed']}"] + ([f"--patterns {' '.join(added)}"] if added else [])
     kept = sorted((folder / LICENCE).iterdir()) if (folder / LICENCE).is_dir() else []

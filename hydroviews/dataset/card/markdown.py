@@ -13,7 +13,7 @@ WORDS = {  # by effect: parameter and how it is said
         "rivulets": "rivulets: {}",
         "mist": "mist that hides {:.0%} where it is densest",
         "key_frames": "a film of {} key frames",
-        "technique": "technique {}",
+        "lens_renderer": "drawn by {}",
     },
     "streak": {
         "n": "noise level n = {:g}",

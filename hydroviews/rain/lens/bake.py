@@ -35,7 +35,7 @@ def bake_matte(
 ) -> PathMatte:
     """The matte of a pattern's key frame, kept in `folder` and read from there if it fits.
 
-    With the technique "aperture" every path starts at its own point of the camera's aperture, and several independent
+    With the renderer "aperture" every path starts at its own point of the camera's aperture, and several independent
     bakes are added up; otherwise paths start at a pinhole, and what they show is blurred by the aperture's disk.
 
     Args:
@@ -50,7 +50,7 @@ def bake_matte(
         InputError: Blender failed (see `process.run_blender`), or the kept matte is damaged.
     """
     paths = paths or paths_per_side(camera)
-    aperture = pattern.technique == "aperture"
+    aperture = pattern.lens_renderer == "aperture"
     passes = passes or (accurate_passes(paths) if aperture else 1)
     kept = folder / f"matte-{frame}.npz"
     key = _key(pattern, camera, [frame, paths, passes])

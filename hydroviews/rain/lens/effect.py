@@ -12,13 +12,13 @@ from hydroviews.rain.lens.mist import mist_veil
 from hydroviews.rain.lens.path_matte import PathMatte
 from hydroviews.rain.lens.pattern import RaindropPattern
 from hydroviews.rain.light import expand_highlights
-from hydroviews.rain.setting import Setting
+from hydroviews.rain.scene_statistics import SceneStatistics
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image, to_linear
 from hydroviews.scene.scenes import View
 
 Plane = NDArray[np.float32]
-TRACED_SAMPLES = 384  # paths a pixel of the technique "traced"
+TRACED_SAMPLES = 384  # paths a pixel of the renderer "traced"
 
 
 class Raindrops:
@@ -28,7 +28,7 @@ class Raindrops:
     first view needs it, and kept on disk; one is held in memory.
     """
 
-    def __init__(self, pattern: RaindropPattern, setting: Setting, camera: Camera, folder: Path) -> None:
+    def __init__(self, pattern: RaindropPattern, setting: SceneStatistics, camera: Camera, folder: Path) -> None:
         self.pattern = pattern
         air = np.array(setting.light.air) * pattern.air
         self.parameters: dict[str, Any] = {**asdict(pattern), "air_light": [round(float(v), 6) for v in air]}
@@ -61,7 +61,7 @@ class Raindrops:
     def _key_frame(self, frame: int) -> tuple[PathMatte | None, Plane]:
         if self._held is None or self._held[0] != frame:
             pattern, camera = self.pattern, self._camera
-            traced = pattern.technique == "traced"
+            traced = pattern.lens_renderer == "traced"
             matte = None if traced else bake_matte(pattern, camera, self._folder, frame)
             veil = mist_veil(pattern, camera.width, camera.height, moment_of(pattern, frame))
             self._held = frame, matte, veil

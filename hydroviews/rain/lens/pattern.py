@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hydroviews.rain.setting import Technique
+from hydroviews.rain.scene_statistics import LensRenderer
 
 LIGHT, MEDIUM, HEAVY = 0, 1, 2
 COVERAGE = ((0.05, 0.09), (0.08, 0.14), (0.12, 0.2))  # by grade
@@ -36,7 +36,7 @@ class RaindropPattern:
     mist: float  # cover by mist where it is densest, 0 to 1
     air: tuple[float, float, float]  # colour of lit mist, relative to the scene's air light
     key_frames: int  # the views are shared out evenly among them, in order
-    technique: Technique
+    lens_renderer: LensRenderer
     seed: int  # of places, shapes and motion
 
 
@@ -81,7 +81,7 @@ def draw_pattern(rng: np.random.Generator, grade: int = MEDIUM) -> RaindropPatte
         focus_blur=float(rng.uniform(0.006, 0.014)),
         air=_tint(rng),
         key_frames=3,
-        technique="disk",
+        lens_renderer="disk",
         seed=int(rng.integers(2**31)),
     )
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.rain.light import expand_highlights, luminance, rain_light
-from hydroviews.rain.setting import Light, Setting
+from hydroviews.rain.scene_statistics import Light, SceneStatistics
 from hydroviews.rain.storm.drop_sizes import draw_cloud, optical_depth, reach
 from hydroviews.rain.storm.rasterise import Shutter, draw, project
 from hydroviews.rain.storm.world import horizontal, in_metres, metres_and_focus, up_direction
@@ -86,7 +86,7 @@ def storm_light(clean: Image, light: Light) -> NDArray[np.float32]:
 class Storm:
     """A storm over one scene, ready to fall on its views."""
 
-    def __init__(self, pattern: StormPattern, setting: Setting) -> None:
+    def __init__(self, pattern: StormPattern, setting: SceneStatistics) -> None:
         """Place the storm in the scene.
 
         Args:

@@ -82,7 +82,7 @@ def test_masks_bring_back_what_drops_cost(tmp_path, drops):
     with_masks, without = (balls.psnr(method.render, scene.test_views) for method in (masked, plain))
     assert with_masks > 16
     assert with_masks > without + 3
-    assert f"{MASK.mean():.1%}" in masked.statistics().used
+    assert f"{MASK.mean():.1%}" in masked.summary().used
 
 
 def test_hidden_pixels_do_not_count(tmp_path, drops):

@@ -13,7 +13,7 @@ from baselines.splatting.appearance.appearance import equipped
 from baselines.splatting.backends.base import CpuBackend
 from baselines.splatting.schedule import LearningRates, rates_at
 from baselines.splatting.state import fresh_state
-from baselines.splatting.strategies.base import Duties
+from baselines.splatting.strategies.base import StepOptions
 from baselines.training.images import read_images
 
 
@@ -30,12 +30,12 @@ def test_the_gpu_takes_the_same_steps(tmp_path, cuda_backend):
                 **rates_at(iteration, 100, LearningRates(), 4.0, 1),
                 "features": appearance.feature_rate(iteration),
             }
-            loss = backend.step(cameras[iteration], iteration, iteration, 1, rates, Duties(watch=True))
+            loss = backend.step(cameras[iteration], iteration, iteration, 1, rates, StepOptions(watch=True))
         ends.append((loss, backend.residual(cameras[4], 4, 1), appearance, backend.get(4, 0.0).gaussians))
     (loss, residual, appearance, ours), (other_loss, other_residual, other, theirs) = ends
     assert loss == pytest.approx(other_loss, rel=1e-3)
     assert residual == pytest.approx(other_residual, rel=1e-3)
     for (name, value), twin in zip(appearance.named_parameters(), other.parameters(), strict=True):
         assert (value - twin).abs().quantile(0.9) < 1e-4, name
-    for name, value in ours.arrays().items():
-        assert np.quantile(np.abs(value - theirs.arrays()[name]), 0.9) < 1e-4, name
+    for name, value in ours.state_dict().items():
+        assert np.quantile(np.abs(value - theirs.state_dict()[name]), 0.9) < 1e-4, name

@@ -11,8 +11,8 @@ from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT
 from baselines.gs_w.fusion import Fusion
 from baselines.splatting.appearance.appearance import Dressed, equipped
+from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.spherical_harmonics import C0
-from baselines.splatting.kernels.workspace import Workspace
 from baselines.training.images import TrainingImages
 from baselines.volumetric.encodings import positional
 
@@ -41,7 +41,7 @@ def test_colours_are_what_the_layers_say_of_position_features_and_direction():
     gaussians, view = cloud(30, 1), camera(41, 30)
     appearance = restless(ReferenceAppearance(some_pictures(), SHORT, 1, 10, 0))
     gaussians = equipped(gaussians, appearance)
-    parameters = {name: torch.from_numpy(value) for name, value in gaussians.arrays().items()}
+    parameters = {name: torch.from_numpy(value) for name, value in gaussians.state_dict().items()}
     dynamic = torch.rand(30, SHORT.dynamic)
     found = appearance.fusion.coloured(parameters, view, dynamic)
     fusion, means = appearance.fusion, parameters["means"]
@@ -61,11 +61,11 @@ def test_gradients_are_those_of_float64():
     gaussians = equipped(gaussians, appearance)
     clothes = Dressed(gaussians, appearance, view, 1, 1)
     rows, upstream = clothes.rows, cloud(40, 1, seed=5).select(clothes.rows)
-    ours = clothes.backward(upstream, upstream.sh[None], Workspace())
+    ours = clothes.backward(upstream, upstream.sh[None], BufferPool())
 
     twin = Fusion(SHORT, 1).double()
     twin.load_state_dict(appearance.fusion.state_dict())
-    leaves = {k: torch.from_numpy(v).double().requires_grad_() for k, v in gaussians.arrays().items()}
+    leaves = {k: torch.from_numpy(v).double().requires_grad_() for k, v in gaussians.state_dict().items()}
     seen = {k: v[rows] for k, v in leaves.items()}
     maps = appearance.encode(1)[0].detach().double().requires_grad_()
     dynamic = appearance._dropped(appearance.read(maps, seen, view))
@@ -102,7 +102,7 @@ def test_in_some_steps_nothing_of_the_reference_is_seen():
         shown = [Dressed(gaussians, appearance, view, reference, 1) for reference in (0, 1)]
         same.append(np.array_equal(shown[0].sh, shown[1].sh))
         upstream = cloud(40, 1).select(shown[1].rows)
-        moved.append(shown[1].backward(upstream, upstream.sh[None], Workspace()).features.any())
+        moved.append(shown[1].backward(upstream, upstream.sh[None], BufferPool()).features.any())
         appearance.learn(step)
     assert same.count(True) == pytest.approx(40, abs=15)
     assert moved == [not alike for alike in same]  # a step without the reference teaches nothing of where to look

@@ -9,22 +9,27 @@ from splats import photographed
 
 from baselines.gaussian_splatting import SHORT_RATES, SPLATS, GaussianSplatting
 from baselines.gs_w.config import SHORT
-from baselines.gs_w.mean_look import averaged, looking
+from baselines.gs_w.mean_appearance import averaged, looking
 from baselines.gs_w.method import NETWORK, GaussianInTheWild, GSWConfig
 from baselines.splatting.appearance.appearance import dressed
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.files.ply import read_ply
 from baselines.splatting.kernels.rasterizer import render
-from baselines.splatting.strategies.densification import Densification
+from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.training.checkpoints import read_arrays
 from hydroviews.errors import InputError
 from hydroviews.metrics.psnr import psnr
 from hydroviews.scene.images import write_png
 
 SPLATTING = TrainerConfig(
-    iterations=300, sh_degree=1, sh_every=50, rates=SHORT_RATES, densification=Densification(start=999), device="cpu"
+    iterations=300,
+    sh_degree=1,
+    sh_degree_interval=50,
+    learning_rates=SHORT_RATES,
+    strategy=DefaultStrategy(start=999),
+    device="cpu",
 )
-GROWING = replace(SPLATTING, iterations=12, densification=Densification(start=3, stop=11, every=4, gradient=1e-7))
+GROWING = replace(SPLATTING, iterations=12, strategy=DefaultStrategy(start=3, stop=11, every=4, grow_grad2d=1e-7))
 BRIEF = replace(SHORT, rate_maps=2e-3, rate_colour=2e-3)  # for a tenth of the iterations
 CLOSE = replace(BRIEF, shrink=1, rate_maps=5e-3, visible_from=0.05)  # the small pictures are looked at as they are
 
@@ -101,8 +106,8 @@ def test_the_same_pixels_from_disk_and_colours_for_viewers(tmp_path):
     again = GaussianInTheWild.load(config, 0, tmp_path)
     for view in scene.views:
         assert np.array_equal(again.render(view.camera), method.render(view.camera))
-    assert again.statistics() == method.statistics()
-    assert method.statistics().used == "encoder small from scratch"
+    assert again.summary() == method.summary()
+    assert method.summary().used == "encoder small from scratch"
     shown = read_ply(tmp_path / SPLATS)
     assert np.array_equal(shown.sh[:, 1:], method._trained.gaussians.sh[:, 1:])
     camera = scene.train_views[0].camera
@@ -142,8 +147,8 @@ def test_an_interrupted_run_ends_with_the_same_bits_as_a_whole_one(tmp_path, mon
     resumed = taught(GaussianInTheWild, config, scene, tmp_path / "cut")
     finished = taught(GaussianInTheWild, config, scene, tmp_path / "whole")  # from the checkpoint of the end
     for other in (resumed, finished):
-        theirs = other._trained.gaussians.arrays()
-        assert all(np.array_equal(v, theirs[k]) for k, v in whole._trained.gaussians.arrays().items())
+        theirs = other._trained.gaussians.state_dict()
+        assert all(np.array_equal(v, theirs[k]) for k, v in whole._trained.gaussians.state_dict().items())
         assert np.array_equal(other.render(scene.views[0].camera), whole.render(scene.views[0].camera))
         assert np.array_equal(other._shown, whole._shown)
     unboxed = replace(config, appearance=replace(config.appearance, box=1.0))
@@ -190,11 +195,11 @@ def test_weights_of_the_encoder_come_from_a_file_that_is_named(tmp_path, monkeyp
 def test_the_papers_networks_take_a_step(tmp_path):
     scene = photographed(tmp_path, n_views=4)
     config = GaussianInTheWild.configuration("paper")
-    config = GaussianInTheWild.shortened(config, 2)
+    config = GaussianInTheWild.with_max_iterations(config, 2)
     config = replace(
         config, appearance=replace(config.appearance, lpips=0.0), splatting=replace(config.splatting, device="cpu")
     )
     method = taught(GaussianInTheWild, config, scene, tmp_path)
     assert np.isfinite(method.render(scene.test_views[0].camera)).all()
-    assert method.statistics().used == "encoder resnet18 from scratch"
+    assert method.summary().used == "encoder resnet18 from scratch"
     assert torch.isfinite(method._appearance.encode(0)[0]).all()

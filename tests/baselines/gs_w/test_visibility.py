@@ -7,9 +7,9 @@ import torch
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT, ReferenceConfig
 from baselines.gs_w.objective import VisibleObjective, learn_visibility, perceptual_loss, visibility_loss
+from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.loss_map import loss_map
 from baselines.splatting.kernels.photometric import photometric_loss
-from baselines.splatting.kernels.workspace import Workspace
 from baselines.training.images import TrainingImages
 
 ALWAYS = ReferenceConfig(**{**vars(SHORT), "visible_from": 0.0, "rate_maps": 5e-3})
@@ -30,7 +30,7 @@ def taught(rule, renders, steps=80):
     for i in range(steps):
         view = i % len(renders)
         rule.appearance._look_at(view)
-        rule(renders[view], view, i, Workspace())
+        rule(renders[view], view, i, BufferPool())
         rule.appearance.learn(i)
     with torch.no_grad():
         return torch.stack([rule.appearance.encode(view)[1] for view in range(len(renders))]).numpy()
@@ -67,9 +67,9 @@ def test_renders_are_compared_under_the_mask_once_it_has_begun():
     image = np.random.default_rng(2).random((HEIGHT, WIDTH, 3), np.float32)
     target = rule.target(1)
     rule.appearance._look_at(1)
-    assert rule(image, 1, 49, Workspace())[0] == photometric_loss(image, target)[0]
+    assert rule(image, 1, 49, BufferPool())[0] == photometric_loss(image, target)[0]
     assert rule.appearance.visible.grad is None
-    loss, gradient = rule(image, 1, 50, Workspace())
+    loss, gradient = rule(image, 1, 50, BufferPool())
     weights = np.full((HEIGHT, WIDTH), 0.98, np.float32)
     expected, by_image = photometric_loss(image, target, weights=weights)
     assert loss == pytest.approx(expected, rel=1e-5)
@@ -135,4 +135,4 @@ def test_lpips_is_added_unmasked(monkeypatch):
     rule = objective([np.round(255 * photograph).astype(np.uint8)], ReferenceConfig(**{**vars(SHORT), "lpips": 0.5}))
     target = rule.target(0)
     expected = photometric_loss(image, target)[0] + 0.5 * np.mean((image - target.pixels.reshape(image.shape)) ** 2)
-    assert rule(image, 0, 0, Workspace())[0] == pytest.approx(expected, rel=1e-5)
+    assert rule(image, 0, 0, BufferPool())[0] == pytest.approx(expected, rel=1e-5)

@@ -10,14 +10,14 @@ from baselines.splatting.backends import torch_rasterizer as reference
 from baselines.splatting.backends.base import CpuBackend
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.gaussians import FIELDS, concatenate
+from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import photometric_loss
 from baselines.splatting.kernels.rasterizer import render
-from baselines.splatting.kernels.workspace import Workspace
 from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import LearningRates, rates_at
 from baselines.splatting.state import fresh_state
-from baselines.splatting.strategies.base import Duties
-from baselines.splatting.strategies.densification import Densification
+from baselines.splatting.strategies.base import StepOptions
+from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.trainer import train
 from baselines.training.images import read_images
 from baselines.training.torch_state import module_arrays, restore_module
@@ -48,19 +48,19 @@ class Tint(Appearance):
     def feature_rate(self, iteration):
         return 0.01
 
-    def arrays(self):
+    def state_dict(self):
         return module_arrays(self, self.optimiser)
 
-    def restore(self, arrays):
+    def load_state_dict(self, arrays):
         restore_module(self, arrays, self.optimiser)
 
 
 class Both(Objective):
     """Half of the loss is asked of the plain look."""
 
-    def compare(self, images, view, iteration, workspace):
+    def compare(self, images, view, iteration, buffers):
         target = self.target(view, images[0].shape[:2])
-        parts = [photometric_loss(image, target, self.ssim_share) for image in images]
+        parts = [photometric_loss(image, target, self.lambda_dssim) for image in images]
         return sum(loss for loss, _ in parts) / 2, [gradient / 2 for _, gradient in parts]
 
 
@@ -89,7 +89,7 @@ def test_gradients_flow_through_the_looks_as_in_float64():
     _, ours, _ = backend._learn(gaussians, view, 1, 0, 1)
 
     twin = Tint(2).double()
-    leaves = {name: torch.from_numpy(v).double().requires_grad_() for name, v in gaussians.arrays().items()}
+    leaves = {name: torch.from_numpy(v).double().requires_grad_() for name, v in gaussians.state_dict().items()}
     background = torch.from_numpy(BACKGROUND).double()
     loss = sum(
         (reference.render({**leaves, "sh": sh}, view, background, 1, 0.01) * torch.from_numpy(weight)).sum()
@@ -109,7 +109,7 @@ def test_who_is_shown_is_in_sight(size, most):
     gaussians, view = cloud(300, 0, size=size), camera(20, 14)
     view = replace(view, fx=5 * view.fx, fy=5 * view.fy)
     _, state = render(gaussians, view)
-    rows, seen = in_sight({name: torch.from_numpy(value) for name, value in gaussians.arrays().items()}, view)
+    rows, seen = in_sight({name: torch.from_numpy(value) for name, value in gaussians.state_dict().items()}, view)
     assert set(np.flatnonzero(state.visible)) <= set(rows.tolist())
     assert 5 < state.visible.sum() <= len(rows) < most
     assert np.array_equal(seen["sh"], gaussians.sh[rows])
@@ -125,20 +125,22 @@ def test_a_view_of_nothing_teaches_nothing(tmp_path, cuda_backend, kind):
     backend.put(fresh_state(with_features(20)))
     away, pose = scene.train_views[0].camera, np.diag([-1.0, 1.0, -1.0, 1.0])
     away = replace(away, world_to_camera=pose @ away.world_to_camera)
-    before = {name: value.copy() for name, value in backend.get(0, 0.0).gaussians.arrays().items()}
+    before = {name: value.copy() for name, value in backend.get(0, 0.0).gaussians.state_dict().items()}
     rates = {**rates_at(0, 100, LearningRates(), 4.0, 1), "features": 0.01}
-    loss = backend.step(away, 0, 0, 1, rates, Duties(watch=True))
+    loss = backend.step(away, 0, 0, 1, rates, StepOptions(watch=True))
     after = backend.get(1, 0.0)
     assert np.isfinite(loss)
     assert not after.seen.any()
-    assert all(np.array_equal(value, after.gaussians.arrays()[name]) for name, value in before.items())
+    assert all(np.array_equal(value, after.gaussians.state_dict()[name]) for name, value in before.items())
 
 
 def test_a_colour_cast_a_view_is_learnt_away_and_back_from_a_checkpoint(tmp_path):
     scene = photographed(tmp_path, n_views=8)
     images = read_images(scene.train_views)
     config = TrainerConfig(
-        iterations=60, sh_degree=1, densification=Densification(start=10, stop=50, every=10, gradient=1e-6, budget=300)
+        iterations=60,
+        sh_degree=1,
+        strategy=DefaultStrategy(start=10, stop=50, every=10, grow_grad2d=1e-6, budget=300),
     )
 
     def run(folder, iterations, fresh=True):
@@ -149,10 +151,10 @@ def test_a_colour_cast_a_view_is_learnt_away_and_back_from_a_checkpoint(tmp_path
     (whole, objective), (again, same) = run(tmp_path / "a", 60), run(tmp_path / "b", 60)
     assert len(whole.gaussians) > len(scene.points)
     assert whole.gaussians.features.shape == (len(whole.gaussians), 2)
-    assert all(np.array_equal(v, again.gaussians.arrays()[k]) for k, v in whole.gaussians.arrays().items())
-    assert all(np.array_equal(v, same.arrays()[k]) for k, v in objective.arrays().items())
+    assert all(np.array_equal(v, again.gaussians.state_dict()[k]) for k, v in whole.gaussians.state_dict().items())
+    assert all(np.array_equal(v, same.state_dict()[k]) for k, v in objective.state_dict().items())
     taken_up, restored = run(tmp_path / "a", 60)  # from the checkpoint of the end
-    assert all(np.array_equal(v, restored.arrays()[k]) for k, v in objective.arrays().items())
+    assert all(np.array_equal(v, restored.state_dict()[k]) for k, v in objective.state_dict().items())
     assert np.array_equal(taken_up.gaussians.features, whole.gaussians.features)
     assert objective.appearance.gains.abs().max() > 0.01
 
@@ -163,11 +165,11 @@ def test_an_interrupted_run_ends_with_the_same_bits(tmp_path):
     config = TrainerConfig(iterations=12, sh_degree=1, checkpoint_seconds=0.0)
 
     class Interrupted(Both):
-        def compare(self, images, view, iteration, workspace):
+        def compare(self, images, view, iteration, buffers):
             if iteration == 7 and not (tmp_path / "told").exists():
                 (tmp_path / "told").touch()
                 raise RuntimeError
-            return super().compare(images, view, iteration, workspace)
+            return super().compare(images, view, iteration, buffers)
 
     Interrupted.__name__ = "Both"
     expected = Both(images, appearance=Tint(len(images)))
@@ -176,8 +178,8 @@ def test_an_interrupted_run_ends_with_the_same_bits(tmp_path):
         train(scene, config, 0, tmp_path / "cut", Interrupted(images, appearance=Tint(len(images))))
     objective = Both(images, appearance=Tint(len(images)))
     cut = train(scene, config, 0, tmp_path / "cut", objective)
-    assert all(np.array_equal(v, cut.gaussians.arrays()[k]) for k, v in whole.gaussians.arrays().items())
-    assert all(np.array_equal(v, objective.arrays()[k]) for k, v in expected.arrays().items())
+    assert all(np.array_equal(v, cut.gaussians.state_dict()[k]) for k, v in whole.gaussians.state_dict().items())
+    assert all(np.array_equal(v, objective.state_dict()[k]) for k, v in expected.state_dict().items())
 
 
 def test_broken_gaussians_leave_the_network_whole(tmp_path):
@@ -185,7 +187,7 @@ def test_broken_gaussians_leave_the_network_whole(tmp_path):
     appearance = Tint(1)
     clothes = Dressed(gaussians, appearance, camera(16, 12), 0, 1)
     assert len(clothes.rows) == 19
-    clothes.backward(clothes.gaussians.map(np.ones_like), np.ones_like(clothes.sh), Workspace())
+    clothes.backward(clothes.gaussians.map(np.ones_like), np.ones_like(clothes.sh), BufferPool())
     assert all(torch.isfinite(parameter.grad).all() for parameter in appearance.parameters())
 
 
@@ -204,7 +206,7 @@ def test_the_gpu_takes_the_same_steps(tmp_path, cuda_backend):
         backend.put(fresh_state(with_features(60)))
         for iteration in range(3):
             rates = {**rates_at(iteration, 100, LearningRates(), 4.0, 1), "features": 0.01}
-            loss = backend.step(cameras[iteration], iteration, iteration, 1, rates, Duties(watch=True))
+            loss = backend.step(cameras[iteration], iteration, iteration, 1, rates, StepOptions(watch=True))
         ends.append((backend.get(3, 0.0), loss, objective.appearance, backend.residual(cameras[4], 4, 1)))
     (ours, loss, tint, residual), (theirs, other_loss, other_tint, other_residual) = ends
     assert loss == pytest.approx(other_loss, rel=1e-4)

@@ -10,10 +10,10 @@ from trainings import BUDGETED, CONFIG, psnr
 
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting.backends.base import CpuBackend
-from baselines.splatting.backends.torch_ops import without_broken as torch_without_broken
+from baselines.splatting.backends.torch_ops import without_non_finite as torch_without_broken
 from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.kernels.rasterizer import backward, render
-from baselines.splatting.state import fresh_state, without_broken
+from baselines.splatting.state import fresh_state, without_non_finite
 from baselines.splatting.trainer import train
 
 BAD = (("means", np.nan), ("quaternions", np.inf), ("log_scales", np.inf), ("opacity_logits", np.nan), ("sh", -np.inf))
@@ -57,7 +57,7 @@ def test_they_are_neither_shown_nor_taught():
 
 
 def test_in_torch_they_are_transparent_and_get_no_gradient():
-    leaves = {name: torch.from_numpy(v.copy()).requires_grad_() for name, v in broken_cloud().arrays().items()}
+    leaves = {name: torch.from_numpy(v.copy()).requires_grad_() for name, v in broken_cloud().state_dict().items()}
     shown, whole = torch_without_broken(leaves)
     assert torch.nonzero(~whole)[:, 0].tolist() == list(range(len(BAD)))
     sum((value**2).sum() for value in shown.values()).backward()
@@ -78,18 +78,18 @@ def test_training_goes_on_without_them_and_says_so_once(tmp_path, injected, capf
     assert "after iteration 60, as" in said[0]
     assert "means of 1, quaternions of 1, log_scales of 1, opacity_logits of 1, sh of 1" in said[0]
     trained = method._trained
-    assert trained.broken == 15
-    assert all(np.isfinite(value).all() for value in trained.gaussians.arrays().values())
+    assert trained.non_finite == 15
+    assert all(np.isfinite(value).all() for value in trained.gaussians.state_dict().values())
     assert psnr(method, scene.train_views) > 28
 
 
 def test_what_breaks_last_is_not_in_the_model(tmp_path, injected):
     injected(29)
     trained = train(photographed(tmp_path), replace(CONFIG, iterations=30), 0, tmp_path / "run")
-    assert trained.broken == 5
-    assert all(np.isfinite(value).all() for value in trained.gaussians.arrays().values())
+    assert trained.non_finite == 5
+    assert all(np.isfinite(value).all() for value in trained.gaussians.state_dict().values())
 
 
 def test_a_sound_state_stays_as_it_is():
     state = fresh_state(cloud(10, 1))
-    assert without_broken(state) is state
+    assert without_non_finite(state) is state

@@ -10,8 +10,8 @@ from baselines.splatting.kernels.rasterizer import render
 from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import LearningRates, rates_at
 from baselines.splatting.state import fresh_state
-from baselines.splatting.strategies.densification import Densification
-from baselines.splatting.strategies.relocation import Relocation
+from baselines.splatting.strategies.densification import DefaultStrategy
+from baselines.splatting.strategies.relocation import MCMCStrategy
 from baselines.training.devices import missing_for_cuda
 from baselines.training.images import read_images
 
@@ -43,7 +43,7 @@ def test_both_render_the_same(tmp_path):
     assert np.abs(ours - theirs).max() < 2e-2  # cut-offs at 1/255 may fall on either side
 
 
-@pytest.mark.parametrize("strategy", [Densification(), Densification(absolute=True), Relocation(noise=0.0)])
+@pytest.mark.parametrize("strategy", [DefaultStrategy(), DefaultStrategy(absolute=True), MCMCStrategy(noise=0.0)])
 def test_both_take_the_same_steps(tmp_path, strategy):
     scene, both = backends(tmp_path)
     states = []
@@ -53,8 +53,8 @@ def test_both_take_the_same_steps(tmp_path, strategy):
         for iteration in range(5):
             rates = rates_at(iteration, 100, LearningRates(), 4.0, 3)
             view = iteration % len(scene.train_views)
-            duties = strategy.duties(iteration, rates["means"], 4.0, 0)
-            losses.append(backend.step(scene.train_views[view].camera, view, iteration, 3, rates, duties))
+            step_options = strategy.step_options(iteration, rates["means"], 4.0, 0)
+            losses.append(backend.step(scene.train_views[view].camera, view, iteration, 3, rates, step_options))
         states.append((backend.get(5, 0.0), losses))
     (ours, our_losses), (theirs, their_losses) = states
     assert our_losses == pytest.approx(their_losses, rel=1e-2)
@@ -68,8 +68,8 @@ def test_a_view_of_nothing_is_the_background(tmp_path):
     scene, (_, gpu) = backends(tmp_path)
     gpu.put(fresh_state(translucent(300).select(np.zeros(300, bool))))
     rates = rates_at(0, 100, LearningRates(), 4.0, 3)
-    duties = Densification().duties(0, rates["means"], 4.0, 0)
-    assert np.isfinite(gpu.step(scene.train_views[0].camera, 0, 0, 3, rates, duties))
+    step_options = DefaultStrategy().step_options(0, rates["means"], 4.0, 0)
+    assert np.isfinite(gpu.step(scene.train_views[0].camera, 0, 0, 3, rates, step_options))
     assert np.allclose(gpu.render(translucent(300).select(np.zeros(300, bool)), camera(120, 90)), BACKGROUND)
 
 

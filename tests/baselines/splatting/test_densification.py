@@ -10,7 +10,7 @@ from baselines.splatting.initialisation import initialise, scene_extent
 from baselines.splatting.schedule import LearningRates, rates_at, sh_degree_at, view_at
 from baselines.splatting.state import fresh_state
 from baselines.splatting.strategies.densification import (
-    Densification,
+    DefaultStrategy,
     grow,
     grow_due,
     observe,
@@ -40,7 +40,7 @@ def test_small_gaussians_are_doubled_and_large_ones_split():
     gaussians = with_values(gaussians, "log_scales", 7, np.log(0.05))
     gradients = np.zeros(10)
     gradients[[2, 7]] = 1
-    after = grow(watched(gaussians, gradients), Densification(), 1.0, generator())
+    after = grow(watched(gaussians, gradients), DefaultStrategy(), 1.0, generator())
     assert len(after.gaussians) == 12  # one more for number 2; two for number 7, which is gone
     assert np.array_equal(after.gaussians.means[-3], gaussians.means[2])
     assert np.allclose(after.gaussians.log_scales[-2:], np.log(0.05 / 1.6))
@@ -53,7 +53,7 @@ def test_transparent_and_oversized_ones_are_removed():
     gaussians = with_values(gaussians, "log_scales", slice(None), np.log(0.001))
     gaussians = with_values(gaussians, "opacity_logits", 0, -10)
     gaussians = with_values(gaussians, "log_scales", 1, np.log(0.2))
-    after = grow(watched(gaussians, np.zeros(10)), Densification(), 1.0, generator())
+    after = grow(watched(gaussians, np.zeros(10)), DefaultStrategy(), 1.0, generator())
     assert np.array_equal(after.gaussians.means, gaussians.means[2:])
 
 
@@ -61,7 +61,7 @@ def test_transparent_and_oversized_ones_are_removed():
 def test_growth_stops_at_the_budget_and_takes_the_largest_gradients(budget, growth, expected):
     gaussians = replace(cloud(100, 0), opacity_logits=np.zeros(100, np.float32))
     gaussians = with_values(gaussians, "log_scales", slice(None), np.log(0.001))
-    strategy = Densification(budget=budget, growth=growth)
+    strategy = DefaultStrategy(budget=budget, growth=growth)
     after = grow(watched(gaussians, np.arange(100)), strategy, 1.0, generator())
     assert len(after.gaussians) == expected
     added = expected - 100
@@ -70,12 +70,12 @@ def test_growth_stops_at_the_budget_and_takes_the_largest_gradients(budget, grow
 
 def test_nothing_grows_without_a_gradient():
     gaussians = replace(cloud(100, 0, size=0.01), opacity_logits=np.zeros(100, np.float32))
-    after = grow(watched(gaussians, np.full(100, 1e-5)), Densification(), 10.0, generator())
+    after = grow(watched(gaussians, np.full(100, 1e-5)), DefaultStrategy(), 10.0, generator())
     assert len(after.gaussians) == 100
 
 
 def test_refining_nothing_gives_nothing():
-    after = grow(fresh_state(cloud(0, 1)), Densification(), 1.0, generator())
+    after = grow(fresh_state(cloud(0, 1)), DefaultStrategy(), 1.0, generator())
     assert len(after.gaussians) == 0
 
 
@@ -100,13 +100,13 @@ def test_split_positions_follow_the_shape():
 def test_opacity_reset():
     state = fresh_state(cloud(50, 0))
     state.first.opacity_logits[:] = 1
-    after = reset_opacity(state, Densification())
+    after = reset_opacity(state, DefaultStrategy())
     assert (1 / (1 + np.exp(-after.gaussians.opacity_logits)) <= 0.0100001).all()
     assert not after.first.opacity_logits.any()
 
 
 def test_when_things_are_due():
-    strategy = Densification(start=500, stop=1000, every=100, reset_every=300)
+    strategy = DefaultStrategy(start=500, stop=1000, every=100, reset_every=300)
     assert [i + 1 for i in range(2000) if grow_due(strategy, i)] == [500, 600, 700, 800, 900]
     assert [i + 1 for i in range(2000) if reset_due(strategy, i)] == [300, 600, 900]
     assert [i + 1 for i in range(2000) if strategy.due(i)] == [300, 500, 600, 700, 800, 900]

@@ -11,14 +11,14 @@ from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting.config import EarlyStop
 from baselines.splatting.kernels.rasterizer import render
 from baselines.splatting.objective import Objective
-from baselines.splatting.schedule import held_in
+from baselines.splatting.schedule import validation_views
 from baselines.splatting.trainer import train
 from baselines.training.images import read_images
 from hydroviews.errors import InputError
 
 # Rates this large do harm sooner or later.
 LARGE = replace(CONFIG.rates, means=2e-3, means_final=2e-2, scales=0.02, opacity=0.2)
-STOPPING = replace(CONFIG, iterations=1500, rates=LARGE, early_stop=EarlyStop(views=2, every=25, patience=3))
+STOPPING = replace(CONFIG, iterations=1500, learning_rates=LARGE, early_stop=EarlyStop(views=2, every=25, patience=3))
 
 
 class Watched(Objective):
@@ -26,12 +26,12 @@ class Watched(Objective):
         super().__init__(images)
         self.seen = []
 
-    def about(self):
+    def settings(self):
         return {"name": "Objective", "ssim_share": 0.2}
 
-    def __call__(self, image, view, iteration, workspace):
+    def __call__(self, image, view, iteration, buffers):
         self.seen.append(view)
-        return super().__call__(image, view, iteration, workspace)
+        return super().__call__(image, view, iteration, buffers)
 
 
 @pytest.fixture(scope="module")
@@ -40,10 +40,10 @@ def scene(tmp_path_factory):
 
 
 def test_held_in_views_are_spread_evenly():
-    assert held_in(12, 3) == (2, 6, 10)
-    assert held_in(4, 3) == (0, 2, 3)
+    assert validation_views(12, 3) == (2, 6, 10)
+    assert validation_views(4, 3) == (0, 2, 3)
     with pytest.raises(InputError, match="no training view is left"):
-        held_in(3, 3)
+        validation_views(3, 3)
 
 
 def test_training_stops_where_looks_got_no_better(scene, tmp_path):
@@ -52,13 +52,13 @@ def test_training_stops_where_looks_got_no_better(scene, tmp_path):
     best = int(np.argmin(trained.residuals))
     assert trained.iterations < 1500
     assert trained.iterations == 25 * len(trained.residuals) == 25 * (best + 1 + 3)
-    held = held_in(len(scene.train_views), 2)
+    held = validation_views(len(scene.train_views), 2)
     assert set(objective.seen) == set(range(len(scene.train_views))) - set(held)
     near, background = trained.near, np.zeros(3, np.float32)
     last = []
     for index in held:
         image, state = render(trained.gaussians, scene.train_views[index].camera, background, near=near)
-        last.append(objective.residual(image, index, state.workspace))
+        last.append(objective.residual(image, index, state.buffers))
     assert trained.residuals[-1] == pytest.approx(np.mean(last), rel=1e-5)
 
 

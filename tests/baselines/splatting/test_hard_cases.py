@@ -9,7 +9,7 @@ from splats import BACKGROUND, camera, cloud, with_values
 
 from baselines.splatting.backends import torch_rasterizer as reference
 from baselines.splatting.gaussians import FIELDS
-from baselines.splatting.kernels.photometric import photometric_loss, prepare
+from baselines.splatting.kernels.photometric import photometric_loss, prepare_target
 from baselines.splatting.kernels.rasterizer import backward, render
 from hydroviews.scene.cameras import Camera
 
@@ -38,7 +38,7 @@ def rendered(gaussians, view, near=0.01):
     """Image, state and gradients of a random linear loss, by the kernels."""
     weights = np.random.default_rng(1).normal(size=(view.height, view.width, 3)).astype(np.float32)
     image, state = render(gaussians, view, BACKGROUND, near=near)
-    return image, state, backward(state, weights).parameters.arrays()
+    return image, state, backward(state, weights).parameters.state_dict()
 
 
 def exactly(gaussians, view, near=0.01):
@@ -254,10 +254,10 @@ def test_thousands_of_equal_depths_are_blended_in_index_order():
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_some_with_nothing_finite_leave_the_others_bit_for_bit_alone(value):
     gaussians, view = cloud(2000, 3, seed=5, size=0.05), camera(90, 70)
-    broken = np.random.default_rng(6).choice(2000, 300, replace=False)
+    non_finite = np.random.default_rng(6).choice(2000, 300, replace=False)
     for name in FIELDS:
-        gaussians = with_values(gaussians, name, broken, value)
-    assert_absent(gaussians, view, broken)
+        gaussians = with_values(gaussians, name, non_finite, value)
+    assert_absent(gaussians, view, non_finite)
 
 
 @pytest.mark.parametrize("name", FIELDS)
@@ -292,7 +292,7 @@ def test_the_loss_of_flat_pictures(image, target, share):
     x = torch.from_numpy(PICTURES[image]).double().requires_grad_()
     exact = reference.photometric_loss(x, torch.from_numpy(PICTURES[target]).double(), share)
     exact.backward()
-    loss, gradient = photometric_loss(PICTURES[image], prepare(PICTURES[target]), share)
+    loss, gradient = photometric_loss(PICTURES[image], prepare_target(PICTURES[target]), share)
     expected = x.grad.numpy()
     assert np.isfinite(gradient).all()
     assert loss == pytest.approx(float(exact.detach()), abs=2e-6)

@@ -6,7 +6,7 @@ import torch
 
 from baselines.splatting.backends.torch_rasterizer import photometric_loss as exact_loss
 from baselines.splatting.kernels.adam import adam_step
-from baselines.splatting.kernels.photometric import photometric_loss, prepare
+from baselines.splatting.kernels.photometric import photometric_loss, prepare_target
 
 
 def pair(width, height, seed=0):
@@ -19,7 +19,7 @@ def pair(width, height, seed=0):
 @pytest.mark.parametrize("share", [0.0, 0.2, 1.0])
 def test_loss_and_gradient_match_autograd(size, share):
     image, target = pair(*size)
-    loss, gradient = photometric_loss(image, prepare(target), share)
+    loss, gradient = photometric_loss(image, prepare_target(target), share)
     x = torch.from_numpy(image).double().requires_grad_()
     exact = exact_loss(x, torch.from_numpy(target).double(), share)
     exact.backward()
@@ -30,7 +30,7 @@ def test_loss_and_gradient_match_autograd(size, share):
 def test_weights_scale_each_pixels_share():
     image, target = pair(31, 22)
     weights = np.random.default_rng(1).random((22, 31)).astype(np.float32)
-    loss, gradient = photometric_loss(image, prepare(target), 0.2, weights)
+    loss, gradient = photometric_loss(image, prepare_target(target), 0.2, weights)
     x = torch.from_numpy(image).double().requires_grad_()
     y, w = torch.from_numpy(target).double(), torch.from_numpy(weights).double()[..., None]
     # the SSIM map has no shortcut: weigh it by differentiating one weighted pixel's share at a time is too slow,
@@ -54,9 +54,9 @@ def test_weights_scale_each_pixels_share():
 
 def test_weight_one_is_no_weight_and_zero_is_no_gradient():
     image, target = pair(20, 20)
-    plain = photometric_loss(image, prepare(target))
-    ones = photometric_loss(image, prepare(target), weights=np.ones((20, 20), np.float32))
-    nothing = photometric_loss(image, prepare(target), weights=np.zeros((20, 20), np.float32))
+    plain = photometric_loss(image, prepare_target(target))
+    ones = photometric_loss(image, prepare_target(target), weights=np.ones((20, 20), np.float32))
+    nothing = photometric_loss(image, prepare_target(target), weights=np.zeros((20, 20), np.float32))
     assert plain[0] == ones[0]
     assert np.array_equal(plain[1], ones[1])
     assert nothing[0] == 0
@@ -65,14 +65,14 @@ def test_weight_one_is_no_weight_and_zero_is_no_gradient():
 
 def test_equal_images_have_no_loss():
     _, target = pair(20, 20)
-    loss, gradient = photometric_loss(target.copy(), prepare(target))
+    loss, gradient = photometric_loss(target.copy(), prepare_target(target))
     assert loss == pytest.approx(0, abs=1e-6)
     assert np.abs(gradient).max() < 1e-6
 
 
 def test_bytes_and_floats_make_the_same_target():
     pixels = np.random.default_rng(0).integers(0, 256, (9, 7, 3), np.uint8)
-    one, two = prepare(pixels), prepare(pixels.astype(np.float32) / np.float32(255))
+    one, two = prepare_target(pixels), prepare_target(pixels.astype(np.float32) / np.float32(255))
     assert np.array_equal(one.pixels, two.pixels)
     assert np.array_equal(one.mean_square, two.mean_square)
 
@@ -80,9 +80,9 @@ def test_bytes_and_floats_make_the_same_target():
 def test_sizes_must_agree():
     image, target = pair(8, 8)
     with pytest.raises(ValueError, match="differ in size"):
-        photometric_loss(image[:-1], prepare(target))
+        photometric_loss(image[:-1], prepare_target(target))
     with pytest.raises(ValueError, match="differ in size"):
-        photometric_loss(image, prepare(target), weights=np.ones((7, 8), np.float32))
+        photometric_loss(image, prepare_target(target), weights=np.ones((7, 8), np.float32))
 
 
 @pytest.mark.parametrize("shape", [(1,), (1000, 3), (700, 16, 3), (0, 3)])
@@ -119,12 +119,12 @@ def hidden():
 @pytest.mark.parametrize("share", [0.0, 0.2, 1.0])
 def test_what_is_hidden_changes_nothing(hidden, share):
     image, target, ignored = hidden
-    loss, gradient = photometric_loss(image, prepare(target, ignored), share)
+    loss, gradient = photometric_loss(image, prepare_target(target, ignored), share)
     gradient = gradient.copy()
     noise = np.random.default_rng(2).random(image.shape).astype(np.float32)
     noise[6, 11] = np.nan
     other_image, other_target = (np.where(ignored[..., None], noise, picture) for picture in (image, target))
-    again, same = photometric_loss(other_image, prepare(other_target, ignored), share)
+    again, same = photometric_loss(other_image, prepare_target(other_target, ignored), share)
     assert loss == again
     assert np.array_equal(gradient, same)
     assert not gradient[ignored].any()
@@ -134,7 +134,7 @@ def test_what_is_hidden_changes_nothing(hidden, share):
 @pytest.mark.parametrize("share", [0.0, 0.2, 1.0])
 def test_gradient_beside_hidden_pixels_matches_autograd_and_differences(hidden, share):
     image, target, ignored = hidden
-    loss, gradient = photometric_loss(image, prepare(target, ignored), share)
+    loss, gradient = photometric_loss(image, prepare_target(target, ignored), share)
     y, shown = torch.from_numpy(target).double(), torch.from_numpy(~ignored)
     x = torch.from_numpy(image).double().requires_grad_()
     exact = exact_loss(x, y, share, shown)
@@ -150,20 +150,22 @@ def test_gradient_beside_hidden_pixels_matches_autograd_and_differences(hidden, 
 
 def test_a_mask_that_hides_nothing_is_no_mask_and_one_that_hides_all_leaves_no_loss(hidden):
     image, target, ignored = hidden
-    plain, gradient = photometric_loss(image, prepare(target))
+    plain, gradient = photometric_loss(image, prepare_target(target))
     gradient = gradient.copy()
-    loss, same = photometric_loss(image, prepare(target, np.zeros_like(ignored)))
+    loss, same = photometric_loss(image, prepare_target(target, np.zeros_like(ignored)))
     assert loss == plain
     assert np.array_equal(gradient, same)
-    loss, gradient = photometric_loss(image, prepare(target, np.ones_like(ignored)))
+    loss, gradient = photometric_loss(image, prepare_target(target, np.ones_like(ignored)))
     assert loss == 0
     assert not gradient.any()
     with pytest.raises(ValueError, match="mask"):
-        prepare(target, ignored[1:])
+        prepare_target(target, ignored[1:])
 
 
 def test_weights_and_masks_go_together(hidden):
     image, target, ignored = hidden
     halves = np.full(ignored.shape, 0.5, np.float32)
-    loss = photometric_loss(image, prepare(target, ignored))[0]
-    assert photometric_loss(image, prepare(target, ignored), weights=halves)[0] == pytest.approx(loss / 2, rel=1e-6)
+    loss = photometric_loss(image, prepare_target(target, ignored))[0]
+    assert photometric_loss(image, prepare_target(target, ignored), weights=halves)[0] == pytest.approx(
+        loss / 2, rel=1e-6
+    )

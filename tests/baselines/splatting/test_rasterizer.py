@@ -10,8 +10,8 @@ from splats import BACKGROUND, camera, cloud, with_values
 
 from baselines.splatting.backends import torch_rasterizer as reference
 from baselines.splatting.gaussians import FIELDS, Gaussians, concatenate
+from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.rasterizer import backward, backward_looks, depth, render, render_looks
-from baselines.splatting.kernels.workspace import Workspace
 
 WIDTH, HEIGHT = 61, 47
 
@@ -21,7 +21,7 @@ def both(gaussians, view, degree=None, antialiased=False):
     degree = gaussians.sh_degree if degree is None else degree
     weights = np.random.default_rng(1).normal(size=(view.height, view.width, 3)).astype(np.float32)
     image, state = render(gaussians, view, BACKGROUND, degree, antialiased=antialiased)
-    gradients = backward(state, weights).parameters.arrays()
+    gradients = backward(state, weights).parameters.state_dict()
     parameters = reference.tensors(gaussians)
     exact = reference.render(parameters, view, torch.from_numpy(BACKGROUND), degree, antialiased=antialiased)
     (exact * torch.from_numpy(weights)).sum().backward()
@@ -140,7 +140,7 @@ def test_the_result_does_not_depend_on_the_number_of_threads():
             numba.set_num_threads(threads)
             image, state = render(gaussians, view, BACKGROUND)
             gradients = backward(state, np.sin(np.arange(image.size, dtype=np.float32)).reshape(image.shape))
-            results.append([image, gradients.means2d, *gradients.parameters.arrays().values()])
+            results.append([image, gradients.means2d, *gradients.parameters.state_dict().values()])
     finally:
         numba.set_num_threads(before)
     for one, two in zip(*results, strict=True):
@@ -148,10 +148,10 @@ def test_the_result_does_not_depend_on_the_number_of_threads():
 
 
 def test_a_workspace_changes_nothing():
-    workspace = Workspace()
+    buffers = BufferPool()
     for n, size in ((300, 60), (40, 30), (200, 80)):
         gaussians, view = cloud(n, 2, seed=n), camera(size, size - 7)
-        image, state = render(gaussians, view, BACKGROUND, workspace=workspace)
+        image, state = render(gaussians, view, BACKGROUND, buffers=buffers)
         again, fresh = render(gaussians, view, BACKGROUND)
         assert np.array_equal(image, again)
         weights = np.ones_like(image)
@@ -189,13 +189,13 @@ def test_looks_at_once_are_looks_one_by_one(looks):
     weights = np.random.default_rng(1).normal(size=(looks, HEIGHT, WIDTH, 3)).astype(np.float32)
     images, state = render_looks(gaussians, sh, view, BACKGROUND)
     gradients, by_looks = backward_looks(state, weights)
-    total, absolute = gaussians.zeros().arrays(), 0
+    total, absolute = gaussians.zeros().state_dict(), 0
     for k in range(looks):
         image, alone = render(replace(gaussians, sh=sh[k]), view, BACKGROUND)
         part = backward(alone, weights[k])
         assert np.array_equal(images[k], image)
         assert np.allclose(by_looks[k], part.parameters.sh, rtol=1e-4, atol=1e-5)
-        total = {name: total[name] + value for name, value in part.parameters.arrays().items()}
+        total = {name: total[name] + value for name, value in part.parameters.state_dict().items()}
         absolute = absolute + part.means2d_absolute
     for name in ("means", "quaternions", "log_scales", "opacity_logits"):
         found = getattr(gradients.parameters, name)
@@ -281,7 +281,7 @@ def test_nothing_to_see_is_background_with_zero_gradients(n):
     image, state = render(gaussians, camera(WIDTH, HEIGHT), BACKGROUND)
     assert np.array_equal(image, np.broadcast_to(BACKGROUND, image.shape))
     gradients = backward(state, np.ones_like(image))
-    assert not any(value.any() for value in gradients.parameters.arrays().values())
+    assert not any(value.any() for value in gradients.parameters.state_dict().values())
     assert gradients.means2d.shape == (n, 2)
 
 
@@ -297,12 +297,12 @@ def test_parameters_that_are_not_finite_are_culled(name, value):
     image, state = render(with_values(gaussians, name, 3, value), view, BACKGROUND)
     gradients = backward(state, np.ones_like(image))
     assert np.isfinite(image).all()
-    assert all(np.isfinite(g).all() for g in gradients.parameters.arrays().values())
+    assert all(np.isfinite(g).all() for g in gradients.parameters.state_dict().values())
     harmless = {("opacity_logits", np.inf), ("log_scales", -np.inf)}  # opacity 1, a point: both are well defined
     if (name, value) not in harmless:
         without = render(gaussians.select(np.arange(40) != 3), view, BACKGROUND)[0]
         assert np.array_equal(image, without)
-        assert not any(g[3].any() for g in gradients.parameters.arrays().values())
+        assert not any(g[3].any() for g in gradients.parameters.state_dict().values())
 
 
 def test_equal_depths_are_blended_in_index_order():

@@ -66,9 +66,9 @@ def test_a_scene_is_learnt_from_small_images_first(scene, tmp_path):
     sizes = []
 
     class Watched(Interrupted):
-        def __call__(self, image, view, iteration, workspace):
+        def __call__(self, image, view, iteration, buffers):
             sizes.append(image.shape[:2])
-            return super().__call__(image, view, iteration, workspace)
+            return super().__call__(image, view, iteration, buffers)
 
     train(scene, COARSE, 0, tmp_path / "watched", Watched(read_images(scene.train_views), -1, None))
     assert sizes == 50 * [(10, 13)] + 50 * [(19, 25)] + 100 * [(38, 50)]

@@ -10,18 +10,18 @@ import torch
 from splats import camera, cloud, photographed, with_values
 from trainings import BUDGETED, CONFIG, DENSIFY, RELOCATION, assert_identical, psnr
 
-from baselines.gaussian_splatting import BudgetedSplatting, GaussianSplatting, of_length, within
+from baselines.gaussian_splatting import BudgetedSplatting, GaussianSplatting, pruned_to_budget, with_iterations
 from baselines.method import find_method
 from baselines.splatting.backends.torch_ops import noise, penalty_gradient
 from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.kernels.rasterizer import render
 from baselines.splatting.state import fresh_state, opacities
-from baselines.splatting.strategies.base import Duties
-from baselines.splatting.strategies.densification import Densification, rotation_matrices
+from baselines.splatting.strategies.base import StepOptions
+from baselines.splatting.strategies.densification import DefaultStrategy, rotation_matrices
 from baselines.splatting.strategies.relocation import (
     GATE,
     PAPER_EXTENT,
-    Relocation,
+    MCMCStrategy,
     add_noise,
     add_penalties,
     draw,
@@ -39,7 +39,7 @@ def generator():
 def with_moments(gaussians):
     state = fresh_state(gaussians)
     for moments in (state.first, state.second):
-        for value in moments.arrays().values():
+        for value in moments.state_dict().values():
             value[:] = 1
     return state
 
@@ -72,7 +72,7 @@ def test_equation_9_is_the_papers_double_sum():
 def test_copies_look_like_their_source():
     one = cloud(1, 0, size=0.3)
     one = with_values(with_values(one, "opacity_logits", 0, 1.0), "means", 0, 0)
-    state = grow(fresh_state(one), Relocation(budget=3, growth=3.0), generator())
+    state = grow(fresh_state(one), MCMCStrategy(budget=3, growth=3.0), generator())
     assert len(state.gaussians) == 3
     before, after = (render(g, camera(80, 60))[0] for g in (one, state.gaussians))
     naive = one.select(np.zeros(3, int))
@@ -82,7 +82,7 @@ def test_copies_look_like_their_source():
 def test_the_dead_move_to_the_live_in_proportion_to_opacity():
     gaussians = with_values(cloud(3000, 1), "opacity_logits", slice(None), -10)
     gaussians = with_values(gaussians, "opacity_logits", [0, 1, 2], np.log([0.2 / 0.8, 0.6 / 0.4, 0.006 / 0.994]))
-    state = relocate(with_moments(gaussians), Relocation(), generator())
+    state = relocate(with_moments(gaussians), MCMCStrategy(), generator())
     after = state.gaussians
     assert len(after) == 3000
     sources = [int((after.means == gaussians.means[i]).all(axis=1).sum()) for i in range(3)]
@@ -92,29 +92,29 @@ def test_the_dead_move_to_the_live_in_proportion_to_opacity():
     moved = (after.means == gaussians.means[1]).all(axis=1)
     assert np.ptp(after.opacity_logits[moved]) == 0
     assert (after.log_scales[moved] < gaussians.log_scales[1]).all()
-    assert not any(value[moved].any() for value in state.first.arrays().values())
+    assert not any(value[moved].any() for value in state.first.state_dict().values())
 
 
 def test_who_gave_no_copy_keeps_values_and_moments():
     gaussians = with_values(cloud(5, 1), "opacity_logits", slice(None), [2.0, 2.0, 2.0, 2.0, -10.0])
-    state = relocate(with_moments(gaussians), Relocation(), generator())
+    state = relocate(with_moments(gaussians), MCMCStrategy(), generator())
     source = int(np.flatnonzero((state.gaussians.means[:4] == state.gaussians.means[4]).all(axis=1))[0])
     for i in range(4):
         same = all(np.array_equal(getattr(state.gaussians, name)[i], getattr(gaussians, name)[i]) for name in FIELDS)
         assert same == (i != source)
-        assert all(value[i].all() == (i != source) for value in state.second.arrays().values())
-    assert not any(value[4].any() for value in state.second.arrays().values())
+        assert all(value[i].all() == (i != source) for value in state.second.state_dict().values())
+    assert not any(value[4].any() for value in state.second.state_dict().values())
 
 
 @pytest.mark.parametrize(("budget", "expected"), [(1000, 105), (103, 103), (50, 100)])
 def test_growth_is_five_percent_up_to_the_budget(budget, expected):
-    state = grow(with_moments(cloud(100, 1)), Relocation(budget=budget), generator())
+    state = grow(with_moments(cloud(100, 1)), MCMCStrategy(budget=budget), generator())
     assert len(state.gaussians) == len(state.first) == len(state.seen) == expected
 
 
 def test_copies_may_be_spread_around_their_source():
     one = with_values(cloud(1, 0), "opacity_logits", 0, 1.0)
-    state = grow(fresh_state(one), Relocation(budget=4001, growth=4000.0, spread=0.5), generator())
+    state = grow(fresh_state(one), MCMCStrategy(budget=4001, growth=4000.0, spread=0.5), generator())
     distances = state.gaussians.means - one.means[0]
     assert not distances[0].any()
     axes = rotation_matrices(state.gaussians.quaternions[:1])[0] * np.exp(state.gaussians.log_scales[0])
@@ -124,7 +124,7 @@ def test_copies_may_be_spread_around_their_source():
 
 def test_more_points_than_the_budget_lose_the_most_transparent():
     gaussians = cloud(100, 1)
-    state = Relocation(budget=60, dead=0.0).refine(after_a_step(gaussians), 1.0, 0)
+    state = MCMCStrategy(budget=60, dead=0.0).refine(after_a_step(gaussians), 1.0, 0)
     kept = np.sort(np.argsort(gaussians.opacity_logits)[40:])
     assert np.array_equal(state.gaussians.means, gaussians.means[kept])
     assert len(state.first) == len(state.seen) == 60
@@ -132,24 +132,24 @@ def test_more_points_than_the_budget_lose_the_most_transparent():
 
 def test_nothing_alive_and_nothing_at_all():
     dead = with_values(cloud(10, 0), "opacity_logits", slice(None), -20)
-    assert relocate(fresh_state(dead), Relocation(), generator()).gaussians is dead
-    assert len(Relocation().refine(after_a_step(cloud(0, 0)), 1.0, 0).gaussians) == 0
+    assert relocate(fresh_state(dead), MCMCStrategy(), generator()).gaussians is dead
+    assert len(MCMCStrategy().refine(after_a_step(cloud(0, 0)), 1.0, 0).gaussians) == 0
     assert draw(np.array([0.0, 1, 0]), 50, generator()).tolist() == [1] * 50
 
 
 def tensors(gaussians):
-    return {name: torch.from_numpy(value.copy()).double() for name, value in gaussians.arrays().items()}
+    return {name: torch.from_numpy(value.copy()).double() for name, value in gaussians.state_dict().items()}
 
 
 def test_noise_is_covariance_times_normal_noise_gated_by_opacity():
     gaussians = cloud(200, 0)
     gaussians.opacity_logits[:] = np.linspace(-9, 3, 200)
     before = tensors(gaussians)
-    duties = Duties(noise=100.0, generator=np.random.default_rng(5))
-    add_noise(gaussians, duties, np.empty((200, 3), np.float32))
+    step_options = StepOptions(noise=100.0, generator=np.random.default_rng(5))
+    add_noise(gaussians, step_options, np.empty((200, 3), np.float32))
     normal = np.random.default_rng(5).standard_normal((200, 3), np.float32)
     moved = gaussians.means - before["means"].numpy()
-    assert np.allclose(moved, noise(before, duties, torch.from_numpy(normal).double()), rtol=1e-4, atol=1e-6)
+    assert np.allclose(moved, noise(before, step_options, torch.from_numpy(normal).double()), rtol=1e-4, atol=1e-6)
     shown = opacities(gaussians)
     assert (np.linalg.norm(moved, axis=1)[shown < 1 - GATE] > 0.05).mean() > 0.8
     assert np.abs(moved[shown > 0.3]).max() < 1e-6
@@ -157,20 +157,20 @@ def test_noise_is_covariance_times_normal_noise_gated_by_opacity():
 
 def test_penalties_are_gradients_of_mean_opacity_and_mean_scale():
     gaussians = cloud(50, 1)
-    duties = Duties(opacity_penalty=0.3, scale_penalty=0.7)
+    step_options = StepOptions(opacity_penalty=0.3, scale_penalty=0.7)
     gradients = gaussians.zeros()
-    add_penalties(gaussians, duties, gradients)
+    add_penalties(gaussians, step_options, gradients)
     values = {name: value.requires_grad_() for name, value in tensors(gaussians).items()}
     penalty = 0.3 * values["opacity_logits"].sigmoid().mean() + 0.7 * values["log_scales"].exp().mean()
     penalty.backward()
     for name in ("opacity_logits", "log_scales"):
         assert np.allclose(getattr(gradients, name), values[name].grad.numpy(), rtol=1e-5)
-        assert torch.allclose(penalty_gradient(name, values[name].detach(), duties), values[name].grad)
+        assert torch.allclose(penalty_gradient(name, values[name].detach(), step_options), values[name].grad)
     assert not gradients.means.any()
 
 
 def test_other_units_are_trained_the_same_way():
-    one, other = (Relocation().duties(7, 1e-4 * s, PAPER_EXTENT * s, 0) for s in (1.0, 10.0))
+    one, other = (MCMCStrategy().step_options(7, 1e-4 * s, PAPER_EXTENT * s, 0) for s in (1.0, 10.0))
     assert one.noise == pytest.approx(5e5 * 1e-4)
     assert other.noise == pytest.approx(
         one.noise / 10
@@ -185,9 +185,9 @@ def test_steps_do_not_depend_on_the_number_of_threads():
     for threads in (1, 2):
         numba.set_num_threads(threads)
         gaussians, gradients = cloud(1000, 1), cloud(1000, 1).zeros()
-        duties = Duties(opacity_penalty=0.1, scale_penalty=0.1, noise=10.0, generator=generator())
-        add_penalties(gaussians, duties, gradients)
-        add_noise(gaussians, duties, np.empty((1000, 3), np.float32))
+        step_options = StepOptions(opacity_penalty=0.1, scale_penalty=0.1, noise=10.0, generator=generator())
+        add_penalties(gaussians, step_options, gradients)
+        add_noise(gaussians, step_options, np.empty((1000, 3), np.float32))
         results.append((gaussians.means.tobytes(), gradients.log_scales.tobytes(), gradients.opacity_logits.tobytes()))
     assert results[0] == results[1]
 
@@ -195,7 +195,7 @@ def test_steps_do_not_depend_on_the_number_of_threads():
 def test_a_synthetic_scene_is_learnt_within_the_budget(scene, tmp_path):
     method = GaussianSplatting(replace(BUDGETED, iterations=500), 0)
     method.fit(scene, tmp_path)
-    assert method.statistics().n_primitives == 150
+    assert method.summary().n_primitives == 150
     assert psnr(method, scene.train_views) > 30
     assert psnr(method, scene.test_views) > 26
 
@@ -209,40 +209,40 @@ def test_the_same_seed_gives_the_same_bits(scene, tmp_path):
 def test_strategies_are_told_apart_by_their_settings(scene):
     assert RELOCATION.due(19)
     assert not RELOCATION.due(149)
-    assert not RELOCATION.duties(0, 1.0, 1.0, 0).watch
-    assert Densification().duties(0, 1.0, 1.0, 0).watch
+    assert not RELOCATION.step_options(0, 1.0, 1.0, 0).watch
+    assert DefaultStrategy().step_options(0, 1.0, 1.0, 0).watch
 
 
 def test_the_budgeted_method_has_half_the_gaussians():
     assert find_method("3dgs-budget-clean").trains_on == "clean"
     for profile in ("demo", "quick"):
         budgeted, plain = (kind.configuration(profile) for kind in (BudgetedSplatting, GaussianSplatting))
-        assert 2 * budgeted.pruning.budget == plain.densification.budget
-        grown = budgeted.densification.stop / budgeted.iterations
+        assert 2 * budgeted.pruning.budget == plain.strategy.budget
+        grown = budgeted.strategy.stop / budgeted.iterations
         assert grown < min(budgeted.pruning.at)  # what is pruned does not come back
-    assert BudgetedSplatting.configuration("paper").densification == Relocation()
+    assert BudgetedSplatting.configuration("paper").densification == MCMCStrategy()
 
 
 def test_dearer_steps_are_fewer_on_the_same_schedule():
     plain = GaussianSplatting.configuration("quick")
-    assert of_length(plain.iterations, plain) == plain
-    half = of_length(plain.iterations // 2, plain)
-    assert (2 * half.iterations, 2 * half.sh_every) == (plain.iterations, plain.sh_every)
-    assert 2 * half.densification.stop == plain.densification.stop
-    assert half.densification.budget == plain.densification.budget
+    assert with_iterations(plain.iterations, plain) == plain
+    half = with_iterations(plain.iterations // 2, plain)
+    assert (2 * half.iterations, 2 * half.sh_degree_interval) == (plain.iterations, plain.sh_degree_interval)
+    assert 2 * half.strategy.stop == plain.strategy.stop
+    assert half.strategy.budget == plain.strategy.budget
 
 
 def test_a_budget_is_exceeded_early_and_kept_in_the_end(scene, tmp_path):
-    config = within(100, replace(CONFIG, densification=replace(DENSIFY, stop=120)))
+    config = pruned_to_budget(100, replace(CONFIG, strategy=replace(DENSIFY, stop=120)))
     sizes = []
 
-    class Watched(Densification):
+    class Watched(DefaultStrategy):
         def refine(self, state, extent, seed):
             refined = super().refine(state, extent, seed)
             sizes.append(len(refined.gaussians))
             return refined
 
-    growth = Watched(**vars(config.densification))
-    trained = train(scene, replace(config, densification=growth), 0, tmp_path)
+    growth = Watched(**vars(config.strategy))
+    trained = train(scene, replace(config, strategy=growth), 0, tmp_path)
     assert trained.iterations == 2 * CONFIG.iterations
     assert max(sizes) > 100 == len(trained.gaussians)

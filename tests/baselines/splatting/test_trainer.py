@@ -119,7 +119,7 @@ def test_a_checkpoint_of_another_run_is_refused(scene, tmp_path, change):
     train(scene, config, 0, tmp_path)
     seed = 0
     if change == "configuration":
-        config = replace(config, rates=replace(config.rates, opacity=0.1))
+        config = replace(config, learning_rates=replace(config.learning_rates, opacity=0.1))
     elif change == "seed":
         seed = 1
     elif change == "images":
@@ -152,8 +152,8 @@ def test_a_saved_model_renders_the_same_pixels(scene, tmp_path):
     again = GaussianSplattingClean.load(config, 0, tmp_path)
     view = camera(50, 40, 1.0)
     assert method.render(view).tobytes() == again.render(view).tobytes()
-    assert method.statistics() == again.statistics()
-    statistics = method.statistics()
+    assert method.summary() == again.summary()
+    statistics = method.summary()
     assert statistics.n_primitives == len(read_ply(tmp_path / "splats.ply"))
     assert statistics.train_seconds > 0
     assert statistics.device == "cpu"
@@ -178,7 +178,7 @@ def test_methods_are_registered_and_profiles_known(tmp_path):
     with pytest.raises(InputError, match="PROFILE=fast"):
         GaussianSplatting.configuration("fast")
     with pytest.raises(InputError, match="not trained"):
-        GaussianSplatting(paper, 0).statistics()
+        GaussianSplatting(paper, 0).summary()
     with pytest.raises(InputError, match="no such file"):
         GaussianSplatting.load(paper, 0, tmp_path)
 

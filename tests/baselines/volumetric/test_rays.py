@@ -116,7 +116,7 @@ def test_cameras_all_round_are_contracted_into_the_unit_ball():
 @pytest.mark.parametrize("kind", ["contracted", "ndc"])
 def test_a_space_comes_back_from_what_is_written_of_it(kind):
     space = choose_space(forward_cameras(), points_at([3.0]), kind)
-    assert space_from(space.about()) == space
+    assert space_from(space.settings()) == space
 
 
 def test_what_cannot_be_a_space_is_refused():

@@ -5,7 +5,7 @@ import pytest
 from splats import camera, photographed
 
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.strategies.relocation import Relocation
+from baselines.splatting.strategies.relocation import MCMCStrategy
 from baselines.wild_gaussians.sky import DISTANCE, Bounds, bounds_of, fibonacci, in_upper_part, with_room, with_sky
 from hydroviews.scene.scenes import Points
 
@@ -48,8 +48,8 @@ def test_the_sky_lies_behind_the_scene_and_in_view(tmp_path):
 def test_points_that_are_no_numbers_do_not_move_the_bounds(tmp_path):
     scene = photographed(tmp_path, n_views=3)
     positions = np.concatenate([scene.points.positions, [[np.nan, 0, 0]]])
-    broken = replace(scene, points=Points(positions, np.zeros((len(positions), 3), np.uint8)))
-    assert np.array_equal(bounds_of(broken).centre, bounds_of(scene).centre)
+    non_finite = replace(scene, points=Points(positions, np.zeros((len(positions), 3), np.uint8)))
+    assert np.array_equal(bounds_of(non_finite).centre, bounds_of(scene).centre)
 
 
 def test_a_scene_of_few_points_has_the_cameras_bounds_and_no_sky(tmp_path):
@@ -63,8 +63,8 @@ def test_a_scene_of_few_points_has_the_cameras_bounds_and_no_sky(tmp_path):
 def test_gaussians_of_the_sky_may_be_as_large_as_they_are_far():
     bounds, config = Bounds(np.zeros(3), 2.0), TrainerConfig()
     roomy = with_room(config, bounds, 400, extent=2.0)
-    assert roomy.densification.largest == pytest.approx(3 * 20 * np.sqrt(4 * np.pi / 400) / 2)
-    assert replace(roomy, densification=config.densification) == config
+    assert roomy.strategy.prune_scale3d == pytest.approx(3 * 20 * np.sqrt(4 * np.pi / 400) / 2)
+    assert replace(roomy, strategy=config.strategy) == config
     assert with_room(config, bounds, 0, 2.0) is config
-    relocating = replace(config, densification=Relocation())
+    relocating = replace(config, strategy=MCMCStrategy())
     assert with_room(relocating, bounds, 400, 2.0) is relocating

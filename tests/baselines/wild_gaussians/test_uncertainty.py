@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from baselines.splatting.strategies.densification import Densification
-from baselines.splatting.strategies.relocation import Relocation
+from baselines.splatting.strategies.densification import DefaultStrategy
+from baselines.splatting.strategies.relocation import MCMCStrategy
 from baselines.training.images import TrainingImages
 from baselines.wild_gaussians import features as networks
 from baselines.wild_gaussians.features import AlexNet, DinoV2, find_features, shrunk, unlikeness
@@ -15,7 +15,7 @@ from baselines.wild_gaussians.uncertainty import Uncertainty, UncertaintyConfig,
 from hydroviews.errors import InputError
 
 CONFIG = UncertaintyConfig(start=10, warm_up=20, rate=0.05)
-GROWTH = Densification(stop=100, reset_every=None)
+GROWTH = DefaultStrategy(stop=100, reset_every=None)
 
 
 class Colours:
@@ -80,34 +80,34 @@ def test_what_no_render_shows_becomes_uncertain_and_nothing_else():
 
 
 def test_lessons_wait_after_opacities_were_reset():
-    growth = Densification(reset_every=50, stop=120)
+    growth = DefaultStrategy(reset_every=50, stop=120)
     taught = model(config=replace(CONFIG, protected=10), growth=growth)
     protected = [i for i in range(300) if taught.is_protected(i)]
     assert protected == [*range(50, 60), *range(100, 110)]
-    before = taught.arrays()
+    before = taught.state_dict()
     taught.learn(np.zeros((32, 48, 3), np.float32), 0, 55)
-    assert all(np.array_equal(value, before[name]) for name, value in taught.arrays().items())
+    assert all(np.array_equal(value, before[name]) for name, value in taught.state_dict().items())
     taught.learn(np.zeros((32, 48, 3), np.float32), 0, 60)
-    assert not np.array_equal(taught.arrays()["network.weight"], before["network.weight"])
-    assert not any(model(growth=Relocation()).is_protected(i) for i in range(300))
+    assert not np.array_equal(taught.state_dict()["network.weight"], before["network.weight"])
+    assert not any(model(growth=MCMCStrategy()).is_protected(i) for i in range(300))
 
 
 def test_lessons_come_as_often_as_configured():
     taught = model(config=replace(CONFIG, every=3))
-    before = taught.arrays()["network.weight"]
+    before = taught.state_dict()["network.weight"]
     taught.learn(np.zeros((32, 48, 3), np.float32), 0, 1)
-    assert np.array_equal(taught.arrays()["network.weight"], before)
+    assert np.array_equal(taught.state_dict()["network.weight"], before)
     taught.learn(np.zeros((32, 48, 3), np.float32), 0, 3)
-    assert not np.array_equal(taught.arrays()["network.weight"], before)
+    assert not np.array_equal(taught.state_dict()["network.weight"], before)
 
 
 def test_dropout_is_of_the_seed_and_the_iteration():
     def lesson(seed, iteration, restored=None):
         taught = model(seed=seed)
         if restored:
-            taught.restore(restored)
+            taught.load_state_dict(restored)
         taught.learn(np.full((32, 48, 3), 0.3, np.float32), 0, iteration)
-        return taught.arrays()
+        return taught.state_dict()
 
     one, same = lesson(0, 7), lesson(0, 7)
     assert all(np.array_equal(value, same[name]) for name, value in one.items())
@@ -125,7 +125,7 @@ def test_constant_pictures_and_equal_renders_stay_finite(level):
     taught = model(images, features=AlexNet("cpu"))
     for iteration in range(5):
         taught.learn(images.pixels(0) / np.float32(255), 0, iteration)
-    assert all(np.isfinite(value).all() for value in taught.arrays().values())
+    assert all(np.isfinite(value).all() for value in taught.state_dict().values())
     assert not taught.unlike(images.pixels(0) / np.float32(255), 0).any()
     assert np.isfinite(taught.uncertainty(0, (40, 40))).all()
 
@@ -139,8 +139,8 @@ def test_nothing_is_learnt_from_what_is_hidden():
     changed = np.where(mask[..., None], np.float32(np.nan), render)
     taught.learn(render, 0, 0)
     other.learn(changed, 0, 0)
-    assert all(np.array_equal(value, other.arrays()[name]) for name, value in taught.arrays().items())
-    assert np.isfinite(taught.arrays()["network.weight"]).all()
+    assert all(np.array_equal(value, other.state_dict()[name]) for name, value in taught.state_dict().items())
+    assert np.isfinite(taught.state_dict()["network.weight"]).all()
 
 
 def test_small_renders_are_compared_at_the_size_of_the_photograph():
@@ -195,5 +195,5 @@ def test_without_dinov2_alexnet_is_taken_and_named(monkeypatch, capsys):
         find_features("dinov2", "cpu")
     monkeypatch.setattr(networks, "DinoV2", lambda device: SimpleNamespace(name="dinov2"))
     assert find_features("dinov2", "cpu").name == "dinov2"
-    named = [model(features=network).about()["features"] for network in (Colours(), AlexNet("cpu"))]
+    named = [model(features=network).settings()["features"] for network in (Colours(), AlexNet("cpu"))]
     assert named == ["colours", "alexnet"]

@@ -7,10 +7,10 @@ from splats import BACKGROUND, camera, cloud
 
 from baselines.splatting.appearance.appearance import Dressed, equipped
 from baselines.splatting.backends import torch_rasterizer as reference
+from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.rasterizer import backward_looks, render_looks
-from baselines.splatting.kernels.workspace import Workspace
 from baselines.wild_gaussians.appearance import MIDDLE, AppearanceConfig, WildAppearance, fourier, toned
-from baselines.wild_gaussians.mean_look import mean_look
+from baselines.wild_gaussians.mean_appearance import mean_appearance
 from baselines.wild_gaussians.sky import Bounds
 
 BOUNDS = Bounds(np.zeros(3), 1.5)
@@ -43,9 +43,9 @@ def test_gradients_are_those_of_float64():
     gradients, by_looks = backward_looks(
         render_looks(clothes.gaussians, clothes.sh, view, BACKGROUND)[1], np.stack(weights)
     )
-    found = clothes.backward(gradients.parameters, by_looks, Workspace())
+    found = clothes.backward(gradients.parameters, by_looks, BufferPool())
 
-    leaves = {name: torch.from_numpy(v).double().requires_grad_() for name, v in gaussians.arrays().items()}
+    leaves = {name: torch.from_numpy(v).double().requires_grad_() for name, v in gaussians.state_dict().items()}
     background = torch.from_numpy(BACKGROUND).double()
     loss = sum(
         (reference.render({**leaves, "sh": sh}, view, background, 1, 0.01) * torch.from_numpy(weight)).sum()
@@ -67,9 +67,9 @@ def test_gaussians_look_as_in_the_mean_of_the_views_that_show_them():
     gaussians = equipped(
         replace(cloud(3, 1, size=0.05), means=np.array([[0, 0, 0], [30, 0, 0], [0, 90, 0]], "f")), model
     )
-    shown = mean_look(gaussians, model, cameras, 0.01, antialiased=False)
+    shown = mean_appearance(gaussians, model, cameras, 0.01, antialiased=False)
     assert shown.features is None
-    parameters = {name: torch.from_numpy(value) for name, value in gaussians.arrays().items()}
+    parameters = {name: torch.from_numpy(value) for name, value in gaussians.state_dict().items()}
     with torch.no_grad():
         looks = [model.looks(parameters, view, k, 1)[0].numpy() for k, view in enumerate(cameras)]
     assert np.allclose(shown.sh[0], (looks[0][0] + looks[1][0]) / 2, atol=5e-3)  # as large in both
@@ -82,7 +82,7 @@ def test_it_starts_from_the_colours_as_they_are():
     model = appearance(config=AppearanceConfig())
     gaussians = equipped(cloud(40, 1), model)
     cameras = [camera(24, 20, angle) for angle in (0, 2, 4)]
-    assert np.abs(mean_look(gaussians, model, cameras, 0.01, antialiased=False).sh - gaussians.sh).max() < 0.02
+    assert np.abs(mean_appearance(gaussians, model, cameras, 0.01, antialiased=False).sh - gaussians.sh).max() < 0.02
 
 
 def test_fourier_features_tell_positions_apart():
@@ -106,11 +106,11 @@ def test_steps_survive_a_checkpoint_and_rates_fall():
 
     one, other = appearance(), appearance(seed=1)
     step(one, 0)
-    other.restore(one.arrays())
+    other.load_training_state(one.training_state())
     for model in (one, other):
         step(model, 1)
-    assert all(np.array_equal(value, other.arrays()[name]) for name, value in one.arrays().items())
+    assert all(np.array_equal(value, other.training_state()[name]) for name, value in one.training_state().items())
     assert not any(parameter.grad is not None and parameter.grad.any() for parameter in one.parameters())
     falling = appearance(config=AppearanceConfig(final=0.01))
     assert falling.feature_rate(50) == pytest.approx(0.1 * falling.feature_rate(0))
-    assert falling.about() != appearance().about()
+    assert falling.settings() != appearance().settings()

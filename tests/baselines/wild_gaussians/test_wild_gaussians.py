@@ -12,18 +12,20 @@ from baselines.method import find_method
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.files.ply import read_ply
 from baselines.splatting.gaussians import FIELDS
+from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.rasterizer import render
-from baselines.splatting.kernels.workspace import Workspace
 from baselines.splatting.objective import Objective
-from baselines.splatting.strategies.densification import Densification
+from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.wild_gaussians.appearance import AppearanceConfig
 from baselines.wild_gaussians.method import PROFILES, WildConfig, WildGaussians
 from baselines.wild_gaussians.uncertainty import UncertaintyConfig
 from hydroviews.errors import InputError
 from hydroviews.scene.images import write_png
 
-GROWTH = Densification(start=10, stop=150, every=20, budget=300, gradient=5e-5, reset_every=None, largest=1.0)
-SPLATTING = TrainerConfig(iterations=240, sh_degree=0, densification=GROWTH, device="cpu")
+GROWTH = DefaultStrategy(
+    start=10, stop=150, every=20, budget=300, grow_grad2d=5e-5, reset_every=None, prune_scale3d=1.0
+)
+SPLATTING = TrainerConfig(iterations=240, sh_degree=0, strategy=GROWTH, device="cpu")
 QUICK_APPEARANCE = AppearanceConfig(width=16, scale=0.3, rate=5e-3, view_rate=2e-2)
 CONFIG = WildConfig(
     SPLATTING,
@@ -87,7 +89,7 @@ def test_something_in_the_way_in_a_third_of_the_views_is_left_out(tmp_path, monk
         return image
 
     occluded = disturbed(scene, tmp_path / "occluded", pasted)
-    steady = replace(SPLATTING, iterations=400, densification=Densification(start=1000))
+    steady = replace(SPLATTING, iterations=400, strategy=DefaultStrategy(start=1000))
     off = replace(CONFIG, splatting=steady, appearance=None, uncertainty=None)
     taught = UncertaintyConfig(
         "alexnet", start=80, warm_up=20, protected=0, first_lesson=30, rate=2e-2, prior=0.6, least=0.5
@@ -106,11 +108,11 @@ def test_a_model_that_was_saved_shows_the_same_pixels(tmp_path):
     assert np.array_equal(method.render(camera), again.render(camera))
     shown = render(read_ply(tmp_path / "run" / "splats.ply"), camera, near=method._trained.near)[0]
     assert np.abs(shown.clip(0, 1) - method.render(camera)).max() < 1e-5
-    used = again.statistics().used
-    assert used == method.statistics().used
+    used = again.summary().used
+    assert used == method.summary().used
     assert "alexnet" in used
     assert "for the sky" in used
-    assert method.statistics().n_primitives == len(method._trained.gaussians)
+    assert method.summary().n_primitives == len(method._trained.gaussians)
 
 
 def test_an_interrupted_run_ends_with_the_same_bits_and_so_does_a_second_one(tmp_path, monkeypatch):
@@ -120,10 +122,10 @@ def test_an_interrupted_run_ends_with_the_same_bits_and_so_does_a_second_one(tmp
     assert_same(whole._trained.gaussians, second._trained.gaussians)
 
     class Interrupted(wild.WildObjective):
-        def compare(self, images, view, iteration, workspace):
+        def compare(self, images, view, iteration, buffers):
             if iteration == 9:
                 raise RuntimeError("power cut")
-            return super().compare(images, view, iteration, workspace)
+            return super().compare(images, view, iteration, buffers)
 
     Interrupted.__name__ = "WildObjective"
     with monkeypatch.context() as patch, pytest.raises(RuntimeError, match="power cut"):
@@ -152,13 +154,13 @@ def test_the_loss_is_l1_of_the_toned_look_and_ssim_of_the_plain_one(tmp_path):
     plain, photograph = (np.random.default_rng(k).random((36, 48, 3)).astype(np.float32) for k in range(2))
     exact = images.pixels(0) / np.float32(255)
     ours, usual = wild.WildObjective(images, 0.2, None, None), Objective(images)
-    reference = usual(photograph, 0, 0, Workspace())
-    same = ours.compare([photograph, photograph], 0, 0, Workspace())
+    reference = usual(photograph, 0, 0, BufferPool())
+    same = ours.compare([photograph, photograph], 0, 0, BufferPool())
     assert same[0] == pytest.approx(reference[0], rel=1e-5)
     assert np.allclose(sum(same[1]), reference[1], atol=1e-8)
-    loss, (toned, other) = ours.compare([exact, plain], 0, 0, Workspace())
+    loss, (toned, other) = ours.compare([exact, plain], 0, 0, BufferPool())
     assert not toned.any()
-    assert loss == pytest.approx(0.2 * Objective(images, 1.0)(plain, 0, 0, Workspace())[0], rel=1e-5)
+    assert loss == pytest.approx(0.2 * Objective(images, 1.0)(plain, 0, 0, BufferPool())[0], rel=1e-5)
     assert other.any()
 
 
@@ -166,7 +168,7 @@ def test_identical_constant_photographs_are_learnt_without_harm(tmp_path):
     scene = photographed(tmp_path, n_views=8)
     grey = disturbed(scene, tmp_path / "grey", lambda image, _: np.full_like(image, 0.5))
     method = fitted(BRIEF, grey, tmp_path / "run")
-    assert all(np.isfinite(value).all() for value in method._trained.gaussians.arrays().values())
+    assert all(np.isfinite(value).all() for value in method._trained.gaussians.state_dict().values())
     assert np.isfinite(method.render(scene.test_views[0].camera)).all()
 
 
@@ -174,8 +176,8 @@ def test_the_profiles_are_the_methods(tmp_path):
     assert find_method("wild-gaussians") is WildGaussians
     assert PROFILES["paper"].uncertainty.features == "auto"
     assert {PROFILES[name].uncertainty.features for name in ("demo", "quick")} == {"alexnet"}
-    shortened = WildGaussians.shortened(WildGaussians.configuration("demo"), 20)
-    assert shortened.splatting.iterations == 20
+    with_max_iterations = WildGaussians.with_max_iterations(WildGaussians.configuration("demo"), 20)
+    assert with_max_iterations.splatting.iterations == 20
     with pytest.raises(InputError, match="PROFILE=big"):
         WildGaussians.configuration("big")
     with pytest.raises(InputError, match="not trained"):

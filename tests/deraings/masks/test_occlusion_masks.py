@@ -121,7 +121,7 @@ def test_masks_are_used_only_where_something_is_on_the_lens(fixed):
     assert (weights is not None) == masks.due(10) == masks.found()["used"] == fixed
     assert masks.mask(0, (HEIGHT, WIDTH)).any() == fixed
     again = OcclusionMasks(TrainingImages(list(pictures)), 1000, 0, config)
-    again.restore(masks.arrays())
+    again.load_state_dict(masks.state_dict())
     assert again.found() == masks.found()
 
 
@@ -136,12 +136,12 @@ def test_nothing_is_masked_before_the_start_and_nothing_learnt_before_the_lesson
     pictures, drops = drop_pictures(0)
     config = MaskConfig(start=0.5, warm_up=0.2, every=4, least_evidence=0)
     masks = OcclusionMasks(TrainingImages(list(pictures)), 1000, 0, config)
-    before = masks.arrays()
+    before = masks.state_dict()
     masks.learn(0, losses(drops)[0], 299)
-    assert all(value.tobytes() == before[name].tobytes() for name, value in masks.arrays().items())
+    assert all(value.tobytes() == before[name].tobytes() for name, value in masks.state_dict().items())
     assert [i for i in range(290, 310) if masks.due(i)] == [300, 304, 308]
     masks.learn(0, losses(drops)[0], 300)
-    assert masks.arrays()["level"][1] == 1
+    assert masks.state_dict()["level"][1] == 1
     assert masks.weights(0, (HEIGHT, WIDTH), 499) is None
     weights = masks.weights(0, (HEIGHT, WIDTH), 500)
     assert weights is not None
@@ -176,18 +176,18 @@ def test_views_of_different_sizes_learn_together():
 def test_a_loss_that_says_nothing_teaches_nothing(value):
     pictures, drops = drop_pictures(0)
     masks = taught(pictures, losses(drops), lessons=3)
-    before = masks.arrays()
+    before = masks.state_dict()
     masks.learn(0, np.full((HEIGHT, WIDTH), value, np.float32), 9)
-    assert all(array.tobytes() == before[name].tobytes() for name, array in masks.arrays().items())
+    assert all(array.tobytes() == before[name].tobytes() for name, array in masks.state_dict().items())
 
 
 def test_broken_pixels_do_not_spoil_the_network():
     pictures, drops = drop_pictures(0)
-    broken = losses(drops)
-    broken[:, 5, 6:9], broken[:, 7, 7] = np.nan, np.inf
-    masks = taught(pictures, broken, lessons=3)
+    non_finite = losses(drops)
+    non_finite[:, 5, 6:9], non_finite[:, 7, 7] = np.nan, np.inf
+    masks = taught(pictures, non_finite, lessons=3)
     assert np.isfinite(masks.mask(0, (HEIGHT, WIDTH))).all()
-    assert all(np.isfinite(value).all() for value in masks.arrays().values())
+    assert all(np.isfinite(value).all() for value in masks.state_dict().values())
 
 
 @pytest.mark.parametrize("lessons", [0, 1, 7])
@@ -196,27 +196,29 @@ def test_an_interruption_leaves_no_trace(tmp_path, lessons):
     loss = losses(drops)
     whole = taught(pictures, loss, lessons=lessons)
     whole.weights(2, (HEIGHT, WIDTH), 500)
-    write_arrays(tmp_path / "masks.safetensors", whole.arrays(), {})
+    write_arrays(tmp_path / "masks.safetensors", whole.state_dict(), {})
     again = OcclusionMasks(TrainingImages(list(pictures)), 1000, 5, ALWAYS)  # whose first weights are others
-    again.restore(read_arrays(tmp_path / "masks.safetensors")[0])
+    again.load_state_dict(read_arrays(tmp_path / "masks.safetensors")[0])
     assert again.mask(2, (HEIGHT, WIDTH)).tobytes() == whole.mask(2, (HEIGHT, WIDTH)).tobytes()
     for i in range(lessons, 12):
         for masks in (whole, again):
             masks.learn(-i % len(pictures), loss[-i % len(pictures)], i)
-    expected = whole.arrays()
-    assert {name: a.tobytes() for name, a in again.arrays().items()} == {n: a.tobytes() for n, a in expected.items()}
+    expected = whole.state_dict()
+    assert {name: a.tobytes() for name, a in again.state_dict().items()} == {
+        n: a.tobytes() for n, a in expected.items()
+    }
 
 
 def test_seeds_and_other_peoples_random_numbers_and_threads():
     pictures, drops = drop_pictures(0)
     torch.manual_seed(3)
     state, threads = torch.get_rng_state(), torch.get_num_threads()
-    one = taught(pictures, losses(drops), lessons=3).arrays()
+    one = taught(pictures, losses(drops), lessons=3).state_dict()
     assert torch.equal(torch.get_rng_state(), state)
     assert torch.get_num_threads() == threads
     torch.manual_seed(4)
     torch.set_num_threads(2)
-    same, other = (taught(pictures, losses(drops), lessons=3, seed=seed).arrays() for seed in (0, 1))
+    same, other = (taught(pictures, losses(drops), lessons=3, seed=seed).state_dict() for seed in (0, 1))
     torch.set_num_threads(threads)
     assert all(value.tobytes() == same[name].tobytes() for name, value in one.items())
     assert any(value.tobytes() != other[name].tobytes() for name, value in one.items())
@@ -224,7 +226,7 @@ def test_seeds_and_other_peoples_random_numbers_and_threads():
 
 def test_settings_are_told_and_checked():
     pictures, _ = drop_pictures(0)
-    about = OcclusionMasks(TrainingImages(list(pictures)), 1000, 7).about()
+    about = OcclusionMasks(TrainingImages(list(pictures)), 1000, 7).settings()
     assert (about["seed"], about["first"], about["first_lesson"], about["cutoff"]) == (7, 300, 100, 0.125)
     for wrong in ({"start": 0}, {"warm_up": 0.6}, {"every": 0}, {"regularisation": 0}, {"fine": 3}):
         with pytest.raises(ValueError, match=r"start|regularisation|fine"):

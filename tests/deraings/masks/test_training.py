@@ -11,14 +11,14 @@ from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.kernels.loss_map import loss_map
 from baselines.splatting.kernels.photometric import photometric_loss
 from baselines.splatting.objective import Objective
-from baselines.splatting.strategies.densification import Densification
+from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.trainer import train
 from baselines.training.images import read_images
 from deraings.masks.config import MaskConfig
 from deraings.masks.occlusion_masks import OcclusionMasks
 from hydroviews.errors import InputError
 
-CONFIG = TrainerConfig(iterations=24, sh_degree=1, densification=Densification(start=99), device="cpu")
+CONFIG = TrainerConfig(iterations=24, sh_degree=1, strategy=DefaultStrategy(start=99), device="cpu")
 MASKS = MaskConfig(start=0.4, warm_up=0.2, every=2, width=8, rate=0.02, least_evidence=0)
 
 
@@ -30,23 +30,23 @@ class Masked(Objective):
         self.masks = OcclusionMasks(images, CONFIG.iterations, 0, masks)
         self._fails_at = fails_at
 
-    def __call__(self, image, view, iteration, workspace):
+    def __call__(self, image, view, iteration, buffers):
         if iteration == self._fails_at:
             raise RuntimeError("power cut")
         size = image.shape[0], image.shape[1]
         target = self.target(view, size)
         if self.masks.due(iteration):
-            self.masks.learn(view, loss_map(image, target, workspace=workspace), iteration)
-        return photometric_loss(image, target, weights=self.masks.weights(view, size, iteration), workspace=workspace)
+            self.masks.learn(view, loss_map(image, target, buffers=buffers), iteration)
+        return photometric_loss(image, target, weights=self.masks.weights(view, size, iteration), buffers=buffers)
 
-    def about(self):
-        return {"masks": self.masks.about()}
+    def settings(self):
+        return {"masks": self.masks.settings()}
 
-    def arrays(self):
-        return self.masks.arrays()
+    def state_dict(self):
+        return self.masks.state_dict()
 
-    def restore(self, arrays):
-        self.masks.restore(arrays)
+    def load_state_dict(self, arrays):
+        self.masks.load_state_dict(arrays)
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def scene(tmp_path_factory):
 
 
 def bits(trained, objective):
-    arrays = objective.arrays()
+    arrays = objective.state_dict()
     return [getattr(trained.gaussians, name).tobytes() for name in FIELDS], {n: arrays[n].tobytes() for n in arrays}
 
 

@@ -3,8 +3,8 @@ import numpy as np
 import panorama
 import pytest
 
-from baselines.splatting.kernels.photometric import photometric_loss, prepare
-from baselines.splatting.kernels.workspace import Workspace
+from baselines.splatting.kernels.buffer_pool import BufferPool
+from baselines.splatting.kernels.photometric import photometric_loss, prepare_target
 from deraings.rain_model.mist import Veil, VeilConfig, _gather, _spread, roughness_gradient
 from deraings.rain_model.mist_bounds import thickest_veil
 
@@ -15,13 +15,13 @@ STEPS = 400
 def learn(scene, photographs, config=None, steps=STEPS):
     """Fit a veil to photographs of a known scene."""
     pictures = panorama.eight_bit(photographs)
-    veil, workspace = Veil(pictures, steps, config or VeilConfig(start=0)), Workspace()
-    targets = [prepare(picture) for picture in pictures]
+    veil, buffers = Veil(pictures, steps, config or VeilConfig(start=0)), BufferPool()
+    targets = [prepare_target(picture) for picture in pictures]
     for step in range(steps):
         view = step % len(scene)
-        seen = veil.apply(scene[view], view, workspace)
-        _, gradient = photometric_loss(seen, targets[view], workspace=workspace)
-        veil.learn(scene[view], view, gradient, step, workspace)
+        seen = veil.apply(scene[view], view, buffers)
+        _, gradient = photometric_loss(seen, targets[view], buffers=buffers)
+        veil.learn(scene[view], view, gradient, step, buffers)
     return veil
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from baselines.splatting.kernels.workspace import Workspace
+from baselines.splatting.kernels.buffer_pool import BufferPool
 from deraings.rain_model.mist_kernels import veiled, veiled_gradient
 from hydroviews.scene.images import to_linear, to_srgb
 
@@ -21,12 +21,12 @@ def exact(image, share, colour):
 
 def test_a_veil_is_mixed_in_linear_light(picture):
     image, share = picture
-    assert np.abs(veiled(image, share, COLOUR, Workspace()) - exact(image, share, COLOUR)).max() < 1e-5
+    assert np.abs(veiled(image, share, COLOUR, BufferPool()) - exact(image, share, COLOUR)).max() < 1e-5
 
 
 def test_no_veil_leaves_the_very_same_pixels(picture):
     image, share = picture
-    out = veiled(image * 3, np.zeros_like(share), COLOUR, Workspace())
+    out = veiled(image * 3, np.zeros_like(share), COLOUR, BufferPool())
     assert np.array_equal(out, image * 3)
 
 
@@ -34,8 +34,8 @@ def test_gradients_agree_with_differences(picture):
     image, share = picture
     image = 0.05 + 0.9 * image  # away from the kink of the curve
     toward = np.random.default_rng(1).standard_normal(SHAPE).astype(np.float32)
-    workspace = Workspace()
-    g_image, g_share, g_colour = veiled_gradient(image, share, COLOUR, toward, workspace)
+    buffers = BufferPool()
+    g_image, g_share, g_colour = veiled_gradient(image, share, COLOUR, toward, buffers)
     step = 1e-3
 
     def change(**moved):
@@ -53,8 +53,8 @@ def test_gradients_agree_with_differences(picture):
 def test_pixels_brighter_than_white_stay_finite():
     image = np.full((2, 2, 3), 9.0, np.float32)
     share = np.full((2, 2), 0.5, np.float32)
-    out = veiled(image, share, COLOUR, Workspace())
-    g_image, g_share, _ = veiled_gradient(image, share, COLOUR, np.ones_like(image), Workspace())
+    out = veiled(image, share, COLOUR, BufferPool())
+    g_image, g_share, _ = veiled_gradient(image, share, COLOUR, np.ones_like(image), BufferPool())
     assert np.isfinite(out).all()
     assert np.isfinite(g_image).all()
     assert np.isfinite(g_share).all()

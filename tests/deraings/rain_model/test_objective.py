@@ -5,7 +5,7 @@ import numpy as np
 import panorama
 import pytest
 
-from baselines.splatting.kernels.workspace import Workspace
+from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.objective import Objective
 from baselines.training.images import TrainingImages
 from deraings.masks.config import MaskConfig
@@ -36,10 +36,10 @@ def objective_of(scene, config=EAGER, **more):
 
 def steps(objective, images, first, last):
     """Losses and gradients of some steps."""
-    workspace, out = Workspace(), []
+    buffers, out = BufferPool(), []
     for step in range(first, last):
         view = step % len(images)
-        loss, gradient = objective(images[view], view, step, workspace)
+        loss, gradient = objective(images[view], view, step, buffers)
         out.append((loss, gradient.copy()))
     return out
 
@@ -75,12 +75,14 @@ def test_gradient_agrees_with_differences():
     scene = scene_of(3)
     image = np.clip(renders(scene)[0], 0.05, 1)
     objective = rainy(objective_of(scene, replace(EAGER, drops=None, falling=FallingConfig(start=0.5))))
-    _, gradient = objective(image, 0, 1, Workspace())
+    _, gradient = objective(image, 0, 1, BufferPool())
     rainy(objective)  # as before the step
     objective.veil.colour[:] = objective.veil.expected
     rng = np.random.default_rng(4)
     for direction in (np.sign(gradient), np.sign(gradient) * (rng.uniform(size=gradient.shape) < 0.2)):
-        up, down = (objective.residual(image + s * direction.astype(np.float32), 0, Workspace()) for s in (5e-4, -5e-4))
+        up, down = (
+            objective.residual(image + s * direction.astype(np.float32), 0, BufferPool()) for s in (5e-4, -5e-4)
+        )
         assert (up - down) / 1e-3 == pytest.approx(float((gradient * direction).sum()), rel=0.02)
 
 
@@ -90,13 +92,13 @@ def test_training_taken_up_again_goes_on_the_same():
     whole, first = objective_of(scene), objective_of(scene)
     everything = steps(whole, images, 0, STEPS)
     steps(first, images, 0, 30)
-    kept = {name: value.copy() for name, value in first.arrays().items()}
+    kept = {name: value.copy() for name, value in first.state_dict().items()}
     second = objective_of(scene)
-    second.restore(kept)
+    second.load_state_dict(kept)
     for (loss, gradient), (expected, g) in zip(steps(second, images, 30, STEPS), everything[30:], strict=True):
         assert loss == expected
         assert np.array_equal(gradient, g)
-    assert all(np.array_equal(value, second.arrays()[name]) for name, value in whole.arrays().items())
+    assert all(np.array_equal(value, second.state_dict()[name]) for name, value in whole.state_dict().items())
     assert found(second) == found(whole)
 
 
@@ -107,7 +109,7 @@ def test_pixels_that_are_not_finite_teach_nothing():
     for loss, gradient in steps(objective, images, 0, STEPS):
         assert np.isfinite(loss)
         assert np.isfinite(gradient).all()
-    assert all(np.isfinite(value).all() for value in objective.arrays().values())
+    assert all(np.isfinite(value).all() for value in objective.state_dict().values())
 
 
 def test_hidden_pixels_of_the_photographs_teach_nothing():
@@ -138,7 +140,7 @@ def test_one_view_is_enough_to_run(count):
 def test_smaller_renders_are_compared_with_smaller_photographs():
     scene = scene_of(8)
     objective = rainy(objective_of(scene))
-    loss, gradient = objective(np.full((23, 31, 3), 0.4, np.float32), 0, 30, Workspace())
+    loss, gradient = objective(np.full((23, 31, 3), 0.4, np.float32), 0, 30, BufferPool())
     assert np.isfinite(loss)
     assert gradient.shape == (23, 31, 3)
 
@@ -169,8 +171,8 @@ def test_masks_learn_from_the_loss_and_weigh_it():
 
 def test_what_was_found_and_the_settings_can_be_written_down():
     objective = objective_of(scene_of(3))
-    written = json.loads(json.dumps(objective.about()))
+    written = json.loads(json.dumps(objective.settings()))
     assert written["rain"]["drops"]["start"] == EAGER.drops.start
     other = objective_of(scene_of(3), replace(EAGER, drops=DropConfig(start=0.2)))
-    assert json.loads(json.dumps(other.about())) != written
+    assert json.loads(json.dumps(other.settings())) != written
     assert json.loads(json.dumps(found(objective)))["falling"] == 0

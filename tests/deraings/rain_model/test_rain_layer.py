@@ -99,7 +99,7 @@ def test_a_witness_of_the_even_cover_is_believed_by_half():
     falling.hear(-0.5)
     assert falling.even() == 0
     again = FallingRain(100, FallingConfig())
-    again.restore(falling.arrays())
+    again.load_state_dict(falling.state_dict())
     assert again.even() == falling.even()
     assert again.heard[1] == 4
 

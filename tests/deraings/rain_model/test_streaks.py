@@ -6,7 +6,7 @@ import panorama
 import pytest
 from scipy import fft
 
-from baselines.splatting.kernels.workspace import Workspace
+from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.training.images import TrainingImages
 from deraings.rain_model.objective import RainConfig, RainObjective
 from deraings.rain_model.rain_layer import FallingConfig
@@ -118,7 +118,7 @@ def test_what_was_found_is_kept_until_it_is_found_anew(scene):
     streaks.renew()
     assert all(streaks.due(view, SIZE) for view in range(COUNT))
     again = Streaks([SIZE] * COUNT, StreakConfig())
-    again.restore(streaks.arrays())
+    again.load_state_dict(streaks.state_dict())
     assert all(np.array_equal(again.deviation(view), before[view]) for view in range(COUNT))
     for _ in range(2):
         for view in range(COUNT):
@@ -178,9 +178,9 @@ EAGER = RainConfig(
 
 def steps(objective, images, first, last):
     """Losses and gradients of some steps."""
-    workspace, out = Workspace(), []
+    buffers, out = BufferPool(), []
     for step in range(first, last):
-        loss, gradient = objective(images[step % COUNT], step % COUNT, step, workspace)
+        loss, gradient = objective(images[step % COUNT], step % COUNT, step, buffers)
         out.append((loss, gradient.copy()))
     return out
 
@@ -211,11 +211,11 @@ def test_in_a_training_streaks_lower_the_loss_and_it_resumes_exactly(scene, witn
     assert "streaks" in found(whole)["needed"]
     assert all(now < 0.9 * before for (before, _), (now, _) in zip(everything[:10], everything[-10:], strict=True))
     steps(first, images, 0, 35)
-    second.restore({name: value.copy() for name, value in first.arrays().items()})
+    second.load_state_dict({name: value.copy() for name, value in first.state_dict().items()})
     for (loss, gradient), (expected, g) in zip(steps(second, images, 35, 60), everything[35:], strict=True):
         assert loss == expected
         assert np.array_equal(gradient, g)
-    assert all(np.array_equal(value, second.arrays()[name]) for name, value in whole.arrays().items())
+    assert all(np.array_equal(value, second.state_dict()[name]) for name, value in whole.state_dict().items())
 
 
 def test_a_network_helps_where_it_rains_and_is_not_asked_where_not(scene):
@@ -232,7 +232,7 @@ def test_a_network_helps_where_it_rains_and_is_not_asked_where_not(scene):
     wary = replace(EAGER, falling=FallingConfig(fewest=0, start=0.0))
     steps(objective_of(scene, wary, derained=dry), learned(scene), 0, 60)
     assert not dry.asked
-    assert objective.about()["witness"] == "of a test"
+    assert objective.settings()["witness"] == "of a test"
     share = objective.falling_share(0, SIZE)
     assert correlation(share, covers[0]) > 0.8
     assert share.mean() == pytest.approx(covers[0].mean(), abs=0.05)

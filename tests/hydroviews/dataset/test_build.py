@@ -21,7 +21,7 @@ from hydroviews.formats import read_scene
 from hydroviews.formats.writers import write_colmap
 from hydroviews.rain import effects, severity
 from hydroviews.rain.patterns import Pattern, choose_patterns
-from hydroviews.rain.setting import survey
+from hydroviews.rain.scene_statistics import survey
 from hydroviews.scene.images import read_image, write_png
 from hydroviews.scene.scenes import make_scene, no_points
 
@@ -344,9 +344,9 @@ def test_a_broken_manifest_is_told(tmp_path, content):
 
 
 def test_the_technique_of_drops_is_part_of_the_request(scene, tmp_path):
-    folder = build(scene, tmp_path, patterns=[], technique="aperture")
-    assert json.loads((folder / "request.json").read_text())["technique"] == "aperture"
-    with pytest.raises(InputError, match="technique disk"):
+    folder = build(scene, tmp_path, patterns=[], lens_renderer="aperture")
+    assert json.loads((folder / "request.json").read_text())["lens_renderer"] == "aperture"
+    with pytest.raises(InputError, match="lens_renderer disk"):
         build(scene, tmp_path, patterns=[])
     drawn = effects.draw(Pattern("raindrop", 0), survey(scene, 0, "aperture"))
-    assert drawn.technique == "aperture"
+    assert drawn.lens_renderer == "aperture"

@@ -60,14 +60,14 @@ def test_the_card_says_what_the_files_say(built):
     assert "build --scene path/to/yard --seed 5 --patterns streak-0 streak-2\n" in card
     assert str(built.parents[1]) not in card
     assert "What it costs" not in card
-    assert "--technique" not in card
+    assert "--lens-renderer" not in card
     assert verify(built.parent) == []
 
 
 def test_the_card_names_a_technique_that_is_not_the_default(tmp_path):
-    folder = build(capture_in(tmp_path / "yard"), tmp_path / "data", patterns=[], technique="aperture")
+    folder = build(capture_in(tmp_path / "yard"), tmp_path / "data", patterns=[], lens_renderer="aperture")
     assert "--seed 0" in (folder / "README.md").read_text()
-    assert "--technique aperture" in (folder / "README.md").read_text()
+    assert "--lens-renderer aperture" in (folder / "README.md").read_text()
 
 
 def test_the_same_scene_gives_the_same_card_elsewhere(built, tmp_path):

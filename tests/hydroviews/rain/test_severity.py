@@ -8,8 +8,8 @@ from hydroviews.rain import effects, severity
 from hydroviews.rain.lens.mist import mist_veil
 from hydroviews.rain.light import luminance
 from hydroviews.rain.patterns import GRADES, Pattern
+from hydroviews.rain.scene_statistics import TINT, survey
 from hydroviews.rain.seeds import generator
-from hydroviews.rain.setting import TINT, survey
 from hydroviews.rain.streaks.effect import streak_layer
 from hydroviews.scene.depth import depth_path, write_depth
 from hydroviews.scene.images import to_linear, to_srgb, write_png
@@ -25,7 +25,9 @@ def harm(drawn, setting) -> float:
     """Square of the mean light that streaks add, measured on fresh views and not on those of the calibration."""
     camera = setting.views[0].camera
     layers = np.stack([streak_layer(drawn, camera.width, camera.height, generator(9, i)) for i in range(20)])
-    return severity.learned_cover(layers, setting.rarity) * severity.mean_squared_contrast(setting, drawn.brightness)
+    return severity.learned_cover(layers, setting.mean_inverse_visibility) * severity.mean_squared_contrast(
+        setting, drawn.brightness
+    )
 
 
 def test_streaks_are_as_harmful_as_their_grade_says(setting):
@@ -103,10 +105,10 @@ def test_mist_is_as_harmful_as_its_grade_says(setting):
 def test_rarity_counts_the_training_views_that_see_a_point(tmp_path):
     scene = capture_in(tmp_path / "yard")  # a ring around all points: every view sees nearly every one
     found = survey(scene, 0)
-    assert 1 / len(scene.split.train) <= found.rarity < 1.2 / len(scene.split.train)
+    assert 1 / len(scene.split.train) <= found.mean_inverse_visibility < 1.2 / len(scene.split.train)
     for view in scene.train_views[1:]:  # a wall in front of all but one
         write_depth(depth_path(view), np.full((view.camera.height, view.camera.width), 0.5))
-    assert survey(scene, 0).rarity == pytest.approx(1, abs=1e-6)
+    assert survey(scene, 0).mean_inverse_visibility == pytest.approx(1, abs=1e-6)
 
 
 def test_a_scene_that_is_learned_well_needs_less_rain_for_a_grade(setting):

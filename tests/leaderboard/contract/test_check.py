@@ -66,9 +66,9 @@ def test_a_method_that_keeps_the_contract_passes(case, capsys):
         ("TakesAnything", "other checkpoints refused"),
     ],
 )
-def test_a_broken_promise_fails_its_check_and_no_other(case, toy, broken):
+def test_a_broken_promise_fails_its_check_and_no_other(case, toy, non_finite):
     found = results(case(toy))
-    assert found.pop(broken) == Result.FAILED
+    assert found.pop(non_finite) == Result.FAILED
     assert set(found.values()) == {Result.PASSED}
 
 
@@ -162,10 +162,10 @@ class Nested:
 
 
 def test_settings_are_shortened_wherever_they_count_iterations():
-    assert Method.shortened(Nested(), 20) == Nested(Nested.Inner(20))
-    assert Method.shortened(Nested(), 1000) == Nested()
-    assert Method.shortened(contract_toys.Config(), 7).iterations == 7
-    assert Method.shortened(3, 20) == 3
+    assert Method.with_max_iterations(Nested(), 20) == Nested(Nested.Inner(20))
+    assert Method.with_max_iterations(Nested(), 1000) == Nested()
+    assert Method.with_max_iterations(contract_toys.Config(), 7).iterations == 7
+    assert Method.with_max_iterations(3, 20) == 3
 
 
 def test_the_room_is_one_scene_seen_from_several_sides(tmp_path):

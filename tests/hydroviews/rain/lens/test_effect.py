@@ -16,7 +16,7 @@ from hydroviews.rain.lens.mesh import water_mesh
 from hydroviews.rain.lens.mist import mist_veil
 from hydroviews.rain.lens.pattern import RaindropPattern, draw_pattern
 from hydroviews.rain.lens.water import Drop, Water
-from hydroviews.rain.setting import Light, Setting
+from hydroviews.rain.scene_statistics import Light, SceneStatistics
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import to_linear, to_srgb
 from hydroviews.scene.scenes import View, no_points
@@ -44,7 +44,9 @@ def effect(pattern: RaindropPattern, lens: Camera, folder: Path, count: int = 7)
     """The effect on views that are never read."""
     views = tuple(View(f"view-{i}", lens, folder / "none.png") for i in range(count))
     light = Light(mean=(0.2, 0.2, 0.2), air=(0.6, 0.7, 0.8))
-    setting = Setting("none", 0, views, no_points(), rarity=1 / count, samples=(), detail=0.0, light=light)
+    setting = SceneStatistics(
+        "none", 0, views, no_points(), mean_inverse_visibility=1 / count, samples=(), detail=0.0, light=light
+    )
     return Raindrops(pattern, setting, lens, folder), list(views)
 
 
@@ -114,10 +116,10 @@ def test_meshes_are_closed_small_and_outside_the_lens():
 
 @pytest.mark.blender
 @needs_bpy
-@pytest.mark.parametrize(("technique", "least"), [("disk", 30), ("aperture", 34)])
-def test_mattes_agree_with_full_path_tracing(tmp_path, waves, technique, least):
+@pytest.mark.parametrize(("lens_renderer", "least"), [("disk", 30), ("aperture", 34)])
+def test_mattes_agree_with_full_path_tracing(tmp_path, waves, lens_renderer, least):
     lens = camera(80, 60)
-    pattern = replace(PATTERN, technique=technique, focus_blur=0.03)
+    pattern = replace(PATTERN, lens_renderer=lens_renderer, focus_blur=0.03)
     light = to_linear(waves)
     opening = aperture_radius(focus_disk(pattern, lens), lens)
     traced, seconds = trace(lens_water(pattern, lens, 1), lens, light, 256, tmp_path, opening)
@@ -137,10 +139,10 @@ def test_mattes_agree_with_full_path_tracing(tmp_path, waves, technique, least):
 def test_the_traced_technique_goes_through_the_same_layers(tmp_path, monkeypatch, waves):
     monkeypatch.setattr("hydroviews.rain.lens.effect.TRACED_SAMPLES", 64)
     seen = {}
-    for technique in ("disk", "traced"):
-        pattern = replace(PATTERN, technique=technique, mist=0.3)
-        rain, views = effect(pattern, camera(80, 60), tmp_path / technique)
-        seen[technique] = composite(waves, rain.layers(waves, views[0]))
+    for lens_renderer in ("disk", "traced"):
+        pattern = replace(PATTERN, lens_renderer=lens_renderer, mist=0.3)
+        rain, views = effect(pattern, camera(80, 60), tmp_path / lens_renderer)
+        seen[lens_renderer] = composite(waves, rain.layers(waves, views[0]))
     assert np.abs(seen["disk"] - seen["traced"]).mean() < 0.01
 
 

@@ -11,8 +11,8 @@ from scipy import integrate
 from synthetic import capture_in, ring_camera
 
 from hydroviews.errors import InputError
+from hydroviews.rain.scene_statistics import Light, SceneStatistics, survey
 from hydroviews.rain.seeds import generator
-from hydroviews.rain.setting import Light, Setting, survey
 from hydroviews.rain.storm import drop_sizes as storm_drops
 from hydroviews.rain.storm import reference as storm_reference
 from hydroviews.rain.storm.drop_sizes import Cloud, draw_cloud
@@ -51,7 +51,7 @@ def setting_in(folder, **options):
     return survey(scene, 0)
 
 
-def scaled(setting: Setting, metres_per_unit: float) -> Setting:
+def scaled(setting: SceneStatistics, metres_per_unit: float) -> SceneStatistics:
     return replace(setting, metres_per_unit=metres_per_unit)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 
-class Workspace:
+class BufferPool:
     """Buffers by name that are kept between calls and only ever grow, so that a training loop allocates nothing."""
 
     def __init__(self) -> None:

@@ -18,7 +18,7 @@ from hydroviews.files.atomic import PARTIAL, read_json, remove_tree, write_json
 OWNED = re.compile(re.escape(PARTIAL) + r"(\d+)-.+")  # names that `files.replacing` gives: with its process's number
 
 
-def claim(
+def claim_folder(
     path: Path,
     settings: Mapping[str, Any],
     *,

@@ -6,7 +6,7 @@ import pytest
 
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
-from hydroviews.files.claims import claim, remove_leftovers
+from hydroviews.files.settings_guard import claim_folder, remove_leftovers
 
 WORDS = {"taken": "holds something else", "foreign": "holds foreign files", "fix": "choose another"}
 
@@ -22,15 +22,15 @@ def dead():
 def test_the_same_settings_take_the_folder_again(tmp_path):
     path = tmp_path / "a" / "request.json"
     for note in ("first", "second"):
-        claim(path, {"seed": 0, "note": note}, **WORDS, ignored=("note",))
+        claim_folder(path, {"seed": 0, "note": note}, **WORDS, ignored=("note",))
     assert read_json(path) == {"seed": 0, "note": "first"}
 
 
 def test_other_settings_are_refused_with_what_differs(tmp_path):
     path = tmp_path / "a" / "request.json"
-    claim(path, {"seed": 0, "config": {"size": 4, "steps": 10}, "images": ["a", "b"]}, **WORDS)
+    claim_folder(path, {"seed": 0, "config": {"size": 4, "steps": 10}, "images": ["a", "b"]}, **WORDS)
     with pytest.raises(InputError) as refusal:
-        claim(path, {"seed": 0, "config": {"size": 5, "steps": 10}, "images": ["a", "c"]}, **WORDS)
+        claim_folder(path, {"seed": 0, "config": {"size": 5, "steps": 10}, "images": ["a", "c"]}, **WORDS)
     text = str(refusal.value)
     assert "holds something else" in text
     assert "found: config {'size': 4}; images 2 entries, only here b" in text
@@ -40,9 +40,11 @@ def test_other_settings_are_refused_with_what_differs(tmp_path):
 
 def test_overwriting_empties_the_folder_after_it_is_forgotten(tmp_path):
     path, seen = tmp_path / "a" / "request.json", []
-    claim(path, {"seed": 0}, **WORDS)
+    claim_folder(path, {"seed": 0}, **WORDS)
     (tmp_path / "a" / "result").write_text("old")
-    claim(path, {"seed": 1}, **WORDS, overwrite=True, forget=lambda: seen.append((tmp_path / "a" / "result").exists()))
+    claim_folder(
+        path, {"seed": 1}, **WORDS, overwrite=True, forget=lambda: seen.append((tmp_path / "a" / "result").exists())
+    )
     assert seen == [True]
     assert [p.name for p in (tmp_path / "a").iterdir()] == ["request.json"]
     assert read_json(path) == {"seed": 1}
@@ -52,9 +54,9 @@ def test_overwriting_empties_the_folder_after_it_is_forgotten(tmp_path):
 def test_files_of_unknown_origin_are_never_removed(tmp_path, overwrite):
     (tmp_path / "thesis.txt").write_text("years of work")
     with pytest.raises(InputError, match="holds foreign files"):
-        claim(tmp_path / "request.json", {"seed": 0}, **WORDS, overwrite=overwrite)
+        claim_folder(tmp_path / "request.json", {"seed": 0}, **WORDS, overwrite=overwrite)
     assert (tmp_path / "thesis.txt").read_text() == "years of work"
-    claim(tmp_path / "request.json", {"seed": 0}, **{**WORDS, "foreign": None})
+    claim_folder(tmp_path / "request.json", {"seed": 0}, **{**WORDS, "foreign": None})
 
 
 def test_half_written_files_go_with_their_process(tmp_path, dead):
@@ -92,5 +94,5 @@ def test_a_claim_clears_leftovers(tmp_path, dead):
     leftover = tmp_path / "a" / f".partial-{dead}-request.json"
     leftover.parent.mkdir()
     leftover.write_text("{")
-    claim(tmp_path / "a" / "request.json", {"seed": 0}, **WORDS)
+    claim_folder(tmp_path / "a" / "request.json", {"seed": 0}, **WORDS)
     assert [p.name for p in leftover.parent.iterdir()] == ["request.json"]

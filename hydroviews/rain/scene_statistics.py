@@ -21,7 +21,7 @@ SAMPLED_POINTS = 4000
 BEHIND = 0.03  # a point is hidden if it lies farther behind the surface than this share of its depth
 FINE = 1.0  # standard deviation in pixels of the blur that separates fine detail
 
-Technique = Literal["disk", "aperture", "traced"]
+LensRenderer = Literal["disk", "aperture", "traced"]
 Colour = tuple[float, float, float]  # linear light
 
 
@@ -34,24 +34,24 @@ class Light:
 
 
 @dataclass(frozen=True, eq=False)
-class Setting:
+class SceneStatistics:
     """A scene about to be rained on."""
 
     scene: str  # its name
     seed: int
     views: tuple[View, ...]  # clean, at the built size, in order of name: taken one after another
     points: Points
-    rarity: float  # mean over the scene's points of 1 / (number of training views that see it)
+    mean_inverse_visibility: float  # mean over the scene's points of 1 / (number of training views that see it)
     samples: tuple[Image, ...]  # some clean views made small, [h, w, 3], sRGB-encoded
     detail: float  # mean squared fine detail of the clean views, encoded values: what is hardest to reconstruct
     light: Light
     clean_error: float | None = None  # of plain 3DGS on clean views, over `detail`, where it is known
     drops_cost: float = 1.0  # error that sharp drops leave in plain 3DGS, over what is predicted, where it is known
     metres_per_unit: float | None = None  # of the capture, where it is known
-    technique: Technique = "disk"  # of water on the lens
+    lens_renderer: LensRenderer = "disk"  # of water on the lens
 
 
-def survey(scene: Scene, seed: int, technique: Technique = "disk") -> Setting:
+def survey(scene: Scene, seed: int, lens_renderer: LensRenderer = "disk") -> SceneStatistics:
     """Look at some of a scene's clean views, and say what rain may know.
 
     Raises:
@@ -63,19 +63,19 @@ def survey(scene: Scene, seed: int, technique: Technique = "disk") -> Setting:
         image = view.image()
         details.append(float(np.mean((image - cv2.GaussianBlur(image, (0, 0), FINE)) ** 2, dtype=np.float64)))
         samples.append(_small(image))
-    return Setting(
+    return SceneStatistics(
         scene=scene.name,
         seed=seed,
         views=scene.views,
         points=scene.points,
-        rarity=_rarity(scene),
+        mean_inverse_visibility=_rarity(scene),
         samples=tuple(samples),
         detail=float(np.mean(details)),
         light=_light(samples),
         clean_error=scene.clean_error,
         drops_cost=scene.drops_cost,
         metres_per_unit=scene.metres_per_unit,
-        technique=technique,
+        lens_renderer=lens_renderer,
     )
 
 

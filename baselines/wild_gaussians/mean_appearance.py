@@ -13,7 +13,7 @@ from baselines.wild_gaussians.appearance import WildAppearance, toned
 from hydroviews.scene.cameras import Camera
 
 
-def mean_look(
+def mean_appearance(
     gaussians: Gaussians, appearance: WildAppearance, cameras: Sequence[Camera], near: float, antialiased: bool
 ) -> Gaussians:
     """Ordinary Gaussians in colours that no longer depend on the view.
