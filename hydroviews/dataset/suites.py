@@ -10,7 +10,7 @@ from hydroviews.errors import InputError
 from hydroviews.profiles import Profile
 from hydroviews.rain.patterns import EFFECTS, choose_patterns
 
-FOLDER = Path(__file__).parent / "catalogue" / "suites"
+FOLDER = Path(__file__).parents[1] / "captures" / "catalogue" / "suites"
 KEYS = {"title", "patterns", "scenes"}
 EXAMPLE = '[scenes] with lines such as "mipnerf360/garden" = ["raindrop", "streak"], and perhaps patterns = [0, 1, 2]'
 

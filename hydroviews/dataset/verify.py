@@ -93,8 +93,8 @@ def _check_variant(folder: Path, pattern: str, every_view: bool) -> list[str]:
     for image in tqdm(images if every_view else images[:1], desc=f"{folder.name}: {pattern}", unit="view", leave=False):
         try:
             problems += _check_view(folder, variant, image)
-        except InputError as non_finite:
-            problems.append(str(non_finite))
+        except InputError as broken:
+            problems.append(str(broken))
     return problems
 
 

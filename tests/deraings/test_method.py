@@ -12,12 +12,13 @@ from baselines.gaussian_splatting import FOUND
 from baselines.method import find_method
 from baselines.training.images import read_images
 from deraings import method as methods
-from deraings.enhancement import views as enhanced_module
+from deraings.enhancement import views as enhanced_views
 from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
 from deraings.enhancement.views import EnhancedViews, enhanced_images
 from deraings.enhancement.weights import find_weights, load_enhancer, save_network
 from deraings.masks.config import MaskConfig
 from deraings.method import DeRainGS, DeRainGSConfig, DeRainGSPlus, RainModel, WithoutAttention
+from deraings.rain_model import mist_or_fog
 from deraings.rain_model.objective import RainConfig
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import sha256
@@ -70,8 +71,8 @@ def test_other_weights_enhance_anew(scene, weights, tmp_path):
 @pytest.mark.parametrize("foggy", [False, True])
 def test_veils_are_not_taken_off_where_it_is_foggy(scene, weights, tmp_path, monkeypatch, capsys, foggy):
     asked = []
-    monkeypatch.setattr(enhanced_module, "shows_fog", lambda images, points: asked.append(points()) or foggy)
-    monkeypatch.setattr(enhanced_module, "enhance", lambda image, enhancer, lift: image * np.float32(0.5 + 0.5 * lift))
+    monkeypatch.setattr(mist_or_fog, "shows_fog", lambda images, points: asked.append(points()) or foggy)
+    monkeypatch.setattr(enhanced_views, "enhance", lambda image, enhancer, lift: image * np.float32(0.5 + 0.5 * lift))
     method = DeRainGS(DeRainGSConfig(CONFIG, enhancement=str(weights)), 0)
     method.objective(scene, tmp_path)
     assert asked[0].seen.any()

@@ -48,8 +48,8 @@ def test_the_sky_lies_behind_the_scene_and_in_view(tmp_path):
 def test_points_that_are_no_numbers_do_not_move_the_bounds(tmp_path):
     scene = photographed(tmp_path, n_views=3)
     positions = np.concatenate([scene.points.positions, [[np.nan, 0, 0]]])
-    non_finite = replace(scene, points=Points(positions, np.zeros((len(positions), 3), np.uint8)))
-    assert np.array_equal(bounds_of(non_finite).centre, bounds_of(scene).centre)
+    broken = replace(scene, points=Points(positions, np.zeros((len(positions), 3), np.uint8)))
+    assert np.array_equal(bounds_of(broken).centre, bounds_of(scene).centre)
 
 
 def test_a_scene_of_few_points_has_the_cameras_bounds_and_no_sky(tmp_path):

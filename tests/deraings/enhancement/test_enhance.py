@@ -84,6 +84,6 @@ def test_the_same_picture_gives_the_same_result():
 
 
 @pytest.mark.parametrize("broken", [np.zeros((4, 4), np.float32), np.full((4, 4, 3), np.nan, np.float32)])
-def test_what_is_no_picture_is_refused(non_finite):
+def test_what_is_no_picture_is_refused(broken):
     with pytest.raises(ValueError, match=r"expected an image|not finite"):
-        enhance(non_finite, untrained_enhancer())
+        enhance(broken, untrained_enhancer())

@@ -183,9 +183,9 @@ def test_a_loss_that_says_nothing_teaches_nothing(value):
 
 def test_broken_pixels_do_not_spoil_the_network():
     pictures, drops = drop_pictures(0)
-    non_finite = losses(drops)
-    non_finite[:, 5, 6:9], non_finite[:, 7, 7] = np.nan, np.inf
-    masks = taught(pictures, non_finite, lessons=3)
+    broken = losses(drops)
+    broken[:, 5, 6:9], broken[:, 7, 7] = np.nan, np.inf
+    masks = taught(pictures, broken, lessons=3)
     assert np.isfinite(masks.mask(0, (HEIGHT, WIDTH))).all()
     assert all(np.isfinite(value).all() for value in masks.state_dict().values())
 
