@@ -68,7 +68,7 @@ class Objective:
 
     def settings(self) -> dict[str, Any]:
         """The settings; a checkpoint made with others is refused."""
-        settings = {"name": type(self).__name__, "ssim_share": self.lambda_dssim}
+        settings = {"name": type(self).__name__, "lambda_dssim": self.lambda_dssim}
         return settings if self.appearance is None else {**settings, "appearance": self.appearance.settings()}
 
     def state_dict(self) -> dict[str, NDArray]:

@@ -27,7 +27,7 @@ class Watched(Objective):
         self.seen = []
 
     def settings(self):
-        return {"name": "Objective", "ssim_share": 0.2}
+        return {"name": "Objective", "lambda_dssim": 0.2}
 
     def __call__(self, image, view, iteration, buffers):
         self.seen.append(view)
