@@ -14,7 +14,7 @@ from baselines.splatting import objective
 from baselines.splatting.backends import base as backends
 from baselines.splatting.kernels import binning, blending, blending_gradient, projection, projection_gradient
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.rasterizer import backward, backward_looks, render, render_looks
+from baselines.splatting.kernels.rasterizer import backward, backward_sh_sets, render, render_sh_sets
 from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import LearningRates, rates_at
 from baselines.splatting.state import fresh_state
@@ -56,7 +56,7 @@ def growth(repeats: int) -> pd.DataFrame:
     return pd.DataFrame([speed(*turn, repeats) for turn in tqdm(turns, desc="growth", leave=False)])
 
 
-def looks(repeats: int) -> pd.DataFrame:
+def sh_sets(repeats: int) -> pd.DataFrame:
     """Milliseconds of rasterizing looks forwards and backwards, at once and one by one, for all numbers of threads."""
     cases = [(n, number, threads) for threads in thread_counts() for n in LOOKED_AT for number in LOOKS]
     return pd.DataFrame([of_looks(*case, repeats) for case in tqdm(cases, desc="looks", leave=False)])
@@ -70,7 +70,7 @@ def of_looks(n: int, number: int, threads: int, repeats: int) -> dict[str, Any]:
     gradient = np.random.default_rng(0).normal(size=(number, camera.height, camera.width, 3)).astype(np.float32)
 
     def at_once() -> None:
-        backward_looks(render_looks(gaussians, sh, camera, buffers=buffers)[1], gradient)
+        backward_sh_sets(render_sh_sets(gaussians, sh, camera, buffers=buffers)[1], gradient)
 
     def one_by_one() -> None:
         for each in gradient:

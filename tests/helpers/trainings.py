@@ -28,7 +28,7 @@ class Interrupted(Objective):
         self._when, self._action = iteration, action
 
     def settings(self):
-        return {"name": "Objective", "ssim_share": 0.2}
+        return {"name": "Objective", "lambda_dssim": 0.2}
 
     def __call__(self, image, view, iteration, buffers):
         if iteration == self._when:
@@ -37,7 +37,7 @@ class Interrupted(Objective):
 
 
 def crashed_and_resumed(scene, config, iteration, folder):
-    """What a training becomes that breaks off in a step and is then taken up again."""
+    """What a training becomes that breaks off in a step and is then resumed."""
 
     def crash():
         raise RuntimeError("power cut")

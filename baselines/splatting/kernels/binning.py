@@ -2,9 +2,10 @@
 # mypy: allow-untyped-defs
 """Which splats touch which tile, front to back.
 
-The visible Gaussians are sorted by depth once; a stable counting sort then deals them out to the tiles, so every tile's
-list comes out in depth order without sorting (splat, tile) pairs. A pair is listed only where the splat's ellipse
-reaches the centre of a pixel of the tile.
+    list of a tile = {splat i: u_i(p)^2 + v_i(p)^2 <= CUTOFF_i at the centre p of a pixel of it}, by rising depth
+
+with u and v of `projection.py`. The visible Gaussians are sorted by depth once; a stable counting sort then lists them
+in the tiles, so every tile's list comes out in depth order without sorting (splat, tile) pairs.
 """
 
 import math

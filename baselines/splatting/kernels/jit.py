@@ -1,12 +1,14 @@
 """How the kernels are compiled: to machine code on first use, kept on disk for every later process.
 
-Numba re-compiles a cached kernel when the file that defines it changes, but not when a function it calls changes in
-another file. So the cache lives in a folder named after the content of all files of this package.
+Numba re-compiles a cached kernel when the file that defines it gets another date or size, but not when a function it
+calls changes in another file. So the cache lives in a folder named after the content of all files beside this one; a
+kernel defined elsewhere has a folder within it that is named after its own file. It may call what is defined in that
+file or beside this one, and nothing else: a test goes through all kernels.
 """
 
 import hashlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -20,23 +22,33 @@ FAST = {"contract", "nsz", "arcp", "afn"}
 EXACT = {"contract"}
 
 
+def digest(sources: Iterable[Path]) -> str:
+    """Twelve hexadecimal digits of the content of files, whatever their order."""
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(sources))).hexdigest()[:12]
+
+
 def _cache_folder() -> str:
-    digest = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(HERE.glob("*.py")))).hexdigest()[:12]
     if CONFIG.CACHE_DIR:
         parent = Path(CONFIG.CACHE_DIR)
     elif os.access(HERE, os.W_OK):
         parent = HERE / "__pycache__"
     else:
         parent = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hydroviews"
-    return str(parent / f"kernels-{digest}")
+    return str(parent / f"kernels-{digest(HERE.glob('*.py'))}")
 
 
 FOLDER = _cache_folder()
 
 
+def cache_folder(source: Path) -> str:
+    """Where the machine code of the kernels of a file is kept; elsewhere once that file or any beside this changes."""
+    return FOLDER if source.parent == HERE else os.path.join(FOLDER, f"{source.stem}-{digest([source])}")
+
+
 def _compile(function: Callable, **options: Any) -> Callable:
     before = CONFIG.CACHE_DIR
-    CONFIG.CACHE_DIR = FOLDER  # read when the decorator runs, so other packages' caches stay where they are
+    # Read when the decorator runs, so other packages' caches stay where they are.
+    CONFIG.CACHE_DIR = cache_folder(Path(function.__code__.co_filename))
     try:
         return numba.njit(cache=True, error_model="numpy", **options)(function)
     finally:

@@ -9,6 +9,7 @@ from trainings import CONFIG, Interrupted, assert_identical, crashed_and_resumed
 
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting.kernels.rasterizer import render
+from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import shrink_at, shrunk
 from baselines.splatting.trainer import TrainerConfig, train
 from baselines.training.images import TrainingImages, read_images
@@ -47,8 +48,9 @@ def test_targets_are_averages_over_areas():
     images = TrainingImages([pixels])
     expected = pixels.reshape(4, 2, 6, 2, 3).mean(axis=(1, 3))
     assert np.abs(images.pixels(0, (4, 6)) - expected).max() <= 0.5
-    assert images.target(0, (4, 6)) is images.target(0, (4, 6))
-    assert images.target(0, (8, 12)) is images.target(0)
+    objective = Objective(images)
+    assert objective.target(0, (4, 6)) is objective.target(0, (4, 6))
+    assert objective.target(0, (8, 12)) is objective.target(0)
     assert images.ignored(0, (4, 6)) is None
 
 
@@ -59,7 +61,7 @@ def test_a_small_pixel_that_touches_a_hidden_one_is_hidden():
     expected = np.zeros((4, 6), bool)
     expected[1, 2] = True
     assert np.array_equal(images.ignored(0, (4, 6)), expected)
-    assert np.array_equal(images.target(0, (4, 6)).shown == 0, expected)
+    assert np.array_equal(Objective(images).target(0, (4, 6)).shown == 0, expected)
 
 
 def test_a_scene_is_learnt_from_small_images_first(scene, tmp_path):
