@@ -25,7 +25,7 @@ COUNTS = (10_000, 30_000, 50_000, 200_000)
 SIZES = ((400, 300), (800, 600))
 GROWING_COUNTS = (5_000, 10_000, 20_000, 50_000, 100_000, 200_000, 400_000)
 GROWING_SIZES = ((160, 120), (240, 180), (400, 300), (640, 480), (800, 600), (1200, 900), (1600, 1200))
-LOOKS, LOOKED_AT = (1, 2, 3), (30_000, 60_000)
+SETS, COLOURED = (1, 2, 3), (30_000, 60_000)
 STAGES = {
     "project": (projection, "project"),
     "sort": (binning, "depth_order"),
@@ -56,14 +56,14 @@ def growth(repeats: int) -> pd.DataFrame:
     return pd.DataFrame([speed(*turn, repeats) for turn in tqdm(turns, desc="growth", leave=False)])
 
 
-def sh_sets(repeats: int) -> pd.DataFrame:
-    """Milliseconds of rasterizing looks forwards and backwards, at once and one by one, for all numbers of threads."""
-    cases = [(n, number, threads) for threads in thread_counts() for n in LOOKED_AT for number in LOOKS]
-    return pd.DataFrame([of_looks(*case, repeats) for case in tqdm(cases, desc="looks", leave=False)])
+def colours(repeats: int) -> pd.DataFrame:
+    """Milliseconds of rasterizing sets of colours and their gradients, at once and one by one, by threads."""
+    cases = [(n, number, threads) for threads in thread_counts() for n in COLOURED for number in SETS]
+    return pd.DataFrame([of_colours(*case, repeats) for case in tqdm(cases, desc="colours", leave=False)])
 
 
-def of_looks(n: int, number: int, threads: int, repeats: int) -> dict[str, Any]:
-    """Median milliseconds of one number of looks."""
+def of_colours(n: int, number: int, threads: int, repeats: int) -> dict[str, Any]:
+    """Median milliseconds of one number of sets of colours."""
     camera = view(*SIZES[0])
     gaussians, buffers = room(n, camera), BufferPool()
     sh = np.stack([gaussians.sh] * number)
@@ -81,7 +81,7 @@ def of_looks(n: int, number: int, threads: int, repeats: int) -> dict[str, Any]:
     turns = [(_seconds(at_once), _seconds(one_by_one)) for _ in range(repeats + 3)]
     numba.set_num_threads(before)
     together, apart = 1000 * np.median(turns[3:], axis=0)
-    about = {"gaussians": n, "size": f"{camera.width}x{camera.height}", "threads": threads, "looks": number}
+    about = {"gaussians": n, "size": f"{camera.width}x{camera.height}", "threads": threads, "sets": number}
     return about | {"at once": round(together, 2), "one by one": round(apart, 2)}
 
 
