@@ -30,7 +30,7 @@ STAGES = {
     "project": (projection, "project"),
     "sort": (binning, "depth_order"),
     "count": (binning, "count_pairs"),
-    "deal": (binning, "deal_pairs"),
+    "list": (binning, "list_pairs"),
     "blend": (blending, "blend"),
     "loss": (objective, "photometric_loss"),
     "blend gradient": (blending_gradient, "blend_gradient"),
@@ -38,7 +38,7 @@ STAGES = {
     "observe": (backends, "observe"),
     "adam": (backends, "adam_step"),
 }
-RASTER = ("project", "sort", "count", "deal", "blend", "blend gradient", "project gradient")
+RASTER = ("project", "sort", "count", "list", "blend", "blend gradient", "project gradient")
 STILL = LearningRates(means=1e-12, means_final=1e-12, sh=0, sh_rest=0, opacity=0, scales=0, quaternions=0)
 
 

@@ -148,7 +148,7 @@ def blend(
 
     Args:
         packed: splats in depth order [n, 9 + 3 L].
-        tile_start, tile_splats: every tile's list, from `deal_pairs`.
+        tile_start, tile_splats: every tile's list, from `list_pairs`.
         tile_order: tiles, heaviest first.
         background: [3].
         workers: threads to share the tiles between; changes nothing in the result.

@@ -1,9 +1,8 @@
 """How the kernels are compiled: to machine code on first use, kept on disk for every later process.
 
-Numba re-compiles a cached kernel when the file that defines it gets another date or size, but not when a function it
-calls changes in another file. So the cache lives in a folder named after the content of all files beside this one; a
-kernel defined elsewhere has a folder within it that is named after its own file. It may call what is defined in that
-file or beside this one, and nothing else: a test goes through all kernels.
+Numba re-compiles a cached kernel when the file that defines it changes, but not when a function it calls changes in
+another file. So the cache lives in a folder named after the content of all files beside this one. A kernel defined
+elsewhere calls what is defined in its own file or beside this one, and nothing else: a test goes through all kernels.
 """
 
 import hashlib
@@ -40,15 +39,9 @@ def _cache_folder() -> str:
 FOLDER = _cache_folder()
 
 
-def cache_folder(source: Path) -> str:
-    """Where the machine code of the kernels of a file is kept; elsewhere once that file or any beside this changes."""
-    return FOLDER if source.parent == HERE else os.path.join(FOLDER, f"{source.stem}-{digest([source])}")
-
-
 def _compile(function: Callable, **options: Any) -> Callable:
     before = CONFIG.CACHE_DIR
-    # Read when the decorator runs, so other packages' caches stay where they are.
-    CONFIG.CACHE_DIR = cache_folder(Path(function.__code__.co_filename))
+    CONFIG.CACHE_DIR = FOLDER  # read when the decorator runs, so other packages' caches stay where they are
     try:
         return numba.njit(cache=True, error_model="numpy", **options)(function)
     finally:

@@ -38,8 +38,8 @@ def results(folder: Path) -> list[float]:
     return [float(word) for word in done.stdout.split()]
 
 
-def write_at_one_time(path: Path, content: str) -> None:
-    """Of the same size and date as before, by which Numba alone would take it for unchanged."""
+def write_undated(path: Path, content: str) -> None:
+    """Of the same size and date as before, as checkouts and packages may be."""
     path.write_text(content)
     os.utime(path, (1, 1))
 
@@ -49,14 +49,14 @@ def test_an_edited_file_changes_what_kernels_calculate(tmp_path):
     folder.mkdir()
     shutil.copy(jit.__file__, folder / "jit.py")
     (folder / "__init__.py").touch()
-    write_at_one_time(folder / "shared.py", SHARED.format(1))
-    write_at_one_time(folder / "inside.py", CALLER.format(1, "inside"))
-    write_at_one_time(tmp_path / "outside.py", CALLER.format(2, "outside"))
+    write_undated(folder / "shared.py", SHARED.format(1))
+    write_undated(folder / "inside.py", CALLER.format(1, "inside"))
+    write_undated(tmp_path / "outside.py", CALLER.format(2, "outside"))
     assert results(tmp_path) == [2, 4]
     assert results(tmp_path) == [2, 4]
-    write_at_one_time(folder / "shared.py", SHARED.format(2))
+    write_undated(folder / "shared.py", SHARED.format(2))
     assert results(tmp_path) == [3, 6]
-    write_at_one_time(tmp_path / "outside.py", CALLER.format(3, "outside"))
+    write_undated(tmp_path / "outside.py", CALLER.format(3, "outside"))
     assert results(tmp_path) == [3, 9]
 
 
@@ -82,13 +82,22 @@ def compiled() -> list[Dispatcher]:
     return list(found.values())
 
 
-def test_kernels_call_what_their_cache_folder_is_named_after():
-    kernels, strangers = compiled(), []
-    for kernel in kernels:
+def home(kernel: Dispatcher) -> Path:
+    return Path(kernel.py_func.__code__.co_filename)
+
+
+def test_kernels_call_what_the_cache_knows_of():
+    strangers = []
+    for kernel in compiled():
         function = kernel.py_func
-        home = Path(function.__code__.co_filename)
         called = [function.__globals__.get(name) for name in function.__code__.co_names]
-        files = {Path(other.py_func.__code__.co_filename) for other in called if isinstance(other, Dispatcher)}
-        strangers += [(kernel, file) for file in files if file != home and file.parent != jit.HERE]
-    assert len(kernels) > 40
+        files = {home(other) for other in called if isinstance(other, Dispatcher)}
+        strangers += [(kernel, file) for file in files if file != home(kernel) and file.parent != jit.HERE]
     assert not strangers
+
+
+def test_the_splatting_core_has_its_kernels_in_one_folder():
+    """Which `warm_up` compiles apart whenever a file in it changes."""
+    core = [home(kernel) for kernel in compiled() if jit.HERE.parent in home(kernel).parents]
+    assert len(core) > 30
+    assert {file.parent for file in core} == {jit.HERE}
