@@ -32,15 +32,8 @@ from hydroviews.scene.scenes import Scene
 MODEL = "model.safetensors"
 SPLATS = "splats.ply"
 FOUND = "found.json"  # where methods look for more than the scene in their photographs
-RECORDED = (
-    "near",
-    "seconds",
-    "device",
-    "extent",
-    "iterations",
-    "residuals",
-    "non_finite",
-)  # of a training, in the model
+# Of a training, in the model.
+RECORDED = ("near", "seconds", "device", "extent", "iterations", "residuals", "non_finite")
 
 # Short runs: larger steps that shrink towards the end, no opacity resets, fast growth by absolute gradients up to a
 # budget that two cores can afford. On Mip-NeRF 360 bonsai at 400x266, 4,000 iterations and 60,000 Gaussians, held-out
@@ -75,13 +68,12 @@ def with_iterations(iterations: int, profile: TrainerConfig) -> TrainerConfig:
 
     For methods whose steps cost more, so that they stay within the same time.
     """
-    growth, share = profile.strategy, iterations / profile.iterations
-    assert isinstance(growth, DefaultStrategy)
+    strategy, share = profile.strategy, iterations / profile.iterations
     return replace(
         profile,
         iterations=iterations,
         sh_degree_interval=round(share * profile.sh_degree_interval),
-        strategy=replace(growth, stop=round(share * growth.stop)),
+        strategy=replace(strategy, stop=round(share * strategy.stop)),
     )
 
 
@@ -91,12 +83,11 @@ def pruned_to_budget(budget: int, profile: TrainerConfig) -> TrainerConfig:
     Twice the iterations, most of them with the Gaussians that stay, whose steps are cheaper. On so small a budget that
     beats relocation, which wants more iterations than short profiles have: docs/splatting.md has the figures.
     """
-    growth, iterations = profile.strategy, 2 * profile.iterations
-    assert isinstance(growth, DefaultStrategy)
+    iterations = 2 * profile.iterations
     return replace(
         profile,
         iterations=iterations,
-        strategy=replace(growth, stop=round(0.24 * iterations), budget=3 * budget // 2),
+        strategy=replace(profile.strategy, stop=round(0.24 * iterations), budget=3 * budget // 2),
         pruning=Pruning(at=(0.25, 0.35, 0.45), budget=budget),
     )
 
@@ -118,7 +109,7 @@ class GaussianSplatting(Method):
         self.found: dict[str, Any] = {}  # in the photographs, beside the scene
         self._trained: Trained | None = None
         self._model_mb: float | None = None
-        self._workspace = BufferPool()
+        self._buffers = BufferPool()
 
     @classmethod
     def configuration(cls, profile: str) -> Any:
@@ -153,7 +144,7 @@ class GaussianSplatting(Method):
             background,
             near=trained.near,
             antialiased=self.splatting.antialiased,
-            buffers=self._workspace,
+            buffers=self._buffers,
         )
         return np.clip(image, 0, 1)
 

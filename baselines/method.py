@@ -21,13 +21,13 @@ WRAPPERS = "hydroviews.wrappers"  # entry points: functions that make a method o
 
 @dataclass(frozen=True)
 class TrainingSummary:
-    """What a trained model is and cost; None where a number could not be had."""
+    """What a trained model is and what it cost, as runs record it; None where a number could not be had."""
 
     train_seconds: float  # training alone, summed over resumed sessions
     n_primitives: int | None  # Gaussians, for methods that have them
     model_mb: float | None  # the saved model, in 10^6 bytes
     device: str  # "cpu" or the GPU's name
-    used: str = ""  # what the method found that these photographs call for, if it looks
+    used: str = ""  # in words, the parts that it switched on for these photographs; empty if it always uses all
 
 
 class Method(ABC):

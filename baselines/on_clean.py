@@ -1,6 +1,6 @@
 """Any method on the clean photographs: `nerf-w+clean` is what `nerf-w` makes of a scene when it does not rain.
 
-A ceiling for what the method can do about rain, and a check that it is a fair opponent.
+Its scores bound what the method could gain by removing rain, and show whether it is a fair opponent without any.
 """
 
 from functools import cache

@@ -19,7 +19,6 @@ import tyro
 from baselines.gaussian_splatting import with_iterations
 from baselines.method import Method, find_method
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.volumetric.config import VolumetricConfig
 from benchmarks.quality import held_out, slug
 from hydroviews.dataset.sources import build_source
@@ -77,10 +76,8 @@ class Course:
 def in_steps(settings: Any, steps: int) -> Any:
     """The same settings for so many training steps, with what they count in steps stretched or cut alike."""
     if isinstance(settings, TrainerConfig):
-        growth = settings.strategy
-        assert isinstance(growth, DefaultStrategy)
-        start = round(growth.start * min(1, steps / settings.iterations))
-        return with_iterations(steps, replace(settings, strategy=replace(growth, start=start)))
+        start = round(settings.strategy.start * min(1, steps / settings.iterations))
+        return with_iterations(steps, replace(settings, strategy=replace(settings.strategy, start=start)))
     if isinstance(settings, VolumetricConfig):
         share = steps / settings.iterations
         counted = {name: round(share * getattr(settings, name)) for name in ("rising", "anneal", "teach_always")}

@@ -17,19 +17,18 @@ from baselines.gs_w.config import ReferenceConfig
 from baselines.gs_w.encoder import ReferenceEncoder
 from baselines.gs_w.fusion import Fusion
 from baselines.gs_w.sampling import boxed, projected, sample
-from baselines.splatting.appearance.appearance import Appearance
+from baselines.splatting.appearance.base import Appearance
 from baselines.splatting.gaussians import Gaussians
-from baselines.splatting.schedule import random_stream
+from baselines.splatting.schedule import Stream, random_stream
 from baselines.training.images import TrainingImages
 from baselines.training.torch_state import module_arrays, restore_module
 from hydroviews.scene.cameras import Camera
 
 STEPS = "steps"
-DROPOUT, ABSENCE = 5, 6  # random streams
 
 
 class ReferenceAppearance(Appearance):
-    """Looks in training views. The reference is encoded anew in every step, so that the U-Net learns from each."""
+    """Colours in training views. The reference is encoded anew in every step, so that the U-Net learns from each."""
 
     def __init__(
         self, images: TrainingImages, config: ReferenceConfig, sh_degree: int, iterations: int, seed: int
@@ -64,9 +63,9 @@ class ReferenceAppearance(Appearance):
         positions = (gaussians.means - self.fusion.middle.cpu().numpy()) / self.fusion.side.item()
         return np.ascontiguousarray(np.clip(positions, -1, 1) @ mixtures.T, np.float32)
 
-    def looks(self, parameters: dict[str, Tensor], camera: Camera, view: int, degree: int) -> tuple[Tensor, ...]:
-        """See Appearance; one look."""
-        maps = self._look_at(view)[0]  # which finds the visibility mask too
+    def sh_sets(self, parameters: dict[str, Tensor], camera: Camera, view: int, degree: int) -> tuple[Tensor, ...]:
+        """See Appearance; one set."""
+        maps = self._encoded(view)[0]  # which finds the visibility mask too
         if self._absent():
             dynamic = maps.new_zeros(len(parameters["features"]), self.config.dynamic)
         else:
@@ -92,7 +91,7 @@ class ReferenceAppearance(Appearance):
 
     @property
     def visible(self) -> Tensor:
-        """m [h', w'] in (0, 1) of the view that `looks` was asked for last; gradients by it are learnt from."""
+        """m [h', w'] in (0, 1) of the view that `sh_sets` was asked for last; gradients by it are learnt from."""
         return self._leaves[1]
 
     def learn(self, iteration: int) -> None:
@@ -124,7 +123,7 @@ class ReferenceAppearance(Appearance):
         restore_module(self, arrays, self._adam)
         self._steps = int(arrays[STEPS][0])
 
-    def _look_at(self, view: int) -> tuple[Tensor, ...]:
+    def _encoded(self, view: int) -> tuple[Tensor, ...]:
         """What `encode` returns, cut off from its graph so that several losses send one gradient through it."""
         self._outputs = self.encode(view)
         self._leaves = tuple(output.detach().requires_grad_() for output in self._outputs)
@@ -132,7 +131,7 @@ class ReferenceAppearance(Appearance):
 
     def _absent(self) -> bool:
         """Is this one of the steps that have nothing of the maps? The same whenever it is done again."""
-        drawn = random_stream(self.seed, ABSENCE, self._steps).random()
+        drawn = random_stream(self.seed, Stream.ABSENCE, self._steps).random()
         return torch.is_grad_enabled() and drawn < self.config.absent
 
     def _dropped(self, dynamic: Tensor) -> Tensor:
@@ -145,7 +144,7 @@ class ReferenceAppearance(Appearance):
             return dynamic
         config = self.config
         parts = dynamic.unflatten(1, (1 + config.maps, -1))
-        drawn = random_stream(self.seed, DROPOUT, self._steps).random((*parts.shape[:2], 1), np.float32)
+        drawn = random_stream(self.seed, Stream.DROPOUT, self._steps).random((*parts.shape[:2], 1), np.float32)
         kept = torch.from_numpy(drawn >= config.dropout).to(dynamic)
         return (parts * (kept / ((1 - config.dropout) * (1 - config.absent)))).flatten(1)
 

@@ -11,7 +11,7 @@ class ReferenceConfig:
     backbone: Literal["resnet18", "small"] = "resnet18"  # of the U-Net that looks at the reference picture
     weights: str | None = None  # file of ResNet-18 weights; None learns from scratch
     weights_sha256: str | None = None  # of that file: runs with other weights are other runs
-    shrink: int = 1  # the reference is looked at this many times smaller
+    shrink: int = 1  # the reference is encoded this many times smaller
     maps: int = 2  # K, adaptive feature maps; there is one projection map besides
     channels: int = 16  # of each map
     frequencies: int = 10  # of the positions' Fourier features
@@ -45,7 +45,7 @@ class ReferenceConfig:
 
 
 # Two cores: a reference of half the size, a U-Net of 0.2 million weights, fewer and narrower layers, no LPIPS.
-# Rates are not raised for short runs: at 2e-3 the networks tell views apart that do not differ, and clean views of
+# Rates are not raised for short runs: at 2e-3 the networks separate views that do not differ, and clean views of
 # Mip-NeRF 360 bonsai (160 pixels, 2,000 iterations) come out at 24.40 dB, so at 24.87; plain splatting has 25.06.
 SHORT = ReferenceConfig(
     backbone="small",

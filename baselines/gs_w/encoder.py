@@ -1,7 +1,8 @@
 """The U-Net that looks at the reference picture: feature maps and a visibility mask (GS-W).
 
 Pictures are [1, 3, H, W] with values around zero, both sides multiples of `multiple`. There is no batch normalisation
-in training: a batch is one picture, whose own statistics are the very appearance that is to be told. ResNet's layers
+in training: a batch is one picture, whose own statistics are the very appearance that is to be encoded. ResNet's
+layers
 keep the statistics of their weights; without weights these are 0 and 1.
 """
 

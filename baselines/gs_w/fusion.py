@@ -37,7 +37,7 @@ def layers(inputs: int, hidden: Sequence[int], outputs: int) -> nn.Sequential:
 
 
 class Fusion(nn.Module):
-    """Colours of Gaussians; the cube that positions are told in is part of the state."""
+    """Colours of Gaussians; the cube that positions are relative to is part of the state."""
 
     def __init__(self, config: ReferenceConfig, sh_degree: int) -> None:
         super().__init__()
@@ -75,7 +75,7 @@ class Fusion(nn.Module):
 
         Args:
             parameters: of `Gaussians.state_dict()`.
-            camera: that looks, relative to the Gaussians' origin.
+            camera: of the view, relative to the Gaussians' origin.
             dynamic: features [n, D].
         """
         means, sh = parameters["means"].detach(), parameters["sh"]
@@ -84,7 +84,7 @@ class Fusion(nn.Module):
         return torch.cat([sh[:, :1] + offset, sh[:, 1:]], dim=1)
 
     def enclose(self, points: NDArray[np.float32]) -> None:
-        """Tell positions in a cube that holds 95 % of the points [N, 3] along each axis."""
+        """Make positions relative to a cube that holds 95 % of the points [N, 3] along each axis."""
         low, high = np.quantile(points, 0.025, axis=0), np.quantile(points, 0.975, axis=0)
         self.middle.copy_(torch.from_numpy((low + high) / 2))
         self.side.fill_(max(float((high - low).max()) / 2, 1e-6))

@@ -10,13 +10,13 @@ from torch import Tensor
 
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.fusion import Fusion
-from baselines.splatting.appearance.appearance import in_sight, moved, tensors
+from baselines.splatting.appearance.gaussians import in_sight, moved, tensors
 from baselines.splatting.appearance.view_means import mean_over_views
 from baselines.splatting.gaussians import Gaussians
 from hydroviews.scene.cameras import Camera
 
 
-def averaged(
+def average_features(
     gaussians: Gaussians, appearance: ReferenceAppearance, cameras: Sequence[Camera], near: float, antialiased: bool
 ) -> Gaussians:
     """The same Gaussians, whose features are the means of their dynamic ones [N, D] over the training views.
@@ -38,18 +38,18 @@ def averaged(
 
 
 @torch.no_grad()
-def looking(gaussians: Gaussians, fusion: Fusion, camera: Camera) -> Gaussians:
-    """What averaged Gaussians look like to a camera, those in sight, ready to be rendered."""
+def coloured_for(gaussians: Gaussians, fusion: Fusion, camera: Camera) -> Gaussians:
+    """Gaussians with average features in the colours they show to a camera, those in sight, ready to be rendered."""
     local = moved(camera, gaussians.origin)
     rows, seen = in_sight(tensors(gaussians, fusion.middle.device), local)
     sh = fusion.coloured(seen, local, seen["features"])
     return replace(gaussians.bare().select(rows.cpu().numpy()), sh=np.ascontiguousarray(sh.cpu().numpy()))
 
 
-def from_everywhere(
+def mean_colours(
     gaussians: Gaussians, fusion: Fusion, cameras: Sequence[Camera], near: float, antialiased: bool
 ) -> NDArray[np.float32]:
-    """Coefficients [N, 3] of degree 0 for viewers: means of what averaged Gaussians show to the training cameras."""
+    """Coefficients [N, 3] of degree 0 for viewers: means of what the training cameras are shown of average features."""
 
     def first(_: int, camera: Camera, seen: dict[str, Tensor]) -> Tensor:
         return fusion.coloured(seen, camera, seen["features"])[:, 0]

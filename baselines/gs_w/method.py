@@ -29,7 +29,7 @@ from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT, ReferenceConfig
 from baselines.gs_w.encoder import load_resnet
 from baselines.gs_w.fusion import Fusion
-from baselines.gs_w.mean_appearance import averaged, from_everywhere, looking
+from baselines.gs_w.mean_appearance import average_features, coloured_for, mean_colours
 from baselines.gs_w.objective import VisibleObjective
 from baselines.method import TrainingSummary
 from baselines.splatting.config import TrainerConfig
@@ -121,14 +121,14 @@ class GaussianInTheWild(GaussianSplatting):
         assert appearance is not None
         cameras = [view.camera for view in scene.train_views]
         seen_with = trained.near, self.splatting.antialiased
-        gaussians = averaged(trained.gaussians, appearance, cameras, *seen_with)
+        gaussians = average_features(trained.gaussians, appearance, cameras, *seen_with)
         self._trained = replace(trained, gaussians=gaussians)
         self._fusion = appearance.fusion.cpu()
-        self._shown = from_everywhere(gaussians, self._fusion, cameras, *seen_with)
+        self._shown = mean_colours(gaussians, self._fusion, cameras, *seen_with)
 
     def gaussians_for_camera(self, camera: Camera) -> Gaussians:
-        """See GaussianSplatting; the mean look."""
-        return looking(self._require().gaussians, self._fusion, camera)
+        """See GaussianSplatting; with the mean appearance."""
+        return coloured_for(self._require().gaussians, self._fusion, camera)
 
     def export_gaussians(self) -> Gaussians:
         """See GaussianSplatting; what is added to the Gaussians' own colours is the mean over the training cameras."""

@@ -10,16 +10,30 @@ from baselines.splatting.strategies.relocation import MCMCStrategy
 
 @dataclass(frozen=True)
 class EarlyStop:
-    """When to stop before all iterations are done: a few training views are held in, not learnt from but looked at."""
+    """When to stop before all iterations are done: a few training views validate, and nothing is learnt from them."""
 
-    views: int = 3  # held in, spread evenly over the training views
-    every: int = 500  # iterations between two looks
-    patience: int = 4  # looks in a row without a smaller loss after which training stops
+    views: int = 3  # that validate, spread evenly over the training views
+    every: int = 500  # iterations between two validations
+    patience: int = 4  # validations in a row without a smaller loss after which training stops
 
 
 @dataclass(frozen=True)
 class TrainerConfig:
-    """How to train; the defaults are those of Kerbl et al. 2023."""
+    """How to train. The default numbers are those of Kerbl et al. 2023; this is what differs from their code.
+
+    * `near` is a hundredth of the scene's extent; theirs is 0.2 world units, whatever these are.
+    * The extent leaves out cameras that lie far from all others (`initialisation.scene_extent`).
+    * No Gaussian starts larger than a twentieth of the extent; fewer than 100 scene points are filled up with 10,000
+      random ones (`initialisation.initialise`).
+    * The spherical-harmonic degree rises one step later, and the positions' rate falls from the first step on: steps
+      count from 0, theirs from 1.
+    * Whatever `DefaultStrategy` lists.
+
+    Lengths and iterations are in the units that each comment names; a training's own images set its resolution.
+
+    Raises:
+        ValueError: shares of `resolutions` that add up to more than 1, or factors below 1.
+    """
 
     iterations: int = 30_000
     sh_degree: int = 3

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.splatting.appearance.appearance import Appearance
+from baselines.splatting.appearance.base import Appearance
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Target, photometric_loss, prepare_target
 from baselines.training.images import Size, TrainingImages
@@ -19,7 +19,7 @@ TARGET_PLANES = 3  # of the size of the picture in float32
 class Objective:
     """The photometric loss against the photographs. Methods derive from it to change what is compared, and how.
 
-    Whatever a derived class learns on the way it returns from `arrays` and takes back in `load_state_dict`, so that
+    Whatever a derived class learns on the way it returns from `state_dict` and takes back in `load_state_dict`, so that
     checkpoints hold it.
     """
 
@@ -29,6 +29,12 @@ class Objective:
         self._targets: dict[tuple[int, Size], Target] = {}
         self._room = PREPARED_BYTES
         self.appearance = appearance  # what gives Gaussians their colours, where it is not spherical harmonics alone
+
+    @property
+    def is_photometric(self) -> bool:
+        """Whether it is the photometric loss alone, which a GPU calculates itself; others need the CPU's kernels."""
+        compared_by = ("__call__", "compare", "target")
+        return all(getattr(type(self), name) is getattr(Objective, name) for name in compared_by)
 
     def target(self, view: int, size: Size | None = None) -> Target:
         """A training view as the loss wants it, at its own size or a smaller one; kept while there is room."""
@@ -46,7 +52,7 @@ class Objective:
     def compare(
         self, images: Sequence[Image], view: int, iteration: int, buffers: BufferPool
     ) -> tuple[float, Sequence[Image]]:
-        """The loss of a view's looks, in the order of `Appearance.looks`, and its gradients by each of them."""
+        """The loss of a view's renders, one for each of `Appearance.sh_sets`, and its gradient by each of them."""
         loss, gradient = self(images[0], view, iteration, buffers)
         return loss, [gradient, *(np.zeros_like(image) for image in images[1:])]
 
@@ -57,13 +63,13 @@ class Objective:
             image: rendered, [H, W, 3]; so is the gradient.
             view: index of the training view.
             iteration: of the training.
-            workspace: buffers to reuse.
+            buffers: memory to reuse.
         """
         target = self.target(view, (image.shape[0], image.shape[1]))
         return photometric_loss(image, target, self.lambda_dssim, buffers=buffers)
 
     def residual(self, image: Image, view: int, buffers: BufferPool) -> float:
-        """The loss of a rendered view that is only looked at; learns nothing from it."""
+        """The loss of a rendered validation view; learns nothing from it."""
         return photometric_loss(image, self.target(view), self.lambda_dssim, buffers=buffers)[0]
 
     def settings(self) -> dict[str, Any]:
@@ -77,7 +83,7 @@ class Objective:
         return {f"appearance.{name}": value for name, value in learnt.items()}
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
-        """Take back what `arrays` returned."""
+        """Take back what `state_dict` returned."""
         if self.appearance is not None:
             start = "appearance."
             self.appearance.load_training_state(

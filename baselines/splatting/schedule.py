@@ -1,11 +1,12 @@
 """What is a function of the iteration alone: view order, resolution, learning rates, spherical-harmonic degree.
 
-Nothing here keeps state, so training that is taken up at iteration i goes on exactly as it would have.
+Nothing here keeps state, so training that resumes at iteration i goes on exactly as it would have.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import IntEnum, unique
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,20 @@ from baselines.splatting.kernels.spherical_harmonics import coefficients
 from hydroviews.errors import InputError
 from hydroviews.scene.cameras import Camera
 
-VIEW_ORDER, SPLITTING, RELOCATION, NOISE = 1, 2, 3, 4  # random streams
+
+@unique
+class Stream(IntEnum):
+    """What a training draws random numbers for: each purpose has a generator of its own, whoever else draws.
+
+    All purposes stand here, those of methods too; a number is never used twice, nor changed, as the seed's bits go by.
+    """
+
+    VIEW_ORDER = 1
+    SPLITTING = 2
+    RELOCATION = 3
+    NOISE = 4
+    DROPOUT = 5  # of features: GS-W's of maps, WildGaussians' of a lesson
+    ABSENCE = 6  # GS-W's steps without a reference
 
 
 @dataclass(frozen=True)
@@ -31,30 +45,30 @@ class LearningRates:
     final: float = 1.0  # what all but the means' rates have fallen to at the end, as a factor
 
 
-def random_stream(seed: int, purpose: int, index: int) -> np.random.Generator:
+def random_stream(seed: int, purpose: Stream, index: int) -> np.random.Generator:
     """The generator for one purpose at one point of the training."""
-    return np.random.default_rng((seed, purpose, index))
+    return np.random.default_rng((seed, int(purpose), index))
 
 
 def view_at(iteration: int, n_views: int, seed: int) -> int:
     """Which view a step learns from: every view once an epoch, in a new random order each time."""
     epoch, position = divmod(iteration, n_views)
-    return int(random_stream(seed, VIEW_ORDER, epoch).permutation(n_views)[position])
+    return int(random_stream(seed, Stream.VIEW_ORDER, epoch).permutation(n_views)[position])
 
 
-def validation_views(n_views: int, n_held: int) -> tuple[int, ...]:
-    """Which of the training views are only looked at: spread evenly.
+def validation_views(n_views: int, n_validation: int) -> tuple[int, ...]:
+    """Which of the training views validate, and are not learnt from: spread evenly.
 
     Raises:
         InputError: none would be left to learn from.
     """
-    if n_held >= n_views:
+    if n_validation >= n_views:
         raise InputError(
             "early stop: no training view is left to learn from",
-            found=f"{n_views} views, of which {n_held} are held in",
-            fix="hold fewer in",
+            found=f"{n_views} views, of which {n_validation} validate",
+            fix="validate on fewer",
         )
-    return tuple(int((k + 0.5) * n_views / n_held) for k in range(n_held))
+    return tuple(int((k + 0.5) * n_views / n_validation) for k in range(n_validation))
 
 
 def sh_degree_at(iteration: int, raise_every: int, highest: int) -> int:

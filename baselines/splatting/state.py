@@ -1,13 +1,14 @@
 """What training changes, and how Gaussians come and go with their moments."""
 
-import sys
+import logging
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from baselines.splatting.gaussians import Gaussians, concatenate
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,7 @@ class TrainingState:
     seen: NDArray[np.float32]  # [N], views that showed the Gaussian since then
     iteration: int = 0  # steps done
     seconds: float = 0.0  # time spent on them, over all sessions
-    residuals: tuple[float, ...] = ()  # mean losses of the held-in views, one a look
+    residuals: tuple[float, ...] = ()  # mean losses of the validation views, one a validation
     non_finite: int = 0  # Gaussians removed so far because a parameter was not finite
 
     def keep(self, which: NDArray[np.bool_]) -> "TrainingState":
@@ -56,7 +57,7 @@ def finite(gaussians: Gaussians) -> NDArray[np.bool_]:
 
 
 def without_non_finite(state: TrainingState) -> TrainingState:
-    """Only the Gaussians whose parameters are all finite; says on stderr, the first time, what was removed.
+    """Only the Gaussians whose parameters are all finite; logs a warning, the first time, of what was removed.
 
     Until then they are harmless: no renderer shows them, so their gradients are zero.
     """
@@ -70,10 +71,13 @@ def without_non_finite(state: TrainingState) -> TrainingState:
             for name, v in state.gaussians.state_dict().items()
         }
         where = ", ".join(f"{name} of {number}" for name, number in bad.items() if number)
-        tqdm.write(
-            f"training: {count} of {len(whole)} Gaussians are removed after iteration {state.iteration}, as they "
-            f"are NaN or infinite: {where}. It will not be said again.",
-            file=sys.stderr,
+        logger.warning(
+            "training: %d of %d Gaussians are removed after iteration %d, as they are NaN or infinite: %s. "
+            "Later ones are only counted.",
+            count,
+            len(whole),
+            state.iteration,
+            where,
         )
     return replace(state.keep(whole), non_finite=state.non_finite + count)
 

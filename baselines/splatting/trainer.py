@@ -9,7 +9,7 @@ import numpy as np
 from tqdm import tqdm
 
 from baselines.splatting import schedule
-from baselines.splatting.appearance.appearance import equipped
+from baselines.splatting.appearance.gaussians import with_appearance
 from baselines.splatting.backends.base import Backend, make_backend
 from baselines.splatting.backends.warm_up import warm_up
 from baselines.splatting.config import TrainerConfig
@@ -68,7 +68,7 @@ def train(scene: Scene, config: TrainerConfig, seed: int, folder: Path, objectiv
         config.device, objective, np.asarray(config.background, np.float32), near, config.antialiased
     )
     # On a GPU the plain loss is torch's; those of methods, and looks at held-in views, are kernels of the CPU.
-    kernels = backend.device == "cpu" or type(objective) is not Objective or config.early_stop
+    kernels = backend.device == "cpu" or not objective.is_photometric or config.early_stop
     compile_seconds = warm_up(config.sh_degree) if kernels else 0.0
 
     fingerprint = fingerprint_of(
@@ -81,7 +81,7 @@ def train(scene: Scene, config: TrainerConfig, seed: int, folder: Path, objectiv
         objective.load_state_dict(learnt)
     else:
         start = initialise(scene.points, cameras, config.sh_degree, seed)
-        state = fresh_state(equipped(start, objective.appearance))
+        state = fresh_state(with_appearance(start, objective.appearance))
     state = run.finish(state)
     return Trained(
         gaussians=state.gaussians,

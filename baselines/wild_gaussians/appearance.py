@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn.functional import pad
 
-from baselines.splatting.appearance.appearance import Appearance
+from baselines.splatting.appearance.base import Appearance
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.spherical_harmonics import C0
 from baselines.training.torch_state import module_arrays, restore_module
@@ -44,7 +44,7 @@ class AppearanceConfig:
 
 
 class WildAppearance(Appearance):
-    """Two looks a view: toned, which is what the view shows, and plain."""
+    """Two sets of colours a view: toned, which the view shows, and plain."""
 
     def __init__(self, views: int, bounds: Bounds, iterations: int, config: AppearanceConfig, seed: int) -> None:
         """An appearance that changes next to nothing yet.
@@ -76,7 +76,7 @@ class WildAppearance(Appearance):
         """Fourier features [N, 24] of the positions in the scene's bounds."""
         return fourier((gaussians.origin + gaussians.means - self._bounds.centre) / self._bounds.radius)
 
-    def looks(self, parameters: dict[str, Tensor], camera: Camera, view: int, degree: int) -> tuple[Tensor, ...]:
+    def sh_sets(self, parameters: dict[str, Tensor], camera: Camera, view: int, degree: int) -> tuple[Tensor, ...]:
         """See Appearance."""
         sh = parameters["sh"]
         gain, offset = self.change(sh[:, 0], parameters["features"], self.views[view])

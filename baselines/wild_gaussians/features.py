@@ -1,11 +1,12 @@
 """Frozen networks that see what is in a picture: DINOv2 (Oquab et al. 2023), as in WildGaussians, or LPIPS' AlexNet.
 
+Which of them is a setting, which runs record: nothing is chosen by what can be had.
+
 Pictures of one thing have features that point the same way; 1 - cosine is how unlike they are. How large it is for a
 render that is merely not sharp yet, and how large for something else altogether, is another matter in each network:
 `alike` and `unlike` are the values that stand for 0 and 1 in the uncertainty's loss.
 """
 
-import sys
 from typing import ClassVar, Literal, Protocol
 
 import cv2
@@ -14,17 +15,15 @@ import torch
 from torch import Tensor
 from torch.nn.functional import normalize
 
+from baselines.wild_gaussians.dinov2 import PATCH, load_dinov2, memory_of
 from hydroviews.errors import InputError
 from hydroviews.metrics.lpips import MINIMUM_SIZE, activations, weights_of
 from hydroviews.scene.images import Image
 
-Wanted = Literal["dinov2", "alexnet", "auto"]
+Network = Literal["dinov2", "alexnet"]
+NETWORKS: tuple[Network, ...] = ("dinov2", "alexnet")
 LONGEST = 350  # pixels that the longer side of a picture is shrunk to
 LEVELS = 3  # of AlexNet's convolutions
-PATCH = 14  # pixels of DINOv2's patches
-BLOCK = 5  # of its twelve: the authors look at the sixth
-# The code that is fetched and run is that of one commit.
-REPOSITORY, MODEL = "facebookresearch/dinov2:12592a9bdfea0a6e4ee4767cd5a8d3195c0e3509", "dinov2_vits14_reg"
 MEAN, DEVIATION = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)  # of ImageNet
 
 
@@ -57,7 +56,7 @@ class AlexNet:
 
     def __init__(self, device: str) -> None:
         self._device = torch.device(device)
-        weights_of("alex", self._device)  # now rather than at the first picture, so that a lack of them is told early
+        weights_of("alex", self._device)  # now rather than at the first picture, so that a lack of them shows early
 
     @torch.no_grad()
     def __call__(self, image: Image) -> Tensor:
@@ -72,16 +71,14 @@ class AlexNet:
 
 
 class DinoV2:
-    """ViT-S/14 with registers by torch.hub: 384 channels, one position for 14x14 pixels; unlike is a cosine of 0.5."""
+    """ViT-S/14 with registers, sixth block: 384 channels, a position for 14x14 pixels; unlike is a cosine of 0.5."""
 
     name: ClassVar[str] = "dinov2"
     alike: ClassVar[float] = 0.0
     unlike: ClassVar[float] = 0.5
 
     def __init__(self, device: str) -> None:
-        # The validation that is skipped knows branches and tags alone.
-        network = torch.hub.load(REPOSITORY, MODEL, trust_repo=True, verbose=False, skip_validation=True)
-        self._network = network.to(device).eval()
+        self._network = load_dinov2(torch.device(device))
         self._mean, self._deviation = (torch.tensor(v, device=device).view(3, 1, 1) for v in (MEAN, DEVIATION))
 
     @torch.no_grad()
@@ -91,25 +88,17 @@ class DinoV2:
         height, width = (PATCH * -(-side // PATCH) for side in small.shape[:2])
         whole = np.asarray(cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
         x = (planes(whole, self._mean.device) - self._mean) / self._deviation
-        return self._network.get_intermediate_layers(x[None], n=[BLOCK], reshape=True)[0][0]
+        with memory_of(x.device):
+            return self._network(x)
 
 
-def find_features(wanted: Wanted, device: str) -> Features:
-    """The network asked for; for "auto" DINOv2 where it can be fetched, else AlexNet, and it is said.
+def make_features(network: Network, device: str) -> Features:
+    """The network of a name, on a device.
 
     Raises:
-        InputError: DINOv2 is asked for and cannot be had; or AlexNet's weights can neither be found nor fetched.
+        InputError: its weights can neither be found nor fetched, are not the published ones, or do not fit the memory.
     """
-    if wanted == "alexnet":
-        return AlexNet(device)
-    try:
-        return DinoV2(device)
-    except (OSError, RuntimeError, ImportError) as error:
-        if wanted == "dinov2":
-            fix = "connect to the net once, or choose the features alexnet"
-            raise InputError(f"{REPOSITORY}: torch.hub cannot load {MODEL}", found=error, fix=fix) from error
-        print(f"uncertainty: no DINOv2 ({error}); the features are AlexNet's", file=sys.stderr)
-        return AlexNet(device)
+    return DinoV2(device) if network == "dinov2" else AlexNet(device)
 
 
 def unlikeness(one: Tensor, other: Tensor) -> Tensor:

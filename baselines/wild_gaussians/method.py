@@ -1,14 +1,15 @@
 """WildGaussians (Kulhanek et al. 2024): splatting for photographs in changing light with things in the way.
 
 Gaussians are toned for each view by an appearance model (`appearance.py`), and pixels that show what is not of
-the scene, told by frozen features, do not count (`uncertainty.py`). Two looks of the Gaussians are rendered a
-step: the toned one is compared by L1, the plain one by SSIM. Some Gaussians start far off, for the sky
+the scene, by frozen features, do not count (`uncertainty.py`). The Gaussians are rendered in two sets of
+colours a step: the toned image is compared by L1, the plain one by SSIM. Some Gaussians start far off, for the sky
 (`sky.py`). Views that were not trained on show each Gaussian as those that were do in the mean (`mean_appearance.py`).
 
 Where it deviates from the paper, beside what those files say: the densification is ours, by absolute gradients as
 theirs, without Mip-Splatting's 3D filter; the 2D one is there in the profile `paper`.
 """
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -33,12 +34,15 @@ from baselines.training.devices import chosen_device
 from baselines.training.images import TrainingImages, read_images
 from baselines.training.torch_state import one_thread
 from baselines.wild_gaussians.appearance import AppearanceConfig, WildAppearance
-from baselines.wild_gaussians.features import find_features
+from baselines.wild_gaussians.features import NETWORKS, make_features
 from baselines.wild_gaussians.mean_appearance import mean_appearance
 from baselines.wild_gaussians.sky import bounds_of, with_room, with_sky
 from baselines.wild_gaussians.uncertainty import Uncertainty, UncertaintyConfig
+from hydroviews.errors import InputError
 from hydroviews.scene.images import Image
 from hydroviews.scene.scenes import Scene
+
+FEATURES = "HYDROVIEWS_FEATURES"  # environment variable: the uncertainty's network in place of the profile's
 
 
 @dataclass(frozen=True)
@@ -83,7 +87,7 @@ PROFILES = {
 
 
 class WildObjective(Objective):
-    """L1 of the toned look and SSIM of the plain one, over the pixels that are taken for the scene's."""
+    """L1 of the toned image and SSIM of the plain one, over the pixels that are taken for the scene's."""
 
     def __init__(
         self,
@@ -143,9 +147,25 @@ class WildObjective(Objective):
 
 
 class WildGaussians(GaussianSplatting):
-    """Splatting with appearance, uncertainty and sky. The trained model is its mean look: ordinary Gaussians."""
+    """Splatting with appearance, uncertainty and sky. The trained model has the mean appearance: ordinary Gaussians."""
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
+
+    @classmethod
+    def configuration(cls, profile: str) -> Any:
+        """See Method; $HYDROVIEWS_FEATURES, where it is set, becomes a setting as any other.
+
+        Raises:
+            InputError: no such profile, or no such network.
+        """
+        config: WildConfig = super().configuration(profile)
+        named = os.environ.get(FEATURES)
+        if not named or not config.uncertainty:
+            return config
+        network = next((known for known in NETWORKS if known == named), None)
+        if network is None:
+            raise InputError(f"{FEATURES}={named}: unknown", expected=" or ".join(NETWORKS))
+        return replace(config, uncertainty=replace(config.uncertainty, features=network))
 
     @property
     def splatting(self) -> TrainerConfig:
@@ -174,11 +194,11 @@ class WildGaussians(GaussianSplatting):
         self.found["sky"] = len(scene.points) - before
 
     def _uncertainty(self, images: TrainingImages) -> Uncertainty | None:
-        """Untaught, if it is wanted; `used` will say from which features."""
+        """Before its first step, if it is wanted; `used` will name the features."""
         config: WildConfig = self.config
         if not config.uncertainty:
             return None
-        features = find_features(config.uncertainty.features, chosen_device(config.splatting.device, GSPLAT))
+        features = make_features(config.uncertainty.features, chosen_device(config.splatting.device, GSPLAT))
         self.found["uncertainty"] = features.name
         return Uncertainty(images, features, config.uncertainty, config.splatting.strategy, self.seed)
 

@@ -25,15 +25,14 @@ from torch import Tensor, nn
 from torch.nn.functional import interpolate, softplus
 from tqdm import tqdm
 
-from baselines.splatting.schedule import random_stream
+from baselines.splatting.schedule import Stream, random_stream
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.strategies.relocation import MCMCStrategy
 from baselines.training.images import Size, TrainingImages
 from baselines.training.torch_state import module_arrays, restore_module
-from baselines.wild_gaussians.features import Features, Wanted, unlikeness
+from baselines.wild_gaussians.features import Features, Network, unlikeness
 from hydroviews.scene.images import Image
 
-DROPOUT = 5  # random stream
 FLAT = 1e-6  # features that vary less are left out
 
 
@@ -41,7 +40,7 @@ FLAT = 1e-6  # features that vary less are left out
 class UncertaintyConfig:
     """Settings; the defaults are the authors'. Iterations count from 0."""
 
-    features: Wanted = "auto"  # dinov2, alexnet, or the first of them that can be had
+    features: Network = "dinov2"  # what is seen of pictures: dinov2, as in the paper, or alexnet
     start: int = 10_000  # all pixels count before
     warm_up: int = 1800  # iterations over which the weights turn from 1 to those predicted
     protected: int = 500  # iterations after a reset of the opacities in which nothing is learnt from the renders
@@ -151,7 +150,7 @@ class Uncertainty:
 
     def _dropped(self, iteration: int) -> Tensor:
         """Factors [C, 1, 1] that leave some of the features out, and make up for it."""
-        kept = random_stream(self.seed, DROPOUT, iteration).random(self.head.in_features) >= self.config.dropout
+        kept = random_stream(self.seed, Stream.DROPOUT, iteration).random(self.head.in_features) >= self.config.dropout
         return torch.from_numpy(kept / (1 - self.config.dropout)).to(self._mean)[:, None, None]
 
     def _shown(self, view: int, like: Tensor) -> Tensor | float:

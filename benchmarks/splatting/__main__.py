@@ -14,16 +14,16 @@ import tyro
 from baselines.splatting.backends.warm_up import warm_up
 from benchmarks.splatting.curves import growth_curves
 from benchmarks.splatting.error import cutoffs, precision
-from benchmarks.splatting.speed import growth, looks, speeds
+from benchmarks.splatting.speed import colours, growth, speeds
 from hydroviews.files.atomic import write_bytes
 
-Part = Literal["speed", "growth", "looks", "precision", "cutoffs"]
+Part = Literal["speed", "growth", "colours", "precision", "cutoffs"]
 
 
 def main(
     folder: Path = Path("results/bench"),
     repeats: int = 15,
-    parts: tuple[Part, ...] = ("speed", "growth", "looks", "precision", "cutoffs"),
+    parts: tuple[Part, ...] = ("speed", "growth", "colours", "precision", "cutoffs"),
 ) -> None:
     """Measure and report.
 
@@ -36,7 +36,7 @@ def main(
     measure = {
         "speed": lambda: speeds(repeats),
         "growth": lambda: growth(repeats),
-        "looks": lambda: looks(repeats),
+        "colours": lambda: colours(repeats),
         "precision": precision,
         "cutoffs": cutoffs,
     }
@@ -53,11 +53,11 @@ def report(part: str, table: pd.DataFrame) -> None:
     titles = {
         "speed": "milliseconds",
         "growth": "milliseconds",
-        "looks": "milliseconds",
+        "colours": "milliseconds",
         "precision": "error against float64 with the same cut-offs",
         "cutoffs": "float64 with cut-offs against float64 without",
     }
-    style = "{:.2f}".format if part in ("speed", "growth", "looks") else "{:.1e}".format
+    style = "{:.2f}".format if part in ("speed", "growth", "colours") else "{:.1e}".format
     print(f"\n{titles[part]}\n{table.to_string(index=False, float_format=style)}")
 
 

@@ -14,7 +14,7 @@ from baselines.splatting import objective
 from baselines.splatting.backends import base as backends
 from baselines.splatting.kernels import binning, blending, blending_gradient, projection, projection_gradient
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.rasterizer import backward, backward_looks, render, render_looks
+from baselines.splatting.kernels.rasterizer import backward, backward_sh_sets, render, render_sh_sets
 from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import LearningRates, rates_at
 from baselines.splatting.state import fresh_state
@@ -25,12 +25,12 @@ COUNTS = (10_000, 30_000, 50_000, 200_000)
 SIZES = ((400, 300), (800, 600))
 GROWING_COUNTS = (5_000, 10_000, 20_000, 50_000, 100_000, 200_000, 400_000)
 GROWING_SIZES = ((160, 120), (240, 180), (400, 300), (640, 480), (800, 600), (1200, 900), (1600, 1200))
-LOOKS, LOOKED_AT = (1, 2, 3), (30_000, 60_000)
+SETS, COLOURED = (1, 2, 3), (30_000, 60_000)
 STAGES = {
     "project": (projection, "project"),
     "sort": (binning, "depth_order"),
     "count": (binning, "count_pairs"),
-    "deal": (binning, "deal_pairs"),
+    "list": (binning, "list_pairs"),
     "blend": (blending, "blend"),
     "loss": (objective, "photometric_loss"),
     "blend gradient": (blending_gradient, "blend_gradient"),
@@ -38,7 +38,7 @@ STAGES = {
     "observe": (backends, "observe"),
     "adam": (backends, "adam_step"),
 }
-RASTER = ("project", "sort", "count", "deal", "blend", "blend gradient", "project gradient")
+RASTER = ("project", "sort", "count", "list", "blend", "blend gradient", "project gradient")
 STILL = LearningRates(means=1e-12, means_final=1e-12, sh=0, sh_rest=0, opacity=0, scales=0, quaternions=0)
 
 
@@ -56,21 +56,21 @@ def growth(repeats: int) -> pd.DataFrame:
     return pd.DataFrame([speed(*turn, repeats) for turn in tqdm(turns, desc="growth", leave=False)])
 
 
-def looks(repeats: int) -> pd.DataFrame:
-    """Milliseconds of rasterizing looks forwards and backwards, at once and one by one, for all numbers of threads."""
-    cases = [(n, number, threads) for threads in thread_counts() for n in LOOKED_AT for number in LOOKS]
-    return pd.DataFrame([of_looks(*case, repeats) for case in tqdm(cases, desc="looks", leave=False)])
+def colours(repeats: int) -> pd.DataFrame:
+    """Milliseconds of rasterizing sets of colours and their gradients, at once and one by one, by threads."""
+    cases = [(n, number, threads) for threads in thread_counts() for n in COLOURED for number in SETS]
+    return pd.DataFrame([of_colours(*case, repeats) for case in tqdm(cases, desc="colours", leave=False)])
 
 
-def of_looks(n: int, number: int, threads: int, repeats: int) -> dict[str, Any]:
-    """Median milliseconds of one number of looks."""
+def of_colours(n: int, number: int, threads: int, repeats: int) -> dict[str, Any]:
+    """Median milliseconds of one number of sets of colours."""
     camera = view(*SIZES[0])
     gaussians, buffers = room(n, camera), BufferPool()
     sh = np.stack([gaussians.sh] * number)
     gradient = np.random.default_rng(0).normal(size=(number, camera.height, camera.width, 3)).astype(np.float32)
 
     def at_once() -> None:
-        backward_looks(render_looks(gaussians, sh, camera, buffers=buffers)[1], gradient)
+        backward_sh_sets(render_sh_sets(gaussians, sh, camera, buffers=buffers)[1], gradient)
 
     def one_by_one() -> None:
         for each in gradient:
@@ -81,7 +81,7 @@ def of_looks(n: int, number: int, threads: int, repeats: int) -> dict[str, Any]:
     turns = [(_seconds(at_once), _seconds(one_by_one)) for _ in range(repeats + 3)]
     numba.set_num_threads(before)
     together, apart = 1000 * np.median(turns[3:], axis=0)
-    about = {"gaussians": n, "size": f"{camera.width}x{camera.height}", "threads": threads, "looks": number}
+    about = {"gaussians": n, "size": f"{camera.width}x{camera.height}", "threads": threads, "sets": number}
     return about | {"at once": round(together, 2), "one by one": round(apart, 2)}
 
 

@@ -88,7 +88,7 @@ def _veiled_gradient(image, share, colour, decode, decode_slope, encode_slope, g
 
 
 def warm_up() -> None:
-    """Load the kernels; see `kernels.compile_apart`."""
+    """Load the kernels; see `warm_up.compile_apart`."""
     compile_apart(f"from {__name__} import exercise_kernels; exercise_kernels()", [Path(__file__)])
     exercise_kernels()
 

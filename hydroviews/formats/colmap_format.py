@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from hydroviews.errors import InputError
 from hydroviews.formats.geometry import rigid_pose
 from hydroviews.scene.lenses import Lens
+from hydroviews.scene.quaternions import rotation_entries
 
 
 class RegisteredImage(NamedTuple):
@@ -91,14 +92,7 @@ def _rotation(quaternion: NDArray[np.float64], where: str) -> NDArray[np.float64
     length = np.linalg.norm(quaternion)
     if not (np.isfinite(length) and length > 0):
         raise InputError(f"{where}: the pose has numbers that are not finite, or no rotation", found=quaternion)
-    w, x, y, z = quaternion / length
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    return np.array(rotation_entries(*(quaternion / length))).reshape(3, 3)
 
 
 def _records(path: Path, binary: Any, text: Any) -> Iterator[tuple]:

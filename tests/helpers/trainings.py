@@ -37,7 +37,7 @@ class Interrupted(Objective):
 
 
 def crashed_and_resumed(scene, config, iteration, folder):
-    """What a training becomes that breaks off in a step and is then taken up again."""
+    """What a training becomes that breaks off in a step and is then resumed."""
 
     def crash():
         raise RuntimeError("power cut")

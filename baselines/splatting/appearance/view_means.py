@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from tqdm import tqdm
 
-from baselines.splatting.appearance.appearance import in_sight, moved, tensors
+from baselines.splatting.appearance.gaussians import in_sight, moved, tensors
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.strategies.pruning import contributions

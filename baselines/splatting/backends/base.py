@@ -7,11 +7,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.splatting.appearance.appearance import Dressed, dressed
+from baselines.splatting.appearance.gaussians import AppearanceGaussians, gaussians_in_view
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.adam import adam_step
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.rasterizer import Gradients, backward, backward_looks, render, render_looks
+from baselines.splatting.kernels.rasterizer import Gradients, backward, backward_sh_sets, render, render_sh_sets
 from baselines.splatting.objective import Objective
 from baselines.splatting.state import TrainingState, finite
 from baselines.splatting.strategies.base import StepOptions
@@ -56,7 +56,7 @@ class Backend(Protocol):
             iteration: from 0.
             degree: spherical-harmonic degree in use.
             rates: from `schedule.rates_at`.
-            duties: what the strategy asks for besides.
+            step_options: what the strategy asks for besides.
         """
 
 
@@ -70,8 +70,8 @@ class CpuBackend:
     ) -> None:
         self._objective = objective
         self._background = background
-        self._workspace = BufferPool()
-        self._how: dict[str, Any] = {"near": near, "antialiased": antialiased, "buffers": self._workspace}
+        self._buffers = BufferPool()
+        self._render_options: dict[str, Any] = {"near": near, "antialiased": antialiased, "buffers": self._buffers}
         self._state: TrainingState | None = None
 
     def put(self, state: TrainingState) -> None:
@@ -91,20 +91,20 @@ class CpuBackend:
     def residual(self, camera: Camera, view: int, degree: int) -> float:
         """See Backend."""
         assert self._state is not None
-        shown = dressed(self._state.gaussians, self._objective.appearance, camera, view, degree)
-        image, _ = render(shown, camera, self._background, min(degree, shown.sh_degree), **self._how)
-        return self._objective.residual(image, view, self._workspace)
+        shown = gaussians_in_view(self._state.gaussians, self._objective.appearance, camera, view, degree)
+        image, _ = render(shown, camera, self._background, min(degree, shown.sh_degree), **self._render_options)
+        return self._objective.residual(image, view, self._buffers)
 
     def contributions(self, cameras: Sequence[Camera]) -> NDArray[np.float64]:
         """See Backend."""
         assert self._state is not None
-        return contributions(self._state.gaussians, cameras, **self._how)
+        return contributions(self._state.gaussians, cameras, **self._render_options)
 
     def step(
         self, camera: Camera, view: int, iteration: int, degree: int, rates: Rates, step_options: StepOptions
     ) -> float:
         """See Backend."""
-        state, buffers = self._state, self._workspace
+        state, buffers = self._state, self._buffers
         assert state is not None
         loss, gradients, rank = self._learn(state.gaussians, camera, view, iteration, degree)
         if step_options.watch:
@@ -116,7 +116,7 @@ class CpuBackend:
         for (name, values), (first, second) in zip(state.gaussians.state_dict().items(), moments, strict=True):
             adam_step(values, getattr(gradients.parameters, name), first, second, iteration + 1, rates[name])
         if step_options.noise:
-            add_noise(state.gaussians, step_options, buffers.array("noise", state.gaussians.means.shape))
+            add_noise(state.gaussians, step_options.noise, buffers.array("noise", state.gaussians.means.shape))
         return loss
 
     def _learn(
@@ -128,20 +128,22 @@ class CpuBackend:
         """
         appearance, objective = self._objective.appearance, self._objective
         if appearance is None:
-            image, state = render(gaussians, camera, self._background, degree, **self._how)
-            loss, grad_image = objective(image, view, iteration, self._workspace)
+            image, state = render(gaussians, camera, self._background, degree, **self._render_options)
+            loss, grad_image = objective(image, view, iteration, self._buffers)
             return loss, backward(state, grad_image), state.tiles.rank
-        clothes = Dressed(gaussians, appearance, camera, view, degree)
-        degree = min(degree, clothes.gaussians.sh_degree)
-        images, state = render_looks(clothes.gaussians, clothes.sh, camera, self._background, degree, **self._how)
-        loss, grad_images = objective.compare(list(images), view, iteration, self._workspace)
-        gradients, by_looks = backward_looks(state, np.stack(grad_images))
-        parameters = clothes.backward(gradients.parameters, by_looks, self._workspace)
+        visible = AppearanceGaussians(gaussians, appearance, camera, view, degree)
+        degree = min(degree, visible.gaussians.sh_degree)
+        images, state = render_sh_sets(
+            visible.gaussians, visible.sh, camera, self._background, degree, **self._render_options
+        )
+        loss, grad_images = objective.compare(list(images), view, iteration, self._buffers)
+        gradients, by_sh_sets = backward_sh_sets(state, np.stack(grad_images))
+        parameters = visible.backward(gradients.parameters, by_sh_sets, self._buffers)
         appearance.learn(iteration)
         means2d, absolute = (
-            clothes.spread(getattr(gradients, name), name, self._workspace) for name in ("means2d", "means2d_absolute")
+            visible.spread(getattr(gradients, name), name, self._buffers) for name in ("means2d", "means2d_absolute")
         )
-        rank = clothes.spread(state.tiles.rank, "rank", self._workspace, rest=-1)
+        rank = visible.spread(state.tiles.rank, "rank", self._buffers, rest=-1)
         return loss, Gradients(parameters, means2d, absolute), rank
 
 

@@ -1,8 +1,8 @@
 """The same training steps on an NVIDIA GPU with gsplat (Ye et al. 2024), written against its version 1.5.3.
 
 Steps stay on the GPU; refinement, every hundred steps, is the CPU's: the state is copied over and back. gsplat lets
-a Gaussian cover 0.999 of a pixel where we stop at 0.99, so renders of very opaque scenes differ a little. Looks are
-rendered one after the other, so that absolute gradients are those of each look, added up; the kernels' are of the sum.
+a Gaussian cover 0.999 of a pixel where we stop at 0.99, so renders of very opaque scenes differ a little. Sets of
+colours are rendered one by one, so that absolute gradients are those of each, added up; the kernels' are of the sum.
 """
 
 import importlib
@@ -16,8 +16,14 @@ from gsplat import rasterization
 from numpy.typing import NDArray
 from torch import Tensor
 
-from baselines.splatting.appearance.appearance import in_sight, moved
-from baselines.splatting.backends.torch_ops import drawn, finite_rows, noise, penalty_gradient, without_non_finite
+from baselines.splatting.appearance.gaussians import in_sight, moved
+from baselines.splatting.backends.torch_ops import (
+    finite_rows,
+    normal_noise,
+    penalty_gradient,
+    position_moves,
+    without_non_finite,
+)
 from baselines.splatting.backends.torch_rasterizer import photometric_loss
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.adam import BETA1, BETA2, EPSILON
@@ -86,7 +92,7 @@ class CudaBackend:
         self._objective = objective
         self._background = torch.from_numpy(background).cuda()
         self._near, self._mode = near, "antialiased" if antialiased else "classic"
-        self._workspace = BufferPool()
+        self._buffers = BufferPool()
         self._state: _DeviceState | None = None
         if objective.appearance is not None:
             objective.appearance.cuda()
@@ -128,9 +134,9 @@ class CudaBackend:
         """See Backend."""
         state = self._current()
         with torch.no_grad():
-            _, looks = self._looks(state.parameters, camera, view, degree)
-            image, _ = self._rasterize(looks[0], state.origin, camera, degree)
-        return self._objective.residual(image.cpu().numpy(), view, self._workspace)
+            _, scenes = self._sh_sets(state.parameters, camera, view, degree)
+            image, _ = self._rasterize(scenes[0], state.origin, camera, degree)
+        return self._objective.residual(image.cpu().numpy(), view, self._buffers)
 
     def contributions(self, cameras: Sequence[Camera]) -> NDArray[np.float64]:
         """See Backend: grey Gaussians, so that no colour is clamped."""
@@ -150,8 +156,8 @@ class CudaBackend:
         """See Backend."""
         state = self._current()
         leaves = {name: value.detach().requires_grad_() for name, value in state.parameters.items()}
-        rows, looks = self._looks(leaves, camera, view, degree)
-        renders = [self._rasterize(look, state.origin, camera, degree, step_options.absolute) for look in looks]
+        rows, scenes = self._sh_sets(leaves, camera, view, degree)
+        renders = [self._rasterize(scene, state.origin, camera, degree, step_options.absolute) for scene in scenes]
         if step_options.watch:
             for _, details in renders:
                 details["means2d"].retain_grad()
@@ -168,7 +174,8 @@ class CudaBackend:
                 _adam(state, name, gradient, iteration + 1, rates[name])
             if step_options.noise:
                 means = state.parameters["means"]
-                means += noise(state.parameters, step_options, drawn(step_options, means))
+                noise = step_options.noise
+                means += position_moves(state.parameters, noise, normal_noise(noise, means))
         return loss
 
     def render(self, gaussians: Gaussians, camera: Camera) -> Image:
@@ -181,16 +188,16 @@ class CudaBackend:
         assert self._state is not None
         return self._state
 
-    def _looks(
+    def _sh_sets(
         self, parameters: dict[str, Tensor], camera: Camera, view: int, degree: int
     ) -> tuple[Rows, list[dict[str, Tensor]]]:
-        """Which Gaussians are rendered, and their parameters in every look: see appearance.Appearance."""
+        """Which Gaussians are rendered, and their parameters with every set of coefficients: see `Appearance`."""
         appearance = self._objective.appearance
         if appearance is None:
             return slice(None), [parameters]
         seen_from = moved(camera, self._current().origin)
         rows, seen = in_sight(parameters, seen_from)
-        return rows, [{**seen, "sh": sh} for sh in appearance.looks(seen, seen_from, view, degree)]
+        return rows, [{**seen, "sh": sh} for sh in appearance.sh_sets(seen, seen_from, view, degree)]
 
     def _rasterize(
         self,
@@ -227,7 +234,7 @@ class CudaBackend:
 
     def _backward(self, renders: Sequence[Tensor], view: int, iteration: int) -> float:
         """Backpropagate the objective: the plain one on the GPU, a method's own one through its numpy gradients."""
-        if type(self._objective) is Objective:
+        if self._objective.is_photometric:
             image = renders[0]
             images, size = self._objective.images, (image.shape[0], image.shape[1])
             if (view, size) not in self._targets:
@@ -239,7 +246,7 @@ class CudaBackend:
             loss.backward()
             return float(loss.detach())
         pictures = [image.detach().cpu().numpy() for image in renders]
-        value, gradients = self._objective.compare(pictures, view, iteration, self._workspace)
+        value, gradients = self._objective.compare(pictures, view, iteration, self._buffers)
         torch.autograd.backward(renders, [torch.from_numpy(np.ascontiguousarray(g)).cuda() for g in gradients])
         return value
 

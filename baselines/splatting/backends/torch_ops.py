@@ -1,4 +1,4 @@
-"""Parts of a step in torch on any device: what a strategy asks for, and broken Gaussians.
+"""Parts of a step in torch on any device: what a strategy asks for, and non-finite Gaussians.
 
 For the GPU; those of the strategy are the yardstick of the kernels as well.
 """
@@ -9,8 +9,8 @@ import torch
 from torch import Tensor
 
 from baselines.splatting.backends.torch_rasterizer import rotations
-from baselines.splatting.strategies.base import StepOptions
-from baselines.splatting.strategies.relocation import FARTHEST, GATE, GATE_STEEPNESS
+from baselines.splatting.kernels.mcmc import FARTHEST, GATE, GATE_STEEPNESS
+from baselines.splatting.strategies.base import PositionNoise, StepOptions
 
 
 def penalty_gradient(name: str, values: Tensor, step_options: StepOptions) -> Tensor | None:
@@ -23,31 +23,30 @@ def penalty_gradient(name: str, values: Tensor, step_options: StepOptions) -> Te
     return None
 
 
-def noise(parameters: dict[str, Tensor], step_options: StepOptions, normal: Tensor) -> Tensor:
+def position_moves(parameters: dict[str, Tensor], noise: PositionNoise, normal: Tensor) -> Tensor:
     """What `relocation.add_noise` adds to the positions [N, 3] for normal noise [N, 3]."""
     transparency = 1 - parameters["opacity_logits"].sigmoid()
-    weight = step_options.noise * torch.sigmoid(GATE_STEEPNESS * (transparency - GATE))
+    weight = noise.factor * torch.sigmoid(GATE_STEEPNESS * (transparency - GATE))
     axes = rotations(parameters["quaternions"]) * parameters["log_scales"].exp()[:, None]
     moves = weight[:, None] * torch.einsum("nij,nkj,nk->ni", axes, axes, normal)
     return torch.where((moves.abs() < FARTHEST).all(dim=1, keepdim=True), moves, 0.0)
 
 
-def drawn(step_options: StepOptions, like: Tensor) -> Tensor:
+def normal_noise(noise: PositionNoise, like: Tensor) -> Tensor:
     """Normal noise shaped like a tensor, on its device; the same for the same generator."""
-    assert step_options.generator is not None
-    generator = torch.Generator(like.device).manual_seed(int(step_options.generator.integers(2**62)))
+    generator = torch.Generator(like.device).manual_seed(int(noise.generator.integers(2**62)))
     return torch.randn(like.shape, generator=generator, device=like.device, dtype=like.dtype)
 
 
 def finite_rows(parameters: dict[str, Tensor]) -> Tensor:
     """Which Gaussians, bool [N], have no parameter that is NaN or infinite."""
-    # Nothing times a number is NaN for a broken one: a sixth of the time that looking at every number takes.
+    # Zero times a number is NaN where it is not finite: a sixth of the time that testing every number takes.
     nothing = [(0 * v.detach()).reshape(len(v), math.prod(v.shape[1:])).sum(dim=1) for v in parameters.values()]
     return torch.isfinite(torch.stack(nothing).sum(dim=0))
 
 
 def without_non_finite(parameters: dict[str, Tensor]) -> tuple[dict[str, Tensor], Tensor]:
-    """Ones in place of the parameters of broken Gaussians, which so get no gradient, and which are whole, bool [N]."""
+    """Ones in place of the parameters of non-finite Gaussians, which so get no gradient; and which are finite [N]."""
     whole = finite_rows(parameters)
     if whole.all():
         return parameters, whole

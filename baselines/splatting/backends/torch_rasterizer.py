@@ -7,6 +7,7 @@ from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels import constants
 from baselines.splatting.kernels.spherical_harmonics import C0, C1, C2_XX, C2_XY, C2_ZZ, C3_0, C3_1, C3_2, C3_3, C3_XX
 from hydroviews.scene.cameras import Camera
+from hydroviews.scene.quaternions import rotation_entries
 
 
 def tensors(gaussians: Gaussians) -> dict[str, Tensor]:
@@ -76,11 +77,8 @@ def basis(degree: int, directions: Tensor) -> Tensor:
 
 def rotations(quaternions: Tensor) -> Tensor:
     """Rotation matrices [N, 3, 3]."""
-    w, x, y, z = torch.nn.functional.normalize(quaternions, dim=1).unbind(1)
-    rows = [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)]
-    rows += [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)]
-    rows += [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]
-    return torch.stack(rows, 1).reshape(-1, 3, 3)
+    unit = torch.nn.functional.normalize(quaternions, dim=1)
+    return torch.stack(rotation_entries(*unit.unbind(1)), 1).reshape(-1, 3, 3)
 
 
 def photometric_loss(image: Tensor, target: Tensor, lambda_dssim: float, shown: Tensor | None = None) -> Tensor:

@@ -1,6 +1,6 @@
 """All kernels at once: compiled where they are not yet, and loaded before the clock of a training runs."""
 
-import hashlib
+import logging
 import os
 import sys
 import time
@@ -13,8 +13,8 @@ import numpy as np
 from baselines.splatting import schedule
 from baselines.splatting.backends.base import CpuBackend
 from baselines.splatting.initialisation import initialise
-from baselines.splatting.kernels.jit import FOLDER, HERE
-from baselines.splatting.kernels.rasterizer import backward_looks, render_looks
+from baselines.splatting.kernels.jit import FOLDER, HERE, digest
+from baselines.splatting.kernels.rasterizer import backward_sh_sets, render_sh_sets
 from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import LearningRates
 from baselines.splatting.state import fresh_state
@@ -25,6 +25,8 @@ from hydroviews.cli import run_process
 from hydroviews.files.atomic import write_bytes
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.scenes import no_points
+
+logger = logging.getLogger(__name__)
 
 
 def warm_up(sh_degree: int) -> float:
@@ -45,16 +47,15 @@ def compile_apart(code: str, sources: Iterable[Path]) -> None:
         code: calls them all.
         sources: the files that they are in; an edited one is compiled again.
     """
-    digest = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(sources))).hexdigest()[:12]
-    mark = Path(FOLDER) / f"compiled-{digest}"
+    mark = Path(FOLDER) / f"compiled-{digest(sources)}"
     if not mark.is_file():
-        print("compiling the kernels: once, up to a minute", file=sys.stderr, flush=True)
+        logger.warning("compiling the kernels: once, up to a minute")
         run_process([sys.executable, "-c", code], {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})
         write_bytes(mark, b"")
 
 
 def exercise_kernels(sh_degree: int) -> None:
-    """One step of training on a scene of a few Gaussians, and two looks of them."""
+    """One step of training on a scene of a few Gaussians, and two sets of their colours."""
     camera = Camera(16, 16, 16.0, 16.0, 8.0, 8.0, np.diag([1.0, 1, 1, 1]))
     gaussians = initialise(no_points(), [camera], sh_degree, 0).select(np.arange(8))
     gaussians = replace(gaussians, means=gaussians.means + np.array([0, 0, 3], np.float32))
@@ -64,5 +65,5 @@ def exercise_kernels(sh_degree: int) -> None:
     rates = schedule.rates_at(0, 1, LearningRates(), 1.0, sh_degree)
     for strategy in (DefaultStrategy(), MCMCStrategy()):
         backend.step(camera, 0, 0, sh_degree, rates, strategy.step_options(0, 1e-4, 1.0, 0))
-    images, state = render_looks(gaussians, np.stack([gaussians.sh] * 2), camera)
-    backward_looks(state, images)
+    images, state = render_sh_sets(gaussians, np.stack([gaussians.sh] * 2), camera)
+    backward_sh_sets(state, images)

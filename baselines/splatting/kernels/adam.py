@@ -1,6 +1,12 @@
 # Numba infers the types of kernels.
 # mypy: allow-untyped-defs
-"""Adam (Kingma and Ba 2015) on float32 arrays in place."""
+"""Adam (Kingma and Ba 2015, algorithm 1) on float32 arrays in place.
+
+    m <- beta1 m + (1 - beta1) g,    v <- beta2 v + (1 - beta2) g^2
+    p <- p - rate m' / (sqrt(v') + epsilon),    m' = m / (1 - beta1^t),    v' = v / (1 - beta2^t)
+
+for parameters p with gradients g, in step t.
+"""
 
 import math
 

@@ -2,9 +2,10 @@
 # mypy: allow-untyped-defs
 """Which splats touch which tile, front to back.
 
-The visible Gaussians are sorted by depth once; a stable counting sort then deals them out to the tiles, so every tile's
-list comes out in depth order without sorting (splat, tile) pairs. A pair is listed only where the splat's ellipse
-reaches the centre of a pixel of the tile.
+    list of a tile = {splat i: u_i(p)^2 + v_i(p)^2 <= CUTOFF_i at the centre p of a pixel of it}, by rising depth
+
+with u and v of `projection.py`. The visible Gaussians are sorted by depth once; a stable counting sort then lists them
+in the tiles, so every tile's list comes out in depth order without sorting (splat, tile) pairs.
 """
 
 import math
@@ -26,7 +27,7 @@ from baselines.splatting.kernels.projection import (
     Y,
 )
 
-BANDS = 8  # contiguous shares of the depth order, dealt out in parallel; fixed, so that the lists are too
+BANDS = 8  # contiguous shares of the depth order, listed in parallel; fixed, so that the lists are too
 DIGIT_BITS = 11
 DIGITS = 1 << DIGIT_BITS
 SLACK = 0.01  # pixels by which spans are widened: they are cut again, exactly, when blending
@@ -164,7 +165,7 @@ def sort_by_tile(pairs, counts, tile_start):
 
 
 @exact_kernel
-def deal_pairs(packed, tile_shift, tiles_x, tiles_y, counts, pair_start, tile_splats, pair_slot):
+def list_pairs(packed, tile_shift, tiles_x, tiles_y, counts, pair_start, tile_splats, pair_slot):
     """Write every tile's list of places in the depth order, and for each splat's pairs their slots in those lists."""
     n = packed.shape[0]
     for band in prange(BANDS):

@@ -1,10 +1,14 @@
 # Numba infers the types of kernels.
 # mypy: allow-untyped-defs
-"""Splats to pixels, front to back: colour = sum_i colour_i alpha_i T_i with T_i = prod_{j<i} (1 - alpha_j).
+"""Splats to pixels, front to back (Kerbl et al. 2023, equation 3).
+
+    colour = sum_i colour_i alpha_i T_i + background T,   T_i = prod_{j < i} (1 - alpha_j),   T = prod_j (1 - alpha_j)
+
+over the splats of a pixel's tile by rising depth, without those of alpha below 1/255, until T would fall below 1e-4.
 
 One tile at a time in a scratch buffer that stays in the first-level cache, 8 pixels of a row at a time. The buffer is
 laid out in blocks of 8 pixels, with the planes of a block one after the other, so that one pointer walks a row whatever
-the tile size is. Several looks, which differ in the splats' colours alone, are blended at once.
+the tile size is. Several sets of colours of the same splats are blended at once.
 """
 
 import math
@@ -20,21 +24,21 @@ from baselines.splatting.kernels.jit import inlined, kernel
 from baselines.splatting.kernels.projection import COLOURS, CUTOFF, HALF_HEIGHT, L11, L21, L22, LOG2_OPACITY, X, Y
 from baselines.splatting.kernels.vectors import BLOCK_BYTES, INT64, LANES, Lanes
 
-# Planes of a block; sums of red, green and blue of every look are the last. A finished pixel's transmittance is stored
-# negated; pixels outside the image start finished.
+# Planes of a block; sums of red, green and blue of every set of colours are the last. A finished pixel's transmittance
+# is stored negated; pixels outside the image start finished.
 TRANSMITTANCE, LAST, SUMS = range(3)
-CHECK_EVERY = 16  # splats between two looks at which rows are finished
+CHECK_EVERY = 16  # splats between two checks of which rows are finished
 
 
 @intrinsic
-def blend_row(typingctx, table, address, blocks, l11, u, power, log2_opacity, number, colours, looks):
+def blend_row(typingctx, table, address, blocks, l11, u, power, log2_opacity, number, colours, sets):
     """Blend one splat into `blocks` blocks of a row from `address` on.
 
     u: L11 dx + L21 dy at the first pixel; power: log2 opacity - v^2; number: the splat's place in the tile's list,
-    from 1, kept for the last splat each pixel took; colours: address of its colours, three for each of the looks.
+    from 1, kept for the last splat each pixel took; colours: address of its colours, three for each set of them.
     """
-    signature = types.void(*[types.int64] * 3, *[types.float32] * 5, types.int64, looks)
-    channels = 3 * looks.count
+    signature = types.void(*[types.int64] * 3, *[types.float32] * 5, types.int64, sets)
+    channels = 3 * sets.count
 
     def generate(context, builder, _, arguments):
         lanes = Lanes(builder, arguments[0])
@@ -127,29 +131,29 @@ def write_tile(scratch, planes, tile_size, x0, y0, columns, rows, background, im
         for column in range(columns):
             pixel = (row * row_blocks + column // LANES) * planes * LANES + column % LANES
             remaining = abs(scratch[pixel + TRANSMITTANCE * LANES])
-            for look in range(images.shape[0]):
+            for image in range(images.shape[0]):
                 for channel in range(3):
-                    seen = scratch[pixel + (SUMS + 3 * look + channel) * LANES] + remaining * background[channel]
-                    images[look, y0 + row, x0 + column, channel] = seen
+                    seen = scratch[pixel + (SUMS + 3 * image + channel) * LANES] + remaining * background[channel]
+                    images[image, y0 + row, x0 + column, channel] = seen
             transmittance[y0 + row, x0 + column] = remaining
             last[y0 + row, x0 + column] = scratch[pixel + LAST * LANES]
 
 
 @kernel
 def blend(
-    packed, tile_start, tile_splats, tile_order, tile_shift, background, workers, table, looks,
+    packed, tile_start, tile_splats, tile_order, tile_shift, background, workers, table, sets,
     transmittance, last, taken, images,
 ):  # fmt: skip
-    """Fill the images [L, H, W, 3] of all looks and what their gradients need.
+    """Fill the images [L, H, W, 3] of all sets of colours and what their gradients need.
 
     Args:
         packed: splats in depth order [n, 9 + 3 L].
-        tile_start, tile_splats: every tile's list, from `deal_pairs`.
+        tile_start, tile_splats: every tile's list, from `list_pairs`.
         tile_order: tiles, heaviest first.
         background: [3].
         workers: threads to share the tiles between; changes nothing in the result.
         table: address of `vectors.CONSTANTS`.
-        looks: a tuple of L numbers, whatever they are: each L has machine code of its own.
+        sets: a tuple of L numbers, whatever they are: each L has machine code of its own.
         transmittance: output [H, W], what is left for the background.
         last: output [H, W], number of the last splat that each pixel took, from 1 in its tile's list.
         taken: output [tiles], how far each tile's list was worked through.
@@ -191,7 +195,7 @@ def blend(
                     if blocks > 0:
                         blend_row(  # type: ignore[call-arg]  # Numba fills the typing context in
                             table, address + row * row_bytes + block * block_bytes, blocks, splat[L11], u, power,
-                            splat[LOG2_OPACITY], number, colours + tile_splats[position] * splat_bytes, looks,
+                            splat[LOG2_OPACITY], number, colours + tile_splats[position] * splat_bytes, sets,
                         )  # fmt: skip
                 position += 1
             taken[tile] = position - start

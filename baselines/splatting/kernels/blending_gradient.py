@@ -2,10 +2,12 @@
 # mypy: allow-untyped-defs
 """The gradient of blending, back to front.
 
-Going backwards, T_i = T_{i+1} / (1 - alpha_i) and one number a pixel, S_i = sum_{j>i} (colour_j . g) alpha_j T_j with
-the background as the last term, give dloss/dalpha_i = T_i (colour_i . g) - S_i / (1 - alpha_i).
-Looks share all but colours, so the sums run over the colours of all.
-Each (tile, splat) pair gets one row of moments of its own, so threads never add to the same number.
+    dloss/dcolour_i = alpha_i T_i g,      dloss/dalpha_i = T_i (colour_i . g) - S_i / (1 - alpha_i)
+
+for g = dloss/dpixel. Going backwards, T_i = T_{i+1} / (1 - alpha_i), and one number a pixel is summed up,
+S_i = sum_{j>i} (colour_j . g) alpha_j T_j with the background as the last term. Sets of colours share all else: these
+sums run over the colours of all. Each (tile, splat) pair gets one row of moments of its own, so threads never
+add to the same number.
 """
 
 import numpy as np
@@ -21,18 +23,18 @@ from baselines.splatting.kernels.projection import COLOURS, CUTOFF, HALF_HEIGHT,
 from baselines.splatting.kernels.projection_gradient import TO_COLOURS
 from baselines.splatting.kernels.vectors import BLOCK_BYTES, INT64, LANES, Lanes
 
-# Planes of a block of pixels, and of a block of column sums; red, green and blue of every look are the last ones.
+# Planes of a block of pixels, and of a block of column sums; red, green and blue of every set of colours come last.
 TRANSMITTANCE, SUFFIX, LAST, GRADS = range(4)
 W, W_DY, W_DY2, ABS_X, ABS_Y, TO_COLOUR = range(6)
 
 
 @intrinsic
 def blend_row_gradient(
-    typingctx, table, address, sums, blocks, l11, u, power, log2_opacity, number, dy, l21, rise, colours, looks
+    typingctx, table, address, sums, blocks, l11, u, power, log2_opacity, number, dy, l21, rise, colours, sets
 ):
     """Take one splat off `blocks` blocks of a row and add its derivatives to the column sums; rise is L22 v."""
-    signature = types.void(*[types.int64] * 4, *[types.float32] * 8, types.int64, looks)
-    channels = 3 * looks.count
+    signature = types.void(*[types.int64] * 4, *[types.float32] * 8, types.int64, sets)
+    channels = 3 * sets.count
 
     def generate(context, builder, _, arguments):
         lanes = Lanes(builder, arguments[0])
@@ -93,10 +95,10 @@ def load_tile(scratch, planes, tile_size, x0, y0, columns, rows, background, gra
         for column in range(columns):
             pixel = (row * blocks_in_row + column // LANES) * planes * LANES + column % LANES
             remaining, behind = transmittance[y0 + row, x0 + column], np.float32(0)
-            for look in range(grad_images.shape[0]):
+            for image in range(grad_images.shape[0]):
                 for channel in range(3):
-                    grad = grad_images[look, y0 + row, x0 + column, channel]
-                    scratch[pixel + (GRADS + 3 * look + channel) * LANES] = grad
+                    grad = grad_images[image, y0 + row, x0 + column, channel]
+                    scratch[pixel + (GRADS + 3 * image + channel) * LANES] = grad
                     behind += background[channel] * grad
             scratch[pixel + TRANSMITTANCE * LANES] = remaining
             scratch[pixel + SUFFIX * LANES] = behind * remaining
@@ -131,7 +133,7 @@ def fold_columns(sums, planes, tile_size, left, moments):
 
 @kernel
 def blend_gradient(
-    packed, tile_start, tile_splats, tile_order, tile_shift, background, workers, table, looks,
+    packed, tile_start, tile_splats, tile_order, tile_shift, background, workers, table, sets,
     transmittance, last, taken, grad_images, pair_moments,
 ):  # fmt: skip
     """Fill the moments [pairs, 8 + 3 L] of every (tile, splat) pair; the other arguments are those of `blend`."""
@@ -174,6 +176,6 @@ def blend_gradient(
                             table, address + row * row_bytes + block * block_bytes, sums_address + block * sum_bytes,
                             blocks, splat[L11], u, power, splat[LOG2_OPACITY], number, dy,
                             splat[L21], splat[L22] * splat[L22] * dy,
-                            colours + tile_splats[position] * splat_bytes, looks,
+                            colours + tile_splats[position] * splat_bytes, sets,
                         )  # fmt: skip
                 fold_columns(sums, sum_planes, tile_size, left, pair_moments[position])

@@ -5,15 +5,16 @@ from numpy.typing import DTypeLike, NDArray
 
 
 class BufferPool:
-    """Buffers by name that are kept between calls and only ever grow, so that a training loop allocates nothing."""
+    """Buffers by name and type that are kept between calls and only ever grow: a training loop allocates nothing."""
 
     def __init__(self) -> None:
-        self._buffers: dict[str, NDArray] = {}
+        self._buffers: dict[tuple[str, np.dtype], NDArray] = {}
 
     def array(self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32) -> NDArray:
-        """A contiguous array with undefined content; it is overwritten when the same name is asked for again."""
+        """A contiguous array with undefined content; asking for the same name and type again overwrites it."""
         size = int(np.prod(shape))
-        buffer = self._buffers.get(name)
+        key = name, np.dtype(dtype)
+        buffer = self._buffers.get(key)
         if buffer is None or buffer.size < size:
-            buffer = self._buffers[name] = np.empty(size + size // 4, dtype)
+            buffer = self._buffers[key] = np.empty(size + size // 4, dtype)
         return buffer[:size].reshape(shape)

@@ -1,4 +1,4 @@
-"""The cut-offs of the renderer, those of Kerbl et al. 2023; every kernel and the float64 reference share them."""
+"""The cut-offs of the renderer, those of Kerbl et al. 2023 but NEAR; kernels and the float64 reference share them."""
 
 import math
 
@@ -9,7 +9,7 @@ MIN_ALPHA = 1 / 255  # below this a Gaussian leaves a pixel untouched
 # less in float32: the hair above makes all precisions stop there.
 MIN_TRANSMITTANCE = 1.0001e-4
 FRUSTUM_MARGIN = 0.15  # the projection is linearised no further outside the image than this share of its size
-NEAR = 0.01  # Gaussians with nearer centres are left out, in world units
+NEAR = 0.01  # Gaussians with nearer centres are left out, in world units; Kerbl et al. have 0.2
 FAR = 1e10
 
 LOG2_E = 1.4426950408889634

@@ -2,7 +2,8 @@
 # mypy: allow-untyped-defs
 """From a Gaussian's parameters to its ellipse on the image, in float64 scalars; shared by projection and its gradient.
 
-The screen-space covariance is J W R S S R^T W^T J^T + 0.3 I (EWA splatting, Zwicker et al. 2001; Kerbl et al. 2023).
+    screen-space covariance = J W R S S R^T W^T J^T + 0.3 I      (EWA splatting, Zwicker et al. 2001; Kerbl et al. 2023)
+
 With rows a and b of J W R S, three numbers each, it is [[a.a + 0.3, a.b], [a.b, b.b + 0.3]], and the Lagrange identity
 (a.a)(b.b) - (a.b)^2 = |a x b|^2 gives its determinant without cancellation even for needles seen along their length.
 """

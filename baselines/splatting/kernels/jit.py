@@ -1,12 +1,13 @@
 """How the kernels are compiled: to machine code on first use, kept on disk for every later process.
 
 Numba re-compiles a cached kernel when the file that defines it changes, but not when a function it calls changes in
-another file. So the cache lives in a folder named after the content of all files of this package.
+another file. So the cache lives in a folder named after the content of all files beside this one. A kernel defined
+elsewhere calls what is defined in its own file or beside this one, and nothing else: a test goes through all kernels.
 """
 
 import hashlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -20,15 +21,19 @@ FAST = {"contract", "nsz", "arcp", "afn"}
 EXACT = {"contract"}
 
 
+def digest(sources: Iterable[Path]) -> str:
+    """Twelve hexadecimal digits of the content of files, whatever their order."""
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(sources))).hexdigest()[:12]
+
+
 def _cache_folder() -> str:
-    digest = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(HERE.glob("*.py")))).hexdigest()[:12]
     if CONFIG.CACHE_DIR:
         parent = Path(CONFIG.CACHE_DIR)
     elif os.access(HERE, os.W_OK):
         parent = HERE / "__pycache__"
     else:
         parent = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hydroviews"
-    return str(parent / f"kernels-{digest}")
+    return str(parent / f"kernels-{digest(HERE.glob('*.py'))}")
 
 
 FOLDER = _cache_folder()

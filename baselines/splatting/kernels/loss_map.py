@@ -1,5 +1,7 @@
 """The unreduced photometric loss: what each pixel adds to it, for masks to learn from.
 
+    l = mean over channels of (1 - lambda) |C^ - C| + lambda (1 - SSIM)
+
 The same arithmetic as `photometric`, which sums the map up as it goes and keeps none.
 """
 
@@ -21,8 +23,8 @@ def loss_map(
     Args:
         image: rendered, float32 [H, W, 3].
         target: what it should look like.
-        ssim_share: lambda.
-        workspace: buffers to reuse.
+        lambda_dssim: lambda.
+        buffers: memory to reuse.
 
     Raises:
         ValueError: image and target differ in size.

@@ -1,9 +1,12 @@
 # Numba infers the types of kernels.
 # mypy: allow-untyped-defs
-"""The photometric loss (1 - lambda) L1 + lambda (1 - SSIM) and its gradient, fused (Kerbl et al. 2023, eq. 7).
+"""The photometric loss and its gradient, fused (Kerbl et al. 2023, equation 7).
 
-SSIM after Wang et al. 2004: an 11x11 Gaussian window of sigma 1.5, zero outside the image, per channel, constants for
-values in [0, 1]. Rows are [H, 3 W] with the channels interleaved, so a horizontal tap is a step of three.
+    loss = (1 - lambda) mean |x - y| + lambda (1 - mean SSIM)
+    SSIM = (2 mu_x mu_y + C1) (2 sigma_xy + C2) / ((mu_x^2 + mu_y^2 + C1) (sigma_x^2 + sigma_y^2 + C2))
+
+SSIM after Wang et al. 2004, equation 13: an 11x11 Gaussian window of sigma 1.5, zero outside the image, per channel,
+constants for values in [0, 1]. Rows are [H, 3 W] with the channels interleaved, so a horizontal tap is a step of three.
 
 Hidden pixels count as lying outside the image: windows see zero there in both pictures, and no loss is taken at them.
 So nothing that stands in them, in the target or in the render, changes the loss or its gradient.
@@ -205,9 +208,9 @@ def photometric_loss(
     Args:
         image: float32 [H, W, 3].
         target: what it should look like; what is hidden of it counts for nothing.
-        ssim_share: lambda in (1 - lambda) L1 + lambda (1 - SSIM).
+        lambda_dssim: lambda in (1 - lambda) L1 + lambda (1 - SSIM).
         weights: [H, W] factors on each pixel's share of the loss (0 leaves it out); the average stays over all pixels.
-        workspace: buffers to reuse; the gradient is one of them.
+        buffers: memory to reuse; the gradient is one of them.
 
     Raises:
         ValueError: image, target and weights differ in size.

@@ -2,13 +2,12 @@
 # mypy: allow-untyped-defs
 """Gaussians to splats: position, shape, opacity and colour on the image, or culled.
 
-A splat is nine float32 numbers, and three for its colour in each look. Its shape is the Cholesky factor of the inverse
-covariance, scaled so that
+    u = L11 dx + L21 dy,   v = L22 dy,   alpha = 2^(LOG2_OPACITY - u^2 - v^2)
 
-    u = L11 dx + L21 dy,   v = L22 dy,   alpha = 2^(LOG2_OPACITY - u^2 - v^2),
-
-which takes one multiply-add per pixel, does not cancel for needles, and bounds the pixels it reaches exactly:
-u^2 + v^2 <= CUTOFF = log2(255 opacity) is where alpha is at least 1/255.
+for a pixel (dx, dy) away from the splat's centre. A splat is nine float32 numbers, and three for a colour of each set.
+Its shape, L, is the Cholesky factor of the inverse covariance, scaled. That takes one multiply-add per pixel, does not
+cancel for needles, and bounds the pixels it reaches exactly: u^2 + v^2 <= CUTOFF = log2(255 opacity) is where alpha is
+at least 1/255.
 """
 
 import math
@@ -49,7 +48,7 @@ def project(
 
     Args:
         means, quaternions, log_scales, opacity_logits: parameters, float32, as in `Gaussians`.
-        sh: coefficients [L, N, K, 3] of every look; the colours are those of `Gaussians` in all.
+        sh: L sets of coefficients [L, N, K, 3]; the colours are those of `Gaussians` in all.
         degree: spherical-harmonic degree to use, at most what sh holds.
         pose: world-to-camera matrix [4, 4], float64.
         centre: camera position [3], float64.
@@ -107,13 +106,13 @@ def project(
             inverse_distance = 1.0 / math.sqrt(dx * dx + dy * dy + dz * dz)
             basis(degree, dx * inverse_distance, dy * inverse_distance, dz * inverse_distance, values)
             largest = 0.0
-            for look in range(sh.shape[0]):
+            for sh_set in range(sh.shape[0]):
                 red = green = blue = 0.5
                 for k in range((degree + 1) * (degree + 1)):
-                    red += values[k] * sh[look, i, k, 0]
-                    green += values[k] * sh[look, i, k, 1]
-                    blue += values[k] * sh[look, i, k, 2]
-                colour = splats[i, COLOURS + 3 * look :]
+                    red += values[k] * sh[sh_set, i, k, 0]
+                    green += values[k] * sh[sh_set, i, k, 1]
+                    blue += values[k] * sh[sh_set, i, k, 2]
+                colour = splats[i, COLOURS + 3 * sh_set :]
                 colour[0], colour[1], colour[2] = max(red, 0.0), max(green, 0.0), max(blue, 0.0)
                 largest += abs(red) + abs(green) + abs(blue)
             if not largest < 1e30:

@@ -1,6 +1,12 @@
 # Numba infers the types of kernels.
 # mypy: allow-untyped-defs
-"""The gradient of projection: from moments per splat back to every parameter of every Gaussian."""
+"""The gradient of projection: from moments per splat back to every parameter of every Gaussian.
+
+    dloss/dA = -Q M Q A,      M = sum_p w_p d_p d_p^T,      w = dloss/dsigma
+
+for A = J W R S, whose A A^T + 0.3 I is the screen-space covariance of `geometry.py`; Q is its inverse, d_p is pixel p
+minus the splat's centre, and sigma = d^T Q d / 2. From there the chain rule leads through J, R and S.
+"""
 
 import math
 
@@ -26,7 +32,7 @@ from baselines.splatting.kernels.projection import CHUNKS
 from baselines.splatting.kernels.spherical_harmonics import basis, basis_gradient
 
 # Summed over pixels, with sigma in alpha = opacity exp(-sigma), w = dloss/dsigma and (dx, dy) = pixel - splat centre:
-# w, w dx, w dy, w dx^2, w dx dy, w dy^2, |w u|, |w (L21 u + L22 v)|, and dloss/dred, dloss/dgreen, dloss/dblue a look.
+# w, w dx, w dy, w dx^2, w dx dy, w dy^2, |w u|, |w (L21 u + L22 v)|, and dloss/dred, dloss/dgreen, dloss/dblue a set.
 ABS_X, ABS_Y, TO_COLOURS = 6, 7, 8
 SIGMA_PER_POWER = 2 * math.log(2)  # dsigma/du = 2 ln 2 u, as sigma = ln 2 (u^2 + v^2)
 
@@ -64,7 +70,7 @@ def project_gradient(
     The gathering order is the Gaussian's own, so no atomics are needed and the sum is always the same.
 
     Args:
-        means ... antialiased: what `project` was given, sh [L, N, K, 3] for L looks.
+        means ... antialiased: what `project` was given, sh [L, N, K, 3] with L sets of coefficients.
         rank: place in the depth order [N], negative for culled Gaussians, whose gradients become zero.
         pair_start: [n + 1], first (splat, tile) pair of each place.
         pair_slot: row of `pair_moments` that holds each pair.
@@ -86,8 +92,8 @@ def project_gradient(
                 g_quaternions[i] = 0.0
                 g_log_scales[i] = 0.0
                 g_opacity_logits[i] = 0.0
-                for look in range(sh.shape[0]):
-                    g_sh[look, i] = 0.0
+                for sh_set in range(sh.shape[0]):
+                    g_sh[sh_set, i] = 0.0
                 g_means2d[i] = 0.0
                 g_means2d_absolute[i] = 0.0
                 continue
@@ -199,24 +205,24 @@ def project_gradient(
             if degree > 0:
                 basis_gradient(degree, dx, dy, dz, slopes)
             gd0 = gd1 = gd2 = 0.0
-            for look in range(sh.shape[0]):
+            for sh_set in range(sh.shape[0]):
                 red = green = blue = 0.5
                 for k in range(used):
-                    red += values[k] * sh[look, i, k, 0]
-                    green += values[k] * sh[look, i, k, 1]
-                    blue += values[k] * sh[look, i, k, 2]
-                to_colour = moments[TO_COLOURS + 3 * look :]
+                    red += values[k] * sh[sh_set, i, k, 0]
+                    green += values[k] * sh[sh_set, i, k, 1]
+                    blue += values[k] * sh[sh_set, i, k, 2]
+                to_colour = moments[TO_COLOURS + 3 * sh_set :]
                 g_red = to_colour[0] if red >= 0 else 0.0
                 g_green = to_colour[1] if green >= 0 else 0.0
                 g_blue = to_colour[2] if blue >= 0 else 0.0
                 for k in range(used):
-                    g_sh[look, i, k, 0] = values[k] * g_red
-                    g_sh[look, i, k, 1] = values[k] * g_green
-                    g_sh[look, i, k, 2] = values[k] * g_blue
+                    g_sh[sh_set, i, k, 0] = values[k] * g_red
+                    g_sh[sh_set, i, k, 1] = values[k] * g_green
+                    g_sh[sh_set, i, k, 2] = values[k] * g_blue
                 for k in range(used, sh.shape[2]):
-                    g_sh[look, i, k, 0], g_sh[look, i, k, 1], g_sh[look, i, k, 2] = 0.0, 0.0, 0.0
+                    g_sh[sh_set, i, k, 0], g_sh[sh_set, i, k, 1], g_sh[sh_set, i, k, 2] = 0.0, 0.0, 0.0
                 for k in range(1, used):
-                    weight = sh[look, i, k, 0] * g_red + sh[look, i, k, 1] * g_green + sh[look, i, k, 2] * g_blue
+                    weight = sh[sh_set, i, k, 0] * g_red + sh[sh_set, i, k, 1] * g_green + sh[sh_set, i, k, 2] * g_blue
                     gd0 += slopes[k, 0] * weight
                     gd1 += slopes[k, 1] * weight
                     gd2 += slopes[k, 2] * weight

@@ -1,7 +1,9 @@
 """The renderer: `render` an image of Gaussians, then carry an image gradient `backward` to their parameters.
 
-`render_looks` and `backward_looks` do it for several looks of them at once, which differ in colours alone: where they
-are and what they cover is calculated once.
+    image = blend(bin(project(Gaussians, camera))),      dloss/dGaussians = project'(blend'(dloss/dimage))
+
+`render_sh_sets` and `backward_sh_sets` do it for several sets of spherical-harmonic coefficients of the same Gaussians
+at once: where they are and what they cover is calculated once.
 """
 
 from dataclasses import dataclass, field, replace
@@ -26,10 +28,10 @@ BLACK = np.zeros(3, np.float32)
 
 @dataclass(frozen=True)
 class RenderState:
-    """What `backward` needs. Buffers belong to the workspace: the next `render` with it makes the state worthless."""
+    """What `backward` needs. Arrays are buffers of the pool: the next `render` with it overwrites them."""
 
     gaussians: Gaussians
-    sh: NDArray[np.float32]  # [L, N, K, 3], the coefficients of every look; not the Gaussians'
+    sh: NDArray[np.float32]  # [L, N, K, 3], every set of coefficients; not the Gaussians' own
     sh_degree: int
     view: tuple[Any, ...]  # pose, centre, lens, width, height
     antialiased: bool
@@ -81,17 +83,17 @@ def render(
         near: Gaussians with nearer centres are left out, in world units.
         antialiased: whether Gaussians smaller than a pixel become fainter as they are widened to it (Yu et al. 2024,
             Mip-Splatting): a scene then looks the same from farther away than it was learned from.
-        workspace: buffers to reuse; the image is one of them.
+        buffers: memory to reuse; the image is one of them.
 
     Returns:
         The image and the state for `backward`.
     """
     options: dict[str, Any] = {"near": near, "antialiased": antialiased, "buffers": buffers}
-    images, state = render_looks(gaussians, gaussians.sh[None], camera, background, sh_degree, **options)
+    images, state = render_sh_sets(gaussians, gaussians.sh[None], camera, background, sh_degree, **options)
     return images[0], state
 
 
-def render_looks(
+def render_sh_sets(
     gaussians: Gaussians,
     sh: NDArray[np.float32],
     camera: Camera,
@@ -102,19 +104,19 @@ def render_looks(
     antialiased: bool = False,
     buffers: BufferPool | None = None,
 ) -> tuple[NDArray[np.float32], RenderState]:
-    """Images [L, H, W, 3] of L looks: Gaussians with the coefficients sh [L, N, K, 3] in place of their own.
+    """Images [L, H, W, 3]: the Gaussians with each of the coefficients sh [L, N, K, 3] in place of their own.
 
-    For the rest see `render`; the state is for `backward_looks`.
+    For the rest see `render`; the state is for `backward_sh_sets`.
     """
     buffers = buffers or BufferPool()
-    looks, n, most = len(sh), len(gaussians), degree_of(sh.shape[2])
+    sets, n, most = len(sh), len(gaussians), degree_of(sh.shape[2])
     degree = most if sh_degree is None else sh_degree
     if not 0 <= degree <= most:
         raise ValueError(f"spherical-harmonic degree {degree}, the Gaussians hold 0 to {most}")
     if sh.shape[1] != n:
-        raise ValueError(f"coefficients {sh.shape} of {n} Gaussians, expected [looks, {n}, K, 3]")
+        raise ValueError(f"coefficients {sh.shape} of {n} Gaussians, expected [sets, {n}, K, 3]")
     view = _view(gaussians, camera)
-    splats = buffers.array("splats", (n, projection.COLOURS + 3 * looks))
+    splats = buffers.array("splats", (n, projection.COLOURS + 3 * sets))
     depths = buffers.array("depths", (n,))
     projection.project(
         *(getattr(gaussians, name) for name in SHAPE), sh, degree, *view, near, antialiased, splats, depths
@@ -135,7 +137,7 @@ def render_looks(
         taken=buffers.array("taken", (len(tiles.heaviest),), np.int32),
         buffers=buffers,
     )
-    images = buffers.array("images", (looks, *size, 3))
+    images = buffers.array("images", (sets, *size, 3))
     blending.blend(*_blending_arguments(state), state.transmittance, state.last, state.taken, images)
     return images, state
 
@@ -143,17 +145,17 @@ def render_looks(
 def backward(state: RenderState, grad_image: Image) -> Gradients:
     """Carry dloss/dimage [H, W, 3] back to the Gaussians that `render` was given.
 
-    The arrays belong to the workspace of the render and are overwritten by the next call.
+    The arrays are buffers of the render's pool: the next call overwrites them.
     """
-    return backward_looks(state, grad_image[None])[0]
+    return backward_sh_sets(state, grad_image[None])[0]
 
 
-def backward_looks(state: RenderState, grad_images: NDArray[np.float32]) -> tuple[Gradients, NDArray[np.float32]]:
-    """Carry dloss/dimages [L, H, W, 3] back to what `render_looks` was given.
+def backward_sh_sets(state: RenderState, grad_images: NDArray[np.float32]) -> tuple[Gradients, NDArray[np.float32]]:
+    """Carry dloss/dimages [L, H, W, 3] back to what `render_sh_sets` was given.
 
     Returns:
-        The gradients by the Gaussians, whose colours are those of the first look, and by all looks' coefficients,
-        [L, N, K, 3]. They belong to the workspace as those of `backward` do.
+        The gradients by the Gaussians, whose coefficients are the first set, and by all sets [L, N, K, 3]: buffers
+        of the pool, as those of `backward` are.
     """
     buffers, gaussians, tiles = state.buffers, state.gaussians, state.tiles
     moments = buffers.array("moments", (len(tiles.splats), projection_gradient.TO_COLOURS + 3 * len(state.sh)))

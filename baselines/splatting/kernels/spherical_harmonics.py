@@ -2,7 +2,9 @@
 # mypy: allow-untyped-defs
 """Real spherical harmonics up to degree 3, in the order and with the signs that 3DGS files use.
 
-Coefficient k = l (l + 1) + m for degree l and order m; colour = 0.5 + sum_k coefficient_k basis_k(direction).
+    colour = 0.5 + sum_k coefficient_k basis_k(direction)
+
+with k = l (l + 1) + m for degree l and order m.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""A view's splats in depth order and dealt out to its tiles: what blending and its gradient go by."""
+"""A view's splats in depth order, and the list of each tile: what blending and its gradient work through."""
 
 from dataclasses import dataclass
 
@@ -50,6 +50,6 @@ def bin_splats(
     pairs = binning.sort_by_tile(pair_start, counts, tile_start)
     tile_splats = buffers.array("tile_splats", (pairs,), np.int32)
     pair_slot = buffers.array("pair_slot", (pairs,), np.int32)
-    binning.deal_pairs(packed, shift, tiles_x, tiles_y, counts, pair_start, tile_splats, pair_slot)
+    binning.list_pairs(packed, shift, tiles_x, tiles_y, counts, pair_start, tile_splats, pair_slot)
     heaviest = np.argsort(-np.diff(tile_start), kind="stable")
     return Tiles(order, rank, packed, shift, tile_start, tile_splats, heaviest, pair_start, pair_slot)

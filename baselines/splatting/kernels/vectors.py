@@ -1,5 +1,9 @@
 """Eight float32 lanes at a time: the operations that the blending rows are written in, as LLVM vector code.
 
+    2^x = 2^n p(f),      n = round(x), f = x - n, p of degree 5
+
+is the one function among them; n is added to the exponent's bits. docs/how-it-works/kernels.md explains the rest.
+
 LLVM maps `<8 x float>` to AVX, two SSE or two NEON registers. Spelled out because automatic vectorisation left the
 backward pass 2.7 times slower.
 """

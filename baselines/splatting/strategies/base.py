@@ -13,6 +13,14 @@ from baselines.splatting.state import TrainingState
 
 
 @dataclass(frozen=True)
+class PositionNoise:
+    """Noise that is added to positions after a step."""
+
+    factor: float  # in 1 / world units: it is multiplied by covariances
+    generator: np.random.Generator
+
+
+@dataclass(frozen=True)
 class StepOptions:
     """What a strategy asks of one step, beside learning from the view."""
 
@@ -20,8 +28,7 @@ class StepOptions:
     absolute: bool = False  # with absolute values summed over pixels (Ye et al. 2024, AbsGS)
     opacity_penalty: float = 0.0  # factor of the mean opacity in the loss
     scale_penalty: float = 0.0  # factor of the mean standard deviation in the loss, in 1 / world units
-    noise: float = 0.0  # factor of the noise that is added to positions after the step, in 1 / world units
-    generator: np.random.Generator | None = None  # for that noise
+    noise: PositionNoise | None = None
 
 
 def refinement_due(iteration: int, start: int, stop: int, every: int) -> bool:
@@ -38,7 +45,7 @@ class Strategy(Protocol):
 
         Args:
             iteration: of the step.
-            means_rate: learning rate of the positions in it, in world units.
+            means_lr: learning rate of the positions in it, in world units.
             extent: of the scene, in world units.
             seed: of the training.
         """

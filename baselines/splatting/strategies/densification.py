@@ -1,30 +1,36 @@
-# Numba infers the types of kernels.
-# mypy: allow-untyped-defs
 """Adaptive density control (Kerbl et al. 2023, section 5): grow where the image gradient asks for it, up to a budget.
 
-Large Gaussians are split and small ones doubled; transparent ones are removed, opacities reset now and then.
+Large Gaussians are split and small ones cloned; transparent ones are removed, opacities reset now and then.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from baselines.splatting.gaussians import Gaussians, concatenate
-from baselines.splatting.kernels.jit import kernel
-from baselines.splatting.schedule import SPLITTING, random_stream
+from baselines.splatting.kernels.position_gradients import add_position_gradients
+from baselines.splatting.schedule import Stream, random_stream
 from baselines.splatting.state import TrainingState
 from baselines.splatting.strategies.base import StepOptions, refinement_due
+from hydroviews.scene.quaternions import rotation_matrices
 
 SPLIT_INTO = 2
 SHRINK = 1.6  # a split Gaussian's parts are smaller by this factor
-CHUNKS = 16
 
 
 @dataclass(frozen=True)
 class DefaultStrategy:
-    """When and where to grow. Iterations count from 0; lengths are shares of the scene extent."""
+    """When and where to grow. Iterations count from 0; lengths are shares of the scene extent.
+
+    The default numbers are those of Kerbl et al. 2023 (section 5.2); this is what differs from their code.
+
+    * The first refinement comes after `start` steps; theirs one round later, at 600.
+    * Gaussians above `prune_scale3d` go from the first refinement on; theirs after the first opacity reset, together
+      with those wider than 20 pixels on the image, which stay here.
+    * What is removed is found before growing, so new Gaussians stay for a round; theirs is found afterwards.
+    * `budget` and `growth` bound the number: those with the largest gradients grow first.
+    """
 
     start: int = 500  # no refinement before
     stop: int = 15_000  # nor from here on
@@ -33,7 +39,7 @@ class DefaultStrategy:
     growth: float = 10.0  # one refinement adds at most this share of the present number
     grow_grad2d: float = 2e-4  # mean gradient by the normalised image position above which a Gaussian is too coarse
     absolute: bool = False  # sum absolute gradients over pixels, which finds blurred texture (Ye et al. 2024, AbsGS)
-    grow_scale3d: float = 0.01  # larger Gaussians are split, smaller ones doubled
+    grow_scale3d: float = 0.01  # larger Gaussians are split, smaller ones cloned
     prune_opacity: float = 0.005  # less opaque ones are removed
     prune_scale3d: float = 0.1  # larger ones are removed
     reset_every: int | None = 3000  # iterations between two opacity resets; None for never
@@ -51,19 +57,8 @@ class DefaultStrategy:
         """See Strategy: add and remove, reset opacities, or both."""
         iteration = state.iteration - 1
         if grow_due(self, iteration):
-            state = grow(state, self, extent, random_stream(seed, SPLITTING, iteration))
+            state = grow(state, self, extent, random_stream(seed, Stream.SPLITTING, iteration))
         return reset_opacity(state, self) if reset_due(self, iteration) else state
-
-
-@kernel
-def _observe(rank, means2d, half_width, half_height, gradient_sum, seen):
-    n = rank.shape[0]
-    for chunk in prange(CHUNKS):
-        for i in range(chunk * n // CHUNKS, (chunk + 1) * n // CHUNKS):
-            if rank[i] >= 0:
-                x, y = means2d[i, 0] * half_width, means2d[i, 1] * half_height
-                gradient_sum[i] += np.sqrt(x * x + y * y)
-                seen[i] += np.float32(1)
 
 
 def observe(state: TrainingState, rank: NDArray[np.int32], means2d: NDArray[np.float32], size: tuple[int, int]) -> None:
@@ -75,7 +70,8 @@ def observe(state: TrainingState, rank: NDArray[np.int32], means2d: NDArray[np.f
         means2d: dloss/d(position on the image in pixels) [N, 2].
         size: width and height of the image; gradients are by position in units of half of it, as in the paper.
     """
-    _observe(rank, means2d, np.float32(size[0] / 2), np.float32(size[1] / 2), state.gradient_sum, state.seen)
+    half_width, half_height = np.float32(size[0] / 2), np.float32(size[1] / 2)
+    add_position_gradients(rank, means2d, half_width, half_height, state.gradient_sum, state.seen)
 
 
 def grow_due(strategy: DefaultStrategy, iteration: int) -> bool:
@@ -92,7 +88,7 @@ def reset_due(strategy: DefaultStrategy, iteration: int) -> bool:
 def grow(
     state: TrainingState, strategy: DefaultStrategy, extent: float, generator: np.random.Generator
 ) -> TrainingState:
-    """Remove what is transparent or oversized; split or double those with the largest gradients.
+    """Remove what is transparent or oversized; split or clone those with the largest gradients.
 
     Args:
         state: trained so far.
@@ -132,16 +128,6 @@ def offsets(gaussians: Gaussians, generator: np.random.Generator) -> NDArray[np.
     """A random vector [N, 3] from each Gaussian's own normal distribution, in world units."""
     along_axes = generator.standard_normal((len(gaussians), 3)) * np.exp(gaussians.log_scales.astype(np.float64))
     return np.asarray(np.einsum("nij,nj->ni", rotation_matrices(gaussians.quaternions), along_axes))
-
-
-def rotation_matrices(quaternions: NDArray) -> NDArray[np.float64]:
-    """Matrices [N, 3, 3] of quaternions of any length."""
-    q = quaternions.astype(np.float64)
-    w, x, y, z = (q / np.maximum(np.linalg.norm(q, axis=1, keepdims=True), 1e-12)).T
-    rows = [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)]
-    rows += [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)]
-    rows += [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]
-    return np.stack(rows, axis=1).reshape(-1, 3, 3)
 
 
 def reset_opacity(state: TrainingState, strategy: DefaultStrategy) -> TrainingState:

@@ -1,5 +1,3 @@
-# Numba infers the types of kernels.
-# mypy: allow-untyped-defs
 """A fixed budget of Gaussians as samples (Kheradmand et al. 2024, 3D Gaussian Splatting as Markov Chain Monte Carlo).
 
 Dead Gaussians move to live ones, drawn in proportion to opacity; the number grows the same way up to the budget. Copies
@@ -10,24 +8,19 @@ are nearly transparent explore; penalties on opacity and size make superfluous o
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 from scipy.special import comb
 
-from baselines.splatting.gaussians import Gaussians
-from baselines.splatting.kernels.geometry import exp64, rotation, sigmoid, unit_quaternion
-from baselines.splatting.kernels.jit import exact_kernel
-from baselines.splatting.schedule import NOISE, RELOCATION, random_stream
+from baselines.splatting.gaussians import SHAPE, Gaussians
+from baselines.splatting.kernels.mcmc import move_by_noise, penalty_gradients
+from baselines.splatting.schedule import Stream, random_stream
 from baselines.splatting.state import TrainingState, opacities
-from baselines.splatting.strategies.base import StepOptions, refinement_due
+from baselines.splatting.strategies.base import PositionNoise, StepOptions, refinement_due
 from baselines.splatting.strategies.densification import offsets
 
 PAPER_EXTENT = 5.0  # of the paper's captures (Mip-NeRF 360 bonsai: 5.03); its noise and penalty have their lengths
-GATE_STEEPNESS, GATE = 100.0, 0.995  # k and t: noise for a transparency above t, so for opacities below 0.005
 MOST_COPIES = 51  # of one Gaussian in one refinement
 HIGHEST_OPACITY = 1 - float(np.finfo(np.float32).eps)
-FARTHEST = 1e30  # a move of this length comes from a broken Gaussian, which stays as it is
-CHUNKS = 32
 
 
 @dataclass(frozen=True)
@@ -48,11 +41,11 @@ class MCMCStrategy:
     def step_options(self, iteration: int, means_lr: float, extent: float, seed: int) -> StepOptions:
         """See Strategy: penalties and noise in every step; the same scene in other units is trained the same way."""
         unit = extent / PAPER_EXTENT
+        factor = self.noise * means_lr / unit**2
         return StepOptions(
             opacity_penalty=self.opacity_penalty,
             scale_penalty=self.scale_penalty / unit,
-            noise=self.noise * means_lr / unit**2,
-            generator=random_stream(seed, NOISE, iteration),
+            noise=PositionNoise(factor, random_stream(seed, Stream.NOISE, iteration)) if factor else None,
         )
 
     def due(self, iteration: int) -> bool:
@@ -61,7 +54,7 @@ class MCMCStrategy:
 
     def refine(self, state: TrainingState, extent: float, seed: int) -> TrainingState:
         """See Strategy: keep to the budget, move the dead, then grow."""
-        generator = random_stream(seed, RELOCATION, state.iteration - 1)
+        generator = random_stream(seed, Stream.RELOCATION, state.iteration - 1)
         return grow(relocate(limit(state, self.budget), self, generator), self, generator)
 
 
@@ -155,53 +148,21 @@ def _cleared(moments: Gaussians, which: NDArray[np.bool_]) -> Gaussians:
     return moments
 
 
-@exact_kernel
-def _add_penalties(log_scales, opacity_logits, by_scale, by_opacity, g_log_scales, g_opacity_logits):
-    n = opacity_logits.shape[0]
-    for chunk in prange(CHUNKS):
-        for i in range(chunk * n // CHUNKS, (chunk + 1) * n // CHUNKS):
-            opacity = sigmoid(np.float64(opacity_logits[i]))
-            g_opacity_logits[i] += by_opacity * opacity * (1 - opacity)
-            for k in range(3):
-                g_log_scales[i, k] += by_scale * exp64(np.float64(log_scales[i, k]))
-
-
 def add_penalties(gaussians: Gaussians, step_options: StepOptions, gradients: Gaussians) -> None:
     """Add the gradient of both penalties, in place."""
     n = max(len(gaussians), 1)
     weights = step_options.scale_penalty / (3 * n), step_options.opacity_penalty / n
     changed = gradients.log_scales, gradients.opacity_logits
-    _add_penalties(gaussians.log_scales, gaussians.opacity_logits, *weights, *changed)
+    penalty_gradients(gaussians.log_scales, gaussians.opacity_logits, *weights, *changed)
 
 
-@exact_kernel
-def _add_noise(means, quaternions, log_scales, opacity_logits, normal, factor):
-    n = means.shape[0]
-    for chunk in prange(CHUNKS):
-        for i in range(chunk * n // CHUNKS, (chunk + 1) * n // CHUNKS):
-            transparency = 1 - sigmoid(np.float64(opacity_logits[i]))
-            weight = factor * sigmoid(GATE_STEEPNESS * (transparency - GATE))
-            qw, qx, qy, qz, _ = unit_quaternion(quaternions, i)
-            r = rotation(qw, qx, qy, qz)
-            n0, n1, n2 = np.float64(normal[i, 0]), np.float64(normal[i, 1]), np.float64(normal[i, 2])
-            v0 = exp64(2 * np.float64(log_scales[i, 0])) * (r[0] * n0 + r[3] * n1 + r[6] * n2)
-            v1 = exp64(2 * np.float64(log_scales[i, 1])) * (r[1] * n0 + r[4] * n1 + r[7] * n2)
-            v2 = exp64(2 * np.float64(log_scales[i, 2])) * (r[2] * n0 + r[5] * n1 + r[8] * n2)
-            if not weight * (abs(v0) + abs(v1) + abs(v2)) < FARTHEST:  # false for NaN
-                continue
-            means[i, 0] += weight * (r[0] * v0 + r[1] * v1 + r[2] * v2)
-            means[i, 1] += weight * (r[3] * v0 + r[4] * v1 + r[5] * v2)
-            means[i, 2] += weight * (r[6] * v0 + r[7] * v1 + r[8] * v2)
-
-
-def add_noise(gaussians: Gaussians, step_options: StepOptions, normal: NDArray[np.float32]) -> None:
+def add_noise(gaussians: Gaussians, noise: PositionNoise, normal: NDArray[np.float32]) -> None:
     """Move the positions in place by covariance times normal noise [N, 3], gated by opacity (equation 8).
 
     Args:
         gaussians: whose `means` change.
-        duties: with the factor and the generator of the noise.
+        noise: its factor and generator.
         normal: [N, 3], is overwritten.
     """
-    assert step_options.generator is not None
-    step_options.generator.standard_normal(out=normal, dtype=np.float32)
-    _add_noise(*list(gaussians.state_dict().values())[:4], normal, float(step_options.noise))
+    noise.generator.standard_normal(out=normal, dtype=np.float32)
+    move_by_noise(*(getattr(gaussians, name) for name in SHAPE), normal, float(noise.factor))

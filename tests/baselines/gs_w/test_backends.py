@@ -9,7 +9,7 @@ from splats import BACKGROUND, cloud, photographed
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT
 from baselines.gs_w.objective import VisibleObjective
-from baselines.splatting.appearance.appearance import equipped
+from baselines.splatting.appearance.gaussians import with_appearance
 from baselines.splatting.backends.base import CpuBackend
 from baselines.splatting.schedule import LearningRates, rates_at
 from baselines.splatting.state import fresh_state
@@ -24,7 +24,7 @@ def test_the_gpu_takes_the_same_steps(tmp_path, cuda_backend):
     for kind in (CpuBackend, cuda_backend):
         appearance = ReferenceAppearance(images, replace(SHORT, visible_from=0.02), 1, 100, 0)
         backend = kind(VisibleObjective(images, 0.2, appearance), BACKGROUND, 0.01)
-        backend.put(fresh_state(equipped(cloud(60, 1), appearance)))
+        backend.put(fresh_state(with_appearance(cloud(60, 1), appearance)))
         for iteration in range(4):
             rates = {
                 **rates_at(iteration, 100, LearningRates(), 4.0, 1),

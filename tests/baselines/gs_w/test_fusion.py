@@ -10,7 +10,7 @@ from splats import camera, cloud
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT
 from baselines.gs_w.fusion import Fusion
-from baselines.splatting.appearance.appearance import Dressed, equipped
+from baselines.splatting.appearance.gaussians import AppearanceGaussians, with_appearance
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.spherical_harmonics import C0
 from baselines.training.images import TrainingImages
@@ -33,14 +33,14 @@ def restless(appearance):
 
 def test_the_first_look_has_the_points_colours():
     gaussians, appearance = cloud(50, 1), ReferenceAppearance(some_pictures(), SHORT, 1, 10, 0)
-    clothes = Dressed(equipped(gaussians, appearance), appearance, camera(41, 30), 0, 1)
-    assert np.array_equal(clothes.sh[0], gaussians.sh[clothes.rows])
+    visible = AppearanceGaussians(with_appearance(gaussians, appearance), appearance, camera(41, 30), 0, 1)
+    assert np.array_equal(visible.sh[0], gaussians.sh[visible.rows])
 
 
 def test_colours_are_what_the_layers_say_of_position_features_and_direction():
     gaussians, view = cloud(30, 1), camera(41, 30)
     appearance = restless(ReferenceAppearance(some_pictures(), SHORT, 1, 10, 0))
-    gaussians = equipped(gaussians, appearance)
+    gaussians = with_appearance(gaussians, appearance)
     parameters = {name: torch.from_numpy(value) for name, value in gaussians.state_dict().items()}
     dynamic = torch.rand(30, SHORT.dynamic)
     found = appearance.fusion.coloured(parameters, view, dynamic)
@@ -58,10 +58,10 @@ def test_gradients_are_those_of_float64():
     """By features, coordinates, maps and all weights of the fusion network, through the way numpy takes."""
     gaussians, view = cloud(40, 1), camera(41, 30)
     appearance = restless(ReferenceAppearance(some_pictures(), SEEING, 1, 10, 0))
-    gaussians = equipped(gaussians, appearance)
-    clothes = Dressed(gaussians, appearance, view, 1, 1)
-    rows, upstream = clothes.rows, cloud(40, 1, seed=5).select(clothes.rows)
-    ours = clothes.backward(upstream, upstream.sh[None], BufferPool())
+    gaussians = with_appearance(gaussians, appearance)
+    visible = AppearanceGaussians(gaussians, appearance, view, 1, 1)
+    rows, upstream = visible.rows, cloud(40, 1, seed=5).select(visible.rows)
+    ours = visible.backward(upstream, upstream.sh[None], BufferPool())
 
     twin = Fusion(SHORT, 1).double()
     twin.load_state_dict(appearance.fusion.state_dict())
@@ -96,10 +96,10 @@ def test_what_is_dropped_is_drawn_anew_each_step_and_scaled():
 
 def test_in_some_steps_nothing_of_the_reference_is_seen():
     appearance = restless(ReferenceAppearance(some_pictures(), replace(SHORT, absent=0.4), 1, 10, 0))
-    gaussians, view = equipped(cloud(40, 1), appearance), camera(41, 30)
+    gaussians, view = with_appearance(cloud(40, 1), appearance), camera(41, 30)
     same, moved = [], []
     for step in range(100):
-        shown = [Dressed(gaussians, appearance, view, reference, 1) for reference in (0, 1)]
+        shown = [AppearanceGaussians(gaussians, appearance, view, reference, 1) for reference in (0, 1)]
         same.append(np.array_equal(shown[0].sh, shown[1].sh))
         upstream = cloud(40, 1).select(shown[1].rows)
         moved.append(shown[1].backward(upstream, upstream.sh[None], BufferPool()).features.any())

@@ -9,9 +9,9 @@ from splats import photographed
 
 from baselines.gaussian_splatting import SHORT_RATES, SPLATS, GaussianSplatting
 from baselines.gs_w.config import SHORT
-from baselines.gs_w.mean_appearance import averaged, looking
+from baselines.gs_w.mean_appearance import average_features, coloured_for
 from baselines.gs_w.method import NETWORK, GaussianInTheWild, GSWConfig
-from baselines.splatting.appearance.appearance import dressed
+from baselines.splatting.appearance.gaussians import gaussians_in_view
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.files.ply import read_ply
 from baselines.splatting.kernels.rasterizer import render
@@ -156,7 +156,7 @@ def test_an_interrupted_run_ends_with_the_same_bits_as_a_whole_one(tmp_path, mon
         taught(GaussianInTheWild, unboxed, scene, tmp_path / "cut")
 
 
-def test_the_mean_look_is_that_of_the_views_where_they_agree(tmp_path):
+def test_the_mean_appearance_is_that_of_the_views_where_they_agree(tmp_path):
     """With one reference for all adaptive maps to read, and no projection, the mean is what each view has."""
     scene = photographed(tmp_path, n_views=6)
     for view in scene.train_views:
@@ -168,11 +168,11 @@ def test_the_mean_look_is_that_of_the_views_where_they_agree(tmp_path):
     appearance.encode = lambda view: (flat, None)
     coordinates = appearance.features(trained.gaussians)
     parameters = replace(trained.gaussians, features=coordinates)
-    mean = averaged(parameters, appearance, cameras, trained.near, False)
+    mean = average_features(parameters, appearance, cameras, trained.near, False)
     assert np.allclose(mean.features, flat[:, 0, 0].numpy(), atol=1e-5)
-    appearance._look_at = lambda view: (flat, None)
-    own = dressed(parameters, appearance, cameras[1], 1, 1)
-    assert np.allclose(looking(mean, method._fusion, cameras[1]).sh, own.sh, atol=1e-4)
+    appearance._encoded = lambda view: (flat, None)
+    own = gaussians_in_view(parameters, appearance, cameras[1], 1, 1)
+    assert np.allclose(coloured_for(mean, method._fusion, cameras[1]).sh, own.sh, atol=1e-4)
 
 
 def test_weights_of_the_encoder_come_from_a_file_that_is_named(tmp_path, monkeypatch):

@@ -29,7 +29,7 @@ def taught(rule, renders, steps=80):
     """The masks after so many steps of the encoder, with renders that stay as they are."""
     for i in range(steps):
         view = i % len(renders)
-        rule.appearance._look_at(view)
+        rule.appearance._encoded(view)
         rule(renders[view], view, i, BufferPool())
         rule.appearance.learn(i)
     with torch.no_grad():
@@ -66,7 +66,7 @@ def test_renders_are_compared_under_the_mask_once_it_has_begun():
     rule = objective(pixels, ReferenceConfig(**{**vars(ALWAYS), "visible_from": 0.5}))
     image = np.random.default_rng(2).random((HEIGHT, WIDTH, 3), np.float32)
     target = rule.target(1)
-    rule.appearance._look_at(1)
+    rule.appearance._encoded(1)
     assert rule(image, 1, 49, BufferPool())[0] == photometric_loss(image, target)[0]
     assert rule.appearance.visible.grad is None
     loss, gradient = rule(image, 1, 50, BufferPool())

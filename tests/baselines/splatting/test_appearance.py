@@ -5,7 +5,8 @@ import pytest
 import torch
 from splats import BACKGROUND, camera, cloud, photographed, with_values
 
-from baselines.splatting.appearance.appearance import Appearance, Dressed, dressed, equipped, in_sight
+from baselines.splatting.appearance.base import Appearance
+from baselines.splatting.appearance.gaussians import AppearanceGaussians, gaussians_in_view, in_sight, with_appearance
 from baselines.splatting.backends import torch_rasterizer as reference
 from baselines.splatting.backends.base import CpuBackend
 from baselines.splatting.config import TrainerConfig
@@ -24,7 +25,7 @@ from baselines.training.torch_state import module_arrays, restore_module
 
 
 class Tint(Appearance):
-    """A gain a view and channel, and an offset from each Gaussian's two features; the second look has neither."""
+    """A gain a view and channel, and an offset from each Gaussian's two features; the second set has neither."""
 
     def __init__(self, views: int) -> None:
         super().__init__()
@@ -35,7 +36,7 @@ class Tint(Appearance):
     def features(self, gaussians):
         return np.ascontiguousarray(0.1 * gaussians.means[:, :2])
 
-    def looks(self, parameters, camera, view, degree):
+    def sh_sets(self, parameters, camera, view, degree):
         gain = self.gains[view]
         offset = torch.zeros_like(parameters["sh"])
         offset[:, 0] = parameters["features"] @ self.mix
@@ -48,15 +49,15 @@ class Tint(Appearance):
     def feature_rate(self, iteration):
         return 0.01
 
-    def state_dict(self):
+    def training_state(self):
         return module_arrays(self, self.optimiser)
 
-    def load_state_dict(self, arrays):
+    def load_training_state(self, arrays):
         restore_module(self, arrays, self.optimiser)
 
 
 class Both(Objective):
-    """Half of the loss is asked of the plain look."""
+    """Half of the loss is that of the plain render."""
 
     def compare(self, images, view, iteration, buffers):
         target = self.target(view, images[0].shape[:2])
@@ -66,7 +67,7 @@ class Both(Objective):
 
 def with_features(n, degree=1):
     gaussians = cloud(n, degree)
-    return equipped(gaussians, Tint(1))
+    return with_appearance(gaussians, Tint(1))
 
 
 def test_features_go_where_their_gaussians_go():
@@ -79,7 +80,7 @@ def test_features_go_where_their_gaussians_go():
         replace(gaussians, features=np.zeros((3, 2), np.float32))
 
 
-def test_gradients_flow_through_the_looks_as_in_float64():
+def test_gradients_flow_through_the_colours_as_in_float64():
     gaussians, view, appearance = with_features(40), camera(24, 20), Tint(2)
     weights = [np.random.default_rng(k).normal(size=(20, 24, 3)).astype(np.float32) for k in range(2)]
     backend = CpuBackend(Objective.__new__(Objective), BACKGROUND, 0.01)
@@ -93,7 +94,7 @@ def test_gradients_flow_through_the_looks_as_in_float64():
     background = torch.from_numpy(BACKGROUND).double()
     loss = sum(
         (reference.render({**leaves, "sh": sh}, view, background, 1, 0.01) * torch.from_numpy(weight)).sum()
-        for sh, weight in zip(twin.looks(leaves, view, 1, 1), weights, strict=True)
+        for sh, weight in zip(twin.sh_sets(leaves, view, 1, 1), weights, strict=True)
     )
     loss.backward()
     for name, leaf in leaves.items():
@@ -182,18 +183,18 @@ def test_an_interrupted_run_ends_with_the_same_bits(tmp_path):
     assert all(np.array_equal(v, objective.state_dict()[k]) for k, v in expected.state_dict().items())
 
 
-def test_broken_gaussians_leave_the_network_whole(tmp_path):
+def test_non_finite_gaussians_leave_the_network_whole(tmp_path):
     gaussians = with_values(with_features(20), "features", 3, np.nan)
     appearance = Tint(1)
-    clothes = Dressed(gaussians, appearance, camera(16, 12), 0, 1)
-    assert len(clothes.rows) == 19
-    clothes.backward(clothes.gaussians.map(np.ones_like), np.ones_like(clothes.sh), BufferPool())
+    visible = AppearanceGaussians(gaussians, appearance, camera(16, 12), 0, 1)
+    assert len(visible.rows) == 19
+    visible.backward(visible.gaussians.map(np.ones_like), np.ones_like(visible.sh), BufferPool())
     assert all(torch.isfinite(parameter.grad).all() for parameter in appearance.parameters())
 
 
 def test_without_an_appearance_gaussians_are_shown_as_they_are():
     gaussians = with_features(5)
-    assert dressed(gaussians, None, camera(8, 8), 0, 1) is gaussians
+    assert gaussians_in_view(gaussians, None, camera(8, 8), 0, 1) is gaussians
 
 
 def test_the_gpu_takes_the_same_steps(tmp_path, cuda_backend):

@@ -34,7 +34,7 @@ def generator():
     return np.random.default_rng(0)
 
 
-def test_small_gaussians_are_doubled_and_large_ones_split():
+def test_small_gaussians_are_cloned_and_large_ones_split():
     gaussians = replace(cloud(10, 1), opacity_logits=np.zeros(10, np.float32))
     gaussians = with_values(gaussians, "log_scales", slice(None), np.log(0.001))
     gaussians = with_values(gaussians, "log_scales", 7, np.log(0.05))

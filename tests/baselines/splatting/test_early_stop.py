@@ -17,7 +17,7 @@ from baselines.training.images import read_images
 from hydroviews.errors import InputError
 
 # Rates this large do harm sooner or later.
-LARGE = replace(CONFIG.rates, means=2e-3, means_final=2e-2, scales=0.02, opacity=0.2)
+LARGE = replace(CONFIG.learning_rates, means=2e-3, means_final=2e-2, scales=0.02, opacity=0.2)
 STOPPING = replace(CONFIG, iterations=1500, learning_rates=LARGE, early_stop=EarlyStop(views=2, every=25, patience=3))
 
 
@@ -39,14 +39,14 @@ def scene(tmp_path_factory):
     return photographed(tmp_path_factory.mktemp("scene"))
 
 
-def test_held_in_views_are_spread_evenly():
+def test_validation_views_are_spread_evenly():
     assert validation_views(12, 3) == (2, 6, 10)
     assert validation_views(4, 3) == (0, 2, 3)
     with pytest.raises(InputError, match="no training view is left"):
         validation_views(3, 3)
 
 
-def test_training_stops_where_looks_got_no_better(scene, tmp_path):
+def test_training_stops_where_validation_got_no_better(scene, tmp_path):
     objective = Watched(read_images(scene.train_views))
     trained = train(scene, STOPPING, 0, tmp_path, objective)
     best = int(np.argmin(trained.residuals))

@@ -11,7 +11,7 @@ from splats import BACKGROUND, camera, cloud, with_values
 from baselines.splatting.backends import torch_rasterizer as reference
 from baselines.splatting.gaussians import FIELDS, Gaussians, concatenate
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.rasterizer import backward, backward_looks, depth, render, render_looks
+from baselines.splatting.kernels.rasterizer import backward, backward_sh_sets, depth, render, render_sh_sets
 
 WIDTH, HEIGHT = 61, 47
 
@@ -147,7 +147,7 @@ def test_the_result_does_not_depend_on_the_number_of_threads():
         assert one.tobytes() == two.tobytes()
 
 
-def test_a_workspace_changes_nothing():
+def test_reused_buffers_change_nothing():
     buffers = BufferPool()
     for n, size in ((300, 60), (40, 30), (200, 80)):
         gaussians, view = cloud(n, 2, seed=n), camera(size, size - 7)
@@ -182,31 +182,31 @@ def test_absolute_gradient_by_the_position_on_the_image():
     assert np.linalg.norm(backward(state, weights).means2d_absolute - exact) < 1e-5 * np.linalg.norm(exact)
 
 
-@pytest.mark.parametrize("looks", [1, 2, 3])
-def test_looks_at_once_are_looks_one_by_one(looks):
-    clouds, view = [cloud(200, 1, seed=6 + k) for k in range(looks)], camera(WIDTH, HEIGHT)
+@pytest.mark.parametrize("sets", [1, 2, 3])
+def test_sets_of_colours_at_once_are_those_one_by_one(sets):
+    clouds, view = [cloud(200, 1, seed=6 + k) for k in range(sets)], camera(WIDTH, HEIGHT)
     gaussians, sh = clouds[0], np.stack([each.sh for each in clouds])
-    weights = np.random.default_rng(1).normal(size=(looks, HEIGHT, WIDTH, 3)).astype(np.float32)
-    images, state = render_looks(gaussians, sh, view, BACKGROUND)
-    gradients, by_looks = backward_looks(state, weights)
+    weights = np.random.default_rng(1).normal(size=(sets, HEIGHT, WIDTH, 3)).astype(np.float32)
+    images, state = render_sh_sets(gaussians, sh, view, BACKGROUND)
+    gradients, by_sh_sets = backward_sh_sets(state, weights)
     total, absolute = gaussians.zeros().state_dict(), 0
-    for k in range(looks):
+    for k in range(sets):
         image, alone = render(replace(gaussians, sh=sh[k]), view, BACKGROUND)
         part = backward(alone, weights[k])
         assert np.array_equal(images[k], image)
-        assert np.allclose(by_looks[k], part.parameters.sh, rtol=1e-4, atol=1e-5)
+        assert np.allclose(by_sh_sets[k], part.parameters.sh, rtol=1e-4, atol=1e-5)
         total = {name: total[name] + value for name, value in part.parameters.state_dict().items()}
         absolute = absolute + part.means2d_absolute
     for name in ("means", "quaternions", "log_scales", "opacity_logits"):
         found = getattr(gradients.parameters, name)
         assert np.linalg.norm(found - total[name]) < 1e-5 * np.linalg.norm(total[name]), name
-    assert (gradients.means2d_absolute <= absolute + 1e-3).all()  # of the sum, not the sum of each look's
+    assert (gradients.means2d_absolute <= absolute + 1e-3).all()  # of the sum, not the sum of each set's
 
 
 def test_looks_of_other_gaussians():
     gaussians = cloud(20, 1)
     with pytest.raises(ValueError, match=r"\(2, 19, 4, 3\) of 20 Gaussians"):
-        render_looks(gaussians, np.zeros((2, 19, 4, 3), np.float32), camera(WIDTH, HEIGHT))
+        render_sh_sets(gaussians, np.zeros((2, 19, 4, 3), np.float32), camera(WIDTH, HEIGHT))
 
 
 # --- hard cases -------------------------------------------------------------------------------------------------------

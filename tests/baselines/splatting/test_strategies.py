@@ -12,14 +12,14 @@ from trainings import BUDGETED, CONFIG, DENSIFY, RELOCATION, assert_identical, p
 
 from baselines.gaussian_splatting import BudgetedSplatting, GaussianSplatting, pruned_to_budget, with_iterations
 from baselines.method import find_method
-from baselines.splatting.backends.torch_ops import noise, penalty_gradient
+from baselines.splatting.backends.torch_ops import penalty_gradient, position_moves
 from baselines.splatting.gaussians import FIELDS
+from baselines.splatting.kernels.mcmc import GATE
 from baselines.splatting.kernels.rasterizer import render
 from baselines.splatting.state import fresh_state, opacities
-from baselines.splatting.strategies.base import StepOptions
-from baselines.splatting.strategies.densification import DefaultStrategy, rotation_matrices
+from baselines.splatting.strategies.base import PositionNoise, StepOptions
+from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.strategies.relocation import (
-    GATE,
     PAPER_EXTENT,
     MCMCStrategy,
     add_noise,
@@ -30,6 +30,7 @@ from baselines.splatting.strategies.relocation import (
     shared,
 )
 from baselines.splatting.trainer import train
+from hydroviews.scene.quaternions import rotation_matrices
 
 
 def generator():
@@ -145,11 +146,11 @@ def test_noise_is_covariance_times_normal_noise_gated_by_opacity():
     gaussians = cloud(200, 0)
     gaussians.opacity_logits[:] = np.linspace(-9, 3, 200)
     before = tensors(gaussians)
-    step_options = StepOptions(noise=100.0, generator=np.random.default_rng(5))
-    add_noise(gaussians, step_options, np.empty((200, 3), np.float32))
+    drawn = PositionNoise(100.0, np.random.default_rng(5))
+    add_noise(gaussians, drawn, np.empty((200, 3), np.float32))
     normal = np.random.default_rng(5).standard_normal((200, 3), np.float32)
     moved = gaussians.means - before["means"].numpy()
-    assert np.allclose(moved, noise(before, step_options, torch.from_numpy(normal).double()), rtol=1e-4, atol=1e-6)
+    assert np.allclose(moved, position_moves(before, drawn, torch.from_numpy(normal).double()), rtol=1e-4, atol=1e-6)
     shown = opacities(gaussians)
     assert (np.linalg.norm(moved, axis=1)[shown < 1 - GATE] > 0.05).mean() > 0.8
     assert np.abs(moved[shown > 0.3]).max() < 1e-6
@@ -171,9 +172,9 @@ def test_penalties_are_gradients_of_mean_opacity_and_mean_scale():
 
 def test_other_units_are_trained_the_same_way():
     one, other = (MCMCStrategy().step_options(7, 1e-4 * s, PAPER_EXTENT * s, 0) for s in (1.0, 10.0))
-    assert one.noise == pytest.approx(5e5 * 1e-4)
-    assert other.noise == pytest.approx(
-        one.noise / 10
+    assert one.noise.factor == pytest.approx(5e5 * 1e-4)
+    assert other.noise.factor == pytest.approx(
+        one.noise.factor / 10
     )  # times a covariance 100 times as large: a step 10 times as long
     assert other.scale_penalty == pytest.approx(one.scale_penalty / 10)
 
@@ -185,9 +186,9 @@ def test_steps_do_not_depend_on_the_number_of_threads():
     for threads in (1, 2):
         numba.set_num_threads(threads)
         gaussians, gradients = cloud(1000, 1), cloud(1000, 1).zeros()
-        step_options = StepOptions(opacity_penalty=0.1, scale_penalty=0.1, noise=10.0, generator=generator())
+        step_options = StepOptions(opacity_penalty=0.1, scale_penalty=0.1, noise=PositionNoise(10.0, generator()))
         add_penalties(gaussians, step_options, gradients)
-        add_noise(gaussians, step_options, np.empty((1000, 3), np.float32))
+        add_noise(gaussians, step_options.noise, np.empty((1000, 3), np.float32))
         results.append((gaussians.means.tobytes(), gradients.log_scales.tobytes(), gradients.opacity_logits.tobytes()))
     assert results[0] == results[1]
 
@@ -220,7 +221,7 @@ def test_the_budgeted_method_has_half_the_gaussians():
         assert 2 * budgeted.pruning.budget == plain.strategy.budget
         grown = budgeted.strategy.stop / budgeted.iterations
         assert grown < min(budgeted.pruning.at)  # what is pruned does not come back
-    assert BudgetedSplatting.configuration("paper").densification == MCMCStrategy()
+    assert BudgetedSplatting.configuration("paper").strategy == MCMCStrategy()
 
 
 def test_dearer_steps_are_fewer_on_the_same_schedule():
@@ -230,6 +231,19 @@ def test_dearer_steps_are_fewer_on_the_same_schedule():
     assert (2 * half.iterations, 2 * half.sh_degree_interval) == (plain.iterations, plain.sh_degree_interval)
     assert 2 * half.strategy.stop == plain.strategy.stop
     assert half.strategy.budget == plain.strategy.budget
+
+
+def test_relocation_is_scheduled_as_densification_is():
+    relocation = replace(GaussianSplatting.configuration("quick"), strategy=MCMCStrategy(stop=9000, budget=60_000))
+    half = with_iterations(relocation.iterations // 2, relocation)
+    assert half.strategy == MCMCStrategy(stop=4500, budget=60_000)
+    pruned = pruned_to_budget(1000, relocation)
+    assert pruned.strategy == MCMCStrategy(stop=round(0.24 * pruned.iterations), budget=1500)
+    assert pruned.pruning.budget == 1000
+
+
+def test_without_noise_nothing_moves():
+    assert MCMCStrategy(noise=0.0).step_options(0, 1e-4, 1.0, 0).noise is None
 
 
 def test_a_budget_is_exceeded_early_and_kept_in_the_end(scene, tmp_path):

@@ -11,7 +11,7 @@ from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import LearningRates, rates_at, shrunk
 from baselines.splatting.state import fresh_state
-from baselines.splatting.strategies.base import StepOptions
+from baselines.splatting.strategies.base import PositionNoise, StepOptions
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.strategies.relocation import MCMCStrategy
 from baselines.training.images import TrainingImages, read_images
@@ -82,7 +82,7 @@ def test_noise_moves_the_transparent_ones_alone(backends):
     moved = []
     for seed in (0, 0, 1):
         backend.put(fresh_state(gaussians))
-        backend.step(cameras[0], 0, 0, 1, still, StepOptions(noise=1.0, generator=np.random.default_rng(seed)))
+        backend.step(cameras[0], 0, 0, 1, still, StepOptions(noise=PositionNoise(1.0, np.random.default_rng(seed))))
         moved.append(backend.get(1, 0.0).gaussians.means - gaussians.means)
     assert moved[0][:20].all()
     assert np.abs(moved[0][20:]).max() < 1e-6
@@ -90,7 +90,7 @@ def test_noise_moves_the_transparent_ones_alone(backends):
     assert not np.array_equal(moved[0], moved[2])
 
 
-def test_broken_ones_are_counted_and_learn_nothing(backends):
+def test_non_finite_ones_are_counted_and_learn_nothing(backends):
     cameras, both = backends
     gaussians = with_values(with_values(cloud(80, 1), "means", 3, np.nan), "sh", 5, np.inf)
     rates = rates_at(0, 100, LearningRates(), 4.0, 1)

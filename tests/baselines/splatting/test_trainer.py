@@ -174,7 +174,7 @@ def test_methods_are_registered_and_profiles_known(tmp_path):
     assert find_method("3dgs-clean").trains_on == "clean"
     paper = GaussianSplatting.configuration("paper")
     assert paper.iterations == 30_000
-    assert paper.rates.scales == 5e-3
+    assert paper.learning_rates.scales == 5e-3
     with pytest.raises(InputError, match="PROFILE=fast"):
         GaussianSplatting.configuration("fast")
     with pytest.raises(InputError, match="not trained"):

@@ -1,6 +1,4 @@
-import re
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,8 +7,7 @@ import torch
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.strategies.relocation import MCMCStrategy
 from baselines.training.images import TrainingImages
-from baselines.wild_gaussians import features as networks
-from baselines.wild_gaussians.features import AlexNet, DinoV2, find_features, shrunk, unlikeness
+from baselines.wild_gaussians.features import AlexNet, shrunk, unlikeness
 from baselines.wild_gaussians.uncertainty import Uncertainty, UncertaintyConfig, counted, uncertainty_loss, warmed
 from hydroviews.errors import InputError
 
@@ -163,37 +160,6 @@ def test_alexnet_tells_a_blurred_picture_from_another():
     assert shrunk(np.zeros((700, 525, 3), np.float32)).shape == (350, 262, 3)
 
 
-class Patches(torch.nn.Module):
-    """Stands in for DINOv2: the mean colours of 14x14 patches."""
-
-    def get_intermediate_layers(self, x, n, reshape):
-        assert n == [5]
-        assert reshape
-        return (torch.nn.functional.avg_pool2d(x, 14),)
-
-
-def test_dinov2_sees_whole_patches(monkeypatch):
-    asked = []
-    monkeypatch.setattr(torch.hub, "load", lambda *names, **_: asked.append(names) or Patches())
-    network = find_features("auto", "cpu")
-    assert isinstance(network, DinoV2)
-    (repository, model) = asked[0]
-    assert re.fullmatch(r"facebookresearch/dinov2:[0-9a-f]{40}", repository)
-    assert model == "dinov2_vits14_reg"
-    assert network(np.zeros((36, 48, 3), np.float32)).shape == (3, 3, 4)
-    assert network(np.full((28, 28, 3), 0.485, np.float32))[0].abs().max() < 1e-6
-
-
-def test_without_dinov2_alexnet_is_taken_and_named(monkeypatch, capsys):
-    def unreachable(*_, **__):
-        raise OSError("no route to host")
-
-    monkeypatch.setattr(torch.hub, "load", unreachable)
-    assert find_features("auto", "cpu").name == "alexnet"
-    assert "no route to host" in capsys.readouterr().err
-    with pytest.raises(InputError, match="dinov2"):
-        find_features("dinov2", "cpu")
-    monkeypatch.setattr(networks, "DinoV2", lambda device: SimpleNamespace(name="dinov2"))
-    assert find_features("dinov2", "cpu").name == "dinov2"
+def test_the_features_are_recorded():
     named = [model(features=network).settings()["features"] for network in (Colours(), AlexNet("cpu"))]
     assert named == ["colours", "alexnet"]

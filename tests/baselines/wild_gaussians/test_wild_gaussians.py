@@ -94,7 +94,7 @@ def test_something_in_the_way_in_a_third_of_the_views_is_left_out(tmp_path, monk
     taught = UncertaintyConfig(
         "alexnet", start=80, warm_up=20, protected=0, first_lesson=30, rate=2e-2, prior=0.6, least=0.5
     )
-    monkeypatch.setattr(wild, "find_features", lambda *_: Blocks())
+    monkeypatch.setattr(wild, "make_features", lambda *_: Blocks())
     without = psnr(fitted(off, occluded, tmp_path / "off"), scene.test_views)
     told = psnr(fitted(replace(off, uncertainty=taught), occluded, tmp_path / "on"), scene.test_views)
     assert told > without + 0.8
@@ -174,7 +174,7 @@ def test_identical_constant_photographs_are_learnt_without_harm(tmp_path):
 
 def test_the_profiles_are_the_methods(tmp_path):
     assert find_method("wild-gaussians") is WildGaussians
-    assert PROFILES["paper"].uncertainty.features == "auto"
+    assert PROFILES["paper"].uncertainty.features == "dinov2"
     assert {PROFILES[name].uncertainty.features for name in ("demo", "quick")} == {"alexnet"}
     with_max_iterations = WildGaussians.with_max_iterations(WildGaussians.configuration("demo"), 20)
     assert with_max_iterations.splatting.iterations == 20

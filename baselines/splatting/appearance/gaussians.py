@@ -1,20 +1,13 @@
-"""Gaussians whose colours in a view come from a network: the seam for methods that model appearance.
+"""The Gaussians that a view may show, in the colours that an appearance gives them there."""
 
-Each Gaussian carries `features` beside its usual parameters; they are cloned, split and pruned with it, and the trainer
-optimises them. An `Appearance` makes one or several *looks* for a view of the Gaussians that it may show, each a set of
-colours in which they are rendered; gradients flow back through it. It is written in torch, so that the CPU's
-kernels and gsplat both can stand at its end.
-"""
-
-from abc import abstractmethod
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor, nn
+from torch import Tensor
 
+from baselines.splatting.appearance.base import Appearance
 from baselines.splatting.backends.torch_ops import finite_rows
 from baselines.splatting.gaussians import SHAPE, Gaussians
 from baselines.splatting.kernels.buffer_pool import BufferPool
@@ -25,51 +18,8 @@ REACH = 3.5  # standard deviations within which a Gaussian is seen at all
 WIDENED = LOW_PASS**0.5  # pixels of standard deviation that are at most added to every splat's
 
 
-class Appearance(nn.Module):
-    """Colours by view. A module whose own parameters `learn` steps; those of the Gaussians the trainer steps."""
-
-    @abstractmethod
-    def features(self, gaussians: Gaussians) -> NDArray[np.float32]:
-        """The features [N, F] that Gaussians of the first hour start with."""
-
-    @abstractmethod
-    def looks(self, parameters: dict[str, Tensor], camera: Camera, view: int, degree: int) -> tuple[Tensor, ...]:
-        """What Gaussians look like in a view: where they are and what they cover stays, their colours are these.
-
-        Args:
-            parameters: of `Gaussians.state_dict()`, of those `in_sight`; means are relative to the Gaussians' origin.
-            camera: that looks; relative to that origin as well.
-            view: index of the training view.
-            degree: of spherical harmonics in use.
-
-        Returns:
-            Spherical-harmonic coefficients [n, K, 3]: first of what the view shows, then of what else the objective
-            wants to compare, of the same degree.
-        """
-
-    @abstractmethod
-    def learn(self, iteration: int) -> None:
-        """A step of the network's own parameters, whose `.grad` is there; leaves them without gradients."""
-
-    @abstractmethod
-    def feature_rate(self, iteration: int) -> float:
-        """Adam's learning rate of the features."""
-
-    def settings(self) -> dict[str, Any]:
-        """The settings; a checkpoint made with others is refused."""
-        return {"name": type(self).__name__}
-
-    @abstractmethod
-    def training_state(self) -> dict[str, NDArray]:
-        """What has been learnt beside the Gaussians; see torch_state.module_arrays."""
-
-    @abstractmethod
-    def load_training_state(self, arrays: dict[str, NDArray]) -> None:
-        """Take back what `arrays` returned."""
-
-
-class Dressed:
-    """The Gaussians in sight and their looks in numpy, and the way back for gradients to all Gaussians."""
+class AppearanceGaussians:
+    """The Gaussians in sight and their colours in numpy, and the way back for gradients to all Gaussians."""
 
     def __init__(self, gaussians: Gaussians, appearance: Appearance, camera: Camera, view: int, degree: int) -> None:
         self._total, self._origin = len(gaussians), gaussians.origin
@@ -78,21 +28,21 @@ class Dressed:
         self.rows: NDArray[np.int64] = rows.numpy()  # of those in sight, ascending
         for leaf in self._leaves.values():
             leaf.requires_grad_()
-        self._looks = appearance.looks(self._leaves, local, view, degree)
-        self.sh: NDArray[np.float32] = torch.stack([look.detach() for look in self._looks]).numpy()  # [L, n, K, 3]
+        self._sh_sets = appearance.sh_sets(self._leaves, local, view, degree)
+        self.sh: NDArray[np.float32] = torch.stack([sh.detach() for sh in self._sh_sets]).numpy()  # [L, n, K, 3]
         shape = {name: self._leaves[name].detach().numpy() for name in SHAPE}
         self.gaussians = Gaussians(**shape, sh=self.sh[0], origin=self._origin)  # what the view shows
 
-    def backward(self, gradient: Gaussians, by_looks: NDArray[np.float32], buffers: BufferPool) -> Gaussians:
+    def backward(self, gradient: Gaussians, by_sh_sets: NDArray[np.float32], buffers: BufferPool) -> Gaussians:
         """From gradients by what is rendered to those by all Gaussians; those of the network are in `.grad`.
 
         Args:
-            gradient: of a loss by the Gaussians in sight; that by their colours is not looked at.
-            by_looks: by `sh`, [L, n, K, 3].
-            workspace: the arrays returned belong to it and are overwritten by the next call.
+            gradient: of a loss by the Gaussians in sight; that by their colours is not used.
+            by_sh_sets: of the loss by `sh`, [L, n, K, 3].
+            buffers: the arrays returned are of them: the next call overwrites them.
         """
         by_shape = [(self._leaves[name], getattr(gradient, name)) for name in SHAPE]
-        ends = [*by_shape, *zip(self._looks, by_looks, strict=True)]
+        ends = [*by_shape, *zip(self._sh_sets, by_sh_sets, strict=True)]
         learning = [(end, torch.from_numpy(value)) for end, value in ends if end.requires_grad]
         torch.autograd.backward([end for end, _ in learning], [value for _, value in learning])
         found = {
@@ -111,17 +61,19 @@ class Dressed:
         return spread
 
 
-def equipped(gaussians: Gaussians, appearance: Appearance | None) -> Gaussians:
+def with_appearance(gaussians: Gaussians, appearance: Appearance | None) -> Gaussians:
     """Gaussians with the features that an appearance wants them to start with."""
     return gaussians if appearance is None else replace(gaussians, features=appearance.features(gaussians))
 
 
-def dressed(gaussians: Gaussians, appearance: Appearance | None, camera: Camera, view: int, degree: int) -> Gaussians:
+def gaussians_in_view(
+    gaussians: Gaussians, appearance: Appearance | None, camera: Camera, view: int, degree: int
+) -> Gaussians:
     """What a view shows of the Gaussians, those in sight; themselves, without an appearance."""
     if appearance is None:
         return gaussians
     with torch.no_grad():
-        return Dressed(gaussians, appearance, camera, view, degree).gaussians
+        return AppearanceGaussians(gaussians, appearance, camera, view, degree).gaussians
 
 
 def moved(camera: Camera, origin: NDArray[np.float64]) -> Camera:
@@ -144,7 +96,7 @@ def in_sight(parameters: dict[str, Tensor], camera: Camera) -> tuple[Tensor, dic
 
     Args:
         parameters: of all Gaussians.
-        camera: that looks, relative to their origin.
+        camera: of the view, relative to their origin.
 
     Returns:
         Their indices [n], ascending, and their parameters.

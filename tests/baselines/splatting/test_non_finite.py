@@ -10,7 +10,7 @@ from trainings import BUDGETED, CONFIG, psnr
 
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting.backends.base import CpuBackend
-from baselines.splatting.backends.torch_ops import without_non_finite as torch_without_broken
+from baselines.splatting.backends.torch_ops import without_non_finite as torch_without_non_finite
 from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.kernels.rasterizer import backward, render
 from baselines.splatting.state import fresh_state, without_non_finite
@@ -19,7 +19,7 @@ from baselines.splatting.trainer import train
 BAD = (("means", np.nan), ("quaternions", np.inf), ("log_scales", np.inf), ("opacity_logits", np.nan), ("sh", -np.inf))
 
 
-def broken_cloud():
+def non_finite_cloud():
     gaussians = cloud(100, 1)
     for row, (name, value) in enumerate(BAD):
         gaussians = with_values(gaussians, name, row, value)
@@ -28,23 +28,23 @@ def broken_cloud():
 
 @pytest.fixture
 def injected(monkeypatch):
-    """Breaks a Gaussian a parameter before given steps."""
+    """Makes a parameter each of some Gaussians non-finite before given steps."""
     step = CpuBackend.step
 
     def inject_at(*iterations):
-        def broken_step(self, camera, view, iteration, *arguments):
+        def spoilt_step(self, camera, view, iteration, *arguments):
             if iteration in iterations:
                 for row, (name, value) in enumerate(BAD):
                     getattr(self._state.gaussians, name)[row] = value
             return step(self, camera, view, iteration, *arguments)
 
-        monkeypatch.setattr(CpuBackend, "step", broken_step)
+        monkeypatch.setattr(CpuBackend, "step", spoilt_step)
 
     return inject_at
 
 
 def test_they_are_neither_shown_nor_taught():
-    image, state = render(broken_cloud(), camera(60, 40))
+    image, state = render(non_finite_cloud(), camera(60, 40))
     rest = cloud(100, 1).select(np.arange(len(BAD), 100))
     weights = np.random.default_rng(0).normal(size=image.shape)
     ours = backward(state, weights).parameters.map(np.copy)
@@ -57,8 +57,8 @@ def test_they_are_neither_shown_nor_taught():
 
 
 def test_in_torch_they_are_transparent_and_get_no_gradient():
-    leaves = {name: torch.from_numpy(v.copy()).requires_grad_() for name, v in broken_cloud().state_dict().items()}
-    shown, whole = torch_without_broken(leaves)
+    leaves = {name: torch.from_numpy(v.copy()).requires_grad_() for name, v in non_finite_cloud().state_dict().items()}
+    shown, whole = torch_without_non_finite(leaves)
     assert torch.nonzero(~whole)[:, 0].tolist() == list(range(len(BAD)))
     sum((value**2).sum() for value in shown.values()).backward()
     for value in leaves.values():
@@ -67,12 +67,12 @@ def test_in_torch_they_are_transparent_and_get_no_gradient():
 
 
 @pytest.mark.parametrize("config", [CONFIG, BUDGETED], ids=["densification", "relocation"])
-def test_training_goes_on_without_them_and_says_so_once(tmp_path, injected, capfd, config):
+def test_training_goes_on_without_them_and_warns_once(tmp_path, injected, caplog, config):
     scene = photographed(tmp_path)
     injected(45, 90, 170)
     method = GaussianSplatting(replace(config, iterations=400), 0)
     method.fit(scene, tmp_path / "run")
-    said = [line for line in capfd.readouterr().err.splitlines() if "NaN or infinite" in line]
+    said = [message for message in caplog.messages if "NaN or infinite" in message]
     assert len(said) == 1
     assert "training: 5 of " in said[0]
     assert "after iteration 60, as" in said[0]
@@ -83,7 +83,7 @@ def test_training_goes_on_without_them_and_says_so_once(tmp_path, injected, capf
     assert psnr(method, scene.train_views) > 28
 
 
-def test_what_breaks_last_is_not_in_the_model(tmp_path, injected):
+def test_what_is_non_finite_at_the_end_is_not_in_the_model(tmp_path, injected):
     injected(29)
     trained = train(photographed(tmp_path), replace(CONFIG, iterations=30), 0, tmp_path / "run")
     assert trained.non_finite == 5
