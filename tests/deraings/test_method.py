@@ -25,7 +25,7 @@ from hydroviews.files.atomic import sha256
 from hydroviews.scene.images import read_image
 
 TINY = NetworkConfig(width=4, encoder=(1, 1, 1, 1), bottleneck=1, decoder=(1, 1, 1, 1), head_width=4, stem=2)
-MASKED = MaskConfig(start=0.3, warm_up=0.2, every=2, least_evidence=0)
+MASKED = MaskConfig(start=0.3, warm_up=0.2, every=2, min_evidence=0)
 
 
 @pytest.fixture(scope="module")
