@@ -8,7 +8,7 @@ class MaskConfig:
     """How masks are learnt.
 
     Numbers without a source were chosen on courtyard in drops (raindrop-1 and raindrop-2), in the runs of
-    docs/masking.md; "typical" is the running median loss of a pixel.
+    docs/experiments/2026-11-occlusion-masks.md; "typical" is the running median loss of a pixel.
 
     Attributes:
         start: share of the iterations, (0, 1], after which the masks weigh the loss.

@@ -38,11 +38,11 @@ MIN_WINDOW, MAX_WINDOW = 4, 32  # views that running means remember
 class LensDropsConfig:
     """How drops are found.
 
-    Numbers without a source were chosen on courtyard and LLFF flower, in the runs of docs/rain-model.md.
+    Numbers without a source were chosen on courtyard and LLFF flower (docs/experiments/2026-11-rain-model.md).
 
     Attributes:
         long_side: pixels, at least 1, of the planes in which drops are looked for.
-        views_per_knot: views, at least 1, from which drops at one time are told; fewer give fewer times.
+        views_per_knot: views, at least 1, that drops at one time are learned from; fewer views have fewer knots.
         max_time_knots: times at which drops may differ, at least 1.
         min_views: fewer views do not show what is usual at a place of the lens; no drops are looked for then.
         start: share of the iterations, [0, 1), before renders are seen through drops. 0.05 is best of 0.025 to 0.2:

@@ -20,7 +20,7 @@ ZERO, ONE, THIRD = np.float32(0), np.float32(1), np.float32(1 / 3)
 
 
 def warm_up() -> None:
-    """Load the kernels; see `compile_apart`."""
+    """Load the kernels; see `warm_up.compile_apart`."""
     compile_apart(f"from {__name__} import exercise_kernels; exercise_kernels()", [Path(__file__)])
     exercise_kernels()
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 class MistConfig:
     """How mist is looked for and learned.
 
-    Numbers without a source were chosen on courtyard and LLFF flower, in the runs of docs/rain-model.md.
+    Numbers without a source were chosen on courtyard and LLFF flower (docs/experiments/2026-11-rain-model.md).
 
     Attributes:
         cells: grid cells along the longer side, at least 1.
-        views_per_knot: views, at least 1, from which mist at one time is told; fewer give fewer times.
+        views_per_knot: views, at least 1, that mist at one time is learned from; fewer views have fewer knots.
         max_time_knots: times at which mist may differ, at least 1.
         start: share of the iterations, [0, 1), before mist is learned: flower in heavy mist has 20.9 dB
             from 0.2 on, 22.4 from 0.03 on.

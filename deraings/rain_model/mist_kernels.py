@@ -89,7 +89,7 @@ def _mist_gradient(image, alpha, colour, decode, decode_slope, encode_slope, gra
 
 
 def warm_up() -> None:
-    """Load the kernels; see `compile_apart`."""
+    """Load the kernels; see `warm_up.compile_apart`."""
     compile_apart(f"from {__name__} import exercise_kernels; exercise_kernels()", [Path(__file__)])
     exercise_kernels()
 

@@ -35,7 +35,7 @@ COMMON = 0.15  # share of the skew of most directions that one may exceed them b
 class RainLayerConfig:
     """How falling rain is found and accounted for.
 
-    Numbers without a source were chosen on courtyard and LLFF flower, in the runs of docs/rain-model.md.
+    Numbers without a source were chosen on courtyard and LLFF flower (docs/experiments/2026-11-rain-model.md).
 
     Attributes:
         brightness: beta, the encoded value of streaks, (0, 1]. It cannot be told from the photographs; an error of 0.1

@@ -35,7 +35,7 @@ MIN_CONTRAST = 0.1  # encoded; in front of what is nearer to beta than that, str
 
 @dataclass(frozen=True)
 class SingleStreaksConfig:
-    """How single streaks are found; the numbers were chosen on courtyard, in the runs of docs/rain-model.md.
+    """How single streaks are found; numbers chosen on courtyard (docs/experiments/2026-11-rain-model.md).
 
     Attributes:
         wedge: degrees, (0, 90), to either side of the direction across the rain; 35 explains as much as 45.
