@@ -194,7 +194,7 @@ class RainModel:
 
     def _update_rain(self, layer: RainLayer, seen: Seen, observed: Observation, buffers: BufferPool) -> None:
         """Learn of falling rain from the view behind even rain, without its single streaks."""
-        streaks = self.streaks if layer.certainty() == 1 and self._streaks_due(seen) else None
+        streaks = self.streaks if self._streaks_due(seen) and layer.certainty() == 1 else None
         due = layer.due(seen.iteration)
         if not due and streaks is None:
             return
