@@ -22,8 +22,8 @@ PORT    ?= 8080
 OUT     ?= film.mp4
 FILM_ARGS ?=
 
-ABLATION := deraings.method:Masks deraings.method:Enhancement deraings.method:WithoutAttention deraings \
-            deraings.method:RainModel deraings-plus deraings.method:Everything
+ABLATION := deraings.method:Masks 3dgs+enhance deraings.method:WithoutAttention deraings \
+            deraings.method:RainModelOnly deraings-plus deraings.method:Everything
 METHODS  ?= 3dgs nerf-w derain-nerf wild-gaussians gs-w deraings deraings-plus
 SCENES   ?= $(SCENE)
 BIN      := $(VENV)/bin

@@ -19,7 +19,7 @@ from baselines.gaussian_splatting import PROFILES, GaussianSplatting
 from benchmarks.quality import held_out, slug
 from deraings.masks.config import MaskConfig
 from deraings.method import DeRainGSConfig, Masks
-from deraings.rain_model.ground_truth import WATER, true_layers
+from deraings.rain_model.ground_truth import COVERED, true_layers
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.files.atomic import write_bytes
@@ -45,7 +45,7 @@ def covered(method: Masks, variant: Path, scene: Scene) -> dict[str, float]:
     means = []
     for index, view in enumerate(scene.train_views):
         mask = masks.mask(index, (view.camera.height, view.camera.width))
-        hidden = true_layers(variant, view)["M"] > WATER
+        hidden = true_layers(variant, view)["M"] > COVERED
         means.append((mask[hidden].mean() if hidden.any() else np.nan, mask[~hidden].mean()))
     within, without = np.nanmean(means, axis=0)
     return {"within drops": round(float(within), 2), "without": round(float(without), 2)}

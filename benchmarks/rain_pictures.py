@@ -31,8 +31,8 @@ TRUE = {"raindrop": "M", "streak": "S"}  # the layer that is looked for
 def found_cover(objective: RainObjective, view: int, size: tuple[int, int], effect: str) -> Plane:
     """What covers a training view [H, W], by all that was learned: falling rain, or what is on the lens."""
     if effect == "streak":
-        return objective.falling_share(view, size)
-    shown = 1 - objective.drop_cover(view, size)
+        return objective.model.rain_alpha(view, size)
+    shown = 1 - objective.model.drop_alpha(view, size)
     return 1 - shown if objective.masks is None else 1 - shown * (1 - objective.masks.mask(view, size))
 
 

@@ -1,36 +1,46 @@
 """Any method on enhanced photographs: `3dgs+enhance` is what `3dgs` makes of views with the rain taken out first.
 
-`3dgs+enhance` computes what the ablation `deraings.method:Enhancement` does, to the same bits.
+DeRainGS's ablation (d), enhancement without masks, is `3dgs+enhance`; DeRainGS itself learns from the same
+`enhanced_scene`.
 """
 
+import logging
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-from tqdm import tqdm
-
 from baselines.method import Method, TrainingSummary
-from baselines.training.images import read_images
+from baselines.training.images import TrainingImages, read_images
 from deraings.enhancement.views import EnhancedViews
-from deraings.enhancement.weights import DEFAULT, Enhancer, find_weights, load_enhancer
-from deraings.rain_model.mist_or_fog import may_lift, point_colours
+from deraings.enhancement.weights import DEFAULT, find_weights, load_enhancer
+from deraings.rain_model.mist_or_fog import may_remove_mist, point_colours
 from hydroviews.files.atomic import sha256
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 from hydroviews.scene.masks import mask_name, write_ignored
+from hydroviews.scene.point_colours import PointColours
 from hydroviews.scene.scenes import Scene, View
+
+logger = logging.getLogger(__name__)
 
 KEPT = "enhanced"  # pictures, in a run's folder
 
 
 @dataclass(frozen=True)
 class EnhancedConfig:
-    """The wrapped method's settings, and by what weights photographs are enhanced."""
+    """The wrapped method's settings, and by what weights photographs are enhanced.
+
+    Attributes:
+        method: of the wrapped method, by its profile.
+        enhancement: weights, by name or path.
+        weights_sha256: of their file: runs with other weights are other runs.
+    """
 
     method: Any
-    enhancement: str  # by name or path
-    weights_sha256: str  # of their file: runs with other weights are other runs
+    enhancement: str
+    weights_sha256: str
 
 
 class OnEnhanced(Method):
@@ -58,9 +68,8 @@ class OnEnhanced(Method):
 
     def fit(self, scene: Scene, folder: Path) -> None:
         """See Method; enhanced photographs are kept in `folder`."""
-        enhancer = load_enhancer(self.config.enhancement)
-        print(enhancer.reason)
-        self._inner.fit(enhanced_scene(scene, enhancer, folder / KEPT), folder)
+        views = enhanced_views(scene, read_images(scene.train_views), self.config.enhancement, folder / KEPT)
+        self._inner.fit(enhanced_scene(scene, views), folder)
 
     def render(self, camera: Camera) -> Image:
         """See Method."""
@@ -93,22 +102,43 @@ def on_enhanced(method: type[Method]) -> type[Method]:
     )
 
 
-def enhanced_scene(scene: Scene, enhancer: Enhancer, folder: Path) -> Scene:
+def enhanced_views(
+    scene: Scene,
+    photographs: TrainingImages,
+    weights: str,
+    folder: Path,
+    points: Callable[[], PointColours] | None = None,
+) -> EnhancedViews:
+    """The training photographs, each enhanced when it is first asked for; mist stays where it is foggy in the scene.
+
+    Args:
+        scene: of which the photographs are the training views.
+        photographs: as read.
+        weights: of the network, by name or path.
+        folder: where enhanced pictures are kept, apart for other photographs and other weights.
+        points: looks up scene points in the photographs, if somebody has done so.
+
+    Raises:
+        InputError: no such weights.
+    """
+    enhancer = load_enhancer(weights)
+    logger.info(enhancer.reason)
+    remove_mist = may_remove_mist(photographs, points or partial(point_colours, scene, photographs))
+    return EnhancedViews(photographs, [view.name for view in scene.train_views], enhancer, folder, remove_mist)
+
+
+def enhanced_scene(scene: Scene, views: EnhancedViews) -> Scene:
     """The scene with enhanced training photographs, showing progress; what masks hide stays hidden.
 
     Args:
         scene: of which held-out views are left as they are.
-        enhancer: the network.
-        folder: where enhanced photographs are kept, apart for other photographs and other weights.
+        views: its training photographs, enhanced.
 
     Raises:
-        InputError: a picture or mask that cannot be read or has another size than its camera.
+        InputError: a mask that cannot be read or has another size than its camera.
     """
-    views, images = scene.train_views, read_images(scene.train_views)
-    lift = may_lift(images, partial(point_colours, scene, images))
-    pictures = EnhancedViews(images, [view.name for view in views], enhancer, folder, lift)
-    progress = tqdm(views, desc="enhancing", unit="view", leave=False)
-    enhanced = {view.name: _enhanced_view(view, pictures.file(index)) for index, view in enumerate(progress)}
+    pairs = zip(scene.train_views, views.files(), strict=True)
+    enhanced = {view.name: _enhanced_view(view, path) for view, path in pairs}
     return replace(scene, views=tuple(enhanced.get(view.name, view) for view in scene.views))
 
 

@@ -1,7 +1,7 @@
 """DeRainGS: enhancement of the photographs, then Gaussians and occlusion masks learned from them together.
 
 `DeRainGS` is the paper's method, `DeRainGSPlus` ours, which models the rain that is seen in the photographs. The
-classes after them leave parts out, for the ablation.
+classes after them leave parts out, for the ablation; enhancement without masks is `3dgs+enhance`.
 """
 
 from collections.abc import Callable, Mapping
@@ -13,30 +13,53 @@ from typing import Any, ClassVar
 from baselines.gaussian_splatting import PROFILES, GaussianSplatting
 from baselines.method import TrainingSummary
 from baselines.splatting.config import TrainerConfig
-from baselines.training.images import read_images
-from deraings.enhancement.views import EnhancedViews, enhanced_images
-from deraings.enhancement.weights import find_weights, load_enhancer
+from baselines.training.images import TrainingImages, read_images
+from deraings.enhanced_method import KEPT, enhanced_scene, enhanced_views
+from deraings.enhancement.weights import DEFAULT, find_weights
 from deraings.masks.config import MaskConfig
 from deraings.masks.occlusion_masks import OcclusionMasks
-from deraings.rain_model.mist_or_fog import may_lift, point_colours
-from deraings.rain_model.objective import RainConfig, RainObjective
-from deraings.rain_model.report import found
+from deraings.rain_model.mist_or_fog import point_colours
+from deraings.rain_model.model import RainConfig
+from deraings.rain_model.objective import RainObjective
+from hydroviews.errors import InputError
 from hydroviews.files.atomic import sha256
 from hydroviews.scene.scenes import Scene
 
-NOTHING = RainConfig(veil=None, drops=None, falling=None)
+NO_RAIN = RainConfig(mist=None, drops=None, rain_layer=None, streaks=None)
 
 
 @dataclass(frozen=True)
 class DeRainGSConfig:
-    """Three switches on top of splatting; each works with or without the others."""
+    """What is added to splatting; each part works with or without the others.
+
+    Attributes:
+        splatting: how the Gaussians are trained, as for plain 3DGS.
+        enhancement: weights, by name or path; the scene is then learned from enhanced photographs.
+        masks: occlusion masks; None for none.
+        rain: kinds of rain that are modelled where the photographs call for them.
+        prior: weights, by name or path; enhanced photographs then help to find single streaks, and the scene is
+            learned from the photographs as they are.
+        weights_sha256: of the file of the weights: runs with other weights are other runs.
+
+    Raises:
+        ValueError: both enhancement and prior.
+    """
 
     splatting: TrainerConfig
-    enhancement: str | None = None  # weights, by name or path: photographs are enhanced before anything is learned
-    masks: MaskConfig | None = None  # occlusion masks
-    rain: RainConfig = NOTHING  # kinds of rain that are modelled where the photographs call for them
-    witness: str | None = None  # weights: enhanced photographs help to find single streaks, where it rains
-    weights_sha256: str | None = None  # of their file: runs with other weights are other runs
+    enhancement: str | None = None
+    masks: MaskConfig | None = None
+    rain: RainConfig = NO_RAIN
+    prior: str | None = None
+    weights_sha256: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.enhancement and self.prior:
+            raise ValueError("enhanced photographs are either learned from or a prior, not both")
+
+    @property
+    def weights(self) -> str | None:
+        """Of the network, by name or path, if one is used."""
+        return self.enhancement or self.prior
 
 
 def profiles(configure: Callable[[TrainerConfig], DeRainGSConfig]) -> dict[str, DeRainGSConfig]:
@@ -48,7 +71,7 @@ class DeRainGS(GaussianSplatting):
     """The paper's method: enhancement, and masks with spectral channel attention."""
 
     profiles: ClassVar[Mapping[str, Any]] = profiles(
-        lambda splatting: DeRainGSConfig(splatting, enhancement="small", masks=MaskConfig())
+        lambda splatting: DeRainGSConfig(splatting, enhancement=DEFAULT, masks=MaskConfig())
     )
 
     def __init__(self, config: DeRainGSConfig, seed: int) -> None:
@@ -63,8 +86,7 @@ class DeRainGS(GaussianSplatting):
             InputError: no such profile, or no such weights.
         """
         config: DeRainGSConfig = super().configuration(profile)
-        weights = config.enhancement or config.witness
-        return replace(config, weights_sha256=sha256(find_weights(weights))) if weights else config
+        return replace(config, weights_sha256=sha256(find_weights(config.weights))) if config.weights else config
 
     @property
     def splatting(self) -> TrainerConfig:
@@ -79,49 +101,60 @@ class DeRainGS(GaussianSplatting):
             InputError: an unreadable picture, or no such weights.
         """
         config: DeRainGSConfig = self.config
-        images, names = read_images(scene.train_views), [view.name for view in scene.train_views]
-        kept, points = folder / "enhanced", cache(partial(point_colours, scene, images))
-        lift = may_lift(images, points) if config.enhancement or config.witness else True
-        if config.enhancement:
-            enhancer = load_enhancer(config.enhancement)
-            print(enhancer.reason)
-            images = enhanced_images(images, names, enhancer, kept, lift)
-            self.found["enhancement"] = config.enhancement if lift else f"{config.enhancement} leaving fog as it is"
-        iterations = config.splatting.iterations
-        masks = OcclusionMasks(images, iterations, self.seed, config.masks) if config.masks else None
-        derained = EnhancedViews(images, names, load_enhancer(config.witness), kept, lift) if config.witness else None
-        lambda_dssim = config.splatting.lambda_dssim
-        self._objective = RainObjective(images, iterations, config.rain, lambda_dssim, masks, derained, points)
+        images = read_images(scene.train_views)
+        points = cache(partial(point_colours, scene, images))
+        views = enhanced_views(scene, images, config.weights, folder / KEPT, points) if config.weights else None
+        if views and config.enhancement:
+            images = read_images(enhanced_scene(scene, views).train_views)
+            self.found["enhancement"] = config.enhancement + ("" if views.remove_mist else " leaving fog as it is")
+        self._objective = RainObjective(
+            images,
+            config.splatting.iterations,
+            config.rain,
+            config.splatting.lambda_dssim,
+            masks=self._masks(images),
+            prior=views if config.prior else None,
+            points=points,
+        )
         return self._objective
+
+    def _masks(self, images: TrainingImages) -> OcclusionMasks | None:
+        config: DeRainGSConfig = self.config
+        return OcclusionMasks(images, config.splatting.iterations, self.seed, config.masks) if config.masks else None
 
     def fit(self, scene: Scene, folder: Path) -> None:
         """See Method."""
         super().fit(scene, folder)
-        self.found |= found(self.learned())
+        self.found |= self.learned().report()
 
     def learned(self) -> RainObjective:
-        """What was learned of the rain in the training views, after `fit`."""
-        assert self._objective is not None
+        """What was learned of the rain in the training views, after `fit`.
+
+        Raises:
+            InputError: not trained here; a model that was loaded holds the scene alone.
+        """
+        if self._objective is None:
+            raise InputError(f"{type(self).__name__}: nothing learned of the rain", fix="call fit first")
         return self._objective
 
     def summary(self) -> TrainingSummary:
-        """See Method; `used` says what was found in the photographs."""
+        """See Method; `used` lists what was found in the photographs."""
         texts = {name: " and ".join(v) or "nothing" if isinstance(v, list) else v for name, v in self.found.items()}
         return replace(super().summary(), used=", ".join(f"{name} {text}" for name, text in texts.items()))
 
 
 class DeRainGSPlus(DeRainGS):
-    """The rain is modelled: a veil and drops on the lens, falling rain that only adds light; the network is a witness.
+    """The rain is modelled: mist and drops on the lens, falling rain, single streaks; the network is a prior of these.
 
-    The photographs stay what the scene is learned from; where it rains, enhanced ones help to tell what is rain.
+    The scene is learned from the photographs as they are; where it rains, enhanced ones help to tell what is rain.
     """
 
     profiles: ClassVar[Mapping[str, Any]] = profiles(
-        lambda splatting: DeRainGSConfig(splatting, rain=RainConfig(), witness="small")
+        lambda splatting: DeRainGSConfig(splatting, rain=RainConfig(), prior=DEFAULT)
     )
 
 
-class RainModel(DeRainGS):
+class RainModelOnly(DeRainGS):
     """Ablation: the rain model without a network."""
 
     profiles: ClassVar[Mapping[str, Any]] = profiles(lambda splatting: DeRainGSConfig(splatting, rain=RainConfig()))
@@ -133,17 +166,11 @@ class Masks(DeRainGS):
     profiles: ClassVar[Mapping[str, Any]] = profiles(lambda splatting: DeRainGSConfig(splatting, masks=MaskConfig()))
 
 
-class Enhancement(DeRainGS):
-    """Ablation (d): enhanced photographs, no masks."""
-
-    profiles: ClassVar[Mapping[str, Any]] = profiles(lambda splatting: DeRainGSConfig(splatting, enhancement="small"))
-
-
 class WithoutAttention(DeRainGS):
     """Ablation (e): all of the paper's method but the attention in the mask network."""
 
     profiles: ClassVar[Mapping[str, Any]] = profiles(
-        lambda splatting: DeRainGSConfig(splatting, enhancement="small", masks=MaskConfig(attention=False))
+        lambda splatting: DeRainGSConfig(splatting, enhancement=DEFAULT, masks=MaskConfig(attention=False))
     )
 
 
@@ -152,6 +179,6 @@ class Everything(DeRainGS):
 
     profiles: ClassVar[Mapping[str, Any]] = profiles(
         lambda splatting: DeRainGSConfig(
-            splatting, enhancement="small", masks=MaskConfig(), rain=RainConfig(falling=None)
+            splatting, enhancement=DEFAULT, masks=MaskConfig(), rain=RainConfig(rain_layer=None)
         )
     )

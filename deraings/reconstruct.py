@@ -1,8 +1,9 @@
 """One's own rainy photographs, or a film, to a clean 3D scene: cameras, training, a splat file, a film, pictures."""
 
+import logging
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import tyro
 
@@ -21,6 +22,8 @@ from hydroviews.profiles import find_profile
 from hydroviews.scene.images import SUFFIXES, write_png
 from hydroviews.scene.picture_grid import Canvas, Row, Tile, draw_sheet
 from hydroviews.scene.scenes import Scene, Split
+
+logger = logging.getLogger(__name__)
 
 CAPTURE, TRAINING, FILM, SHEET, SETTINGS = "capture", "training", "film.mp4", "views.png", "reconstruction.json"
 SHOWN = 4  # photographs on the sheet
@@ -49,7 +52,7 @@ class Reconstruction:
 
 
 def reconstruct(request: Reconstruction) -> Path:
-    """Photographs to a scene; the same call goes on after an interruption, with the cameras and steps that are done.
+    """Photographs to a scene; after an interruption the same call resumes, with the cameras and steps that are done.
 
     All photographs are learned from, none is held out. The folder gets `capture` (photographs and cameras, unless
     they came with cameras), `training` (the model, and `splats.ply` where it is one of Gaussians), `views.png`
@@ -63,11 +66,11 @@ def reconstruct(request: Reconstruction) -> Path:
             holds a reconstruction with others.
     """
     require_photographs(request.photographs)
-    require_room(request)
+    require_outside(request)
     folder, kind = request.folder, find_method(request.method)
     if kind.trains_on != "rainy":
         raise InputError(f"--method {request.method}: learns from clean views, and here are none", fix="choose another")
-    # Settings are looked at before hours of work, and before the folder is theirs.
+    # Settings are checked before hours of work, and before the folder is claimed for them.
     config, long_side = kind.configuration(request.profile), find_profile(request.profile).long_side
     FrameChoice(request.rate, request.long_side)
     if request.seed < 0:
@@ -83,7 +86,7 @@ def reconstruct(request: Reconstruction) -> Path:
     )
     scene = find_scene(request, folder / CAPTURE)
     for note in scene.notes:
-        print(note)
+        logger.info(note)
     scene = all_views(scene.resized(long_side if request.long_side is None else request.long_side))
     method = kind(config, request.seed)
     method.fit(scene, folder / TRAINING)
@@ -92,13 +95,13 @@ def reconstruct(request: Reconstruction) -> Path:
     draw_film(method, scene, folder / FILM, request.film, {"scene": settings})
     splats = (folder / TRAINING / SPLATS).is_file()  # methods without Gaussians write none
     model = f"{TRAINING}/{SPLATS} for splat viewers" if splats else f"the model in {TRAINING}"
-    print(f"{folder}: {model}, {FILM}, {SHEET}")
-    print(f"found in the photographs: {method.summary().used or 'nothing was looked for'}")
+    logger.info(f"{folder}: {model}, {FILM}, {SHEET}")
+    logger.info(f"found in the photographs: {method.summary().used or 'nothing was looked for'}")
     return folder
 
 
 def settings_of(request: Reconstruction) -> dict[str, Any]:
-    """What makes a reconstruction another one, for JSON: not where it lies, nor the rate of what is no film."""
+    """The settings on which a reconstruction depends, for JSON: not its folder, nor the rate where there is no film."""
     settings = asdict(request) | {"photographs": str(request.photographs.resolve())}
     del settings["out"]
     if request.photographs.is_dir():
@@ -107,17 +110,17 @@ def settings_of(request: Reconstruction) -> dict[str, Any]:
 
 
 def require_photographs(path: Path) -> None:
-    """Refuse what is no film and holds no photographs, before a folder is made for it; say what cannot be read.
+    """Refuse a path without photographs before a folder is made for it; log which photographs cannot be read.
 
     Raises:
-        InputError: so it is.
+        InputError: the path is neither a film, nor a capture with cameras, nor a folder of photographs.
     """
     if path.is_file() or (path.is_dir() and has_cameras(path)):
         return
     other = unreadable_photographs(path) if path.is_dir() else ""
     if path.is_dir() and photographs_below(path):
         if other:
-            print(f"{path}: {other} left out, as only {', '.join(SUFFIXES)} are read")
+            logger.info(f"{path}: {other} left out, as only {', '.join(SUFFIXES)} are read")
         return
     raise InputError(
         f"{path}: nothing to reconstruct from",
@@ -127,11 +130,11 @@ def require_photographs(path: Path) -> None:
     )
 
 
-def require_room(request: Reconstruction) -> None:
-    """Refuse a folder among the photographs: what is written there would be taken for photographs the next time.
+def require_outside(request: Reconstruction) -> None:
+    """Refuse to write among the photographs: pictures there would be read as photographs the next time.
 
     Raises:
-        InputError: so it is.
+        InputError: the folder to write to lies in that of the photographs.
     """
     folder, photographs = request.folder.resolve(), request.photographs.resolve()
     if photographs.is_dir() and folder.is_relative_to(photographs):
@@ -152,15 +155,14 @@ def find_scene(request: Reconstruction, capture: Path) -> Scene:
     path = request.photographs
     if path.is_file():
         scene = capture_video(path, capture, FrameChoice(request.rate), seed=request.seed)
-        assert scene is not None  # it stops before cameras only when asked to
-        return scene
+        return cast(Scene, scene)  # None only where it is to stop before cameras
     if has_cameras(path):
         return read_scene(path)
     return estimate_poses(path, capture, seed=request.seed, rainy=True)
 
 
 def all_views(scene: Scene) -> Scene:
-    """The scene with nothing held out: whoever wants the scene wants all of their photographs in it."""
+    """The scene with nothing held out: all photographs are for training."""
     names = tuple(view.name for view in scene.views)
     return replace(scene, split=Split(names, (), scene.split.sparse))
 

@@ -136,3 +136,4 @@ def test_the_ablation_is_a_comparison_of_its_own_methods():
     assert len(runs) == 7
     assert all("--scene 'street'" in line for line in runs)
     assert "--method 'deraings.method:Masks'" in runs[0]
+    assert "--method '3dgs+enhance'" in runs[1]

@@ -118,12 +118,12 @@ def enhance_command(
         pictures: file or folder.
         out: another folder.
         weights: shipped ones, or a file.
-        keep_fog: leave smooth veils as they are: a single picture does not tell mist on the lens from fog.
+        keep_fog: leave mist and fog as they are: a single picture does not tell mist on the lens from fog.
     """
     enhancer, targets = load_enhancer(weights), one_by_one(pictures, out)
     print(enhancer.reason)
     for file, target in tqdm(targets.items(), desc="enhancing", unit="picture"):
-        write_png(target, enhance(read_image(file), enhancer, lift=not keep_fog))
+        write_png(target, enhance(read_image(file), enhancer, remove_mist=not keep_fog))
 
 
 def describe_command(network: Literal["paper", "small"] = "small", width: int = 400, height: int = 300) -> None:

@@ -44,7 +44,7 @@ def training_pairs(data: Data, config: TrainingConfig) -> Pairs:
     pool = bake_pool(data.cache, config.seed, data.lenses, data.sides)
     published = [PairFolder(folder, config.patch) for folder in data.pairs]
     drawn = DrawnRain(read_photographs(photographs, data.sides), pool)
-    return Pairs(drawn, published, config.patch, config.seed, VEILED if config.network.veil else 0)
+    return Pairs(drawn, published, config.patch, config.seed, VEILED if config.network.mist else 0)
 
 
 def started_from(data: Data, config: TrainingConfig) -> Enhancer | None:

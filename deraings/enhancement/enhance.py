@@ -16,7 +16,7 @@ OVERLAP = 96  # pixels in which neighbouring tiles are blended
 
 
 def enhance(
-    image: Image, enhancer: Enhancer | None = None, tile: int = TILE, overlap: int = OVERLAP, lift: bool = True
+    image: Image, enhancer: Enhancer | None = None, tile: int = TILE, overlap: int = OVERLAP, remove_mist: bool = True
 ) -> Image:
     """Take the rain out of a picture, as far as the network can.
 
@@ -25,7 +25,7 @@ def enhance(
         enhancer: the network; the shipped one if there is none.
         tile: pixels along a tile's side, at most.
         overlap: pixels, less than a tile.
-        lift: take a smooth veil off the whole picture first, if the network looks for one. It cannot tell mist on the
+        remove_mist: take mist off the whole picture first, if the network looks for it. It cannot tell mist on the
             lens from fog in the scene.
 
     Returns:
@@ -40,7 +40,7 @@ def enhance(
     if not np.isfinite(image).all():
         raise ValueError("the image has values that are not finite")
     network = (enhancer or shipped()).network
-    image = _lift(image, network) if lift else image
+    image = _remove_mist(image, network) if remove_mist else image
     rows, columns = (spans(size, tile, overlap) for size in image.shape[:2])
     total = np.zeros(image.shape, np.float32)
     weight = np.zeros((*image.shape[:2], 1), np.float32)
@@ -80,9 +80,9 @@ def _ramp(size: int, overlap: int) -> NDArray[np.float32]:
     return np.minimum(ends / (overlap + 1), 1).astype(np.float32)
 
 
-def _lift(image: Image, network: EnhancementNetwork) -> Image:
+def _remove_mist(image: Image, network: EnhancementNetwork) -> Image:
     with torch.inference_mode():
-        return _image(network.lift(_batch(image)))
+        return _image(network.remove_mist(_batch(image)))
 
 
 def _refine(part: Image, network: EnhancementNetwork) -> Image:
@@ -99,7 +99,7 @@ def _image(batch: Tensor) -> Image:
 
 
 def refine_padded(network: EnhancementNetwork, batch: Tensor) -> Tensor:
-    """The network after the veil, on pictures [N, 3, H, W] of any size, mirrored beyond lower and right borders."""
+    """The network after its mist branch, on pictures [N, 3, H, W] of any size, mirrored beyond two borders."""
     height, width = batch.shape[-2:]
     missing = [-size % network.multiple for size in (height, width)]
     index = [mirrored(size, size + more) for size, more in zip((height, width), missing, strict=True)]

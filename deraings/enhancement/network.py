@@ -1,7 +1,7 @@
 """The enhancement network of DeRainGS: local features, global features, global refinement, at five levels.
 
-A small network for the veil over the whole picture comes first, where the configuration asks for one: `veil.py`. Then
-an encoder of convolutional blocks, a bottleneck of attention across channels, and a decoder of the same attention kept
+A small branch takes mist off the whole picture first, where the configuration asks for it: `mist_branch.py`. Then an
+encoder of convolutional blocks, a bottleneck of attention across channels, and a decoder of the same attention kept
 to its strongest entries (DeRainGS, section Rainy Image Enhancement and its pipeline figure). Level i has width 2^i
 channels at 1 / (stem 2^i) of the picture's resolution. Read from top to bottom: configuration, blocks, network.
 
@@ -17,7 +17,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from deraings.enhancement.veil import VeilNetwork, cut, lifted
+from deraings.enhancement.mist_branch import MistBranch, crop_mist, without_mist
 
 LEVELS = 5
 KEPT = (1 / 2, 2 / 3, 3 / 4, 4 / 5)  # shares of its entries that a row of sparse attention keeps (Chen et al. 2023)
@@ -36,9 +36,9 @@ class NetworkConfig:
     decoder: tuple[int, int, int, int] = (3, 6, 7, 8)  # sparse attention blocks a level, finest first
     head_width: int = 48  # channels of an attention head
     stem: int = 1  # the picture is taken in squares of so many pixels: 2 makes every level four times smaller
-    cover: bool = False  # in training also say how much of each pixel streaks, drops and mist cover
+    alpha: bool = False  # in training also predict how much of each pixel streaks, drops and mist block
     gain: bool = False  # predict I' = I + g I + r instead of I' = I + r, g and r from the network
-    veil: int = 0  # channels of a network that takes a smooth veil off the whole picture first; 0: there is none
+    mist: int = 0  # channels of the branch that takes mist off the whole picture first; 0: there is none
 
 
 PAPER = NetworkConfig()
@@ -49,9 +49,9 @@ SMALL = NetworkConfig(
     decoder=(1, 2, 2, 2),
     head_width=24,
     stem=2,
-    cover=True,
+    alpha=True,
     gain=True,
-    veil=48,
+    mist=48,
 )
 CONFIGS = {"paper": PAPER, "small": SMALL}
 
@@ -172,7 +172,7 @@ def stack(count: int, block: type[nn.Module], *arguments: int) -> nn.Sequential:
 
 
 def initialise(module: nn.Module) -> None:
-    """Convolutions that keep the variance of what they are given, so that coarse levels are heard from the start."""
+    """Convolutions that keep the variance of what they are given, so that coarse levels count from the start."""
     if isinstance(module, nn.Conv2d):
         nn.init.kaiming_normal_(module.weight, nonlinearity="linear")
         nn.init.zeros_(cast(Tensor, module.bias))
@@ -198,14 +198,14 @@ class EnhancementNetwork(nn.Module):
             self.decoder.append(stack(config.decoder[level], SparseAttention, fine, heads[level]))
         self.bottleneck = stack(config.bottleneck, TransposedAttention, widths[-1], heads[-1])
         self.head = nn.Sequential(nn.Conv2d(widths[0], given, 3, padding=1), nn.PixelShuffle(config.stem))
-        if config.cover:
-            self.cover = nn.Sequential(nn.Conv2d(widths[0], taken, 3, padding=1), nn.PixelShuffle(config.stem))
-        if config.veil:
-            self.veil = VeilNetwork(config.veil)
+        if config.alpha:
+            self.alpha = nn.Sequential(nn.Conv2d(widths[0], taken, 3, padding=1), nn.PixelShuffle(config.stem))
+        if config.mist:
+            self.mist = MistBranch(config.mist)
         self.apply(initialise)
         nn.init.zeros_(cast(nn.Conv2d, self.head[0]).weight)  # an untrained network changes nothing
-        if config.veil:
-            nn.init.zeros_(self.veil.end.weight)
+        if config.mist:
+            nn.init.zeros_(self.mist.end.weight)
 
     @property
     def multiple(self) -> int:
@@ -214,17 +214,17 @@ class EnhancementNetwork(nn.Module):
 
     def forward(self, image: Tensor) -> Tensor:
         """Enhance whole pictures [N, 3, H, W], sRGB-encoded, [0, 1]; the result is not clipped."""
-        return self.refine(self.lift(image))
+        return self.refine(self.remove_mist(image))
 
-    def lift(self, image: Tensor) -> Tensor:
-        """Whole pictures without the smooth veil over them, if the network looks for one."""
-        if not self.config.veil:
+    def remove_mist(self, image: Tensor) -> Tensor:
+        """Whole pictures without the mist over them, if the network looks for it."""
+        if not self.config.mist:
             return image
         whole = torch.tensor([[0.0, 1.0, 0.0, 1.0]], device=image.device).expand(len(image), -1)
-        return lifted(image, cut(self.veil(image), whole, image.shape[-2], image.shape[-1]))
+        return without_mist(image, crop_mist(self.mist(image), whole, image.shape[-2], image.shape[-1]))
 
     def refine(self, image: Tensor) -> Tensor:
-        """The rest, for pictures or parts of pictures that are free of the veil."""
+        """The rest, for pictures or parts of pictures that are free of mist."""
         return self.enhanced(image, self.features(image))
 
     def features(self, image: Tensor) -> Tensor:

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset
 
-from deraings.enhancement.veil import SIDE, Box, squeezed
+from deraings.enhancement.mist_branch import SIDE, Box, squeezed
 from hydroviews.pairs.drawing import Pair
 from hydroviews.pairs.drawn import DrawnRain
 from hydroviews.rain.seeds import generator
@@ -31,7 +31,7 @@ class Sample(NamedTuple):
     rainy: Tensor  # [3, patch, patch]
     clean: Tensor  # [3, patch, patch]
     cover: Tensor  # [3, patch, patch]
-    box: Tensor  # [4], which part it is: see veil.Box
+    box: Tensor  # [4], which part it is: see mist_branch.Box
     whole_rainy: Tensor  # [1 + veiled, 3, 128, 128], the pair's, then others in mist alone
     whole_clean: Tensor  # [1 + veiled, 3, 128, 128]
     whole_veil: Tensor  # [1 + veiled, 4, 128, 128], as in drawing.Pair

@@ -30,7 +30,7 @@ def measure(config: NetworkConfig, width: int, height: int) -> dict[str, Part]:
         for name, module in network.named_modules():
             if isinstance(module, nn.Conv2d | TransposedAttention):
                 module.register_forward_hook(_count_into(parts[name.split(".")[0]]))
-        refine_padded(network, network.lift(picture))
+        refine_padded(network, network.remove_mist(picture))
     return parts
 
 

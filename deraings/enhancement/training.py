@@ -13,9 +13,9 @@ from baselines.training.network_training import Validate, average_in, network_fi
 from baselines.training.torch_state import module_arrays, restore_module
 from deraings.enhancement.config import TrainingConfig, Upkeep
 from deraings.enhancement.loss import cover_loss, enhancement_loss
+from deraings.enhancement.mist_branch import crop_mist, mist_loss, without_mist
 from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.pairs import Pairs, Sample, batches
-from deraings.enhancement.veil import cut, lifted, veil_loss
 from deraings.enhancement.weights import to_arrays, to_tensors
 
 AVERAGED = "averaged."  # before the names of the averaged weights in a checkpoint
@@ -68,16 +68,16 @@ class Training:
 
     def _loss(self, batch: Sample) -> Tensor:
         config, network, rainy, extra = self.config, self.network, batch.rainy, torch.zeros(())
-        if config.network.veil:
+        if config.network.mist:
             wholes = [whole.flatten(0, 1) for whole in (batch.whole_rainy, batch.whole_clean, batch.whole_veil)]
-            veils = network.veil(wholes[0])
-            extra = config.lifting * veil_loss(veils, *wholes)
+            veils = network.mist(wholes[0])
+            extra = config.lifting * mist_loss(veils, *wholes)
             own = veils.unflatten(0, batch.whole_rainy.shape[:2])[:, 0]
-            rainy = lifted(rainy, cut(own, batch.box, rainy.shape[-2], rainy.shape[-1]))
+            rainy = without_mist(rainy, crop_mist(own, batch.box, rainy.shape[-2], rainy.shape[-1]))
         with torch.autocast("cpu", torch.bfloat16, enabled=config.precision == "bfloat16"):
             features = network.features(rainy)
             enhanced = network.enhanced(rainy, features)
-            found = network.cover(features) if config.network.cover else None
+            found = network.alpha(features) if config.network.alpha else None
         if found is not None:
             extra = extra + config.detection * cover_loss(found.float(), batch.cover)
         weights = config.frequency, config.smooth, config.floor

@@ -18,19 +18,24 @@ class EnhancedViews:
     """The photographs enhanced, each when it is first asked for."""
 
     def __init__(
-        self, images: TrainingImages, names: Sequence[str], enhancer: Enhancer, folder: Path, lift: bool = True
+        self,
+        images: TrainingImages,
+        names: Sequence[str],
+        enhancer: Enhancer,
+        folder: Path,
+        remove_mist: bool = True,
     ) -> None:
-        """Of training photographs.
+        """Enhance nothing yet.
 
         Args:
-            images: the photographs.
+            images: the training photographs.
             names: theirs, for the files.
             enhancer: the network.
             folder: where enhanced pictures are kept, apart for other photographs and other weights.
-            lift: whether a smooth veil is taken off first; not where it is foggy in the scene.
+            remove_mist: whether mist is taken off first; not where it is foggy in the scene.
         """
-        self._images, self._names, self._enhancer, self._lift = images, names, enhancer, lift
-        self.digest = _fingerprint(images, enhancer, lift)
+        self._images, self._names, self._enhancer, self.remove_mist = images, names, enhancer, remove_mist
+        self.digest = _fingerprint(images, enhancer, remove_mist)
         self._kept = folder / self.digest
 
     def file(self, index: int) -> Path:
@@ -38,7 +43,7 @@ class EnhancedViews:
         path = self._kept / f"{self._names[index]}.png"
         if not path.is_file():
             photograph = self._images.pixels(index).astype(np.float32) / 255
-            write_png(path, enhance(photograph, self._enhancer, lift=self._lift))
+            write_png(path, enhance(photograph, self._enhancer, remove_mist=self.remove_mist))
         return path
 
     def pixels(self, index: int) -> NDArray[np.uint8]:
@@ -49,22 +54,14 @@ class EnhancedViews:
         """
         return to_uint8(read_image(self.file(index)))
 
-
-def enhanced_images(
-    images: TrainingImages, names: Sequence[str], enhancer: Enhancer, folder: Path, lift: bool = True
-) -> TrainingImages:
-    """Enhance every photograph, showing progress; arguments as of `EnhancedViews`. What is hidden stays hidden.
-
-    Raises:
-        InputError: a kept picture is damaged.
-    """
-    views = EnhancedViews(images, names, enhancer, folder, lift)
-    progress = tqdm(range(len(images)), desc="enhancing", unit="view", leave=False)
-    return TrainingImages([views.pixels(i) for i in progress], [images.ignored(i) for i in range(len(images))])
+    def files(self) -> list[Path]:
+        """All pictures as PNG, in the order of the photographs, showing progress."""
+        indices = range(len(self._images))
+        return [self.file(i) for i in tqdm(indices, desc="enhancing", unit="view", leave=False)]
 
 
-def _fingerprint(images: TrainingImages, enhancer: Enhancer, lift: bool) -> str:
-    digest = hashlib.sha256(images.digest().encode() + (b"" if lift else b"not lifted"))
+def _fingerprint(images: TrainingImages, enhancer: Enhancer, remove_mist: bool) -> str:
+    digest = hashlib.sha256(images.digest().encode() + (b"" if remove_mist else b"with mist"))
     for name, value in enhancer.network.state_dict().items():
         digest.update(name.encode() + value.numpy().tobytes())
     return digest.hexdigest()[:16]

@@ -1,31 +1,53 @@
-"""How occlusion masks are learnt."""
+"""Settings of occlusion masks."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class MaskConfig:
-    """How masks are learnt."""
+    """How masks are learnt.
 
-    start: float = 0.3  # share of the iterations after which the masks weigh the loss
-    warm_up: float = 0.2  # the network learns for this share before
-    every: int = 4  # iterations to a step of the network
-    regularisation: float = 0.5  # lambda_reg in typical losses
-    price: float = 1.0  # losses up to this many typical ones are not worth masking; 0 is the paper
-    least_loss: float = 0.02  # the typical loss is taken to be at least this, so that well-fitted scenes stay unmasked
-    least_evidence: float = 5.0  # for something on the lens, below which nothing is masked; 0 masks always
-    rate: float = 5e-3  # of Adam; the paper's, for 70,000 iterations, is 1e-3
-    shrink: int = 4  # the network works at this fraction of the picture's resolution
-    fine: int = 2  # and gives this many mask pixels a side for each of its own
-    width: int = 16  # channels of the encoder
-    attention: bool = True  # whether channels are weighed by their high frequencies
-    cutoff: float = 0.125  # of the high-pass filter, in cycles a pixel of the network's resolution
-    lens_views: float = 8.0  # views before and after whose losses the network sees, as a standard deviation; or 0
+    Numbers without a source were chosen on courtyard in drops (raindrop-1 and raindrop-2), in the runs of
+    docs/experiments/2026-11-occlusion-masks.md; "typical" is the running median loss of a pixel.
+
+    Attributes:
+        start: share of the iterations, (0, 1], after which the masks weigh the loss.
+        warm_up: share of the iterations, [0, start], for which the network learns before that.
+        every: iterations, at least 1, to a step of the network.
+        regularisation: lambda_reg in typical losses, positive; the paper does not say.
+        penalty: losses up to this many typical ones, from 0, are not worth masking; the paper has 0.
+        min_typical: least that the typical loss is taken to be, positive, so that well-fitted scenes stay unmasked.
+        min_evidence: for something on the lens (see `maps.evidence`), from 0, below which nothing is masked: dry
+            scenes have 1.2 to 3.2, drops 9.5 and more. 0 masks always.
+        rate: of Adam, positive; the paper has 1e-3, for 70,000 iterations.
+        shrink: the network works at this fraction of the picture's resolution, at least 1.
+        fine: mask pixels a side, a divisor of `shrink`, for each pixel of the network.
+        width: channels of the encoder; a step takes 36 ms with 16, 60 ms with 24.
+        attention: whether channels are weighed by their high frequencies, as in the paper.
+        cutoff: of the high-pass filter, [0, 0.5], in cycles a pixel of the network's resolution.
+        lens_views: standard deviation, from 0, in views before and after, of those whose losses the network sees; with
+            0 it sees the photograph alone, as in the paper.
+    """
+
+    start: float = 0.3
+    warm_up: float = 0.2
+    every: int = 4
+    regularisation: float = 0.5
+    penalty: float = 1.0
+    min_typical: float = 0.02
+    min_evidence: float = 5.0
+    rate: float = 5e-3
+    shrink: int = 4
+    fine: int = 2
+    width: int = 16
+    attention: bool = True
+    cutoff: float = 0.125
+    lens_views: float = 8.0
 
     def __post_init__(self) -> None:
         if not (0 < self.start <= 1 and 0 <= self.warm_up <= self.start and self.every >= 1):
             raise ValueError(f"start {self.start}, warm_up {self.warm_up}, every {self.every}: no such schedule")
-        if min(self.regularisation, self.least_loss, self.rate) <= 0 or min(self.price, self.lens_views) < 0:
-            raise ValueError("regularisation, least_loss and rate must be positive, price and lens_views not negative")
+        if min(self.regularisation, self.min_typical, self.rate) <= 0 or min(self.penalty, self.lens_views) < 0:
+            raise ValueError("regularisation, min_typical, rate must be positive, penalty, lens_views not negative")
         if self.shrink % self.fine:
             raise ValueError(f"fine {self.fine} must divide shrink {self.shrink}")

@@ -7,6 +7,7 @@ shrink x shrink pixels become channels, so that streaks thinner than a block are
 import math
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import cast
 
 import torch
 from torch import Tensor, nn
@@ -17,19 +18,19 @@ SMALLEST = 2**LEVELS  # pixels a side: batch statistics need more than one value
 FIRST_MASK = 0.02  # what an untrained network predicts about everywhere
 
 
-def masked_loss(mask: Tensor, loss: Tensor, regulariser: float, price: float = 0.0) -> Tensor:
-    """mean((1 - M) l) + lambda_reg mean(M^2) + price mean(M), for the network to make small.
+def masked_loss(mask: Tensor, loss: Tensor, regulariser: float, penalty: float = 0.0) -> Tensor:
+    """mean((1 - M) l) + lambda_reg mean(M^2) + penalty mean(M), for the network to make small.
 
-    Least where M = (l - price) / (2 lambda_reg), clipped to [0, 1]. The paper has no price, and sums M^2; as a mean
+    Least where M = (l - penalty) / (2 lambda_reg), clipped to [0, 1]. The paper has no penalty, and sums M^2; as a mean
     lambda_reg does not depend on the number of pixels.
 
     Args:
         mask: M, in [0, 1].
         loss: l, what each pixel adds to the photometric loss, of the same shape.
         regulariser: lambda_reg.
-        price: a loss that is not worth masking.
+        penalty: a loss that is not worth masking.
     """
-    return ((1 - mask) * loss + regulariser * mask**2 + price * mask).mean()
+    return ((1 - mask) * loss + regulariser * mask**2 + penalty * mask).mean()
 
 
 def high_pass(height: int, width: int, cutoff: float) -> Tensor:
@@ -97,8 +98,7 @@ class UNet(nn.Module):
         self.head = nn.Conv2d(widths[0], outputs, 1)
         with torch.no_grad():
             self.head.weight.zero_()
-            assert self.head.bias is not None
-            self.head.bias.fill_(math.log(FIRST_MASK / (1 - FIRST_MASK)))
+            cast(Tensor, self.head.bias).fill_(math.log(FIRST_MASK / (1 - FIRST_MASK)))
 
     def forward(self, x: Tensor) -> Tensor:
         """[N, widths[0], h, w] to [N, outputs, h, w]."""

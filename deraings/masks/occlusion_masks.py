@@ -2,13 +2,13 @@
 
 The photometric loss l of every pixel is weighed by 1 - M, and M is what a network sees in the photograph:
 
-    L = mean((1 - M) l) + lambda_reg mean(M^2) + price mean(M)
+    L = mean((1 - M) l) + lambda_reg mean(M^2) + penalty mean(M)
 
 The Gaussians and the network minimise the same L, a step of the network to every few of the Gaussians. A network free
-to choose every pixel ends at M = (l - price) / (2 lambda_reg), clipped to [0, 1]; ours, of limited size and shared by
-all views, at what places that look alike have in common. lambda_reg and the price are multiples of the typical loss, a
-running median, so that masks neither take everything nor nothing: at the default, the half of all pixels whose loss is
-below the median is worth no mask, whatever the scene's level. The paper has no price.
+to choose every pixel ends at M = (l - penalty) / (2 lambda_reg), clipped to [0, 1]; ours, of limited size and shared by
+all views, at what places that look alike have in common. lambda_reg and the penalty are multiples of the typical loss,
+a running median, so that masks neither take everything nor nothing: at the default, the half of all pixels whose loss
+is below the median is worth no mask, whatever the scene's level. The paper has no penalty.
 """
 
 import math
@@ -27,7 +27,7 @@ from deraings.masks.maps import evidence, filled
 from deraings.masks.network import MaskNetwork, masked_loss
 from deraings.planes import Plane, resized
 
-SMALLEST_SHARE = 0.01  # views further away count for nothing
+MIN_WEIGHT = 0.01  # of a view; those further away count for nothing
 LEVEL_MEMORY = 100  # network steps over which the typical loss is averaged
 
 
@@ -69,10 +69,10 @@ class OcclusionMasks:
     @property
     def needed(self) -> bool:
         """Whether something is on the lens; taken for granted until the masks start."""
-        return self._evidence is None or self._evidence >= self.config.least_evidence
+        return self._evidence is None or self._evidence >= self.config.min_evidence
 
-    def found(self) -> dict[str, float | bool]:
-        """For the record: what spoke for masks, whether they were used, and their mean."""
+    def report(self) -> dict[str, float | bool]:
+        """For the record: `evidence` for masks, whether they were `used`, and `mask_mean`."""
         means = [float(mask.mean()) / 255 for mask in self._kept.values()]
         used = self._evidence is not None and self.needed
         return {
@@ -96,14 +96,14 @@ class OcclusionMasks:
         if not self.needed:
             return None
         if view not in self._kept:
-            self._kept[view] = self._look(view)
+            self._kept[view] = self._predicted(view)
         return 1 - self.mask(view, size)
 
     def mask(self, view: int, size: Size) -> Plane:
         """M of a training view, [H, W] in [0, 1]; asking for it changes nothing."""
         if not self.needed:
             return np.zeros(size, np.float32)
-        mask = (self._kept[view] if view in self._kept else self._look(view)).astype(np.float32) / 255
+        mask = (self._kept[view] if view in self._kept else self._predicted(view)).astype(np.float32) / 255
         height, width = self.images.pixels(view).shape[:2]
         pixels = self.config.shrink // self.config.fine
         whole = resized(mask, (mask.shape[0] * pixels, mask.shape[1] * pixels))
@@ -127,8 +127,8 @@ class OcclusionMasks:
             self.network.train()
             self.adam.zero_grad()
             mask = self._predict(view)
-            price = self.config.price * self.typical
-            (masked_loss(mask, wanted, self.regulariser, price) / self.regulariser).backward()
+            penalty = self.config.penalty * self.typical
+            (masked_loss(mask, wanted, self.regulariser, penalty) / self.regulariser).backward()
             self.adam.step()
         self._kept[view] = _rounded(mask)
 
@@ -139,8 +139,8 @@ class OcclusionMasks:
 
     @property
     def typical(self) -> float:
-        """The median loss of a pixel, averaged over the last lessons, and at least `least_loss`."""
-        return max(float(self._level[0]), self.config.least_loss)
+        """The median loss of a pixel, averaged over the last lessons, and at least `min_typical`."""
+        return max(float(self._level[0]), self.config.min_typical)
 
     def settings(self) -> dict[str, Any]:
         """The settings; a checkpoint made with others is another run's."""
@@ -156,13 +156,13 @@ class OcclusionMasks:
         return {**arrays, "level": self._level.copy()}
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
-        """Take back what `arrays` returned."""
+        """Take back what `state_dict` returned."""
         restore_module(self.network, arrays, self.adam)
         self._level = arrays["level"].copy()
         self._evidence = float(arrays["evidence"][0]) if "evidence" in arrays else None
         self._losses, self._kept = _by_view(arrays, "loss."), _by_view(arrays, "mask.")
 
-    def _look(self, view: int) -> NDArray[np.uint8]:
+    def _predicted(self, view: int) -> NDArray[np.uint8]:
         """M as the network predicts it without learning."""
         with one_thread(), torch.no_grad():
             self.network.eval()
@@ -197,10 +197,10 @@ class OcclusionMasks:
         """
         mean, total = np.zeros(size, np.float32), 0.0
         for other, loss in sorted(self._losses.items()):  # sums in one order, whatever that of the lessons
-            share = math.exp(-0.5 * ((other - view) / self.config.lens_views) ** 2) if other != view else 0.0
-            if share > SMALLEST_SHARE:
-                mean += np.float32(share) * resized(loss, size)
-                total += share
+            weight = math.exp(-0.5 * ((other - view) / self.config.lens_views) ** 2) if other != view else 0.0
+            if weight > MIN_WEIGHT:
+                mean += np.float32(weight) * resized(loss, size)
+                total += weight
         return mean / np.float32(total * self.typical) if total else np.ones(size, np.float32)
 
 

@@ -1,1 +1,25 @@
-"""A model of the rain itself: mist and drops on the lens, falling rain, single streaks."""
+"""What falls between the scene and the photograph, learned while the scene is learned.
+
+A rendered view B [H, W, 3], sRGB-encoded, is seen through falling rain, then through mist on the lens, then through
+drops on the lens:
+
+    R = (1 - rain_alpha) B + rain_alpha beta                                      falling rain, encoded values
+    T = encode((1 - mist_alpha) decode(R) + mist_alpha a)                         mist, linear light
+    O = (1 - drop_alpha) T + L                                                    drops, encoded values
+
+`alpha` is everywhere the share of a pixel's light that is blocked, in [0, 1]; what lies behind keeps 1 - alpha. The
+papers and the layers of a built data set write S + D for rain_alpha (S even, D of single streaks), V for mist_alpha, M
+for drop_alpha.
+
+    model.py          RainModel, all of it: `forward` gives O, `backward` the gradients, `update` learns of the rain
+    mist.py           mist_alpha on a coarse grid, and a; mist_config, mist_bounds, mist_or_fog, mist_kernels beside it
+    drops.py          drop_alpha and L of every pixel of the lens; drops_kernels
+    rain_layer.py     S, one number a scene, and whether it rains at all
+    streaks.py        D, of every pixel of every view
+    time_knots.py     how mist and drops change from view to view
+    objective.py      RainObjective, the photometric loss of O against the photograph
+    report.py         what was found, for a run's record
+    ground_truth.py   what was found against the layers of a built data set, for tests and tables
+
+Every part switches itself on only where the photographs call for it, and can be left out: see `model.RainConfig`.
+"""

@@ -1,19 +1,20 @@
-"""Drops on the lens: what they take from the scene, and what they add, told from how photographs follow the render.
+"""Drops on the lens: what they block of the scene and what they add, from how photographs follow the render.
 
-A drop that covers a share M of a pixel leaves 1 - M of the scene, and adds light of its own, which hardly varies: it
-shows much of the scene at once, out of focus. Over the views, a pixel of the lens is therefore a line,
+A drop that covers the share drop_alpha of a pixel leaves 1 - drop_alpha of what lies behind, and adds light of its own,
+which hardly varies: it shows much of the scene at once, out of focus. Over the views, a pixel of the lens is therefore
+a line,
 
-    photograph = (1 - M) render + L,
+    photograph = (1 - drop_alpha) render + L,
 
 whose slope is the covariance of photograph and render over the render's variance. Where the lens is clear the slope is
 one, whatever the scene: what is hard to render makes the render smoother, not the photograph less like it. Bright
 texture, white walls and fog move over the lens and are followed like everything else that lies in space. The render is
-then compared as it is seen through the drops, so that pixels which are partly covered go on telling of the scene; where
-next to nothing is left of it, pixels count for nothing.
+then compared as it is seen through the drops, so that partly covered pixels still teach the scene; pixels of which
+next to nothing is left count for nothing.
 
-What the photographs cannot tell: L without M would be a stain of light that any scene could lose to the lens; L is at
-most M times white, and M is nought where the slope is near one. Drops grow and run: lines are fitted at a few moments
-of the film (see `moments`).
+What the photographs cannot tell: L without drop_alpha would be a stain of light that any scene could lose to the lens.
+So L is at most drop_alpha times white, and drop_alpha is 0 where the slope is near one. Drops grow and run: lines are
+fitted at a few times of the capture (see `time_knots`).
 """
 
 from dataclasses import dataclass
@@ -25,67 +26,93 @@ from numpy.typing import NDArray
 
 from deraings.planes import Plane, resized, within_side
 from deraings.rain_model.drops_kernels import SUMS, add_view, fit_lines, warm_up
-from deraings.rain_model.moments import moment_weights, moments_of
+from deraings.rain_model.time_knots import count_time_knots, time_weights
 from hydroviews.scene.images import Image
 
 HALF = np.float32(0.5)
 WHOLE = 0.999  # of a pixel that no hidden one touches, after resizing
-LEAST_WINDOW, LARGEST_WINDOW = 4, 32  # views that running means remember
+MIN_WINDOW, MAX_WINDOW = 4, 32  # views that running means remember
 
 
 @dataclass(frozen=True)
-class DropConfig:
-    """How drops are found."""
+class LensDropsConfig:
+    """How drops are found.
 
-    long_side: int = 400  # of the planes in which they are looked for
-    views_a_moment: int = 12
-    most_moments: int = 3
-    fewest_views: int = 6  # fewer say nothing about what is usual at a place of the lens
-    start: float = 0.05  # share of the iterations before the render is seen through drops; views are not yet learned
-    noise: float = 0.04  # encoded; where the render varies less, slopes are drawn to one
-    clear: float = 0.1  # M up to which the lens counts as clear
-    wet: float = 0.25  # M from which it counts for what it is
-    fewest: float = 0.03  # share of the lens more than half covered from which there are any drops
-    most: float = 0.6  # share of the lens that may be more than half covered
-    hidden: float = 0.75  # M from which a pixel does not count
-    shown: float = 0.3  # M up to which it counts in full
+    Numbers without a source were chosen on courtyard and LLFF flower (docs/experiments/2026-11-rain-model.md).
+
+    Attributes:
+        long_side: pixels, at least 1, of the planes in which drops are looked for.
+        views_per_knot: views, at least 1, that drops at one time are learned from; fewer views have fewer knots.
+        max_time_knots: times at which drops may differ, at least 1.
+        min_views: fewer views do not show what is usual at a place of the lens; no drops are looked for then.
+        start: share of the iterations, [0, 1), before renders are seen through drops. 0.05 is best of 0.025 to 0.2:
+            earlier, views are not learned yet; later, they have been learned with the drops in them.
+        noise: standard deviation of renders, encoded, positive; where they vary less, slopes are drawn to one.
+        clear: drop_alpha, [0, 1], up to which the lens counts as clear: on clear lenses slopes spread by 0.03.
+        wet: drop_alpha, above `clear`, from which the lens counts for what it is.
+        min_share: share of the lens, [0, 1], more than half covered, from which there are any drops.
+        max_share: share of the lens, [0, 1], that may be more than half covered: some of it must show the scene.
+        hidden: drop_alpha, above `shown`, from which a pixel does not count in the loss.
+        shown: drop_alpha, [0, 1), up to which a pixel counts in full.
+    """
+
+    long_side: int = 400
+    views_per_knot: int = 12
+    max_time_knots: int = 3
+    min_views: int = 6
+    start: float = 0.05
+    noise: float = 0.04
+    clear: float = 0.1
+    wet: float = 0.25
+    min_share: float = 0.03
+    max_share: float = 0.6
+    hidden: float = 0.75
+    shown: float = 0.3
 
 
-class Water(NamedTuple):
-    """What drops do to a view."""
+class DropLayer(NamedTuple):
+    """The drops on the lens in one view."""
 
-    cover: Plane  # M [H, W] in [0, 1]
+    alpha: Plane  # drop_alpha [H, W] in [0, 1]
     light: Image  # L [H, W, 3], sRGB-encoded
     weights: Plane  # factors [H, W] on each pixel's share of the loss
 
-    def over(self, image: Image) -> Image:
+    def forward(self, image: Image) -> Image:
         """A view [H, W, 3] as it is seen through the drops."""
-        return (1 - self.cover)[..., None] * image + self.light
+        return (1 - self.alpha)[..., None] * image + self.light
+
+    def backward(self, gradient: Image) -> Image:
+        """The gradient by the view [H, W, 3] from that by what `forward` returned."""
+        return gradient * (1 - self.alpha)[..., None]
 
 
-class Drops:
-    """Running sums by place on the lens, and the water that follows."""
+class LensDrops:
+    """Running sums by place on the lens, and the drops that follow."""
 
-    def __init__(self, size: tuple[int, int], n_views: int, iterations: int, config: DropConfig) -> None:
+    def __init__(self, size: tuple[int, int], n_views: int, iterations: int, config: LensDropsConfig) -> None:
         """A lens of which nothing is known.
 
         Args:
             size: height and width of the first view.
-            n_views: in order of the film.
+            n_views: in order of name.
             iterations: of the training.
             config: settings.
         """
         self._config, self._n_views = config, n_views
         self._first = config.start * iterations
-        moments = moments_of(n_views, config.views_a_moment, config.most_moments)
-        self._window = max(LEAST_WINDOW, min(LARGEST_WINDOW, n_views // moments))
-        self.sums = np.zeros((moments, *within_side(size, config.long_side), SUMS), np.float32)
+        times = count_time_knots(n_views, config.views_per_knot, config.max_time_knots)
+        self._window = max(MIN_WINDOW, min(MAX_WINDOW, n_views // times))
+        self.sums = np.zeros((times, *within_side(size, config.long_side), SUMS), np.float32)
         warm_up()
 
-    def observe(self, photograph: Image, seen: Image, view: int, shown: Plane | None = None) -> None:
-        """Take in a photograph [H, W, 3] and its render, mist and falling rain accounted for, drops not.
+    def update(self, photograph: Image, seen: Image, view: int, shown: Plane | None = None) -> None:
+        """Add a view to the sums.
 
-        Where `shown` [H, W] is not 1 the view says nothing; by default it is 1 everywhere.
+        Args:
+            photograph: [H, W, 3].
+            seen: its render [H, W, 3], seen through mist and falling rain but not through drops.
+            view: index of the view.
+            shown: [H, W]; where it is not 1 the view is left out. By default it is 1 everywhere.
         """
         size = self.sums.shape[1:3]
         whole = np.ones(size, np.bool_) if shown is None else resized(shown, size) > WHOLE
@@ -96,48 +123,48 @@ class Drops:
             )
             for image in (photograph, seen)
         ]
-        for moment, weight in enumerate(moment_weights(view, self._n_views, len(self.sums))):
+        for time, weight in enumerate(time_weights(view, self._n_views, len(self.sums))):
             if weight > 0:
                 keep = np.float32(1 - weight / self._window)
-                add_view(*small, whole, keep, weight, self.sums[moment])
+                add_view(*small, whole, keep, weight, self.sums[time])
 
     def line(self, view: int) -> tuple[Plane, Image]:
-        """1 - slope [h, w] and M times light [h, w, 3] at a view's moment; nought where nothing is known."""
+        """drop_alpha [h, w] and L [h, w, 3] at a view's time; 0 where nothing is known."""
         config, size = self._config, self.sums.shape[1:3]
-        shares = moment_weights(view, self._n_views, len(self.sums))
-        cover, light = np.empty(size, np.float32), np.empty((*size, 3), np.float32)
+        weights = time_weights(view, self._n_views, len(self.sums))
+        alpha, light = np.empty(size, np.float32), np.empty((*size, 3), np.float32)
         noise, clear, wet = (np.float32(value) for value in (config.noise, config.clear, config.wet))
-        fit_lines(self.sums, shares, noise, clear, wet, cover, light)
-        return cover, light
+        fit_lines(self.sums, weights, noise, clear, wet, alpha, light)
+        return alpha, light
 
-    def water(self, view: int, size: tuple[int, int], iteration: int) -> Water | None:
-        """What is on the lens in a view, at any size (height, width); None where there are no drops."""
+    def layer(self, view: int, size: tuple[int, int], iteration: int) -> DropLayer | None:
+        """The drops in a view, at any size (height, width); None where there are none."""
         config = self._config
-        if iteration < self._first or self._n_views < config.fewest_views:
+        if iteration < self._first or self._n_views < config.min_views:
             return None
-        cover, light = self.line(view)
-        share = float((cover > HALF).mean())
-        if share < config.fewest:
+        alpha, light = self.line(view)
+        share = float((alpha > HALF).mean())
+        if share < config.min_share:
             return None
-        if share > config.most:
+        if share > config.max_share:
             # a scene that is not learned yet, or water all over: part of the lens must go on teaching
-            cover = np.maximum(cover - (np.quantile(cover, 1 - config.most) - HALF), 0).astype(np.float32)
-            light = np.minimum(light, cover[..., None])
-        if cover.shape != size:
-            cover = resized(cover, size)
+            alpha = np.maximum(alpha - (np.quantile(alpha, 1 - config.max_share) - HALF), 0).astype(np.float32)
+            light = np.minimum(light, alpha[..., None])
+        if alpha.shape != size:
+            alpha = resized(alpha, size)
             light = np.asarray(cv2.resize(light, size[::-1], interpolation=cv2.INTER_LINEAR), np.float32)
-        return Water(cover, light, _counted(cover, config.shown, config.hidden))
+        return DropLayer(alpha, light, _loss_weights(alpha, config.shown, config.hidden))
 
     def state_dict(self) -> dict[str, NDArray]:
-        """All that was observed, for checkpoints."""
+        """The sums, for checkpoints."""
         return {"sums": self.sums}
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
-        """Take back what `arrays` returned."""
+        """Take back what `state_dict` returned."""
         self.sums = arrays["sums"].copy()
 
 
-def _counted(cover: Plane, shown: float, hidden: float) -> Plane:
-    """Factors on the loss: 1 up to a cover of `shown`, 0 from `hidden` on."""
-    fall = np.clip((np.float32(hidden) - cover) / np.float32(hidden - shown), 0, 1)
+def _loss_weights(alpha: Plane, shown: float, hidden: float) -> Plane:
+    """Factors on the loss: 1 up to an alpha of `shown`, 0 from `hidden` on."""
+    fall = np.clip((np.float32(hidden) - alpha) / np.float32(hidden - shown), 0, 1)
     return fall * fall * (3 - 2 * fall)

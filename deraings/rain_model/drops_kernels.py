@@ -1,6 +1,6 @@
 # Numba infers the types of kernels.
 # mypy: allow-untyped-defs
-"""Kernels of `rain_drops`: sums over views of what every pixel of the lens shows, and the lines that follow.
+"""Kernels of `drops`: sums over views of what every pixel of the lens shows, and the lines that follow.
 
 A pixel's nine sums lie side by side: photograph and render, three channels each, means over channels of their product
 and of the render's square, and the weights of the views that showed it: a view in which it is hidden leaves its sums as
@@ -60,22 +60,22 @@ def step(value, low, high):
 
 
 @kernel
-def fit_lines(sums, shares, noise, clear, wet, cover, light):
-    """Fills cover M [h, w] and light L [h, w, 3] from sums [T, h, w, 9], those of moments weighed by shares [T].
+def fit_lines(sums, weights, noise, clear, wet, alpha, light):
+    """Fills alpha [h, w] and light L [h, w, 3] from sums [T, h, w, 9], those of the times weighed by weights [T].
 
-    Both are nought where no view showed anything.
+    Both are 0 where no view showed anything.
     """
-    moments, height, width = sums.shape[0], sums.shape[1], sums.shape[2]
+    times, height, width = sums.shape[0], sums.shape[1], sums.shape[2]
     for row in prange(height):
         mean = np.zeros(SUMS, np.float32)
         for i in range(width):
             mean[:] = ZERO
-            for moment in range(moments):
-                if shares[moment] > 0:
+            for time in range(times):
+                if weights[time] > 0:
                     for k in range(SUMS):
-                        mean[k] += shares[moment] * sums[moment, row, i, k]
+                        mean[k] += weights[time] * sums[time, row, i, k]
             if mean[8] <= ZERO:
-                cover[row, i] = ZERO
+                alpha[row, i] = ZERO
                 light[row, i, :] = ZERO
                 continue
             mean /= mean[8]
@@ -85,6 +85,6 @@ def fit_lines(sums, shares, noise, clear, wet, cover, light):
                 alone -= THIRD * mean[3 + c] * mean[3 + c]
             lost = ONE - (together + noise * noise) / (max(alone, ZERO) + noise * noise)
             m = min(max(lost, ZERO), ONE) * step(lost, clear, wet)
-            cover[row, i] = m
+            alpha[row, i] = m
             for c in range(3):
                 light[row, i, c] = min(max(mean[c] - (ONE - m) * mean[3 + c], ZERO), m)

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deraings.planes import Plane
-from deraings.rain_model.objective import RainObjective
+from deraings.rain_model.model import RainModel
 from hydroviews.rain.layers import read_layers
 from hydroviews.scene.scenes import View
 
-WATER = 0.5  # cover by drops from which a pixel counts as hidden
+COVERED = 0.5  # drop_alpha from which a pixel counts as hidden
 
 
 def true_layers(variant: Path, view: View) -> dict[str, Plane]:
@@ -26,7 +26,8 @@ def true_layers(variant: Path, view: View) -> dict[str, Plane]:
         view: one of its views.
 
     Returns:
-        Planes [H, W] by channel: M, V, R, G, B of drops and storms; S of streaks.
+        Planes [H, W] by channel: M (drop_alpha), V (mist_alpha), R, G, B of drops and storms; S (rain_alpha) of
+        streaks.
 
     Raises:
         InputError: missing or unreadable.
@@ -63,35 +64,43 @@ def mask_scores(found: NDArray[np.bool_], true: NDArray[np.bool_]) -> dict[str, 
     return {name: both / total if total else 1.0 for name, total in shares.items()}
 
 
-def score_rain(objective: RainObjective, variant: Path, views: Sequence[View]) -> dict[str, float]:
-    """Means over training views of what an objective has found against the variant's layers.
+def score_rain(model: RainModel, variant: Path, views: Sequence[View]) -> dict[str, float]:
+    """Means over training views of what a model has found against the variant's layers.
 
     Args:
-        objective: after training on these views, in their order.
+        model: after training on these views, in their order.
         variant: folder of the rainy variant.
         views: its training views.
 
     Returns:
-        `rms`, `mean` and `correlation` of the veil (`veil_rms`, ...) and of the cover by drops (`drops_rms`, ...),
-        `drops_iou`, `drops_precision`, `drops_recall`, and `falling_cover_error` (found less true median cover), as far
-        as the variant has such layers.
+        `rms`, `mean` and `correlation` of mist_alpha (`mist_rms`, ...) and of drop_alpha (`drops_rms`, ...),
+        `drops_iou`, `drops_precision`, `drops_recall`, and `rain_even_error` (S less the true median rain_alpha), as
+        far as the variant has such layers.
 
     Raises:
         InputError: a layer is missing or unreadable.
     """
     scores: dict[str, list[float]] = {}
     for index, view in enumerate(views):
-        size = view.camera.height, view.camera.width
-        true = true_layers(variant, view)
-        parts: dict[str, dict[str, float]] = {}
-        if "V" in true:
-            parts["veil"] = plane_errors(objective.veil_share(index, size), true["V"])
-        if "M" in true:
-            cover = objective.drop_cover(index, size)
-            parts["drops"] = mask_scores(cover > WATER, true["M"] > WATER) | plane_errors(cover, true["M"])
-        if "S" in true:
-            parts["falling"] = {"cover_error": objective.cover - float(np.median(true["S"]))}
-        for part, values in parts.items():
-            for name, value in values.items():
-                scores.setdefault(f"{part}_{name}", []).append(value)
+        for name, value in _score_view(model, index, true_layers(variant, view)).items():
+            scores.setdefault(name, []).append(value)
     return {name: float(np.mean(values)) for name, values in scores.items()}
+
+
+def _score_view(model: RainModel, index: int, true: dict[str, Plane]) -> dict[str, float]:
+    """The same of one view, given its layers."""
+    scores: dict[str, float] = {}
+    height, width = next(iter(true.values())).shape
+    if "V" in true:
+        scores |= _named("mist", plane_errors(model.mist_alpha(index, (height, width)), true["V"]))
+    if "M" in true:
+        alpha = model.drop_alpha(index, (height, width))
+        masks = mask_scores(alpha > COVERED, true["M"] > COVERED)
+        scores |= _named("drops", masks | plane_errors(alpha, true["M"]))
+    if "S" in true:
+        scores["rain_even_error"] = model.even_alpha - float(np.median(true["S"]))
+    return scores
+
+
+def _named(part: str, values: dict[str, float]) -> dict[str, float]:
+    return {f"{part}_{name}": value for name, value in values.items()}

@@ -1,46 +1,57 @@
-"""Mist on the lens: a smooth veil that is the same in every view while the scene is not, learned with the scene.
+"""Mist on the lens: smooth, the same in every view while the scene is not, learned with the scene.
 
-A view is R = encode((1 - V(x)) decode(B) + V(x) a) (see `rain_light`), B the rendered scene. V lies on a coarse grid
-over the picture, at a few moments of the film between which it changes steadily, views in order of name being taken
-one after another; V and the colour a are learned by Adam from the gradient of the photometric loss. A pilot that did
-so in encoded values regained 9.7 of the 10.6 dB that drops and mist had cost.
+    T = encode((1 - mist_alpha) decode(R) + mist_alpha a)
 
-What the photographs cannot tell: a veil that is equally dense everywhere is as good as a scene of less contrast. A
-penalty on the mean of V decides for the scene, so that a veil's thinnest place is clear. Nor can they tell thin mist
-of bright light from thicker mist of less: a is held near what mist should look like (`mist_light`). Nothing in space
-can take the rest of the veil's place: real fog and white walls move over the lens as the camera moves. A sky that is
-always in the same corner does not; but mist only adds light, and V a cannot be lighter than the darkest that a place of
-the lens ever shows. That bound, less its own smallest value, is where V starts from. Where every place of the lens
-shows something dark now and then, there is no mist, and none is looked for; nor where scene points grow paler with
-distance and not with where the lens shows them (`mist_evidence`): then it is foggy in the scene.
+R is what is seen without mist, and a its light. mist_alpha lies on a coarse grid over the picture, at a few times of
+the capture (see `time_knots`); both are learned by Adam from the gradient of the photometric loss.
+
+What the photographs cannot tell, and what decides it:
+
+* Even mist is as good as a scene of less contrast: a penalty on the mean of mist_alpha keeps its thinnest place clear.
+* Thin bright mist is as good as thicker, darker mist: a is held near the light that mist should have (`mist_bounds`).
+* A sky that is always in the same corner looks like mist there. But mist only adds light, so that mist_alpha a is no
+  lighter than the darkest that a place of the lens ever shows. Learning starts below that bound and stays near it.
+  Where every place shows something dark, there is no mist, and none is looked for.
+* Fog in the scene makes points paler with their distance, not with their place on the lens (`mist_or_fog`). Where it is
+  foggy no mist is looked for.
 """
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.kernels.adam import adam_step
 from baselines.splatting.kernels.buffer_pool import BufferPool
+from deraings.planes import Plane
 from deraings.rain_model.mist_bounds import mist_bounds
-from deraings.rain_model.mist_config import VeilConfig
-from deraings.rain_model.mist_kernels import veiled, veiled_gradient, warm_up
+from deraings.rain_model.mist_config import MistConfig
+from deraings.rain_model.mist_kernels import add_mist, mist_gradient, warm_up
 from deraings.rain_model.mist_or_fog import is_mist, paleness_of
-from deraings.rain_model.moments import moment_weights
+from deraings.rain_model.time_knots import time_weights
 from hydroviews.scene.images import Image
 from hydroviews.scene.point_colours import PointColours
 
-SENSIBLE = 1e-3  # V at least as thick learns; none at all would have no gradient
+ADAM_MOMENTS = ("first", "second")
+MIN_ALPHA = 1e-3  # mist_alpha at the start, at least: from 0 the gradient by its root would be 0
 
 
-class Veil:
-    """The share V and the colour of mist on the lens, and how they are learned."""
+class MistGradient(NamedTuple):
+    """Gradient of the loss, penalties included."""
+
+    roots: NDArray[np.float32]  # [T, h, w], by sqrt(mist_alpha) at the knots
+    colour: NDArray[np.float32]  # [3], by the mist's linear light
+
+
+class Mist:
+    """mist_alpha and the mist's light, and how they are learned."""
 
     def __init__(
         self,
         pictures: Sequence[NDArray[np.uint8]],
         iterations: int,
-        config: VeilConfig,
+        config: MistConfig,
         hidden: Sequence[NDArray[np.bool_] | None] = (),
         points: Callable[[], PointColours] | None = None,
     ) -> None:
@@ -51,79 +62,79 @@ class Veil:
             iterations: of the training.
             config: how mist is learned.
             hidden: masks [H, W] of pixels that are not looked at.
-            points: looks up scene points in the pictures, asked where there may be mist. Without, or where there are
-                too few, what may be mist is taken for mist.
+            points: looks up scene points in the pictures, called only where there may be mist. Without it, or with too
+                few points, what may be mist is taken for mist.
         """
         self._config, self._n_views, self._iterations = config, len(pictures), iterations
         self._first = round(config.start * iterations)
         bounds = mist_bounds(pictures, config, hidden)
         self.expected = bounds.colour  # a, before anything is learned
         self.colour = self.expected.copy()  # a [3], linear light
-        self.evidence = paleness_of(bounds, points) if bounds.suspected and points is not None else None
-        self.wanted = bounds.suspected and (self.evidence is None or is_mist(self.evidence, config))
+        self.paleness = paleness_of(bounds, points) if bounds.suspected and points is not None else None
+        self.wanted = bounds.suspected and (self.paleness is None or is_mist(self.paleness, config))
         if self.wanted:
             warm_up()
-        self._most = np.sqrt(np.minimum(config.slack * bounds.thickest, config.thickest))  # sqrt(V)
-        likely = config.likely * bounds.possible + SENSIBLE
-        self.roots = (np.minimum(np.sqrt(likely), self._most) * self.wanted).astype(np.float32)  # sqrt(V) at the knots
-        self._adam = {name: np.zeros(shape, np.float32) for name, shape in self._moment_shapes().items()}
+        self._max_roots = np.sqrt(np.minimum(config.slack * bounds.max_alpha, config.max_alpha))
+        likely = config.likely * bounds.possible + MIN_ALPHA
+        roots = np.minimum(np.sqrt(likely), self._max_roots) * self.wanted
+        self.roots = roots.astype(np.float32)  # sqrt(mist_alpha) [T, h, w] at the knots
+        learned = {"roots": self.roots, "colour": self.colour}
+        self._adam = {f"{name}.{order}": np.zeros_like(v) for name, v in learned.items() for order in ADAM_MOMENTS}
 
     def due(self, iteration: int) -> bool:
-        """Whether mist is looked for in this step."""
+        """Whether views are seen through mist in this step."""
         return iteration >= self._first and self.wanted
 
-    def share(self, view: int, size: tuple[int, int]) -> NDArray[np.float32]:
-        """V [H, W] of a training view."""
-        roots = np.tensordot(self._weights(view), self.roots, 1)
-        return np.square(_spread(roots, size))
+    def alpha(self, view: int, size: tuple[int, int]) -> Plane:
+        """mist_alpha [H, W] of a training view at (height, width)."""
+        return np.square(self._root(view, size))
 
-    def apply(self, image: Image, view: int, buffers: BufferPool) -> Image:
-        """The rendered view [H, W, 3] seen through the mist."""
-        return veiled(image, self.share(view, (image.shape[0], image.shape[1])), self.colour, buffers)
+    def forward(self, image: Image, view: int, out: Image) -> Image:
+        """The view [H, W, 3] as it is seen through the mist, written to `out`."""
+        return add_mist(image, self.alpha(view, (image.shape[0], image.shape[1])), self.colour, out)
 
-    def learn(self, image: Image, view: int, gradient: Image, iteration: int, buffers: BufferPool) -> Image:
-        """One step of Adam; returns the gradient by the image.
+    def backward(self, image: Image, view: int, gradient: Image, buffers: BufferPool) -> tuple[Image, MistGradient]:
+        """Gradients by the image [H, W, 3], in one of the buffers, and by what is learned.
 
         Args:
-            image: as given to `apply`, [H, W, 3].
+            image: as given to `forward`, [H, W, 3].
             view: likewise.
-            gradient: of the loss by what `apply` returned.
-            iteration: from 0.
-            workspace: the result is one of its buffers.
+            gradient: of the loss by what `forward` returned.
+            buffers: to reuse.
         """
-        config, size = self._config, (image.shape[0], image.shape[1])
-        weights = self._weights(view)
-        root = _spread(np.tensordot(weights, self.roots, 1), size)
-        g_image, g_share, g_colour = veiled_gradient(image, np.square(root), self.colour, gradient, buffers)
-        penalised = g_share + np.float32(config.penalty / root.size)
-        by_knot = weights[:, None, None] * _gather(2 * root * penalised, self.roots.shape[1:])
-        by_knot += np.float32(config.roughness / self.roots[0].size) * roughness_gradient(self.roots)
-        g_colour += np.float32(2 * config.colour_penalty) * (self.colour - self.expected)
-        decay = config.final ** (iteration / max(self._iterations, 1))
-        self._step("roots", self.roots, by_knot, iteration, config.rate * decay)
-        self._step("colour", self.colour, g_colour, iteration, config.colour_rate * decay)
-        np.clip(self.roots, 0, self._most, out=self.roots)
+        config, weights = self._config, time_weights(view, self._n_views, len(self.roots))
+        root = self._root(view, (image.shape[0], image.shape[1]))
+        by_image, by_alpha, by_colour = mist_gradient(image, np.square(root), self.colour, gradient, buffers)
+        penalised = by_alpha + np.float32(config.mean_penalty / root.size)
+        by_roots = weights[:, None, None] * _gather(2 * root * penalised, self.roots.shape[1:])
+        by_roots += np.float32(config.roughness_penalty / self.roots[0].size) * roughness_gradient(self.roots)
+        by_colour += np.float32(2 * config.colour_penalty) * (self.colour - self.expected)
+        return by_image, MistGradient(by_roots, by_colour)
+
+    def update(self, gradient: MistGradient, iteration: int) -> None:
+        """One step of Adam, within what the photographs allow."""
+        config = self._config
+        decay = config.final_rate ** (iteration / max(self._iterations, 1))
+        self._step("roots", self.roots, gradient.roots, iteration, config.rate * decay)
+        self._step("colour", self.colour, gradient.colour, iteration, config.colour_rate * decay)
+        np.clip(self.roots, 0, self._max_roots, out=self.roots)
         np.clip(self.colour, 0, 1, out=self.colour)
-        return g_image
 
     def state_dict(self) -> dict[str, NDArray]:
         """All that is learned, for checkpoints."""
         return {"roots": self.roots, "colour": self.colour, **self._adam}
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
-        """Take back what `arrays` returned."""
+        """Take back what `state_dict` returned."""
         self.roots, self.colour = arrays["roots"].copy(), arrays["colour"].copy()
         self._adam = {name: arrays[name].copy() for name in self._adam}
 
-    def _weights(self, view: int) -> NDArray[np.float32]:
-        return moment_weights(view, self._n_views, len(self.roots))
-
-    def _moment_shapes(self) -> dict[str, tuple[int, ...]]:
-        learnt = {"roots": self.roots.shape, "colour": self.colour.shape}
-        return {f"{name}.{order}": shape for name, shape in learnt.items() for order in ("first", "second")}
+    def _root(self, view: int, size: tuple[int, int]) -> Plane:
+        """sqrt(mist_alpha) [H, W] of a view."""
+        return _spread(np.tensordot(time_weights(view, self._n_views, len(self.roots)), self.roots, 1), size)
 
     def _step(self, name: str, values: NDArray, gradient: NDArray, iteration: int, rate: float) -> None:
-        first, second = self._adam[f"{name}.first"], self._adam[f"{name}.second"]
+        first, second = (self._adam[f"{name}.{order}"] for order in ADAM_MOMENTS)
         step = iteration - self._first + 1
         adam_step(values, np.ascontiguousarray(gradient, np.float32), first, second, step, rate)
 

@@ -1,4 +1,4 @@
-"""What photographs alone say of mist on the lens: the light that it should have, and how thick it can be at most."""
+"""What photographs alone say of mist on the lens: the light it should have, and the most that mist_alpha can be."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,46 +7,46 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from deraings.rain_model.mist_config import VeilConfig
-from deraings.rain_model.moments import moment_weights, moments_of
+from deraings.rain_model.mist_config import MistConfig
+from deraings.rain_model.time_knots import count_time_knots, time_weights
 from hydroviews.rain.light import air_light
 from hydroviews.scene.images import to_linear
 
-SEEN = 40  # pictures of a moment that are looked at
-DARK = 1e-3  # mist is taken to be at least as light
+MAX_PICTURES = 40  # that are looked at for a time knot
+MIN_LIGHT = 1e-3  # linear; mist is taken to be at least as light
 
 
 @dataclass(frozen=True)
 class MistBounds:
-    """What mist can be: V on a grid of knots [T, h, w], a few moments of the film and the picture."""
+    """What mist can be; mist_alpha on a grid of knots [T, h, w], a few times and places in the picture."""
 
     n_views: int
     colour: NDArray[np.float32]  # a [3], linear light
-    thickest: NDArray[np.float32]  # the most that V can be
+    max_alpha: NDArray[np.float32]  # the most that mist_alpha can be
     possible: NDArray[np.float32]  # the same, less its smallest value
     suspected: bool  # whether it is enough to look for mist
 
     def at(self, view: int, places: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Possible V [N] of a view at places [N, 2], across and down, [0, 1]."""
-        knots = np.tensordot(moment_weights(view, self.n_views, len(self.possible)), self.possible, 1)
+        """Possible mist_alpha [N] of a view at places [N, 2], across and down, [0, 1]."""
+        knots = np.tensordot(time_weights(view, self.n_views, len(self.possible)), self.possible, 1)
         across, down = places.T
         where = (down * (knots.shape[0] - 1), across * (knots.shape[1] - 1))
         return np.asarray(map_coordinates(knots, where, order=1, mode="nearest"))
 
 
 def mist_bounds(
-    pictures: Sequence[NDArray[np.uint8]], config: VeilConfig, hidden: Sequence[NDArray[np.bool_] | None] = ()
+    pictures: Sequence[NDArray[np.uint8]], config: MistConfig, hidden: Sequence[NDArray[np.bool_] | None] = ()
 ) -> MistBounds:
     """What photographs [H, W, 3], in order of name, allow of mist; pixels of the masks `hidden` are not looked at."""
     height, width = pictures[0].shape[:2]
     cell = max(height, width) / config.cells
-    moments = moments_of(len(pictures), config.views_a_moment, config.most_moments)
-    grid = (moments, max(2, round(height / cell) + 1), max(2, round(width / cell) + 1))
+    times = count_time_knots(len(pictures), config.views_per_knot, config.max_time_knots)
+    grid = (times, max(2, round(height / cell) + 1), max(2, round(width / cell) + 1))
     colour = mist_light(pictures, config.brightest, config.tint)
-    bound = thickest_veil(pictures, colour, grid, config.darkest, hidden)
+    bound = max_mist_alpha(pictures, colour, grid, config.dark_quantile, hidden)
     possible = bound - bound.min()
     even = config.evenness * np.median(possible)
-    suspected = bool(np.quantile(possible, 0.25) >= config.thinnest)
+    suspected = bool(np.quantile(possible, 0.25) >= config.min_possible)
     return MistBounds(len(pictures), colour, np.minimum(bound, even), np.minimum(possible, even), suspected)
 
 
@@ -60,38 +60,38 @@ def mist_light(pictures: Sequence[NDArray[np.uint8]], brightest: float, tint: fl
     return air_light(light, brightest, tint)
 
 
-def thickest_veil(
+def max_mist_alpha(
     pictures: Sequence[NDArray[np.uint8]],
     colour: NDArray[np.float32],
     grid: tuple[int, int, int],
-    darkest: float,
+    dark_quantile: float,
     hidden: Sequence[NDArray[np.bool_] | None] = (),
 ) -> NDArray[np.float32]:
-    """The thickest V that any knot [T, h, w] may have: V a is nowhere lighter than the dark things seen through it.
+    """The most that mist_alpha may be at any knot [T, h, w]: mist is nowhere lighter than the dark things behind it.
 
     Args:
-        pictures: [H, W, 3] each; up to SEEN a moment are looked at.
+        pictures: [H, W, 3] each; up to MAX_PICTURES a time are looked at.
         colour: a [3], linear light.
         grid: T, h and w.
-        darkest: quantile of all pixels of a cell in all pictures that counts as dark.
+        dark_quantile: of all pixels of a cell in all pictures that counts as dark.
         hidden: masks [H, W] of pixels that are not looked at.
 
     Returns:
-        The largest V of the cells around each knot; 1 where nothing was seen.
+        The largest bound of the cells around each knot; 1 where nothing was seen.
     """
-    moments, height, width = grid
+    times, height, width = grid
     masks = tuple(hidden) or (None,) * len(pictures)
     table = to_linear(np.arange(256, dtype=np.float32) / 255)
     bound = np.empty(grid, np.float32)
-    for moment in range(moments):
-        near = [i for i in range(len(pictures)) if moment_weights(i, len(pictures), moments)[moment] >= 0.5]
-        shares = []
-        for index in near[:: -(-len(near) // SEEN)]:
-            share, mask = (table[pictures[index]] / np.maximum(colour, DARK)).min(axis=2), masks[index]
-            shares.append(share if mask is None else np.where(mask, np.float32(np.nan), share))
-        cells = np.pad(_cell_quantiles(shares, (height - 1, width - 1), darkest), 1)
+    for time in range(times):
+        near = [i for i in range(len(pictures)) if time_weights(i, len(pictures), times)[time] >= 0.5]
+        planes = []
+        for index in near[:: -(-len(near) // MAX_PICTURES)]:
+            alpha, mask = (table[pictures[index]] / np.maximum(colour, MIN_LIGHT)).min(axis=2), masks[index]
+            planes.append(alpha if mask is None else np.where(mask, np.float32(np.nan), alpha))
+        cells = np.pad(_cell_quantiles(planes, (height - 1, width - 1), dark_quantile), 1)
         around = [cells[i : i + height, j : j + width] for i in (0, 1) for j in (0, 1)]
-        bound[moment] = np.maximum.reduce(around)
+        bound[time] = np.maximum.reduce(around)
     return bound
 
 

@@ -4,26 +4,56 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class VeilConfig:
-    """How mist is looked for and learned."""
+class MistConfig:
+    """How mist is looked for and learned.
 
-    cells: int = 12  # of the grid along the longer side
-    views_a_moment: int = 12  # no moment of the film is told from fewer views
-    most_moments: int = 3
-    start: float = 0.03  # share of the iterations before it
-    likely: float = 0.7  # V at the start over the thickest possible, less what is possible everywhere
-    slack: float = 1.3  # factor by which V may be thicker than `mist_bounds` says
-    brightest: float = 0.1  # share of the pixels, the brightest, whose light is expected of the mist
-    tint: float = 0.3  # share of their colour that it has
-    rate: float = 1e-2  # Adam's, of sqrt(V)
+    Numbers without a source were chosen on courtyard and LLFF flower (docs/experiments/2026-11-rain-model.md).
+
+    Attributes:
+        cells: grid cells along the longer side, at least 1.
+        views_per_knot: views, at least 1, that mist at one time is learned from; fewer views have fewer knots.
+        max_time_knots: times at which mist may differ, at least 1.
+        start: share of the iterations, [0, 1), before mist is learned: flower in heavy mist has 20.9 dB
+            from 0.2 on, 22.4 from 0.03 on.
+        likely: mist_alpha at the start as a share, [0, 1], of the most that the photographs allow.
+        slack: factor, at least 1, by which mist_alpha may exceed the most that the photographs allow: that most is a
+            quantile.
+        brightest: share of all pixels, (0, 1], the brightest, whose light is expected of the mist: it is lit from all
+            around.
+        tint: share of that light's colour, [0, 1], that mist keeps; 0 is grey.
+        rate: of Adam for sqrt(mist_alpha), positive.
+        colour_rate: of Adam for the mist's light, positive; linear light a step.
+        final_rate: factor, (0, 1], to which both rates have fallen at the end; that of the Gaussians' rates.
+        mean_penalty: factor in the loss of the mean mist_alpha, from 0: even mist cannot be told from a pale scene.
+        roughness_penalty: factor of the mean squared difference of neighbouring knots, in sqrt(mist_alpha), from 0.
+        colour_penalty: factor of the squared distance of the mist's light to what is expected of it, from 0.
+        max_alpha: most that mist_alpha may be, [0, 1).
+        dark_quantile: share of what a place of the lens shows, (0, 1), that may be darker than the mist there: noise.
+        min_possible: lower quartile over the lens of the mist_alpha that photographs allow, [0, 1], from which mist is
+            looked for: bonsai's lightest variant has 0.0102, clean views up to 0.012.
+        min_mist: share of the possible mist, [0, 1], that scene points must show: light mist shows 0.18 and more.
+        min_fog: share of their contrast, [0, 1], that points lose over the median depth, from which it is fog: clean
+            views have 0.06 at most, fog that takes half of the light 0.3 and more.
+        evenness: mist_alpha is at most so many times, from 1, its median over the lens.
+    """
+
+    cells: int = 12
+    views_per_knot: int = 12
+    max_time_knots: int = 3
+    start: float = 0.03
+    likely: float = 0.7
+    slack: float = 1.3
+    brightest: float = 0.1
+    tint: float = 0.3
+    rate: float = 1e-2
     colour_rate: float = 1e-3
-    final: float = 0.1  # what the rates have fallen to at the end, as a factor
-    penalty: float = 1e-3  # factor of the mean of V in the loss
-    roughness: float = 0.01  # of the mean of the knots' squared differences to their neighbours, in sqrt(V)
-    colour_penalty: float = 0.1  # of the squared difference of a to what is expected
-    thickest: float = 0.95
-    darkest: float = 0.05  # quantile of what a place of the lens shows that mist cannot be lighter than
-    thinnest: float = 0.01  # lower quartile over the lens of what mist may be there, from which it is looked for
-    shown: float = 0.05  # share of the mist that may be there that scene points must show at least
-    foggy: float = 0.15  # share of their contrast that scene points lose over the median depth, from which it is foggy
-    evenness: float = 3.0  # V is at most so many times the median over the lens of what may be there
+    final_rate: float = 0.1
+    mean_penalty: float = 1e-3
+    roughness_penalty: float = 0.01
+    colour_penalty: float = 0.1
+    max_alpha: float = 0.95
+    dark_quantile: float = 0.05
+    min_possible: float = 0.01
+    min_mist: float = 0.05
+    min_fog: float = 0.15
+    evenness: float = 3.0

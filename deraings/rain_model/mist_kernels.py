@@ -1,8 +1,8 @@
 # Numba infers the types of kernels.
 # mypy: allow-untyped-defs
-"""A veil of lit water over a picture, mixed in linear light: R = encode((1 - V) decode(B) + V a).
+"""Mist over a picture, mixed in linear light: T = encode((1 - mist_alpha) decode(R) + mist_alpha a).
 
-That is how light adds up, and how thin mist lifts dark places far more than bright ones: V = 0.05 of white light turns
+That is how light adds up, and why thin mist lightens dark places far more than bright ones: 0.05 of white light turns
 an encoded 0 into 0.25. The sRGB curve (IEC 61966-2-1) and its slope come from tables, the inverse over the square root
 of light, where it is nearly straight; the largest error of an encoded value is below 1e-5.
 """
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from baselines.splatting.backends.warm_up import compile_apart
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.jit import inlined, kernel
+from deraings.planes import Plane
 from hydroviews.scene.images import Image
 
 BRIGHTEST = 4.0  # linear light, and square of the encoded value, up to which the tables go; brighter is clipped
@@ -52,12 +53,12 @@ def look_up(table, x):
 
 
 @kernel
-def _veiled(image, share, colour, decode, encode, out):
-    """[H, W, 3] under a share V [H, W] of light `colour` [3]."""
-    height, width = share.shape
+def _add_mist(image, alpha, colour, decode, encode, out):
+    """[H, W, 3] behind mist of alpha [H, W] and light `colour` [3]."""
+    height, width = alpha.shape
     for row in prange(height):
         for i in range(width):
-            v = share[row, i]
+            v = alpha[row, i]
             for c in range(3):
                 b = image[row, i, c]
                 if v > ZERO:
@@ -66,23 +67,23 @@ def _veiled(image, share, colour, decode, encode, out):
 
 
 @kernel
-def _veiled_gradient(image, share, colour, decode, decode_slope, encode_slope, grad, g_image, g_share, g_colour):
-    """Gradients by the image, the share [H, W] and, in sums [BANDS, 3], the colour."""
-    height, width = share.shape
+def _mist_gradient(image, alpha, colour, decode, decode_slope, encode_slope, grad, g_image, g_alpha, g_colour):
+    """Gradients by the image, alpha [H, W] and, in sums [BANDS, 3], the colour."""
+    height, width = alpha.shape
     for band in prange(BANDS):
         total = np.zeros(3, np.float32)
         for row in range(band * height // BANDS, (band + 1) * height // BANDS):
             for i in range(width):
-                v, by_share = share[row, i], ZERO
+                v, by_alpha = alpha[row, i], ZERO
                 for c in range(3):
                     b, g = image[row, i, c], grad[row, i, c]
                     light = look_up(decode, b)
                     root = np.sqrt((ONE - v) * light + v * colour[c])
                     by_light = g * look_up(encode_slope, root)
-                    by_share += by_light * (colour[c] - light)
+                    by_alpha += by_light * (colour[c] - light)
                     total[c] += by_light * v
                     g_image[row, i, c] = by_light * (ONE - v) * look_up(decode_slope, b) if v > ZERO else g
-                g_share[row, i] = by_share
+                g_alpha[row, i] = by_alpha
         for c in range(3):
             g_colour[band, c] = total[c]
 
@@ -95,37 +96,35 @@ def warm_up() -> None:
 
 def exercise_kernels() -> None:
     """Both kernels once, on a picture of one pixel."""
-    pixel, share, buffers = np.zeros((1, 1, 3), np.float32), np.zeros((1, 1), np.float32), BufferPool()
-    veiled(pixel, share, pixel[0, 0], buffers)
-    veiled_gradient(pixel, share, pixel[0, 0], pixel, buffers)
+    pixel, alpha = np.zeros((1, 1, 3), np.float32), np.zeros((1, 1), np.float32)
+    add_mist(pixel, alpha, pixel[0, 0], np.empty_like(pixel))
+    mist_gradient(pixel, alpha, pixel[0, 0], pixel, BufferPool())
 
 
-def veiled(image: Image, share: NDArray[np.float32], colour: NDArray[np.float32], buffers: BufferPool) -> Image:
-    """The picture behind a veil; where its share is nought, exactly the picture.
+def add_mist(image: Image, alpha: Plane, colour: NDArray[np.float32], out: Image) -> Image:
+    """The picture behind mist; where alpha is 0, exactly the picture.
 
     Args:
         image: [H, W, 3], sRGB-encoded, not clipped above 1.
-        share: V [H, W] in [0, 1], the part of the light that the veil replaces.
-        colour: a [3], linear light of the veil.
-        workspace: the result is one of its buffers.
+        alpha: mist_alpha [H, W] in [0, 1].
+        colour: a [3], linear light of the mist.
+        out: [H, W, 3], filled and returned; not `image`.
     """
-    out = buffers.array("veiled", image.shape)
     decode, _, encode, _ = TABLES
-    _veiled(image, share, colour, decode, encode, out)
+    _add_mist(image, alpha, colour, decode, encode, out)
     return out
 
 
-def veiled_gradient(
-    image: Image,
-    share: NDArray[np.float32],
-    colour: NDArray[np.float32],
-    gradient: Image,
-    buffers: BufferPool,
-) -> tuple[Image, NDArray[np.float32], NDArray[np.float32]]:
-    """From the gradient by the veiled picture [H, W, 3] those by the picture, the share [H, W] and the colour [3]."""
-    g_image = buffers.array("g_unveiled", image.shape)
-    g_share = buffers.array("g_share", share.shape)
-    g_colour = buffers.array("g_veil_colour", (BANDS, 3))
+def mist_gradient(
+    image: Image, alpha: Plane, colour: NDArray[np.float32], gradient: Image, buffers: BufferPool
+) -> tuple[Image, Plane, NDArray[np.float32]]:
+    """From the gradient by what `add_mist` returns: those by the picture [H, W, 3], alpha [H, W] and the colour [3].
+
+    The first two are buffers.
+    """
+    g_image = buffers.array("g_behind_mist", image.shape)
+    g_alpha = buffers.array("g_mist_alpha", alpha.shape)
+    g_colour = buffers.array("g_mist_colour", (BANDS, 3))
     decode, decode_slope, _, encode_slope = TABLES
-    _veiled_gradient(image, share, colour, decode, decode_slope, encode_slope, gradient, g_image, g_share, g_colour)
-    return g_image, g_share, g_colour.sum(axis=0)
+    _mist_gradient(image, alpha, colour, decode, decode_slope, encode_slope, gradient, g_image, g_alpha, g_colour)
+    return g_image, g_alpha, g_colour.sum(axis=0)

@@ -1,16 +1,17 @@
-"""Whether it is on the lens that things grow pale, or in the scene: told by points that several photographs show.
+"""Whether things grow pale on the lens or in the scene: points that several photographs show tell mist from fog.
 
-In linear light a point of colour b has behind mist of share V(x) on the lens, at the place x where a photograph shows
+In linear light a point of colour b has behind mist of alpha V(x) on the lens, at the place x where a photograph shows
 it, the colour (1 - V(x)) b + V(x) a. Fog in the scene makes it paler with its distance z, not with its place. So of the
 deviations of a point's colours from their median c, to first order,
 
     c_v - c = (m (P(x_v) - P) + k (z_v - z)) (a - c)
 
-with P the most mist that there may be, P and z without index their means over the photographs of the point. All points
-share m, how much of the possible mist is there, and k, of fog; both are fitted by least squares in which the pixels
-that are explained worst, by drops, streaks, gloss or what stands in between, do not count.
+with P the most that V may be (`mist_bounds`), P and z without index their means over the photographs of the point. All
+points share m, how much of the possible mist is there, and k, of fog; both are fitted by least squares in which the
+pixels that are explained worst, by drops, streaks, gloss or what stands in between, do not count.
 """
 
+import logging
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -19,48 +20,50 @@ from numpy.typing import NDArray
 
 from baselines.training.images import TrainingImages
 from deraings.rain_model.mist_bounds import MistBounds, mist_bounds
-from deraings.rain_model.mist_config import VeilConfig
+from deraings.rain_model.mist_config import MistConfig
 from hydroviews.scene.images import to_linear
 from hydroviews.scene.point_colours import PointColours, look_up_points
 from hydroviews.scene.scenes import Scene
 
-FEWEST_VIEWS = 3  # that must show a point
-FEWEST = 1000  # colours, with fewer nothing is told
-KEPT = 0.8  # of the deviations count, the best explained ones
-EVEN = 1e-5  # standard deviation of what mist would do, with less nothing is told
-ROUNDS = 6  # of choosing them
+logger = logging.getLogger(__name__)
+
+MIN_VIEWS = 3  # that must show a point
+MIN_COLOURS = 1000  # in all, for a fit
+KEPT = 0.8  # share of the deviations that count, the best explained ones
+MIN_SPREAD = 1e-5  # standard deviation of what mist would do, for a fit
+ROUNDS = 6  # of choosing the deviations that count
 
 
 class Paleness(NamedTuple):
     """What makes points pale."""
 
-    mist: float  # m, how much of the possible mist is there: 1 where all of its unevenness is seen, 0 where none is
+    mist: float  # m, the share of the possible mist that is there
     fog: float  # k, the share of its contrast to the mist's light that a point loses over the median depth
 
 
 def shows_fog(images: TrainingImages, points: Callable[[], PointColours]) -> bool:
-    """Whether it is foggy in the scene that training images show; `points` is asked where it may be fog or mist."""
-    config, views = VeilConfig(), range(len(images))
+    """Whether it is foggy in the scene that training images show; `points` is called only where that may be."""
+    config, views = MistConfig(), range(len(images))
     bounds = mist_bounds([images.pixels(i) for i in views], config, [images.ignored(i) for i in views])
-    found = paleness_of(bounds, points) if bounds.suspected else None
-    return found is not None and is_fog(found, config)
+    pale = paleness_of(bounds, points) if bounds.suspected else None
+    return pale is not None and is_fog(pale, config)
 
 
-def is_fog(found: Paleness, config: VeilConfig) -> bool:
-    """Whether points are pale for fog; what of it may be mist on the lens is then left in the scene."""
-    return found.fog >= config.foggy
+def is_fog(paleness: Paleness, config: MistConfig) -> bool:
+    """Whether fog makes points pale; whatever may be mist on the lens is then left in the scene."""
+    return paleness.fog >= config.min_fog
 
 
-def is_mist(found: Paleness, config: VeilConfig) -> bool:
-    """Whether points are pale for mist on the lens, be it little."""
-    return found.mist >= config.shown and not is_fog(found, config)
+def is_mist(paleness: Paleness, config: MistConfig) -> bool:
+    """Whether mist on the lens makes points pale, be it little."""
+    return paleness.mist >= config.min_mist and not is_fog(paleness, config)
 
 
 def paleness_of(bounds: MistBounds, points: Callable[[], PointColours]) -> Paleness | None:
-    """What the points of photographs with these bounds show; see `paleness`."""
-    found = points()
-    places = [bounds.at(int(view), found.places[:, column]) for column, view in enumerate(found.views)]
-    return paleness(found, np.stack(places, axis=1), bounds.colour)
+    """What the points of photographs with these bounds show; see `fit_paleness`."""
+    seen = points()
+    places = [bounds.at(int(view), seen.places[:, column]) for column, view in enumerate(seen.views)]
+    return fit_paleness(seen, np.stack(places, axis=1), bounds.colour)
 
 
 def point_colours(scene: Scene, images: TrainingImages) -> PointColours:
@@ -72,28 +75,28 @@ def point_colours(scene: Scene, images: TrainingImages) -> PointColours:
     return look_up_points(scene, lambda view: images.pixels(view) / np.float32(255), "mist or fog")
 
 
-def paleness(points: PointColours, possible: NDArray[np.float32], colour: NDArray[np.float32]) -> Paleness | None:
+def fit_paleness(points: PointColours, possible: NDArray[np.float32], colour: NDArray[np.float32]) -> Paleness | None:
     """How much mist on the lens and how much fog in the scene the points show.
 
     Args:
         points: colours of scene points in photographs.
-        possible: P [P, V], the share of mist that there may be where a photograph shows a point.
+        possible: P [P, V], the most that mist_alpha may be where a photograph shows a point.
         colour: a [3], of mist in linear light.
 
     Returns:
         m and k, or None where too few points are seen often enough, or all at places of one P.
     """
-    seen = points.seen & (points.seen.sum(axis=1) >= FEWEST_VIEWS)[:, None]
+    seen = points.seen & (points.seen.sum(axis=1) >= MIN_VIEWS)[:, None]
     rows = seen.any(axis=1)
     seen, possible = seen[rows], possible[rows]
-    if seen.sum() < FEWEST:
+    if seen.sum() < MIN_COLOURS:
         return None
     light = np.where(seen[..., None], to_linear(points.colours[rows]), np.nan).astype(np.float64)
     median = np.nanmedian(light, axis=1, keepdims=True)
     depths = points.depths[rows] / np.median(points.depths[rows][seen])
     causes = [_deviations(plane, seen)[..., None] * (colour - median) for plane in (possible, depths)]
-    found, known = (light - median)[seen].ravel(), np.stack([cause[seen].ravel() for cause in causes], axis=1)
-    return _trimmed_fit(known, found)
+    changes, known = (light - median)[seen].ravel(), np.stack([cause[seen].ravel() for cause in causes], axis=1)
+    return _trimmed_fit(known, changes)
 
 
 def _deviations(values: NDArray, seen: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -102,25 +105,25 @@ def _deviations(values: NDArray, seen: NDArray[np.bool_]) -> NDArray[np.float64]
     return np.where(seen, values - means, 0.0)
 
 
-def _trimmed_fit(known: NDArray[np.float64], found: NDArray[np.float64]) -> Paleness | None:
-    """The factors of least squares found = known @ factors, over those that are explained best."""
-    counted = np.ones(len(found), bool)
+def _trimmed_fit(known: NDArray[np.float64], changes: NDArray[np.float64]) -> Paleness | None:
+    """The factors of least squares changes = known @ factors, over those that are explained best."""
+    counted = np.ones(len(changes), bool)
     factors = np.zeros(known.shape[1])
     for _ in range(ROUNDS):
-        if known[counted, 0].std() < EVEN:
+        if known[counted, 0].std() < MIN_SPREAD:
             return None
-        factors = np.linalg.lstsq(known[counted], found[counted], rcond=None)[0]
-        errors = np.abs(found - known @ factors)
+        factors = np.linalg.lstsq(known[counted], changes[counted], rcond=None)[0]
+        errors = np.abs(changes - known @ factors)
         counted = errors <= np.quantile(errors, KEPT)
     return Paleness(float(factors[0]), float(factors[1]))
 
 
-def may_lift(images: TrainingImages, points: Callable[[], PointColours]) -> bool:
-    """Whether a smooth veil may be taken off the images: not where it is foggy in the scene, and then it is said.
+def may_remove_mist(images: TrainingImages, points: Callable[[], PointColours]) -> bool:
+    """Whether a network may take mist off the images; not where it is foggy in the scene, which is logged.
 
     A network that sees single pictures takes fog for mist. Arguments as of `shows_fog`.
     """
     foggy = shows_fog(images, points)
     if foggy:
-        print("it is foggy in the scene: the network leaves smooth veils as they are")
+        logger.info("it is foggy in the scene: the network leaves mist and fog as they are")
     return not foggy

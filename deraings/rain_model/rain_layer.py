@@ -1,8 +1,8 @@
 """Falling rain: new in every view, so that views disagree on it, but it only ever adds light.
 
 What many views agree on is the median, and in denser rain there is some of it in front of the median pixel: the scene
-is learned as if behind an even veil, O = (1 - S) B + S beta in encoded values with S the median cover. Such a veil
-cannot be told from a brighter scene of less contrast by any single pixel. Two things tell it:
+is learned as if behind an even layer, R = (1 - S) B + S beta in encoded values with S the median rain_alpha. Such a
+layer cannot be told from a brighter scene of less contrast by any single pixel. Two things tell it:
 
 * *That it rains.* Rain is what makes the differences of photograph and render skewed to the bright side along one
   direction only: averaged along short lines at twelve angles, less their surroundings, the differences of a dry scene
@@ -10,7 +10,7 @@ cannot be told from a brighter scene of less contrast by any single pixel. Two t
 * *How much.* Between the streaks the photographs show the scene itself. So their darkest pixels are as dark as the
   scene is, and S follows from how much lighter the darkest of the render are. Fog in the scene lightens both alike.
 
-The first gates the second: where it does not rain S is nought, whatever the scene.
+The first gates the second: where it does not rain S is 0, whatever the scene.
 """
 
 from dataclasses import dataclass
@@ -25,61 +25,92 @@ from hydroviews.scene.images import Image
 ANGLES = tuple(range(0, 180, 15))  # degrees counter-clockwise from +x
 THIRDS = np.full(3, 1 / 3, np.float32)
 LONG_SIDE = 480  # pixels; streaks are looked for in no larger pictures
-LEARNED = ("powers", "levels", "heard", "cover")
+LEARNED = ("powers", "levels", "prior", "alpha")
 LEVELS = 512  # bins of a histogram of encoded values in [0, 1]
-THIN = 0.004  # cover that is as good as none
+MIN_ALPHA = 0.004  # rain_alpha that is as good as none
 COMMON = 0.15  # share of the skew of most directions that one may exceed them by: drops that ran are long as well
 
 
 @dataclass(frozen=True)
-class FallingConfig:
-    """How falling rain is found and accounted for."""
+class RainLayerConfig:
+    """How falling rain is found and accounted for.
 
-    brightness: float = 0.88  # beta, the encoded value of what streaks are made of
-    line: float = 1 / 45  # length of the lines in longer sides of the picture
-    start: float = 0.1  # share of the iterations before the first look: streaks are not learned yet
-    settled: float = 0.5  # and after which the cover stays, if it surely rains: single streaks are learned by then
-    looks: int = 240  # in all, spread evenly
-    memory: int = 60  # looks that running sums remember
-    fewest: float = 14.0  # of them, before anything is believed: some 16 looks
-    dry: float = 0.045  # skew of one direction over the others up to which it does not rain
-    rainy: float = 0.075  # and from which it surely does
-    darkest_photographed: float = 2e-4  # quantile of the photographs
-    darkest_rendered: float = 5e-3  # and of the renders, which are smoother, that are the same in dry weather
-    most: float = 0.5  # cover
+    Numbers without a source were chosen on courtyard and LLFF flower (docs/experiments/2026-11-rain-model.md).
+
+    Attributes:
+        brightness: beta, the encoded value of streaks, (0, 1]. It cannot be told from the photographs; an error of 0.1
+            changes the scene by 0.1 S.
+        line_length: length of the lines along which differences are averaged, in longer sides of the picture, (0, 1).
+        start: share of the iterations, [0, 1), before the first update; earlier, detail that is not learned yet would
+            be taken for streaks. 0.1 is best of 0.05 to 0.2.
+        settled: share of the iterations after which S stays if it surely rains: single streaks are learned by then,
+            and renders no longer show the even layer alone.
+        updates: in all, spread evenly over the training.
+        memory: updates that running sums remember, more than `min_updates`.
+        min_updates: sum of remembered weights before anything is believed, some 16 updates: after fewer, dry scenes
+            were taken for rainy for a moment.
+        dry: excess skew of one direction up to which it does not rain.
+        rainy: excess skew, above `dry`, from which it surely does.
+        photograph_quantile: share of the photographs' pixels, (0, 1), that is as dark as
+        render_quantile: that share of the renders', which are smoother, in dry weather.
+        max_alpha: most that S may be, [0, 1).
+    """
+
+    brightness: float = 0.88
+    line_length: float = 1 / 45
+    start: float = 0.1
+    settled: float = 0.5
+    updates: int = 240
+    memory: int = 60
+    min_updates: float = 14.0
+    dry: float = 0.045
+    rainy: float = 0.075
+    photograph_quantile: float = 2e-4
+    render_quantile: float = 5e-3
+    max_alpha: float = 0.5
 
     def __post_init__(self) -> None:
-        if not self.fewest < self.memory:
-            raise ValueError(f"fewest {self.fewest} of {self.memory} remembered looks: rain could never be believed")
+        if not self.min_updates < self.memory:
+            raise ValueError(
+                f"min_updates {self.min_updates} of {self.memory} remembered ones: rain could never be believed"
+            )
 
 
-class FallingRain:
-    """Running statistics of photographs and renders, and the median cover that follows."""
+class RainLayer:
+    """Running statistics of photographs and renders, and the median rain_alpha S that follows."""
 
-    def __init__(self, iterations: int, config: FallingConfig) -> None:
+    def __init__(self, iterations: int, config: RainLayerConfig) -> None:
         self._config = config
         self._first, self._settled = round(config.start * iterations), round(config.settled * iterations)
-        self._every = max(1, (iterations - self._first) // config.looks)
+        self._every = max(1, (iterations - self._first) // config.updates)
         self.powers = np.zeros((len(ANGLES), 3))  # sums of weights, squares and cubes of differences along lines
         self.levels = np.zeros((2, LEVELS))  # histograms of photographs and renders
-        self.heard = np.zeros(2)  # sum and number of a witness's median covers
-        self.cover = np.zeros(1)  # S
+        self.prior = np.zeros(2)  # sum and number of the prior's median alphas
+        self.alpha = np.zeros(1)  # S
 
     @property
     def brightness(self) -> float:
         """beta, the encoded value of what streaks are made of."""
         return self._config.brightness
 
+    def forward(self, image: Image, alpha: NDArray[np.float32]) -> Image:
+        """The view [H, W, 3] behind rain of alpha [H, W, 1] or [], exactly the view where there is none at all."""
+        return image * (1 - alpha) + alpha * np.float32(self.brightness) if alpha.any() else image
+
+    def backward(self, gradient: Image, alpha: NDArray[np.float32]) -> Image:
+        """The gradient by the view [H, W, 3] from that by what `forward` returned."""
+        return gradient * (1 - alpha)
+
     def due(self, iteration: int) -> bool:
         """Whether to look at a view in this step."""
         return iteration >= self._first and iteration % self._every == 0
 
-    def observe(self, photograph: Image, seen: Image, weights: NDArray[np.float32] | None, iteration: int) -> None:
-        """Look at a view, and renew the cover.
+    def update(self, photograph: Image, seen: Image, weights: NDArray[np.float32] | None, iteration: int) -> None:
+        """Add a view to the statistics, and renew S.
 
         Args:
             photograph: [H, W, 3].
-            seen: what the model expects of it, [H, W, 3], with the rain that it knows of.
+            seen: what the model expects of it, [H, W, 3], behind even rain.
             weights: of the pixels [H, W]; those of weight 0 are not looked at.
             iteration: of the training.
         """
@@ -87,34 +118,34 @@ class FallingRain:
         keep = 1 - 1 / config.memory
         grey = [_small(image @ THIRDS) for image in (photograph, seen)]
         clear = None if weights is None else _small(weights) > 0.5
-        self.powers = keep * self.powers + line_powers(grey[0] - grey[1], config.line, clear)
+        self.powers = keep * self.powers + line_powers(grey[0] - grey[1], config.line_length, clear)
         if iteration < self._settled or self.certainty() < 1:
             self.levels = keep * self.levels + np.stack([_histogram(image, clear) for image in grey])
-        self.cover[0] = min(self.certainty() * self.even(), config.most)
+        self.alpha[0] = min(self.certainty() * self.alpha_if_it_rains(), config.max_alpha)
 
-    def hear(self, median: float) -> None:
-        """Take in a witness's median cover of a view."""
-        self.heard += median, 1
+    def update_prior(self, median: float) -> None:
+        """Add the median rain_alpha that the prior finds in a view."""
+        self.prior += median, 1
 
-    def even(self) -> float:
-        """The median cover if it rains: of the darkest pixels, and of the witness if there is one, the mean."""
-        if not self.heard[1]:
-            return self.lightened()
-        return 0.5 * (self.lightened() + max(0.0, self.heard[0] / self.heard[1]))
+    def alpha_if_it_rains(self) -> float:
+        """S if it surely rained: from the darkest pixels, or the mean of that and what the prior finds."""
+        if not self.prior[1]:
+            return self.alpha_of_darkest()
+        return 0.5 * (self.alpha_of_darkest() + max(0.0, self.prior[0] / self.prior[1]))
 
     def certainty(self) -> float:
-        """How sure it is that it rains, 0 to 1; few looks say nothing."""
+        """How sure it is that it rains, 0 to 1; 0 after few updates."""
         config = self._config
-        if self.powers[0, 0] < config.fewest:
+        if self.powers[0, 0] < config.min_updates:
             return 0.0
         return float(np.clip((directed_skew(self.powers) - config.dry) / (config.rainy - config.dry), 0, 1))
 
-    def lightened(self) -> float:
-        """The cover by which the render's darkest pixels are lighter than those of the photographs."""
+    def alpha_of_darkest(self) -> float:
+        """The rain_alpha by which the render's darkest pixels are lighter than those of the photographs."""
         config = self._config
         if not self.levels.any():
             return 0.0
-        quantiles = config.darkest_photographed, config.darkest_rendered
+        quantiles = config.photograph_quantile, config.render_quantile
         dark, lighter = (_quantile(counts, q) for counts, q in zip(self.levels, quantiles, strict=True))
         return max(0.0, (lighter - dark) / (config.brightness - dark)) if dark < config.brightness else 0.0
 
@@ -123,11 +154,11 @@ class FallingRain:
         return ANGLES[int(np.argmax(_skews(self.powers)))]
 
     def state_dict(self) -> dict[str, NDArray]:
-        """All that was observed, for checkpoints."""
+        """All statistics, for checkpoints."""
         return {name: getattr(self, name) for name in LEARNED}
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
-        """Take back what `arrays` returned."""
+        """Take back what `state_dict` returned."""
         for name in LEARNED:
             setattr(self, name, arrays[name].copy())
 
@@ -168,7 +199,7 @@ def line_kernel(side: int, angle: float) -> NDArray[np.float32]:
 
 
 def directed_skew(powers: NDArray) -> float:
-    """By how much the skewness along one direction exceeds what that along most others allows; 0 for nothing seen.
+    """By how much the skewness along one direction exceeds what that along most others allows; 0 before any update.
 
     Where drops on the lens make all directions skewed, one stands out a little more. Falling rain stands out alone.
     """

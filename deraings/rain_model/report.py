@@ -1,41 +1,41 @@
-"""What rain an objective has found, for the record."""
+"""What a rain model and masks have found, for a run's record."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from deraings.rain_model.rain_layer import THIN
+from deraings.masks.occlusion_masks import OcclusionMasks
+from deraings.rain_model.model import RainModel
+from deraings.rain_model.rain_layer import MIN_ALPHA
 
-if TYPE_CHECKING:
-    from deraings.rain_model.objective import RainObjective
+NEEDED_FROM = {"mist_mean": 0.0, "drops": 0.0, "rain": MIN_ALPHA, "streaks": 0.0, "masks": 0.0}
 
 
-def found(objective: "RainObjective") -> dict[str, Any]:
-    """What was found, at the middle of the film.
+def report(model: RainModel, masks: OcclusionMasks | None, view: int, size: tuple[int, int]) -> dict[str, Any]:
+    """What was found, as one view of (height, width) shows it.
 
     Returns:
-        `needed`: which of veil, drops, falling, streaks and masks were called for; then means and maxima of what they
-        are, `drops` being the share of the lens more than half covered. A part that is not looked for is left out.
+        `needed`: which of mist, drops, rain, streaks and masks were called for. Then numbers of each part that was
+        looked for: `mist_mean` and `mist_max` of mist_alpha, `mist_r`, `mist_g`, `mist_b` of its linear light, `fog`
+        (contrast lost over the median depth), `drops` (share of the lens more than half covered), `rain` (S),
+        `rain_certainty`, `rain_angle` in degrees, `streaks` (mean |D|), `masks` (their mean).
     """
-    middle = len(objective.images) // 2
-    size = objective.images.pixels(middle).shape[0], objective.images.pixels(middle).shape[1]
-    report: dict[str, Any] = {}
-    if objective.veil:
-        share = objective.veil_share(middle, size)
-        report |= {"veil_mean": share.mean(), "veil_most": share.max()}
-        report |= {f"veil_{channel}": light for channel, light in zip("rgb", objective.veil.colour, strict=True)}
-        if objective.veil.evidence is not None:
-            report["fog"] = objective.veil.evidence.fog
-    if objective.drops:
-        report["drops"] = (objective.drop_cover(middle, size) > 0.5).mean()
-    if objective.falling:
-        report |= {"falling": objective.cover, "falling_certainty": objective.falling.certainty()}
-        report["falling_angle"] = objective.falling.angle()
-    if objective.streaks:
-        report["streaks"] = np.abs(objective.streaks.deviation(middle)).mean()
-    if objective.masks:
-        report["masks"] = objective.masks.found()["mask_mean"]
-    limits = {"veil_mean": 0.0, "drops": 0.0, "falling": THIN, "streaks": 0.0, "masks": 0.0}
-    numbers = {name: round(float(value), 4) for name, value in report.items()}
-    needed = [name.removesuffix("_mean") for name, limit in limits.items() if numbers.get(name, 0) > limit]
-    return {"needed": needed, **numbers}
+    numbers: dict[str, Any] = {}
+    if model.mist:
+        alpha = model.mist_alpha(view, size)
+        numbers |= {"mist_mean": alpha.mean(), "mist_max": alpha.max()}
+        numbers |= {f"mist_{channel}": light for channel, light in zip("rgb", model.mist.colour, strict=True)}
+        if model.mist.paleness is not None:
+            numbers["fog"] = model.mist.paleness.fog
+    if model.drops:
+        numbers["drops"] = (model.drop_alpha(view, size) > 0.5).mean()
+    if model.rain_layer:
+        numbers |= {"rain": model.even_alpha, "rain_certainty": model.rain_layer.certainty()}
+        numbers["rain_angle"] = model.rain_layer.angle()
+    if model.streaks:
+        numbers["streaks"] = np.abs(model.streaks.deviation(view)).mean()
+    if masks:
+        numbers["masks"] = masks.report()["mask_mean"]
+    rounded = {name: round(float(value), 4) for name, value in numbers.items()}
+    needed = [name.removesuffix("_mean") for name, limit in NEEDED_FROM.items() if rounded.get(name, 0) > limit]
+    return {"needed": needed, **rounded}

@@ -1,7 +1,7 @@
-"""Single streaks, view by view: what the even cover by falling rain leaves of a photograph, filtered along the rain.
+"""Single streaks, view by view: what even rain leaves of a photograph's difference, filtered along the rain.
 
-Streaks overlap: in dense rain the cover of a view is no few bright lines upon nothing, but varies about its median, to
-either side, in every pixel. A view's S is therefore the even cover and a deviation D of either sign,
+Streaks overlap: in dense rain a view is no few bright lines upon nothing, but its rain_alpha varies about the median S,
+to either side, in every pixel. A view's rain_alpha is therefore S and a deviation D of either sign,
 
     R = (1 - S - D) B + (S + D) beta,   in encoded values,
 
@@ -12,7 +12,7 @@ rain, and D is that part of the difference: a Wiener filter, whose power spectra
 
 A training of a few thousand iterations learns streaks one by one, each from its view. So D is taken soon after it is
 sure that it rains, as the mean over a few visits of a view, and kept; and taken anew, twice, when the scene is known
-better, which has forgotten the streaks that D has explained.
+better and has forgotten the streaks that D has explained.
 """
 
 from collections.abc import Sequence
@@ -27,27 +27,35 @@ from deraings.planes import Plane, resized, shrunk
 from deraings.rain_model.rain_layer import LONG_SIDE
 from hydroviews.scene.images import Image
 
-EVEN, STEP = 128, 1 / 200  # the 8 bits of D: what stands for nought, and for a difference of one
+ZERO, STEP = 128, 1 / 200  # the 8 bits of D: what stands for 0, and for a difference of one
 RINGS = 64  # of frequencies, to one cycle a pixel
 VIEW = "view"  # begins the names of what is known of a view
-LEAST = 0.1  # encoded; in front of what is nearer to beta than that, streaks are hardly seen
+MIN_CONTRAST = 0.1  # encoded; in front of what is nearer to beta than that, streaks are hardly seen
 
 
 @dataclass(frozen=True)
-class StreakConfig:
-    """How single streaks are found."""
+class SingleStreaksConfig:
+    """How single streaks are found; numbers chosen on courtyard (docs/experiments/2026-11-rain-model.md).
 
-    wedge: float = 35.0  # degrees to either side of the rain's direction
-    smooth: int = 9  # frequencies, each way, over which the power is averaged
-    visits: int = 3  # of each view, over which D is averaged; before, as many looks as views for the spectra
-    renewed: tuple[float, ...] = (0.45, 0.65)  # shares of the iterations at which all that is taken anew
-    most: float = 0.95  # cover
+    Attributes:
+        wedge: degrees, (0, 90), to either side of the direction across the rain; 35 explains as much as 45.
+        smooth: frequencies, odd, each way, over which the power is averaged.
+        visits: of each view, at least 1, over which D is averaged; before, the spectra take as many as there are views.
+        renewals: shares of the iterations, [0, 1], at which D is taken anew; a third one changes nothing.
+        max_alpha: most that S + D may be, [0, 1).
+    """
+
+    wedge: float = 35.0
+    smooth: int = 9
+    visits: int = 3
+    renewals: tuple[float, ...] = (0.45, 0.65)
+    max_alpha: float = 0.95
 
 
-class Streaks:
+class SingleStreaks:
     """Mean power of the differences by frequency, and each view's D."""
 
-    def __init__(self, sizes: Sequence[tuple[int, int]], config: StreakConfig) -> None:
+    def __init__(self, sizes: Sequence[tuple[int, int]], config: SingleStreaksConfig) -> None:
         """Nothing known yet of the views, whose sizes are (height, width)."""
         self._config = config
         factor = max(1.0, max(max(size) for size in sizes) / LONG_SIDE)  # one for all: they share a spectrum
@@ -55,8 +63,8 @@ class Streaks:
         self._full, self._small = list(sizes), small
         self._canvas = tuple(fft.next_fast_len(max(side), real=True) for side in zip(*small, strict=True))
         self.power = np.zeros((self._canvas[0], self._canvas[1] // 2 + 1))  # sums of squared amplitudes
-        self.gain = np.zeros(self.power.shape, np.float32)  # of each frequency, known after as many looks as views
-        self.looks = np.zeros(1, np.int64)
+        self.gain = np.zeros(self.power.shape, np.float32)  # of each frequency, once all views have been seen
+        self.spectra = np.zeros(1, np.int64)  # views in `power`
         self.visits = np.zeros(len(sizes), np.int64)
         self.deviations: dict[int, NDArray[np.uint8]] = {}  # D [h, w] of the views seen so far
 
@@ -65,97 +73,95 @@ class Streaks:
         return self.visits[view] < self._config.visits and size == self._full[view]
 
     def renew(self) -> None:
-        """Look at everything anew: the scene is known better now. Until then what was found is kept."""
-        self.power[:], self.looks[:], self.visits[:] = 0, 0, 0
+        """Take everything anew: the scene is known better now. Until then D stays what it is."""
+        self.power[:], self.spectra[:], self.visits[:] = 0, 0, 0
 
-    def observe(
-        self, difference: Plane, contrast: Plane, angle: float, view: int, witness: Plane | None = None
-    ) -> None:
-        """Look at a view for its streaks.
+    def update(self, difference: Plane, contrast: Plane, angle: float, view: int, prior: Plane | None = None) -> None:
+        """Take a view's streaks from it.
 
         Args:
             difference: of photograph and render [H, W], and
             contrast: of rain and scene [H, W], both as of `along_rain`; where nothing is to be found both are 0.
             angle: of the streaks, degrees counter-clockwise from +x.
             view: index of the view.
-            witness: what somebody else takes D for [H, W], of whom as much is believed.
+            prior: D [H, W] by other means, which counts as much.
         """
         size = self._small[view]
         difference, contrast = resized(difference, size), resized(contrast, size)
         spectrum = fft.rfft2(difference, self._canvas)
-        spectrum[0, 0] = 0  # the mean is the even cover's
-        if self.looks < len(self.visits):
-            self.looks += 1
+        spectrum[0, 0] = 0  # the mean belongs to S
+        if self.spectra < len(self.visits):
+            self.spectra += 1
             self.power += spectrum.real**2 + spectrum.imag**2
-            if self.looks == len(self.visits):
+            if self.spectra == len(self.visits):
                 self.gain = wiener_gain(self.power, self._canvas[1], angle, self._config)
             return
         streaks = fft.irfft2(spectrum * self.gain, self._canvas)[: size[0], : size[1]]
-        found = streaks * contrast / (contrast**2 + np.float32(LEAST**2))
-        if witness is not None:
-            found = (found + resized(witness, size)) / 2
+        found = streaks * contrast / (contrast**2 + np.float32(MIN_CONTRAST**2))
+        if prior is not None:
+            found = (found + resized(prior, size)) / 2
         n = self.visits[view]
         mean = (n * self.deviation(view) + found) / (n + 1)
-        self.deviations[view] = np.clip(np.rint(mean / STEP) + EVEN, 0, 255).astype(np.uint8)
+        self.deviations[view] = np.clip(np.rint(mean / STEP) + ZERO, 0, 255).astype(np.uint8)
         self.visits[view] = n + 1
 
     def deviation(self, view: int) -> Plane:
-        """D [h, w] of a view, at no more than LONG_SIDE pixels; nought where nothing is known."""
+        """D [h, w] of a view, at no more than LONG_SIDE pixels; 0 where nothing is known."""
         if view not in self.deviations:
             return np.zeros(self._small[view], np.float32)
-        return (self.deviations[view].astype(np.float32) - np.float32(EVEN)) * np.float32(STEP)
+        return (self.deviations[view].astype(np.float32) - np.float32(ZERO)) * np.float32(STEP)
 
-    def cover(self, view: int, even: float, size: tuple[int, int]) -> Plane | None:
-        """S + D [H, W] of a view; None where nothing is known but S."""
+    def alpha(self, view: int, even: float, size: tuple[int, int]) -> Plane | None:
+        """rain_alpha S + D [H, W] of a view, `even` being S; None where nothing is known but S."""
         if view not in self.deviations:
             return None
-        return np.clip(np.float32(even) + resized(self.deviation(view), size), 0, np.float32(self._config.most))
+        return np.clip(np.float32(even) + resized(self.deviation(view), size), 0, np.float32(self._config.max_alpha))
 
     def state_dict(self) -> dict[str, NDArray]:
-        """All that was observed, for checkpoints."""
+        """Spectra and deviations, for checkpoints."""
         views = {f"{VIEW}{view}": deviation for view, deviation in self.deviations.items()}
-        return {"power": self.power, "gain": self.gain, "looks": self.looks, "visits": self.visits, **views}
+        return {"power": self.power, "gain": self.gain, "spectra": self.spectra, "visits": self.visits, **views}
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
-        """Take back what `arrays` returned."""
+        """Take back what `state_dict` returned."""
         self.power, self.gain = arrays["power"].copy(), arrays["gain"].copy()
-        self.looks, self.visits = arrays["looks"].copy(), arrays["visits"].copy()
+        self.spectra, self.visits = arrays["spectra"].copy(), arrays["visits"].copy()
         views = [name for name in arrays if name.startswith(VIEW)]
         self.deviations = {int(name.removeprefix(VIEW)): arrays[name].copy() for name in views}
 
 
-def along_rain(photograph: Image, seen: Image, cover: float, brightness: float) -> tuple[Plane, Plane]:
-    """How far a photograph is from what is seen behind an even cover, towards rain, and how far that could be.
+def along_rain(photograph: Image, seen: Image, even: float, brightness: float) -> tuple[Plane, Plane]:
+    """How far a photograph is from what is seen behind even rain, towards rain, and how far that could be.
 
-    A cover that is larger by D changes what is seen by D (beta - B), with B = (seen - S beta) / (1 - S).
+    A rain_alpha that is larger by D changes what is seen by D (beta - B), with B = (seen - S beta) / (1 - S).
 
     Args:
         photograph: [H, W, 3].
         seen: what is expected of it, [H, W, 3].
-        cover: S of it.
+        even: S of it.
         brightness: beta, encoded.
 
     Returns:
         Photograph less `seen` along the unit vector of beta - B [H, W], encoded, and the length of beta - B [H, W].
     """
-    contrast = np.maximum(np.float32(brightness) - seen, 0) / np.float32(1 - cover)
+    contrast = np.maximum(np.float32(brightness) - seen, 0) / np.float32(1 - even)
     length = np.sqrt(np.einsum("hwc,hwc->hw", contrast, contrast))
     along = np.einsum("hwc,hwc->hw", photograph - seen, contrast) / np.maximum(length, np.float32(1e-3))
     return along, length
 
 
-def cover_between(photograph: Image, dry: Image, brightness: float) -> Plane:
-    """The cover by rain [H, W] that makes a photograph [H, W, 3] of a dry picture of the same; little if S is unclear.
+def alpha_between(photograph: Image, dry: Image, brightness: float) -> Plane:
+    """The rain_alpha [H, W] that turns a dry picture [H, W, 3] into its photograph; near 0 where they do not tell.
 
-    Least squares over the channels of O - B = S (beta - B), of which what is near to beta says little.
+    Least squares over the channels of O - B = rain_alpha (beta - B), which tells little where B is near to beta.
     """
     contrast = np.maximum(np.float32(brightness) - dry, 0)
     along = np.einsum("hwc,hwc->hw", photograph - dry, contrast)
-    return np.asarray(along / (np.einsum("hwc,hwc->hw", contrast, contrast) + np.float32(LEAST**2)), np.float32)
+    return np.asarray(along / (np.einsum("hwc,hwc->hw", contrast, contrast) + np.float32(MIN_CONTRAST**2)), np.float32)
 
 
-def wiener_gain(power: NDArray, width: int, angle: float, config: StreakConfig) -> Plane:
-    """Gain [H, W // 2 + 1] of each frequency: the share of its power that is rain's.
+def wiener_gain(power: NDArray, width: int, angle: float, config: SingleStreaksConfig) -> Plane:
+    """Gain [H, W // 2 + 1] of each frequency: the share of its power that rain has.
 
     The power of the scene is taken to be the median of all frequencies as high outside of the wedge across the rain.
 

@@ -1,4 +1,4 @@
-"""Any method on enhanced photographs: the same as the ablation, masks in force, found by name, taken up again."""
+"""Any method on enhanced photographs: as DeRainGS learns from them, masks in force, found by name, taken up again."""
 
 import os
 import tomllib
@@ -14,10 +14,11 @@ from trainings import CONFIG, assert_identical
 
 from baselines.gaussian_splatting import GaussianSplatting, GaussianSplattingClean
 from baselines.method import WRAPPERS, find_method
-from deraings.enhanced_method import EnhancedConfig, enhanced_scene, on_enhanced
+from baselines.training.images import read_images
+from deraings.enhanced_method import EnhancedConfig, enhanced_scene, enhanced_views, on_enhanced
 from deraings.enhancement.network import EnhancementNetwork
-from deraings.enhancement.weights import DEFAULT, find_weights, load_enhancer, save_network
-from deraings.method import DeRainGSConfig, Enhancement
+from deraings.enhancement.weights import DEFAULT, find_weights, save_network
+from deraings.method import DeRainGS, DeRainGSConfig
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import sha256
 from hydroviews.scene.lenses import Lens
@@ -53,15 +54,15 @@ def weights(tmp_path_factory):
     return path
 
 
-def test_it_computes_what_the_ablation_does(scene, weights, tmp_path):
+def test_it_computes_what_deraings_does_without_masks(scene, weights, tmp_path):
     short = replace(CONFIG, iterations=60)
-    ablation = Enhancement(DeRainGSConfig(short, enhancement=str(weights)), 0)
-    ablation.fit(scene, tmp_path / "ablation")
+    unmasked = DeRainGS(DeRainGSConfig(short, enhancement=str(weights)), 0)
+    unmasked.fit(scene, tmp_path / "unmasked")
     wrapped = on_enhanced(GaussianSplatting)(EnhancedConfig(short, str(weights), sha256(weights)), 0)
     wrapped.fit(scene, tmp_path / "wrapped")
     plain = GaussianSplatting(short, 0)
     plain.fit(scene, tmp_path / "plain")
-    assert_identical(ablation._trained, wrapped._inner._trained)
+    assert_identical(unmasked._trained, wrapped._inner._trained)
     camera = scene.views[0].camera
     assert not np.array_equal(wrapped.render(camera), plain.render(camera))
     assert wrapped.summary().used == f"enhancement {weights}"
@@ -93,7 +94,7 @@ def test_what_is_hidden_stays_hidden_behind_a_lens_too(scene, weights, tmp_path)
     pinhole = lens.pinhole()
     views = [replace(v, camera=pinhole.camera(v.camera.world_to_camera), lens=lens) for v in scene.views]
     seen = replace(scene, views=tuple(views))
-    enhanced = enhanced_scene(seen, load_enhancer(weights), tmp_path)
+    enhanced = enhanced_scene(seen, enhanced_views(seen, read_images(seen.train_views), str(weights), tmp_path))
     for before, after in zip(seen.train_views, enhanced.train_views, strict=True):
         assert after.lens is None
         assert after.image().shape == before.image().shape

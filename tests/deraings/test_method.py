@@ -14,18 +14,18 @@ from baselines.training.images import read_images
 from deraings import method as methods
 from deraings.enhancement import views as enhanced_views
 from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
-from deraings.enhancement.views import EnhancedViews, enhanced_images
+from deraings.enhancement.views import EnhancedViews
 from deraings.enhancement.weights import find_weights, load_enhancer, save_network
 from deraings.masks.config import MaskConfig
-from deraings.method import DeRainGS, DeRainGSConfig, DeRainGSPlus, RainModel, WithoutAttention
+from deraings.method import DeRainGS, DeRainGSConfig, DeRainGSPlus, RainModelOnly, WithoutAttention
 from deraings.rain_model import mist_or_fog
-from deraings.rain_model.objective import RainConfig
+from deraings.rain_model.model import RainConfig
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import sha256
 from hydroviews.scene.images import read_image
 
 TINY = NetworkConfig(width=4, encoder=(1, 1, 1, 1), bottleneck=1, decoder=(1, 1, 1, 1), head_width=4, stem=2)
-MASKED = MaskConfig(start=0.3, warm_up=0.2, every=2, least_evidence=0)
+MASKED = MaskConfig(start=0.3, warm_up=0.2, every=2, min_evidence=0)
 
 
 @pytest.fixture(scope="module")
@@ -47,40 +47,47 @@ def weights(tmp_path_factory):
 def test_photographs_are_enhanced_once(scene, weights, tmp_path):
     images, enhancer = read_images(scene.train_views), load_enhancer(weights)
     names = [view.name for view in scene.train_views]
-    enhanced = enhanced_images(images, names, enhancer, tmp_path)
+    enhanced = EnhancedViews(images, names, enhancer, tmp_path)
+    enhanced.files()
     expected = np.clip(images.pixels(0) / 255 - 0.1, 0, 1)
     assert np.abs(enhanced.pixels(0) / 255 - expected).max() < 0.01
     (kept,) = tmp_path.iterdir()
     assert np.array_equal(enhanced.pixels(0), np.rint(255 * read_image(kept / f"{names[0]}.png")))
     times = [path.stat().st_mtime_ns for path in sorted(kept.iterdir())]
-    assert enhanced_images(images, names, enhancer, tmp_path).digest() == enhanced.digest()
+    assert EnhancedViews(images, names, enhancer, tmp_path).files() == enhanced.files()
     assert times == [path.stat().st_mtime_ns for path in sorted(kept.iterdir())]
 
 
 def test_other_weights_enhance_anew(scene, weights, tmp_path):
     images, enhancer = read_images(scene.train_views), load_enhancer(weights)
     names = [view.name for view in scene.train_views]
-    enhanced_images(images, names, enhancer, tmp_path)
+    EnhancedViews(images, names, enhancer, tmp_path).files()
     with torch.no_grad():
         enhancer.network.head[0].bias.fill_(0.1)
-    brighter = enhanced_images(images, names, enhancer, tmp_path)
+    brighter = EnhancedViews(images, names, enhancer, tmp_path)
     assert brighter.pixels(0).mean() > images.pixels(0).mean()
     assert len(list(tmp_path.iterdir())) == 2
 
 
 @pytest.mark.parametrize("foggy", [False, True])
-def test_veils_are_not_taken_off_where_it_is_foggy(scene, weights, tmp_path, monkeypatch, capsys, foggy):
+def test_mist_is_not_taken_off_where_it_is_foggy(scene, weights, tmp_path, monkeypatch, caplog, foggy):
     asked = []
     monkeypatch.setattr(mist_or_fog, "shows_fog", lambda images, points: asked.append(points()) or foggy)
-    monkeypatch.setattr(enhanced_views, "enhance", lambda image, enhancer, lift: image * np.float32(0.5 + 0.5 * lift))
+
+    def enhance(image, enhancer, remove_mist):
+        return image * np.float32(0.5 + 0.5 * remove_mist)
+
+    monkeypatch.setattr(enhanced_views, "enhance", enhance)
     method = DeRainGS(DeRainGSConfig(CONFIG, enhancement=str(weights)), 0)
-    method.objective(scene, tmp_path)
+    with caplog.at_level("INFO"):
+        method.objective(scene, tmp_path)
     assert asked[0].seen.any()
     images = read_images(scene.train_views)
     factor = method.learned().images.pixels(0).mean() / images.pixels(0).mean()
     assert factor == pytest.approx(0.5 if foggy else 1, abs=0.01)
     assert ("leaving fog as it is" in method.found["enhancement"]) == foggy
-    assert ("it is foggy in the scene" in capsys.readouterr().out) == foggy
+    assert ("it is foggy in the scene" in caplog.text) == foggy
+    assert "enhancement weights from" in caplog.text
 
 
 @pytest.mark.parametrize(
@@ -135,18 +142,28 @@ def test_photographs_are_enhanced_only_when_they_are_asked_for(scene, weights, t
     assert kept.stat().st_mtime_ns == before
 
 
+def test_enhanced_photographs_are_learned_from_or_a_prior():
+    with pytest.raises(ValueError, match="not both"):
+        DeRainGSConfig(CONFIG, enhancement="small", prior="small")
+
+
+def test_what_was_learned_is_refused_before_a_training():
+    with pytest.raises(InputError, match="call fit first"):
+        DeRainGS(DeRainGSConfig(CONFIG), 0).learned()
+
+
 def test_methods_are_found_and_differ_in_their_switches():
     assert find_method("deraings") is DeRainGS
     assert find_method("deraings-plus") is DeRainGSPlus
     plus = DeRainGSPlus.configuration("demo")
     assert plus.rain == RainConfig()
-    assert plus.witness
-    assert replace(plus, witness=None, weights_sha256=None) == RainModel.configuration("demo")
+    assert plus.prior
+    assert replace(plus, prior=None, weights_sha256=None) == RainModelOnly.configuration("demo")
     assert plus.weights_sha256 == sha256(find_weights("small")) == DeRainGS.configuration("quick").weights_sha256
     paper = DeRainGS.configuration("demo")
     assert paper.enhancement
     assert paper.masks
-    assert paper.rain == methods.NOTHING
+    assert paper.rain == methods.NO_RAIN
     assert paper.splatting == plus.splatting
     less = WithoutAttention.configuration("demo")
     assert replace(less, masks=replace(less.masks, attention=True)) == paper

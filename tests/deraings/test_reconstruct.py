@@ -13,7 +13,7 @@ from baselines.rendering.film import FilmChoice
 from baselines.splatting.files.ply import read_ply
 from deraings import reconstruct as module
 from deraings.method import DeRainGSConfig, DeRainGSPlus
-from deraings.rain_model.objective import RainConfig
+from deraings.rain_model.model import RainConfig
 from deraings.reconstruct import (
     FILM,
     SHEET,
@@ -65,13 +65,14 @@ def stamps(folder):
     return {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}
 
 
-def test_a_capture_becomes_a_scene_of_all_its_photographs(request_of, capsys):
-    folder = reconstruct(request_of())
+def test_a_capture_becomes_a_scene_of_all_its_photographs(request_of, caplog):
+    with caplog.at_level("INFO"):
+        folder = reconstruct(request_of())
     learned = {path.name for path in folder.iterdir()}
     assert learned == {"reconstruction.json", TRAINING, FILM, SHEET}
     assert len(read_ply(folder / TRAINING / SPLATS)) > 20
     assert read_json(folder / TRAINING / FOUND)["needed"] == []
-    assert "found in the photographs: needed nothing" in capsys.readouterr().out
+    assert "found in the photographs: needed nothing" in caplog.text
     sheet = read_image(folder / SHEET)
     assert sheet.shape[1] > 4 * 48
     assert sheet.std() > 0.05
@@ -103,16 +104,17 @@ def test_photographs_without_cameras_have_them_estimated(request_of, tmp_path, m
     assert asked == [((tmp_path / "photographs", tmp_path / "capture"), {"seed": 0, "rainy": True})]
 
 
-def test_rainy_photographs_without_cameras_become_a_scene(tmp_path, monkeypatch, capsys):
+def test_rainy_photographs_without_cameras_become_a_scene(tmp_path, monkeypatch, capsys, caplog):
     for i, (name, image) in enumerate(flower_walk()):
         write_png(tmp_path / "walk" / f"{name}.png", rained_on(image, i))
-    config = DeRainGSConfig(replace(CONFIG, iterations=60), rain=RainConfig(), witness="small")
+    config = DeRainGSConfig(replace(CONFIG, iterations=60), rain=RainConfig(), prior="small")
     monkeypatch.setattr(Short, "profiles", {"demo": config})
     film = FilmChoice(seconds=0.2, fps=10, size=32)
-    folder = reconstruct(Reconstruction(tmp_path / "walk", method="short", profile="demo", long_side=96, film=film))
+    with caplog.at_level("INFO"):
+        folder = reconstruct(Reconstruction(tmp_path / "walk", method="short", profile="demo", long_side=96, film=film))
     assert folder == tmp_path / "walk-scene"
     assert {path.name for path in folder.iterdir()} == {"capture", "reconstruction.json", TRAINING, FILM, SHEET}
-    told = capsys.readouterr().out
+    told = capsys.readouterr().out + caplog.text
     assert "9 of 9 images registered" in told
     assert "found in the photographs: needed" in told
     assert len(read_ply(folder / TRAINING / SPLATS)) > 100
@@ -167,11 +169,12 @@ def test_a_scene_that_was_moved_is_the_same_scene(request_of, capture, tmp_path)
     assert settings_of(film) != settings_of(replace(film, rate=2.0))
 
 
-def test_formats_that_are_not_read_are_named(tmp_path, capsys):
+def test_formats_that_are_not_read_are_named(tmp_path, caplog):
     for i in range(3):
         (tmp_path / f"{i}.HEIC").write_bytes(b"")
     with pytest.raises(InputError, match=r"found: 3 \.heic\n.*\.png, \.jpg"):
         require_photographs(tmp_path)
     write_png(tmp_path / "a.png", np.zeros((4, 4, 3), np.float32))
-    require_photographs(tmp_path)
-    assert "3 .heic left out" in capsys.readouterr().out
+    with caplog.at_level("INFO"):
+        require_photographs(tmp_path)
+    assert "3 .heic left out" in caplog.text

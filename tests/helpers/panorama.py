@@ -27,14 +27,14 @@ def views_of(
     return np.stack([painting[r : r + size[0], c : c + size[1]] for r, c in zip(rows, columns, strict=True)])
 
 
-def misted(views: NDArray[np.float32], share: NDArray, colour: NDArray) -> NDArray[np.float32]:
-    """The views through a veil [H, W] of linear light `colour` [3]."""
-    veil = share[..., None].astype(np.float32)
-    return to_srgb(to_linear(views) * (1 - veil) + veil * np.asarray(colour, np.float32))
+def misted(views: NDArray[np.float32], alpha: NDArray, colour: NDArray) -> NDArray[np.float32]:
+    """The views through mist of alpha [H, W] and linear light `colour` [3]."""
+    blocked = alpha[..., None].astype(np.float32)
+    return to_srgb(to_linear(views) * (1 - blocked) + blocked * np.asarray(colour, np.float32))
 
 
-def slanted_veil(most: float) -> NDArray[np.float32]:
-    """V [H, W] that rises from nought at the left to `most` at the right."""
+def slanted_mist(most: float) -> NDArray[np.float32]:
+    """mist_alpha [H, W] that rises from 0 at the left to `most` at the right."""
     return np.tile(np.linspace(0, most, WIDTH, dtype=np.float32), (HEIGHT, 1))
 
 

@@ -42,7 +42,7 @@ def test_a_folder_of_pictures_is_enhanced(tmp_path, weights, capsys):
 def test_fog_can_be_kept(tmp_path, weights, monkeypatch, keep_fog):
     pictures(tmp_path / "in")
     asked = []
-    monkeypatch.setattr(commands, "enhance", lambda image, enhancer, lift: asked.append(lift) or image)
+    monkeypatch.setattr(commands, "enhance", lambda image, enhancer, remove_mist: asked.append(remove_mist) or image)
     enhance_command(tmp_path / "in", tmp_path / "out", str(weights), keep_fog=keep_fog)
     assert asked == [not keep_fog] * 2
 

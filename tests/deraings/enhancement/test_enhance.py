@@ -61,7 +61,7 @@ class Mean(torch.nn.Module):
 
     multiple = 1
 
-    def lift(self, batch):
+    def remove_mist(self, batch):
         return batch
 
     def refine(self, batch):

@@ -33,7 +33,7 @@ def awake(config=TINY, seed: int = 0) -> EnhancementNetwork:
 @pytest.mark.parametrize("gain", [False, True])
 def test_untrained_network_changes_nothing(gain):
     image = pictures()
-    assert torch.equal(EnhancementNetwork(replace(TINY, gain=gain, veil=0))(image), image)
+    assert torch.equal(EnhancementNetwork(replace(TINY, gain=gain, mist=0))(image), image)
     assert torch.allclose(EnhancementNetwork(replace(TINY, gain=gain))(image), image, atol=1e-5)
 
 
@@ -46,7 +46,7 @@ def test_the_papers_network_has_its_depths_and_about_38_million_parameters():
     assert [len(blocks) for blocks in network.decoder] == [3, 6, 7, 8]
     assert len(network.bottleneck) == 8
     assert not PAPER.gain
-    assert not PAPER.veil
+    assert not PAPER.mist
     assert PAPER.stem == 1
 
 
@@ -54,7 +54,7 @@ def test_multiply_adds_grow_with_the_picture_and_are_those_of_the_stem():
     small, large = measure(TINY, 64, 32), measure(TINY, 128, 32)
     taken = 3 * TINY.stem**2
     assert small["stem"].operations == (64 * 32 // TINY.stem**2) * taken * TINY.width * 9
-    parts = [name for name in small if name != "veil"]  # which always looks at as many cells
+    parts = [name for name in small if name != "mist"]  # which always looks at as many cells
     assert all(large[name].operations >= 1.9 * small[name].operations for name in parts)
     assert "multiply-adds" in describe(CONFIGS["small"], 400, 300)
 

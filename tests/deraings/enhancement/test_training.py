@@ -181,14 +181,14 @@ def test_cover_is_learned_where_it_is_known():
 def test_the_network_finds_the_cover_and_says_nothing_of_what_nobody_knows(tmp_path):
     training = learn(tmp_path, replace(CONFIG, steps=60, rate=3e-3, averaging=0.9))
     with torch.no_grad():
-        found = torch.sigmoid(training.averaged.cover(training.averaged.features(torch.rand(1, 3, 32, 32))))
+        found = torch.sigmoid(training.averaged.alpha(training.averaged.features(torch.rand(1, 3, 32, 32))))
     assert (found - 0.25).abs().mean() < 0.1
     unknown = Training(CONFIG)
     part, whole, box = torch.rand(1, 3, 32, 32), torch.rand(1, 2, 3, 128, 128), torch.tensor([[0.0, 1.0, 0.0, 1.0]])
     veil = torch.full((1, 2, 4, 128, 128), torch.nan)
     unknown.learn(Sample(part, part, torch.full_like(part, torch.nan), box, whole, whole, veil))
     assert all(torch.isfinite(p).all() for p in unknown.network.parameters())
-    assert not unknown.network.cover[0].bias.any()
+    assert not unknown.network.alpha[0].bias.any()
 
 
 def test_weights_come_back_with_their_card(tmp_path):

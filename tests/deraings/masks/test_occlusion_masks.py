@@ -14,8 +14,8 @@ from deraings.masks.network import masked_loss
 from deraings.masks.occlusion_masks import OcclusionMasks
 
 HEIGHT, WIDTH = 46, 70  # no multiples of what the network works at
-ALWAYS = MaskConfig(start=1e-9, warm_up=0, every=1, rate=1e-2, width=8, least_evidence=0)
-PAPER = replace(ALWAYS, regularisation=1.0, price=0.0)
+ALWAYS = MaskConfig(start=1e-9, warm_up=0, every=1, rate=1e-2, width=8, min_evidence=0)
+PAPER = replace(ALWAYS, regularisation=1.0, penalty=0.0)
 
 
 def drop_pictures(seed, count=4, fixed=False):
@@ -45,16 +45,16 @@ def taught(pictures, losses, config=ALWAYS, lessons=100, seed=0):
     return masks
 
 
-@pytest.mark.parametrize("price", [0.0, 0.1])
-def test_a_free_mask_ends_at_the_closed_form(price):
+@pytest.mark.parametrize("penalty", [0.0, 0.1])
+def test_a_free_mask_ends_at_the_closed_form(penalty):
     loss = torch.tensor(np.random.default_rng(0).uniform(0, 0.5, (12, 16)), dtype=torch.float32)
     logits = torch.zeros_like(loss, requires_grad=True)
     adam = torch.optim.Adam([logits], 0.15)
     for _ in range(300):
         adam.zero_grad()
-        masked_loss(torch.sigmoid(logits), loss, 0.15, price).backward()
+        masked_loss(torch.sigmoid(logits), loss, 0.15, penalty).backward()
         adam.step()
-    expected = ((loss - price) / 0.3).clamp(0, 1)
+    expected = ((loss - penalty) / 0.3).clamp(0, 1)
     assert (expected == 1).any()
     assert (torch.sigmoid(logits) - expected).abs().max() < 0.02
 
@@ -76,7 +76,7 @@ def test_the_network_ends_near_the_closed_form_at_any_level_of_loss(config, scal
     masks = taught(pictures, scale * losses(drops), config)
     found = np.stack([masks.mask(k, (HEIGHT, WIDTH)) for k in range(len(pictures))])
     assert masks.typical == pytest.approx(0.05 * scale, rel=0.1)
-    excess = np.where(drops, 0.2, 0.05) * scale - config.price * masks.typical
+    excess = np.where(drops, 0.2, 0.05) * scale - config.penalty * masks.typical
     expected = np.clip(excess / (2 * config.regularisation * masks.typical), 0, 1)
     assert np.abs(found - expected).mean() < 0.08
     assert found[drops].mean() > 0.85
@@ -114,27 +114,27 @@ def test_evidence_is_in_what_views_share_place_by_place():
 @pytest.mark.parametrize("fixed", [True, False])
 def test_masks_are_used_only_where_something_is_on_the_lens(fixed):
     pictures, drops = drop_pictures(0, count=8, fixed=fixed)
-    config = replace(ALWAYS, least_evidence=5.0)
+    config = replace(ALWAYS, min_evidence=5.0)
     masks = taught(pictures, losses(drops), config, lessons=8)
     assert masks.due(9)
     weights = masks.weights(0, (HEIGHT, WIDTH), 9)
-    assert (weights is not None) == masks.due(10) == masks.found()["used"] == fixed
+    assert (weights is not None) == masks.due(10) == masks.report()["used"] == fixed
     assert masks.mask(0, (HEIGHT, WIDTH)).any() == fixed
     again = OcclusionMasks(TrainingImages(list(pictures)), 1000, 0, config)
     again.load_state_dict(masks.state_dict())
-    assert again.found() == masks.found()
+    assert again.report() == masks.report()
 
 
 def test_a_scene_that_is_fitted_is_hardly_masked():
     pictures, drops = drop_pictures(0)
     masks = taught(pictures, 1e-2 * losses(drops), lessons=40)
-    assert masks.typical == ALWAYS.least_loss
+    assert masks.typical == ALWAYS.min_typical
     assert masks.mask(0, (HEIGHT, WIDTH)).max() < 0.15
 
 
 def test_nothing_is_masked_before_the_start_and_nothing_learnt_before_the_lessons():
     pictures, drops = drop_pictures(0)
-    config = MaskConfig(start=0.5, warm_up=0.2, every=4, least_evidence=0)
+    config = MaskConfig(start=0.5, warm_up=0.2, every=4, min_evidence=0)
     masks = OcclusionMasks(TrainingImages(list(pictures)), 1000, 0, config)
     before = masks.state_dict()
     masks.learn(0, losses(drops)[0], 299)

@@ -19,7 +19,7 @@ from deraings.masks.occlusion_masks import OcclusionMasks
 from hydroviews.errors import InputError
 
 CONFIG = TrainerConfig(iterations=24, sh_degree=1, strategy=DefaultStrategy(start=99), device="cpu")
-MASKS = MaskConfig(start=0.4, warm_up=0.2, every=2, width=8, rate=0.02, least_evidence=0)
+MASKS = MaskConfig(start=0.4, warm_up=0.2, every=2, width=8, rate=0.02, min_evidence=0)
 
 
 class Masked(Objective):
@@ -78,4 +78,4 @@ def test_a_checkpoint_of_other_masks_is_refused(scene, tmp_path):
     images = read_images(scene.train_views)
     train(scene, replace(CONFIG, iterations=3), 0, tmp_path, Masked(images))
     with pytest.raises(InputError, match="objective"):
-        train(scene, replace(CONFIG, iterations=3), 0, tmp_path, Masked(images, replace(MASKS, price=0.5)))
+        train(scene, replace(CONFIG, iterations=3), 0, tmp_path, Masked(images, replace(MASKS, penalty=0.5)))

@@ -3,7 +3,7 @@ import numpy as np
 import panorama
 import pytest
 
-from deraings.rain_model.drops import DropConfig, Drops
+from deraings.rain_model.drops import LensDrops, LensDropsConfig
 
 DISK = (slice(18, 30), slice(25, 37))  # of the lens, in pixels
 
@@ -17,20 +17,20 @@ def behind_drops(views):
 
 def watch(scene, photographs, config=None, epochs=3):
     """Drops that have seen all photographs of a known scene, learned with an error of 0.02."""
-    drops = Drops((panorama.HEIGHT, panorama.WIDTH), len(scene), 100, config or DropConfig())
+    drops = LensDrops((panorama.HEIGHT, panorama.WIDTH), len(scene), 100, config or LensDropsConfig())
     error = 0.02 * np.random.default_rng(3).standard_normal(scene.shape).astype(np.float32)
     for view in list(range(len(scene))) * epochs:
-        drops.observe(photographs[view], scene[view] - error[view], view)
+        drops.update(photographs[view], scene[view] - error[view], view)
     return drops
 
 
 def mask_of(drops, view=0):
-    water = water_of(drops, view)
-    return np.zeros((panorama.HEIGHT, panorama.WIDTH), bool) if water is None else water.cover > 0.5
+    layer = layer_of(drops, view)
+    return np.zeros((panorama.HEIGHT, panorama.WIDTH), bool) if layer is None else layer.alpha > 0.5
 
 
-def water_of(drops, view=0):
-    return drops.water(view, (panorama.HEIGHT, panorama.WIDTH), 100)
+def layer_of(drops, view=0):
+    return drops.layer(view, (panorama.HEIGHT, panorama.WIDTH), 100)
 
 
 def test_a_drop_is_found_and_nothing_else():
@@ -44,13 +44,13 @@ def test_a_drop_is_found_and_nothing_else():
 def test_a_passer_by_who_is_hidden_here_and_there_hides_no_drop():
     scene = panorama.views_of(panorama.paint(), 24)
     photographs = behind_drops(scene)
-    drops = [Drops((panorama.HEIGHT, panorama.WIDTH), len(scene), 100, DropConfig()) for _ in range(2)]
+    drops = [LensDrops((panorama.HEIGHT, panorama.WIDTH), len(scene), 100, LensDropsConfig()) for _ in range(2)]
     for view in range(len(scene)):
         hidden = np.zeros(photographs.shape[1:3], bool)
         hidden[:, 5 * view % 60 : 5 * view % 60 + 20] = True  # over the drop in a third of the views
-        drops[0].observe(photographs[view], scene[view], view)
+        drops[0].update(photographs[view], scene[view], view)
         masked = np.where(hidden[..., None], np.float32(0), photographs[view])
-        drops[1].observe(masked, scene[view], view, 1 - hidden.astype(np.float32))
+        drops[1].update(masked, scene[view], view, 1 - hidden.astype(np.float32))
     inside = (slice(DISK[0].start + 2, DISK[0].stop - 2), slice(DISK[1].start + 2, DISK[1].stop - 2))
     expected, found = (d.line(0)[0] for d in drops)
     assert expected[inside].min() > 0.7
@@ -61,10 +61,10 @@ def test_what_is_hidden_in_every_view_is_no_drop():
     scene = panorama.views_of(panorama.paint(), 14)
     shown = np.ones(scene.shape[1:3], np.float32)
     shown[DISK] = 0
-    drops = Drops(shown.shape, len(scene), 100, DropConfig(fewest=0))
+    drops = LensDrops(shown.shape, len(scene), 100, LensDropsConfig(min_share=0))
     for view in range(len(scene)):
-        drops.observe(behind_drops(scene)[view] * shown[..., None], scene[view], view, shown)
-    assert not water_of(drops).cover[DISK].any()
+        drops.update(behind_drops(scene)[view] * shown[..., None], scene[view], view, shown)
+    assert not layer_of(drops).alpha[DISK].any()
 
 
 @pytest.mark.parametrize("cover", [0.3, 0.7])
@@ -72,23 +72,23 @@ def test_a_drop_that_covers_in_part_is_a_line(cover):
     scene = panorama.views_of(panorama.paint(), 24)
     wet = scene.copy()
     wet[(slice(None), *DISK)] = (1 - cover) * scene[(slice(None), *DISK)] + cover * np.float32([0.5, 0.6, 0.7])
-    water = water_of(watch(scene, wet, DropConfig(fewest=0)))
+    layer = layer_of(watch(scene, wet, LensDropsConfig(min_share=0)))
     inside = (slice(DISK[0].start + 2, DISK[0].stop - 2), slice(DISK[1].start + 2, DISK[1].stop - 2))
-    assert water.cover[inside].mean() == pytest.approx(cover, abs=0.04)
-    assert np.allclose(water.light[inside].mean(axis=(0, 1)), cover * np.float32([0.5, 0.6, 0.7]), atol=0.04)
-    seen = water.over(scene[3])
+    assert layer.alpha[inside].mean() == pytest.approx(cover, abs=0.04)
+    assert np.allclose(layer.light[inside].mean(axis=(0, 1)), cover * np.float32([0.5, 0.6, 0.7]), atol=0.04)
+    seen = layer.forward(scene[3])
     assert np.abs(seen - wet[3])[inside].mean() < 0.02
-    outside = np.ones(water.cover.shape, bool)
+    outside = np.ones(layer.alpha.shape, bool)
     outside[DISK[0].start - 2 : DISK[0].stop + 2, DISK[1].start - 2 : DISK[1].stop + 2] = False
-    assert water.cover[outside].max() < 0.1
-    assert (water.weights[outside] == 1).all()
-    assert (water.light <= water.cover[..., None]).all()
+    assert layer.alpha[outside].max() < 0.1
+    assert (layer.weights[outside] == 1).all()
+    assert (layer.light <= layer.alpha[..., None]).all()
 
 
 def test_what_is_too_fine_to_render_is_no_drop():
     scene = panorama.views_of(panorama.paint(), 24)
     smooth = np.stack([cv2.GaussianBlur(view, (0, 0), 2.0) for view in scene])
-    assert not mask_of(watch(smooth, scene, DropConfig(fewest=0))).any()
+    assert not mask_of(watch(smooth, scene, LensDropsConfig(min_share=0))).any()
 
 
 def test_dry_views_keep_every_pixel():
@@ -113,7 +113,7 @@ def test_a_drop_that_came_late_is_not_looked_for_early():
 def test_water_everywhere_leaves_part_of_the_lens():
     scene = panorama.views_of(panorama.paint(), 14)
     noise = np.random.default_rng(5).uniform(0.45, 0.55, scene.shape).astype(np.float32)
-    assert 0.3 < mask_of(watch(scene, noise)).mean() <= DropConfig().most + 0.01
+    assert 0.3 < mask_of(watch(scene, noise)).mean() <= LensDropsConfig().max_share + 0.01
 
 
 def test_a_scene_that_is_not_learned_yet_is_no_water():
@@ -124,28 +124,28 @@ def test_a_scene_that_is_not_learned_yet_is_no_water():
 
 def test_too_few_views_tell_nothing():
     scene = panorama.views_of(panorama.paint(), 3)
-    assert water_of(watch(scene, behind_drops(scene))) is None
+    assert layer_of(watch(scene, behind_drops(scene))) is None
 
 
 def test_not_before_its_start_and_at_any_size():
     scene = panorama.views_of(panorama.paint(), 14)
-    drops = watch(scene, behind_drops(scene), DropConfig(long_side=40))
-    assert drops.water(0, (panorama.HEIGHT, panorama.WIDTH), 0) is None
-    water = drops.water(0, (23, 31), 100)
-    assert water.cover.shape == water.weights.shape == (23, 31)
-    assert water.light.shape == (23, 31, 3)
-    assert water.weights.min() == pytest.approx(0, abs=0.1)
-    assert water.weights.max() == 1
+    drops = watch(scene, behind_drops(scene), LensDropsConfig(long_side=40))
+    assert drops.layer(0, (panorama.HEIGHT, panorama.WIDTH), 0) is None
+    layer = drops.layer(0, (23, 31), 100)
+    assert layer.alpha.shape == layer.weights.shape == (23, 31)
+    assert layer.light.shape == (23, 31, 3)
+    assert layer.weights.min() == pytest.approx(0, abs=0.1)
+    assert layer.weights.max() == 1
 
 
 def test_lines_are_those_of_least_squares_over_the_views():
-    config = DropConfig(noise=0.0, clear=-2.0, wet=-1.0, most_moments=1)
+    config = LensDropsConfig(noise=0.0, clear=-2.0, wet=-1.0, max_time_knots=1)
     rng = np.random.default_rng(0)
     seen = rng.uniform(0.2, 0.8, (9, 5, 7, 3)).astype(np.float32)
     photographs = (0.4 * seen + 0.2 + 0.05 * rng.standard_normal(seen.shape)).astype(np.float32)
-    drops = Drops((5, 7), 9, 100, config)
+    drops = LensDrops((5, 7), 9, 100, config)
     for view in range(9):
-        drops.observe(photographs[view], seen[view], view)
+        drops.update(photographs[view], seen[view], view)
     cover, light = drops.line(0)
     weights = (1 - 1 / 9) ** np.arange(8, -1, -1)  # what running means remember
     weights = (weights / weights.sum())[:, None, None, None]
@@ -159,6 +159,6 @@ def test_lines_are_those_of_least_squares_over_the_views():
 
 
 def test_before_any_view_nothing_is_known():
-    drops = Drops((panorama.HEIGHT, panorama.WIDTH), 14, 100, DropConfig())
+    drops = LensDrops((panorama.HEIGHT, panorama.WIDTH), 14, 100, LensDropsConfig())
     assert not any(plane.any() for plane in drops.line(0))
-    assert water_of(drops) is None
+    assert layer_of(drops) is None

@@ -5,90 +5,91 @@ import pytest
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import photometric_loss, prepare_target
-from deraings.rain_model.mist import Veil, VeilConfig, _gather, _spread, roughness_gradient
-from deraings.rain_model.mist_bounds import thickest_veil
+from deraings.rain_model.mist import Mist, MistConfig, _gather, _spread, roughness_gradient
+from deraings.rain_model.mist_bounds import max_mist_alpha
 
 AIR = np.array([0.55, 0.6, 0.65], np.float32)
 STEPS = 400
 
 
 def learn(scene, photographs, config=None, steps=STEPS):
-    """Fit a veil to photographs of a known scene."""
+    """Fit mist to photographs of a known scene."""
     pictures = panorama.eight_bit(photographs)
-    veil, buffers = Veil(pictures, steps, config or VeilConfig(start=0)), BufferPool()
+    mist, buffers = Mist(pictures, steps, config or MistConfig(start=0)), BufferPool()
     targets = [prepare_target(picture) for picture in pictures]
     for step in range(steps):
         view = step % len(scene)
-        seen = veil.apply(scene[view], view, buffers)
+        seen = mist.forward(scene[view], view, buffers.array("misted", scene[view].shape))
         _, gradient = photometric_loss(seen, targets[view], buffers=buffers)
-        veil.learn(scene[view], view, gradient, step, buffers)
-    return veil
+        _, by_mist = mist.backward(scene[view], view, gradient, buffers)
+        mist.update(by_mist, step)
+    return mist
 
 
-def share_of(veil, view=0):
-    return veil.share(view, (panorama.HEIGHT, panorama.WIDTH))
+def alpha_of(mist, view=0):
+    return mist.alpha(view, (panorama.HEIGHT, panorama.WIDTH))
 
 
-def test_a_veil_is_found():
+def test_mist_is_found():
     scene = panorama.views_of(panorama.paint(), 10)
-    true = panorama.slanted_veil(0.4)
-    veil = learn(scene, panorama.misted(scene, true, AIR))
-    assert np.sqrt(np.mean((share_of(veil) - true) ** 2)) < 0.05
-    assert np.corrcoef(share_of(veil).ravel(), true.ravel())[0, 1] > 0.95
+    true = panorama.slanted_mist(0.4)
+    mist = learn(scene, panorama.misted(scene, true, AIR))
+    assert np.sqrt(np.mean((alpha_of(mist) - true) ** 2)) < 0.05
+    assert np.corrcoef(alpha_of(mist).ravel(), true.ravel())[0, 1] > 0.95
 
 
 @pytest.mark.parametrize("paler", [0.0, 0.5])
 def test_dry_views_and_fog_in_the_scene_have_none(paler):
     scene = panorama.views_of(panorama.paint() * (1 - paler) + 0.7 * paler, 10)
-    assert share_of(learn(scene, scene)).max() < 0.01
+    assert alpha_of(learn(scene, scene)).max() < 0.01
 
 
 def test_where_every_place_of_the_lens_shows_something_dark_no_mist_is_looked_for():
     scene = panorama.views_of(panorama.paint(), 8)
-    veil = Veil(panorama.eight_bit(scene), STEPS, VeilConfig(start=0))
-    assert not veil.due(0)
-    assert not share_of(veil).any()
+    mist = Mist(panorama.eight_bit(scene), STEPS, MistConfig(start=0))
+    assert not mist.due(0)
+    assert not alpha_of(mist).any()
 
 
 def test_mist_is_never_lighter_than_the_dark_things_behind_it():
     scene = panorama.views_of(panorama.paint(), 12)
-    true = panorama.slanted_veil(0.4)
+    true = panorama.slanted_mist(0.4)
     pictures = panorama.eight_bit(panorama.misted(scene, true, AIR))
     hidden = np.zeros(true.shape, bool)
     hidden[:, :30] = True
-    bound = thickest_veil(pictures, AIR, (1, 4, 5), 0.05)[0]
+    bound = max_mist_alpha(pictures, AIR, (1, 4, 5), 0.05)[0]
     knots = np.linspace(0, 0.4, 5)
-    assert (VeilConfig().slack * bound > knots - 0.03).all()
+    assert (MistConfig().slack * bound > knots - 0.03).all()
     assert np.abs(bound - knots).max() < 0.2
-    assert (thickest_veil(pictures, AIR, (1, 4, 5), 0.05, [hidden] * 12)[0, :, 0] == 1).all()
+    assert (max_mist_alpha(pictures, AIR, (1, 4, 5), 0.05, [hidden] * 12)[0, :, 0] == 1).all()
 
 
 def test_pictures_of_other_sizes_show_the_same_lens():
     scene = panorama.views_of(panorama.paint(), 12)
-    pictures = panorama.eight_bit(panorama.misted(scene, panorama.slanted_veil(0.4), AIR))
+    pictures = panorama.eight_bit(panorama.misted(scene, panorama.slanted_mist(0.4), AIR))
     smaller = [cv2.resize(pictures[0], (30, 40)), *pictures[1:]]
-    mixed, alike = (thickest_veil(group, AIR, (1, 4, 5), 0.05)[0] for group in (smaller, pictures))
+    mixed, alike = (max_mist_alpha(group, AIR, (1, 4, 5), 0.05)[0] for group in (smaller, pictures))
     assert np.abs(mixed - alike).max() < 0.03
 
 
-def test_a_veil_that_drifts_is_followed():
+def test_mist_that_drifts_is_followed():
     scene = panorama.views_of(panorama.paint(), 24)
-    first, last = panorama.slanted_veil(0.4), panorama.slanted_veil(0.4)[:, ::-1]
+    first, last = panorama.slanted_mist(0.4), panorama.slanted_mist(0.4)[:, ::-1]
     photographs = np.concatenate(
         [panorama.misted(scene[i : i + 1], first + (last - first) * i / 23, AIR) for i in range(24)]
     )
-    veil = learn(scene, photographs, VeilConfig(start=0, roughness=0.005), steps=600)
+    mist = learn(scene, photographs, MistConfig(start=0, roughness_penalty=0.005), steps=600)
     left, right = (slice(None), slice(0, 12)), (slice(None), slice(-12, None))
-    assert share_of(veil, 0)[right].mean() > 2 * share_of(veil, 0)[left].mean()
-    assert share_of(veil, 23)[left].mean() > 2 * share_of(veil, 23)[right].mean()
+    assert alpha_of(mist, 0)[right].mean() > 2 * alpha_of(mist, 0)[left].mean()
+    assert alpha_of(mist, 23)[left].mean() > 2 * alpha_of(mist, 23)[right].mean()
 
 
 def test_a_picture_that_is_all_mist_stays_finite():
     scene = panorama.views_of(panorama.paint(), 3)
-    veil = learn(scene, np.ones_like(scene), steps=60)
-    assert np.isfinite(share_of(veil)).all()
-    assert np.isfinite(veil.colour).all()
-    assert share_of(veil).max() <= VeilConfig().thickest + 1e-6
+    mist = learn(scene, np.ones_like(scene), steps=60)
+    assert np.isfinite(alpha_of(mist)).all()
+    assert np.isfinite(mist.colour).all()
+    assert alpha_of(mist).max() <= MistConfig().max_alpha + 1e-6
 
 
 def test_gather_is_the_transpose_of_spread():

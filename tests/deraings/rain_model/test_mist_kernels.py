@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from deraings.rain_model.mist_kernels import veiled, veiled_gradient
+from deraings.rain_model.mist_kernels import add_mist, mist_gradient
 from hydroviews.scene.images import to_linear, to_srgb
 
 SHAPE = 13, 17, 3
@@ -15,46 +15,46 @@ def picture():
     return rng.uniform(0, 1, SHAPE).astype(np.float32), rng.uniform(0.05, 0.9, SHAPE[:2]).astype(np.float32)
 
 
-def exact(image, share, colour):
-    return to_srgb(to_linear(image) * (1 - share[..., None]) + share[..., None] * colour)
+def exact(image, alpha, colour):
+    return to_srgb(to_linear(image) * (1 - alpha[..., None]) + alpha[..., None] * colour)
 
 
-def test_a_veil_is_mixed_in_linear_light(picture):
-    image, share = picture
-    assert np.abs(veiled(image, share, COLOUR, BufferPool()) - exact(image, share, COLOUR)).max() < 1e-5
+def test_mist_is_mixed_in_linear_light(picture):
+    image, alpha = picture
+    assert np.abs(add_mist(image, alpha, COLOUR, np.empty_like(image)) - exact(image, alpha, COLOUR)).max() < 1e-5
 
 
-def test_no_veil_leaves_the_very_same_pixels(picture):
-    image, share = picture
-    out = veiled(image * 3, np.zeros_like(share), COLOUR, BufferPool())
+def test_no_mist_leaves_the_very_same_pixels(picture):
+    image, alpha = picture
+    out = add_mist(image * 3, np.zeros_like(alpha), COLOUR, np.empty_like(image))
     assert np.array_equal(out, image * 3)
 
 
 def test_gradients_agree_with_differences(picture):
-    image, share = picture
+    image, alpha = picture
     image = 0.05 + 0.9 * image  # away from the kink of the curve
     toward = np.random.default_rng(1).standard_normal(SHAPE).astype(np.float32)
     buffers = BufferPool()
-    g_image, g_share, g_colour = veiled_gradient(image, share, COLOUR, toward, buffers)
+    g_image, g_alpha, g_colour = mist_gradient(image, alpha, COLOUR, toward, buffers)
     step = 1e-3
 
     def change(**moved):
-        values = {"image": image, "share": share, "colour": COLOUR}
+        values = {"image": image, "alpha": alpha, "colour": COLOUR}
         up = exact(**{**values, **{k: values[k] + step * d for k, d in moved.items()}})
         down = exact(**{**values, **{k: values[k] - step * d for k, d in moved.items()}})
         return float(((up.astype(np.float64) - down) / (2 * step) * toward).sum())
 
     rng = np.random.default_rng(2)
-    for name, gradient in (("image", g_image), ("share", g_share), ("colour", g_colour)):
+    for name, gradient in (("image", g_image), ("alpha", g_alpha), ("colour", g_colour)):
         direction = rng.choice([-1.0, 1.0], gradient.shape).astype(np.float32)
         assert change(**{name: direction}) == pytest.approx(float((gradient * direction).sum()), rel=0.02, abs=0.05)
 
 
 def test_pixels_brighter_than_white_stay_finite():
     image = np.full((2, 2, 3), 9.0, np.float32)
-    share = np.full((2, 2), 0.5, np.float32)
-    out = veiled(image, share, COLOUR, BufferPool())
-    g_image, g_share, _ = veiled_gradient(image, share, COLOUR, np.ones_like(image), BufferPool())
+    alpha = np.full((2, 2), 0.5, np.float32)
+    out = add_mist(image, alpha, COLOUR, np.empty_like(image))
+    g_image, g_alpha, _ = mist_gradient(image, alpha, COLOUR, np.ones_like(image), BufferPool())
     assert np.isfinite(out).all()
     assert np.isfinite(g_image).all()
-    assert np.isfinite(g_share).all()
+    assert np.isfinite(g_alpha).all()

@@ -4,8 +4,8 @@ import numpy as np
 import panorama
 import pytest
 
-from deraings.rain_model.mist import Veil, VeilConfig
-from deraings.rain_model.mist_or_fog import FEWEST_VIEWS, paleness
+from deraings.rain_model.mist import Mist, MistConfig
+from deraings.rain_model.mist_or_fog import MIN_VIEWS, fit_paleness
 from hydroviews.scene.images import to_srgb
 from hydroviews.scene.point_colours import PointColours
 
@@ -13,13 +13,13 @@ POINTS, VIEWS = 400, 24
 AIR = np.array([0.7, 0.75, 0.8], np.float32)
 
 
-def veil_at(places):
+def alpha_at(places):
     """Thick above, none below: [P, V] of places [P, V, 2]."""
     return 0.4 * (1 - places[..., 1])
 
 
 def looked_up(mist=1.0, fog=0.0, upright=0.0, drops=0.0, views=VIEWS, air=AIR):
-    """Points seen through so much of `veil_at`, in fog that takes a share of light over the mean depth.
+    """Points seen through so much of `alpha_at`, in fog that takes a part of the light over the mean depth.
 
     Args:
         upright: how surely what is far is seen high in the photograph.
@@ -30,8 +30,8 @@ def looked_up(mist=1.0, fog=0.0, upright=0.0, drops=0.0, views=VIEWS, air=AIR):
     depths = 1 + 1.5 * (upright * (1 - places[..., 1]) + (1 - upright) * rng.random((POINTS, views)))
     own, light = 0.5 * rng.random((POINTS, 1, 3)), fog * np.log(2)
     passing = np.exp(-light * depths)[..., None]
-    share = mist * veil_at(places)[..., None]
-    colours = (1 - share) * (passing * own + (1 - passing) * air) + share * air
+    alpha = mist * alpha_at(places)[..., None]
+    colours = (1 - alpha) * (passing * own + (1 - passing) * air) + alpha * air
     other = rng.random((POINTS, views)) < drops
     colours[other] = rng.random((other.sum(), 3))
     colours = np.clip(to_srgb(colours.astype(np.float32)) + 0.01 * rng.normal(size=colours.shape), 0, 1)
@@ -47,8 +47,8 @@ def looked_up(mist=1.0, fog=0.0, upright=0.0, drops=0.0, views=VIEWS, air=AIR):
     )
 
 
-def told(points):
-    return paleness(points, veil_at(points.places), AIR)
+def fitted(points):
+    return fit_paleness(points, alpha_at(points.places), AIR)
 
 
 @pytest.mark.parametrize("drops", [0.0, 0.15])
@@ -56,7 +56,7 @@ def told(points):
 @pytest.mark.parametrize("fog", [0.0, 0.3, 1.0])
 @pytest.mark.parametrize("mist", [0.0, 0.5, 1.0])
 def test_mist_is_told_from_fog(mist, fog, upright, drops):
-    found = told(looked_up(mist, fog, upright, drops))
+    found = fitted(looked_up(mist, fog, upright, drops))
     # Deviations are taken for shares of what mist has left: it is 0.2 in the mean.
     assert found.mist == pytest.approx(mist / (1 - 0.2 * mist), abs=0.1 + 0.2 * fog)
     typical = 1.75  # in the units of `looked_up`
@@ -66,15 +66,15 @@ def test_mist_is_told_from_fog(mist, fog, upright, drops):
 def test_without_depths_fog_is_mist():
     blind = looked_up(mist=0.0, fog=1.0, upright=0.9)
     blind.depths[:] = np.random.default_rng(1).permuted(blind.depths, axis=1)
-    assert told(blind).mist > 0.5
+    assert fitted(blind).mist > 0.5
 
 
 def test_too_little_is_no_evidence():
-    assert told(looked_up(views=FEWEST_VIEWS - 1)) is None
+    assert fitted(looked_up(views=MIN_VIEWS - 1)) is None
     points = looked_up()
-    assert paleness(points, np.full_like(points.depths, 0.3), AIR) is None
+    assert fit_paleness(points, np.full_like(points.depths, 0.3), AIR) is None
     points.seen[30:] = False
-    assert told(points) is None
+    assert fitted(points) is None
 
 
 @pytest.mark.parametrize(
@@ -84,12 +84,12 @@ def test_too_little_is_no_evidence():
 def test_mist_is_looked_for_where_points_show_it_and_not_in_fog(mist, fog, wanted):
     scene = panorama.views_of(panorama.paint(), VIEWS)
     rows = np.linspace(0, 1, panorama.HEIGHT)[:, None]
-    thick_above = veil_at(np.broadcast_to(rows[..., None], (panorama.HEIGHT, panorama.WIDTH, 2)))
+    thick_above = alpha_at(np.broadcast_to(rows[..., None], (panorama.HEIGHT, panorama.WIDTH, 2)))
     pictures = panorama.eight_bit(panorama.misted(scene, thick_above, AIR))
-    air = Veil(pictures, 100, VeilConfig()).expected
-    veil = Veil(pictures, 100, VeilConfig(), points=lambda: looked_up(mist, fog, air=air))
-    assert veil.wanted == wanted
-    assert veil.share(0, scene[0].shape[:2]).any() == wanted
+    air = Mist(pictures, 100, MistConfig()).expected
+    mist_on_lens = Mist(pictures, 100, MistConfig(), points=lambda: looked_up(mist, fog, air=air))
+    assert mist_on_lens.wanted == wanted
+    assert mist_on_lens.alpha(0, scene[0].shape[:2]).any() == wanted
 
 
 def test_points_are_not_asked_where_photographs_have_no_mist():
@@ -98,4 +98,4 @@ def test_points_are_not_asked_where_photographs_have_no_mist():
     def asked():
         raise AssertionError
 
-    assert not Veil(panorama.eight_bit(scene), 100, VeilConfig(), points=asked).wanted
+    assert not Mist(panorama.eight_bit(scene), 100, MistConfig(), points=asked).wanted

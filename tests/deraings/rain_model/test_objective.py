@@ -10,14 +10,13 @@ from baselines.splatting.objective import Objective
 from baselines.training.images import TrainingImages
 from deraings.masks.config import MaskConfig
 from deraings.masks.occlusion_masks import OcclusionMasks
-from deraings.rain_model.drops import DropConfig
-from deraings.rain_model.mist import VeilConfig
+from deraings.rain_model.drops import LensDropsConfig
+from deraings.rain_model.mist import MistConfig
 from deraings.rain_model.objective import RainConfig, RainObjective
-from deraings.rain_model.rain_layer import FallingConfig
-from deraings.rain_model.report import found
+from deraings.rain_model.rain_layer import RainLayerConfig
 
 STEPS = 60
-EAGER = RainConfig(VeilConfig(start=0), DropConfig(start=0.1), FallingConfig(start=0))
+EAGER = RainConfig(MistConfig(start=0), LensDropsConfig(start=0.1), RainLayerConfig(start=0))
 
 
 def scene_of(count):
@@ -64,20 +63,21 @@ def test_before_anything_is_looked_for_it_is_the_plain_loss():
     assert np.array_equal(gradient, g)
 
 
-def rainy(objective, cover=0.1, veil=0.3):
+def rainy(objective, even=0.1, mist=0.3):
     """The objective with rain in it, as if it had been found."""
-    objective.falling.cover[0] = cover
-    objective.veil.roots[:] = np.sqrt(veil)
+    objective.model.rain_layer.alpha[0] = even
+    objective.model.mist.roots[:] = np.sqrt(mist)
+    objective.model.mist.wanted = True
     return objective
 
 
 def test_gradient_agrees_with_differences():
     scene = scene_of(3)
     image = np.clip(renders(scene)[0], 0.05, 1)
-    objective = rainy(objective_of(scene, replace(EAGER, drops=None, falling=FallingConfig(start=0.5))))
+    objective = rainy(objective_of(scene, replace(EAGER, drops=None, rain_layer=RainLayerConfig(start=0.5))))
     _, gradient = objective(image, 0, 1, BufferPool())
     rainy(objective)  # as before the step
-    objective.veil.colour[:] = objective.veil.expected
+    objective.model.mist.colour[:] = objective.model.mist.expected
     rng = np.random.default_rng(4)
     for direction in (np.sign(gradient), np.sign(gradient) * (rng.uniform(size=gradient.shape) < 0.2)):
         up, down = (
@@ -99,7 +99,7 @@ def test_training_taken_up_again_goes_on_the_same():
         assert loss == expected
         assert np.array_equal(gradient, g)
     assert all(np.array_equal(value, second.state_dict()[name]) for name, value in whole.state_dict().items())
-    assert found(second) == found(whole)
+    assert second.report() == whole.report()
 
 
 def test_pixels_that_are_not_finite_teach_nothing():
@@ -134,7 +134,7 @@ def test_one_view_is_enough_to_run(count):
     scene = scene_of(count)
     objective = objective_of(scene)
     assert all(np.isfinite(loss) for loss, _ in steps(objective, renders(scene), 0, 20))
-    assert found(objective)["drops"] == 0
+    assert objective.report()["drops"] == 0
 
 
 def test_smaller_renders_are_compared_with_smaller_photographs():
@@ -173,6 +173,6 @@ def test_what_was_found_and_the_settings_can_be_written_down():
     objective = objective_of(scene_of(3))
     written = json.loads(json.dumps(objective.settings()))
     assert written["rain"]["drops"]["start"] == EAGER.drops.start
-    other = objective_of(scene_of(3), replace(EAGER, drops=DropConfig(start=0.2)))
+    other = objective_of(scene_of(3), replace(EAGER, drops=LensDropsConfig(start=0.2)))
     assert json.loads(json.dumps(other.settings())) != written
-    assert json.loads(json.dumps(found(objective)))["falling"] == 0
+    assert json.loads(json.dumps(objective.report()))["rain"] == 0

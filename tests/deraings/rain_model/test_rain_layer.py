@@ -3,7 +3,7 @@ import numpy as np
 import panorama
 import pytest
 
-from deraings.rain_model.rain_layer import ANGLES, FallingConfig, FallingRain, directed_skew, line_kernel, line_powers
+from deraings.rain_model.rain_layer import ANGLES, RainLayer, RainLayerConfig, directed_skew, line_kernel, line_powers
 from hydroviews.rain.streaks.effect import StreakPattern, composite, streak_layer
 
 COUNT, SIZE = 10, (121, 160)
@@ -18,10 +18,10 @@ def rained_on(scene, brightness=0.88):
 
 
 def watch(photographs, seen, weights=None):
-    falling = FallingRain(100, FallingConfig(memory=1000, fewest=0))
+    layer = RainLayer(100, RainLayerConfig(memory=1000, min_updates=0))
     for photograph, expected in zip(photographs, seen, strict=True):
-        falling.observe(photograph, expected.astype(np.float32), weights, iteration=30)
-    return falling
+        layer.update(photograph, expected.astype(np.float32), weights, iteration=30)
+    return layer
 
 
 @pytest.fixture(scope="module")
@@ -35,40 +35,40 @@ def learned(scene, cover, brightness=0.88):
     return scene * (1 - cover) + brightness * cover + error
 
 
-def test_more_looks_than_are_remembered_cannot_be_asked_for():
+def test_more_updates_than_are_remembered_cannot_be_asked_for():
     with pytest.raises(ValueError, match="could never be believed"):
-        FallingConfig(memory=14)
+        RainLayerConfig(memory=14)
 
 
-def test_the_median_cover_is_found(scene):
+def test_the_median_alpha_is_found(scene):
     photographs, layers = rained_on(scene)
     cover = float(np.median(layers))
-    falling = watch(photographs, learned(scene, cover))
-    assert falling.certainty() == 1
-    assert falling.cover[0] == pytest.approx(cover, abs=0.05)
-    assert abs(falling.angle() - PATTERN.angle) <= 15
+    layer = watch(photographs, learned(scene, cover))
+    assert layer.certainty() == 1
+    assert layer.alpha[0] == pytest.approx(cover, abs=0.05)
+    assert abs(layer.angle() - PATTERN.angle) <= 15
 
 
 @pytest.mark.parametrize("fog", [0.0, 0.5])
 def test_it_does_not_rain_in_dry_views_nor_in_fog(scene, fog):
     pale = scene * (1 - fog) + 0.7 * fog
-    falling = watch(pale, learned(pale, 0))
-    assert falling.certainty() == 0
-    assert falling.cover[0] == 0
+    layer = watch(pale, learned(pale, 0))
+    assert layer.certainty() == 0
+    assert layer.alpha[0] == 0
 
 
 def test_rain_before_fog_is_not_taken_for_the_fog(scene):
     pale = scene * 0.5 + 0.35
     photographs, layers = rained_on(pale)
     cover = float(np.median(layers))
-    falling = watch(photographs, learned(pale, cover))
-    assert falling.cover[0] == pytest.approx(cover, abs=0.08)
+    layer = watch(photographs, learned(pale, cover))
+    assert layer.alpha[0] == pytest.approx(cover, abs=0.08)
 
 
 def test_pixels_without_weight_are_not_looked_at(scene):
     photographs, _ = rained_on(scene)
-    falling = watch(photographs, learned(scene, 0.1), np.zeros(scene.shape[1:3], np.float32))
-    assert falling.cover[0] == 0
+    layer = watch(photographs, learned(scene, 0.1), np.zeros(scene.shape[1:3], np.float32))
+    assert layer.alpha[0] == 0
 
 
 def test_more_light_in_one_direction_is_skew():
@@ -87,48 +87,48 @@ def test_drops_that_ran_a_little_are_no_rain():
     drops = 20 * cv2.GaussianBlur(seeds, (0, 0), sigmaX=2.0, sigmaY=2.4)
     powers = line_powers(drops + 0.2 * rng.standard_normal(seeds.shape).astype(np.float32), 9 / 240, None)
     skews = powers[:, 2] / powers[:, 1] ** 1.5
-    assert skews.max() - np.median(skews) > FallingConfig().dry
-    assert directed_skew(powers) < FallingConfig().dry
+    assert skews.max() - np.median(skews) > RainLayerConfig().dry
+    assert directed_skew(powers) < RainLayerConfig().dry
 
 
-def test_a_witness_of_the_even_cover_is_believed_by_half():
-    falling = FallingRain(100, FallingConfig())
+def test_a_prior_of_the_even_rain_counts_by_half():
+    layer = RainLayer(100, RainLayerConfig())
     for _ in range(3):
-        falling.hear(0.1)
-    assert falling.even() == pytest.approx(0.05)
-    falling.hear(-0.5)
-    assert falling.even() == 0
-    again = FallingRain(100, FallingConfig())
-    again.load_state_dict(falling.state_dict())
-    assert again.even() == falling.even()
-    assert again.heard[1] == 4
+        layer.update_prior(0.1)
+    assert layer.alpha_if_it_rains() == pytest.approx(0.05)
+    layer.update_prior(-0.5)
+    assert layer.alpha_if_it_rains() == 0
+    again = RainLayer(100, RainLayerConfig())
+    again.load_state_dict(layer.state_dict())
+    assert again.alpha_if_it_rains() == layer.alpha_if_it_rains()
+    assert again.prior[1] == 4
 
 
-def test_the_cover_stays_once_it_is_settled(scene):
+def test_alpha_stays_once_it_is_settled(scene):
     photographs, layers = rained_on(scene)
-    falling = watch(photographs, learned(scene, float(np.median(layers))))
-    cover = falling.cover[0]
+    layer = watch(photographs, learned(scene, float(np.median(layers))))
+    cover = layer.alpha[0]
     for photograph in photographs:  # by now every streak is learned
-        falling.observe(photograph, photograph * 0.98, None, iteration=60)
-    assert falling.certainty() == 1
-    assert falling.cover[0] == cover
+        layer.update(photograph, photograph * 0.98, None, iteration=60)
+    assert layer.certainty() == 1
+    assert layer.alpha[0] == cover
 
 
-def test_few_looks_say_nothing(scene):
+def test_few_updates_say_nothing(scene):
     photographs, layers = rained_on(scene)
     seen = learned(scene, float(np.median(layers))).astype(np.float32)
-    falling = FallingRain(100, FallingConfig())
+    layer = RainLayer(100, RainLayerConfig())
     for look in range(24):
-        assert look > 15 or falling.certainty() == falling.cover[0] == 0
-        falling.observe(photographs[look % COUNT], seen[look % COUNT], None, iteration=30)
-    assert falling.certainty() == 1
+        assert look > 15 or layer.certainty() == layer.alpha[0] == 0
+        layer.update(photographs[look % COUNT], seen[look % COUNT], None, iteration=30)
+    assert layer.certainty() == 1
 
 
-def test_looks_are_spread_over_the_training():
-    falling = FallingRain(1000, FallingConfig(looks=50))
-    looks = [iteration for iteration in range(1000) if falling.due(iteration)]
-    assert 100 <= looks[0] < 118
-    assert 50 <= len(looks) <= 54
+def test_updates_are_spread_over_the_training():
+    layer = RainLayer(1000, RainLayerConfig(updates=50))
+    updates = [iteration for iteration in range(1000) if layer.due(iteration)]
+    assert 100 <= updates[0] < 118
+    assert 50 <= len(updates) <= 54
 
 
 @pytest.mark.parametrize("angle", ANGLES)

@@ -9,9 +9,8 @@ from scipy import fft
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.training.images import TrainingImages
 from deraings.rain_model.objective import RainConfig, RainObjective
-from deraings.rain_model.rain_layer import FallingConfig
-from deraings.rain_model.report import found
-from deraings.rain_model.streaks import StreakConfig, Streaks, along_rain, cover_between, wiener_gain
+from deraings.rain_model.rain_layer import RainLayerConfig
+from deraings.rain_model.streaks import SingleStreaks, SingleStreaksConfig, along_rain, alpha_between, wiener_gain
 from hydroviews.rain.streaks.effect import StreakPattern, composite, streak_layer
 from hydroviews.scene.images import to_uint8
 
@@ -44,11 +43,11 @@ def learned(scene, seed=3):
 
 def watch(photographs, known, even, angle=75.0, rounds=3, config=None):
     """Streaks after some looks at every view."""
-    streaks = Streaks([SIZE] * COUNT, config or StreakConfig())
+    streaks = SingleStreaks([SIZE] * COUNT, config or SingleStreaksConfig())
     for _ in range(rounds):
         for view, (photograph, expected) in enumerate(zip(photographs, known, strict=True)):
             seen = (expected * (1 - even) + even * BETA).astype(np.float32)
-            streaks.observe(*along_rain(photograph, seen, even, BETA), angle, view)
+            streaks.update(*along_rain(photograph, seen, even, BETA), angle, view)
     return streaks
 
 
@@ -61,7 +60,7 @@ def test_streaks_are_found(scene, angle):
     covers = layers(angle)
     even = float(np.median(covers))
     streaks = watch(rained_on(scene, covers), learned(scene), even, 15 * round(angle / 15))
-    found = np.stack([streaks.cover(view, even, SIZE) for view in range(COUNT)])
+    found = np.stack([streaks.alpha(view, even, SIZE) for view in range(COUNT)])
     assert correlation(found, covers) > 0.75
     assert np.mean((found - covers) ** 2) < 0.5 * np.mean((covers - even) ** 2)
     heavy, guessed = covers > np.quantile(covers, 0.9), found > np.quantile(covers, 0.9)
@@ -83,29 +82,29 @@ def test_without_streaks_hardly_anything_is_found(scene):
     assert np.sqrt(np.mean(found**2)) < 0.25 * layers().std()
 
 
-def test_a_dry_picture_tells_the_cover(scene):
+def test_a_dry_picture_tells_alpha(scene):
     covers = layers()[0]
     dark = np.minimum(scene[0], 0.5)
-    found = cover_between(composite(dark, covers, BETA), dark, BETA)
+    found = alpha_between(composite(dark, covers, BETA), dark, BETA)
     assert np.abs(found - covers).max() < 0.08 * covers.max()
-    assert not cover_between(dark, dark, BETA).any()
+    assert not alpha_between(dark, dark, BETA).any()
     white = np.ones_like(dark)
-    assert not cover_between(white, white, BETA).any()
+    assert not alpha_between(white, white, BETA).any()
 
 
-def test_a_witness_is_believed_as_much_as_the_differences(scene):
+def test_a_prior_counts_as_much_as_the_differences(scene):
     covers = layers()
     even, photographs, known = float(np.median(covers)), rained_on(scene, covers), learned(scene)
-    alone, helped = (Streaks([SIZE] * COUNT, StreakConfig()) for _ in range(2))
+    alone, helped = (SingleStreaks([SIZE] * COUNT, SingleStreaksConfig()) for _ in range(2))
     blind = np.random.default_rng(1).normal(0, 0.5, (COUNT, *SIZE)).astype(np.float32) * covers.std()
     for _ in range(2):
         for view in range(COUNT):
             seen = (known[view] * (1 - even) + even * BETA).astype(np.float32)
             observed = *along_rain(photographs[view], seen, even, BETA), 75, view
-            alone.observe(*observed)
-            helped.observe(*observed, covers[view] - even + blind[view])
+            alone.update(*observed)
+            helped.update(*observed, covers[view] - even + blind[view])
     errors = [
-        np.mean([np.mean((s.cover(view, even, SIZE) - covers[view]) ** 2) for view in range(COUNT)])
+        np.mean([np.mean((s.alpha(view, even, SIZE) - covers[view]) ** 2) for view in range(COUNT)])
         for s in (alone, helped)
     ]
     assert errors[1] < 0.7 * errors[0]
@@ -117,39 +116,39 @@ def test_what_was_found_is_kept_until_it_is_found_anew(scene):
     before = [streaks.deviation(view) for view in range(COUNT)]
     streaks.renew()
     assert all(streaks.due(view, SIZE) for view in range(COUNT))
-    again = Streaks([SIZE] * COUNT, StreakConfig())
+    again = SingleStreaks([SIZE] * COUNT, SingleStreaksConfig())
     again.load_state_dict(streaks.state_dict())
     assert all(np.array_equal(again.deviation(view), before[view]) for view in range(COUNT))
     for _ in range(2):
         for view in range(COUNT):
             seen = (scene[view] * 0.85 + 0.15 * BETA).astype(np.float32)
-            streaks.observe(*along_rain(photographs[view], seen, 0.15, BETA), 75, view)
+            streaks.update(*along_rain(photographs[view], seen, 0.15, BETA), 75, view)
     assert correlation(streaks.deviation(0), layers()[0]) > correlation(before[0], layers()[0])
 
 
 def test_nothing_is_said_before_the_spectra_are_known_nor_renewed_after_the_visits(scene):
     photographs = rained_on(scene, layers())
-    assert watch(photographs, learned(scene), 0.15, rounds=1).cover(0, 0.15, SIZE) is None
-    streaks = watch(photographs, learned(scene), 0.15, rounds=3, config=StreakConfig(visits=2))
-    assert streaks.cover(0, 0.15, SIZE).shape == SIZE
+    assert watch(photographs, learned(scene), 0.15, rounds=1).alpha(0, 0.15, SIZE) is None
+    streaks = watch(photographs, learned(scene), 0.15, rounds=3, config=SingleStreaksConfig(visits=2))
+    assert streaks.alpha(0, 0.15, SIZE).shape == SIZE
     assert not any(streaks.due(view, SIZE) for view in range(COUNT))
 
 
 def test_large_views_are_looked_at_smaller(scene):
     size = (600, 800)
-    streaks = Streaks([size], StreakConfig())
+    streaks = SingleStreaks([size], SingleStreaksConfig())
     assert streaks.due(0, size)
     assert not streaks.due(0, (300, 400))
     rng = np.random.default_rng(0)
     for _ in range(2):
-        streaks.observe(rng.standard_normal(size).astype(np.float32), np.full(size, 0.5, np.float32), 90, 0)
+        streaks.update(rng.standard_normal(size).astype(np.float32), np.full(size, 0.5, np.float32), 90, 0)
     assert streaks.deviation(0).shape == (360, 480)
-    assert streaks.cover(0, 0.2, size).shape == size
+    assert streaks.alpha(0, 0.2, size).shape == size
 
 
 def test_power_that_is_alike_in_all_directions_is_no_rain():
     power = np.abs(fft.rfft2(np.random.default_rng(1).standard_normal((300, 64, 81)))) ** 2
-    gain = wiener_gain(power.mean(axis=0), 81, 75, StreakConfig())
+    gain = wiener_gain(power.mean(axis=0), 81, 75, SingleStreaksConfig())
     assert gain.max() < 0.15
     assert gain[0, 0] < 0.1
 
@@ -159,20 +158,23 @@ def test_power_along_one_direction_is_passed_across_it(width):
     """Waves that run across rain of 45 degrees: up and to the left."""
     down, right = fft.fftfreq(64)[:, None], fft.rfftfreq(width)[None]
     power = np.ones((64, width // 2 + 1)) + 9 * ((down * right > 0.01) & (np.abs(np.abs(down) - right) < 0.05))
-    gain = wiener_gain(power, width, 45, StreakConfig(smooth=1))
+    gain = wiener_gain(power, width, 45, SingleStreaksConfig(smooth=1))
     assert gain[power > 5].mean() == pytest.approx(0.9, abs=0.01)
     assert gain[power < 5].max() == 0
-    assert wiener_gain(power, width, 135, StreakConfig(smooth=1)).max() < 0.01
+    assert wiener_gain(power, width, 135, SingleStreaksConfig(smooth=1)).max() < 0.01
 
 
-def test_a_larger_cover_is_along_the_rain(scene):
+def test_a_larger_alpha_is_along_the_rain(scene):
     seen = scene[0] * 0.9 + 0.1 * BETA
     along, contrast = along_rain(scene[0] * 0.7 + 0.3 * BETA, seen, 0.1, BETA)
     assert np.allclose(along, 0.2 * contrast, atol=1e-5)
 
 
 EAGER = RainConfig(
-    veil=None, drops=None, falling=FallingConfig(fewest=0, start=0.0, rainy=0.05), streaks=StreakConfig(visits=2)
+    mist=None,
+    drops=None,
+    rain_layer=RainLayerConfig(min_updates=0, start=0.0, rainy=0.05),
+    streaks=SingleStreaksConfig(visits=2),
 )
 
 
@@ -189,7 +191,7 @@ def objective_of(photographs, config=EAGER, **more):
     return RainObjective(TrainingImages([to_uint8(photograph) for photograph in photographs]), 100, config, **more)
 
 
-class Derained:
+class Prior:
     """What a network that errs makes of the photographs, and how often it was asked."""
 
     digest = "of a test"
@@ -202,13 +204,13 @@ class Derained:
         return self.pictures[index]
 
 
-@pytest.mark.parametrize("witness", [False, True])
-def test_in_a_training_streaks_lower_the_loss_and_it_resumes_exactly(scene, witness):
+@pytest.mark.parametrize("with_prior", [False, True])
+def test_in_a_training_streaks_lower_the_loss_and_it_resumes_exactly(scene, with_prior):
     photographs, images = rained_on(scene, layers()), learned(scene)
-    derained = Derained(scene) if witness else None
-    whole, first, second = (objective_of(photographs, derained=derained) for _ in range(3))
+    prior = Prior(scene) if with_prior else None
+    whole, first, second = (objective_of(photographs, prior=prior) for _ in range(3))
     everything = steps(whole, images, 0, 60)
-    assert "streaks" in found(whole)["needed"]
+    assert "streaks" in whole.report()["needed"]
     assert all(now < 0.9 * before for (before, _), (now, _) in zip(everything[:10], everything[-10:], strict=True))
     steps(first, images, 0, 35)
     second.load_state_dict({name: value.copy() for name, value in first.state_dict().items()})
@@ -221,42 +223,42 @@ def test_in_a_training_streaks_lower_the_loss_and_it_resumes_exactly(scene, witn
 def test_a_network_helps_where_it_rains_and_is_not_asked_where_not(scene):
     covers = layers()
     errors = []
-    for derained in (None, Derained(scene)):
-        objective = objective_of(rained_on(scene, covers), derained=derained)
+    for prior in (None, Prior(scene)):
+        objective = objective_of(rained_on(scene, covers), prior=prior)
         steps(objective, learned(scene), 0, 60)
-        found = [objective.streaks.deviation(view) - (covers[view] - np.median(covers)) for view in range(COUNT)]
+        found = [objective.model.streaks.deviation(view) - (covers[view] - np.median(covers)) for view in range(COUNT)]
         errors.append(np.mean(np.square(found)))
     assert errors[1] < 0.8 * errors[0]
-    assert derained.asked
-    dry = Derained(scene)
-    wary = replace(EAGER, falling=FallingConfig(fewest=0, start=0.0))
-    steps(objective_of(scene, wary, derained=dry), learned(scene), 0, 60)
+    assert prior.asked
+    dry = Prior(scene)
+    wary = replace(EAGER, rain_layer=RainLayerConfig(min_updates=0, start=0.0))
+    steps(objective_of(scene, wary, prior=dry), learned(scene), 0, 60)
     assert not dry.asked
-    assert objective.settings()["witness"] == "of a test"
-    share = objective.falling_share(0, SIZE)
-    assert correlation(share, covers[0]) > 0.8
-    assert share.mean() == pytest.approx(covers[0].mean(), abs=0.05)
+    assert objective.settings()["prior"] == "of a test"
+    alpha = objective.model.rain_alpha(0, SIZE)
+    assert correlation(alpha, covers[0]) > 0.8
+    assert alpha.mean() == pytest.approx(covers[0].mean(), abs=0.05)
 
 
-def test_what_is_hidden_does_not_thin_the_rain_that_the_witness_sees(scene):
+def test_what_is_hidden_does_not_thin_the_rain_that_the_prior_sees(scene):
     covers = layers()
     hidden = np.zeros(SIZE, bool)
     hidden[50:] = True
     photographs = [to_uint8(photograph) for photograph in rained_on(scene, covers)]
-    objective = RainObjective(TrainingImages(photographs, [hidden] * COUNT), 100, EAGER, derained=Derained(scene))
-    heard = []
-    objective.falling.hear = heard.append
+    objective = RainObjective(TrainingImages(photographs, [hidden] * COUNT), 100, EAGER, prior=Prior(scene))
+    medians = []
+    objective.model.rain_layer.update_prior = medians.append
     steps(objective, learned(scene), 0, 60)
-    assert heard
-    assert np.mean(heard) == pytest.approx(np.median(covers[:, :50]), abs=0.03)
+    assert medians
+    assert np.mean(medians) == pytest.approx(np.median(covers[:, :50]), abs=0.03)
     assert np.median(covers) > 0.1
 
 
 def test_in_dry_weather_nothing_changes(scene):
-    dry = RainConfig(veil=None, drops=None, streaks=None)
-    without, ours = (objective_of(scene, config) for config in (dry, RainConfig(veil=None, drops=None)))
+    dry = RainConfig(mist=None, drops=None, streaks=None)
+    without, ours = (objective_of(scene, config) for config in (dry, RainConfig(mist=None, drops=None)))
     images = learned(scene)
     for (loss, gradient), (expected, g) in zip(steps(ours, images, 0, 60), steps(without, images, 0, 60), strict=True):
         assert loss == expected
         assert np.array_equal(gradient, g)
-    assert found(ours)["streaks"] == 0
+    assert ours.report()["streaks"] == 0

@@ -1,0 +1,239 @@
+"""The rain between scene and photograph, all of it: falling rain, then mist on the lens, then drops on the lens.
+
+`RainModel.forward` shows a rendered view through the rain, `backward` takes the gradient back through it, and `update`
+learns of the rain from a view that has been compared with its photograph.
+"""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.splatting.kernels.buffer_pool import BufferPool
+from baselines.training.images import TrainingImages
+from deraings.enhancement.views import EnhancedViews
+from deraings.planes import Plane
+from deraings.rain_model.drops import DropLayer, LensDrops, LensDropsConfig
+from deraings.rain_model.mist import Mist, MistConfig, MistGradient
+from deraings.rain_model.rain_layer import MIN_ALPHA, RainLayer, RainLayerConfig
+from deraings.rain_model.streaks import SingleStreaks, SingleStreaksConfig, along_rain, alpha_between
+from hydroviews.scene.images import Image
+from hydroviews.scene.point_colours import PointColours
+
+
+@dataclass(frozen=True)
+class RainConfig:
+    """Which kinds of rain are looked for; None leaves one out.
+
+    Attributes:
+        mist: on the lens.
+        drops: on the lens.
+        rain_layer: falling rain, even.
+        streaks: single ones, looked for only where falling rain is.
+    """
+
+    mist: MistConfig | None = field(default_factory=MistConfig)
+    drops: LensDropsConfig | None = field(default_factory=LensDropsConfig)
+    rain_layer: RainLayerConfig | None = field(default_factory=RainLayerConfig)
+    streaks: SingleStreaksConfig | None = field(default_factory=SingleStreaksConfig)
+
+
+class Seen(NamedTuple):
+    """A view seen through the rain, and what `backward` and `update` need of it."""
+
+    image: Image  # O [H, W, 3]: through all of the rain
+    without_drops: Image  # T [H, W, 3]: through falling rain and mist
+    rained: Image  # R [H, W, 3]: through falling rain alone
+    scene_image: Image  # B [H, W, 3]
+    rain_alpha: NDArray[np.float32]  # [], or [H, W, 1] where the view's single streaks are known
+    drops: DropLayer | None
+    view: int
+    iteration: int
+
+    @property
+    def weights(self) -> Plane | None:
+        """Factors [H, W] on each pixel's share of the loss: 0 where drops hide the scene; None where all are 1."""
+        return None if self.drops is None else self.drops.weights
+
+
+class Observation(NamedTuple):
+    """A training photograph, and which of its pixels count."""
+
+    photograph: Image  # [H, W, 3]
+    photographed: Plane | None  # [H, W], 0 where the photograph's mask hides it; None where nothing is hidden
+    shown: Plane | None  # [H, W], the same, and 0 where the render is not finite
+    weights: Plane | None  # [H, W] factors on each pixel's share of the loss; None where all are 1
+
+
+class RainModel:
+    """Mist, drops, the rain layer and single streaks of one scene's training views."""
+
+    def __init__(
+        self,
+        images: TrainingImages,
+        iterations: int,
+        config: RainConfig,
+        prior: EnhancedViews | None = None,
+        points: Callable[[], PointColours] | None = None,
+    ) -> None:
+        """A model that knows nothing of the rain yet.
+
+        Args:
+            images: the training photographs, in order of name.
+            iterations: of the training.
+            config: which kinds of rain are looked for.
+            prior: the photographs without rain as far as a network sees it, for single streaks; asked only once it
+                surely rains.
+            points: looks up scene points in the photographs, to tell mist on the lens from fog in the scene.
+        """
+        self.config, self.iterations, self._prior = config, iterations, prior
+        count = len(images)
+        pictures = [images.pixels(view) for view in range(count)]
+        hidden = [images.ignored(view) for view in range(count)]
+        sizes = [(picture.shape[0], picture.shape[1]) for picture in pictures]
+        self.mist = Mist(pictures, iterations, config.mist, hidden, points) if config.mist else None
+        self.rain_layer = RainLayer(iterations, config.rain_layer) if config.rain_layer else None
+        self.streaks = SingleStreaks(sizes, config.streaks) if config.rain_layer and config.streaks else None
+        renewals = config.streaks.renewals if config.streaks else ()
+        self._renewals = {round(share * iterations) for share in renewals}
+        self.drops = LensDrops(sizes[0], count, iterations, config.drops) if config.drops else None
+
+    def forward(self, scene_image: Image, view: int, iteration: int, buffers: BufferPool) -> Seen:
+        """A rendered view [H, W, 3], at its own size or a smaller one, through all that is known of the rain.
+
+        Args:
+            scene_image: B, finite.
+            view: index of the training view.
+            iteration: of the training; at the end, its number of iterations.
+            buffers: to reuse; what is seen may lie in one of them.
+        """
+        size = scene_image.shape[0], scene_image.shape[1]
+        rain_alpha = self._rain_alpha(view, size)
+        rained = self._rained(scene_image, rain_alpha)
+        misted = self._misted(rained, view, iteration, buffers.array("misted", scene_image.shape))
+        drops = self._drop_layer(view, size, iteration)
+        image = misted if drops is None else drops.forward(misted)
+        return Seen(image, misted, rained, scene_image, rain_alpha, drops, view, iteration)
+
+    def backward(self, seen: Seen, gradient: Image, buffers: BufferPool) -> tuple[Image, MistGradient | None]:
+        """From the gradient by `seen.image`: those by the rendered view [H, W, 3], maybe a buffer, and by the mist."""
+        by_mist = None
+        if seen.drops is not None:
+            gradient = seen.drops.backward(gradient)
+        if self.mist and self.mist.due(seen.iteration):
+            gradient, by_mist = self.mist.backward(seen.rained, seen.view, gradient, buffers)
+        if self.rain_layer:
+            gradient = self.rain_layer.backward(gradient, seen.rain_alpha)
+        return gradient, by_mist
+
+    def update(self, seen: Seen, observed: Observation, by_mist: MistGradient | None, buffers: BufferPool) -> None:
+        """Learn of the rain from a view: mist by its gradient, all else from photograph and render."""
+        if self.streaks and seen.iteration in self._renewals:
+            self.streaks.renew()
+        if self.drops:
+            self.drops.update(observed.photograph, seen.without_drops, seen.view, observed.shown)
+        if self.rain_layer:
+            self._update_rain(self.rain_layer, seen, observed, buffers)
+        if self.mist and by_mist is not None:
+            self.mist.update(by_mist, seen.iteration)
+
+    @property
+    def even_alpha(self) -> float:
+        """S, the median rain_alpha, 0 to 1."""
+        return float(self.rain_layer.alpha[0]) if self.rain_layer else 0.0
+
+    def rain_alpha(self, view: int, size: tuple[int, int]) -> Plane:
+        """rain_alpha [H, W] of a training view at (height, width)."""
+        alpha = self._rain_alpha(view, size)
+        return np.array(np.broadcast_to(alpha if alpha.ndim == 0 else alpha[..., 0], size))
+
+    def mist_alpha(self, view: int, size: tuple[int, int]) -> Plane:
+        """mist_alpha [H, W] of a training view at (height, width); 0 where no mist is looked for."""
+        return self.mist.alpha(view, size) if self.mist else np.zeros(size, np.float32)
+
+    def drop_alpha(self, view: int, size: tuple[int, int]) -> Plane:
+        """drop_alpha [H, W] of a training view at (height, width), at the end of the training."""
+        drops = self._drop_layer(view, size, self.iterations)
+        return np.zeros(size, np.float32) if drops is None else drops.alpha
+
+    def settings(self) -> dict[str, Any]:
+        """The settings; a checkpoint made with others is refused."""
+        return {"rain": asdict(self.config), "prior": self._prior.digest if self._prior else None}
+
+    def state_dict(self) -> dict[str, NDArray]:
+        """What has been learned of the rain, for checkpoints."""
+        return {f"{part}.{name}": value for part, model in self._parts() for name, value in model.state_dict().items()}
+
+    def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
+        """Take back what `state_dict` returned."""
+        for part, model in self._parts():
+            model.load_state_dict(below(arrays, part))
+
+    def _parts(self) -> list[tuple[str, Any]]:
+        parts = ("mist", self.mist), ("drops", self.drops), ("rain_layer", self.rain_layer), ("streaks", self.streaks)
+        return [(name, model) for name, model in parts if model is not None]
+
+    def _rain_alpha(self, view: int, size: tuple[int, int]) -> NDArray[np.float32]:
+        """rain_alpha: one number [], or [H, W, 1] where a view's single streaks are known."""
+        if self.streaks and self.even_alpha > MIN_ALPHA:
+            alpha = self.streaks.alpha(view, self.even_alpha, size)
+            if alpha is not None:
+                return alpha[..., None]
+        return np.asarray(self.even_alpha, np.float32)
+
+    def _rained(self, image: Image, alpha: NDArray[np.float32]) -> Image:
+        return self.rain_layer.forward(image, alpha) if self.rain_layer else image
+
+    def _misted(self, image: Image, view: int, iteration: int, out: Image) -> Image:
+        return self.mist.forward(image, view, out) if self.mist and self.mist.due(iteration) else image
+
+    def _drop_layer(self, view: int, size: tuple[int, int], iteration: int) -> DropLayer | None:
+        return self.drops.layer(view, size, iteration) if self.drops else None
+
+    def _update_rain(self, layer: RainLayer, seen: Seen, observed: Observation, buffers: BufferPool) -> None:
+        """Learn of falling rain from the view behind even rain, without its single streaks."""
+        streaks = self.streaks if self._streaks_due(seen) and layer.certainty() == 1 else None
+        due = layer.due(seen.iteration)
+        if not due and streaks is None:
+            return
+        even = self._behind_even_rain(seen, buffers)
+        if streaks is not None:
+            along, contrast = along_rain(observed.photograph, even, self.even_alpha, layer.brightness)
+            factor = np.float32(1) if observed.weights is None else observed.weights
+            prior = self._prior_deviation(layer, observed, seen.view)
+            streaks.update(along * factor, contrast * factor, layer.angle(), seen.view, prior)
+        if due:
+            layer.update(observed.photograph, even, observed.weights, seen.iteration)
+
+    def _streaks_due(self, seen: Seen) -> bool:
+        size = seen.image.shape[0], seen.image.shape[1]
+        return bool(self.streaks and self.even_alpha > MIN_ALPHA and self.streaks.due(seen.view, size))
+
+    def _behind_even_rain(self, seen: Seen, buffers: BufferPool) -> Image:
+        """The view [H, W, 3] without its single streaks and without drops."""
+        if seen.rain_alpha.ndim == 0:
+            return seen.without_drops
+        rained = self._rained(seen.scene_image, np.asarray(self.even_alpha, np.float32))
+        return self._misted(rained, seen.view, seen.iteration, buffers.array("misted_even", rained.shape))
+
+    def _prior_deviation(self, layer: RainLayer, observed: Observation, view: int) -> Plane | None:
+        """D of a view [H, W] as the prior sees it, whose median goes to the rain layer.
+
+        0 where the photograph is hidden; None where all of it is, or there is no prior.
+        """
+        shown = observed.photographed
+        if self._prior is None or (shown is not None and not shown.any()):
+            return None
+        dry = self._prior.pixels(view).astype(np.float32) / 255
+        alpha = alpha_between(observed.photograph, dry, layer.brightness)
+        median = np.median(alpha if shown is None else alpha[shown > 0])
+        layer.update_prior(float(median))
+        return alpha - median if shown is None else (alpha - median) * shown
+
+
+def below(arrays: dict[str, NDArray], part: str) -> dict[str, NDArray]:
+    """The arrays whose names begin with `part.`, without that beginning."""
+    start = f"{part}."
+    return {name.removeprefix(start): value for name, value in arrays.items() if name.startswith(start)}

@@ -1,0 +1,18 @@
+"""Knots in the order of the views, between which what is on the lens changes steadily: drops grow and run, mist dries.
+
+Views in order of name are taken one after another, so a view's place in that order stands for its time.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def count_time_knots(n_views: int, views_per_knot: int, max_knots: int) -> int:
+    """How many knots so many views can tell apart: at least 1, at most `max_knots`."""
+    return int(np.clip(n_views // views_per_knot, 1, max_knots))
+
+
+def time_weights(view: int, n_views: int, n_knots: int) -> NDArray[np.float32]:
+    """Weights [T] of the knots in a view, of sum 1: linear interpolation between the two nearest."""
+    time = view / max(n_views - 1, 1) * (n_knots - 1)
+    return np.maximum(0, 1 - np.abs(np.arange(n_knots) - time)).astype(np.float32)
