@@ -20,7 +20,7 @@ CAPTURED = "captured-0"  # the variant that rain fell on when it was photographe
 RAINY = {"rain": "captured"}
 
 
-def read_provenance(folder: Path) -> dict[str, Any]:
+def read_capture_json(folder: Path) -> dict[str, Any]:
     """The content of a capture's `capture.json`, empty where there is none.
 
     Raises:
@@ -39,9 +39,9 @@ def captured_rainy(folder: Path) -> bool:
     """Whether it rained when the capture was taken, as its `capture.json` or its being a CAPTURED variant says.
 
     Raises:
-        InputError: see `read_provenance`; or it says something else of the rain than "captured" or "none".
+        InputError: see `read_capture_json`; or it says something else of the rain than "captured" or "none".
     """
-    rain = read_provenance(folder).get("rain", "none")
+    rain = read_capture_json(folder).get("rain", "none")
     if rain not in ("captured", "none"):
         raise InputError(f"{folder / FILE}: unknown rain", found=rain, expected='"captured" or "none"')
     return bool(rain == "captured") or folder.resolve().name == CAPTURED
@@ -51,9 +51,9 @@ def described_number(folder: Path, name: str) -> float | None:
     """The positive number of that name in a capture's `capture.json`; None if there is none.
 
     Raises:
-        InputError: see `read_provenance`; or it says something else than a positive number.
+        InputError: see `read_capture_json`; or it says something else than a positive number.
     """
-    number = read_provenance(folder).get(name)
+    number = read_capture_json(folder).get(name)
     if number is None:
         return None
     if isinstance(number, bool) or not isinstance(number, int | float) or not (math.isfinite(number) and number > 0):

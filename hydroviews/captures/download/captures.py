@@ -10,11 +10,19 @@ from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import urlparse
 
-from hydroviews.captures.catalogue import Archive, Capture, MissingCapture, all_captures, find_captures, locate
+from hydroviews.captures.catalogue.catalogue import (
+    Archive,
+    Capture,
+    MissingCapture,
+    all_captures,
+    find_captures,
+    locate,
+)
 from hydroviews.captures.download.archives import is_archive, unpack
-from hydroviews.captures.download.http import digest, fetch
+from hydroviews.captures.download.http_download import digest, fetch
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import BUSY, locked, write_bytes
+from hydroviews.files.atomic import write_bytes
+from hydroviews.files.locks import BUSY, locked
 
 FOLDER = "downloads"
 SOURCE = "SOURCE.md"

@@ -11,14 +11,16 @@ import pycolmap
 from tqdm import tqdm
 
 from hydroviews.captures.exif_orientation import common_turn, write_upright
-from hydroviews.captures.sfm import matching as features
+from hydroviews.captures.sfm import matching
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import PARTIAL, listing, plain_full_disk
+from hydroviews.files.atomic import listing
+from hydroviews.files.full_disk import plain_full_disk
 from hydroviews.files.settings_guard import claim_folder
-from hydroviews.formats import read_scene
+from hydroviews.files.temporary import temporary_beside
 from hydroviews.formats.colmap import reliable
 from hydroviews.formats.colmap_format import SparsePoints, read_images
 from hydroviews.formats.photographs import photographs_below, some, unreadable_photographs, view_names
+from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import check_whole, to_colmap_camera
 from hydroviews.scene.images import SUFFIXES, write_png
 from hydroviews.scene.masks import MASKS, mask_digest, mask_name, write_ignored
@@ -36,6 +38,7 @@ SNAPSHOT_EVERY = 10  # registered views that an interruption may cost twice over
 SETTINGS = "poses.json"
 DATABASE = "database.db"
 COPIES = ".without-streaks"
+MAPPING = ".unfinished-mapping"  # with snapshots that an interrupted mapping resumes from
 
 ADVICE = (
     "take more photographs, each sharing at least two thirds of what it shows with the next and taken from "
@@ -65,7 +68,7 @@ def estimate_poses(
             after it), `database.db` and `poses.json`.
         camera_model: COLMAP's name; one camera is shared by photographs of one size.
         matcher: all pairs, or neighbours in the order of names with loops closed; auto takes the first for up
-            to `features.EXHAUSTIVE_LIMIT` photographs.
+            to `matching.EXHAUSTIVE_LIMIT` photographs.
         seed: of the random sampling. Mapping runs in several threads, so the last digits may still differ, and
             goes on from a snapshot after an interruption, which may change more than those.
         masks: folder with a mask for every photograph, named as COLMAP names them (see `hydroviews.scene.masks`); what
@@ -93,7 +96,7 @@ def estimate_poses(
     if out.resolve().is_relative_to(images.resolve()):  # copies of photographs would be photographs the next time
         raise InputError(f"{out}: among the photographs", expected="a folder beside them", fix="choose another --out")
     links = _link_names(images, sources)
-    exhaustive = matcher == "exhaustive" or (matcher == "auto" and len(sources) <= features.EXHAUSTIVE_LIMIT)
+    exhaustive = matcher == "exhaustive" or (matcher == "auto" and len(sources) <= matching.EXHAUSTIVE_LIMIT)
     settings = {"camera_model": camera_model, "exhaustive": exhaustive, "seed": seed, "images": sorted(links)}
     settings |= {"masks": mask_digest(masks) if masks else None, "rainy": rainy or None}  # None as where it lacks
     settings |= {"files": listing(sources)}
@@ -107,12 +110,12 @@ def estimate_poses(
     if not (out / "sparse").is_dir():
         database, pictures, names = out / DATABASE, out / "images", sorted(links)
         _link(links, pictures, turned=masks is None and common_turn(sources))
-        features.register(database, pictures, names, camera_model, shared=True, masks=masks)
+        matching.register(database, pictures, names, camera_model, shared=True, masks=masks)
         if rainy:
-            pictures = features.copy_without_streaks(pictures, out / COPIES, names)
-        features.extract(database, pictures, names, camera_model, masks)
-        pairs = features.all_pairs(len(names)) if exhaustive else features.sequence_pairs(len(names))
-        features.match(database, names, pairs, seed)
+            pictures = matching.copy_without_streaks(pictures, out / COPIES, names)
+        matching.extract(database, pictures, names, camera_model, masks)
+        pairs = matching.all_pairs(len(names)) if exhaustive else matching.sequence_pairs(len(names))
+        matching.match(database, names, pairs, seed)
         _map(out, len(names), seed, advice)
         shutil.rmtree(out / COPIES, ignore_errors=True)
     return read_scene(out)
@@ -160,9 +163,7 @@ def _map(out: Path, count: int, seed: int, advice: str) -> None:
             expected=f"at least {MINIMUM}",
             fix=advice,
         )
-    finished = out / (PARTIAL + "sparse")
-    shutil.rmtree(finished, ignore_errors=True)
-    with plain_full_disk(out / "sparse"):
+    with plain_full_disk(out / "sparse"), temporary_beside(out / "sparse") as finished:
         for i, model in enumerate(models):
             (finished / str(i)).mkdir(parents=True)
             model.write_binary(finished / str(i))
@@ -172,7 +173,7 @@ def _map(out: Path, count: int, seed: int, advice: str) -> None:
 
 def _incremental_mapping(out: Path, count: int, angle: float, seed: int) -> list[pycolmap.Reconstruction]:
     """The models that grow from a first pair whose rays meet at `angle` degrees, the largest first."""
-    scratch = out / (PARTIAL + "mapping")
+    scratch = out / MAPPING
     snapshots = scratch / "snapshots"
     snapshots.mkdir(parents=True, exist_ok=True)
     begun = sorted(snapshots.iterdir())[-2:-1]  # the last one may be half written
@@ -193,7 +194,7 @@ def _incremental_mapping(out: Path, count: int, angle: float, seed: int) -> list
             initial_image_pair_callback=lambda: None if begun else bar.update(2),
             next_image_callback=lambda: bar.update(1),
         )
-        models = features.interruptible(call)
+        models = matching.interruptible(call)
     shutil.rmtree(scratch)
     return sorted(models.values(), key=lambda model: -model.num_reg_images())
 
@@ -213,7 +214,7 @@ def triangulate(scene: Scene, buffers: Path, seed: int = 0) -> Points:
     Returns:
         Points seen by three views within two pixels; there may be none, if poses or photographs do not fit.
     """
-    scene = scene.resized(features.MAX_IMAGE_SIZE)
+    scene = scene.resized(matching.MAX_IMAGE_SIZE)
     # COLMAP's text forms have no blanks in names; the number tells "a b" from "a_b".
     names = [f"{i:05d}-{view.name.replace(' ', '_')}.png" for i, view in enumerate(scene.views)]
     masks = buffers / MASKS if any(view.mask for view in scene.views) else None
@@ -225,10 +226,10 @@ def triangulate(scene: Scene, buffers: Path, seed: int = 0) -> Points:
             nothing = np.zeros((view.camera.height, view.camera.width), bool)
             write_ignored(masks / mask_name(name), nothing if ignored is None else ignored)
     database = buffers / DATABASE
-    features.register(database, buffers / "images", names, "PINHOLE", shared=False, masks=masks)
-    features.extract(database, buffers / "images", names, "PINHOLE", masks)
-    features.match(
-        database, names, features.pose_pairs(np.stack([view.camera.world_to_camera for view in scene.views])), seed
+    matching.register(database, buffers / "images", names, "PINHOLE", shared=False, masks=masks)
+    matching.extract(database, buffers / "images", names, "PINHOLE", masks)
+    matching.match(
+        database, names, matching.pose_pairs(np.stack([view.camera.world_to_camera for view in scene.views])), seed
     )
     model = _posed_model(scene, names, database)
     options = pycolmap.IncrementalPipelineOptions(random_seed=seed)

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from hydroviews.captures.sfm.poses import Matcher, estimate_poses
 from hydroviews.captures.video.frames import FILE, IMAGES, SETTINGS, FrameChoice, take_frames
-from hydroviews.captures.video.masks import SETTINGS as MASK_SETTINGS
-from hydroviews.captures.video.masks import put_masks
+from hydroviews.captures.video.user_masks import SETTINGS as MASK_SETTINGS
+from hydroviews.captures.video.user_masks import put_masks
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, write_json
 from hydroviews.formats.capture_json import FILE as CAPTURE

@@ -7,7 +7,7 @@ import pycolmap
 import pytest
 
 from hydroviews.captures.exif_orientation import common_turn, orientation, write_upright
-from hydroviews.captures.sfm import matching as features
+from hydroviews.captures.sfm import matching
 from hydroviews.scene.images import image_size, read_image, write_png
 
 ORIENTATION, EXIF, FOCAL_35 = 0x0112, 0x8769, 0xA405
@@ -59,9 +59,9 @@ def test_cameras_are_those_of_the_photographs_not_of_their_copies(tmp_path):
     names = [f"{i}.jpg" for i in range(5)]
     for i, name in enumerate(names):
         photograph(tmp_path / "images" / name, (320, 240) if i < 3 else (240, 320), seed=i)
-    copies = features.copy_without_streaks(tmp_path / "images", tmp_path / "copies", names)
-    features.register(tmp_path / "d.db", tmp_path / "images", names, "SIMPLE_RADIAL", shared=True)
-    features.extract(tmp_path / "d.db", copies, names, "SIMPLE_RADIAL")
+    copies = matching.copy_without_streaks(tmp_path / "images", tmp_path / "copies", names)
+    matching.register(tmp_path / "d.db", tmp_path / "images", names, "SIMPLE_RADIAL", shared=True)
+    matching.extract(tmp_path / "d.db", copies, names, "SIMPLE_RADIAL")
     with pycolmap.Database.open(tmp_path / "d.db") as database:
         images = [database.read_image_with_name(name) for name in names]
         assert all(len(database.read_keypoints(image.image_id)) for image in images)
@@ -75,5 +75,5 @@ def test_a_copy_that_cannot_be_written_is_no_copy(tmp_path, monkeypatch):
     photograph(tmp_path / "images" / "a.jpg")
     monkeypatch.setattr(cv2, "imencode", lambda *_: (False, None))
     with pytest.raises(ValueError, match=r"a\.jpg: encoding failed"):
-        features.copy_without_streaks(tmp_path / "images", tmp_path / "copies", ["a.jpg"])
+        matching.copy_without_streaks(tmp_path / "images", tmp_path / "copies", ["a.jpg"])
     assert not (tmp_path / "copies" / "a.jpg").exists()

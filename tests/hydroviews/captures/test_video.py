@@ -13,13 +13,13 @@ from captures import capture, flower_walk, rained_on
 from hydroviews.captures.video import frames as frames_module
 from hydroviews.captures.video.capture import FEW, advise, capture_video, registration_notes
 from hydroviews.captures.video.frames import FrameChoice, sharpness, take_frames
-from hydroviews.captures.video.masks import fill, put_masks
+from hydroviews.captures.video.user_masks import fill, put_masks
 from hydroviews.dataset.build import build
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
-from hydroviews.formats import read_scene
 from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.read import read_scene
 from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.seeds import generator
 from hydroviews.rain.streaks.effect import StreakPattern, composite, streak_layer

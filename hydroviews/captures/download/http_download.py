@@ -16,7 +16,8 @@ from tqdm import tqdm
 
 import hydroviews
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import plain_full_disk, read_json, write_json
+from hydroviews.files.atomic import read_json, write_json
+from hydroviews.files.full_disk import plain_full_disk
 
 BLOCK = 1 << 20  # bytes
 TIMEOUT = 30.0  # seconds without a byte
