@@ -1,4 +1,4 @@
-"""How far every pixel of a view is: rendered depth maps where a capture has them, its sparse points otherwise.
+"""Depth maps of views: rendered ones where a capture has them, estimated from its sparse points otherwise.
 
 Depth is z in the camera's axes, in scene units, `inf` where nothing is known or nothing is there (sky).
 """

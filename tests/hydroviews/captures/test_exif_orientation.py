@@ -1,5 +1,7 @@
 """Photographs as phones store them: pixels as the sensor lay, a tag for the turn, a focal length."""
 
+import logging
+
 import cv2
 import numpy as np
 import PIL.Image
@@ -43,16 +45,17 @@ def test_a_photograph_is_turned_and_keeps_its_focal_length(tmp_path, tag):
         assert image.getexif().get_ifd(EXIF)[FOCAL_35] == 26
 
 
-def test_all_are_turned_or_none(tmp_path, capsys):
+def test_all_are_turned_or_none(tmp_path, caplog):
+    caplog.set_level(logging.INFO)
     upright, portrait = photograph(tmp_path / "a.jpg"), photograph(tmp_path / "b.jpg", tag=6)
     write_png(tmp_path / "c.png", np.zeros((4, 4, 3), np.float32))
     (tmp_path / "d.jpg").write_bytes(b"no picture")
     assert not common_turn([upright, tmp_path / "c.png", tmp_path / "d.jpg"])
     assert common_turn([portrait, portrait])
     assert orientation(photograph(tmp_path / "e.jpg", tag=77)) == 1
-    assert capsys.readouterr().out == ""
+    assert caplog.text == ""
     assert not common_turn([upright, portrait])
-    assert "upright and sideways" in capsys.readouterr().out
+    assert "upright and sideways" in caplog.text
 
 
 def test_cameras_are_those_of_the_photographs_not_of_their_copies(tmp_path):
