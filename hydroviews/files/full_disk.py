@@ -1,4 +1,4 @@
-"""A full disk, told in one way whichever library meets it."""
+"""One error for a full disk, whichever library meets it."""
 
 import errno
 import os

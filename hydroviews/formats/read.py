@@ -1,4 +1,4 @@
-"""Captures on disk, in any of the usual forms, as scenes."""
+"""Read a capture as a scene, whichever of the known formats it has."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,7 +17,7 @@ from hydroviews.scene.scenes import Scene
 
 Read = Callable[[Path, str, str | None], Scene]  # a folder, the scene's name, and the photographs' folder inside it
 
-# What tells each kind of capture, and what reads it; the first that fits is taken.
+# How each format is recognised and read; the first match is taken.
 READERS: tuple[tuple[Callable[[Path], bool], Read], ...] = (
     (lambda folder: bool(find_models(folder)), read_colmap),
     (lambda folder: (folder / nerfstudio.CAMERA_FILE).is_file(), lambda folder, name, _: read_nerfstudio(folder, name)),
@@ -67,7 +67,7 @@ def read_scene(folder: Path, name: str | None = None, images: str | None = None)
 
 
 def has_cameras(folder: Path) -> bool:
-    """Whether `read_scene` would find cameras there, of whatever quality."""
+    """Whether `read_scene` would find cameras there, valid or not."""
     return any(is_one(folder) for is_one, _ in READERS)
 
 

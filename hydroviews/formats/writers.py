@@ -46,10 +46,10 @@ def write_colmap(scene: Scene, folder: Path) -> None:
 
 
 def check_whole(model: Path) -> None:
-    """Refuse a COLMAP model that is cut short: pycolmap writes without asking whether the disk took it.
+    """Refuse a COLMAP model that is cut short: pycolmap does not report a full disk.
 
     Raises:
-        OSError: it is, as of a full disk.
+        OSError: it is cut short, with the error number of a full disk.
     """
     try:
         for read in (read_cameras, read_images, read_points):

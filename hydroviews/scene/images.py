@@ -1,4 +1,4 @@
-"""Pictures in and out: sRGB-encoded float32 [H, W, 3] in [0, 1] everywhere, unless a name says linear."""
+"""Reading, writing and resizing pictures: float32 [H, W, 3], sRGB-encoded, [0, 1], unless a name says linear."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from hydroviews.files.atomic import write_bytes
 
 Image = NDArray[np.float32]
 
-STREAK_WIDTH, STREAK_SIDE = 5, 480  # pixels that an upright streak is narrower than, in a picture of that side
+STREAK_WIDTH, STREAK_SIDE = 5, 480  # pixels: upright streaks are narrower, in a picture of this longer side
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp")
 
@@ -102,7 +102,7 @@ def resize_area(image: Image, width: int, height: int) -> Image:
 
 
 def without_streaks(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The picture without what is bright, upright and thin: rain, for features and sharpness to be measured on.
+    """The picture without bright, upright, thin things, which are rain; for features and sharpness.
 
     An opening along rows, per channel, as wide as STREAK_WIDTH at a longer side of STREAK_SIDE.
 

@@ -1,4 +1,4 @@
-"""Captures by name: which there are, where they may lie on this machine, and where they can be had."""
+"""Published captures by name: their folders on this machine, and where to download them."""
 
 import os
 import tomllib
@@ -23,7 +23,7 @@ class Archive:
     name: str
     urls: tuple[str, ...]  # mirrors, tried in order
     gigabytes: float
-    sha256: str | None = None  # None: not known; what is downloaded first counts
+    sha256: str | None = None  # None: not known; that of the first download is kept
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Capture:
     folders: tuple[str, ...]  # below the captures' folder, the first is where a download goes
     images: str  # folder of photographs that results are published for
     archive: Archive | None
-    by_hand: str  # how to get it, where there is no archive
+    by_hand: str  # how to get it where there is no archive; else empty
     captured_rainy: bool
 
     @property
@@ -52,7 +52,7 @@ class Capture:
 
     @property
     def spellings(self) -> frozenset[str]:
-        """What it may be called, in lower case: its name, its folders, and the scene alone."""
+        """All names it is found by, in lower case: its name, its folders, and the scene alone."""
         return frozenset(name.lower() for name in (self.name, self.folder_name, *self.folders))
 
 
@@ -86,14 +86,14 @@ def _captures(name: str, collection: Mapping[str, Any]) -> Iterator[Capture]:
 
 
 def find_captures(name: str) -> list[Capture]:
-    """The captures of that name in any spelling; all of a collection if it is the collection's; or none."""
+    """The captures of that name, in any of their spellings; else all of the collection of that name; else none."""
     wanted = name.rstrip("/").lower()
     found = [capture for capture in all_captures() if wanted in capture.spellings]
     return found or [capture for capture in all_captures() if wanted == capture.collection]
 
 
 def locate(capture: Capture, root: Path) -> Path | None:
-    """The capture's folder below `root`, None where none of its folders is there with something in it."""
+    """The capture's folder below `root`; None where none of its folders exists or all are empty."""
     found = (_child(root, folder) for folder in capture.folders)
     return next((folder for folder in found if folder is not None and any(folder.iterdir())), None)
 
@@ -113,7 +113,7 @@ def _child(root: Path, relative: str) -> Path | None:
 
 
 class MissingCapture(InputError):
-    """A published capture that is not on this machine; the error says how to get it."""
+    """A published capture is not on this machine; the error says how to get it."""
 
     def __init__(self, capture: Capture, root: Path):
         if capture.archive:

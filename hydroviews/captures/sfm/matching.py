@@ -32,7 +32,7 @@ EXHAUSTIVE_LIMIT = 80
 OVERLAP = 8  # views before and after, and those 16, 32, 64... away
 KEYFRAMES = 40  # evenly spaced views matched with each other, which closes loops
 NEIGHBOURS = 12  # views matched with each one where poses are known
-MAX_ANGLE = 60.0  # degrees between viewing directions that a feature survives
+MAX_ANGLE = 60.0  # degrees between viewing directions up to which features match
 
 Result = TypeVar("Result")
 Pair = tuple[int, int]
@@ -41,10 +41,10 @@ Pair = tuple[int, int]
 def interruptible(call: Callable[..., Result], tick: Callable[[], object] = lambda: None) -> Result:
     """Run a long pycolmap call so that Ctrl-C stops it at its next safe point.
 
-    The database is not to be looked at meanwhile: pycolmap ends the process when it finds it locked.
+    Do not open the database meanwhile: pycolmap ends the process when it finds it locked.
 
     Args:
-        call: takes the token that cancels it as `cancellation_token`.
+        call: accepts `cancellation_token`, a pycolmap.CancellationToken that stops it.
         tick: called several times a second while it runs.
     """
     token = pycolmap.CancellationToken()
@@ -55,7 +55,7 @@ def interruptible(call: Callable[..., Result], tick: Callable[[], object] = lamb
     def run() -> None:
         try:
             results.append(call(cancellation_token=token))
-        except BaseException as error:  # handed over to the waiting thread
+        except BaseException as error:  # raised in the waiting thread
             errors.append(error)
         finally:
             finished.set()
@@ -203,7 +203,14 @@ def sequence_pairs(count: int) -> set[Pair]:
 
 
 def pose_pairs(world_to_camera: NDArray[np.float64]) -> set[Pair]:
-    """Each view with its nearest ones that look the same way, from poses [N, 4, 4]."""
+    """Each view with up to NEIGHBOURS nearest ones whose viewing directions differ by at most MAX_ANGLE.
+
+    Args:
+        world_to_camera: [N, 4, 4].
+
+    Returns:
+        Pairs of indices, the smaller first.
+    """
     rotations = world_to_camera[:, :3, :3]
     centres = -np.einsum("nji,nj->ni", rotations, world_to_camera[:, :3, 3])
     directions = rotations[:, 2]

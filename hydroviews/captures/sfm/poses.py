@@ -1,4 +1,4 @@
-"""Cameras for a folder of photographs, and points for cameras that come without, estimated with pycolmap."""
+"""Structure from motion with pycolmap: cameras for photographs, and points for cameras without any."""
 
 import os
 import shutil
@@ -33,7 +33,7 @@ MINIMUM = 3  # registered views that make a scene
 # COLMAP halves each twice before it gives up.
 FIRST_PAIR_ANGLES = (16.0, 4.0)
 ENOUGH = 0.9  # share of photographs that must register before no other first pair is tried
-SNAPSHOT_EVERY = 10  # registered views that an interruption may cost twice over
+SNAPSHOT_EVERY = 10  # registered views between snapshots; an interruption may cost two of these intervals
 
 SETTINGS = "poses.json"
 DATABASE = "database.db"
@@ -58,24 +58,24 @@ def estimate_poses(
 ) -> Scene:
     """Estimate a camera for each photograph in `images` and write the capture `out`.
 
-    Features, matches and then incremental mapping, all on the CPU. Finished work is kept in `out`: the same
-    call goes on after an interruption and returns at once when all is done.
+    Features, matches, then incremental mapping, all on the CPU. Finished work is kept in `out`: the same call resumes
+    after an interruption, and returns at once when all is done.
 
     Args:
-        images: the photographs, in folders or not.
-        out: gets `images` (links, or copies where links cannot be made or all photographs have to be turned upright,
-            which they are not where there are masks), `sparse/0` (the largest model, others
-            after it), `database.db` and `poses.json`.
-        camera_model: COLMAP's name; one camera is shared by photographs of one size.
-        matcher: all pairs, or neighbours in the order of names with loops closed; auto takes the first for up
-            to `matching.EXHAUSTIVE_LIMIT` photographs.
-        seed: of the random sampling. Mapping runs in several threads, so the last digits may still differ, and
-            goes on from a snapshot after an interruption, which may change more than those.
-        masks: folder with a mask for every photograph, named as COLMAP names them (see `hydroviews.scene.masks`); what
-            they hide has no features.
-        advice: what to do if too few register.
-        rainy: look for features in copies without upright streaks. On 480-pixel views of Mip-NeRF 360 bonsai two
-            steps apart, with streaks n 100, l 30, w 3, that gives 76 right matches a pair for 49.
+        images: folder of the photographs and of folders with more.
+        out: gets `images`, `sparse/0` (the largest model, then the others), `database.db` and `poses.json`. `images`
+            has links; it has copies where links cannot be made, and copies turned upright where Exif says so of all
+            photographs alike and there are no masks.
+        camera_model: COLMAP's name; photographs of one size share a camera.
+        matcher: "exhaustive" matches all pairs, "sequential" neighbours in the order of names, with loop closure;
+            "auto" is exhaustive for up to `matching.EXHAUSTIVE_LIMIT` photographs.
+        seed: of the random sampling. After an interruption mapping resumes from a snapshot, which changes more than
+            the last digits.
+        masks: folder with a mask for every photograph, by COLMAP's names (see `hydroviews.scene.masks`); no features
+            are detected in hidden pixels.
+        advice: what to do if too few photographs register, for the error.
+        rainy: detect features in copies without upright streaks. On 480-pixel views of Mip-NeRF 360 bonsai two
+            steps apart, with streaks n 100, l 30, w 3, that gives 76 correct matches a pair instead of 49.
 
     Returns:
         The scene that `read_scene(out)` gives, with the number of registered photographs in its notes.
@@ -199,16 +199,15 @@ def _incremental_mapping(out: Path, count: int, angle: float, seed: int) -> list
     return sorted(models.values(), key=lambda model: -model.num_reg_images())
 
 
-def triangulate(scene: Scene, buffers: Path, seed: int = 0) -> Points:
-    """Points of a scene whose poses are known, for captures that come without any.
+def triangulate(scene: Scene, folder: Path, seed: int = 0) -> Points:
+    """Triangulate points of a scene whose cameras are known, for captures without points.
 
-    SIFT features of the undistorted photographs, of what masks show of them, are matched between views near each
-    other and triangulated; poses and intrinsics stay. Interrupted work is taken up again from `buffers`, which
-    serves one scene.
+    SIFT features of the undistorted photographs, outside masks, are matched between neighbouring views; poses and
+    intrinsics stay. A call after an interruption resumes from `folder`.
 
     Args:
         scene: with correct cameras.
-        workspace: gets the undistorted photographs and the database.
+        folder: gets the undistorted photographs and the database; for one scene only.
         seed: of the verification's random sampling.
 
     Returns:
@@ -217,24 +216,24 @@ def triangulate(scene: Scene, buffers: Path, seed: int = 0) -> Points:
     scene = scene.resized(matching.MAX_IMAGE_SIZE)
     # COLMAP's text forms have no blanks in names; the number tells "a b" from "a_b".
     names = [f"{i:05d}-{view.name.replace(' ', '_')}.png" for i, view in enumerate(scene.views)]
-    masks = buffers / MASKS if any(view.mask for view in scene.views) else None
+    masks = folder / MASKS if any(view.mask for view in scene.views) else None
     for name, view in zip(names, tqdm(scene.views, desc="photographs"), strict=True):
-        if not (buffers / "images" / name).is_file():
-            write_png(buffers / "images" / name, view.image())
+        if not (folder / "images" / name).is_file():
+            write_png(folder / "images" / name, view.image())
         if masks:
             ignored = view.ignored()
             nothing = np.zeros((view.camera.height, view.camera.width), bool)
             write_ignored(masks / mask_name(name), nothing if ignored is None else ignored)
-    database = buffers / DATABASE
-    matching.register(database, buffers / "images", names, "PINHOLE", shared=False, masks=masks)
-    matching.extract(database, buffers / "images", names, "PINHOLE", masks)
+    database = folder / DATABASE
+    matching.register(database, folder / "images", names, "PINHOLE", shared=False, masks=masks)
+    matching.extract(database, folder / "images", names, "PINHOLE", masks)
     matching.match(
         database, names, matching.pose_pairs(np.stack([view.camera.world_to_camera for view in scene.views])), seed
     )
     model = _posed_model(scene, names, database)
     options = pycolmap.IncrementalPipelineOptions(random_seed=seed)
-    (buffers / "points").mkdir(exist_ok=True)
-    model = pycolmap.triangulate_points(model, database, buffers / "images", buffers / "points", options=options)
+    (folder / "points").mkdir(exist_ok=True)
+    model = pycolmap.triangulate_points(model, database, folder / "images", folder / "points", options=options)
     return _points(model)
 
 
