@@ -52,25 +52,27 @@ def locked(path: Path, waiting: str = "") -> Iterator[None]:
 
 @contextmanager
 def locked_if_free(path: Path) -> Iterator[bool]:
-    """Lock a file or folder until the block ends, unless somebody holds its lock; says whether it is locked now.
+    """Lock a file or folder until the block ends, unless its lock is held.
 
-    It is not where no lock can be had.
+    Yields:
+        Whether it is locked now: False as well in a folder that cannot be written to, and on a file system without
+        locks.
     """
     lock = FileLock(lock_path(path), fallback_to_soft=False)
     try:
-        lock.acquire(blocking=False)
-    except Timeout:
-        yield False
-        return
-    except OSError as error:
-        if error.errno not in LOCKLESS:
-            raise
-        yield False
-        return
-    try:
-        yield True
+        yield _take_if_free(lock)
     finally:
-        lock.release()
+        lock.release()  # does nothing if it is not held
+
+
+def _take_if_free(lock: FileLock) -> bool:
+    try:
+        lock.acquire(blocking=False)
+    except OSError as error:
+        if isinstance(error, Timeout) or error.errno in LOCKLESS:
+            return False
+        raise
+    return True
 
 
 def _acquire(path: Path, waiting: str) -> FileLock | None:
