@@ -63,10 +63,10 @@ class View:
         if self.mask is None:
             return None
         ignored = read_ignored(self.mask)
-        fitted = self.fitted(ignored, self.mask)
+        fitted = self.fit_mask(ignored, self.mask)
         return fitted if ignored.any() else None
 
-    def fitted(self, ignored: Ignored, origin: Path) -> Ignored:
+    def fit_mask(self, ignored: Ignored, origin: Path) -> Ignored:
         """Undistort and resize a mask [H, W] of the photograph like the picture; `origin` is its file, for errors.
 
         Raises:
