@@ -27,7 +27,7 @@ from hydroviews.dataset import clean_views as build_clean
 from hydroviews.dataset import rainy_variant as build_rain
 from hydroviews.dataset.build import build
 from hydroviews.files.atomic import write_bytes
-from hydroviews.formats import read_scene
+from hydroviews.formats.read import read_scene
 from hydroviews.rain import effects
 from hydroviews.rain.lens import effect as raindrops
 from hydroviews.rain.patterns import Pattern, parse_pattern

@@ -16,8 +16,8 @@ from hydroviews.captures.video.frames import FrameChoice
 from hydroviews.dataset.contact_sheet import spread
 from hydroviews.errors import InputError
 from hydroviews.files.settings_guard import claim_folder
-from hydroviews.formats import has_cameras, read_scene
 from hydroviews.formats.photographs import photographs_below, unreadable_photographs
+from hydroviews.formats.read import has_cameras, read_scene
 from hydroviews.profiles import find_profile
 from hydroviews.scene.images import SUFFIXES, write_png
 from hydroviews.scene.picture_grid import Canvas, Row, Tile, draw_sheet

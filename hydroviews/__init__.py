@@ -1,3 +1,14 @@
-"""HydroViews: clean multi-view captures go in, rain with known parameters is added."""
+"""HydroViews, the data set: clean multi-view captures go in, rain with known parameters is added.
+
+files      writing whole or not at all, locks, folders that belong to one set of settings
+scene      cameras, lenses, views, images, masks, depth
+formats    captures on disk: COLMAP, nerfstudio, LLFF, NSVF; `formats.read.read_scene` reads any of them
+captures   captures by name, downloads, camera poses from photographs, captures from videos
+rain       effects, their severity, and their seeds
+blender    rendering in Blender processes, and the embedded scenes
+dataset    building, verifying and describing a data set; `dataset.build` is the place to start
+pairs      rainy and clean pictures to train networks on
+metrics    PSNR, SSIM, LPIPS and the others
+"""
 
 __version__ = "0.2.0"

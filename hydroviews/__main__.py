@@ -6,7 +6,7 @@ from typing import Annotated
 
 import tyro
 
-from hydroviews.captures.catalogue import captures_root
+from hydroviews.captures.catalogue.catalogue import captures_root
 from hydroviews.captures.download.captures import download_captures
 from hydroviews.captures.sfm.poses import Matcher, estimate_poses
 from hydroviews.captures.video.capture import capture_video

@@ -1,8 +1,8 @@
-"""The one exception for anything a user can mend."""
+"""The one exception for anything the user can correct."""
 
 
 class InputError(Exception):
-    """Bad input, told in the order a reader needs it.
+    """Bad input: what is wrong, what was found, what was expected, what to do.
 
     Command lines print it without a traceback and exit with status 2.
 

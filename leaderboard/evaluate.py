@@ -16,7 +16,8 @@ from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import is_captured
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import BUSY, locked, read_json
+from hydroviews.files.atomic import read_json
+from hydroviews.files.locks import BUSY, locked
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.profiles import Profile, find_profile
 from hydroviews.rain.patterns import choose_patterns

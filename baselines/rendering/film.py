@@ -11,8 +11,9 @@ from tqdm import tqdm
 from baselines.method import Method
 from baselines.rendering.camera_paths import camera_path
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import remove_tree, replacing
+from hydroviews.files.atomic import replacing
 from hydroviews.files.settings_guard import claim_folder
+from hydroviews.files.temporary import remove_tree
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import read_image, to_uint8, write_png
 from hydroviews.scene.scenes import Scene

@@ -1,5 +1,6 @@
-"""Photographs that were stored as the sensor lay, with a tag that says how to turn them (Exif's Orientation)."""
+"""Exif's Orientation: the tag of photographs whose pixels are stored as the sensor lay, not upright."""
 
+import logging
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -9,34 +10,36 @@ from PIL.ExifTags import Base
 
 from hydroviews.files.atomic import replacing
 
+logger = logging.getLogger(__name__)
+
 AS_STORED, TURNS = 1, range(2, 9)
-QUALITY = 95  # of JPEG files that are written anew
+QUALITY = 95  # of JPEG files after turning
 
 
 def orientation(path: Path) -> int:
-    """Exif's Orientation, from the file's head: 1 is upright, 6 and 8 are portraits; 1 where nothing is said."""
+    """Exif's Orientation from the file's header, 1 to 8: 1 is upright or no valid tag, 6 and 8 are portraits."""
     try:
         with PIL.Image.open(path) as image:
-            said = int(image.getexif().get(Base.Orientation, AS_STORED))
-            return said if said in TURNS else AS_STORED
-    except OSError:  # whoever reads the pixels says what is wrong
+            tag = int(image.getexif().get(Base.Orientation, AS_STORED))
+            return tag if tag in TURNS else AS_STORED
+    except OSError:  # reading the pixels will raise what is wrong
         return AS_STORED
 
 
 def common_turn(paths: Iterable[Path]) -> bool:
-    """Whether all photographs are to be turned, and in the same way.
+    """Whether all photographs have to be turned, and in the same way.
 
-    Those that were held in several ways stay as they are stored, and a line says so: what is on the lens is then in
+    Photographs of several orientations stay as they are stored, and the log says so: drops on the lens then have
     the same place in all of them.
     """
     ways = {orientation(path) for path in paths}
     if len(ways) > 1:
-        print("photographs held upright and sideways: all are left as they are stored, one way up is better")
+        logger.info("photographs held upright and sideways: all are left as they are stored, one way up is better")
     return len(ways) == 1 and AS_STORED not in ways
 
 
 def write_upright(source: Path, target: Path) -> None:
-    """A copy with its pixels turned upright, in the same format; all else that Exif says of it is kept."""
+    """Write a copy with its pixels turned upright, in the same format and with all other Exif tags."""
     with PIL.Image.open(source) as image:
         turned = PIL.ImageOps.exif_transpose(image)
         with replacing(target) as temporary, temporary.open("wb") as file:

@@ -90,7 +90,7 @@ class _DropMasks:
             if found is None:
                 return None
             drops, origin = np.asarray(read_grey(found) > 127), found
-        return view.fitted(drops, origin)
+        return view.fit_mask(drops, origin)
 
 
 def _read_array(path: Path) -> NDArray:

@@ -11,7 +11,8 @@ from tqdm import tqdm
 
 import hydroviews
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import locked, sha256, write_json
+from hydroviews.files.atomic import sha256, write_json
+from hydroviews.files.locks import locked
 from hydroviews.formats.capture_json import CAPTURED
 
 MANIFEST = "manifest.json"

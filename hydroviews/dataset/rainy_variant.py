@@ -13,7 +13,8 @@ from tqdm import tqdm
 from hydroviews.dataset.manifest import GENERATOR
 from hydroviews.dataset.statistics import STATISTICS, write_statistics
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import read_json, remove_tree, replacing, write_json
+from hydroviews.files.atomic import read_json, replacing, write_json
+from hydroviews.files.temporary import remove_tree
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.writers import write_nerfstudio
 from hydroviews.rain import effects

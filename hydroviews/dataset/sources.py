@@ -6,15 +6,23 @@ from pathlib import Path
 from typing import Any
 
 from hydroviews.blender.embedded_scenes.captures import EMBEDDED, read_embedded, render_embedded
-from hydroviews.captures.catalogue import Capture, MissingCapture, all_captures, captures_root, find_captures, locate
+from hydroviews.captures.catalogue.catalogue import (
+    Capture,
+    MissingCapture,
+    all_captures,
+    captures_root,
+    find_captures,
+    locate,
+)
 from hydroviews.dataset.build import build
 from hydroviews.dataset.drop_masks import write_drop_masks
 from hydroviews.dataset.manifest import MANIFEST
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import BUSY, locked, read_json
-from hydroviews.files.settings_guard import remove_leftovers
-from hydroviews.formats import read_scene
+from hydroviews.files.atomic import read_json
+from hydroviews.files.locks import BUSY, locked
+from hydroviews.files.temporary import remove_leftovers
 from hydroviews.formats.photographs import FOLDERS, photographs_below
+from hydroviews.formats.read import read_scene
 from hydroviews.profiles import Profile
 from hydroviews.rain.patterns import choose_patterns
 from hydroviews.rain.scene_statistics import LensRenderer

@@ -1,1 +1,1 @@
-"""Files that are whole or not there, folders with an owner, locks."""
+"""Writing files: whole or not at all, locks, and folders that belong to one set of settings."""

@@ -1,25 +1,25 @@
-"""What the C library does with memory that was freed."""
+"""The C library's handling of freed memory."""
 
 import ctypes
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of mallopt(3)
-MOST = 2**31 - 1  # bytes at the end of the heap that are kept
-# Bytes of a block that comes from the heap: older releases of glibc refuse the first and take the second at most.
-LARGEST = (2**30, 2**25)
+KEPT = 2**31 - 1  # bytes at the end of the heap that are not returned to the system
+# Bytes up to which a block is taken from the heap: older releases of glibc refuse the first and accept the second.
+HEAP_BLOCKS = (2**30, 2**25)
 
 
 def keep_freed_memory() -> bool:
-    """Keep large blocks that are freed, up to 2 GB, for the next one of their size.
+    """Keep freed memory, up to 2 GB, for the process's next allocations.
 
-    By default glibc hands them back to the system, and each step of a training, whose tensors have the sizes of the
-    step before, is given new pages that have to be found and cleared.
+    By default glibc returns large blocks to the system. Each step of a training, whose tensors have the sizes of the
+    step before, would then wait for the system to find and clear new pages.
 
     Returns:
-        Whether the C library can be told so: glibc can, others are left as they are.
+        Whether it was set: only glibc has `mallopt(3)`; other C libraries keep their defaults.
     """
-    tell = getattr(ctypes.CDLL(None), "mallopt", None)
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     return (
-        tell is not None
-        and any(tell(M_MMAP_THRESHOLD, size) for size in LARGEST)
-        and bool(tell(M_TRIM_THRESHOLD, MOST))
+        mallopt is not None
+        and any(mallopt(M_MMAP_THRESHOLD, size) for size in HEAP_BLOCKS)
+        and bool(mallopt(M_TRIM_THRESHOLD, KEPT))
     )

@@ -1,21 +1,16 @@
-"""A folder belongs to one set of settings: another is refused, not mixed in.
+"""A folder holds the results of one set of settings: a call with other settings is refused.
 
-Builds, runs and pose estimates all keep what they were asked for in a JSON file of their folder, and go on with what
-they find there only if they are asked for the same.
+Builds, runs and pose estimates keep their settings in a JSON file of their folder. A later call resumes what is there
+only if its settings are the same.
 """
 
-import glob
-import os
-import re
-import shutil
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import PARTIAL, read_json, remove_tree, write_json
-
-OWNED = re.compile(re.escape(PARTIAL) + r"(\d+)-.+")  # names that `files.replacing` gives: with its process's number
+from hydroviews.files.atomic import read_json, write_json
+from hydroviews.files.temporary import remove_leftovers, remove_tree
 
 
 def claim_folder(
@@ -29,15 +24,17 @@ def claim_folder(
     overwrite: bool = False,
     forget: Callable[[], None] = lambda: None,
 ) -> None:
-    """Take the folder of `path` for these settings; what killed processes left half written there is removed.
+    """Record these settings in a folder, or check that they are the ones recorded there.
+
+    What killed processes left half written in the folder is removed.
 
     Args:
-        path: the JSON file that keeps the folder's settings.
-        settings: JSON values.
-        taken: what to say of a folder with other settings.
-        foreign: what to say of one that holds files and no settings; None takes it.
-        fix: what to do about other settings.
-        ignored: settings that may differ, for people to read.
+        path: the JSON file with the folder's settings.
+        settings: JSON values by name.
+        taken: the error's text for a folder with other settings.
+        foreign: the error's text for a folder with files and no settings; None accepts such a folder.
+        fix: what the user should do about other settings.
+        ignored: names of settings that may differ: they inform, and change no result.
         overwrite: empty a folder with other settings instead of refusing it.
         forget: called before the folder is emptied.
 
@@ -67,30 +64,6 @@ def claim_folder(
     write_json(path, dict(settings))
 
 
-def remove_leftovers(path: Path) -> None:
-    """Remove what processes that are no more left half written of a file or folder, or anywhere in the folder."""
-    beside = path.parent.glob(f"{PARTIAL}*-{glob.escape(path.name)}") if path.parent.is_dir() else ()
-    inside = path.rglob(f"{PARTIAL}*") if path.is_dir() else ()
-    for leftover in [*beside, *inside]:
-        owner = OWNED.fullmatch(leftover.name)
-        if owner is None or _runs(int(owner[1])):
-            continue
-        if leftover.is_dir() and not leftover.is_symlink():
-            shutil.rmtree(leftover, ignore_errors=True)
-        else:
-            leftover.unlink(missing_ok=True)
-
-
-def _runs(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except PermissionError:  # somebody else's
-        return True
-    return True
-
-
 def _refuse_foreign(folder: Path, foreign: str | None, name: str) -> None:
     visible = [p.name for p in folder.iterdir() if not p.name.startswith(".")] if folder.is_dir() else []
     if visible and foreign is not None:
@@ -102,7 +75,7 @@ def _refuse_foreign(folder: Path, foreign: str | None, name: str) -> None:
 
 
 def _difference(value: Any, other: Any) -> Any:
-    """Of two nested settings only what differs; of two lists how they begin to."""
+    """The part of a setting that differs from another: changed items of a dict, the first new item of a list."""
     if isinstance(value, dict) and isinstance(other, dict):
         return {key: item for key, item in value.items() if other.get(key) != item}
     if isinstance(value, list) and isinstance(other, list):

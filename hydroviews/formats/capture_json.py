@@ -1,11 +1,11 @@
-"""What a capture's folder says of how it was taken: `capture.json`.
+"""`capture.json`: how a capture was taken. All keys are optional.
 
-A capture taken in rain has {"rain": "captured"} in it. There is no clean ground truth then: its photographs are
-the one variant CAPTURED of the built scene, which has no clean views. Three numbers may help rain to suit the capture:
-"metres_per_unit" says how large it is, which rain in space wants to know; "clean_error" how well it is learned from
-clean views, which grades depend on: the mean squared error of plain 3DGS on held-out views over the views' mean
-squared fine detail; "drops_cost" by which factor sharp drops do more harm to it than predicted (see `rain.severity`).
-All may be left out.
+rain               "captured" if it was taken in rain, else "none". There is no clean ground truth then: its
+                   photographs are the one variant CAPTURED of the built scene, which has no clean views
+metres_per_unit    scale of the scene, for rain in space
+clean_error        mean squared error of plain 3DGS on held-out clean views over the views' mean squared fine
+                   detail, for grades (see `rain.severity`)
+drops_cost         factor by which sharp drops cost more than predicted (see `rain.severity`)
 """
 
 import math
@@ -20,8 +20,8 @@ CAPTURED = "captured-0"  # the variant that rain fell on when it was photographe
 RAINY = {"rain": "captured"}
 
 
-def read_provenance(folder: Path) -> dict[str, Any]:
-    """The content of a capture's `capture.json`, empty where there is none.
+def read_capture_json(folder: Path) -> dict[str, Any]:
+    """The content of a capture's `capture.json`; empty where there is no file.
 
     Raises:
         InputError: it is not a JSON object.
@@ -36,12 +36,12 @@ def read_provenance(folder: Path) -> dict[str, Any]:
 
 
 def captured_rainy(folder: Path) -> bool:
-    """Whether it rained when the capture was taken, as its `capture.json` or its being a CAPTURED variant says.
+    """Whether the capture was taken in rain, by its `capture.json` or by its being a CAPTURED variant.
 
     Raises:
-        InputError: see `read_provenance`; or it says something else of the rain than "captured" or "none".
+        InputError: see `read_capture_json`; or its "rain" is neither "captured" nor "none".
     """
-    rain = read_provenance(folder).get("rain", "none")
+    rain = read_capture_json(folder).get("rain", "none")
     if rain not in ("captured", "none"):
         raise InputError(f"{folder / FILE}: unknown rain", found=rain, expected='"captured" or "none"')
     return bool(rain == "captured") or folder.resolve().name == CAPTURED
@@ -51,9 +51,9 @@ def described_number(folder: Path, name: str) -> float | None:
     """The positive number of that name in a capture's `capture.json`; None if there is none.
 
     Raises:
-        InputError: see `read_provenance`; or it says something else than a positive number.
+        InputError: see `read_capture_json`; or the value is not a positive number.
     """
-    number = read_provenance(folder).get(name)
+    number = read_capture_json(folder).get(name)
     if number is None:
         return None
     if isinstance(number, bool) or not isinstance(number, int | float) or not (math.isfinite(number) and number > 0):

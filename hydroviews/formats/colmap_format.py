@@ -20,7 +20,7 @@ from hydroviews.scene.quaternions import rotation_entries
 
 
 class RegisteredImage(NamedTuple):
-    """An image of a model: its file name, which camera took it, and its pose."""
+    """An image of a model: its file name, its camera and its pose."""
 
     name: str
     camera_id: int
@@ -29,7 +29,7 @@ class RegisteredImage(NamedTuple):
 
 @dataclass(frozen=True)
 class SparsePoints:
-    """Sparse points with what tells the good ones: reprojection error in pixels and views that see them."""
+    """Sparse points with their reprojection errors in pixels and the number of views that see them."""
 
     positions: NDArray[np.float64]  # [N, 3]
     colours: NDArray[np.uint8]  # [N, 3]
@@ -96,7 +96,7 @@ def _rotation(quaternion: NDArray[np.float64], where: str) -> NDArray[np.float64
 
 
 def _records(path: Path, binary: Any, text: Any) -> Iterator[tuple]:
-    """The records of a file through the parser of its format, any damage told as an InputError."""
+    """The records of a file by the parser of its format; damage raises InputError."""
     try:
         if path.suffix == ".bin":
             cursor = _Cursor(path.read_bytes())

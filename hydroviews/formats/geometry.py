@@ -1,4 +1,4 @@
-"""Poses as files give them: made rigid where they nearly are, refused where not, doubted where they jump."""
+"""Checks of poses from files: nearly rigid ones are made rigid, others refused; cameras out of place are noted."""
 
 from collections.abc import Sequence
 
@@ -7,25 +7,23 @@ from numpy.typing import ArrayLike, NDArray
 
 from hydroviews.errors import InputError
 
-RIGID_TOLERANCE = 0.02  # largest deviation of a singular value from 1 that is put down to rounding
-JUMP = 10.0  # median steps between neighbours that make a camera doubtful
-WINDOW = 3  # neighbours looked at on either side, by name
+RIGID_TOLERANCE = 0.02  # largest deviation of a singular value from 1 that counts as rounding
+JUMP = 10.0  # distance from its neighbours, in median steps, from which a camera is doubtful
+WINDOW = 3  # neighbours compared with on either side, by name
 
 # A camera's y and z axes point the other way in OpenGL (x right, y up, z backwards) than in OpenCV.
 OPENGL_TO_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 def rigid_pose(pose: ArrayLike, where: str) -> NDArray[np.float64]:
-    """A rigid [4, 4] from a [3, 4] or [4, 4] matrix whose rotation is off by no more than rounding.
-
-    The rotation is replaced by the nearest orthonormal matrix.
+    """A rigid [4, 4] from a [3, 4] or [4, 4] matrix: its rotation becomes the nearest orthonormal matrix.
 
     Args:
         pose: camera-to-world or world-to-camera.
-        where: file and view, to begin an error with.
+        where: file and view, for errors.
 
     Raises:
-        InputError: another size, not finite, mirrored, scaled or sheared.
+        InputError: another size, not finite, mirrored, or scaled or sheared by more than RIGID_TOLERANCE.
     """
     try:
         matrix = np.asarray(pose, np.float64)

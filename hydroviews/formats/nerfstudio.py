@@ -27,11 +27,11 @@ def read_nerfstudio(folder: Path, name: str) -> Scene:
     """Read `transforms.json`; frames whose image is missing are left out and noted.
 
     Intrinsics may be shared or a frame's own (`fl_x, fl_y, cx, cy, w, h, k1..k4, p1, p2`, or `camera_angle_x`).
-    `applied_transform` only tells how the world was turned before: poses and points are both given after it.
+    `applied_transform` needs no handling: poses and points are both stored after it.
     Black pixels of a frame's `mask_path` are hidden.
 
     Raises:
-        InputError: not such a file, no frame with an image, a pose or an intrinsic that is none.
+        InputError: not such a file, no frame with an image, or an invalid pose or intrinsic.
     """
     path = folder / CAMERA_FILE
     content = read_json(path)

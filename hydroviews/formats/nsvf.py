@@ -1,4 +1,4 @@
-"""NSVF captures, as Tanks and Temples is often passed on: `rgb/*.png`, `pose/*.txt` and `intrinsics.txt`."""
+"""NSVF captures (as Tanks and Temples is often distributed): `rgb/*.png`, `pose/*.txt` and `intrinsics.txt`."""
 
 from pathlib import Path
 
@@ -23,8 +23,8 @@ def is_nsvf(folder: Path) -> bool:
 def read_nsvf(folder: Path, name: str) -> Scene:
     """Read an NSVF capture: a camera-to-world matrix [4, 4] with OpenCV axes for every photograph.
 
-    The numbers that file names begin with (0_ training, 1_ and 2_ held out) are not heeded: every 8th view by name is
-    held out, as everywhere.
+    The prefixes of file names (0_ training, 1_ and 2_ held out) are ignored: every 8th view by name is held out, as in
+    all formats.
 
     Raises:
         InputError: a photograph without a pose, or numbers that are no pose or no intrinsics.

@@ -1,4 +1,4 @@
-"""Which file on disk belongs to which camera, and the view the two make."""
+"""Matching a camera file's image names to the files on disk, and making views of both."""
 
 from collections import Counter
 from collections.abc import Sequence

@@ -2,7 +2,6 @@
 
 import errno
 import os
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,9 @@ import pycolmap
 from plyfile import PlyData, PlyElement
 
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import PARTIAL, plain_full_disk, write_json
+from hydroviews.files.atomic import write_json
+from hydroviews.files.full_disk import plain_full_disk
+from hydroviews.files.temporary import remove_tree, temporary_beside
 from hydroviews.formats.colmap_format import read_cameras, read_images, read_points
 from hydroviews.formats.geometry import OPENGL_TO_OPENCV, inverse
 from hydroviews.scene.cameras import Camera
@@ -35,26 +36,20 @@ def write_colmap(scene: Scene, folder: Path) -> None:
     Raises:
         InputError: the disk is full.
     """
-    partial = folder.with_name(f"{PARTIAL}{os.getpid()}-{folder.name}")
-    shutil.rmtree(partial, ignore_errors=True)
-    try:
-        with plain_full_disk(folder):
-            partial.mkdir(parents=True)
-            to_reconstruction(scene).write_binary(partial)
-            check_whole(partial)
-            _write_ply(scene.points, partial / POINT_CLOUD)
-            if folder.exists():
-                shutil.rmtree(folder)
-            os.replace(partial, folder)
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
+    with plain_full_disk(folder), temporary_beside(folder) as partial:
+        partial.mkdir()
+        to_reconstruction(scene).write_binary(partial)
+        check_whole(partial)
+        _write_ply(scene.points, partial / POINT_CLOUD)
+        remove_tree(folder)
+        os.replace(partial, folder)
 
 
 def check_whole(model: Path) -> None:
-    """Refuse a COLMAP model that is cut short: pycolmap writes without asking whether the disk took it.
+    """Refuse a COLMAP model that is cut short: pycolmap does not report a full disk.
 
     Raises:
-        OSError: it is, as of a full disk.
+        OSError: it is cut short, with the error number of a full disk.
     """
     try:
         for read in (read_cameras, read_images, read_points):

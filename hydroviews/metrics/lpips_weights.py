@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import platformdirs
 import torch
 from safetensors.torch import load_file, save_file
 from torch import Tensor
@@ -36,7 +37,7 @@ def cache_folder() -> Path:
     """$HYDROVIEWS_CACHE, or `hydroviews` in the user's cache folder."""
     if explicit := os.environ.get("HYDROVIEWS_CACHE"):
         return Path(explicit)
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hydroviews"
+    return platformdirs.user_cache_path("hydroviews", appauthor=False)
 
 
 def load_weights(net: str) -> dict[str, Tensor]:

@@ -1,4 +1,4 @@
-"""How far every pixel of a view is: rendered depth maps where a capture has them, its sparse points otherwise.
+"""Depth maps of views: rendered ones where a capture has them, estimated from its sparse points otherwise.
 
 Depth is z in the camera's axes, in scene units, `inf` where nothing is known or nothing is there (sky).
 """
@@ -21,9 +21,9 @@ Depth = NDArray[np.float32]  # [H, W]
 
 FOLDER = "depth"  # beside a capture's images and beside a built scene's clean views
 CHANNEL = "Z"
-HORIZON = 1e9  # renderers write sky as a number about as large
+HORIZON = 1e9  # renderers write about this number for sky
 CELLS = 48  # of the grid that sparse points are gathered on, along the longer side
-NEIGHBOURS = 12  # points that a cell asks
+NEIGHBOURS = 12  # nearest points that give a cell its depth
 NEAREST_SHARE = 0.25  # of the neighbours' weight that lies in front of the depth taken: points show through surfaces
 GUIDED = 3  # cells around a pixel that its guided depth is drawn from
 EDGE = 0.03  # encoded contrast that counts as an edge
@@ -33,8 +33,8 @@ def view_depth(view: View, points: Points, guide: Image | None = None) -> Depth:
     """Depth [H, W] of a view at its camera's size.
 
     Read from `depth/<name>.exr` beside the folder of the view's picture, if it is there. Otherwise gathered from the
-    sparse points, which is coarse: right within some per cent where surfaces carry points, blind to thin things, and
-    carried on from the nearest points where there are none. Without a point in front of the camera all is `inf`.
+    sparse points, which is coarse: within some per cent where surfaces have points, without thin objects, and
+    extrapolated from the nearest points elsewhere. Without a point in front of the camera all is `inf`.
 
     Args:
         view: at its built size.

@@ -1,10 +1,10 @@
-"""Pictures in and out: sRGB-encoded float32 [H, W, 3] in [0, 1] everywhere, unless a name says linear."""
+"""Reading, writing and resizing pictures: float32 [H, W, 3], sRGB-encoded, [0, 1], unless a name says linear."""
 
 from pathlib import Path
-from typing import BinaryIO
 
 import cv2
 import numpy as np
+import PIL.Image
 from numpy.typing import NDArray
 
 from hydroviews.errors import InputError
@@ -12,7 +12,7 @@ from hydroviews.files.atomic import write_bytes
 
 Image = NDArray[np.float32]
 
-STREAK_WIDTH, STREAK_SIDE = 5, 480  # pixels that an upright streak is narrower than, in a picture of that side
+STREAK_WIDTH, STREAK_SIDE = 5, 480  # pixels: upright streaks are narrower, in a picture of this longer side
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp")
 
@@ -46,34 +46,18 @@ def read_image(path: Path) -> Image:
 
 
 def image_size(path: Path) -> tuple[int, int]:
-    """Width and height of a picture in pixels, from its header alone where that is PNG or JPEG.
+    """Width and height in pixels of the picture that `read_image` gives, from the file's header where Pillow reads it.
 
     Raises:
         InputError: the file is missing, or is not a picture.
     """
-    if not path.is_file():
-        read_image(path)  # raises the error
-    with path.open("rb") as file:
-        head = file.read(24)
-        if head[:8] == b"\x89PNG\r\n\x1a\n" and len(head) == 24:
-            return int.from_bytes(head[16:20]), int.from_bytes(head[20:24])
-        if head[:2] == b"\xff\xd8":
-            file.seek(2)
-            size = _jpeg_size(file)
-            if size:
-                return size
+    try:
+        with PIL.Image.open(path) as picture:
+            return picture.size
+    except (OSError, PIL.Image.DecompressionBombError):
+        pass  # read_image says what is wrong, or reads it all the same
     height, width = read_image(path).shape[:2]
     return width, height
-
-
-def _jpeg_size(file: BinaryIO) -> tuple[int, int] | None:
-    """Walk a JPEG's segments to its frame header; None where there is none."""
-    while len(marker := file.read(4)) == 4 and marker[0] == 0xFF:
-        if 0xC0 <= marker[1] <= 0xCF and marker[1] not in (0xC4, 0xC8, 0xCC):
-            frame = file.read(5)
-            return (int.from_bytes(frame[3:5]), int.from_bytes(frame[1:3])) if len(frame) == 5 else None
-        file.seek(int.from_bytes(marker[2:4]) - 2, 1)
-    return None
 
 
 def _to_rgb(path: Path, pixels: NDArray) -> Image:
@@ -118,7 +102,7 @@ def resize_area(image: Image, width: int, height: int) -> Image:
 
 
 def without_streaks(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The picture without what is bright, upright and thin: rain, for features and sharpness to be measured on.
+    """The picture without bright, upright, thin things, which are rain; for features and sharpness.
 
     An opening along rows, per channel, as wide as STREAK_WIDTH at a longer side of STREAK_SIDE.
 

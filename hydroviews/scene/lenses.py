@@ -1,4 +1,4 @@
-"""The cameras photographs are really taken with, and the pinhole cameras everything here works with."""
+"""Lenses with distortion, and the pinhole cameras their photographs are resampled to."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -61,7 +61,7 @@ class Lens:
 
     @property
     def is_pinhole(self) -> bool:
-        """Whether photographs taken with it can be used as they are."""
+        """Whether it has no distortion, so that photographs are used as they are."""
         camera = self.colmap()
         # Without coefficients, pycolmap calls a fisheye undistorted as well.
         return bool(camera.is_undistorted() and camera.is_perspective() and not camera.is_perspective_fisheye())

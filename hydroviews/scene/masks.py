@@ -1,8 +1,8 @@
-"""Masks of pixels that must not be looked at: people, number plates, a car's bonnet.
+"""Masks of pixels that training and scoring ignore: people, number plates, a car's bonnet.
 
-On disk masks follow COLMAP, so that other software finds them: `masks/<image file name>.png`, so
+On disk masks follow COLMAP's convention: `masks/<image file name>.png`, so
 `masks/frame-0001.png.png` for `images/frame-0001.png`; black (0) is hidden, anything else is shown. In memory
-they are boolean planes [H, W], True where hidden.
+they are bool [H, W], True where hidden.
 """
 
 import hashlib
@@ -16,7 +16,7 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import sha256, write_bytes
 
 MASKS = "masks"
-TOUCHED = 1e-3  # a pixel that a hidden one has this share of is hidden
+TOUCHED = 1e-3  # share of hidden pixels in a resampled one from which it is hidden
 
 Ignored = NDArray[np.bool_]  # [H, W], True where hidden
 
@@ -39,7 +39,7 @@ def find_mask(folder: Path, image: str) -> Path | None:
 
 
 def mask_digest(folder: Path) -> str:
-    """SHA-256 that changes when any of the masks does."""
+    """Hexadecimal SHA-256 of the names and contents of all masks in a folder."""
     digest = hashlib.sha256()
     for path in sorted(folder.rglob("*.png")):
         digest.update(path.relative_to(folder).as_posix().encode() + bytes.fromhex(sha256(path)))
@@ -47,7 +47,7 @@ def mask_digest(folder: Path) -> str:
 
 
 def read_grey(path: Path) -> NDArray[np.uint8]:
-    """The brightest channel of each pixel [H, W]; transparency does not count.
+    """Read a picture as grey: the brightest channel of each pixel, uint8 [H, W]; alpha is ignored.
 
     Raises:
         InputError: missing, or not an 8- or 16-bit picture.
@@ -59,12 +59,12 @@ def read_grey(path: Path) -> NDArray[np.uint8]:
     if pixels.ndim == 3:
         pixels = pixels[..., :3].max(axis=2) if pixels.shape[2] > 2 else pixels[..., 0]
     if pixels.dtype == np.uint16:
-        pixels = np.ceil(pixels / 257)  # what is not black stays so
+        pixels = np.ceil(pixels / 257)  # rounded up, so that only black becomes black
     return np.asarray(pixels, np.uint8)
 
 
 def read_ignored(path: Path) -> Ignored:
-    """A mask file as a plane, True where it is black.
+    """Read a mask file: bool [H, W], True where it is black.
 
     Raises:
         InputError: missing or unreadable.
@@ -81,7 +81,7 @@ def write_ignored(path: Path, ignored: Ignored) -> None:
 
 
 def fit_ignored(ignored: Ignored, width: int, height: int) -> Ignored:
-    """A mask at another size of the same shape: a pixel that a hidden one touches is hidden."""
+    """Resize a mask [H, W] to [height, width] of the same aspect; a pixel that a hidden one touches is hidden."""
     old_height, old_width = ignored.shape
     if (width, height) == (old_width, old_height):
         return ignored

@@ -1,4 +1,4 @@
-"""Pictures put together with captions: rows of tiles under titles, on paper white."""
+"""A grid of captioned pictures on white: rows of tiles under headings."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The colours that a scene's points have in the photographs that show them: what is known before anything is trained.
+"""Colours of a scene's points in the photographs that show them, known before any training.
 
 Colours are looked up bilinearly in slightly blurred photographs. A point counts as shown where no depth map and no
 other point says that something lies in front of it, and where nothing is masked.

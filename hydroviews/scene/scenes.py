@@ -1,4 +1,4 @@
-"""A scene is what every method gets: named views with cameras and images, points, and a split."""
+"""A scene: named views with cameras and images, sparse points, and a split. Every method gets one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -19,10 +19,14 @@ SPARSE_EVERY = 3
 
 @dataclass(frozen=True)
 class View:
-    """A photograph and its camera. `name` is the file name without folder and suffix, unique in its scene.
+    """A photograph and its camera.
 
-    `lens` is what the photograph was taken with, None where that is a pinhole already; `camera` is always the
-    pinhole camera of what `image` returns. `mask` hides part of the photograph (see `hydroviews.scene.masks`).
+    Attributes:
+        name: file name without folder and suffix, unique in its scene.
+        camera: pinhole camera of the picture that `image` returns.
+        path: the photograph.
+        lens: the photograph's own camera; None where it is a pinhole camera.
+        mask: file that hides part of the photograph (see `hydroviews.scene.masks`).
     """
 
     name: str
@@ -49,9 +53,9 @@ class View:
         return resize_area(image, *wanted)
 
     def ignored(self) -> Ignored | None:
-        """The mask, undistorted and resized like the picture: bool [H, W], True where it must not be looked at.
+        """The mask, undistorted and resized like the picture: bool [H, W], True where pixels are ignored.
 
-        A pixel that a hidden one touches is hidden. None where the view has no mask, or one that hides nothing.
+        A pixel that a hidden one touches is ignored. None where the view has no mask, or one that hides nothing.
 
         Raises:
             InputError: the mask is unreadable, or of another shape than the photograph.
@@ -59,11 +63,11 @@ class View:
         if self.mask is None:
             return None
         ignored = read_ignored(self.mask)
-        fitted = self.fitted(ignored, self.mask)
+        fitted = self.fit_mask(ignored, self.mask)
         return fitted if ignored.any() else None
 
-    def fitted(self, ignored: Ignored, origin: Path) -> Ignored:
-        """A mask of the photograph, undistorted and resized like the picture; `origin` is the file it is from.
+    def fit_mask(self, ignored: Ignored, origin: Path) -> Ignored:
+        """Undistort and resize a mask [H, W] of the photograph like the picture; `origin` is its file, for errors.
 
         Raises:
             InputError: it has another shape than the photograph.
@@ -107,7 +111,7 @@ def no_points() -> Points:
 
 @dataclass(frozen=True)
 class Split:
-    """Names of the training and the held-out views; `sparse` are those trained on where views are to be few."""
+    """Names of training and held-out views; `sparse` are the training views of the sparse-view track."""
 
     train: tuple[str, ...]
     test: tuple[str, ...]
@@ -130,7 +134,7 @@ def every_third(train: Sequence[str]) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Scene:
-    """Views in order of their names, points, a split, and what a reader should know about the capture."""
+    """Views in order of their names, points, a split, and notes about the capture for people to read."""
 
     name: str
     views: tuple[View, ...]
@@ -138,9 +142,9 @@ class Scene:
     split: Split
     notes: tuple[str, ...] = field(default=())
     captured_rainy: bool = False  # it rained when the photographs were taken: there is no clean ground truth
-    metres_per_unit: float | None = None  # where the capture says it
-    clean_error: float | None = None  # of plain 3DGS on clean views, over their fine detail, where it is known
-    drops_cost: float = 1.0  # error that sharp drops leave in plain 3DGS, over what is predicted, where it is known
+    metres_per_unit: float | None = None  # where it is known
+    clean_error: float | None = None  # of plain 3DGS on clean views, see `formats.capture_json`; where it is known
+    drops_cost: float = 1.0  # measured over predicted cost of sharp drops to plain 3DGS; 1 where it is not known
 
     @property
     def train_views(self) -> tuple[View, ...]:
@@ -177,7 +181,7 @@ def make_scene(
     split: Split | None = None,
     notes: Sequence[str] = (),
 ) -> Scene:
-    """A checked scene: views sorted by name, the split and its sparse views drawn if none are given.
+    """Make and check a scene: views are sorted by name, a split and its sparse views chosen where none are given.
 
     Raises:
         InputError: no views, two of one name, fewer than two to train on, a split that names absent views or

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from hydroviews.formats import read_scene
+from hydroviews.formats.read import read_scene
 from hydroviews.rain.seeds import generator
 from hydroviews.rain.streaks.effect import StreakPattern, composite, streak_layer
 from hydroviews.scene.images import Image, read_image, resize_area

@@ -11,7 +11,7 @@ from synthetic import capture_in
 from hydroviews import metrics
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
-from hydroviews.formats import read_scene
+from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap
 from hydroviews.scene.images import read_image
 from hydroviews.scene.masks import mask_name, write_ignored

@@ -16,7 +16,7 @@ from synthetic import capture_in
 import hydroviews
 from hydroviews import metrics
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import BUSY, locked
+from hydroviews.files.locks import BUSY, locked
 from hydroviews.formats.writers import write_colmap
 from hydroviews.scene.images import read_image
 from leaderboard import evaluate as evaluate_module
@@ -81,7 +81,7 @@ def test_second_call_keeps_records_and_rescoring_gives_the_same(built, tmp_path,
     assert score(run) == record
 
 
-def test_a_run_that_another_process_is_at_is_waited_for(built, tmp_path, capsys):
+def test_a_run_that_another_process_is_at_is_waited_for(built, tmp_path, capsys, caplog):
     evaluate(request(built, tmp_path, "MeanColour"))
     run = tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0"
     record, away = run / "record.json", tmp_path / "record.json"
@@ -100,9 +100,8 @@ def test_a_run_that_another_process_is_at_is_waited_for(built, tmp_path, capsys)
         capsys.readouterr()
         evaluate(request(built, tmp_path, "MeanColour"))
         finishing.result()
-    told = capsys.readouterr()
-    assert f"{run}: {BUSY}" in told.err
-    assert "toy_methods:MeanColour on yard/streak-0, seed 0: kept" in told.out
+    assert f"{run}: {BUSY}" in caplog.text
+    assert "toy_methods:MeanColour on yard/streak-0, seed 0: kept" in capsys.readouterr().out
 
 
 def test_rescoring_on_other_data_is_refused(built, tmp_path):

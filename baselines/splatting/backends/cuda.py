@@ -35,7 +35,7 @@ from baselines.splatting.state import TrainingState
 from baselines.splatting.strategies.base import StepOptions
 from baselines.training.images import Size
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import locked
+from hydroviews.files.locks import locked
 from hydroviews.metrics.lpips_weights import cache_folder
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numba
+import platformdirs
 
 HERE = Path(__file__).parent
 CONFIG: Any = numba.config  # its settings are made at run time
@@ -32,7 +33,7 @@ def _cache_folder() -> str:
     elif os.access(HERE, os.W_OK):
         parent = HERE / "__pycache__"
     else:
-        parent = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hydroviews"
+        parent = platformdirs.user_cache_path("hydroviews", appauthor=False)
     return str(parent / f"kernels-{digest(HERE.glob('*.py'))}")
 
 

@@ -1,5 +1,6 @@
 """One scene's files out of a zip or tar archive: nothing else, nothing outside its folder, whole or not there."""
 
+import copy
 import gzip
 import lzma
 import os
@@ -12,13 +13,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import IO
 
 from tqdm import tqdm
 
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import PARTIAL, plain_full_disk, replacing
+from hydroviews.files.atomic import replacing
+from hydroviews.files.full_disk import plain_full_disk
 
+UNFINISHED = ".unpacked-"  # folder that an interrupted call resumes
 DEPTH = 3  # how far down an archive the scene's folder may be
 BLOCK = 1 << 20  # bytes
 DAMAGE = (
@@ -51,20 +53,21 @@ def is_archive(path: Path) -> bool:
 
 
 def unpack(archive: Path, scene: str, folder: Path, label: str = "") -> None:
-    """Unpack the files below the archive's folder `scene` to `folder`, which appears when all are there.
+    """Unpack the files below the archive's folder `scene` to `folder`, which appears once it is complete.
 
-    Files that an interrupted call unpacked are kept.
+    A call resumes where an interrupted one ended.
 
     Args:
         archive: zip, or tar with any compression.
-        scene: name of a folder in it.
-        folder: must not be there, or be empty.
-        label: what tells this version of the archive from others; only files of the same one are kept.
+        scene: name of a folder in it, at most DEPTH folders down.
+        folder: must not exist, or be empty.
+        label: identifies the archive's version; files of an interrupted call are kept for the same one only.
 
     Raises:
-        InputError: damaged, without the scene, with names that lead outside or links, or the disk is full.
+        InputError: the archive is damaged, lacks the scene, or has links or names that lead outside; or the disk is
+            full.
     """
-    staging = folder.with_name(f"{PARTIAL}unpacked-{label}-{folder.name}")
+    staging = folder.with_name(f"{UNFINISHED}{label}-{folder.name}")
     with _opened(archive) as opened:
         files = _scene_files(archive, _members(opened), scene)
         missing = {path: member for path, member in files.items() if not _is_there(staging / path, member)}
@@ -85,7 +88,7 @@ def unpack(archive: Path, scene: str, folder: Path, label: str = "") -> None:
 
 @contextmanager
 def _opened(archive: Path) -> Iterator[Opened]:
-    """The archive, any damage that shows while it is read told as an InputError."""
+    """The open archive; damage found while it is read raises InputError."""
     try:
         if zipfile.is_zipfile(archive):
             with zipfile.ZipFile(archive) as opened:
@@ -134,6 +137,11 @@ def _scene_files(archive: Path, members: list[Member], scene: str) -> dict[PureP
 
 
 def _safe_parts(archive: Path, name: str) -> tuple[str, ...]:
+    """The parts of a member's path.
+
+    Checked here, because the libraries unpack where this refuses: zipfile drops `..` from a name without a word, and
+    tarfile's data filter a leading slash.
+    """
     parts = PurePosixPath(name).parts
     if not parts or ".." in parts or parts[0] == "/" or "\\" in name or "\0" in name or ":" in parts[0]:
         raise _unsafe(archive, name, "a name that leads outside")
@@ -163,13 +171,12 @@ def _refuse_if_too_large(folder: Path, needed: int) -> None:
 
 
 def _write(opened: Opened, member: Member, path: Path) -> None:
-    source: IO[bytes] | None
-    if isinstance(opened, zipfile.ZipFile):
-        assert isinstance(member.entry, zipfile.ZipInfo)
-        source = opened.open(member.entry)
-    else:
-        assert isinstance(member.entry, tarfile.TarInfo)
-        source = opened.extractfile(member.entry)
-    assert source is not None  # links were refused
-    with source, replacing(path) as temporary, temporary.open("wb") as target:
-        shutil.copyfileobj(source, target, BLOCK)
+    """Extract a member to `path`, whole or not at all; the archive's modes, owners and times are not taken over."""
+    with replacing(path) as temporary:
+        if isinstance(opened, zipfile.ZipFile) and isinstance(member.entry, zipfile.ZipInfo):
+            renamed = copy.copy(member.entry)
+            renamed.filename = temporary.name
+            opened.extract(renamed, temporary.parent)
+        elif isinstance(opened, tarfile.TarFile) and isinstance(member.entry, tarfile.TarInfo):
+            entry = member.entry.replace(name=temporary.name, mode=None, mtime=None, deep=False)  # type: ignore[arg-type]
+            opened.extract(entry, temporary.parent, filter="data")

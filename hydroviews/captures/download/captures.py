@@ -1,20 +1,31 @@
-"""Published captures from the network into the captures' folder.
+"""Download published captures into the captures' folder.
 
 <captures>/downloads/360_v2.zip          the archive, kept for its other scenes
 <captures>/downloads/360_v2.zip.sha256   its checksum: the catalogue's, or that of the first download
 <captures>/360_v2/garden                 a scene, there once it is whole
 """
 
+import logging
 import os
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import urlparse
 
-from hydroviews.captures.catalogue import Archive, Capture, MissingCapture, all_captures, find_captures, locate
+from hydroviews.captures.catalogue.catalogue import (
+    Archive,
+    Capture,
+    MissingCapture,
+    all_captures,
+    find_captures,
+    locate,
+)
 from hydroviews.captures.download.archives import is_archive, unpack
-from hydroviews.captures.download.http import digest, fetch
+from hydroviews.captures.download.http_download import digest, fetch
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import BUSY, locked, write_bytes
+from hydroviews.files.atomic import write_bytes
+from hydroviews.files.locks import BUSY, locked
+
+logger = logging.getLogger(__name__)
 
 FOLDER = "downloads"
 SOURCE = "SOURCE.md"
@@ -23,26 +34,27 @@ SUFFIXES = (".zip", ".tar", ".tgz", ".tar.gz", ".tar.bz2", ".tar.xz")
 
 
 def download_captures(name: str, root: Path, mirror: str | None = None) -> Iterator[Path]:
-    """Get a capture, or all of a collection; what is there already stays as it is.
+    """Download a capture, or all of a collection; captures already on disk stay as they are.
 
     Args:
         name: of the capture or the collection.
         root: the captures' folder.
-        mirror: an archive's address, or that of a folder with archives, tried before the catalogue's;
+        mirror: address of an archive, or of a folder of archives, tried before the catalogue's;
             $HYDROVIEWS_MIRROR if None.
 
     Yields:
-        The captures' folders, each once it is whole.
+        The captures' folders, each once it is complete.
 
     Raises:
-        InputError: no such capture, one that has to be fetched by hand, or a download or an archive that fails.
+        InputError: there is no such capture, it has to be fetched by hand, its download fails, or its archive is
+            damaged.
     """
     captures = find_captures(name)
     if not captures:
         known = ", ".join(capture.name for capture in all_captures())
         raise InputError(f"{name}: no such capture to download", expected=f"one of {known}")
     checked: dict[Archive, str] = {}
-    for capture in sorted(captures, key=lambda capture: capture.archive is None):  # what is for hands comes last
+    for capture in sorted(captures, key=lambda capture: capture.archive is None):  # None raises: last
         yield locate(capture, root) or _get(capture, root, mirror, checked)
 
 
@@ -61,7 +73,7 @@ def _get(capture: Capture, root: Path, mirror: str | None, checked: dict[Archive
 
 
 def _origin(capture: Capture, archive: Archive, sha256: str) -> str:
-    """Where a capture comes from, in words that built scenes keep."""
+    """The text of SOURCE.md, which built scenes copy: where a capture comes from."""
     return (
         f"# {capture.scene}\n\n{capture.title}, {capture.page}\n\nUnpacked from {archive.name} "
         f"(SHA-256 {sha256}), published at {archive.urls[0]}. For its licence see its authors' page.\n"
@@ -69,12 +81,12 @@ def _origin(capture: Capture, archive: Archive, sha256: str) -> str:
 
 
 def get_archive(archive: Archive, path: Path, mirror: str | None = None) -> str:
-    """Download an archive, or check the one that is there; returns its SHA-256.
+    """Download an archive, or check the one on disk; returns its SHA-256.
 
-    Where the catalogue has no checksum, that of the first download is written beside it and holds from then on.
+    Where the catalogue has no checksum, that of the first download is written beside the archive and required later.
 
     Raises:
-        InputError: see `transfer.fetch`; the archive that is there has another checksum; a mirror that is none.
+        InputError: see `http_download.fetch`; the archive on disk has another checksum; the mirror is not an address.
     """
     lock = path.with_name(path.name + ".sha256")
     expected = archive.sha256 or _read_lock(lock)
@@ -89,7 +101,7 @@ def get_archive(archive: Archive, path: Path, mirror: str | None = None) -> str:
             )
     else:
         size = f"about {archive.gigabytes:g} GB"
-        print(f"{path}: {size}, kept for the other scenes in it; remove it when you need none", flush=True)
+        logger.info("%s: %s, kept for the other scenes in it; remove it when you need none", path, size)
         found = fetch(addresses(archive, mirror), path, expected, _not_an_archive)
     if expected is None:
         write_bytes(lock, f"{found}  {path.name}\n".encode())
@@ -97,7 +109,7 @@ def get_archive(archive: Archive, path: Path, mirror: str | None = None) -> str:
 
 
 def addresses(archive: Archive, mirror: str | None = None) -> list[str]:
-    """Where to look for an archive, in order.
+    """The addresses of an archive in the order to try.
 
     Raises:
         InputError: the mirror is not an address.

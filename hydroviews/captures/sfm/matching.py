@@ -1,4 +1,4 @@
-"""Features and matches with pycolmap on the CPU: visible progress, stopped by Ctrl-C, resumed from the database."""
+"""SIFT features and matches by pycolmap on the CPU, with progress; Ctrl-C stops it, the database resumes it."""
 
 import os
 import threading
@@ -18,12 +18,12 @@ from hydroviews.files.atomic import write_bytes
 from hydroviews.scene.images import image_size, read_image, to_uint8, without_streaks
 from hydroviews.scene.masks import find_mask, mask_name
 
-pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)  # progress bars tell enough
+pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)  # progress bars are enough
 
 MAX_FEATURES = 4096
 MAX_IMAGE_SIZE = 1600  # pixels of the longer side; larger photographs are shrunk for detection alone
 
-# What progress is counted in, and what Ctrl-C waits for.
+# Units of progress; Ctrl-C waits for the end of one.
 IMAGES_AT_ONCE = max(8, 2 * (os.cpu_count() or 1))
 PAIRS_AT_ONCE = 100
 
@@ -32,7 +32,7 @@ EXHAUSTIVE_LIMIT = 80
 OVERLAP = 8  # views before and after, and those 16, 32, 64... away
 KEYFRAMES = 40  # evenly spaced views matched with each other, which closes loops
 NEIGHBOURS = 12  # views matched with each one where poses are known
-MAX_ANGLE = 60.0  # degrees between viewing directions that a feature survives
+MAX_ANGLE = 60.0  # degrees between viewing directions up to which features match
 
 Result = TypeVar("Result")
 Pair = tuple[int, int]
@@ -41,10 +41,10 @@ Pair = tuple[int, int]
 def interruptible(call: Callable[..., Result], tick: Callable[[], object] = lambda: None) -> Result:
     """Run a long pycolmap call so that Ctrl-C stops it at its next safe point.
 
-    The database is not to be looked at meanwhile: pycolmap ends the process when it finds it locked.
+    Do not open the database meanwhile: pycolmap ends the process when it finds it locked.
 
     Args:
-        call: takes the token that cancels it as `cancellation_token`.
+        call: accepts `cancellation_token`, a pycolmap.CancellationToken that stops it.
         tick: called several times a second while it runs.
     """
     token = pycolmap.CancellationToken()
@@ -55,7 +55,7 @@ def interruptible(call: Callable[..., Result], tick: Callable[[], object] = lamb
     def run() -> None:
         try:
             results.append(call(cancellation_token=token))
-        except BaseException as error:  # handed over to the waiting thread
+        except BaseException as error:  # raised in the waiting thread
             errors.append(error)
         finally:
             finished.set()
@@ -76,7 +76,7 @@ def interruptible(call: Callable[..., Result], tick: Callable[[], object] = lamb
 
 
 def copy_without_streaks(images: Path, copies: Path, names: Sequence[str]) -> Path:
-    """Write copies of the photographs in which features are not those of the rain; returns their folder."""
+    """Write copies of the photographs without upright streaks, to detect no features of rain; returns their folder."""
     for name in tqdm(names, desc="without streaks", unit="image"):
         if not (copies / name).is_file():
             pixels = without_streaks(to_uint8(read_image(images / name)))
@@ -96,11 +96,11 @@ def register(
     shared: bool,
     masks: Path | None = None,
 ) -> None:
-    """Enter images and their cameras, unless all of them are in the database.
+    """Add images and their cameras to the database, unless all of them are in it.
 
     Args:
-        database: is emptied if only some of them are.
-        photographs: folder of the files themselves, which may say their focal lengths.
+        database: emptied if it has only some of them.
+        photographs: folder of the files, whose Exif may give focal lengths.
         names: of all images.
         camera_model: COLMAP's name.
         shared: one camera for all photographs of a size, instead of one for each.
@@ -109,11 +109,11 @@ def register(
     Raises:
         InputError: there are masks, but not for every image; a photograph that cannot be read.
     """
-    bare = [name for name in names if masks and find_mask(masks, name) is None]
-    if bare:  # COLMAP would leave the image out
+    unmasked = [name for name in names if masks and find_mask(masks, name) is None]
+    if unmasked:  # COLMAP would leave the image out
         raise InputError(
-            f"{masks}: {len(bare)} of {len(names)} images have no mask",
-            found=f"no {mask_name(bare[0])}",
+            f"{masks}: {len(unmasked)} of {len(names)} images have no mask",
+            found=f"no {mask_name(unmasked[0])}",
             fix="write one for every image, white where nothing is hidden",
         )
     with pycolmap.Database.open(database) as opened:
@@ -136,7 +136,7 @@ def extract(
     camera_model: str,
     masks: Path | None = None,
 ) -> None:
-    """Detect SIFT features in registered images that have none in the database yet, but where `masks` are black."""
+    """Detect SIFT features, outside masks, in those registered images that have none in the database."""
     reader = pycolmap.ImageReaderOptions(camera_model=camera_model, mask_path=masks or "")
     options = pycolmap.FeatureExtractionOptions(max_image_size=MAX_IMAGE_SIZE, use_gpu=False)
     options.sift.max_num_features = MAX_FEATURES
@@ -156,7 +156,7 @@ def extract(
 
 
 def match(database: Path, names: Sequence[str], pairs: Iterable[Pair], seed: int) -> None:
-    """Match and verify the pairs of views that are not in the database yet.
+    """Match and verify pairs of views, except those in the database.
 
     Args:
         database: with the features of all `names`.
@@ -203,7 +203,14 @@ def sequence_pairs(count: int) -> set[Pair]:
 
 
 def pose_pairs(world_to_camera: NDArray[np.float64]) -> set[Pair]:
-    """Each view with its nearest ones that look the same way, from poses [N, 4, 4]."""
+    """Each view with up to NEIGHBOURS nearest ones whose viewing directions differ by at most MAX_ANGLE.
+
+    Args:
+        world_to_camera: [N, 4, 4].
+
+    Returns:
+        Pairs of indices, the smaller first.
+    """
     rotations = world_to_camera[:, :3, :3]
     centres = -np.einsum("nji,nj->ni", rotations, world_to_camera[:, :3, 3])
     directions = rotations[:, 2]

@@ -1,4 +1,4 @@
-"""Cameras for a folder of photographs, and points for cameras that come without, estimated with pycolmap."""
+"""Structure from motion with pycolmap: cameras for photographs, and points for cameras without any."""
 
 import os
 import shutil
@@ -11,14 +11,16 @@ import pycolmap
 from tqdm import tqdm
 
 from hydroviews.captures.exif_orientation import common_turn, write_upright
-from hydroviews.captures.sfm import matching as features
+from hydroviews.captures.sfm import matching
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import PARTIAL, listing, plain_full_disk
+from hydroviews.files.atomic import listing
+from hydroviews.files.full_disk import plain_full_disk
 from hydroviews.files.settings_guard import claim_folder
-from hydroviews.formats import read_scene
+from hydroviews.files.temporary import temporary_beside
 from hydroviews.formats.colmap import reliable
 from hydroviews.formats.colmap_format import SparsePoints, read_images
 from hydroviews.formats.photographs import photographs_below, some, unreadable_photographs, view_names
+from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import check_whole, to_colmap_camera
 from hydroviews.scene.images import SUFFIXES, write_png
 from hydroviews.scene.masks import MASKS, mask_digest, mask_name, write_ignored
@@ -31,11 +33,12 @@ MINIMUM = 3  # registered views that make a scene
 # COLMAP halves each twice before it gives up.
 FIRST_PAIR_ANGLES = (16.0, 4.0)
 ENOUGH = 0.9  # share of photographs that must register before no other first pair is tried
-SNAPSHOT_EVERY = 10  # registered views that an interruption may cost twice over
+SNAPSHOT_EVERY = 10  # registered views between snapshots; an interruption may cost two of these intervals
 
 SETTINGS = "poses.json"
 DATABASE = "database.db"
 COPIES = ".without-streaks"
+MAPPING = ".unfinished-mapping"  # with snapshots that an interrupted mapping resumes from
 
 ADVICE = (
     "take more photographs, each sharing at least two thirds of what it shows with the next and taken from "
@@ -55,24 +58,24 @@ def estimate_poses(
 ) -> Scene:
     """Estimate a camera for each photograph in `images` and write the capture `out`.
 
-    Features, matches and then incremental mapping, all on the CPU. Finished work is kept in `out`: the same
-    call goes on after an interruption and returns at once when all is done.
+    Features, matches, then incremental mapping, all on the CPU. Finished work is kept in `out`: the same call resumes
+    after an interruption, and returns at once when all is done.
 
     Args:
-        images: the photographs, in folders or not.
-        out: gets `images` (links, or copies where links cannot be made or all photographs have to be turned upright,
-            which they are not where there are masks), `sparse/0` (the largest model, others
-            after it), `database.db` and `poses.json`.
-        camera_model: COLMAP's name; one camera is shared by photographs of one size.
-        matcher: all pairs, or neighbours in the order of names with loops closed; auto takes the first for up
-            to `features.EXHAUSTIVE_LIMIT` photographs.
-        seed: of the random sampling. Mapping runs in several threads, so the last digits may still differ, and
-            goes on from a snapshot after an interruption, which may change more than those.
-        masks: folder with a mask for every photograph, named as COLMAP names them (see `hydroviews.scene.masks`); what
-            they hide has no features.
-        advice: what to do if too few register.
-        rainy: look for features in copies without upright streaks. On 480-pixel views of Mip-NeRF 360 bonsai two
-            steps apart, with streaks n 100, l 30, w 3, that gives 76 right matches a pair for 49.
+        images: folder of the photographs and of folders with more.
+        out: gets `images`, `sparse/0` (the largest model, then the others), `database.db` and `poses.json`. `images`
+            has links; it has copies where links cannot be made, and copies turned upright where Exif says so of all
+            photographs alike and there are no masks.
+        camera_model: COLMAP's name; photographs of one size share a camera.
+        matcher: "exhaustive" matches all pairs, "sequential" neighbours in the order of names, with loop closure;
+            "auto" is exhaustive for up to `matching.EXHAUSTIVE_LIMIT` photographs.
+        seed: of the random sampling. After an interruption mapping resumes from a snapshot, which changes more than
+            the last digits.
+        masks: folder with a mask for every photograph, by COLMAP's names (see `hydroviews.scene.masks`); no features
+            are detected in hidden pixels.
+        advice: what to do if too few photographs register, for the error.
+        rainy: detect features in copies without upright streaks. On 480-pixel views of Mip-NeRF 360 bonsai two
+            steps apart, with streaks n 100, l 30, w 3, that gives 76 correct matches a pair instead of 49.
 
     Returns:
         The scene that `read_scene(out)` gives, with the number of registered photographs in its notes.
@@ -93,7 +96,7 @@ def estimate_poses(
     if out.resolve().is_relative_to(images.resolve()):  # copies of photographs would be photographs the next time
         raise InputError(f"{out}: among the photographs", expected="a folder beside them", fix="choose another --out")
     links = _link_names(images, sources)
-    exhaustive = matcher == "exhaustive" or (matcher == "auto" and len(sources) <= features.EXHAUSTIVE_LIMIT)
+    exhaustive = matcher == "exhaustive" or (matcher == "auto" and len(sources) <= matching.EXHAUSTIVE_LIMIT)
     settings = {"camera_model": camera_model, "exhaustive": exhaustive, "seed": seed, "images": sorted(links)}
     settings |= {"masks": mask_digest(masks) if masks else None, "rainy": rainy or None}  # None as where it lacks
     settings |= {"files": listing(sources)}
@@ -107,12 +110,12 @@ def estimate_poses(
     if not (out / "sparse").is_dir():
         database, pictures, names = out / DATABASE, out / "images", sorted(links)
         _link(links, pictures, turned=masks is None and common_turn(sources))
-        features.register(database, pictures, names, camera_model, shared=True, masks=masks)
+        matching.register(database, pictures, names, camera_model, shared=True, masks=masks)
         if rainy:
-            pictures = features.copy_without_streaks(pictures, out / COPIES, names)
-        features.extract(database, pictures, names, camera_model, masks)
-        pairs = features.all_pairs(len(names)) if exhaustive else features.sequence_pairs(len(names))
-        features.match(database, names, pairs, seed)
+            pictures = matching.copy_without_streaks(pictures, out / COPIES, names)
+        matching.extract(database, pictures, names, camera_model, masks)
+        pairs = matching.all_pairs(len(names)) if exhaustive else matching.sequence_pairs(len(names))
+        matching.match(database, names, pairs, seed)
         _map(out, len(names), seed, advice)
         shutil.rmtree(out / COPIES, ignore_errors=True)
     return read_scene(out)
@@ -160,9 +163,7 @@ def _map(out: Path, count: int, seed: int, advice: str) -> None:
             expected=f"at least {MINIMUM}",
             fix=advice,
         )
-    finished = out / (PARTIAL + "sparse")
-    shutil.rmtree(finished, ignore_errors=True)
-    with plain_full_disk(out / "sparse"):
+    with plain_full_disk(out / "sparse"), temporary_beside(out / "sparse") as finished:
         for i, model in enumerate(models):
             (finished / str(i)).mkdir(parents=True)
             model.write_binary(finished / str(i))
@@ -172,7 +173,7 @@ def _map(out: Path, count: int, seed: int, advice: str) -> None:
 
 def _incremental_mapping(out: Path, count: int, angle: float, seed: int) -> list[pycolmap.Reconstruction]:
     """The models that grow from a first pair whose rays meet at `angle` degrees, the largest first."""
-    scratch = out / (PARTIAL + "mapping")
+    scratch = out / MAPPING
     snapshots = scratch / "snapshots"
     snapshots.mkdir(parents=True, exist_ok=True)
     begun = sorted(snapshots.iterdir())[-2:-1]  # the last one may be half written
@@ -193,47 +194,46 @@ def _incremental_mapping(out: Path, count: int, angle: float, seed: int) -> list
             initial_image_pair_callback=lambda: None if begun else bar.update(2),
             next_image_callback=lambda: bar.update(1),
         )
-        models = features.interruptible(call)
+        models = matching.interruptible(call)
     shutil.rmtree(scratch)
     return sorted(models.values(), key=lambda model: -model.num_reg_images())
 
 
-def triangulate(scene: Scene, buffers: Path, seed: int = 0) -> Points:
-    """Points of a scene whose poses are known, for captures that come without any.
+def triangulate(scene: Scene, folder: Path, seed: int = 0) -> Points:
+    """Triangulate points of a scene whose cameras are known, for captures without points.
 
-    SIFT features of the undistorted photographs, of what masks show of them, are matched between views near each
-    other and triangulated; poses and intrinsics stay. Interrupted work is taken up again from `buffers`, which
-    serves one scene.
+    SIFT features of the undistorted photographs, outside masks, are matched between neighbouring views; poses and
+    intrinsics stay. A call after an interruption resumes from `folder`.
 
     Args:
         scene: with correct cameras.
-        workspace: gets the undistorted photographs and the database.
+        folder: gets the undistorted photographs and the database; for one scene only.
         seed: of the verification's random sampling.
 
     Returns:
         Points seen by three views within two pixels; there may be none, if poses or photographs do not fit.
     """
-    scene = scene.resized(features.MAX_IMAGE_SIZE)
+    scene = scene.resized(matching.MAX_IMAGE_SIZE)
     # COLMAP's text forms have no blanks in names; the number tells "a b" from "a_b".
     names = [f"{i:05d}-{view.name.replace(' ', '_')}.png" for i, view in enumerate(scene.views)]
-    masks = buffers / MASKS if any(view.mask for view in scene.views) else None
+    masks = folder / MASKS if any(view.mask for view in scene.views) else None
     for name, view in zip(names, tqdm(scene.views, desc="photographs"), strict=True):
-        if not (buffers / "images" / name).is_file():
-            write_png(buffers / "images" / name, view.image())
+        if not (folder / "images" / name).is_file():
+            write_png(folder / "images" / name, view.image())
         if masks:
             ignored = view.ignored()
             nothing = np.zeros((view.camera.height, view.camera.width), bool)
             write_ignored(masks / mask_name(name), nothing if ignored is None else ignored)
-    database = buffers / DATABASE
-    features.register(database, buffers / "images", names, "PINHOLE", shared=False, masks=masks)
-    features.extract(database, buffers / "images", names, "PINHOLE", masks)
-    features.match(
-        database, names, features.pose_pairs(np.stack([view.camera.world_to_camera for view in scene.views])), seed
+    database = folder / DATABASE
+    matching.register(database, folder / "images", names, "PINHOLE", shared=False, masks=masks)
+    matching.extract(database, folder / "images", names, "PINHOLE", masks)
+    matching.match(
+        database, names, matching.pose_pairs(np.stack([view.camera.world_to_camera for view in scene.views])), seed
     )
     model = _posed_model(scene, names, database)
     options = pycolmap.IncrementalPipelineOptions(random_seed=seed)
-    (buffers / "points").mkdir(exist_ok=True)
-    model = pycolmap.triangulate_points(model, database, buffers / "images", buffers / "points", options=options)
+    (folder / "points").mkdir(exist_ok=True)
+    model = pycolmap.triangulate_points(model, database, folder / "images", folder / "points", options=options)
     return _points(model)
 
 

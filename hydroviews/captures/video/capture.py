@@ -1,12 +1,13 @@
-"""A film becomes a capture: sharp frames, masks, and cameras estimated from the rainy frames themselves."""
+"""A video becomes a capture: sharp frames, masks, and cameras estimated from the rainy frames themselves."""
 
+import logging
 from dataclasses import replace
 from pathlib import Path
 
 from hydroviews.captures.sfm.poses import Matcher, estimate_poses
 from hydroviews.captures.video.frames import FILE, IMAGES, SETTINGS, FrameChoice, take_frames
-from hydroviews.captures.video.masks import SETTINGS as MASK_SETTINGS
-from hydroviews.captures.video.masks import put_masks
+from hydroviews.captures.video.user_masks import SETTINGS as MASK_SETTINGS
+from hydroviews.captures.video.user_masks import put_masks
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, write_json
 from hydroviews.formats.capture_json import FILE as CAPTURE
@@ -14,7 +15,9 @@ from hydroviews.formats.capture_json import RAINY
 from hydroviews.scene.masks import MASKS
 from hydroviews.scene.scenes import Scene
 
-FEW = 0.5  # share of registered frames below which the capture is doubtful
+logger = logging.getLogger(__name__)
+
+FEW = 0.5  # share of registered frames below which the user is warned
 
 
 def capture_video(
@@ -29,13 +32,14 @@ def capture_video(
     matcher: Matcher = "auto",
     seed: int = 0,
 ) -> Scene | None:
-    """Make the capture `out` from a film; what is finished is kept, so the same call goes on.
+    """Make the capture `out` from a video; the same call resumes after an interruption.
 
     Args:
-        path: the film.
-        out: gets `images`, `masks`, `sparse`, `capture.json` and what `frames`, `privacy` and `poses` keep.
+        path: the video.
+        out: gets `images`, `masks`, `sparse`, `capture.json`, and the settings of `video.frames`, `video.user_masks`
+            and `sfm.poses`.
         choice: which frames, and how large.
-        masks: what to hide, see `privacy`.
+        masks: pixels to hide, see `video.user_masks`.
         inpaint: fill in what is hidden.
         dry: it did not rain: the frames are a clean ground truth.
         frames_only: stop before cameras are estimated, so that masks can be drawn.
@@ -51,12 +55,12 @@ def capture_video(
     if inpaint and not masks:
         raise InputError("--inpaint: nothing to fill in", fix="say what to hide with --masks")
     for note in take_frames(path, out, choice):
-        print(note)
+        logger.info(note)
     frames = read_json(out / FILE)["frames"]
-    print(f"{len(frames)} frames in {out / IMAGES}")
+    logger.info("%d frames in %s", len(frames), out / IMAGES)
     if masks:
         for note in put_masks(masks, out, {frame["name"]: frame["time"] for frame in frames}, inpaint):
-            print(note)
+            logger.info(note)
     elif (out / MASK_SETTINGS).is_file():
         raise InputError(f"{out}: begun with masks", fix="give the same --masks again, or choose another --out")
     rain = {"rain": "none"} if dry else RAINY
@@ -70,7 +74,7 @@ def capture_video(
 
 
 def advise(choice: FrameChoice, masked: bool) -> str:
-    """What to do about frames of a rainy film that do not register, with the options to try."""
+    """Advice for a rainy video whose frames do not register, with the options to try."""
     hide = "" if masked else "; hide people, cars and the camera's own housing with --masks"
     return (
         f"take more frames a second into another folder (--rate {2 * choice.rate:g} --out ...){hide}. "
@@ -81,7 +85,7 @@ def advise(choice: FrameChoice, masked: bool) -> str:
 
 
 def registration_notes(registered: int, frames: int, advice: str) -> list[str]:
-    """Says how many frames have no camera, and what to do if they are many."""
+    """Sentences about frames without a camera, with advice if they are many; none if every frame has one."""
     if registered == frames:
         return []
     notes = [f"{frames - registered} of {frames} frames could not be registered and are left out"]

@@ -1,10 +1,10 @@
-"""Pictures out of a film: the sharpest one near each instant, as PNG files.
+"""Frames of a video as PNG files: at regular times ("instants"), the sharpest one near each.
 
-    <out>/video.json       the film and the settings
+    <out>/video.json       the video and the settings
     <out>/frames.json      time and sharpness of each frame
     <out>/images/*.png     frame-00000.png is the one near the first instant
 
-A call that was interrupted goes on where it stopped; other settings or another film in the same folder are refused.
+A call resumes where an interrupted one ended; other settings or another video in the same folder are refused.
 """
 
 import os
@@ -26,21 +26,21 @@ from hydroviews.scene.images import without_streaks, write_png
 from hydroviews.scene.masks import MASKS, mask_name
 
 SETTINGS, FILE, IMAGES = "video.json", "frames.json", "images"
-NEAR = 0.25  # seconds to either side of an instant in which the sharpest frame is looked for
-SHARE = 0.45  # of the time between two instants, where that is less
+NEAR = 0.25  # seconds before and after an instant in which the sharpest frame is chosen, but at most
+SHARE = 0.45  # of the time between two instants
 ANALYSED_SIDE = 480  # pixels: sharpness is measured at this size
-WHOLE = 0.98  # a film is cut short if fewer of its frames can be read
-FEWEST = 3  # frames that a scene can be made of
+WHOLE = 0.98  # share of readable frames below which a video counts as cut short
+FEWEST = 3  # frames that a scene needs
 
 Pixels = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
 class FrameChoice:
-    """Which frames are taken, and how large."""
+    """Which frames are taken, and at which size."""
 
     rate: float = 1.0  # frames a second
-    long_side: int | None = None  # pixels; a film is never enlarged
+    long_side: int | None = None  # pixels; a video is never enlarged
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.rate) and self.rate > 0):
@@ -49,8 +49,8 @@ class FrameChoice:
             raise InputError(f"--long-side {self.long_side}: no size", expected="at least 1 pixel")
 
 
-class Film(NamedTuple):
-    """A film that is open."""
+class Video(NamedTuple):
+    """An open video."""
 
     capture: cv2.VideoCapture
     path: Path
@@ -60,7 +60,7 @@ class Film(NamedTuple):
 
 @dataclass
 class Progress:
-    """How much of a film has been read."""
+    """How much of a video has been read."""
 
     frames: int = 0
     seconds: float = 0.0
@@ -69,64 +69,63 @@ class Progress:
 class Candidate(NamedTuple):
     """A frame that may be taken."""
 
-    instant: int  # the how-manieth instant it is near
-    time: float  # seconds from the film's beginning
+    instant: int  # index of the nearest instant, from 0
+    time: float  # seconds from the video's beginning
     sharpness: float
     pixels: Pixels  # [H, W, 3], RGB
 
 
 @contextmanager
-def open_film(path: Path) -> Iterator[Film]:
-    """Open a film; pictures come out upright, as the phone that took it says.
+def open_video(path: Path) -> Iterator[Video]:
+    """Open a video; its frames are turned upright by the orientation in its header.
 
     Raises:
-        InputError: no such file, or not a film.
+        InputError: no such file, or not a video.
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # its errors are told in plain words below
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # InputError below replaces its messages
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
     try:
         if not capture.isOpened():
             raise InputError(
-                f"{path}: cannot be read as a film",
+                f"{path}: cannot be read as a video",
                 found=f"{path.stat().st_size} bytes",
                 expected="a video file, such as .mp4, .mov, .mkv or .avi",
                 fix="copy it again if it may be cut short; convert it with ffmpeg if it is of a rare kind",
             )
         capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)
         rate, count = capture.get(cv2.CAP_PROP_FPS), capture.get(cv2.CAP_PROP_FRAME_COUNT)
-        yield Film(capture, path, rate if 0 < rate < 1e4 else 0.0, int(count) if 0 < count < 1e9 else 0)
+        yield Video(capture, path, rate if 0 < rate < 1e4 else 0.0, int(count) if 0 < count < 1e9 else 0)
     finally:
         capture.release()
 
 
-def frame_times(film: Film) -> Iterator[float]:
-    """Step through a film: seconds from its first frame, by its own time stamps where it has any.
+def frame_times(video: Video) -> Iterator[float]:
+    """Step through a video's frames, yielding seconds from the first one, by the video's time stamps where it has any.
 
     Raises:
         InputError: it has neither time stamps nor a frame rate.
     """
     first = last = None
-    while film.capture.grab():
-        stamp = film.capture.get(cv2.CAP_PROP_POS_MSEC) / 1000
+    while video.capture.grab():
+        stamp = video.capture.get(cv2.CAP_PROP_POS_MSEC) / 1000
         if first is None or last is None:
             first, last = stamp, 0.0
         elif stamp - first > last:
             last = stamp - first
-        elif film.rate:
-            last += 1 / film.rate
+        elif video.rate:
+            last += 1 / video.rate
         else:
-            raise InputError(f"{film.path}: neither time stamps nor a frame rate", fix="convert it with ffmpeg")
+            raise InputError(f"{video.path}: neither time stamps nor a frame rate", fix="convert it with ffmpeg")
         yield last
 
 
 def sharpness(pixels: Pixels) -> float:
-    """Mean squared gradient of the grey picture once upright streaks are taken out, larger for sharper pictures.
+    """Mean squared gradient of the grey picture without upright streaks; larger for sharper pictures.
 
-    Of 110 pairs of a sharp rainy picture
-    and one blurred by 3 to 9 of 800 pixels with a third more rain it prefers the sharp one in 106, and rain alone
-    changes it by 3 %; for the variance of the Laplacian these are 102 and 13 %.
+    In 106 of 110 pairs it prefers a sharp rainy picture to one that is blurred by 3 to 9 of 800 pixels and has a third
+    more rain, and rain alone changes it by 3 %. The variance of the Laplacian: 102 pairs, 13 %.
 
     Args:
         pixels: uint8 [H, W, 3].
@@ -142,71 +141,71 @@ def sharpness(pixels: Pixels) -> float:
 
 
 def take_frames(path: Path, out: Path, choice: FrameChoice) -> list[str]:
-    """Write the sharpest frame near each instant, `choice.rate` of them a second, beginning with the first frame.
+    """Write the sharpest frame near each instant; there are `choice.rate` instants a second, from the first frame on.
 
     Args:
-        path: the film.
+        path: the video.
         out: gets `frames.json` and `images`.
         choice: which and how large.
 
     Returns:
-        Sentences about what is odd with the film; none where all is well.
+        Warnings about the video; none where all is well.
 
     Raises:
-        InputError: not a film, too short, no frame can be read, or `out` holds frames of another one.
+        InputError: not a video, too short, no frame can be read, or `out` holds frames of another one.
     """
-    with open_film(path) as film:
+    with open_video(path) as video:
         source = {"video": path.name, "bytes": path.stat().st_size, "sha256": sha256(path)}
         claim_folder(
             out / SETTINGS,
             {**source, **asdict(choice)},
-            taken="holds frames of another film, or taken otherwise",
-            foreign="holds files that no film was taken to",
+            taken="holds frames of another video, or taken otherwise",
+            foreign="holds files that no video was taken to",
             fix="choose another --out, or remove that folder",
             ignored=("video",),
         )
         state: dict[str, Any] = read_json(out / FILE) if (out / FILE).is_file() else {}
         if not state or not all((out / IMAGES / frame["name"]).is_file() for frame in state["frames"]):
-            state = _take(film, out, choice)
+            state = _take(video, out, choice)
     if state["seconds"] * choice.rate < FEWEST or len(state["frames"]) < FEWEST:
         raise _too_short(path, choice, state)
     return list(state["notes"])
 
 
-def _take(film: Film, out: Path, choice: FrameChoice) -> dict[str, Any]:
-    """Go through the film and write what is not there yet; returns what `frames.json` says in the end."""
+def _take(video: Video, out: Path, choice: FrameChoice) -> dict[str, Any]:
+    """Go through the video and write the frames that are missing; returns the content of `frames.json`."""
     frames, seen = [], Progress()
-    for best in _best_frames(film, choice, seen):
+    for best in _best_frames(video, choice, seen):
         name = f"frame-{best.instant:05d}.png"
         if not (out / IMAGES / name).is_file():
-            (out / MASKS / mask_name(name)).unlink(missing_ok=True)  # its picture has nothing hidden yet
+            (out / MASKS / mask_name(name)).unlink(missing_ok=True)  # nothing is hidden in the new picture
             write_png(out / IMAGES / name, _fitted(best.pixels, choice.long_side))
         facts = {"instant": best.instant / choice.rate, "time": best.time, "sharpness": best.sharpness}
         frames.append({"name": name, **{key: round(value, 4) for key, value in facts.items()}})
     state = {
-        "seconds": round(seen.seconds + (1 / film.rate if film.rate else 0.0), 3),
-        "frames_in_film": seen.frames,
-        "notes": _notes(film, choice, seen, len(frames)),
+        "seconds": round(seen.seconds + (1 / video.rate if video.rate else 0.0), 3),
+        "frames_in_video": seen.frames,
+        "notes": _notes(video, choice, seen, len(frames)),
         "frames": frames,
     }
     if not frames:
-        raise InputError(f"{film.path}: not one frame can be read", fix="copy the film again, or convert it")
+        raise InputError(f"{video.path}: not one frame can be read", fix="copy the video again, or convert it")
     write_json(out / FILE, state)
     return state
 
 
-def _best_frames(film: Film, choice: FrameChoice, seen: Progress) -> Iterator[Candidate]:
-    """The sharpest frame near each instant that has one; `seen` is kept up to date."""
+def _best_frames(video: Video, choice: FrameChoice, seen: Progress) -> Iterator[Candidate]:
+    """The sharpest frame near each instant that has one; `seen` is updated with each frame read."""
     near = min(NEAR, SHARE / choice.rate)
     best: Candidate | None = None
-    bar = tqdm(total=film.length or None, desc="frames", unit="frame")
-    for time in frame_times(film):
+    bar = tqdm(total=video.length or None, desc="frames", unit="frame")
+    for time in frame_times(video):
         seen.frames, seen.seconds = seen.frames + 1, time
         bar.update()
         instant = round(time * choice.rate)
         if abs(time - instant / choice.rate) > near:
             continue
-        good, pixels = film.capture.retrieve()
+        good, pixels = video.capture.retrieve()
         if not good:
             continue
         pixels = cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
@@ -230,13 +229,13 @@ def _fitted(pixels: Pixels, long_side: int | None) -> Pixels:
     return np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def _notes(film: Film, choice: FrameChoice, seen: Progress, taken: int) -> list[str]:
+def _notes(video: Video, choice: FrameChoice, seen: Progress, taken: int) -> list[str]:
     notes = []
-    if film.length and seen.frames < WHOLE * film.length:
-        notes.append(f"{film.path.name} is cut short: {seen.frames} of its {film.length} frames could be read")
+    if video.length and seen.frames < WHOLE * video.length:
+        notes.append(f"{video.path.name} is cut short: {seen.frames} of its {video.length} frames could be read")
     wanted = int(seen.seconds * choice.rate) + 1
     if taken < wanted:
-        notes.append(f"{wanted - taken} of {wanted} instants have no frame near them: the film has too few a second")
+        notes.append(f"{wanted - taken} of {wanted} instants have no frame near them: the video has too few a second")
     return notes
 
 

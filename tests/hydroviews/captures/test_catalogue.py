@@ -3,7 +3,7 @@ from collections import Counter
 import pytest
 
 from hydroviews.blender.embedded_scenes.captures import EMBEDDED
-from hydroviews.captures.catalogue import all_captures, captures_root, find_captures, locate
+from hydroviews.captures.catalogue.catalogue import all_captures, captures_root, find_captures, locate
 from hydroviews.dataset.suites import known_suites, read_suite
 from hydroviews.errors import InputError
 

@@ -1,5 +1,7 @@
 """Photographs as phones store them: pixels as the sensor lay, a tag for the turn, a focal length."""
 
+import logging
+
 import cv2
 import numpy as np
 import PIL.Image
@@ -7,7 +9,7 @@ import pycolmap
 import pytest
 
 from hydroviews.captures.exif_orientation import common_turn, orientation, write_upright
-from hydroviews.captures.sfm import matching as features
+from hydroviews.captures.sfm import matching
 from hydroviews.scene.images import image_size, read_image, write_png
 
 ORIENTATION, EXIF, FOCAL_35 = 0x0112, 0x8769, 0xA405
@@ -43,25 +45,26 @@ def test_a_photograph_is_turned_and_keeps_its_focal_length(tmp_path, tag):
         assert image.getexif().get_ifd(EXIF)[FOCAL_35] == 26
 
 
-def test_all_are_turned_or_none(tmp_path, capsys):
+def test_all_are_turned_or_none(tmp_path, caplog):
+    caplog.set_level(logging.INFO)
     upright, portrait = photograph(tmp_path / "a.jpg"), photograph(tmp_path / "b.jpg", tag=6)
     write_png(tmp_path / "c.png", np.zeros((4, 4, 3), np.float32))
     (tmp_path / "d.jpg").write_bytes(b"no picture")
     assert not common_turn([upright, tmp_path / "c.png", tmp_path / "d.jpg"])
     assert common_turn([portrait, portrait])
     assert orientation(photograph(tmp_path / "e.jpg", tag=77)) == 1
-    assert capsys.readouterr().out == ""
+    assert caplog.text == ""
     assert not common_turn([upright, portrait])
-    assert "upright and sideways" in capsys.readouterr().out
+    assert "upright and sideways" in caplog.text
 
 
 def test_cameras_are_those_of_the_photographs_not_of_their_copies(tmp_path):
     names = [f"{i}.jpg" for i in range(5)]
     for i, name in enumerate(names):
         photograph(tmp_path / "images" / name, (320, 240) if i < 3 else (240, 320), seed=i)
-    copies = features.copy_without_streaks(tmp_path / "images", tmp_path / "copies", names)
-    features.register(tmp_path / "d.db", tmp_path / "images", names, "SIMPLE_RADIAL", shared=True)
-    features.extract(tmp_path / "d.db", copies, names, "SIMPLE_RADIAL")
+    copies = matching.copy_without_streaks(tmp_path / "images", tmp_path / "copies", names)
+    matching.register(tmp_path / "d.db", tmp_path / "images", names, "SIMPLE_RADIAL", shared=True)
+    matching.extract(tmp_path / "d.db", copies, names, "SIMPLE_RADIAL")
     with pycolmap.Database.open(tmp_path / "d.db") as database:
         images = [database.read_image_with_name(name) for name in names]
         assert all(len(database.read_keypoints(image.image_id)) for image in images)
@@ -75,5 +78,5 @@ def test_a_copy_that_cannot_be_written_is_no_copy(tmp_path, monkeypatch):
     photograph(tmp_path / "images" / "a.jpg")
     monkeypatch.setattr(cv2, "imencode", lambda *_: (False, None))
     with pytest.raises(ValueError, match=r"a\.jpg: encoding failed"):
-        features.copy_without_streaks(tmp_path / "images", tmp_path / "copies", ["a.jpg"])
+        matching.copy_without_streaks(tmp_path / "images", tmp_path / "copies", ["a.jpg"])
     assert not (tmp_path / "copies" / "a.jpg").exists()

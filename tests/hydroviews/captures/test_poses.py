@@ -15,13 +15,12 @@ from captures import WALK, capture, flower_walk
 from processes import PATIENCE, wait_until
 from synthetic import capture_in
 
-from hydroviews.captures.sfm import matching as features
-from hydroviews.captures.sfm import poses
+from hydroviews.captures.sfm import matching, poses
 from hydroviews.captures.sfm.poses import estimate_poses, triangulate
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import listing
-from hydroviews.formats import read_scene
 from hydroviews.formats.geometry import misplaced, misplaced_note, rigid_pose
+from hydroviews.formats.read import read_scene
 from hydroviews.scene.images import write_png
 
 
@@ -79,7 +78,7 @@ def test_an_interruption_waits_for_the_safe_point():
         ended.append(True)
 
     with pytest.raises(KeyboardInterrupt):
-        features.interruptible(call)
+        matching.interruptible(call)
     assert ended
 
 
@@ -98,14 +97,14 @@ def test_interrupted_mapping_goes_on_from_a_snapshot(flower, tmp_path, monkeypat
 
     monkeypatch.setattr(poses, "SNAPSHOT_EVERY", 2)
     with monkeypatch.context() as patch:
-        patch.setattr(features, "interruptible", interrupted)
+        patch.setattr(matching, "interruptible", interrupted)
         with pytest.raises(InterruptedError):
             estimate_poses(flower, tmp_path)
-    snapshots = sorted((tmp_path / ".partial-mapping" / "snapshots").iterdir())
+    snapshots = sorted((tmp_path / poses.MAPPING / "snapshots").iterdir())
     assert len(snapshots) >= 2
     scene = estimate_poses(flower, tmp_path)
     assert len(scene.views) == 9
-    assert not (tmp_path / ".partial-mapping").exists()
+    assert not (tmp_path / poses.MAPPING).exists()
     solved = read_scene(capture("llff_flower"))
     solved = replace(solved, views=tuple(solved.views[i] for i in WALK))
     assert max(relative_rotation_error(scene, solved, 0, i) for i in range(1, 9)) < 1
@@ -181,18 +180,18 @@ def test_other_photographs_of_the_same_names_and_photographs_that_moved(tmp_path
 
 
 def test_sequence_pairs_join_neighbours_and_close_loops():
-    pairs = features.sequence_pairs(300)
+    pairs = matching.sequence_pairs(300)
     assert {(i, i + 1) for i in range(299)} <= pairs
     assert (0, 299) in pairs
     assert (10, 10 + 128) in pairs
-    assert len(pairs) < 5000 < len(features.all_pairs(300))
-    assert features.sequence_pairs(2) == {(0, 1)}
+    assert len(pairs) < 5000 < len(matching.all_pairs(300))
+    assert matching.sequence_pairs(2) == {(0, 1)}
     assert all(i < j < 300 for i, j in pairs)
 
 
 def test_pose_pairs_need_a_common_direction(tmp_path):
     scene = capture_in(tmp_path, n_views=36)  # a ring, ten degrees apart
-    pairs = features.pose_pairs(np.stack([view.camera.world_to_camera for view in scene.views]))
+    pairs = matching.pose_pairs(np.stack([view.camera.world_to_camera for view in scene.views]))
     apart = {min(j - i, 36 - (j - i)) for i, j in pairs}
     assert {1, 2, 3, 4, 5} <= apart <= {1, 2, 3, 4, 5, 6}  # none beyond sixty degrees
     assert {(i, i + 1) for i in range(35)} <= pairs

@@ -1,4 +1,4 @@
-"""Films as captures: which frames are taken, what masks hide, and what a rainy film ends in."""
+"""Videos as captures: which frames are taken, what masks hide, and what a rainy video ends in."""
 
 import json
 import struct
@@ -13,13 +13,13 @@ from captures import capture, flower_walk, rained_on
 from hydroviews.captures.video import frames as frames_module
 from hydroviews.captures.video.capture import FEW, advise, capture_video, registration_notes
 from hydroviews.captures.video.frames import FrameChoice, sharpness, take_frames
-from hydroviews.captures.video.masks import fill, put_masks
+from hydroviews.captures.video.user_masks import fill, put_masks
 from hydroviews.dataset.build import build
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
-from hydroviews.formats import read_scene
 from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.read import read_scene
 from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.seeds import generator
 from hydroviews.rain.streaks.effect import StreakPattern, composite, streak_layer
@@ -33,13 +33,13 @@ def picture(seed: int, width: int = 64, height: int = 48) -> np.ndarray:
     return cv2.resize(coarse, (width, height), interpolation=cv2.INTER_NEAREST)
 
 
-def write_film(path: Path, pictures, rate: float = 10, codec: str = "FFV1") -> Path:
+def write_video(path: Path, pictures, rate: float = 10, codec: str = "FFV1") -> Path:
     """Losslessly, unless another codec is asked for."""
     height, width = pictures[0].shape[:2]
-    film = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*codec), rate, (width, height))
+    video = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*codec), rate, (width, height))
     for image in pictures:
-        film.write(np.ascontiguousarray(image[..., ::-1]))
-    film.release()
+        video.write(np.ascontiguousarray(image[..., ::-1]))
+    video.release()
     return path
 
 
@@ -56,36 +56,36 @@ def stored(out: Path) -> dict[str, bytes]:
 
 
 @pytest.fixture
-def film(tmp_path):
+def video(tmp_path):
     """5 s at 10 frames a second; in every second the third frame after the full one is the only sharp one."""
     pictures = [picture(i) if i % 10 == 2 else blurred(picture(i)) for i in range(50)]
-    return write_film(tmp_path / "walk.mkv", pictures)
+    return write_video(tmp_path / "walk.mkv", pictures)
 
 
-def test_the_sharpest_frame_near_each_second_is_taken(film, tmp_path):
-    assert take_frames(film, tmp_path / "out", FrameChoice()) == []
+def test_the_sharpest_frame_near_each_second_is_taken(video, tmp_path):
+    assert take_frames(video, tmp_path / "out", FrameChoice()) == []
     frames = taken(tmp_path / "out")
     assert [frame["instant"] for frame in frames] == [0, 1, 2, 3, 4]
     assert [frame["time"] for frame in frames] == pytest.approx([0.2, 1.2, 2.2, 3.2, 4.2])
     for i, frame in enumerate(frames):
         assert np.array_equal(to_uint8(read_image(tmp_path / "out/images" / frame["name"])), picture(10 * i + 2))
     facts = json.loads((tmp_path / "out/video.json").read_text())
-    assert (facts["bytes"], facts["rate"]) == (film.stat().st_size, 1.0)
+    assert (facts["bytes"], facts["rate"]) == (video.stat().st_size, 1.0)
 
 
-def test_other_rates_take_no_frame_twice(film, tmp_path):
-    take_frames(film, tmp_path / "out", FrameChoice(rate=4))
+def test_other_rates_take_no_frame_twice(video, tmp_path):
+    take_frames(video, tmp_path / "out", FrameChoice(rate=4))
     times = [frame["time"] for frame in taken(tmp_path / "out")]
     assert len(times) == 20
     assert all(a < b for a, b in pairwise(times))
-    notes = take_frames(film, tmp_path / "fast", FrameChoice(rate=25))
+    notes = take_frames(video, tmp_path / "fast", FrameChoice(rate=25))
     assert len(taken(tmp_path / "fast")) < 125
     assert "instants have no frame near them" in notes[0]
 
 
-def test_frames_can_be_shrunk_but_not_enlarged(film, tmp_path):
-    take_frames(film, tmp_path / "small", FrameChoice(long_side=32))
-    take_frames(film, tmp_path / "large", FrameChoice(long_side=999))
+def test_frames_can_be_shrunk_but_not_enlarged(video, tmp_path):
+    take_frames(video, tmp_path / "small", FrameChoice(long_side=32))
+    take_frames(video, tmp_path / "large", FrameChoice(long_side=999))
     sizes = [read_image(tmp_path / out / "images/frame-00000.png").shape for out in ("small", "large")]
     assert sizes == [(24, 32, 3), (48, 64, 3)]
 
@@ -102,8 +102,8 @@ def test_sharpness_sees_blur_through_rain():
         assert values[0] > 1.1 * values[1]
 
 
-def test_an_interrupted_call_goes_on_and_lost_frames_come_back(film, tmp_path, monkeypatch):
-    take_frames(film, tmp_path / "whole", FrameChoice())
+def test_an_interrupted_call_goes_on_and_lost_frames_come_back(video, tmp_path, monkeypatch):
+    take_frames(video, tmp_path / "whole", FrameChoice())
     written = []
 
     def interrupted(path, image):
@@ -115,34 +115,34 @@ def test_an_interrupted_call_goes_on_and_lost_frames_come_back(film, tmp_path, m
     with monkeypatch.context() as patch:
         patch.setattr(frames_module, "write_png", interrupted)
         with pytest.raises(KeyboardInterrupt):
-            take_frames(film, tmp_path / "out", FrameChoice())
+            take_frames(video, tmp_path / "out", FrameChoice())
     assert len(stored(tmp_path / "out")) == 3
     assert not (tmp_path / "out/frames.json").exists()
-    take_frames(film, tmp_path / "out", FrameChoice())
+    take_frames(video, tmp_path / "out", FrameChoice())
     assert stored(tmp_path / "out") == stored(tmp_path / "whole")
     (tmp_path / "out/images/frame-00002.png").unlink()
-    take_frames(film, tmp_path / "out", FrameChoice())
+    take_frames(video, tmp_path / "out", FrameChoice())
     assert stored(tmp_path / "out") == stored(tmp_path / "whole")
 
 
-def test_other_settings_and_another_film_are_refused(film, tmp_path):
-    take_frames(film, tmp_path / "out", FrameChoice())
+def test_other_settings_and_another_video_are_refused(video, tmp_path):
+    take_frames(video, tmp_path / "out", FrameChoice())
     with pytest.raises(InputError, match=r"taken otherwise\n.*rate 1"):
-        take_frames(film, tmp_path / "out", FrameChoice(rate=2))
-    other = write_film(tmp_path / "other.mkv", [picture(i) for i in range(40)])
-    with pytest.raises(InputError, match=r"another film[\s\S]*sha256"):
+        take_frames(video, tmp_path / "out", FrameChoice(rate=2))
+    other = write_video(tmp_path / "other.mkv", [picture(i) for i in range(40)])
+    with pytest.raises(InputError, match=r"another video[\s\S]*sha256"):
         take_frames(other, tmp_path / "out", FrameChoice())
-    take_frames(film.rename(tmp_path / "renamed.mkv"), tmp_path / "out", FrameChoice())
+    take_frames(video.rename(tmp_path / "renamed.mkv"), tmp_path / "out", FrameChoice())
 
 
-def test_no_films(tmp_path):
+def test_no_videos(tmp_path):
     with pytest.raises(InputError, match=r"none\.mp4: no such file"):
         take_frames(tmp_path / "none.mp4", tmp_path / "out", FrameChoice())
-    (tmp_path / "text.mp4").write_text("not a film " * 100)
-    with pytest.raises(InputError, match=r"text\.mp4: cannot be read as a film"):
+    (tmp_path / "text.mp4").write_text("not a video " * 100)
+    with pytest.raises(InputError, match=r"text\.mp4: cannot be read as a video"):
         take_frames(tmp_path / "text.mp4", tmp_path / "out", FrameChoice())
     (tmp_path / "empty.avi").write_bytes(b"")
-    with pytest.raises(InputError, match=r"empty\.avi: cannot be read as a film"):
+    with pytest.raises(InputError, match=r"empty\.avi: cannot be read as a video"):
         take_frames(tmp_path / "empty.avi", tmp_path / "out", FrameChoice())
     assert not (tmp_path / "out").exists()
 
@@ -153,16 +153,16 @@ def test_choices_that_are_none(settings):
         FrameChoice(**settings)
 
 
-def test_a_short_film_says_which_rate_to_try(tmp_path):
-    short = write_film(tmp_path / "short.mkv", [picture(i) for i in range(20)])
+def test_a_short_video_says_which_rate_to_try(tmp_path):
+    short = write_video(tmp_path / "short.mkv", [picture(i) for i in range(20)])
     with pytest.raises(InputError, match=r"too short at a rate of 1 a second\n.*2\.0 s[\s\S]*--rate 10\.0"):
         take_frames(short, tmp_path / "out", FrameChoice())
     take_frames(short, tmp_path / "fast", FrameChoice(rate=10))
     assert len(taken(tmp_path / "fast")) == 20
 
 
-def test_a_film_cut_short_gives_what_can_be_read(tmp_path):
-    whole = write_film(tmp_path / "whole.avi", [picture(i, 160, 120) for i in range(100)], codec="MJPG")
+def test_a_video_cut_short_gives_what_can_be_read(tmp_path):
+    whole = write_video(tmp_path / "whole.avi", [picture(i, 160, 120) for i in range(100)], codec="MJPG")
     cut = tmp_path / "cut.avi"
     cut.write_bytes(whole.read_bytes()[: whole.stat().st_size * 6 // 10])
     notes = take_frames(cut, tmp_path / "out", FrameChoice())
@@ -172,8 +172,8 @@ def test_a_film_cut_short_gives_what_can_be_read(tmp_path):
 
 
 def test_frames_stand_upright(tmp_path):
-    """The header of a film from a telephone held upright: turn by 90 degrees when shown."""
-    lying = write_film(tmp_path / "lying.mp4", [picture(3)] * 40, codec="mp4v")
+    """The header of a video from a telephone held upright: turn by 90 degrees when shown."""
+    lying = write_video(tmp_path / "lying.mp4", [picture(3)] * 40, codec="mp4v")
     content = bytearray(lying.read_bytes())
     matrix = content.index(b"tkhd") + 4 + 40
     content[matrix : matrix + 36] = struct.pack(">9i", 0, 1 << 16, 0, -(1 << 16), 0, 0, 48 << 16, 0, 1 << 30)
@@ -203,8 +203,8 @@ def white(hidden):
     return np.where(hidden[..., None], np.uint8(255), np.uint8(0)).repeat(3, axis=2)
 
 
-def test_one_mask_for_all_frames_hides_in_white(film, tmp_path, corner):
-    take_frames(film, tmp_path / "out", FrameChoice())
+def test_one_mask_for_all_frames_hides_in_white(video, tmp_path, corner):
+    take_frames(video, tmp_path / "out", FrameChoice())
     write_png(tmp_path / "corner.png", white(corner.repeat(2, 0).repeat(2, 1)))  # of twice the size
     before = stored(tmp_path / "out")
     assert put_masks(tmp_path / "corner.png", tmp_path / "out", times(tmp_path / "out"), inpaint=False) == []
@@ -216,8 +216,8 @@ def test_one_mask_for_all_frames_hides_in_white(film, tmp_path, corner):
         put_masks(tmp_path / "corner.png", tmp_path / "out", times(tmp_path / "out"), inpaint=True)
 
 
-def test_masks_named_like_frames(film, tmp_path, corner):
-    take_frames(film, tmp_path / "out", FrameChoice())
+def test_masks_named_like_frames(video, tmp_path, corner):
+    take_frames(video, tmp_path / "out", FrameChoice())
     write_png(tmp_path / "drawn" / "frame-00001.png", white(corner))
     notes = put_masks(tmp_path / "drawn", tmp_path / "out", times(tmp_path / "out"), inpaint=False)
     assert "4 of 5 frames have no mask" in notes[0]
@@ -225,33 +225,33 @@ def test_masks_named_like_frames(film, tmp_path, corner):
     assert np.array_equal(found.pop("frame-00001.png"), corner)
     assert not any(ignored.any() for ignored in found.values())
     write_png(tmp_path / "other" / "people.png", white(corner))
-    take_frames(film, tmp_path / "out2", FrameChoice())
+    take_frames(video, tmp_path / "out2", FrameChoice())
     with pytest.raises(InputError, match=r"no mask is named like a frame[\s\S]*frame-00000\.png"):
         put_masks(tmp_path / "other", tmp_path / "out2", times(tmp_path / "out2"), inpaint=False)
 
 
-def test_a_film_of_masks_runs_beside(film, tmp_path):
-    take_frames(film, tmp_path / "out", FrameChoice())
+def test_a_video_of_masks_runs_beside(video, tmp_path):
+    take_frames(video, tmp_path / "out", FrameChoice())
     columns = np.zeros((50, 48, 64), bool)
     for i in range(50):
         columns[i, :, i] = True
-    masks = write_film(tmp_path / "masks.mkv", [white(hidden) for hidden in columns])
+    masks = write_video(tmp_path / "masks.mkv", [white(hidden) for hidden in columns])
     put_masks(masks, tmp_path / "out", times(tmp_path / "out"), inpaint=False)
     for name, time in times(tmp_path / "out").items():
         assert np.array_equal(masks_of(tmp_path / "out")[name], columns[round(10 * time)])
-    take_frames(film, tmp_path / "slow", FrameChoice())
-    slow = write_film(tmp_path / "slow.mkv", [white(hidden) for hidden in columns[::4]], rate=2.5)
+    take_frames(video, tmp_path / "slow", FrameChoice())
+    slow = write_video(tmp_path / "slow.mkv", [white(hidden) for hidden in columns[::4]], rate=2.5)
     put_masks(slow, tmp_path / "slow", times(tmp_path / "slow"), inpaint=False)
     assert np.array_equal(masks_of(tmp_path / "slow")["frame-00001.png"], columns[12])
     assert np.array_equal(masks_of(tmp_path / "slow")["frame-00002.png"], columns[20] | columns[24])  # at 2.2 s
-    short = write_film(tmp_path / "short.mkv", [white(hidden) for hidden in columns[:20]])
-    take_frames(film, tmp_path / "out2", FrameChoice())
-    with pytest.raises(InputError, match="shorter than the film"):
+    short = write_video(tmp_path / "short.mkv", [white(hidden) for hidden in columns[:20]])
+    take_frames(video, tmp_path / "out2", FrameChoice())
+    with pytest.raises(InputError, match="shorter than the video"):
         put_masks(short, tmp_path / "out2", times(tmp_path / "out2"), inpaint=False)
 
 
-def test_masks_of_another_shape(film, tmp_path):
-    take_frames(film, tmp_path / "out", FrameChoice())
+def test_masks_of_another_shape(video, tmp_path):
+    take_frames(video, tmp_path / "out", FrameChoice())
     write_png(tmp_path / "wide.png", np.zeros((20, 64, 3), np.uint8))
     with pytest.raises(InputError, match=r"of another shape than the frames\n.*64x20"):
         put_masks(tmp_path / "wide.png", tmp_path / "out", times(tmp_path / "out"), inpaint=False)
@@ -259,14 +259,14 @@ def test_masks_of_another_shape(film, tmp_path):
         put_masks(tmp_path / "none", tmp_path / "out", times(tmp_path / "out"), inpaint=False)
 
 
-def test_nothing_hidden_is_left_after_filling_in(film, tmp_path, corner):
+def test_nothing_hidden_is_left_after_filling_in(video, tmp_path, corner):
     rng = np.random.default_rng(0)
     image = picture(0)
     secret = np.where(corner[..., None], rng.integers(0, 256, image.shape, np.uint8), image)
     assert np.array_equal(fill(secret, corner), fill(image, corner))
     assert np.array_equal(fill(secret, corner)[~corner], image[~corner])
     assert not fill(secret, np.ones_like(corner)).any()
-    take_frames(film, tmp_path / "out", FrameChoice())
+    take_frames(video, tmp_path / "out", FrameChoice())
     write_png(tmp_path / "corner.png", white(corner))
     before = stored(tmp_path / "out")
     put_masks(tmp_path / "corner.png", tmp_path / "out", times(tmp_path / "out"), inpaint=True)
@@ -275,7 +275,7 @@ def test_nothing_hidden_is_left_after_filling_in(film, tmp_path, corner):
     put_masks(tmp_path / "corner.png", tmp_path / "out", times(tmp_path / "out"), inpaint=True)
     assert stored(tmp_path / "out") == filled
     (tmp_path / "out/images/frame-00003.png").unlink()  # taken again, it must be filled in again
-    take_frames(film, tmp_path / "out", FrameChoice())
+    take_frames(video, tmp_path / "out", FrameChoice())
     put_masks(tmp_path / "corner.png", tmp_path / "out", times(tmp_path / "out"), inpaint=True)
     assert stored(tmp_path / "out") == filled
 
@@ -286,17 +286,17 @@ def rainy_walk(path: Path) -> Path:
     for i, (_, image) in enumerate(flower_walk()):
         rainy = to_uint8(rained_on(image, i))
         pictures += [rainy, *[blurred(rainy)] * 3]
-    return write_film(path, pictures, rate=4)
+    return write_video(path, pictures, rate=4)
 
 
-def test_a_rainy_film_becomes_a_scene_without_clean_views(tmp_path):
-    film = rainy_walk(tmp_path / "walk.mkv")
+def test_a_rainy_video_becomes_a_scene_without_clean_views(tmp_path):
+    video = rainy_walk(tmp_path / "walk.mkv")
     hidden = np.zeros((300, 400), bool)
     hidden[220:, 320:] = True
     write_png(tmp_path / "hide.png", white(hidden))
     settings = {"masks": tmp_path / "hide.png", "inpaint": True}
-    assert capture_video(film, tmp_path / "walk", FrameChoice(), frames_only=True, **settings) is None
-    scene = capture_video(film, tmp_path / "walk", FrameChoice(), **settings)
+    assert capture_video(video, tmp_path / "walk", FrameChoice(), frames_only=True, **settings) is None
+    scene = capture_video(video, tmp_path / "walk", FrameChoice(), **settings)
     assert len(scene.views) >= 8
     assert scene.captured_rainy
     about = json.loads((tmp_path / "walk/capture.json").read_text())
@@ -307,7 +307,7 @@ def test_a_rainy_film_becomes_a_scene_without_clean_views(tmp_path):
     assert len(scene.points) > 100
     assert all(np.isfinite(p).all() for p in pixels)
     with pytest.raises(InputError, match="begun with masks"):
-        capture_video(film, tmp_path / "walk", FrameChoice())
+        capture_video(video, tmp_path / "walk", FrameChoice())
 
     folder = build(scene, tmp_path / "data", patterns=[], long_side=100)
     assert not (folder / "clean").exists()
@@ -325,7 +325,9 @@ def test_a_rainy_film_becomes_a_scene_without_clean_views(tmp_path):
 
 def test_too_few_registered_frames_say_what_to_do(tmp_path):
     rng = np.random.default_rng(0)
-    noise = write_film(tmp_path / "noise.mkv", [rng.integers(0, 256, (48, 64, 3), np.uint8) for _ in range(16)], rate=4)
+    noise = write_video(
+        tmp_path / "noise.mkv", [rng.integers(0, 256, (48, 64, 3), np.uint8) for _ in range(16)], rate=4
+    )
     with pytest.raises(InputError, match=r"only 0 of 4 photographs could be registered[\s\S]*--rate 2[\s\S]*--masks"):
         capture_video(noise, tmp_path / "out", FrameChoice())
     assert registration_notes(9, 9, "") == []
@@ -336,12 +338,12 @@ def test_too_few_registered_frames_say_what_to_do(tmp_path):
     assert advice in registration_notes(int(FEW * 10) - 1, 10, advice)[1]
 
 
-def test_a_dry_film_has_clean_views(tmp_path):
-    film = write_film(tmp_path / "dry.mkv", [picture(i) for i in range(16)], rate=4)
-    capture_video(film, tmp_path / "out", FrameChoice(), dry=True, frames_only=True)
+def test_a_dry_video_has_clean_views(tmp_path):
+    video = write_video(tmp_path / "dry.mkv", [picture(i) for i in range(16)], rate=4)
+    capture_video(video, tmp_path / "out", FrameChoice(), dry=True, frames_only=True)
     assert json.loads((tmp_path / "out/capture.json").read_text())["rain"] == "none"
     with pytest.raises(InputError, match="nothing to fill in"):
-        capture_video(film, tmp_path / "out", FrameChoice(), inpaint=True)
+        capture_video(video, tmp_path / "out", FrameChoice(), inpaint=True)
 
 
 def test_copies_for_features_lose_streaks_and_keep_the_rest():

@@ -17,7 +17,7 @@ from hydroviews.dataset.rainy_variant import FOCAL_STEP
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
-from hydroviews.formats import read_scene
+from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap
 from hydroviews.rain import effects, severity
 from hydroviews.rain.patterns import Pattern, choose_patterns

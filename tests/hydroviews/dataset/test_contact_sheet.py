@@ -11,8 +11,8 @@ from hydroviews.dataset.build import build
 from hydroviews.dataset.contact_sheet import spread, write_sheets
 from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
-from hydroviews.formats import read_scene
 from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap
 from hydroviews.rain.patterns import Pattern
 from hydroviews.scene.images import read_image, to_uint8

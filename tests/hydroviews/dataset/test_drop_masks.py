@@ -10,8 +10,8 @@ from hydroviews.dataset.manifest import data_hash, record_files
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
-from hydroviews.formats import read_scene
 from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap
 from hydroviews.profiles import find_profile
 from hydroviews.scene.images import read_image, write_png

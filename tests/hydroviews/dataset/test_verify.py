@@ -10,8 +10,8 @@ from hydroviews.dataset.build import build
 from hydroviews.dataset.contact_sheet import write_sheets
 from hydroviews.dataset.manifest import read_manifest, record_files, record_scene
 from hydroviews.dataset.verify import expected_view, verify
-from hydroviews.formats import read_scene
 from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap
 from hydroviews.rain.effects import composite
 from hydroviews.rain.layers import read_layers, write_layers

@@ -1,22 +1,10 @@
-import os
-import subprocess
-import sys
-
 import pytest
 
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
-from hydroviews.files.settings_guard import claim_folder, remove_leftovers
+from hydroviews.files.settings_guard import claim_folder
 
 WORDS = {"taken": "holds something else", "foreign": "holds foreign files", "fix": "choose another"}
-
-
-@pytest.fixture
-def dead():
-    """The number of a process that has ended."""
-    process = subprocess.Popen([sys.executable, "-c", ""])
-    process.wait()
-    return process.pid
 
 
 def test_the_same_settings_take_the_folder_again(tmp_path):
@@ -59,39 +47,8 @@ def test_files_of_unknown_origin_are_never_removed(tmp_path, overwrite):
     claim_folder(tmp_path / "request.json", {"seed": 0}, **{**WORDS, "foreign": None})
 
 
-def test_half_written_files_go_with_their_process(tmp_path, dead):
-    folder = tmp_path / "scene [1]"
-    (folder / "images").mkdir(parents=True)
-    doomed = [
-        folder / "images" / f".partial-{dead}-a.png",
-        folder / f".partial-{dead}-sparse",
-        tmp_path / f".partial-{dead}-{folder.name}",
-    ]
-    kept = [
-        folder / "images" / f".partial-{os.getpid()}-b.png",
-        folder / ".partial-mapping",
-        folder / "images" / "c.png",
-        tmp_path / f".partial-{dead}-another scene",
-    ]
-    for path in [*doomed[:1], *kept[:1], kept[2]]:
-        path.write_text("half")
-    for path in [*doomed[1:], kept[1], kept[3]]:
-        path.mkdir()
-        (path / "file").write_text("half")
-    remove_leftovers(folder)
-    assert not any(path.exists() for path in doomed)
-    assert all(path.exists() for path in kept)
-
-
-def test_a_files_leftovers_go_too(tmp_path, dead):
-    for name in ("manifest.json", "another.json"):
-        (tmp_path / f".partial-{dead}-{name}").write_text("{")
-    remove_leftovers(tmp_path / "manifest.json")
-    assert [path.name for path in tmp_path.iterdir()] == [f".partial-{dead}-another.json"]
-
-
-def test_a_claim_clears_leftovers(tmp_path, dead):
-    leftover = tmp_path / "a" / f".partial-{dead}-request.json"
+def test_a_claim_clears_leftovers(tmp_path):
+    leftover = tmp_path / "a" / ".partial-host-0123-request.json"
     leftover.parent.mkdir()
     leftover.write_text("{")
     claim_folder(tmp_path / "a" / "request.json", {"seed": 0}, **WORDS)

@@ -8,9 +8,9 @@ from captures import capture
 from distorted import LENS, arc, colmap_capture, colours, photograph, write_model, write_photographs
 
 from hydroviews.errors import InputError
-from hydroviews.formats import read_scene
 from hydroviews.formats.colmap import reliable
 from hydroviews.formats.colmap_format import SparsePoints
+from hydroviews.formats.read import read_scene
 from hydroviews.scene.images import write_png
 from hydroviews.scene.lenses import Lens
 

@@ -4,7 +4,7 @@ from captures import capture
 from distorted import arc, write_photographs
 
 from hydroviews.errors import InputError
-from hydroviews.formats import read_scene
+from hydroviews.formats.read import read_scene
 from hydroviews.scene.lenses import Lens
 
 

@@ -10,7 +10,7 @@ from distorted import LENS, arc, write_photographs
 from plyfile import PlyData, PlyElement
 
 from hydroviews.errors import InputError
-from hydroviews.formats import read_scene
+from hydroviews.formats.read import read_scene
 from hydroviews.scene.images import to_uint8, write_png
 from hydroviews.scene.lenses import Lens
 

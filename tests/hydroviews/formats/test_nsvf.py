@@ -3,7 +3,7 @@ import pytest
 from synthetic import capture_in
 
 from hydroviews.errors import InputError
-from hydroviews.formats import read_scene
+from hydroviews.formats.read import read_scene
 
 
 @pytest.fixture

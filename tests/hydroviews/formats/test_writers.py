@@ -7,9 +7,9 @@ from captures import capture
 from plyfile import PlyData
 from synthetic import capture_in
 
-from hydroviews.formats import read_scene
 from hydroviews.formats.colmap import read_colmap
 from hydroviews.formats.nerfstudio import read_nerfstudio
+from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap, write_nerfstudio
 from hydroviews.scene.images import write_png
 from hydroviews.scene.scenes import no_points

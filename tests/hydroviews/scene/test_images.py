@@ -1,9 +1,10 @@
 import cv2
 import numpy as np
+import PIL.Image
 import pytest
 
 from hydroviews.errors import InputError
-from hydroviews.scene.images import read_image, resize_area, to_linear, to_srgb, to_uint8, write_png
+from hydroviews.scene.images import image_size, read_image, resize_area, to_linear, to_srgb, to_uint8, write_png
 
 
 def test_png_round_trip_and_equal_bytes(tmp_path):
@@ -49,3 +50,26 @@ def test_area_average_keeps_the_mean_and_never_enlarges():
     assert resize_area(image, 40, 30) == pytest.approx(image.reshape(30, 2, 40, 2, 3).mean((1, 3)), abs=1e-6)
     with pytest.raises(ValueError, match="cannot enlarge"):
         resize_area(image, 81, 60)
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.webp", "a.tif", "a.bmp"])
+@pytest.mark.parametrize("orientation", [1, 6])
+def test_sizes_are_those_of_the_pixels(tmp_path, name, orientation):
+    exif = PIL.Image.Exif()
+    exif[0x0112] = orientation
+    PIL.Image.new("RGB", (50, 30)).save(tmp_path / name, **({} if name == "a.bmp" else {"exif": exif}))
+    assert image_size(tmp_path / name) == read_image(tmp_path / name).shape[1::-1]
+
+
+def test_sizes_are_read_without_the_pixels(tmp_path):
+    PIL.Image.effect_noise((500, 300), 50).save(tmp_path / "whole.jpg")
+    (tmp_path / "cut.jpg").write_bytes((tmp_path / "whole.jpg").read_bytes()[:1000])
+    assert image_size(tmp_path / "cut.jpg") == (500, 300)
+
+
+def test_pictures_without_a_size(tmp_path):
+    (tmp_path / "text.jpg").write_text("not a picture")
+    with pytest.raises(InputError, match="cannot be read"):
+        image_size(tmp_path / "text.jpg")
+    with pytest.raises(InputError, match="no such image"):
+        image_size(tmp_path / "none.png")

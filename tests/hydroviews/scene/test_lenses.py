@@ -5,7 +5,7 @@ from distorted import LENS, colmap_capture, colours, photograph
 
 from hydroviews.dataset.build import build
 from hydroviews.errors import InputError
-from hydroviews.formats import read_scene
+from hydroviews.formats.read import read_scene
 from hydroviews.scene.depth import write_depth
 from hydroviews.scene.images import to_uint8, write_png
 from hydroviews.scene.lenses import Lens

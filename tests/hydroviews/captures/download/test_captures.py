@@ -5,16 +5,16 @@ import pytest
 from archived import FILES, SCENE, contents, write_zip
 from servers import serving
 
-from hydroviews.captures.catalogue import Archive, find_captures
+from hydroviews.captures.catalogue.catalogue import Archive, find_captures
 from hydroviews.captures.download import captures as downloads
-from hydroviews.captures.download import http as transfer
+from hydroviews.captures.download import http_download
 from hydroviews.captures.download.captures import addresses, download_captures, get_archive
 from hydroviews.errors import InputError
 
 
 @pytest.fixture(autouse=True)
 def plain_network(monkeypatch):
-    monkeypatch.setattr(transfer, "PAUSE", 0.0)
+    monkeypatch.setattr(http_download, "PAUSE", 0.0)
     for name in ("http_proxy", "HTTP_PROXY", downloads.VARIABLE):
         monkeypatch.delenv(name, raising=False)
 

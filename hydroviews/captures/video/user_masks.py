@@ -1,7 +1,7 @@
-"""Masks that people draw, white where hidden, put into a capture as `hydroviews.scene.masks` keeps them.
+"""Masks that the user draws, white where hidden, written into a capture in the form of `hydroviews.scene.masks`.
 
-They are given as one picture for all frames, as a folder of pictures named like the frames, or as a film that runs
-beside the one the frames are from.
+They are one picture for all frames, a folder of pictures named like the frames, or a video in step with the one the
+frames are from.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from tqdm import tqdm
 
-from hydroviews.captures.video.frames import IMAGES, frame_times, open_film
+from hydroviews.captures.video.frames import IMAGES, frame_times, open_video
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import sha256
 from hydroviews.files.settings_guard import claim_folder
@@ -21,10 +21,10 @@ from hydroviews.scene.images import SUFFIXES, read_image, to_uint8, write_png
 from hydroviews.scene.masks import MASKS, Ignored, fit_ignored, mask_name, read_grey, write_ignored
 
 SETTINGS = "masks.json"
-WHITE = 128  # grey from here on is hidden: films and JPEG files blur what was black and white
-RADIUS = 5.0  # pixels around a hidden one that it is filled in from
-SAME_TIME = 0.002  # seconds
-LATE = 0.5  # seconds that a film of masks may end early
+WHITE = 128  # from this grey on a pixel is hidden: videos and JPEG files blur black and white
+RADIUS = 5.0  # pixels: neighbourhood that inpainting draws from
+SAME_TIME = 0.002  # seconds between a mask and its frame
+LATE = 0.5  # seconds that a video of masks may end early
 
 Times = Mapping[str, float]  # seconds by frame name
 
@@ -32,19 +32,19 @@ Times = Mapping[str, float]  # seconds by frame name
 def put_masks(given: Path, out: Path, times: Times, inpaint: bool) -> list[str]:
     """Write a mask for every frame of the capture `out`, and fill in hidden pixels if asked to.
 
-    A frame with a mask file is finished: an interrupted call goes on with the others.
+    A frame with a mask file is finished: a call after an interruption resumes with the others.
 
     Args:
-        given: a picture, a folder or a film; white is hidden.
+        given: a picture, a folder or a video; white is hidden.
         out: the capture, with `images`.
-        times: of its frames.
+        times: seconds of its frames in the video, by file name.
         inpaint: replace hidden pixels of the frames by what surrounds them (Telea 2004).
 
     Returns:
         Sentences about frames without a mask.
 
     Raises:
-        InputError: masks of another shape, none that fits a frame's name, a film of masks that is too short, or
+        InputError: masks of another shape, none that fits a frame's name, a video of masks that is too short, or
             a capture that has other masks.
     """
     _claim(given, out, inpaint)
@@ -64,7 +64,7 @@ def put_masks(given: Path, out: Path, times: Times, inpaint: bool) -> list[str]:
 
 
 def fill(pixels: np.ndarray, ignored: Ignored) -> np.ndarray:
-    """The picture [H, W, 3] uint8 with hidden pixels made up from those around them; nothing of them is left."""
+    """The picture [H, W, 3] uint8 with hidden pixels replaced by inpainting; none of their values is used."""
     known = np.where(ignored[..., None], np.uint8(0), pixels)
     if ignored.all():
         return known
@@ -98,7 +98,7 @@ def _given(given: Path, times: Times) -> Iterator[tuple[str, Ignored | None]]:
         ignored = read_grey(given) >= WHITE
         yield from ((name, ignored) for name in times)
     else:
-        yield from _from_film(given, times)
+        yield from _from_video(given, times)
 
 
 def _from_folder(folder: Path, times: Times) -> Iterator[tuple[str, Ignored | None]]:
@@ -115,13 +115,13 @@ def _from_folder(folder: Path, times: Times) -> Iterator[tuple[str, Ignored | No
         yield name, read_grey(path) >= WHITE if path else None
 
 
-def _from_film(path: Path, times: Times) -> Iterator[tuple[str, Ignored | None]]:
-    """What is hidden in the mask shown at a frame's time; between two masks, what is in either."""
+def _from_video(path: Path, times: Times) -> Iterator[tuple[str, Ignored | None]]:
+    """The mask at a frame's time; between two masks, pixels that either hides."""
     waiting, before = list(times.items()), None
     last = 0.0
-    with open_film(path) as film:
-        for last in frame_times(film):
-            good, pixels = film.capture.retrieve()
+    with open_video(path) as video:
+        for last in frame_times(video):
+            good, pixels = video.capture.retrieve()
             if not good:
                 continue
             ignored = np.asarray(pixels.max(axis=2) >= WHITE)
@@ -132,10 +132,10 @@ def _from_film(path: Path, times: Times) -> Iterator[tuple[str, Ignored | None]]
             before = ignored
     if waiting and (before is None or waiting[0][1] > last + LATE or waiting[-1][1] > last + LATE):
         raise InputError(
-            f"--masks {path}: shorter than the film",
+            f"--masks {path}: shorter than the video",
             found=f"{last:.1f} s of masks",
             expected=f"masks up to {waiting[-1][1]:.1f} s",
-            fix="write a mask for every frame of the film",
+            fix="write a mask for every frame of the video",
         )
     yield from ((name, before) for name, _ in waiting)
 

@@ -1,4 +1,8 @@
-"""Files over HTTP: from the first of several servers, going on where an earlier transfer ended, checked at the end."""
+"""Download files over HTTP: mirrors in order, resumed after an interruption, checked by SHA-256.
+
+Written on urllib: requests and urllib3 repeat whole requests, but neither continues the body of an interrupted one, and
+pooch restarts a download from its beginning; archives here have up to 12 GB.
+"""
 
 import hashlib
 import http.client
@@ -16,52 +20,53 @@ from tqdm import tqdm
 
 import hydroviews
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import plain_full_disk, read_json, write_json
+from hydroviews.files.atomic import read_json, write_json
+from hydroviews.files.full_disk import plain_full_disk
 
 BLOCK = 1 << 20  # bytes
-TIMEOUT = 30.0  # seconds without a byte
-ATTEMPTS = 4  # at one server without a byte more each time
+TIMEOUT = 30.0  # seconds without data
+ATTEMPTS = 4  # at one server in a row, each without new data
 PAUSE = 1.0  # seconds before the second attempt, doubled before each later one
-RETRIED = (408, 425, 429, 500, 502, 503, 504)  # answers that may be others a little later
+RETRIED = (408, 425, 429, 500, 502, 503, 504)  # HTTP statuses that may pass
 NETWORK = (urllib.error.URLError, http.client.HTTPException, TimeoutError, ConnectionError, ssl.SSLError)
 
 
 class Refused(Exception):
-    """A server that does not deliver the file, and why."""
+    """A server does not deliver the file; the text says why."""
 
 
-class Cut(Exception):
-    """A transfer that ended early; what has arrived is kept."""
+class ConnectionEnded(Exception):
+    """A connection ended early; what has arrived is kept."""
 
 
 @dataclass(frozen=True)
-class Begun:
-    """What is known of a file of which a part is here."""
+class PartialDownload:
+    """A download of which a part is on disk."""
 
     url: str
-    size: int | None  # bytes in all, where the server said so
-    tag: str | None  # the server's mark of this version: a strong ETag, or the date of change
+    size: int | None  # bytes of the whole file; None where the server did not say
+    tag: str | None  # the server's version of the file: a strong ETag, or Last-Modified
 
 
 def fetch(
     urls: Sequence[str], target: Path, sha256: str | None = None, refuse: Callable[[Path], str] = lambda path: ""
 ) -> str:
-    """Download a file, whole or not at all under its name.
+    """Download a file; `target` exists only once the download is complete and checked.
 
-    What has arrived stays in `<target>.part` and is gone on with if the server still has the same file. Bytes from
-    two servers are only joined where a checksum tells whether they fit.
+    What has arrived is kept in `<target>.part`, and a later call resumes if the server still has the same file. Bytes
+    of two servers are joined only where a checksum tells whether they fit.
 
     Args:
-        urls: where the file is, tried in order.
-        target: the file.
-        sha256: what it must have; None if that is not known.
-        refuse: says what is wrong with a file that arrived whole, "" if nothing is.
+        urls: addresses of the file, tried in order.
+        target: where to write it.
+        sha256: the expected hash in hexadecimal; None if it is not known.
+        refuse: what is wrong with a complete file, "" if nothing is.
 
     Returns:
-        Its SHA-256.
+        Its SHA-256 in hexadecimal.
 
     Raises:
-        InputError: no server delivers it, or the disk is full; what to do is told.
+        InputError: no server delivers it, or the disk is full.
     """
     reasons = []
     for url in urls:
@@ -78,18 +83,18 @@ def fetch(
 
 
 def _fetch_from(url: str, target: Path, sha256: str | None, refuse: Callable[[Path], str]) -> str:
-    part, about = _part(target), _about(target)
+    part, record = _part(target), _record_path(target)
     with plain_full_disk(part):
         part.parent.mkdir(parents=True, exist_ok=True)
-        _transfer_patiently(url, target, joinable=sha256 is not None)
+        _download_part(url, target, joinable=sha256 is not None)
         found = digest(part)
         wrong = f"wrong checksum {found}, expected {sha256}" if sha256 not in (None, found) else refuse(part)
         if wrong:
             part.unlink()
-            about.unlink(missing_ok=True)
+            record.unlink(missing_ok=True)
             raise Refused(wrong)
         os.replace(part, target)
-        about.unlink(missing_ok=True)
+        record.unlink(missing_ok=True)
     return found
 
 
@@ -97,7 +102,7 @@ def _part(target: Path) -> Path:
     return target.with_name(target.name + ".part")
 
 
-def _about(target: Path) -> Path:
+def _record_path(target: Path) -> Path:
     return target.with_name(target.name + ".part.json")
 
 
@@ -114,18 +119,18 @@ def digest(path: Path) -> str:
     return state.hexdigest()
 
 
-def _transfer_patiently(url: str, target: Path, joinable: bool) -> None:
-    """Transfer the file to its part; a connection that breaks is taken up again as long as bytes come."""
+def _download_part(url: str, target: Path, joinable: bool) -> None:
+    """Download to the part, connecting again after an interruption as long as data arrive."""
     failures = 0
     while True:
         before = _size(_part(target))
         try:
-            _transfer(url, target, joinable)
+            _connect_once(url, target, joinable)
             return
-        except Cut as cut:
+        except ConnectionEnded as ended:
             failures = 1 if _size(_part(target)) > before else failures + 1
             if failures >= ATTEMPTS:
-                raise Refused(str(cut)) from None
+                raise Refused(str(ended)) from None
             time.sleep(PAUSE * 2 ** (failures - 1))
 
 
@@ -133,14 +138,14 @@ def _size(path: Path) -> int:
     return path.stat().st_size if path.is_file() else 0
 
 
-def _transfer(url: str, target: Path, joinable: bool) -> None:
-    """One connection: all that is missing, or as much as comes.
+def _connect_once(url: str, target: Path, joinable: bool) -> None:
+    """Append what is missing to the part over one connection.
 
     Raises:
-        Cut: it ended early.
+        ConnectionEnded: the connection ended early.
         Refused: the server does not have the file.
     """
-    known = _read_begun(target)
+    known = _read_record(target)
     same = known is not None and known.url == url and (known.tag or known.size) is not None
     have = _size(_part(target)) if known and (same or joinable) else 0
     if known and have and have == known.size:
@@ -151,30 +156,30 @@ def _transfer(url: str, target: Path, joinable: bool) -> None:
             total = _total(response, start, have)
             if start and known and None not in (total, known.size) and total != known.size:
                 _part(target).unlink()  # another file by now
-                raise Cut("the file changed on the server")
+                raise ConnectionEnded("the file changed on the server")
             _refuse_if_too_large(target, total, start)
             if not start:
-                _part(target).unlink(missing_ok=True)  # before it is said to be a part of this file
-            write_json(_about(target), asdict(Begun(url, total, _tag(response))))
+                _part(target).unlink(missing_ok=True)  # before it is recorded as a part of this file
+            write_json(_record_path(target), asdict(PartialDownload(url, total, _tag(response))))
             _receive(response, target, start, total)
     except urllib.error.HTTPError as error:
         if error.code == http.client.REQUESTED_RANGE_NOT_SATISFIABLE:
             _part(target).unlink(missing_ok=True)
-            raise Cut("the part that is here does not fit the server's file") from None
+            raise ConnectionEnded("the part that is here does not fit the server's file") from None
         answer = f"the server answered {error.code} {error.reason}"
-        raise (Cut(answer) if error.code in RETRIED else Refused(answer)) from None
+        raise (ConnectionEnded(answer) if error.code in RETRIED else Refused(answer)) from None
     except NETWORK as error:
-        raise Cut(f"no connection ({getattr(error, 'reason', None) or error})") from None
+        raise ConnectionEnded(f"no connection ({getattr(error, 'reason', None) or error})") from None
 
 
-def _read_begun(target: Path) -> Begun | None:
+def _read_record(target: Path) -> PartialDownload | None:
     try:
-        return Begun(**read_json(_about(target)))
+        return PartialDownload(**read_json(_record_path(target)))
     except (InputError, TypeError):
         return None
 
 
-def _open(url: str, have: int, known: Begun | None) -> http.client.HTTPResponse:
+def _open(url: str, have: int, known: PartialDownload | None) -> http.client.HTTPResponse:
     headers = {"User-Agent": f"hydroviews/{hydroviews.__version__}", "Accept-Encoding": "identity"}
     if have:
         headers["Range"] = f"bytes={have}-"
@@ -187,7 +192,7 @@ def _open(url: str, have: int, known: Begun | None) -> http.client.HTTPResponse:
 
 
 def _total(response: http.client.HTTPResponse, start: int, asked: int) -> int | None:
-    """Bytes of the whole file, where the server says."""
+    """Bytes of the whole file; None where the server does not say."""
     if response.status == http.client.PARTIAL_CONTENT:
         unit, _, rest = response.headers.get("Content-Range", "").partition(" ")
         first, total = rest.partition("-")[0], rest.rpartition("/")[2]
@@ -225,4 +230,4 @@ def _receive(response: http.client.HTTPResponse, target: Path, start: int, total
             bar.update(len(block))
             have += len(block)
     if total is not None and have != total:
-        raise Cut(f"the connection ended after {have} of {total} bytes")
+        raise ConnectionEnded(f"the connection ended after {have} of {total} bytes")

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from servers import serving
 
-from hydroviews.captures.download import http as transfer
-from hydroviews.captures.download.http import fetch
+from hydroviews.captures.download import http_download
+from hydroviews.captures.download.http_download import fetch
 from hydroviews.errors import InputError
 
 CONTENT = np.random.default_rng(0).bytes(3_000_000)
@@ -15,7 +15,7 @@ SHA = hashlib.sha256(CONTENT).hexdigest()
 
 @pytest.fixture(autouse=True)
 def no_waiting(monkeypatch):
-    monkeypatch.setattr(transfer, "PAUSE", 0.0)
+    monkeypatch.setattr(http_download, "PAUSE", 0.0)
     for name in ("http_proxy", "HTTP_PROXY"):
         monkeypatch.delenv(name, raising=False)
 
@@ -63,7 +63,7 @@ def _interrupted(server, url, target):
         raise KeyboardInterrupt
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(transfer.time, "sleep", interrupt)
+        patch.setattr(http_download.time, "sleep", interrupt)
         fetch([url], target)
 
 
@@ -154,7 +154,7 @@ def test_what_no_server_has_is_told_with_every_reason(server, tmp_path):
 
 
 def test_a_full_disk_is_told_before_anything_is_written(server, tmp_path, monkeypatch):
-    monkeypatch.setattr(transfer.shutil, "disk_usage", lambda path: type("Usage", (), {"free": 1000})())
+    monkeypatch.setattr(http_download.shutil, "disk_usage", lambda path: type("Usage", (), {"free": 1000})())
     with pytest.raises(InputError, match="no space left on the disk"):
         fetch([f"{server.address}/a.bin"], tmp_path / "a.bin")
     assert "a.bin.part" not in leftovers(tmp_path)

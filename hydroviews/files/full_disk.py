@@ -1,0 +1,36 @@
+"""One error for a full disk, whichever library meets it."""
+
+import errno
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from hydroviews.errors import InputError
+
+FULL = (errno.ENOSPC, errno.EDQUOT)
+
+
+@contextmanager
+def plain_full_disk(path: Path) -> Iterator[None]:
+    """Turn the error of a full disk, in whatever form a library raises it, into one that says what to do.
+
+    Args:
+        path: the file or folder that is written in the block.
+
+    Raises:
+        InputError: the disk or the user's quota is full, or a file is in the way of the folder of `path`.
+    """
+    try:
+        yield
+    except Exception as error:
+        if isinstance(error, NotADirectoryError | FileExistsError):
+            raise InputError(
+                f"{path.parent}: not a folder", found="a file of that name", fix="choose another"
+            ) from error
+        if (isinstance(error, OSError) and error.errno in FULL) or os.strerror(errno.ENOSPC) in str(error):
+            raise InputError(
+                f"{path}: no space left on the disk",
+                fix="free some space and run the same command again; finished files are kept",
+            ) from error
+        raise

@@ -1,0 +1,84 @@
+"""Read a capture as a scene, whichever of the known formats it has."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from hydroviews.errors import InputError
+from hydroviews.formats import llff, nerfstudio
+from hydroviews.formats.capture_json import captured_rainy, described_number
+from hydroviews.formats.colmap import find_models, read_colmap
+from hydroviews.formats.llff import read_llff
+from hydroviews.formats.nerfstudio import read_nerfstudio
+from hydroviews.formats.nsvf import is_nsvf, read_nsvf
+from hydroviews.formats.photographs import photographs_below
+from hydroviews.scene.masks import MASKS, mask_name
+from hydroviews.scene.scenes import Scene
+
+Read = Callable[[Path, str, str | None], Scene]  # a folder, the scene's name, and the photographs' folder inside it
+
+# How each format is recognised and read; the first match is taken.
+READERS: tuple[tuple[Callable[[Path], bool], Read], ...] = (
+    (lambda folder: bool(find_models(folder)), read_colmap),
+    (lambda folder: (folder / nerfstudio.CAMERA_FILE).is_file(), lambda folder, name, _: read_nerfstudio(folder, name)),
+    (lambda folder: (folder / llff.CAMERA_FILE).is_file(), read_llff),
+    (is_nsvf, lambda folder, name, _: read_nsvf(folder, name)),
+)
+
+
+def read_scene(folder: Path, name: str | None = None, images: str | None = None) -> Scene:
+    """Read a capture: a COLMAP model, else `transforms.json`, else `poses_bounds.npy`, else NSVF's `pose`.
+
+    The split is the folder's `split.json`, else every 8th view by name is held out. `Scene.notes` says which
+    cameras were taken, how many images they cover, and which of them look wrong. Masks are the capture's `masks`
+    (see `hydroviews.scene.masks`); whether it was taken in rain, and how large it is, stand in its
+    `capture.json`.
+
+    Args:
+        folder: the capture, or a built scene or one of its rainy variants.
+        name: of the scene; the folder's own by default.
+        images: the photographs' folder inside it, for COLMAP and LLFF captures that have several sizes.
+
+    Raises:
+        InputError: there are no cameras, or something is wrong with them or with the photographs.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder")
+    scene = _read_cameras(folder, name or folder.resolve().name, images)
+    masked, notes = sum(view.mask is not None for view in scene.views), list(scene.notes)
+    if masked:
+        notes.append(f"{masked} of {len(scene.views)} views have a mask")
+    elif (folder / MASKS).is_dir() and (pictures := photographs_below(folder / MASKS)):
+        wanted = mask_name(scene.views[0].path.name)
+        notes.append(
+            f"no masks: of {len(pictures)} pictures in {MASKS} none is named as it should be, such as {wanted}"
+        )
+    rainy = captured_rainy(folder)
+    if rainy:
+        notes.append("taken in rain: there are no clean views to compare with")
+    return replace(
+        scene,
+        notes=tuple(notes),
+        captured_rainy=rainy,
+        metres_per_unit=described_number(folder, "metres_per_unit"),
+        clean_error=described_number(folder, "clean_error"),
+        drops_cost=described_number(folder, "drops_cost") or 1.0,
+    )
+
+
+def has_cameras(folder: Path) -> bool:
+    """Whether `read_scene` would find cameras there, valid or not."""
+    return any(is_one(folder) for is_one, _ in READERS)
+
+
+def _read_cameras(folder: Path, name: str, images: str | None) -> Scene:
+    for is_one, read in READERS:
+        if is_one(folder):
+            return read(folder, name, images)
+    count = len(photographs_below(folder))
+    raise InputError(
+        f"{folder}: no cameras",
+        found=f"{count} photographs and no camera file" if count else "neither cameras nor photographs",
+        expected=f"sparse/0, {nerfstudio.CAMERA_FILE} or {llff.CAMERA_FILE}",
+        fix="estimate the poses: python -m hydroviews poses IMAGES" if count else "check the path",
+    )

@@ -1,0 +1,145 @@
+"""The layout: which module may import which, how many entries a folder has, and the tree in CONTRIBUTING.md."""
+
+import ast
+import re
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path, PurePosixPath
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PACKAGES = ("hydroviews", "baselines", "deraings", "leaderboard")  # each may import those before it
+# The parts of hydroviews, each may import those before it.
+PARTS = (
+    ("errors",),
+    ("files",),
+    ("cli", "profiles", "scene", "metrics"),
+    ("formats",),
+    ("captures", "blender"),
+    ("rain",),
+    ("pairs",),
+    ("dataset",),
+    ("__main__",),
+)
+BPY = ("bpy", "bmesh", "mathutils")
+DOZEN = 12
+UNCOUNTED = ("__init__.py", "__main__.py")
+
+
+@cache
+def modules() -> dict[str, Path]:
+    """The files of all packages by their modules' names."""
+    files = [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
+    return {module_name(path.relative_to(ROOT)): path for path in files}
+
+
+def module_name(path: Path) -> str:
+    parts = path.with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imported(source: str, known) -> set[str]:
+    """What a module's source imports anywhere in it: the submodule where a name is one, else the module itself."""
+    names = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "imports name their module in full"
+            inner = {f"{node.module}.{alias.name}" for alias in node.names}
+            names |= {name if name in known else str(node.module) for name in inner}
+    return names
+
+
+@cache
+def imports() -> dict[str, set[str]]:
+    """What each module imports, from our packages or from others."""
+    return {name: imported(path.read_text(), modules()) - {name} for name, path in modules().items()}
+
+
+def circle(graph: dict[str, set[str]]) -> list[str]:
+    """Modules that import each other, in order; empty where none do."""
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return error.args[1]
+    return []
+
+
+def part(module: str) -> int:
+    """The place of a module of hydroviews in PARTS; -1 for the package itself."""
+    names = module.split(".")
+    return next(i for i, part in enumerate(PARTS) if names[1] in part) if len(names) > 1 else -1
+
+
+def tree(text: str) -> set[PurePosixPath]:
+    """The paths that the block "text tree" of a page names: one a line, two blanks deeper below its folder."""
+    found = re.search(r"^```text tree\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    assert found, "no block ```text tree"
+    paths, above = set(), [PurePosixPath()]
+    for line in found[1].splitlines():
+        depth, name = (len(line) - len(line.lstrip())) // 2, line.split()[0]
+        above = [*above[: depth + 1], above[depth] / name]
+        paths.add(above[-1])
+    return paths
+
+
+def test_the_readers_of_imports_and_trees():
+    source = "import a.b\nfrom a import c, d\ndef f():\n    from e import g"
+    assert imported(source, {"a", "a.c"}) == {"a.b", "a.c", "a", "e"}
+    assert set(circle({"a": {"b"}, "b": {"c"}, "c": {"b"}})) == {"b", "c"}
+    assert not circle({"a": {"b", "c"}, "b": {"c"}})
+    text = "before\n```text tree\na/    first\n  b/  second\n    c/\n  d.py\ne/\n```\n"
+    assert tree(text) == {PurePosixPath(path) for path in ("a", "a/b", "a/b/c", "a/d.py", "e")}
+
+
+def test_no_modules_import_each_other():
+    ours = {name: names & modules().keys() for name, names in imports().items()}
+    assert circle(ours) == []
+
+
+def test_packages_import_only_those_before_them():
+    order = {package: i for i, package in enumerate(PACKAGES)}
+    against = [
+        f"{module} imports {name}"
+        for module, names in imports().items()
+        for name in names
+        if order.get(name.split(".")[0], -1) > order[module.split(".")[0]]
+    ]
+    assert against == []
+
+
+def test_parts_of_hydroviews_import_only_those_before_them():
+    against = [
+        f"{module} imports {name}"
+        for module, names in imports().items()
+        for name in names
+        if module.startswith("hydroviews.") and name.split(".")[0] == "hydroviews"
+        if module.split(".")[:2] != name.split(".")[:2] and part(name) >= part(module)
+    ]
+    assert against == []
+
+
+def test_only_processes_of_blender_import_bpy():
+    """Directly or through another module: everything else works without Blender."""
+    graph = imports()
+    reached = {module for module, names in graph.items() if {name.split(".")[0] for name in names} & set(BPY)}
+    assert reached
+    while more := {module for module, names in graph.items() if names & reached} - reached:
+        reached |= more
+    assert {module for module in reached if not module.startswith("hydroviews.blender.")} == set()
+
+
+@pytest.mark.parametrize("folder", ["hydroviews", "deraings", "baselines/splatting"])
+def test_a_root_has_at_most_a_dozen_entries(folder):
+    entries = [path for path in (ROOT / folder).iterdir() if path.suffix == ".py" or next(path.rglob("*.py"), None)]
+    counted = sorted(path.name for path in entries if path.name not in UNCOUNTED)
+    assert len(counted) <= DOZEN, counted
+
+
+def test_the_tree_in_contributing_is_the_tree_on_disk():
+    named = tree((ROOT / "CONTRIBUTING.md").read_text())
+    assert [str(path) for path in sorted(named) if not (ROOT / path).exists()] == []
+    folders = {PurePosixPath(path.parent.relative_to(ROOT)) for path in modules().values()}
+    assert [str(folder) for folder in sorted(folders - named) if len(folder.parts) <= 3] == []
