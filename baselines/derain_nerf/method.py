@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from baselines.derain_nerf.raindrop_attention.detection import detect
-from baselines.derain_nerf.raindrop_attention.network import Generator
+from baselines.derain_nerf.raindrop_attention.network import DerainGenerator
 from baselines.derain_nerf.raindrop_attention.weights import find_weights, load_detector
 from baselines.method import TrainingSummary
 from baselines.training.images import TrainingImages
@@ -134,7 +134,7 @@ def drop_masks(images: TrainingImages, names: Sequence[str], config: DropConfig,
     return [_mask(images.pixels(i), generator, config, kept / mask_name(name)) for i, name in enumerate(progress)]
 
 
-def _mask(pixels: NDArray[np.uint8], generator: Generator, config: DropConfig, path: Path) -> Ignored:
+def _mask(pixels: NDArray[np.uint8], generator: DerainGenerator, config: DropConfig, path: Path) -> Ignored:
     """One photograph's mask; read if an earlier call has finished it."""
     if not path.is_file():
         attention = attention_of(pixels.astype(np.float32) / 255, generator, config.longest)
@@ -142,7 +142,7 @@ def _mask(pixels: NDArray[np.uint8], generator: Generator, config: DropConfig, p
     return read_ignored(path)
 
 
-def attention_of(image: Image, generator: Generator, longest: int) -> NDArray[np.float32]:
+def attention_of(image: Image, generator: DerainGenerator, longest: int) -> NDArray[np.float32]:
     """The network's last map [H, W] of a picture [H, W, 3], which is looked at with `longest` pixels a side at most."""
     height, width = image.shape[:2]
     scale = min(1.0, longest / max(height, width))

@@ -63,14 +63,6 @@ class TrainingConfig:
     seed: int = 0
 
 
-@dataclass(frozen=True)
-class Upkeep:
-    """What the trained weights do not depend on."""
-
-    checkpoint_every: int = 50  # steps
-    validate_every: int = 500
-
-
 SMALL_GENERATOR = GeneratorConfig(attention_width=32, attention_blocks=3, attention_stride=2, width=24, residual=True)
 CONFIGS = {
     "paper": TrainingConfig(),

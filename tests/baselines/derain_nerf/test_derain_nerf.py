@@ -21,7 +21,7 @@ from baselines.derain_nerf.method import (
     hidden,
 )
 from baselines.derain_nerf.raindrop_attention.detection import Found
-from baselines.derain_nerf.raindrop_attention.network import Generator
+from baselines.derain_nerf.raindrop_attention.network import DerainGenerator
 from baselines.derain_nerf.raindrop_attention.weights import save_generator
 from baselines.training.images import TrainingImages
 from hydroviews.errors import InputError
@@ -47,7 +47,7 @@ def rainy(folder: Path, change=pasted) -> Scene:
     return balls.photographed(folder, n_views=24, width=32, height=24, change=change)
 
 
-def told(image: np.ndarray, _: Generator) -> Found:
+def told(image: np.ndarray, _: DerainGenerator) -> Found:
     """A network that knows."""
     return Found(MASK.astype(np.float32), image)
 
@@ -62,7 +62,7 @@ def drops(tmp_path, monkeypatch) -> DropConfig:
 def untrained(folder: Path) -> DropConfig:
     torch.manual_seed(0)
     path = folder / "untrained.safetensors"
-    save_generator(path, GENERATOR, Generator(GENERATOR).state_dict(), {})
+    save_generator(path, GENERATOR, DerainGenerator(GENERATOR).state_dict(), {})
     return DropConfig(weights=str(path), widened=0)
 
 
@@ -154,7 +154,7 @@ def test_large_pictures_are_looked_at_as_small_ones(monkeypatch):
     monkeypatch.setattr(derain_nerf, "detect", look)
     image = np.full((30, 90, 3), 0.25, np.float32)
     for longest in (45, 90, 480):
-        attention = attention_of(image, Generator(GENERATOR), longest)
+        attention = attention_of(image, DerainGenerator(GENERATOR), longest)
         assert attention.shape == (30, 90)
         np.testing.assert_allclose(attention, 0.25)
     assert seen == [(15, 45, 3), (30, 90, 3), (30, 90, 3)]

@@ -17,7 +17,8 @@ from baselines.gaussian_splatting import GaussianSplatting, GaussianSplattingCle
 from baselines.method import find_method
 from baselines.splatting.files.ply import read_ply
 from baselines.splatting.kernels.rasterizer import render
-from baselines.splatting.trainer import CHECKPOINT, train
+from baselines.splatting.trainer import train
+from baselines.training.checkpoints import CHECKPOINT
 from baselines.training.devices import chosen_device
 from baselines.training.images import read_images
 from baselines.training.stopping import Saving
@@ -174,7 +175,7 @@ def test_methods_are_registered_and_profiles_known(tmp_path):
     assert find_method("3dgs-clean").trains_on == "clean"
     paper = GaussianSplatting.configuration("paper")
     assert paper.iterations == 30_000
-    assert paper.rates.scales == 5e-3
+    assert paper.learning_rates.scales == 5e-3
     with pytest.raises(InputError, match="PROFILE=fast"):
         GaussianSplatting.configuration("fast")
     with pytest.raises(InputError, match="not trained"):

@@ -10,10 +10,11 @@ import pytest
 import torch
 from balls import SMALL, photographed
 
+from baselines.training.checkpoints import CHECKPOINT
 from baselines.volumetric.config import MlpFieldConfig
 from baselines.volumetric.losses import photometric_terms
 from baselines.volumetric.model import RadianceModel
-from baselines.volumetric.trainer import CHECKPOINT, rate_at, train
+from baselines.volumetric.trainer import rate_at, train
 from hydroviews.errors import InputError
 from hydroviews.scene.images import write_png
 

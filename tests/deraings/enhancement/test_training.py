@@ -7,8 +7,10 @@ import pytest
 import torch
 from tiny_network import TINY
 
-from baselines.training.network_training import CHECKPOINT, CURVE, rate_at, rounded
-from deraings.enhancement.config import TrainingConfig, Upkeep
+from baselines.training.checkpoints import CHECKPOINT
+from baselines.training.network_commands import rounded
+from baselines.training.supervised_training import CURVE, Intervals, rate_at
+from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.loss import cover_loss, enhancement_loss
 from deraings.enhancement.pairs import Pairs, Sample
 from deraings.enhancement.training import Training, train
@@ -18,7 +20,7 @@ from hydroviews.pairs.drawing import Pair
 from hydroviews.pairs.drawn import DrawnRain
 
 CONFIG = TrainingConfig(network=TINY, steps=6, batch=2, patch=32, warm_up=2, precision="float32")
-UPKEEP = Upkeep(checkpoint_every=2, validate_every=3, workers=0)
+INTERVALS = Intervals(checkpoint_seconds=0.0, validate_every=3)
 
 
 class Brighter(DrawnRain):
@@ -46,11 +48,12 @@ class Interrupting(Brighter):
         return super().pair(rng)
 
 
-def learn(folder, config=CONFIG, source=None, data="brighter", upkeep=UPKEEP, start=None):
+def learn(folder, config=CONFIG, source=None, data="brighter", start=None, workers=0):
     torch.set_num_threads(1)
     scores = iter(range(100))
     pairs = Pairs(source or Brighter(), [], config.patch, config.seed)
-    return train(folder, config, pairs, data, lambda _: {"score": float(next(scores))}, upkeep, start)
+    validate = lambda _: {"score": float(next(scores))}  # noqa: E731
+    return train(folder, config, pairs, data, validate, INTERVALS, start, workers)
 
 
 def flat(network):
@@ -66,7 +69,7 @@ def test_training_removes_what_it_can(tmp_path):
     training = learn(tmp_path, config)
     rainy, clean = torch.full((1, 3, 32, 32), 0.6), torch.full((1, 3, 32, 32), 0.4)
     assert (training.averaged(rainy) - clean).abs().mean() < 0.08
-    assert training.loss < 1
+    assert training.losses["loss"] < 1
 
 
 @pytest.mark.parametrize("precision", ["float32", "bfloat16"])
@@ -76,9 +79,9 @@ def test_an_interrupted_training_ends_with_the_same_bits(tmp_path, precision):
     with pytest.raises(KeyboardInterrupt):
         learn(tmp_path / "parts", config, Interrupting())
     parts = learn(tmp_path / "parts", config)
-    assert parts.step == whole.step == 6
+    assert parts.iteration == whole.iteration == 6
     assert torch.equal(weights_of(whole), weights_of(parts))
-    assert whole.loss == parts.loss
+    assert whole.losses == parts.losses
 
 
 def test_a_training_begins_with_the_weights_it_is_given_and_goes_on_from_its_own(tmp_path):
@@ -94,11 +97,11 @@ def test_a_training_begins_with_the_weights_it_is_given_and_goes_on_from_its_own
 
 def test_workers_do_not_change_the_result(tmp_path):
     alone = learn(tmp_path / "alone")
-    helped = learn(tmp_path / "helped", upkeep=replace(UPKEEP, workers=2))
+    helped = learn(tmp_path / "helped", workers=2)
     assert torch.equal(weights_of(alone), weights_of(helped))
 
 
-def test_every_seed_is_another_training_and_nought_is_one(tmp_path):
+def test_every_seed_is_another_training_and_zero_is_one(tmp_path):
     first, again, other = (learn(tmp_path / str(i), replace(CONFIG, seed=seed)) for i, seed in enumerate((0, 0, 1)))
     assert torch.equal(weights_of(first), weights_of(again))
     assert not torch.equal(weights_of(first), weights_of(other))

@@ -14,7 +14,7 @@ from baselines.derain_nerf.raindrop_attention.losses import (
     perceptual_loss,
     scale_loss,
 )
-from baselines.derain_nerf.raindrop_attention.network import Generator
+from baselines.derain_nerf.raindrop_attention.network import DerainGenerator
 
 
 def test_later_maps_count_more():
@@ -60,7 +60,7 @@ def test_the_same_picture_is_perceived_the_same(network):
 )
 def test_gradients_are_finite_where_nothing_is_to_be_done(clean):
     torch.manual_seed(0)
-    generator, discriminator = Generator(GENERATOR), Discriminator(DISCRIMINATOR)
+    generator, discriminator = DerainGenerator(GENERATOR), Discriminator(DISCRIMINATOR)
     found = generator(clean)
     judged = discriminator(found.frames.whole)
     cover = torch.zeros_like(clean[:, :1])
