@@ -197,13 +197,13 @@ def test_devices(monkeypatch):
         chosen_device("cpu")
 
 
-def test_a_gpu_is_used_where_what_is_needed_there_is_installed(monkeypatch, capsys):
+def test_a_gpu_is_used_where_what_is_needed_there_is_installed(monkeypatch, caplog):
     monkeypatch.delenv("HYDROVIEWS_DEVICE", raising=False)
     monkeypatch.setattr("torch.cuda.is_available", lambda: True)
     assert chosen_device("auto") == chosen_device("auto", "numpy") == "cuda"
-    assert capsys.readouterr().err == ""
+    assert not caplog.records
     assert chosen_device("auto", "no_such_package") == "cpu"
-    assert "on the CPU, though there is a GPU: no_such_package not installed" in capsys.readouterr().err
+    assert "on the CPU, though there is a GPU: no_such_package not installed" in caplog.text
     with pytest.raises(InputError, match="no_such_package not installed"):
         chosen_device("cuda", "no_such_package")
 

@@ -194,6 +194,16 @@ def test_the_network_finds_the_cover_and_says_nothing_of_what_nobody_knows(tmp_p
     assert not unknown.network.cover[0].bias.any()
 
 
+def test_a_gradient_that_is_not_finite_changes_no_weights():
+    training = Training(CONFIG)
+    before = [parameter.clone() for parameter in training.network.parameters()]
+    part, whole, box = torch.rand(1, 3, 32, 32), torch.rand(1, 2, 3, 128, 128), torch.tensor([[0.0, 1.0, 0.0, 1.0]])
+    veil = torch.full((1, 2, 4, 128, 128), torch.nan)
+    with pytest.raises(FloatingPointError, match="network's gradient of iteration 0 is not finite: loss"):
+        training.learn(Sample(part * torch.inf, part, torch.full_like(part, torch.nan), box, whole, whole, veil))
+    assert all(torch.equal(a, b) for a, b in zip(before, training.network.parameters(), strict=True))
+
+
 def test_weights_come_back_with_their_card(tmp_path):
     training = learn(tmp_path)
     card = {"data": "brighter", "steps": 6}
