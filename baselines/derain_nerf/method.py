@@ -46,7 +46,7 @@ class DropConfig:
     weights: str = "small"  # of the network, by name or path
     threshold: float = 0.2  # attention from which on a pixel is hidden
     widened: int = 1  # pixels by which what is hidden grows on every side
-    longest: int = 480  # larger pictures are looked at with so many pixels a side, as the network has learnt to
+    longest: int = 480  # larger pictures are looked at with so many pixels a side, as the network has learned to
     weights_sha256: str | None = None  # of their file: runs with other weights are other runs
 
 

@@ -1,4 +1,4 @@
-"""The training of radiance models: ray batches, Adam, checkpoints. What is learnt is the model's and the loss's."""
+"""The training of radiance fields: batches of rays, Adam, its rates. Model and loss are the method's."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,9 +16,9 @@ from baselines.training.loop import Metrics, run
 from baselines.training.torch_state import module_arrays, restore_module
 from baselines.volumetric.batches import Batch, TrainingPixels
 from baselines.volumetric.config import VolumetricConfig
-from baselines.volumetric.hash_grid import warm_up
-from baselines.volumetric.losses import Loss, photometric_terms
-from baselines.volumetric.model import Practice, RadianceModel
+from baselines.volumetric.hash_grid import warm_up as warm_up_kernels
+from baselines.volumetric.losses import Loss, photometric_losses
+from baselines.volumetric.model import RadianceModel, TrainingContext
 from baselines.volumetric.sampling import annealed
 from baselines.volumetric.spaces import Space, choose_space
 from hydroviews.rain.seeds import generator
@@ -29,8 +29,8 @@ Make = Callable[[Space, torch.Generator, int], RadianceModel]  # space, start, n
 
 
 @dataclass(frozen=True)
-class Trained:
-    """A trained model."""
+class TrainedField:
+    """A trained radiance field."""
 
     model: RadianceModel
     seconds: float  # of training alone, over all sessions
@@ -48,7 +48,7 @@ def train(
     about: dict[str, Any] | None = None,
     images: TrainingImages | None = None,
     weights: Sequence[NDArray[np.float32]] | None = None,
-) -> Trained:
+) -> TrainedField:
     """Learn the scene's training views, or go on from the checkpoint in `folder`.
 
     A run that was interrupted and goes on ends with the same bits as one that was not, on the CPU and with
@@ -78,13 +78,13 @@ def train(
     start = generator(seed, "start").integers(2**62)
     model = make(space, torch.Generator().manual_seed(int(start)), len(cameras)).to(device)
     if device.type == "cpu":
-        warm_up()
+        warm_up_kernels()
     fingerprint = fingerprint_of(
         config, seed, scene, pixels.images, about=about or {}, weights=pixels.digest(), device=device.type
     )
-    trainer = FieldTrainer(config, seed, pixels, model, loss or photometric_terms(config), device)
+    trainer = FieldTrainer(config, seed, pixels, model, loss or photometric_losses(config), device)
     run(trainer, folder / CHECKPOINT, fingerprint, config.checkpoint_seconds)
-    return Trained(model, trainer.seconds, torch.cuda.get_device_name() if device.type == "cuda" else "cpu")
+    return TrainedField(model, trainer.seconds, torch.cuda.get_device_name() if device.type == "cuda" else "cpu")
 
 
 class FieldTrainer:
@@ -116,7 +116,7 @@ class FieldTrainer:
         for group, rate in zip(self.optimiser.param_groups, self.rates, strict=True):
             group["lr"] = rate * rate_at(self.iteration, self.config)
         batch = self.pixels.draw(self.seed, self.iteration, self.config.rays, self.model.space, self.device)
-        losses = self.loss(self.model(batch.rays, self._context(batch)), batch)
+        losses = self.loss(self.model(batch.rays, self._training_context(batch)), batch)
         stacked = torch.stack(list(losses.values()))
         self.optimiser.zero_grad()
         stacked.sum().backward()
@@ -134,16 +134,16 @@ class FieldTrainer:
         restore_module(self.model, tree["model"], self.optimiser)
         self.iteration, self.seconds = tree["iteration"], tree["seconds"]
 
-    def _context(self, batch: Batch) -> Practice:
-        """What the step's rendering is told."""
+    def _training_context(self, batch: Batch) -> TrainingContext:
+        """What the step's rendering depends on: the views, jitter, and how far training is."""
         config, iteration = self.config, self.iteration
         numbers = generator(self.seed, "jitter", iteration).random((2, config.rays), np.float32)
         jitter = torch.from_numpy(numbers).to(self.device)
-        teach = iteration < config.teach_always or iteration % config.teach_every == 0
-        return Practice(batch.views, jitter, annealed(iteration, config.anneal), teach)
+        update_proposal = iteration < config.proposal_always or iteration % config.proposal_every == 0
+        return TrainingContext(batch.views, jitter, annealed(iteration, config.anneal), update_proposal)
 
 
 def rate_at(iteration: int, config: VolumetricConfig) -> float:
     """Share of the learning rate: rises linearly, falls exponentially."""
-    rising = min(1.0, (iteration + 1) / config.rising) if config.rising else 1.0
+    rising = min(1.0, (iteration + 1) / config.warm_up) if config.warm_up else 1.0
     return float(rising * config.final_rate ** (iteration / config.iterations))

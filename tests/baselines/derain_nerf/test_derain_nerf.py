@@ -27,7 +27,7 @@ from baselines.training.images import TrainingImages
 from hydroviews.errors import InputError
 from hydroviews.scene.scenes import Scene
 
-SHORT = replace(balls.SMALL, iterations=20, rays=64, teach_always=10)
+SHORT = replace(balls.SMALL, iterations=20, rays=64, proposal_always=10)
 DROP = np.array([1.0, 0.0, 1.0], np.float32)  # no colour of the scene
 
 
@@ -72,7 +72,7 @@ def fitted(method, scene, folder):
 
 
 def parameters(method):
-    return torch.cat([p.detach().flatten() for p in method._learnt.trained.model.parameters()])
+    return torch.cat([p.detach().flatten() for p in method._fitted.trained.model.parameters()])
 
 
 def test_masks_bring_back_what_drops_cost(tmp_path, drops):
