@@ -22,7 +22,7 @@ from baselines.training.loop import Metrics, run
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.scenes import Scene
 
-CHECK_EVERY = 100  # iterations between two looks for Gaussians that are not finite
+CHECK_EVERY = 100  # iterations between two checks for Gaussians that are not finite
 
 
 @dataclass(frozen=True)

@@ -58,8 +58,8 @@ class Batches(Protocol):
 class Intervals:
     """What the trained weights do not depend on."""
 
-    checkpoint_seconds: float = 30.0  # of training between two checkpoints, 0 for one after every step
-    validate_every: int = 500  # steps
+    checkpoint_seconds: float = 30.0  # between two checkpoints while training; 0: one after every step
+    validate_every: int = 500  # steps between two validations
 
 
 class Learner(NamedTuple):

@@ -6,7 +6,7 @@ Edges s [R, S + 1] rise from 0 to 1; weights [R, S] belong to the intervals betw
 import torch
 from torch import Tensor
 
-PADDING = 0.01  # of all weight, spread evenly, so that no part of a ray is never looked at (Mip-NeRF 360)
+PADDING = 0.01  # of all weight, spread evenly, so that every part of a ray is sampled now and then (Mip-NeRF 360)
 
 
 def even_edges(rays: int, samples: int, jitter: Tensor | None, device: torch.device) -> Tensor:

@@ -15,7 +15,7 @@ from deraings.enhancement.data import Data, described, started_from, training_pa
 from deraings.enhancement.enhance import enhance
 from deraings.enhancement.network import CONFIGS, EnhancementNetwork
 from deraings.enhancement.size import describe
-from deraings.enhancement.training import Training, train
+from deraings.enhancement.training import EnhancementTraining, train
 from deraings.enhancement.validation import as_columns, scores, table, validation_set
 from deraings.enhancement.weights import load_enhancer, save_network
 from hydroviews.cli import run_command
@@ -29,7 +29,7 @@ VALIDATION_SEED = 1000  # of the validation rain, whatever the training's seed
 
 
 @dataclass(frozen=True)
-class Request:
+class TrainingRequest:
     """A training."""
 
     data: tyro.conf.OmitArgPrefixes[Data]
@@ -41,7 +41,7 @@ class Request:
     validated: int = 0  # held-out photographs that the weights are validated on in the end, 0 for all
 
 
-def train_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
+def train_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
     """Train a network, write its weights and data card; the same command goes on where an earlier one stopped."""
     use_threads(request.threads)
     data, config = request.data, request.training
@@ -59,16 +59,16 @@ def train_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
     write_weights(request, training, words)
 
 
-def export_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
+def export_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
     """Write weights and data card of a training as far as it is; settings as for `train`."""
     use_threads(request.threads)
-    training = Training(request.training)
+    training = EnhancementTraining(request.training)
     words = described(request.data, started_from(request.data, request.training))
     load_trained(training, request.out, network_fingerprint(request.training, words))
     write_weights(request, training, words)
 
 
-def write_weights(request: Request, training: Training, data: str) -> None:
+def write_weights(request: TrainingRequest, training: EnhancementTraining, data: str) -> None:
     """Validate on held-out photographs, and write weights and data card, which says in words what was learned from."""
     held_out = split_photographs(request.data.photographs).held_out[: request.validated or None]
     training.averaged.load_state_dict(rounded(training.averaged.state_dict()))
@@ -96,7 +96,7 @@ def validate_command(
     """Print what weights gain on held-out photographs.
 
     Args:
-        photographs: the folder that was trained on; what it holds out is looked at.
+        photographs: the folder that was trained on; the held-out ones are validated on.
         weights: shipped ones, or a file.
         cache: keeps what Blender bakes.
         pictures: how many photographs, 0 for all.

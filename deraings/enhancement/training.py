@@ -16,7 +16,7 @@ from deraings.enhancement.veil import cut, lifted, veil_loss
 NETWORK = "network"  # the learner's name
 
 
-class Training(SupervisedTraining):
+class EnhancementTraining(SupervisedTraining):
     """A network, its averaged weights, its optimiser and how far they are."""
 
     config: TrainingConfig
@@ -67,7 +67,7 @@ def train(
     intervals: Intervals,
     start: EnhancementNetwork | None = None,
     workers: int = 0,
-) -> Training:
+) -> EnhancementTraining:
     """Train in `folder`, from the checkpoint there if there is one; see `supervised_training.train`.
 
     Args:
@@ -83,7 +83,7 @@ def train(
     Raises:
         InputError: the checkpoint is damaged or of another training.
     """
-    training = Training(config)
+    training = EnhancementTraining(config)
     if start is not None:
         training.begin_with(start)
     batches, fingerprint = Batches(pairs, config.batch), network_fingerprint(config, data)

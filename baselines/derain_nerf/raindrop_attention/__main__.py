@@ -12,7 +12,7 @@ from baselines.derain_nerf.raindrop_attention.config import CONFIGS, TrainingCon
 from baselines.derain_nerf.raindrop_attention.detection import detect
 from baselines.derain_nerf.raindrop_attention.network import DerainGenerator
 from baselines.derain_nerf.raindrop_attention.pairs import KINDS, Patches, ValidationPicture, lenses, validation_set
-from baselines.derain_nerf.raindrop_attention.training import Training, train
+from baselines.derain_nerf.raindrop_attention.training import AttentionTraining, train
 from baselines.derain_nerf.raindrop_attention.validation import as_columns, scores, table
 from baselines.derain_nerf.raindrop_attention.weights import load_detector, save_generator
 from baselines.training.network_commands import in_words, load_trained, rounded, use_threads
@@ -31,7 +31,7 @@ VALIDATION_SEED = 1000  # of lenses and rain of the validation, whatever the tra
 
 
 @dataclass(frozen=True)
-class Request:
+class TrainingRequest:
     """A training."""
 
     photographs: Path  # folder of clean photographs; every tenth by name is held out
@@ -47,12 +47,12 @@ class Request:
     validated: int = 0  # and that the weights are validated on in the end, 0 for all
 
     def training(self) -> TrainingConfig:
-        """The configuration that is asked for."""
+        """The configuration of the network, with the request's seed and steps."""
         config = CONFIGS[self.network]
         return replace(config, seed=self.seed, steps=self.steps or config.steps)
 
 
-def train_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
+def train_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
     """Train a network, write its weights and data card; the same command goes on where an earlier one stopped."""
     use_threads(request.threads)
     config, split = request.training(), split_photographs(request.photographs)
@@ -67,15 +67,15 @@ def train_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
     write_weights(request, training)
 
 
-def export_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
+def export_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
     """Write weights and data card of a training as far as it is; settings as for `train`."""
     use_threads(request.threads)
-    training = Training(request.training())
+    training = AttentionTraining(request.training())
     load_trained(training, request.out, network_fingerprint(training.config, described(request)))
     write_weights(request, training)
 
 
-def write_weights(request: Request, training: Training) -> None:
+def write_weights(request: TrainingRequest, training: AttentionTraining) -> None:
     """Validate on held-out photographs, and write weights and data card."""
     training.averaged.load_state_dict(rounded(training.averaged.state_dict()))
     rows = scores(training.averaged, _held_out(request.photographs, request.cache, request.validated))
@@ -99,7 +99,7 @@ def validate_command(photographs: Path, weights: str = "small", cache: Path = CA
     """Print how well weights find and remove drops of held-out photographs.
 
     Args:
-        photographs: the folder that was trained on; what it holds out is looked at.
+        photographs: the folder that was trained on; the held-out ones are validated on.
         weights: shipped ones, or a file.
         cache: keeps what Blender bakes.
     """
@@ -121,7 +121,7 @@ def detect_command(pictures: tyro.conf.Positional[Path], out: Path, weights: str
         write_png(target, np.hstack([image, attention[..., None].repeat(3, axis=2), derained]))
 
 
-def described(request: Request) -> str:
+def described(request: TrainingRequest) -> str:
     """The data in words, for checkpoint and card."""
     photographs = in_words(split_photographs(request.photographs).training, request.photographs)
     return f"{photographs}; {LENSES} wet lenses a frame, and mist alone"

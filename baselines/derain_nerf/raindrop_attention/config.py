@@ -21,7 +21,7 @@ class GeneratorConfig:
 
 @dataclass(frozen=True)
 class DiscriminatorConfig:
-    """Real or derained, looked at most where the attention is."""
+    """Real or derained: a network that looks most where the attention is."""
 
     stride: int = 1  # pictures are taken in squares of so many pixels along a side
     widths: tuple[int, ...] = (8, 16, 32, 64, 128, 128)  # channels of the convolutions before the map

@@ -18,7 +18,7 @@ GENERATOR, DISCRIMINATOR = "generator", "discriminator"
 BETAS = {GENERATOR: (0.9, 0.999), DISCRIMINATOR: (0.5, 0.999)}  # of Adam
 
 
-class Training(SupervisedTraining):
+class AttentionTraining(SupervisedTraining):
     """Both networks, the generator's averaged weights, the optimisers and how far they are."""
 
     config: TrainingConfig
@@ -83,7 +83,7 @@ def train(
     validate: Validate,
     intervals: Intervals,
     workers: int = 0,
-) -> Training:
+) -> AttentionTraining:
     """Train in `folder`, from the checkpoint there if there is one; see `supervised_training.train`.
 
     Args:
@@ -98,6 +98,6 @@ def train(
     Raises:
         InputError: the checkpoint is damaged or of another training.
     """
-    training, fingerprint = Training(config), network_fingerprint(config, data)
+    training, fingerprint = AttentionTraining(config), network_fingerprint(config, data)
     supervised_training.train(training, patches, folder, fingerprint, validate, intervals, workers)
     return training

@@ -14,7 +14,7 @@ from baselines.derain_nerf.method import (
     MASKS,
     DerainNeRF,
     DerainNeRFConfig,
-    DropConfig,
+    DropDetectionConfig,
     PlainField,
     attention_of,
     drop_masks,
@@ -47,23 +47,23 @@ def rainy(folder: Path, change=pasted) -> Scene:
     return balls.photographed(folder, n_views=24, width=32, height=24, change=change)
 
 
-def told(image: np.ndarray, _: DerainGenerator) -> Found:
+def known(image: np.ndarray, _: DerainGenerator) -> Found:
     """A network that knows."""
     return Found(MASK.astype(np.float32), image)
 
 
 @pytest.fixture
-def drops(tmp_path, monkeypatch) -> DropConfig:
+def drops(tmp_path, monkeypatch) -> DropDetectionConfig:
     """Settings under which exactly the pasted drops are found."""
-    monkeypatch.setattr(derain_nerf, "detect", told)
+    monkeypatch.setattr(derain_nerf, "detect", known)
     return untrained(tmp_path)
 
 
-def untrained(folder: Path) -> DropConfig:
+def untrained(folder: Path) -> DropDetectionConfig:
     torch.manual_seed(0)
     path = folder / "untrained.safetensors"
     save_generator(path, GENERATOR, DerainGenerator(GENERATOR).state_dict(), {})
-    return DropConfig(weights=str(path), widened=0)
+    return DropDetectionConfig(weights=str(path), widened=0)
 
 
 def fitted(method, scene, folder):
@@ -138,10 +138,10 @@ def test_a_damaged_mask_is_refused(tmp_path, drops):
 def test_what_is_hidden_is_widened():
     attention = np.zeros((9, 9), np.float32)
     attention[4, 4], attention[0, 0] = 0.5, 0.49
-    assert hidden(attention, DropConfig(threshold=0.5, widened=0)).sum() == 1
-    assert hidden(attention, DropConfig(threshold=0.5, widened=1)).sum() == 5
-    assert hidden(attention, DropConfig(threshold=0.5, widened=2))[2:7, 4].all()
-    assert not hidden(attention, DropConfig(threshold=0.5, widened=2))[1, 1]
+    assert hidden(attention, DropDetectionConfig(threshold=0.5, widened=0)).sum() == 1
+    assert hidden(attention, DropDetectionConfig(threshold=0.5, widened=1)).sum() == 5
+    assert hidden(attention, DropDetectionConfig(threshold=0.5, widened=2))[2:7, 4].all()
+    assert not hidden(attention, DropDetectionConfig(threshold=0.5, widened=2))[1, 1]
 
 
 def test_large_pictures_are_looked_at_as_small_ones(monkeypatch):
@@ -166,13 +166,15 @@ def test_other_weights_are_another_configuration_and_odd_profiles_are_refused(tm
     assert len(DerainNeRF.configuration("demo").drops.weights_sha256) == 64
     with pytest.raises(InputError, match="unknown"):
         DerainNeRF.configuration("enormous")
-    monkeypatch.setattr(DerainNeRF, "profiles", {"demo": DerainNeRFConfig(SHORT, DropConfig(weights="enormous"))})
+    monkeypatch.setattr(
+        DerainNeRF, "profiles", {"demo": DerainNeRFConfig(SHORT, DropDetectionConfig(weights="enormous"))}
+    )
     with pytest.raises(InputError, match="none of that name"):
         DerainNeRF.configuration("demo")
 
 
 def test_a_network_looks_at_the_photographs(tmp_path):
-    """Nothing told: the code that finds drops, on a picture of its own."""
+    """The code that finds drops itself, on a picture of its own."""
     images = TrainingImages([np.random.default_rng(0).integers(0, 256, (24, 32, 3), np.uint8)])
     everything = replace(untrained(tmp_path), threshold=0.0)
     nothing = replace(everything, threshold=1.0)

@@ -36,7 +36,7 @@ def undisturbed(scene, tmp_path_factory):
     return train(scene, CONFIG, 0, tmp_path_factory.mktemp("run"))
 
 
-def test_a_synthetic_scene_is_learnt(scene, tmp_path):
+def test_a_synthetic_scene_is_learned(scene, tmp_path):
     method = GaussianSplatting(replace(CONFIG, iterations=500), 0)
     method.fit(scene, tmp_path)
     assert psnr(method, scene.train_views) > 30

@@ -54,7 +54,7 @@ def disturbed(config, at, action):
     return loss
 
 
-def test_a_ball_is_learnt(scene, tmp_path):
+def test_a_ball_is_learned(scene, tmp_path):
     trained = fit(scene, SMALL, tmp_path)
     assert balls.psnr(trained.model.render, scene.train_views) > 24
     assert balls.psnr(trained.model.render, scene.test_views) > 21.5

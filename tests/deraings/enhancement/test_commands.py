@@ -6,7 +6,13 @@ from tiny_network import TINY
 
 from baselines.training.validation import as_json
 from deraings.enhancement import __main__ as commands
-from deraings.enhancement.__main__ import Request, describe_command, enhance_command, export_command, train_command
+from deraings.enhancement.__main__ import (
+    TrainingRequest,
+    describe_command,
+    enhance_command,
+    export_command,
+    train_command,
+)
 from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.data import Data, described, started_from
 from deraings.enhancement.network import EnhancementNetwork
@@ -70,7 +76,7 @@ def test_describe_counts(capsys):
 def test_nothing_is_exported_where_nothing_was_trained(tmp_path):
     pictures(tmp_path / "photographs")
     with pytest.raises(InputError, match="nothing has been trained"):
-        export_command(Request(Data(tmp_path / "photographs"), out=tmp_path / "empty"))
+        export_command(TrainingRequest(Data(tmp_path / "photographs"), out=tmp_path / "empty"))
 
 
 def test_what_a_training_begins_with_stands_in_its_data(tmp_path, weights):
@@ -114,7 +120,7 @@ def test_there_has_to_be_a_size_and_a_lens(tmp_path, wrong):
 def test_parts_have_to_fit_into_the_smallest_frame(tmp_path):
     pictures(tmp_path / "photographs")
     with pytest.raises(InputError, match="cannot cut parts of 192x192 pixels"):
-        train_command(Request(Data(tmp_path / "photographs", sides=(384, 240)), out=tmp_path / "out"))
+        train_command(TrainingRequest(Data(tmp_path / "photographs", sides=(384, 240)), out=tmp_path / "out"))
     assert not (tmp_path / "out").exists()
 
 

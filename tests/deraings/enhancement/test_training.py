@@ -13,7 +13,7 @@ from baselines.training.supervised_training import CURVE, Intervals, rate_at
 from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.loss import cover_loss, enhancement_loss
 from deraings.enhancement.pairs import Pairs, Sample
-from deraings.enhancement.training import Training, train
+from deraings.enhancement.training import EnhancementTraining, train
 from deraings.enhancement.weights import load_enhancer, save_network
 from hydroviews.errors import InputError
 from hydroviews.pairs.drawing import Pair
@@ -186,7 +186,7 @@ def test_the_network_finds_the_cover_and_says_nothing_of_what_nobody_knows(tmp_p
     with torch.no_grad():
         found = torch.sigmoid(training.averaged.cover(training.averaged.features(torch.rand(1, 3, 32, 32))))
     assert (found - 0.25).abs().mean() < 0.1
-    unknown = Training(CONFIG)
+    unknown = EnhancementTraining(CONFIG)
     part, whole, box = torch.rand(1, 3, 32, 32), torch.rand(1, 2, 3, 128, 128), torch.tensor([[0.0, 1.0, 0.0, 1.0]])
     veil = torch.full((1, 2, 4, 128, 128), torch.nan)
     unknown.learn(Sample(part, part, torch.full_like(part, torch.nan), box, whole, whole, veil))
@@ -195,7 +195,7 @@ def test_the_network_finds_the_cover_and_says_nothing_of_what_nobody_knows(tmp_p
 
 
 def test_a_gradient_that_is_not_finite_changes_no_weights():
-    training = Training(CONFIG)
+    training = EnhancementTraining(CONFIG)
     before = [parameter.clone() for parameter in training.network.parameters()]
     part, whole, box = torch.rand(1, 3, 32, 32), torch.rand(1, 2, 3, 128, 128), torch.tensor([[0.0, 1.0, 0.0, 1.0]])
     veil = torch.full((1, 2, 4, 128, 128), torch.nan)

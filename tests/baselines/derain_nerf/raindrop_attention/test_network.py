@@ -15,7 +15,7 @@ def picture(height: int, width: int, seed: int = 0) -> np.ndarray:
 
 
 def random_generator(config: GeneratorConfig = GENERATOR) -> DerainGenerator:
-    """Untrained, its outputs not nought."""
+    """Untrained, its outputs not zero."""
     torch.manual_seed(0)
     generator = DerainGenerator(config).eval()
     for parameter in generator.autoencoder.outputs.parameters():
@@ -48,7 +48,7 @@ def test_every_look_gives_a_map_and_there_are_three_resolutions(stride):
     assert [tuple(f.shape[2:]) for f in frames] == [(8, 12), (16, 24), (32, 48)]
 
 
-def test_small_changes_nothing_before_it_has_learnt():
+def test_small_changes_nothing_before_it_has_learned():
     image = picture(40, 36)
     np.testing.assert_array_equal(detect(image, DerainGenerator(GENERATOR)).derained, image)
 
