@@ -64,7 +64,7 @@ def train(scene: Scene, config: TrainerConfig, seed: int, folder: Path, objectiv
     backend = make_backend(
         config.device, objective, np.asarray(config.background, np.float32), near, config.antialiased
     )
-    # On a GPU the plain loss is torch's; those of methods, and validation, are kernels of the CPU.
+    # On a GPU the plain loss is torch's; those of methods, and looks at held-in views, are kernels of the CPU.
     kernels = backend.device == "cpu" or type(objective) is not Objective or config.early_stop
     compile_seconds = warm_up(config.sh_degree) if kernels else 0.0
 
