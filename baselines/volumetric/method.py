@@ -90,7 +90,7 @@ class RadianceMethod(Method):
             folder,
             self.make,
             self.loss(),
-            about={"method": type(self).__name__, **self.settings()},
+            settings={"method": type(self).__name__, **self.settings()},
             images=images,
             weights=weights,
         )

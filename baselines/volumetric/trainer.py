@@ -45,7 +45,7 @@ def train(
     make: Make,
     loss: Loss | None = None,
     *,
-    about: dict[str, Any] | None = None,
+    settings: dict[str, Any] | None = None,
     images: TrainingImages | None = None,
     weights: Sequence[NDArray[np.float32]] | None = None,
 ) -> TrainedField:
@@ -61,7 +61,7 @@ def train(
         folder: where the checkpoint is kept.
         make: the model, untrained.
         loss: of a batch; by default that of a plain field.
-        about: settings of `make` and `loss`, for JSON; a checkpoint made with others is refused.
+        settings: of `make` and `loss`, for JSON; a checkpoint made with others is refused.
         images: to learn from instead of the photographs.
         weights: how much each pixel counts, [H, W] in [0, 1] a view.
 
@@ -80,7 +80,7 @@ def train(
     if device.type == "cpu":
         warm_up_kernels()
     fingerprint = fingerprint_of(
-        config, seed, scene, pixels.images, about=about or {}, weights=pixels.digest(), device=device.type
+        config, seed, scene, pixels.images, settings=settings or {}, weights=pixels.digest(), device=device.type
     )
     trainer = FieldTrainer(config, seed, pixels, model, loss or photometric_losses(config), device)
     run(trainer, folder / CHECKPOINT, fingerprint, config.checkpoint_seconds)

@@ -188,7 +188,7 @@ def test_runs_of_other_settings_are_refused_and_the_same_goes_on(spoilt, tmp_pat
     again.fit(spoilt, tmp_path)
     view = spoilt.test_views[0].camera
     np.testing.assert_array_equal(first.render(view), again.render(view))
-    with pytest.raises(InputError, match="about"):
+    with pytest.raises(InputError, match="settings"):
         NerfW(replace(SHORT, beta_min=0.1), 0).fit(spoilt, tmp_path)
 
 

@@ -110,7 +110,7 @@ def test_signals_end_the_run_after_a_checkpoint(scene, undisturbed, tmp_path, nu
     assert 0 < first.seconds <= again.seconds < first.seconds + 1
 
 
-@pytest.mark.parametrize("change", ["configuration", "seed", "images", "weights", "about"])
+@pytest.mark.parametrize("change", ["configuration", "seed", "images", "weights", "settings"])
 def test_a_checkpoint_of_another_run_is_refused(scene, tmp_path, change):
     config, seed, extras = replace(SHORT, iterations=2), 0, {}
     fit(scene, config, tmp_path)
@@ -118,8 +118,8 @@ def test_a_checkpoint_of_another_run_is_refused(scene, tmp_path, change):
         config = replace(config, samples=8)
     elif change == "seed":
         seed = 1
-    elif change == "about":
-        extras["about"] = {"share": 0.5}
+    elif change == "settings":
+        extras["settings"] = {"share": 0.5}
     elif change == "weights":
         extras["weights"] = [np.full((24, 32), 0.5, np.float32) for _ in scene.train_views]
     else:
