@@ -1,8 +1,9 @@
-"""NeRF in the Wild (Martin-Brualla et al. 2021): a look for every photograph, and matter that only it has seen.
+"""NeRF in the Wild (Martin-Brualla et al. 2021): an appearance for every photograph, and matter that only it has seen.
 
-Section 4.1, latent appearance: every training view i has a code l_i^(a), given to the colour head. Section 4.2,
-transient objects: a second head turns the trunk's features and a code l_i^(tau) into density, colour and uncertainty of
-what is in view i alone. Rendered without that head and with the mean code, the scene is as it is without the rain.
+Section 4.1, latent appearance: every training view i has an embedding l_i^(a), given to the colour head. Section
+4.2, transient objects: a second head turns the trunk's features and an embedding l_i^(tau) into density, colour and
+uncertainty of what is in view i alone. Rendered without that head and with the mean embedding, the scene is as it is
+without the rain.
 
 Where this deviates, and why:
 
@@ -11,14 +12,14 @@ Where this deviates, and why:
   the last interval they always would be.
 * beta_min is added after compositing, as in the public implementation. In the paper it is part of every sample's
   beta, which leaves rays without transient matter with no uncertainty at all, and its logarithm without a bound.
-* Codes start near zero instead of at unit variance: where photographs look alike the mean code is then one that was
-  trained, not a point between far-apart ones.
+* Embeddings start near zero instead of at unit variance: where photographs look alike the mean embedding is then one
+  that was trained, not a point between far-apart ones.
 * Small profiles have a hash grid for the networks' eight layers, and proposals for the coarse network (which then has
-  no colours: the loss that teaches it is Mip-NeRF 360's). The paper profile has the networks; its units are the public
+  no colours: its loss is Mip-NeRF 360's). The paper profile has the networks; its units are the public
   implementation's (256, not 512).
-* The coarse network has no codes, as in the public implementation; in the paper it is given the appearance. Adam's
+* The coarse network has no embeddings, as in the public implementation; in the paper it is given the appearance. Adam's
   constants are those of instant-ngp (0.9, 0.99, 1e-15).
-* Test views are rendered with the mean code; the paper fits a code to one half of each test view.
+* Test views are rendered with the mean embedding; the paper fits one to one half of each test view.
 """
 
 from collections.abc import Mapping
@@ -29,47 +30,47 @@ import torch
 from torch import Tensor, nn
 
 from baselines.volumetric.batches import Batch
-from baselines.volumetric.compositing import along_ray, weights_of
+from baselines.volumetric.compositing import along_ray, compositing_weights
 from baselines.volumetric.config import NERF, HashFieldConfig, VolumetricConfig
 from baselines.volumetric.encodings import linear
 from baselines.volumetric.hash_grid import GridConfig
-from baselines.volumetric.losses import Loss, Terms, guide_terms
+from baselines.volumetric.losses import Loss, Losses, proposal_losses
 from baselines.volumetric.method import RadianceMethod
-from baselines.volumetric.model import Practice, RadianceModel, Rendering, Samples
+from baselines.volumetric.model import RadianceModel, Rendering, Samples, TrainingContext
 from baselines.volumetric.spaces import Rays, Space
 
-START = 0.01  # standard deviation of codes before training
+START = 0.01  # standard deviation of embeddings before training
 
 
 @dataclass(frozen=True)
 class NerfWConfig:
-    """A field, the codes of the views, and the four-term loss."""
+    """A field, the embeddings of the views, and the four-term loss."""
 
     volumetric: VolumetricConfig = field(default_factory=VolumetricConfig)
-    appearance: int = 48  # numbers of a view's appearance code
-    transient: int = 16  # and of its transient code
+    appearance: int = 48  # length of a view's appearance embedding
+    transient: int = 16  # and of its transient embedding
     transient_width: int = 32  # units of the transient head's layers
     transient_layers: int = 2
     beta_min: float = 0.03
     density_weight: float = 0.01  # lambda_u, of the mean transient density
-    code_rate: float = 5e-3  # learning rate of the codes
-    mean_looks: float = 0.0  # share of a step's rays that are taken for the mean look's, not for their view's
+    embedding_rate: float = 5e-3  # learning rate of the embeddings
+    mean_appearance_share: float = 0.0  # of a step's rays, which get the mean appearance instead of their view's
 
 
 class TransientHead(nn.Module):
-    """Density, colour and uncertainty of what only one view has seen, from features and that view's code."""
+    """Density, colour and uncertainty of what only one view has seen, from features and that view's embedding."""
 
     def __init__(self, features: int, config: NerfWConfig, generator: torch.Generator):
         super().__init__()
         width = config.transient_width
         self.entry = linear(features, width, generator)
-        self.code_entry = linear(config.transient, width, generator, bias=False)
+        self.embedding_entry = linear(config.transient, width, generator, bias=False)
         self.middle = nn.ModuleList(linear(width, width, generator) for _ in range(config.transient_layers - 1))
         self.exit = linear(width, 5, generator)
 
-    def forward(self, features: Tensor, codes: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Densities [R, S], colours [R, S, 3] and uncertainties [R, S] for features [R, S, F], codes [R, C]."""
-        hidden = (self.entry(features) + self.code_entry(codes)[:, None]).relu_()
+    def forward(self, features: Tensor, embeddings: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Densities [R, S], colours [R, S, 3] and uncertainties [R, S] for features [R, S, F], embeddings [R, E]."""
+        hidden = (self.entry(features) + self.embedding_entry(embeddings)[:, None]).relu_()
         for layer in self.middle:
             hidden = layer(hidden).relu_()
         outputs = self.exit(hidden)
@@ -78,58 +79,60 @@ class TransientHead(nn.Module):
 
 
 class NerfWModel(RadianceModel):
-    """The field with codes and a transient head."""
+    """The field with embeddings and a transient head."""
 
     def __init__(self, config: NerfWConfig, space: Space, generator: torch.Generator, views: int):
         super().__init__(config.volumetric, space, generator, config.appearance)
-        self.rate, self.beta_min, self.mean_looks = config.code_rate, config.beta_min, config.mean_looks
+        self.embedding_rate, self.beta_min = config.embedding_rate, config.beta_min
+        self.mean_appearance_share = config.mean_appearance_share
         self.appearance = nn.Parameter(START * torch.randn(views, config.appearance, generator=generator))
         self.transient = nn.Parameter(START * torch.randn(views, config.transient, generator=generator))
         self.head = TransientHead(self.field.features, config, generator)
 
     def groups(self) -> list[dict[str, Any]]:
-        """See RadianceModel; codes have their own rate."""
-        codes = [self.appearance, self.transient]
-        others = [p for p in self.parameters() if all(p is not code for code in codes)]
-        return [{"params": others, "lr": self.config.field.rate}, {"params": codes, "lr": self.rate}]
+        """See RadianceModel; embeddings have their own rate."""
+        embeddings = [self.appearance, self.transient]
+        others = [p for p in self.parameters() if all(p is not embedding for embedding in embeddings)]
+        return [{"params": others, "lr": self.config.field.rate}, {"params": embeddings, "lr": self.embedding_rate}]
 
-    def shade(self, rays: Rays, samples: Samples, practice: Practice | None) -> Rendering:
-        """See RadianceModel; without `practice` the static scene in its mean look."""
+    def shade(self, rays: Rays, samples: Samples, context: TrainingContext | None) -> Rendering:
+        """See RadianceModel; without `context` the static scene in its mean appearance."""
         density, features = self.field.geometry(samples.points)
         mean = self.appearance.mean(0).expand(len(rays.origins), -1)
-        if practice is None:
+        if context is None:
             colours = self.field.colour(features, rays.viewing, mean)
-            weights, left = weights_of(density, samples.lengths)
+            weights, left = compositing_weights(density, samples.lengths)
             seen = self.over_background(along_ray(weights, colours), left)
             return Rendering(seen, weights, samples, samples.edges, weights)
-        codes, as_mean = nn.functional.embedding(practice.views, self.appearance), round(self.mean_looks * len(mean))
-        colours = self.field.colour(features, rays.viewing, torch.cat([mean[:as_mean], codes[as_mean:]]))
+        embeddings = nn.functional.embedding(context.views, self.appearance)
+        as_mean = round(self.mean_appearance_share * len(mean))
+        colours = self.field.colour(features, rays.viewing, torch.cat([mean[:as_mean], embeddings[as_mean:]]))
         passing, passing_colours, uncertainty = self.head(
-            features, nn.functional.embedding(practice.views, self.transient)
+            features, nn.functional.embedding(context.views, self.transient)
         )
-        weights, left = weights_of(density + passing, samples.lengths)
+        weights, left = compositing_weights(density + passing, samples.lengths)
         share = passing / (density + passing).clamp_min(1e-12)
         static, transient = weights * (1 - share), weights * share
         seen = along_ray(static, colours) + along_ray(transient, passing_colours)
-        more = {"beta": self.beta_min + (transient * uncertainty).sum(1), "density": passing}
-        return Rendering(self.over_background(seen, left), weights, samples, samples.edges, weights, more=more)
+        extras = {"beta": self.beta_min + (transient * uncertainty).sum(1), "density": passing}
+        return Rendering(self.over_background(seen, left), weights, samples, samples.edges, weights, extras=extras)
 
 
-def nerf_w_terms(config: NerfWConfig) -> Loss:
-    """The loss (equation 13): error over uncertainty, the uncertainty's logarithm, transient density, the guide."""
+def nerf_w_losses(config: NerfWConfig) -> Loss:
+    """The loss (equation 13): error over uncertainty, the uncertainty's logarithm, transient density, proposals."""
 
-    def loss(rendering: Rendering, batch: Batch) -> Terms:
-        beta = rendering.more["beta"]
+    def loss(rendering: Rendering, batch: Batch) -> Losses:
+        beta = rendering.extras["beta"]
         error = (rendering.colour - batch.colours).square().mean(1)
-        terms = {
+        losses = {
             "colour": (batch.weights * error / (2 * beta**2)).mean(),
             "uncertainty": (batch.weights * beta.log()).mean(),
-            "density": config.density_weight * (batch.weights[:, None] * rendering.more["density"]).mean(),
+            "density": config.density_weight * (batch.weights[:, None] * rendering.extras["density"]).mean(),
         }
-        guide = guide_terms(rendering, batch, config.volumetric)
-        if "coarse" in guide:
-            guide["coarse"] = guide["coarse"] / 2
-        return terms | guide
+        proposal = proposal_losses(rendering, batch, config.volumetric)
+        if "coarse" in proposal:
+            proposal["coarse"] = proposal["coarse"] / 2
+        return losses | proposal
 
     return loss
 
@@ -139,14 +142,14 @@ FIELD = HashFieldConfig(rate=2e-2)
 # Longer ones have the time to fill more entries: on clean views of courtyard twice as many gain half a decibel.
 DETAILED_FIELD = replace(FIELD, grid=GridConfig(log2_entries=17))
 SMALL = VolumetricConfig(field=FIELD)
-# What a stretch of views has in common goes into their codes, and is missing in the mean look that is scored: so codes
-# learn more slowly, and half of the rays see none. docs/volumetric.md has figures.
-SHORT = NerfWConfig(SMALL, code_rate=1e-3, mean_looks=0.5)
+# What a stretch of views has in common goes into their embeddings, and is missing in the mean appearance, which is
+# scored: so embeddings learn more slowly, and half of the rays see none. docs/volumetric.md has figures.
+SHORT = NerfWConfig(SMALL, embedding_rate=1e-3, mean_appearance_share=0.5)
 PAPER = replace(NERF, iterations=300_000, final_rate=0.01)
 PROFILES = {
     "demo": replace(SHORT, volumetric=replace(SMALL, iterations=3500)),
     "quick": replace(SHORT, volumetric=replace(SMALL, field=DETAILED_FIELD, iterations=13_000)),
-    "paper": NerfWConfig(PAPER, transient_width=128, transient_layers=4, code_rate=5e-4),
+    "paper": NerfWConfig(PAPER, transient_width=128, transient_layers=4, embedding_rate=5e-4),
 }
 
 
@@ -167,7 +170,7 @@ class NerfW(RadianceMethod):
 
     def loss(self) -> Loss:
         """See RadianceMethod."""
-        return nerf_w_terms(self.config)
+        return nerf_w_losses(self.config)
 
     def settings(self) -> dict[str, Any]:
         """See RadianceMethod."""

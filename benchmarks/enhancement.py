@@ -19,9 +19,10 @@ import pandas as pd
 import torch
 import tyro
 
+from baselines.training.supervised_training import Intervals
 from benchmarks.timing import least
 from deraings.enhancement.__main__ import VALIDATION_SEED, WATCHED
-from deraings.enhancement.config import TrainingConfig, Upkeep
+from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.data import Data, described, training_pairs
 from deraings.enhancement.enhance import enhance
 from deraings.enhancement.network import CONFIGS, EnhancementNetwork, NetworkConfig
@@ -82,9 +83,9 @@ def megabytes(name: str, width: int) -> float:
 def row(choice: Choice, data: Data, config: NetworkConfig, pairs: Pairs, validate: Callable) -> dict[str, Any]:
     """One width: size, time, memory, and PSNR after training."""
     training = replace(TrainingConfig(), network=config, steps=choice.steps)
-    upkeep = Upkeep(validate_every=choice.steps)
+    intervals = Intervals(validate_every=choice.steps)
     folder, words = choice.out / f"width-{config.width}", described(data, None)
-    trained = train(folder, training, pairs, words, validate, upkeep)
+    trained = train(folder, training, pairs, words, validate, intervals)
     parts = measure(config, *SIZE).values()
     megapixels = SIZE[0] * SIZE[1] / 1e6
     return {

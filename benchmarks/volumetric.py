@@ -40,7 +40,7 @@ SETTINGS: dict[str, VolumetricConfig] = {
     "as it is": PLAIN,
     "12 samples": replace(PLAIN, samples=12),
     "48 samples": replace(PLAIN, samples=48),
-    "24 samples of the guide": replace(PLAIN, guide_samples=24),
+    "24 samples of the proposal": replace(PLAIN, proposal_samples=24),
     "2^14 entries": replace(PLAIN, field=replace(HASH, grid=GridConfig(8, 14))),
     "2^18 entries": replace(PLAIN, field=replace(HASH, grid=GridConfig(8, 18))),
     "one layer of 32 for colours": replace(PLAIN, field=replace(HASH, hidden=32, colour_layers=1)),
@@ -54,7 +54,7 @@ def main(out: Path = Path("results/bench"), scene: Path | None = None, iteration
 
     Args:
         out: folder of the CSV files.
-        scene: a built scene, whose clean views are learnt.
+        scene: a built scene, whose clean views are learned.
         iterations: of each training.
     """
     torch.set_num_threads(1)

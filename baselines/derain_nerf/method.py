@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from baselines.derain_nerf.raindrop_attention.detection import detect
-from baselines.derain_nerf.raindrop_attention.network import Generator
+from baselines.derain_nerf.raindrop_attention.network import DerainGenerator
 from baselines.derain_nerf.raindrop_attention.weights import find_weights, load_detector
 from baselines.method import TrainingSummary
 from baselines.training.images import TrainingImages
@@ -40,13 +40,13 @@ MASKS = "drops"
 
 
 @dataclass(frozen=True)
-class DropConfig:
-    """What is taken for a drop."""
+class DropDetectionConfig:
+    """How drops are detected."""
 
     weights: str = "small"  # of the network, by name or path
     threshold: float = 0.2  # attention from which on a pixel is hidden
-    widened: int = 1  # pixels by which what is hidden grows on every side
-    longest: int = 480  # larger pictures are looked at with so many pixels a side, as the network has learnt to
+    widened: int = 1  # pixels by which masks grow on every side
+    longest: int = 480  # pixels a side; drops are detected in larger pictures at this size, that of the training
     weights_sha256: str | None = None  # of their file: runs with other weights are other runs
 
 
@@ -55,7 +55,7 @@ class DerainNeRFConfig:
     """A field, and what it does not learn from."""
 
     volumetric: VolumetricConfig
-    drops: DropConfig = field(default_factory=DropConfig)
+    drops: DropDetectionConfig = field(default_factory=DropDetectionConfig)
 
 
 # The released code's training: 200,000 steps of 1,024 rays, 64 and 64 samples, a tenth of the rate in 250,000 steps.
@@ -115,7 +115,9 @@ class PlainField(RadianceMethod):
     profiles: ClassVar[Mapping[str, Any]] = {name: config.volumetric for name, config in PROFILES.items()}
 
 
-def drop_masks(images: TrainingImages, names: Sequence[str], config: DropConfig, folder: Path) -> list[Ignored]:
+def drop_masks(
+    images: TrainingImages, names: Sequence[str], config: DropDetectionConfig, folder: Path
+) -> list[Ignored]:
     """What is hidden of every photograph, bool [H, W]; found once, and kept in `folder`.
 
     Args:
@@ -134,7 +136,7 @@ def drop_masks(images: TrainingImages, names: Sequence[str], config: DropConfig,
     return [_mask(images.pixels(i), generator, config, kept / mask_name(name)) for i, name in enumerate(progress)]
 
 
-def _mask(pixels: NDArray[np.uint8], generator: Generator, config: DropConfig, path: Path) -> Ignored:
+def _mask(pixels: NDArray[np.uint8], generator: DerainGenerator, config: DropDetectionConfig, path: Path) -> Ignored:
     """One photograph's mask; read if an earlier call has finished it."""
     if not path.is_file():
         attention = attention_of(pixels.astype(np.float32) / 255, generator, config.longest)
@@ -142,8 +144,8 @@ def _mask(pixels: NDArray[np.uint8], generator: Generator, config: DropConfig, p
     return read_ignored(path)
 
 
-def attention_of(image: Image, generator: Generator, longest: int) -> NDArray[np.float32]:
-    """The network's last map [H, W] of a picture [H, W, 3], which is looked at with `longest` pixels a side at most."""
+def attention_of(image: Image, generator: DerainGenerator, longest: int) -> NDArray[np.float32]:
+    """The network's last map [H, W] of a picture [H, W, 3], at most `longest` pixels a side while detecting."""
     height, width = image.shape[:2]
     scale = min(1.0, longest / max(height, width))
     small = resize_area(image, max(1, round(width * scale)), max(1, round(height * scale)))
@@ -151,7 +153,7 @@ def attention_of(image: Image, generator: Generator, longest: int) -> NDArray[np
     return np.asarray(cv2.resize(found, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
 
 
-def hidden(attention: NDArray[np.float32], config: DropConfig) -> Ignored:
+def hidden(attention: NDArray[np.float32], config: DropDetectionConfig) -> Ignored:
     """Attention [H, W] from the threshold on, widened."""
     found = (attention >= config.threshold).astype(np.uint8)
     side = 2 * config.widened + 1

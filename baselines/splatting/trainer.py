@@ -1,32 +1,28 @@
-"""The training loop: steps, what changes between them, checkpoints. What a step does is the backend's business."""
+"""The training of Gaussians: a step, and what changes between two. How a step is calculated is the backend's."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from baselines.splatting import schedule
 from baselines.splatting.appearance.gaussians import with_appearance
 from baselines.splatting.backends.base import Backend, make_backend
 from baselines.splatting.backends.warm_up import warm_up
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.files.checkpoints import read_checkpoint, write_checkpoint
+from baselines.splatting.files.checkpoints import state_from_tree, state_to_tree
 from baselines.splatting.gaussians import FEATURES, Gaussians
 from baselines.splatting.initialisation import initialise, scene_extent
 from baselines.splatting.objective import Objective
 from baselines.splatting.state import TrainingState, fresh_state, without_non_finite
 from baselines.splatting.strategies.pruning import prune
-from baselines.training.checkpoints import fingerprint_of
+from baselines.training.checkpoints import CHECKPOINT, Tree, fingerprint_of
 from baselines.training.images import read_images
-from baselines.training.stopping import Clock, Saving, end_stopped, stop_signals
+from baselines.training.loop import Metrics, run
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.scenes import Scene
 
-CHECKPOINT = "checkpoint.safetensors"
-CHECK_EVERY = 100  # iterations between two looks for Gaussians that are not finite
+CHECK_EVERY = 100  # iterations between two checks for Gaussians that are not finite
 
 
 @dataclass(frozen=True)
@@ -40,14 +36,14 @@ class Trained:
     device: str
     extent: float
     iterations: int | None = None  # that were done: fewer than configured where training stopped early
-    residuals: tuple[float, ...] = ()  # mean losses of the held-in views, one a look
+    residuals: tuple[float, ...] = ()  # mean losses of the validation views, one a validation
     non_finite: int = 0  # Gaussians removed because a parameter was NaN or infinite
 
 
 def train(scene: Scene, config: TrainerConfig, seed: int, folder: Path, objective: Objective | None = None) -> Trained:
     """Learn the scene's training views, or go on from the checkpoint in `folder`.
 
-    A run that was interrupted and taken up again ends with the same bits as one that was not, on the CPU.
+    A run that was interrupted and goes on ends with the same bits as one that was not, on the CPU.
 
     Args:
         scene: training views and points.
@@ -58,6 +54,7 @@ def train(scene: Scene, config: TrainerConfig, seed: int, folder: Path, objectiv
 
     Raises:
         InputError: an image that cannot be read; a checkpoint of another configuration, seed or scene; no such device.
+        FloatingPointError: a loss is NaN or infinite.
         KeyboardInterrupt, SystemExit: on Ctrl-C and SIGTERM, after a checkpoint was written.
     """
     cameras = tuple(view.camera for view in scene.train_views)
@@ -74,15 +71,11 @@ def train(scene: Scene, config: TrainerConfig, seed: int, folder: Path, objectiv
     fingerprint = fingerprint_of(
         config, seed, scene, objective.images, objective=objective.settings(), device=backend.device
     )
-    held = schedule.validation_views(len(cameras), config.early_stop.views) if config.early_stop else ()
-    run = _Run(config, seed, cameras, held, extent, backend, objective, folder / CHECKPOINT, fingerprint)
-    if run.checkpoint.exists():
-        state, learnt = read_checkpoint(run.checkpoint, fingerprint)
-        objective.load_state_dict(learnt)
-    else:
-        start = initialise(scene.points, cameras, config.sh_degree, seed)
-        state = fresh_state(with_appearance(start, objective.appearance))
-    state = run.finish(state)
+    validation_views = schedule.validation_views(len(cameras), config.early_stop.views) if config.early_stop else ()
+    start = with_appearance(initialise(scene.points, cameras, config.sh_degree, seed), objective.appearance)
+    trainer = SplattingTrainer(config, seed, cameras, validation_views, extent, backend, objective, start)
+    run(trainer, folder / CHECKPOINT, fingerprint, config.checkpoint_seconds)
+    state = trainer.state
     return Trained(
         gaussians=state.gaussians,
         near=near,
@@ -96,100 +89,114 @@ def train(scene: Scene, config: TrainerConfig, seed: int, folder: Path, objectiv
     )
 
 
-@dataclass(frozen=True)
-class _Run:
-    """What stays the same from the first step to the last."""
+class SplattingTrainer:
+    """Gaussians that learn the training views; see `baselines.training.loop.Trainer`."""
 
-    config: TrainerConfig
-    seed: int
-    cameras: tuple[Camera, ...]
-    held: tuple[int, ...]  # training views that are only looked at
-    extent: float
-    backend: Backend
-    objective: Objective
-    checkpoint: Path
-    fingerprint: dict[str, Any]
+    def __init__(
+        self,
+        config: TrainerConfig,
+        seed: int,
+        cameras: tuple[Camera, ...],
+        validation_views: tuple[int, ...],
+        extent: float,
+        backend: Backend,
+        objective: Objective,
+        start: Gaussians,
+    ) -> None:
+        """Begin with given Gaussians.
 
-    @cached_property
-    def learnt(self) -> tuple[int, ...]:
-        """The training views that steps learn from."""
-        return tuple(view for view in range(len(self.cameras)) if view not in self.held)
+        Args:
+            config: settings.
+            seed: of everything random.
+            cameras: of the training views.
+            validation_views: indices of training views that are not learned from, to stop early.
+            extent: of the scene, in world units.
+            backend: where steps are calculated.
+            objective: what rendered views are compared with; its state is a part of the training's.
+            start: the Gaussians before the first step.
+        """
+        self.config, self.seed, self.cameras, self.extent = config, seed, cameras, extent
+        self.validation_views = validation_views
+        self.learned = tuple(view for view in range(len(cameras)) if view not in validation_views)
+        self.backend, self.objective = backend, objective
+        self.iterations, self.iteration, self.seconds = config.iterations, 0, 0.0
+        self._put(fresh_state(start))
 
-    def finish(self, state: TrainingState) -> TrainingState:
-        """All steps that are left, with a checkpoint now and then and at the end."""
-        backend, total, done = self.backend, self.config.iterations, state.iteration
-        backend.put(state)
-        clock = Clock(state.seconds)
-        saving, smooth = Saving(clock, self.config.checkpoint_seconds), 0.0
-        bar = tqdm(total=total, initial=done, desc="training", unit="it", mininterval=1.0)
-        with stop_signals() as stopped, bar:
-            while done < total and not self.stalled(state):
-                loss = self.step(done)
-                done += 1
-                if self.due(done):
-                    state = self.change(backend.get(done, clock.seconds))
-                if stopped or saving.due:
-                    with saving.timed():
-                        self.save(backend.get(done, clock.seconds))
-                end_stopped(stopped)
-                smooth = 0.98 * smooth + 0.02 * loss if smooth else loss
-                bar.set_postfix_str(f"loss {smooth:.4f}, {len(state.gaussians)} Gaussians", refresh=False)
-                bar.update()
-        state = backend.get(done, clock.seconds)
-        self.save(state)
-        return state
+    @property
+    def state(self) -> TrainingState:
+        """What the steps have led to; valid until the next one."""
+        return self.backend.get(self.iteration, self.seconds)
 
-    def step(self, iteration: int) -> float:
+    @property
+    def finished(self) -> bool:
+        """Whether all steps are done, or the validation views have not been matched better for too many validations."""
+        if self.iteration >= self.iterations:
+            return True
+        early_stop, residuals = self.config.early_stop, self._placed.residuals
+        if early_stop is None or not residuals:
+            return False
+        return len(residuals) - 1 - int(np.argmin(residuals)) >= early_stop.patience
+
+    def step(self) -> Metrics:
+        """Learn from one view, and do what is due between two steps."""
+        loss = self._learn()
+        self.iteration += 1
+        if self._change_due():
+            self._change()
+        return {"loss": loss, "Gaussians": len(self._placed.gaussians)}
+
+    def state_dict(self) -> Tree:
+        """The training state, and what the objective has learned."""
+        return {**state_to_tree(self.state), "objective": self.objective.state_dict()}
+
+    def load_state_dict(self, tree: Tree) -> None:
+        """Take over what `state_dict` gave."""
+        state = state_from_tree(tree)
+        self.objective.load_state_dict(tree["objective"])
+        self.iteration, self.seconds = state.iteration, state.seconds
+        self._put(state)
+
+    def _put(self, state: TrainingState) -> None:
+        """Hand a state to the backend; until the next, residuals and the number of Gaussians stay as they are."""
+        self._placed = state
+        self.backend.put(state)
+
+    def _learn(self) -> float:
         """One view; returns its loss."""
-        config = self.config
-        view = self.learnt[schedule.view_at(iteration, len(self.learnt), self.seed)]
+        config, iteration = self.config, self.iteration
+        view = self.learned[schedule.view_at(iteration, len(self.learned), self.seed)]
         shrink = schedule.shrink_at(iteration, config.iterations, config.resolutions)
         degree = schedule.sh_degree_at(iteration, config.sh_degree_interval, config.sh_degree)
         rates = schedule.rates_at(iteration, config.iterations, config.learning_rates, self.extent, config.sh_degree)
         if self.objective.appearance is not None:
             rates |= {FEATURES: self.objective.appearance.feature_rate(iteration)}
         step_options = config.strategy.step_options(iteration, float(rates["means"]), self.extent, self.seed)
-        return self.backend.step(
-            schedule.shrunk(self.cameras[view], shrink), view, iteration, degree, rates, step_options
-        )
+        camera = schedule.shrunk(self.cameras[view], shrink)
+        return self.backend.step(camera, view, iteration, degree, rates, step_options)
 
-    def due(self, done: int) -> bool:
-        """Whether `change` has anything to do after so many steps."""
-        config = self.config
+    def _change_due(self) -> bool:
+        """Whether `_change` has anything to do after so many steps."""
+        config, done = self.config, self.iteration
         checked = done % CHECK_EVERY == 0 or done == config.iterations
         pruned = config.pruning is not None and config.pruning.due(done - 1, config.iterations)
         refined = config.strategy.due(done - 1)
-        return refined or pruned or self.looked(done) or (checked and self.backend.non_finite() > 0)
+        return refined or pruned or self._validation_due() or (checked and self.backend.non_finite() > 0)
 
-    def looked(self, done: int) -> bool:
-        """Whether the held-in views are looked at after so many steps."""
-        return self.config.early_stop is not None and done % self.config.early_stop.every == 0
+    def _validation_due(self) -> bool:
+        """Whether the validation views are compared after so many steps."""
+        return self.config.early_stop is not None and self.iteration % self.config.early_stop.every == 0
 
-    def change(self, state: TrainingState) -> TrainingState:
-        """What is due between two steps: broken Gaussians out, refinement, pruning, a look at the held-in views."""
-        config, backend, done = self.config, self.backend, state.iteration
-        state = without_non_finite(state)
+    def _change(self) -> None:
+        """Remove Gaussians that are not finite, refine, prune, validate: what of it is due."""
+        config, done = self.config, self.iteration
+        state = without_non_finite(self.state)
         if config.strategy.due(done - 1):
             state = config.strategy.refine(state, self.extent, self.seed)
-        backend.put(state)
+        self._put(state)
         if config.pruning and config.pruning.due(done - 1, config.iterations):
             left = config.pruning.left(done - 1, config.iterations)
-            state = prune(state, backend.contributions(self.cameras), config.pruning, left)
-            backend.put(state)
-        if self.looked(done):
+            self._put(prune(state, self.backend.contributions(self.cameras), config.pruning, left))
+        if self._validation_due():
             degree = schedule.sh_degree_at(done - 1, config.sh_degree_interval, config.sh_degree)
-            losses = [backend.residual(self.cameras[view], view, degree) for view in self.held]
-            state = replace(state, residuals=(*state.residuals, float(np.mean(losses))))
-            backend.put(state)
-        return state
-
-    def stalled(self, state: TrainingState) -> bool:
-        """Whether the held-in views have not been matched better for too many looks."""
-        early_stop, residuals = self.config.early_stop, state.residuals
-        if early_stop is None or not residuals:
-            return False
-        return len(residuals) - 1 - int(np.argmin(residuals)) >= early_stop.patience
-
-    def save(self, state: TrainingState) -> None:
-        """Write the checkpoint."""
-        write_checkpoint(self.checkpoint, state, self.objective.state_dict(), self.fingerprint)
+            losses = [self.backend.residual(self.cameras[view], view, degree) for view in self.validation_views]
+            self._put(replace(self._placed, residuals=(*self._placed.residuals, float(np.mean(losses)))))

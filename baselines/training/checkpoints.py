@@ -1,7 +1,13 @@
-"""Arrays with a description on disk, as safetensors, and what a checkpoint has to agree with."""
+"""Checkpoints: a tree of states in one safetensors file, and what it has to agree with.
+
+A tree is nested dictionaries whose leaves are numpy arrays or plain JSON values, as `state_dict()` gives it. Arrays
+are stored under the names on their way, joined by "/" (names of torch's parameters have dots of their own); all other
+leaves stand in the file's description. Files are written whole or not at all.
+"""
 
 import hashlib
 import json
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -17,6 +23,10 @@ from hydroviews.files.atomic import replacing
 from hydroviews.scene.scenes import Scene
 
 FORMAT = "hydroviews-splatting-1"
+CHECKPOINT = "checkpoint.safetensors"
+SEPARATOR = "/"
+
+Tree = dict[str, Any]  # of dictionaries, numpy arrays and JSON values
 
 
 def write_arrays(path: Path, arrays: dict[str, NDArray], about: dict[str, Any]) -> None:
@@ -43,6 +53,55 @@ def read_arrays(path: Path) -> tuple[dict[str, NDArray], dict[str, Any]]:
     if metadata.get("format") != FORMAT:
         raise InputError(f"{path}: not one of our files", found=metadata.get("format"), expected=FORMAT)
     return arrays, json.loads(metadata["about"])
+
+
+def save_checkpoint(path: Path, tree: Mapping[str, Any], fingerprint: Mapping[str, Any]) -> None:
+    """Write a tree of states.
+
+    Args:
+        path: the file, replaced when whole.
+        tree: nested dictionaries of arrays and JSON values.
+        fingerprint: what the state belongs to, for JSON; `load_checkpoint` wants the same.
+
+    Raises:
+        ValueError: a name that is not text, is empty or has a "/".
+        TypeError: a leaf that is neither an array nor a JSON value.
+    """
+    leaves = dict(_leaves(tree))
+    arrays = {name: leaf for name, leaf in leaves.items() if isinstance(leaf, np.ndarray)}
+    values = {name: leaf for name, leaf in leaves.items() if name not in arrays}
+    write_arrays(path, arrays, {"fingerprint": fingerprint, "values": values})
+
+
+def load_checkpoint(path: Path, fingerprint: Mapping[str, Any]) -> Tree:
+    """The tree that `save_checkpoint` wrote; tuples come back as lists, arrays without axes with one of length 1.
+
+    Raises:
+        InputError: missing, damaged, or of another configuration, seed or scene.
+    """
+    arrays, about = read_arrays(path)
+    check_fingerprint(path, about.get("fingerprint", {}), dict(fingerprint))
+    if "values" not in about:
+        raise InputError(f"{path}: a checkpoint of another version", fix="remove the file and start again")
+    tree: Tree = {}
+    for name, leaf in {**arrays, **about["values"]}.items():
+        *way, last = name.split(SEPARATOR)
+        branch = tree
+        for part in way:
+            branch = branch.setdefault(part, {})
+        branch[last] = leaf
+    return tree
+
+
+def _leaves(tree: Mapping[str, Any], start: str = "") -> Iterator[tuple[str, Any]]:
+    """Leaves by the names on the way to them; an empty dictionary is a leaf."""
+    for name, value in tree.items():
+        if not isinstance(name, str) or not name or SEPARATOR in name:
+            raise ValueError(f"state {start}{name!r}: expected a name without {SEPARATOR}")
+        if isinstance(value, Mapping) and value:
+            yield from _leaves(value, f"{start}{name}{SEPARATOR}")
+        else:
+            yield start + name, value
 
 
 def fingerprint_of(config: Any, seed: int, scene: Scene, images: TrainingImages, **others: Any) -> dict[str, Any]:

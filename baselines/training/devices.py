@@ -1,11 +1,12 @@
 """Where to calculate: on the CPU, or on an NVIDIA GPU where there is one."""
 
 import importlib.util
+import logging
 import os
-import sys
 
 from hydroviews.errors import InputError
 
+logger = logging.getLogger(__name__)
 DEVICES = ("auto", "cpu", "cuda")
 NO_DEVICE = "torch finds no CUDA device"
 
@@ -14,8 +15,8 @@ def chosen_device(device: str, *packages: str) -> str:
     """ "cpu" or "cuda" for "auto", "cpu" or "cuda"; $HYDROVIEWS_DEVICE, where it is set, comes before that.
 
     Args:
-        device: that is asked for.
-        packages: that are needed on a GPU beside torch.
+        device: the one asked for.
+        packages: what a GPU needs beside torch.
 
     Raises:
         InputError: an unknown device, or "cuda" without a GPU or one of the packages.
@@ -29,7 +30,7 @@ def chosen_device(device: str, *packages: str) -> str:
     if lacking and device == "cuda":
         raise InputError("device cuda: not available", found=lacking, fix="install hydroviews[cuda], or use cpu")
     if lacking and lacking != NO_DEVICE:
-        print(f"on the CPU, though there is a GPU: {lacking} (install hydroviews[cuda])", file=sys.stderr)
+        logger.warning("on the CPU, though there is a GPU: %s (install hydroviews[cuda])", lacking)
     return "cpu" if lacking else "cuda"
 
 

@@ -1,4 +1,4 @@
-"""What torch has learnt, as named numpy arrays for checkpoints, and back: parameters, buffers and Adam's moments."""
+"""Modules of torch as named numpy arrays for checkpoints, and back: parameters, buffers and Adam's moments."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -70,7 +70,7 @@ class TrainingPixels:
         world = self._cameras.rays(views, columns + 0.5, rows + 0.5)
         colours = torch.from_numpy(self._colours[chosen]).to(device).float() / 255
         weights = torch.ones(rays) if self._weights is None else torch.from_numpy(self._weights[chosen])
-        return Batch(space.enter(world, device), colours, weights.to(device), torch.from_numpy(views).to(device))
+        return Batch(space.from_world(world, device), colours, weights.to(device), torch.from_numpy(views).to(device))
 
 
 def _counting(images: TrainingImages, weights: Sequence[NDArray[np.float32]] | None) -> NDArray[np.float32] | None:

@@ -6,7 +6,7 @@ from torch import Tensor
 INFINITE = 1e10  # length of an interval that reaches to infinity (NeRF)
 
 
-def weights_of(density: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
+def compositing_weights(density: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
     """What every interval contributes to its ray, w = T (1 - exp(-sigma delta)), and what light is left behind all.
 
     Exact on empty rays (all weights zero) and on saturated ones (they sum up to one).

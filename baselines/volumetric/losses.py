@@ -1,4 +1,4 @@
-"""The terms of a plain field's loss; a method's loss is a function like `photometric_terms`, with terms of its own."""
+"""The losses of a plain field; a method's is a function like `photometric_losses`, with losses of its own."""
 
 from collections.abc import Callable
 
@@ -9,8 +9,8 @@ from baselines.volumetric.config import VolumetricConfig
 from baselines.volumetric.model import Rendering
 from baselines.volumetric.sampling import distortion_loss, interlevel_loss
 
-Terms = dict[str, Tensor]
-Loss = Callable[[Rendering, Batch], Terms]  # named terms that are added up
+Losses = dict[str, Tensor]
+Loss = Callable[[Rendering, Batch], Losses]  # named losses, which are added up
 
 
 def squared_error(colour: Tensor, batch: Batch) -> Tensor:
@@ -18,25 +18,25 @@ def squared_error(colour: Tensor, batch: Batch) -> Tensor:
     return batch.weights * (colour - batch.colours).square().mean(1)
 
 
-def guide_terms(rendering: Rendering, batch: Batch, config: VolumetricConfig) -> Terms:
-    """What teaches the guide and keeps density together; of a guide with colours its own squared error."""
-    terms = {}
+def proposal_losses(rendering: Rendering, batch: Batch, config: VolumetricConfig) -> Losses:
+    """Losses of the proposal network, or of a coarse field its own squared error, and against scattered density."""
+    losses = {}
     if rendering.coarse_colour is not None:
-        terms["coarse"] = squared_error(rendering.coarse_colour, batch).mean()
-    elif rendering.guide_weights.requires_grad:
-        histogram = rendering.guide_edges, rendering.guide_weights
+        losses["coarse"] = squared_error(rendering.coarse_colour, batch).mean()
+    elif rendering.proposal_weights.requires_grad:
+        histogram = rendering.proposal_edges, rendering.proposal_weights
         bounds = interlevel_loss(rendering.samples.edges, rendering.weights, *histogram)
-        terms["interlevel"] = config.interlevel * bounds.mean()
+        losses["interlevel"] = config.interlevel * bounds.mean()
     if config.distortion:
         scattered = distortion_loss(rendering.samples.edges, rendering.weights)
-        terms["distortion"] = config.distortion * scattered.mean()
-    return terms
+        losses["distortion"] = config.distortion * scattered.mean()
+    return losses
 
 
-def photometric_terms(config: VolumetricConfig) -> Loss:
-    """The loss of a plain field: the mean squared error of the pixels that count, and `guide_terms`."""
+def photometric_losses(config: VolumetricConfig) -> Loss:
+    """The loss of a plain field: the mean squared error of the pixels that count, and `proposal_losses`."""
 
-    def loss(rendering: Rendering, batch: Batch) -> Terms:
-        return {"colour": squared_error(rendering.colour, batch).mean(), **guide_terms(rendering, batch, config)}
+    def loss(rendering: Rendering, batch: Batch) -> Losses:
+        return {"colour": squared_error(rendering.colour, batch).mean(), **proposal_losses(rendering, batch, config)}
 
     return loss

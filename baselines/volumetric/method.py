@@ -15,10 +15,10 @@ from baselines.training.devices import chosen_device
 from baselines.training.images import TrainingImages, read_images
 from baselines.training.torch_state import module_arrays, restore_module
 from baselines.volumetric.config import VolumetricConfig
-from baselines.volumetric.losses import Loss, photometric_terms
+from baselines.volumetric.losses import Loss, photometric_losses
 from baselines.volumetric.model import RadianceModel
 from baselines.volumetric.spaces import Space, space_from
-from baselines.volumetric.trainer import Trained, train
+from baselines.volumetric.trainer import TrainedField, train
 from hydroviews.errors import InputError
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
@@ -28,11 +28,11 @@ MODEL = "model.safetensors"
 
 
 @dataclass(frozen=True)
-class _Learnt:
-    """A trained model and what is said of it."""
+class _Fitted:
+    """A trained field, and on how many views."""
 
-    trained: Trained
-    views: int  # that it was trained on
+    trained: TrainedField
+    views: int  # of the training
 
 
 class RadianceMethod(Method):
@@ -42,7 +42,7 @@ class RadianceMethod(Method):
 
     def __init__(self, config: Any, seed: int) -> None:
         super().__init__(config, seed)
-        self._learnt: _Learnt | None = None
+        self._fitted: _Fitted | None = None
         self._model_mb: float | None = None
 
     @classmethod
@@ -66,7 +66,7 @@ class RadianceMethod(Method):
 
     def loss(self) -> Loss:
         """What training minimises."""
-        return photometric_terms(self.volumetric)
+        return photometric_losses(self.volumetric)
 
     def settings(self) -> dict[str, Any]:
         """Settings beside those of `volumetric` that lead to another result, for JSON."""
@@ -90,11 +90,11 @@ class RadianceMethod(Method):
             folder,
             self.make,
             self.loss(),
-            about={"method": type(self).__name__, **self.settings()},
+            settings={"method": type(self).__name__, **self.settings()},
             images=images,
             weights=weights,
         )
-        self._learnt = _Learnt(trained, len(scene.train_views))
+        self._fitted = _Fitted(trained, len(scene.train_views))
 
     def render(self, camera: Camera) -> Image:
         """See Method."""
@@ -102,11 +102,11 @@ class RadianceMethod(Method):
 
     def save(self, folder: Path) -> None:
         """See Method."""
-        learnt = self._require()
-        trained = learnt.trained
+        fitted = self._require()
+        trained = fitted.trained
         about = {
             "space": trained.model.space.settings(),
-            "views": learnt.views,
+            "views": fitted.views,
             "seconds": trained.seconds,
             "device": trained.device,
         }
@@ -130,7 +130,7 @@ class RadianceMethod(Method):
                 f"{folder / MODEL}: not a model of this configuration", found=error, fix="train the method again"
             ) from error
         model = model.to(chosen_device(method.volumetric.device))
-        method._learnt = _Learnt(Trained(model, about["seconds"], about["device"]), about["views"])
+        method._fitted = _Fitted(TrainedField(model, about["seconds"], about["device"]), about["views"])
         method._model_mb = (folder / MODEL).stat().st_size / 1e6
         return method
 
@@ -139,7 +139,7 @@ class RadianceMethod(Method):
         trained = self._require().trained
         return TrainingSummary(trained.seconds, None, self._model_mb, trained.device)
 
-    def _require(self) -> _Learnt:
-        if self._learnt is None:
+    def _require(self) -> _Fitted:
+        if self._fitted is None:
             raise InputError(f"{type(self).__name__}: not trained", fix="call fit or load first")
-        return self._learnt
+        return self._fitted

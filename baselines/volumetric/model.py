@@ -8,9 +8,9 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from baselines.volumetric.compositing import along_ray, interval_lengths, weights_of
+from baselines.volumetric.compositing import along_ray, compositing_weights, interval_lengths
 from baselines.volumetric.config import HashFieldConfig, VolumetricConfig
-from baselines.volumetric.fields import HashField, HashGuide, MlpField
+from baselines.volumetric.fields import HashField, MlpField, ProposalNetwork
 from baselines.volumetric.rays import camera_rays
 from baselines.volumetric.sampling import even_edges, resample
 from baselines.volumetric.spaces import Rays, Space
@@ -21,13 +21,13 @@ CHUNK = 2**17  # samples that are rendered at once: what bounds the memory
 
 
 @dataclass(frozen=True)
-class Practice:
-    """What a step of training adds to rendering."""
+class TrainingContext:
+    """What rendering depends on in a step of training alone."""
 
     views: Tensor  # index of the training view [R] that each ray belongs to
-    jitter: Tensor  # [2, R] in [0, 1), of the guide's and of the field's samples
-    sharpness: float = 1.0  # exponent of the guide's weights
-    teach: bool = True  # whether the guide learns
+    jitter: Tensor  # [2, R] in [0, 1), of the proposal's and of the field's samples
+    sharpness: float = 1.0  # exponent of the proposal's weights
+    update_proposal: bool = True  # whether the proposal network learns
 
 
 @dataclass(frozen=True)
@@ -46,48 +46,50 @@ class Rendering:
     colour: Tensor  # [R, 3]
     weights: Tensor  # [R, S]
     samples: Samples
-    guide_edges: Tensor  # [R, G + 1]
-    guide_weights: Tensor  # [R, G]
-    coarse_colour: Tensor | None = None  # [R, 3], where the guide is a field with colours
-    more: dict[str, Tensor] = field(default_factory=dict)  # what a method's loss wants besides
+    proposal_edges: Tensor  # [R, P + 1]
+    proposal_weights: Tensor  # [R, P]
+    coarse_colour: Tensor | None = None  # [R, 3], where a coarse field proposes the samples
+    extras: dict[str, Tensor] = field(default_factory=dict)  # what a method's loss needs besides
 
 
 class RadianceModel(nn.Module):
-    """A field and the guide of its samples, in a space."""
+    """A field, and the network that proposes its samples, in a space."""
 
-    def __init__(self, config: VolumetricConfig, space: Space, generator: torch.Generator, codes: int = 0):
+    def __init__(self, config: VolumetricConfig, space: Space, generator: torch.Generator, embedding_size: int = 0):
         """Random start.
 
         Args:
             config: settings.
             space: of the scene.
             generator: of the start, on the CPU.
-            codes: numbers a ray beside its direction that colours depend on.
+            embedding_size: length of the embedding that a ray's colour depends on beside its direction.
         """
         super().__init__()
         self.config, self.space = config, space
         self.field: HashField | MlpField
-        self.guide: HashGuide | MlpField
+        self.proposal: ProposalNetwork | MlpField
         if isinstance(config.field, HashFieldConfig):
-            self.field, self.guide = HashField(config.field, codes, generator), HashGuide(config.field, generator)
+            self.field = HashField(config.field, embedding_size, generator)
+            self.proposal = ProposalNetwork(config.field, generator)
         else:
-            self.field, self.guide = MlpField(config.field, codes, generator), MlpField(config.field, 0, generator)
+            self.field = MlpField(config.field, embedding_size, generator)
+            self.proposal = MlpField(config.field, 0, generator)
 
-    def forward(self, rays: Rays, practice: Practice | None = None) -> Rendering:
-        """Look along rays; with `practice` as a step of training does, without as the scene is to be shown."""
-        guide_edges, guide_weights, coarse = self._survey(rays, practice)
-        jitter = None if practice is None else practice.jitter[1]
-        sharpness = 1.0 if practice is None else practice.sharpness
-        edges = resample(guide_edges, guide_weights.detach(), self.config.samples, jitter, sharpness)
+    def forward(self, rays: Rays, context: TrainingContext | None = None) -> Rendering:
+        """Render rays; with `context` as a step of training does, without it as the scene is to be shown."""
+        edges, weights, coarse = self._propose(rays, context)
+        jitter = None if context is None else context.jitter[1]
+        sharpness = 1.0 if context is None else context.sharpness
+        fine = resample(edges, weights.detach(), self.config.samples, jitter, sharpness)
         if coarse is not None:  # NeRF evaluates the fine field at the coarse samples as well
-            edges = torch.sort(torch.cat([edges, guide_edges[:, 1:-1]], 1), 1).values
-        rendering = self.shade(rays, self.place(rays, edges), practice)
-        return replace(rendering, guide_edges=guide_edges, guide_weights=guide_weights, coarse_colour=coarse)
+            fine = torch.sort(torch.cat([fine, edges[:, 1:-1]], 1), 1).values
+        rendering = self.shade(rays, self.place(rays, fine), context)
+        return replace(rendering, proposal_edges=edges, proposal_weights=weights, coarse_colour=coarse)
 
-    def shade(self, rays: Rays, samples: Samples, practice: Practice | None) -> Rendering:
+    def shade(self, rays: Rays, samples: Samples, context: TrainingContext | None) -> Rendering:
         """Field and compositing; the part that methods replace."""
         density, features = self.field.geometry(samples.points)
-        weights, left = weights_of(density, samples.lengths)
+        weights, left = compositing_weights(density, samples.lengths)
         colour = self.over_background(along_ray(weights, self.field.colour(features, rays.viewing)), left)
         return Rendering(colour, weights, samples, samples.edges, weights)
 
@@ -99,26 +101,26 @@ class RadianceModel(nn.Module):
 
     def place(self, rays: Rays, edges: Tensor) -> Samples:
         """The intervals between edges [R, S + 1] in [0, 1]."""
-        t = self.space.along(edges)
+        t = self.space.s_to_t(edges)
         middles = (t[:, 1:] + t[:, :-1]) / 2
         open_end = self.config.background is None
         if open_end:  # the last interval stands for all that is far away: the sky has no parallax
             middles = torch.cat([middles[:, :-1], torch.full_like(middles[:, :1], self.space.horizon)], 1)
         lengths = interval_lengths(t, rays.directions, open_end)
-        return Samples(edges, lengths, self.space.unit(rays.points(middles)))
+        return Samples(edges, lengths, self.space.to_unit_cube(rays.points(middles)))
 
-    def _survey(self, rays: Rays, practice: Practice | None) -> tuple[Tensor, Tensor, Tensor | None]:
-        """The guide's histogram: edges [R, G + 1], weights [R, G], and colours [R, 3] if it has any."""
+    def _propose(self, rays: Rays, context: TrainingContext | None) -> tuple[Tensor, Tensor, Tensor | None]:
+        """The proposal's histogram: edges [R, P + 1], weights [R, P], and colours [R, 3] of a coarse field."""
         count, device = len(rays.origins), rays.origins.device
-        jitter = None if practice is None else practice.jitter[0]
-        samples = self.place(rays, even_edges(count, self.config.guide_samples, jitter, device))
-        with torch.set_grad_enabled(torch.is_grad_enabled() and (practice is None or practice.teach)):
-            if isinstance(self.guide, HashGuide):
-                density = self.guide.density(samples.points)
-                return samples.edges, weights_of(density, samples.lengths)[0], None
-            density, features = self.guide.geometry(samples.points)
-            weights, left = weights_of(density, samples.lengths)
-            colour = along_ray(weights, self.guide.colour(features, rays.viewing))
+        jitter = None if context is None else context.jitter[0]
+        samples = self.place(rays, even_edges(count, self.config.proposal_samples, jitter, device))
+        with torch.set_grad_enabled(torch.is_grad_enabled() and (context is None or context.update_proposal)):
+            if isinstance(self.proposal, ProposalNetwork):
+                density = self.proposal.density(samples.points)
+                return samples.edges, compositing_weights(density, samples.lengths)[0], None
+            density, features = self.proposal.geometry(samples.points)
+            weights, left = compositing_weights(density, samples.lengths)
+            colour = along_ray(weights, self.proposal.colour(features, rays.viewing))
             return samples.edges, weights, self.over_background(colour, left)
 
     def groups(self) -> list[dict[str, Any]]:
@@ -127,14 +129,14 @@ class RadianceModel(nn.Module):
 
     def chunks(self, rays: Rays) -> Iterator[Rays]:
         """The rays in parts that fit into a bounded memory."""
-        step = max(1, CHUNK // (self.config.samples + self.config.guide_samples))
+        step = max(1, CHUNK // (self.config.samples + self.config.proposal_samples))
         for start in range(0, len(rays.origins), step):
             yield rays.part(start, start + step)
 
     @torch.no_grad()
     def render(self, camera: Camera) -> Image:
         """What a camera sees: float32 [H, W, 3] in [0, 1]."""
-        rays = self.space.enter(camera_rays(camera), next(self.parameters()).device)
+        rays = self.space.from_world(camera_rays(camera), next(self.parameters()).device)
         colours = torch.cat([self(part).colour for part in self.chunks(rays)])
         image: Image = colours.clamp(0, 1).view(camera.height, camera.width, 3).cpu().numpy().astype(np.float32)
         return image

@@ -1,4 +1,4 @@
-"""Where along rays to look: stratified intervals, their refinement by inverse-CDF sampling, and losses on histograms.
+"""Where along rays to sample: stratified intervals, their refinement by inverse-CDF sampling, and losses on histograms.
 
 Edges s [R, S + 1] rise from 0 to 1; weights [R, S] belong to the intervals between them.
 """
@@ -6,7 +6,7 @@ Edges s [R, S + 1] rise from 0 to 1; weights [R, S] belong to the intervals betw
 import torch
 from torch import Tensor
 
-PADDING = 0.01  # of all weight, spread evenly, so that no part of a ray is never looked at (Mip-NeRF 360)
+PADDING = 0.01  # of all weight, spread evenly, so that every part of a ray is sampled now and then (Mip-NeRF 360)
 
 
 def even_edges(rays: int, samples: int, jitter: Tensor | None, device: torch.device) -> Tensor:
@@ -57,16 +57,16 @@ def annealed(iteration: int, iterations: int, bias: float = 10.0) -> float:
     return bias * share / ((bias - 1) * share + 1)
 
 
-def interlevel_loss(edges: Tensor, weights: Tensor, guide_edges: Tensor, guide_weights: Tensor) -> Tensor:
-    """How far the guide's histogram fails to bound the field's from above [R] (Mip-NeRF 360, equation 13).
+def interlevel_loss(edges: Tensor, weights: Tensor, proposal_edges: Tensor, proposal_weights: Tensor) -> Tensor:
+    """How far the proposal's histogram fails to bound the field's from above [R] (Mip-NeRF 360, equation 13).
 
-    Only the guide is taught: `weights` count as constants.
+    Only the proposal gets a gradient: `weights` count as constants.
     """
     edges, weights = edges.detach(), weights.detach()
-    cumulative = torch.cat([torch.zeros_like(guide_weights[:, :1]), guide_weights.cumsum(1)], 1)
-    guide_edges, last = guide_edges.contiguous(), guide_weights.shape[1]
-    first = (torch.searchsorted(guide_edges, edges[:, :-1].contiguous(), right=True) - 1).clamp(0, last)
-    behind = torch.searchsorted(guide_edges, edges[:, 1:].contiguous(), right=False).clamp(0, last)
+    cumulative = torch.cat([torch.zeros_like(proposal_weights[:, :1]), proposal_weights.cumsum(1)], 1)
+    proposal_edges, last = proposal_edges.contiguous(), proposal_weights.shape[1]
+    first = (torch.searchsorted(proposal_edges, edges[:, :-1].contiguous(), right=True) - 1).clamp(0, last)
+    behind = torch.searchsorted(proposal_edges, edges[:, 1:].contiguous(), right=False).clamp(0, last)
     bound = cumulative.gather(1, behind) - cumulative.gather(1, first)
     return ((weights - bound).clamp_min(0) ** 2 / (weights + 1e-7)).sum(1)
 

@@ -48,13 +48,13 @@ class Space(Protocol):
     def horizon(self) -> float:
         """The t of what is infinitely far away."""
 
-    def enter(self, rays: WorldRays, device: torch.device) -> Rays:
+    def from_world(self, rays: WorldRays, device: torch.device) -> Rays:
         """World rays in this space's coordinates, in float32."""
 
-    def along(self, s: Tensor) -> Tensor:
+    def s_to_t(self, s: Tensor) -> Tensor:
         """t for s in [0, 1], the coordinate that samples are spread over."""
 
-    def unit(self, points: Tensor) -> Tensor:
+    def to_unit_cube(self, points: Tensor) -> Tensor:
         """Points [..., 3] of the space in the unit cube."""
 
     def settings(self) -> dict[str, Any]:
@@ -84,17 +84,17 @@ class Contracted:
     near: float  # in units
     far: float
 
-    def enter(self, rays: WorldRays, device: torch.device) -> Rays:
+    def from_world(self, rays: WorldRays, device: torch.device) -> Rays:
         """See Space."""
         origins, directions = (rays.origins - np.array(self.middle)) / self.radius, rays.directions
         lengths = np.linalg.norm(directions, axis=1, keepdims=True)
         return _rays(origins, directions, directions / lengths, device)
 
-    def along(self, s: Tensor) -> Tensor:
+    def s_to_t(self, s: Tensor) -> Tensor:
         """See Space: near (far / near)^s."""
         return self.near * (self.far / self.near) ** s
 
-    def unit(self, points: Tensor) -> Tensor:
+    def to_unit_cube(self, points: Tensor) -> Tensor:
         """See Space."""
         return contract(points) / 4 + 0.5
 
@@ -104,7 +104,7 @@ class Contracted:
 
 
 @dataclass(frozen=True)
-class Forward:
+class NDC:
     """The frustum of a mean camera from its near plane to infinity as a cube (NeRF, appendix C)."""
 
     kind: ClassVar[str] = "ndc"
@@ -113,7 +113,7 @@ class Forward:
     slopes: tuple[float, float]  # x / z and y / z at the sides of the frustum
     near: float  # world units
 
-    def enter(self, rays: WorldRays, device: torch.device) -> Rays:
+    def from_world(self, rays: WorldRays, device: torch.device) -> Rays:
         """See Space; t runs from 0 at the near plane to 1 at infinity.
 
         Raises:
@@ -135,11 +135,11 @@ class Forward:
         lengths = np.linalg.norm(rays.directions, axis=1, keepdims=True)
         return _rays(moved, along, rays.directions / lengths, device)
 
-    def along(self, s: Tensor) -> Tensor:
+    def s_to_t(self, s: Tensor) -> Tensor:
         """See Space."""
         return s
 
-    def unit(self, points: Tensor) -> Tensor:
+    def to_unit_cube(self, points: Tensor) -> Tensor:
         """See Space."""
         return points / 2 + 0.5
 
@@ -179,12 +179,12 @@ def choose_space(cameras: Sequence[Camera], points: Points, kind: str = "auto") 
     return _forward(cameras, pose, depth_range([mean], points, extent)[0])
 
 
-def space_from(about: dict[str, Any]) -> Space:
-    """The space that `about` tells of."""
-    settings = {name: value for name, value in about.items() if name != "kind"}
-    if about["kind"] == Contracted.kind:
-        return Contracted(**{**settings, "middle": tuple(settings["middle"])})
-    return Forward(tuple(map(tuple, settings["pose"])), tuple(settings["slopes"]), settings["near"])
+def space_from(settings: dict[str, Any]) -> Space:
+    """The space whose `settings` are given."""
+    if settings["kind"] == Contracted.kind:
+        values = {name: value for name, value in settings.items() if name != "kind"}
+        return Contracted(**{**values, "middle": tuple(settings["middle"])})
+    return NDC(tuple(map(tuple, settings["pose"])), tuple(settings["slopes"]), settings["near"])
 
 
 def mean_pose(cameras: Sequence[Camera]) -> NDArray[np.float64]:
@@ -211,7 +211,7 @@ def _corner_rays(camera: Camera) -> WorldRays:
     return CameraArrays([camera]).rays(np.zeros(4, np.int64), columns, rows)
 
 
-def _forward(cameras: Sequence[Camera], pose: NDArray[np.float64], near: float) -> Forward:
+def _forward(cameras: Sequence[Camera], pose: NDArray[np.float64], near: float) -> NDC:
     """The frustum that holds every ray of the cameras from the near plane on, which lies before all of them."""
     ahead = max(float((pose[2, :3] @ camera.centre) + pose[2, 3]) for camera in cameras)
     plane = max(near, ahead + NEAREST * near)
@@ -222,4 +222,4 @@ def _forward(cameras: Sequence[Camera], pose: NDArray[np.float64], near: float) 
         at_plane = origins + (plane - origins[:, 2:]) / directions[:, 2:] * directions
         for points in (at_plane, directions):
             slopes = np.maximum(slopes, np.abs(points[:, :2] / points[:, 2:]).max(axis=0))
-    return Forward(tuple(map(tuple, pose.tolist())), (float(slopes[0]), float(slopes[1])), plane)
+    return NDC(tuple(map(tuple, pose.tolist())), (float(slopes[0]), float(slopes[1])), plane)

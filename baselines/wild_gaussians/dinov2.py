@@ -19,9 +19,10 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import gelu, interpolate, scaled_dot_product_attention
 
-from hydroviews.captures.download.http import fetch
+from hydroviews.captures.download.http_download import fetch
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import locked, sha256
+from hydroviews.files.atomic import sha256
+from hydroviews.files.locks import locked
 from hydroviews.metrics.lpips_weights import cache_folder
 
 WEIGHTS = "HYDROVIEWS_DINOV2"  # environment variable: the weights' file, where it is not to be fetched

@@ -4,46 +4,46 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-import torch
 import tyro
 from tqdm import tqdm
 
-from baselines.training.network_training import network_fingerprint, resume, rounded
-from deraings.enhancement.config import TrainingConfig, Upkeep
+from baselines.training.network_commands import load_trained, rounded, use_threads
+from baselines.training.supervised_training import Intervals, network_fingerprint
+from baselines.training.validation import as_json
+from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.data import Data, described, started_from, training_pairs
 from deraings.enhancement.enhance import enhance
 from deraings.enhancement.network import CONFIGS, EnhancementNetwork
 from deraings.enhancement.size import describe
-from deraings.enhancement.training import Training, train
-from deraings.enhancement.validation import as_columns, as_json, scores, table, validation_set
+from deraings.enhancement.training import EnhancementTraining, train
+from deraings.enhancement.validation import as_columns, scores, table, validation_set
 from deraings.enhancement.weights import load_enhancer, save_network
 from hydroviews.cli import run_command
-from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.formats.photographs import one_by_one
 from hydroviews.pairs.photographs import split_photographs
 from hydroviews.scene.images import read_image, write_png
 
-WATCHED = 4  # held-out photographs that are looked at while training; all of them at the end
+WATCHED = 4  # held-out photographs of the validations while training; at the end it is all of them
 VALIDATION_SEED = 1000  # of the validation rain, whatever the training's seed
 
 
 @dataclass(frozen=True)
-class Request:
+class TrainingRequest:
     """A training."""
 
     data: tyro.conf.OmitArgPrefixes[Data]
     training: tyro.conf.OmitArgPrefixes[TrainingConfig] = field(default_factory=TrainingConfig)
-    upkeep: tyro.conf.OmitArgPrefixes[Upkeep] = field(default_factory=Upkeep)
+    intervals: tyro.conf.OmitArgPrefixes[Intervals] = field(default_factory=Intervals)
     out: Path = Path("results/enhancement/small")  # gets checkpoint, curve, weights and data card
     threads: int = 0  # 0: as many as there are cores
+    workers: int = 0  # processes that draw pairs ahead
     validated: int = 0  # held-out photographs that the weights are validated on in the end, 0 for all
 
 
-def train_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
+def train_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
     """Train a network, write its weights and data card; the same command goes on where an earlier one stopped."""
-    if request.threads:
-        torch.set_num_threads(request.threads)
+    use_threads(request.threads)
     data, config = request.data, request.training
     start = started_from(data, config)
     words = described(data, start)
@@ -54,23 +54,21 @@ def train_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
     def validate(network: EnhancementNetwork) -> dict[str, float]:
         return as_columns(scores(network, watched))
 
-    training = train(request.out, config, pairs, words, validate, request.upkeep, start.network if start else None)
+    network = start.network if start else None
+    training = train(request.out, config, pairs, words, validate, request.intervals, network, request.workers)
     write_weights(request, training, words)
 
 
-def export_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
+def export_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
     """Write weights and data card of a training as far as it is; settings as for `train`."""
-    if request.threads:
-        torch.set_num_threads(request.threads)
-    training = Training(request.training)
+    use_threads(request.threads)
+    training = EnhancementTraining(request.training)
     words = described(request.data, started_from(request.data, request.training))
-    resume(training, request.out, network_fingerprint(request.training, words))
-    if training.step == 0:
-        raise InputError(f"{request.out}: nothing has been trained there", fix="give the folder of a training")
+    load_trained(training, request.out, network_fingerprint(request.training, words))
     write_weights(request, training, words)
 
 
-def write_weights(request: Request, training: Training, data: str) -> None:
+def write_weights(request: TrainingRequest, training: EnhancementTraining, data: str) -> None:
     """Validate on held-out photographs, and write weights and data card, which says in words what was learned from."""
     held_out = split_photographs(request.data.photographs).held_out[: request.validated or None]
     training.averaged.load_state_dict(rounded(training.averaged.state_dict()))
@@ -79,12 +77,12 @@ def write_weights(request: Request, training: Training, data: str) -> None:
     card: dict[str, Any] = {
         "data": data,
         "seed": request.training.seed,
-        "steps": training.step,
+        "steps": training.iteration,
         "of": request.training.steps,
         "seconds": round(training.seconds),
         "training": {name: value for name, value in settings.items() if name not in ("network", "seed", "steps")},
         "held out": [file.name for file in held_out],
-        "validation": as_json(rows),
+        "validation": as_json(rows, decimals=3),
     }
     path = request.out / "weights.safetensors"
     save_network(path, request.training.network, training.averaged.state_dict(), card)
@@ -98,7 +96,7 @@ def validate_command(
     """Print what weights gain on held-out photographs.
 
     Args:
-        photographs: the folder that was trained on; what it holds out is looked at.
+        photographs: the folder that was trained on; the held-out ones are validated on.
         weights: shipped ones, or a file.
         cache: keeps what Blender bakes.
         pictures: how many photographs, 0 for all.

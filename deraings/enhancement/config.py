@@ -29,12 +29,3 @@ class TrainingConfig:
     averaging: float = 0.999  # what an average of the weights keeps of itself in a step
     precision: Precision = "bfloat16"  # of convolutions and attention in training; weights are float32 in both
     seed: int = 0
-
-
-@dataclass(frozen=True)
-class Upkeep:
-    """What the trained weights do not depend on."""
-
-    checkpoint_every: int = 100  # steps
-    validate_every: int = 500
-    workers: int = 0  # processes that draw pairs ahead

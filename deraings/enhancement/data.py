@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from baselines.training.network_training import in_words
+from baselines.training.network_commands import in_words
 from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.pair_folders import PairFolder, find_pairs
 from deraings.enhancement.pairs import VEILED, Pairs
@@ -66,10 +66,14 @@ def started_from(data: Data, config: TrainingConfig) -> Enhancer | None:
 
 
 def check_parts(sides: Sequence[int], patch: int) -> None:
-    """Are there parts of the wanted size in the smallest frame?
+    """Refuse parts that are larger than the smallest frame.
+
+    Args:
+        sides: long sides that photographs are brought to, in pixels.
+        patch: side of a part, in pixels.
 
     Raises:
-        InputError: there are not.
+        InputError: they are.
     """
     width, height = min(frames(sides))
     if min(width, height) < patch:

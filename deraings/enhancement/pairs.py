@@ -6,7 +6,6 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import torch
 from torch import Tensor
-from torch.utils.data import DataLoader, Dataset
 
 from deraings.enhancement.mist_branch import SIDE, Box, squeezed
 from hydroviews.pairs.drawing import Pair
@@ -37,7 +36,7 @@ class Sample(NamedTuple):
     whole_veil: Tensor  # [1 + veiled, 4, 128, 128], as in drawing.Pair
 
 
-class Pairs(Dataset):
+class Pairs:
     """Sample i, whoever asks for it and whenever: of photographs in drawn rain or of a published pair, by turns."""
 
     def __init__(
@@ -64,6 +63,17 @@ class Pairs(Dataset):
         return Sample(*parts, torch.tensor(box), *wholes)  # type: ignore[call-arg]
 
 
+class Batches:
+    """Samples stacked, by step: step i learns from pairs i N to i N + N - 1."""
+
+    def __init__(self, pairs: Pairs, size: int) -> None:
+        self._pairs, self._size = pairs, size
+
+    def __getitem__(self, step: int) -> Sample:
+        samples = [self._pairs[index] for index in range(step * self._size, (step + 1) * self._size)]
+        return Sample(*(torch.stack(tensors) for tensors in zip(*samples, strict=True)))
+
+
 def part_of(height: int, width: int, patch: int, rng: np.random.Generator) -> tuple[slice, slice, Box]:
     """Rows and columns of a square part of a picture, anywhere in it."""
     top, left = int(rng.integers(height - patch + 1)), int(rng.integers(width - patch + 1))
@@ -77,9 +87,3 @@ def _planes(picture: Image) -> Tensor:
 
 def _small(picture: Image) -> Tensor:
     return squeezed(_planes(picture)[None])[0]
-
-
-def batches(pairs: Pairs, batch: int, first: int, last: int, workers: int) -> DataLoader:
-    """The batches of steps `first` to `last` - 1, drawn ahead by so many processes; by this one if there are none."""
-    indices = [list(range(step * batch, (step + 1) * batch)) for step in range(first, last)]
-    return DataLoader(pairs, batch_sampler=indices, num_workers=workers)

@@ -1,13 +1,14 @@
 """How much a network gains on held-out photographs, in rain as hard as the benchmark's grades would make it."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 from tqdm import tqdm
 
+from baselines.training.validation import measure_by_kind
 from deraings.enhancement.enhance import enhance
 from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.weights import Enhancer
@@ -26,8 +27,8 @@ EFFECTS = ("streak", "raindrop")
 
 
 @dataclass(frozen=True, eq=False)
-class Rainy:
-    """One validation picture."""
+class ValidationPicture:
+    """A held-out photograph in known rain."""
 
     kind: str  # such as streak-medium; or clean
     rainy: Image
@@ -70,7 +71,7 @@ def setting_of(photograph: Path, image: Image, seed: int) -> SceneStatistics:
     )
 
 
-def validation_set(files: Sequence[Path], seed: int, folder: Path) -> list[Rainy]:
+def validation_set(files: Sequence[Path], seed: int, folder: Path) -> list[ValidationPicture]:
     """Every photograph in light, medium and heavy streaks and raindrops, and clean.
 
     Args:
@@ -84,12 +85,12 @@ def validation_set(files: Sequence[Path], seed: int, folder: Path) -> list[Rainy
     rainy = []
     for file in tqdm(files, desc="validation pictures", unit="picture"):
         image = fit_frame(read_image(file), frame_of(*image_size(file), LONG_SIDE))
-        rainy.append(Rainy("clean", image, image))
+        rainy.append(ValidationPicture("clean", image, image))
         setting = setting_of(file, image, seed)
         for effect in EFFECTS:
             for index, grade in enumerate(GRADES):
                 rained = rain_on(image, Pattern(effect, index), setting, folder / file.stem / f"{effect}-{index}")
-                rainy.append(Rainy(f"{effect}-{grade}", rained, image))
+                rainy.append(ValidationPicture(f"{effect}-{grade}", rained, image))
     return rainy
 
 
@@ -104,15 +105,16 @@ def rain_on(image: Image, pattern: Pattern, setting: SceneStatistics, folder: Pa
     return effects.composite(pattern.effect, prepared.parameters, image, layers)
 
 
-def scores(network: EnhancementNetwork, pictures: Sequence[Rainy]) -> list[Score]:
+def scores(network: EnhancementNetwork, pictures: Sequence[ValidationPicture]) -> list[Score]:
     """How the network does, a row a kind."""
     enhancer = Enhancer(network, {}, "being validated")
-    rows: dict[str, list[tuple[float, float, float]]] = {}
-    for picture in tqdm(pictures, desc="validation", unit="picture", leave=False):
+
+    def measure(picture: ValidationPicture) -> tuple[float, float, float]:
         enhanced = enhance(picture.rainy, enhancer)
         brightness = 255 * abs(float(enhanced.mean(dtype=np.float64) - picture.clean.mean(dtype=np.float64)))
-        before, after = float(psnr(picture.rainy, picture.clean)), float(psnr(enhanced, picture.clean))
-        rows.setdefault(picture.kind, []).append((before, after, brightness))
+        return float(psnr(picture.rainy, picture.clean)), float(psnr(enhanced, picture.clean)), brightness
+
+    rows = measure_by_kind(pictures, measure)
     return [Score(kind, len(row), *np.mean(row, axis=0).tolist()) for kind, row in rows.items()]
 
 
@@ -130,9 +132,3 @@ def table(rows: Sequence[Score]) -> str:
         brightness = f"{row.brightness:.2f}/255"
         lines.append(f"| {row.kind} | {row.pictures} | {before} | {row.after:.2f} | {gain} | {brightness} |")
     return "\n".join(lines)
-
-
-def as_json(rows: Sequence[Score]) -> list[dict[str, str | int | float | None]]:
-    """For a data card; what is infinite is left empty."""
-    finite = lambda v: round(v, 3) if np.isfinite(v) else None  # noqa: E731
-    return [{k: finite(v) if isinstance(v, float) else v for k, v in asdict(row).items()} for row in rows]

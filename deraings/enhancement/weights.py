@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from baselines.training.checkpoints import read_arrays, write_arrays
-from baselines.training.network_training import weights_file
+from baselines.training.network_commands import weights_file
 from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
 from hydroviews.errors import InputError
 

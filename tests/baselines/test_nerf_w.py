@@ -8,17 +8,17 @@ import pytest
 import torch
 
 from baselines.method import find_method
-from baselines.nerf_w import NerfW, NerfWConfig, NerfWModel, nerf_w_terms
+from baselines.nerf_w import NerfW, NerfWConfig, NerfWModel, nerf_w_losses
 from baselines.volumetric.batches import Batch
 from baselines.volumetric.compositing import INFINITE
 from baselines.volumetric.method import RadianceMethod
-from baselines.volumetric.model import Practice, Samples
+from baselines.volumetric.model import Samples, TrainingContext
 from baselines.volumetric.rays import WorldRays
 from baselines.volumetric.spaces import Contracted
 from hydroviews.errors import InputError
 
-CONFIG = NerfWConfig(balls.SMALL, appearance=8, transient=8, transient_width=16, code_rate=2e-2)
-SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, teach_always=10))
+CONFIG = NerfWConfig(balls.SMALL, appearance=8, transient=8, transient_width=16, embedding_rate=2e-2)
+SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, proposal_always=10))
 SPACE = Contracted((0.0, 0.0, 0.0), 1.0, 0.2, 5.0)
 
 
@@ -28,7 +28,7 @@ def model(views=3):
 
 def rays(n):
     directions = np.random.default_rng(0).normal(size=(n, 3))
-    return SPACE.enter(WorldRays(np.zeros((n, 3)), directions), torch.device("cpu"))
+    return SPACE.from_world(WorldRays(np.zeros((n, 3)), directions), torch.device("cpu"))
 
 
 def batch(n, colours=None):
@@ -48,10 +48,10 @@ class Given(torch.nn.Module):
     def geometry(self, points):
         return self.static, torch.zeros(*points.shape[:2], 15)
 
-    def colour(self, features, directions, codes=None):
+    def colour(self, features, directions, embeddings=None):
         return torch.full((*features.shape[:2], 3), 0.25)
 
-    def forward(self, features, codes):
+    def forward(self, features, embeddings):
         return self.passing, torch.full((*features.shape[:2], 3), 0.75), torch.full(features.shape[:2], 2.0)
 
 
@@ -62,8 +62,8 @@ def shaded(static, passing, lengths):
     count, samples = static.shape
     edges = torch.linspace(0, 1, samples + 1).expand(count, -1)
     where = Samples(edges, lengths, torch.zeros(count, samples, 3))
-    practice = Practice(torch.arange(count) % 3, torch.zeros(2, count))
-    return nerf.shade(rays(count), where, practice), given
+    context = TrainingContext(torch.arange(count) % 3, torch.zeros(2, count))
+    return nerf.shade(rays(count), where, context), given
 
 
 def test_static_and_transient_matter_share_what_an_interval_emits():
@@ -71,7 +71,7 @@ def test_static_and_transient_matter_share_what_an_interval_emits():
     first, rest = 1 - np.exp(-0.8), np.exp(-0.8)
     transient = 0.75 * first + 0.5 * rest
     np.testing.assert_allclose(rendering.colour.detach(), [[0.25 + 0.5 * transient] * 3], rtol=1e-5)
-    np.testing.assert_allclose(rendering.more["beta"].detach(), [0.03 + 2 * transient], rtol=1e-5)
+    np.testing.assert_allclose(rendering.extras["beta"].detach(), [0.03 + 2 * transient], rtol=1e-5)
 
 
 def test_everything_stays_finite_on_empty_saturated_and_identical_rays():
@@ -83,36 +83,36 @@ def test_everything_stays_finite_on_empty_saturated_and_identical_rays():
     lengths[:, -1] = INFINITE
     rendering, given = shaded(static, passing, lengths)
     colours = rendering.colour.detach().clone()  # photographs that are matched exactly
-    terms = nerf_w_terms(CONFIG)(rendering, batch(6, colours))
-    assert {"colour", "uncertainty", "density"} <= set(terms)
-    assert all(torch.isfinite(term) for term in terms.values())
-    smallest = rendering.more["beta"].min().item()
+    losses = nerf_w_losses(CONFIG)(rendering, batch(6, colours))
+    assert {"colour", "uncertainty", "density"} <= set(losses)
+    assert all(torch.isfinite(term) for term in losses.values())
+    smallest = rendering.extras["beta"].min().item()
     assert smallest == pytest.approx(0.03)  # that of an empty ray
-    sum(terms.values()).backward()
+    sum(losses.values()).backward()
     assert torch.isfinite(given.static.grad).all()
     assert torch.isfinite(given.passing.grad).all()
 
 
 def test_the_loss_is_its_four_terms():
     rendering, _ = shaded(torch.tensor([[1.0], [0.0]]), torch.tensor([[0.0], [2.0]]), torch.tensor([[1.0], [1.0]]))
-    terms = nerf_w_terms(CONFIG)(rendering, batch(2))
+    losses = nerf_w_losses(CONFIG)(rendering, batch(2))
     weight = 1 - np.exp([-1.0, -2.0])
     beta = 0.03 + np.array([0, 2 * weight[1]])
     error = (np.array([0.25, 0.75]) * weight - 0.4) ** 2
-    assert terms["colour"].item() == pytest.approx(np.mean(error / (2 * beta**2)), rel=1e-5)
-    assert terms["uncertainty"].item() == pytest.approx(np.mean(np.log(beta)), rel=1e-5)
-    assert terms["density"].item() == pytest.approx(0.01 * 1.0)
+    assert losses["colour"].item() == pytest.approx(np.mean(error / (2 * beta**2)), rel=1e-5)
+    assert losses["uncertainty"].item() == pytest.approx(np.mean(np.log(beta)), rel=1e-5)
+    assert losses["density"].item() == pytest.approx(0.01 * 1.0)
 
 
 def test_pixels_that_do_not_count_teach_nothing():
     rendering, given = shaded(torch.ones(2, 3), torch.ones(2, 3), torch.ones(2, 3))
     masked = replace(batch(2), weights=torch.tensor([0.0, 1.0]))
-    sum(nerf_w_terms(CONFIG)(rendering, masked).values()).backward()
+    sum(nerf_w_losses(CONFIG)(rendering, masked).values()).backward()
     assert float(given.static.grad[0].abs().sum() + given.passing.grad[0].abs().sum()) == 0
     assert float(given.static.grad[1].abs().sum()) > 0
 
 
-def test_scoring_renders_the_static_scene_in_its_mean_look():
+def test_scoring_renders_the_static_scene_in_its_mean_appearance():
     nerf = model()
     with torch.no_grad():
         nerf.appearance.copy_(torch.randn(3, 8))
@@ -126,13 +126,13 @@ def test_scoring_renders_the_static_scene_in_its_mean_look():
         assert not torch.allclose(nerf(rays(50)).colour, shown, atol=1e-4)
 
 
-def test_rays_taken_for_the_mean_look_see_no_code_of_their_view():
-    nerf = NerfWModel(replace(CONFIG, mean_looks=0.4), SPACE, torch.Generator().manual_seed(0), 3)
-    practice = Practice(torch.arange(50) % 3, torch.full((2, 50), 0.5))
+def test_rays_of_the_mean_appearance_see_no_embedding_of_their_view():
+    nerf = NerfWModel(replace(CONFIG, mean_appearance_share=0.4), SPACE, torch.Generator().manual_seed(0), 3)
+    context = TrainingContext(torch.arange(50) % 3, torch.full((2, 50), 0.5))
     with torch.no_grad():
-        before = nerf(rays(50), practice).colour
+        before = nerf(rays(50), context).colour
         nerf.appearance.add_(torch.tensor([[2.0], [-1.0], [-1.0]]))  # the mean stays
-        after = nerf(rays(50), practice).colour
+        after = nerf(rays(50), context).colour
     torch.testing.assert_close(after[:20], before[:20])
     assert ((after - before)[20:].abs().amax(dim=1) > 1e-3).all()
 
@@ -153,7 +153,7 @@ def spoilt(tmp_path_factory):
 
 
 class Plain(RadianceMethod):
-    """The same field without codes and transient matter."""
+    """The same field without embeddings and transient matter."""
 
 
 def test_casts_and_occluders_of_single_views_are_kept_out_of_the_scene(spoilt, tmp_path):
@@ -188,7 +188,7 @@ def test_runs_of_other_settings_are_refused_and_the_same_goes_on(spoilt, tmp_pat
     again.fit(spoilt, tmp_path)
     view = spoilt.test_views[0].camera
     np.testing.assert_array_equal(first.render(view), again.render(view))
-    with pytest.raises(InputError, match="about"):
+    with pytest.raises(InputError, match="settings"):
         NerfW(replace(SHORT, beta_min=0.1), 0).fit(spoilt, tmp_path)
 
 

@@ -13,13 +13,13 @@ from hydroviews.scene.scenes import Points, Scene, View, make_scene
 SMALL = VolumetricConfig(
     iterations=300,
     rays=256,
-    guide_samples=32,
+    proposal_samples=32,
     samples=16,
     anneal=100,
-    teach_always=150,
-    rising=10,
+    proposal_always=150,
+    warm_up=10,
     field=HashFieldConfig(
-        grid=GridConfig(4, 12, 8, 64), hidden=16, colour_layers=1, guide_grid=GridConfig(3, 10, 8, 32), rate=3e-2
+        grid=GridConfig(4, 12, 8, 64), hidden=16, colour_layers=1, proposal_grid=GridConfig(3, 10, 8, 32), rate=3e-2
     ),
 )
 

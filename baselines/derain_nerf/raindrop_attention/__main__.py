@@ -1,24 +1,24 @@
 """python -m baselines.derain_nerf.raindrop_attention train | export | validate | detect."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import torch
 import tyro
 from tqdm import tqdm
 
-from baselines.derain_nerf.raindrop_attention.config import CONFIGS, TrainingConfig, Upkeep
+from baselines.derain_nerf.raindrop_attention.config import CONFIGS, TrainingConfig
 from baselines.derain_nerf.raindrop_attention.detection import detect
-from baselines.derain_nerf.raindrop_attention.network import Generator
-from baselines.derain_nerf.raindrop_attention.pairs import KINDS, Patches, Watched, lenses, watched
-from baselines.derain_nerf.raindrop_attention.training import Training, train
-from baselines.derain_nerf.raindrop_attention.validation import as_columns, as_json, scores, table
+from baselines.derain_nerf.raindrop_attention.network import DerainGenerator
+from baselines.derain_nerf.raindrop_attention.pairs import KINDS, Patches, ValidationPicture, lenses, validation_set
+from baselines.derain_nerf.raindrop_attention.training import AttentionTraining, train
+from baselines.derain_nerf.raindrop_attention.validation import as_columns, scores, table
 from baselines.derain_nerf.raindrop_attention.weights import load_detector, save_generator
-from baselines.training.network_training import in_words, network_fingerprint, resume, rounded
+from baselines.training.network_commands import in_words, load_trained, rounded, use_threads
+from baselines.training.supervised_training import Intervals, network_fingerprint
+from baselines.training.validation import as_json
 from hydroviews.cli import run_command
-from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.formats.photographs import one_by_one
 from hydroviews.pairs.drawing import LENSES
@@ -31,7 +31,7 @@ VALIDATION_SEED = 1000  # of lenses and rain of the validation, whatever the tra
 
 
 @dataclass(frozen=True)
-class Request:
+class TrainingRequest:
     """A training."""
 
     photographs: Path  # folder of clean photographs; every tenth by name is held out
@@ -40,41 +40,42 @@ class Request:
     steps: int = 0  # 0: as many as the configuration says
     cache: Path = CACHE  # keeps what Blender bakes
     out: Path = Path("results/raindrop-attention/small")  # gets checkpoint, curve, weights and data card
+    intervals: tyro.conf.OmitArgPrefixes[Intervals] = field(default_factory=Intervals)
     threads: int = 0  # 0: as many as there are cores
-    watched: int = 4  # held-out photographs that are looked at while training
+    workers: int = 0  # processes that draw patches ahead
+    watched: int = 4  # held-out photographs of the validations while training
     validated: int = 0  # and that the weights are validated on in the end, 0 for all
 
     def training(self) -> TrainingConfig:
-        """The configuration that is asked for."""
+        """The configuration of the network, with the request's seed and steps."""
         config = CONFIGS[self.network]
         return replace(config, seed=self.seed, steps=self.steps or config.steps)
 
 
-def train_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
+def train_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
     """Train a network, write its weights and data card; the same command goes on where an earlier one stopped."""
-    _take_threads(request.threads)
+    use_threads(request.threads)
     config, split = request.training(), split_photographs(request.photographs)
     drawn = DrawnRain(read_photographs(split.training), lenses(request.cache, config.seed), KINDS)
     patches = Patches(drawn, config.patch, config.crops, config.batch, config.seed)
     pictures = _held_out(request.photographs, request.cache, request.watched)
 
-    def validate(generator: Generator) -> dict[str, float]:
+    def validate(generator: DerainGenerator) -> dict[str, float]:
         return as_columns(scores(generator, pictures))
 
-    write_weights(request, train(request.out, config, patches, described(request), validate, Upkeep()))
-
-
-def export_command(request: tyro.conf.OmitArgPrefixes[Request]) -> None:
-    """Write weights and data card of a training as far as it is; settings as for `train`."""
-    _take_threads(request.threads)
-    training = Training(request.training())
-    resume(training, request.out, network_fingerprint(training.config, described(request)))
-    if training.step == 0:
-        raise InputError(f"{request.out}: nothing has been trained there", fix="give the folder of a training")
+    training = train(request.out, config, patches, described(request), validate, request.intervals, request.workers)
     write_weights(request, training)
 
 
-def write_weights(request: Request, training: Training) -> None:
+def export_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
+    """Write weights and data card of a training as far as it is; settings as for `train`."""
+    use_threads(request.threads)
+    training = AttentionTraining(request.training())
+    load_trained(training, request.out, network_fingerprint(training.config, described(request)))
+    write_weights(request, training)
+
+
+def write_weights(request: TrainingRequest, training: AttentionTraining) -> None:
     """Validate on held-out photographs, and write weights and data card."""
     training.averaged.load_state_dict(rounded(training.averaged.state_dict()))
     rows = scores(training.averaged, _held_out(request.photographs, request.cache, request.validated))
@@ -82,11 +83,11 @@ def write_weights(request: Request, training: Training) -> None:
     generator = settings.pop("generator")
     card: dict[str, Any] = {
         "data": described(request),
-        "steps": training.step,
+        "steps": training.iteration,
         "seconds": round(training.seconds),
         "training": settings,
         "held out": [file.name for file in split_photographs(request.photographs).held_out],
-        "validation": as_json(rows),
+        "validation": as_json(rows, decimals=4),
     }
     path = request.out / "weights.safetensors"
     save_generator(path, training.config.generator, training.averaged.state_dict(), card)
@@ -98,7 +99,7 @@ def validate_command(photographs: Path, weights: str = "small", cache: Path = CA
     """Print how well weights find and remove drops of held-out photographs.
 
     Args:
-        photographs: the folder that was trained on; what it holds out is looked at.
+        photographs: the folder that was trained on; the held-out ones are validated on.
         weights: shipped ones, or a file.
         cache: keeps what Blender bakes.
     """
@@ -120,20 +121,15 @@ def detect_command(pictures: tyro.conf.Positional[Path], out: Path, weights: str
         write_png(target, np.hstack([image, attention[..., None].repeat(3, axis=2), derained]))
 
 
-def described(request: Request) -> str:
+def described(request: TrainingRequest) -> str:
     """The data in words, for checkpoint and card."""
     photographs = in_words(split_photographs(request.photographs).training, request.photographs)
     return f"{photographs}; {LENSES} wet lenses a frame, and mist alone"
 
 
-def _held_out(photographs: Path, cache: Path, count: int = 0) -> list[Watched]:
+def _held_out(photographs: Path, cache: Path, count: int = 0) -> list[ValidationPicture]:
     files = split_photographs(photographs).held_out[: count or None]
-    return watched(read_photographs(files), cache / "attention", VALIDATION_SEED)
-
-
-def _take_threads(count: int) -> None:
-    if count:
-        torch.set_num_threads(count)
+    return validation_set(read_photographs(files), cache / "attention", VALIDATION_SEED)
 
 
 def main() -> None:

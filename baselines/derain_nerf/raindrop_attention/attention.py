@@ -1,5 +1,7 @@
 """Where drops are, looked for again and again: residual blocks, a convolutional LSTM and a map, N times over."""
 
+from collections.abc import Sequence
+
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
@@ -56,20 +58,20 @@ class RecurrentAttention(nn.Module):
         super().__init__()
         self.iterations, self.stride = iterations, stride
         self.start = nn.Conv2d(3 * stride * stride + 1, width, 3, padding=1)
-        self.blocks = nn.Sequential(*(ResidualBlock(width) for _ in range(blocks)))
+        residual_blocks = [ResidualBlock(width) for _ in range(blocks)]
+        self.blocks = nn.Sequential(*residual_blocks)
         self.memory = ConvLSTM(width)
         self.map = nn.Conv2d(width, 1, 3, padding=1)
-        self._begin()
+        self._begin(residual_blocks)
 
-    def _begin(self) -> None:
+    def _begin(self, blocks: Sequence[ResidualBlock]) -> None:
         """Random weights that hand on what they are given (He et al. 2015): a memory that hardly sees learns late."""
         for layer in self.modules():
             if isinstance(layer, nn.Conv2d):
                 nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
                 nn.init.zeros_(layer.bias)  # type: ignore[arg-type]
         with torch.no_grad():
-            for block in self.blocks.children():
-                assert isinstance(block, ResidualBlock)
+            for block in blocks:
                 block.second.weight.mul_(SHRUNK)
             self.map.bias.fill_(DRY)  # type: ignore[union-attr]
 

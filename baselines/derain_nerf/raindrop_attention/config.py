@@ -21,7 +21,7 @@ class GeneratorConfig:
 
 @dataclass(frozen=True)
 class DiscriminatorConfig:
-    """Real or derained, looked at most where the attention is."""
+    """Real or derained: a network that looks most where the attention is."""
 
     stride: int = 1  # pictures are taken in squares of so many pixels along a side
     widths: tuple[int, ...] = (8, 16, 32, 64, 128, 128)  # channels of the convolutions before the map
@@ -61,14 +61,6 @@ class TrainingConfig:
     averaging: float = 0.999  # what the average of the generator's weights keeps of itself in a step
     precision: Precision = "float32"  # of convolutions in training; weights are float32 in both
     seed: int = 0
-
-
-@dataclass(frozen=True)
-class Upkeep:
-    """What the trained weights do not depend on."""
-
-    checkpoint_every: int = 50  # steps
-    validate_every: int = 500
 
 
 SMALL_GENERATOR = GeneratorConfig(attention_width=32, attention_blocks=3, attention_stride=2, width=24, residual=True)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from baselines.derain_nerf.raindrop_attention.network import Generator, full_size
+from baselines.derain_nerf.raindrop_attention.network import DerainGenerator, full_size
 from hydroviews.scene.images import Image
 
 
@@ -19,7 +19,7 @@ class Found(NamedTuple):
     derained: Image  # [H, W, 3], [0, 1]
 
 
-def detect(image: Image, generator: Generator) -> Found:
+def detect(image: Image, generator: DerainGenerator) -> Found:
     """Drops of a picture, and the picture without them.
 
     Args:

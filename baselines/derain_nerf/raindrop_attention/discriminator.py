@@ -15,7 +15,7 @@ class Judgement(NamedTuple):
     """Of pictures [N, 3, H, W]."""
 
     real: Tensor  # [N], logits
-    map: Tensor  # [N, 1, h, w], where the picture was looked at; not bounded
+    map: Tensor  # [N, 1, h, w], what features are weighed by; not bounded
 
 
 class Discriminator(nn.Module):

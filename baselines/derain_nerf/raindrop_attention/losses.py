@@ -37,7 +37,7 @@ def generator_losses(
         found: for pictures [N, 3, H, W].
         clean: without drops [N, 3, H, W].
         cover: by drops [N, 1, H, W], [0, 1].
-        judged: what the discriminator says of `found`.
+        judged: the discriminator's judgement of `found`.
         config: weights.
     """
     return GeneratorLosses(
@@ -65,7 +65,7 @@ def perceptual_loss(found: Tensor, clean: Tensor, network: Perceptual) -> Tensor
     """Mean over levels of the MSE of features that know photographs (Johnson et al. 2016).
 
     The paper takes VGG16's as trained on ImageNet; these are the same network's activations that LPIPS compares, or
-    AlexNet's. They are compared as they are, not as unit vectors, whose gradient is undefined where all are nought.
+    AlexNet's. They are compared as they are, not as unit vectors, whose gradient is undefined where all are zero.
     """
     with torch.no_grad():
         target = activations(network, clean)
@@ -88,5 +88,5 @@ def discriminator_loss(derained: Judgement, real: Judgement, attention: Tensor, 
         gamma: weight of the maps.
     """
     target = functional.adaptive_avg_pool2d(attention, (derained.map.shape[-2], derained.map.shape[-1]))
-    told = functional.softplus(-real.real).mean() + functional.softplus(derained.real).mean()
-    return told + gamma * (functional.mse_loss(derained.map, target) + real.map.square().mean())
+    judgement = functional.softplus(-real.real).mean() + functional.softplus(derained.real).mean()
+    return judgement + gamma * (functional.mse_loss(derained.map, target) + real.map.square().mean())

@@ -22,7 +22,7 @@ class Derained(NamedTuple):
     frames: Frames  # without drops; not bounded
 
 
-class Generator(nn.Module):
+class DerainGenerator(nn.Module):
     """Attention, then removal."""
 
     def __init__(self, config: GeneratorConfig) -> None:

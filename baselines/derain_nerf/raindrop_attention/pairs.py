@@ -34,7 +34,7 @@ class Batch(NamedTuple):
     cover: Tensor  # [N, 1, P, P], by drops, [0, 1]
 
 
-class Watched(NamedTuple):
+class ValidationPicture(NamedTuple):
     """A held-out photograph in known rain."""
 
     kind: str  # such as drops-medium; mist, without any drops; or clean
@@ -87,7 +87,7 @@ def as_tensor(plane: NDArray) -> Tensor:
     return torch.from_numpy(np.ascontiguousarray(plane.transpose(2, 0, 1), np.float32))
 
 
-def watched(photographs: list[dict[int, Bytes]], folder: Path, seed: int) -> list[Watched]:
+def validation_set(photographs: list[dict[int, Bytes]], folder: Path, seed: int) -> list[ValidationPicture]:
     """Every photograph at its smaller size with drops of every grade, with mist alone, and clean.
 
     Args:
@@ -108,5 +108,5 @@ def watched(photographs: list[dict[int, Bytes]], folder: Path, seed: int) -> lis
         for kind, lens in {**wet, "mist": without_drops(pool[frame][-1]), "clean": pool[frame][0]}.items():
             drawn_as = "clean" if kind == "clean" else "raindrop"
             rainy, clean, cover, _ = draw_rain(photograph, drawn_as, [lens], generator(seed, "watched", number, kind))
-            pictures.append(Watched(kind, rainy, clean, cover[..., DROPS]))
+            pictures.append(ValidationPicture(kind, rainy, clean, cover[..., DROPS]))
     return pictures

@@ -1,20 +1,20 @@
 """How well drops of held-out photographs are found and removed."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from baselines.derain_nerf.raindrop_attention.detection import detect
-from baselines.derain_nerf.raindrop_attention.network import Generator
-from baselines.derain_nerf.raindrop_attention.pairs import Watched
+from baselines.derain_nerf.raindrop_attention.network import DerainGenerator
+from baselines.derain_nerf.raindrop_attention.pairs import ValidationPicture
+from baselines.training.validation import measure_by_kind
 from hydroviews.metrics import psnr
 
 COVERED = 0.5  # a pixel is a drop's from this cover on
-THRESHOLD = 0.5  # and said to be from this attention on
+THRESHOLD = 0.5  # and taken for one from this attention on
 
 
 @dataclass(frozen=True)
@@ -25,20 +25,20 @@ class Score:
     pictures: int
     precision: float  # average precision of the attention, over all pixels
     overlap: float  # intersection over union at the threshold
-    said: float  # share of the pixels said to be drops
+    flagged: float  # share of the pixels taken for drops
     before: float  # mean PSNR of the rainy pictures, dB
     after: float  # and of the derained ones
 
 
-def scores(generator: Generator, pictures: Sequence[Watched]) -> list[Score]:
+def scores(generator: DerainGenerator, pictures: Sequence[ValidationPicture]) -> list[Score]:
     """How a generator does, a row a kind."""
-    kinds: dict[str, list[_Row]] = {}
-    for picture in tqdm(pictures, desc="validation", unit="picture", leave=False):
+
+    def measure(picture: ValidationPicture) -> _Row:
         found = detect(picture.rainy, generator)
         before, after = (float(psnr(image, picture.clean)) for image in (picture.rainy, found.derained))
-        row = _Row(found.attention.ravel(), picture.cover.ravel() >= COVERED, before, after)
-        kinds.setdefault(picture.kind, []).append(row)
-    return [_score(kind, rows) for kind, rows in kinds.items()]
+        return _Row(found.attention.ravel(), picture.cover.ravel() >= COVERED, before, after)
+
+    return [_score(kind, rows) for kind, rows in measure_by_kind(pictures, measure).items()]
 
 
 class _Row(NamedTuple):
@@ -50,11 +50,11 @@ class _Row(NamedTuple):
 
 def _score(kind: str, rows: Sequence[_Row]) -> Score:
     attention, truth = np.concatenate([row.attention for row in rows]), np.concatenate([row.truth for row in rows])
-    said = attention >= THRESHOLD
-    overlap = float((said & truth).sum() / (said | truth).sum()) if truth.any() else np.nan
+    flagged = attention >= THRESHOLD
+    overlap = float((flagged & truth).sum() / (flagged | truth).sum()) if truth.any() else np.nan
     precision = average_precision(attention, truth) if truth.any() else np.nan
     before, after = (float(np.mean(v)) for v in ([row.before for row in rows], [row.after for row in rows]))
-    return Score(kind, len(rows), precision, overlap, float(said.mean()), before, after)
+    return Score(kind, len(rows), precision, overlap, float(flagged.mean()), before, after)
 
 
 def average_precision(found: NDArray, truth: NDArray) -> float:
@@ -80,24 +80,18 @@ def as_columns(rows: Sequence[Score]) -> dict[str, float]:
     """For a row of a training curve; what there is none of is left out."""
     columns: dict[str, float] = {}
     for row in rows:
-        values = {"AP": row.precision, "IoU": row.overlap, "said": row.said, "gain": row.after - row.before}
+        values = {"AP": row.precision, "IoU": row.overlap, "flagged": row.flagged, "gain": row.after - row.before}
         values = values if np.isfinite(row.before) else {**values, "gain": np.nan, "PSNR": row.after}
         columns |= {f"{row.kind} {name}": value for name, value in values.items() if np.isfinite(value)}
     return columns
 
 
-def as_json(rows: Sequence[Score]) -> list[dict[str, str | int | float | None]]:
-    """For a data card; what is not finite is left empty."""
-    finite = lambda v: round(v, 4) if np.isfinite(v) else None  # noqa: E731
-    return [{k: finite(v) if isinstance(v, float) else v for k, v in asdict(row).items()} for row in rows]
-
-
 def table(rows: Sequence[Score]) -> str:
     """Markdown."""
-    lines = ["| rain | pictures | AP | IoU | said to be drops | PSNR before | after |", "|---|---|---|---|---|---|---|"]
+    lines = ["| rain | pictures | AP | IoU | taken for drops | PSNR before | after |", "|---|---|---|---|---|---|---|"]
     number = lambda v, form: format(v, form) if np.isfinite(v) else ""  # noqa: E731
     for row in rows:
-        quality = [number(row.precision, ".3f"), number(row.overlap, ".3f"), f"{row.said:.1%}"]
+        quality = [number(row.precision, ".3f"), number(row.overlap, ".3f"), f"{row.flagged:.1%}"]
         cells = [row.kind, str(row.pictures), *quality, number(row.before, ".2f"), number(row.after, ".2f")]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from baselines.derain_nerf.raindrop_attention.config import GeneratorConfig
-from baselines.derain_nerf.raindrop_attention.network import Generator
+from baselines.derain_nerf.raindrop_attention.network import DerainGenerator
 from baselines.training.checkpoints import read_arrays, write_arrays
-from baselines.training.network_training import weights_file
+from baselines.training.network_commands import weights_file
 from hydroviews.errors import InputError
 
 SHIPPED = Path(__file__).parent / "weights"
@@ -22,7 +22,7 @@ DEFAULT = "small"
 class Detector:
     """A trained generator, ready to use."""
 
-    generator: Generator
+    generator: DerainGenerator
     card: dict[str, Any]  # data, seed, steps, validation
 
 
@@ -56,9 +56,9 @@ def save_generator(path: Path, config: GeneratorConfig, tensors: dict[str, Tenso
     write_arrays(path, arrays, {"generator": asdict(config), "card": card})
 
 
-def _build(path: Path, about: dict[str, Any], arrays: dict[str, NDArray]) -> Generator:
+def _build(path: Path, about: dict[str, Any], arrays: dict[str, NDArray]) -> DerainGenerator:
     try:
-        generator = Generator(GeneratorConfig(**about["generator"]))
+        generator = DerainGenerator(GeneratorConfig(**about["generator"]))
         generator.load_state_dict({name: torch.from_numpy(value) for name, value in arrays.items()})
     except (KeyError, TypeError, RuntimeError) as error:
         raise InputError(f"{path}: not a raindrop attention network of this version", found=error) from error

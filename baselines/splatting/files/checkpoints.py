@@ -1,52 +1,35 @@
-"""Training states and trained models on disk, as safetensors."""
+"""Training states as trees for checkpoints, and trained models on disk, as safetensors."""
 
 from pathlib import Path
 from typing import Any
 
-from numpy.typing import NDArray
-
 from baselines.splatting.gaussians import FEATURES, FIELDS, Gaussians
 from baselines.splatting.state import TrainingState
-from baselines.training.checkpoints import check_fingerprint, read_arrays, write_arrays
+from baselines.training.checkpoints import Tree, read_arrays, write_arrays
 from hydroviews.errors import InputError
 
 PARTS = ("gaussians", "first", "second")
-PROGRESS = ("iteration", "seconds", "residuals", "non_finite")
+OTHERS = ("gradient_sum", "seen", "iteration", "seconds", "residuals", "non_finite")
 
 
-def write_checkpoint(path: Path, state: TrainingState, learnt: dict[str, NDArray], fingerprint: dict[str, Any]) -> None:
-    """Write a training state.
-
-    Args:
-        path: the file, replaced when whole.
-        state: all of it is written.
-        learnt: what the objective has learnt.
-        fingerprint: of configuration, seed and scene; must be the same when read.
-    """
-    arrays = {f"{part}.{name}": value for part in PARTS for name, value in getattr(state, part).state_dict().items()}
-    arrays |= {"gradient_sum": state.gradient_sum, "seen": state.seen, "origin": state.gaussians.origin}
-    arrays |= {f"learnt.{name}": value for name, value in learnt.items()}
-    progress = {name: getattr(state, name) for name in PROGRESS}
-    write_arrays(path, arrays, {"fingerprint": fingerprint, "progress": progress})
+def state_to_tree(state: TrainingState) -> Tree:
+    """All of a training state: the arrays themselves, not copies of them."""
+    parts = {part: getattr(state, part).state_dict() for part in PARTS}
+    return {**parts, "origin": state.gaussians.origin, **{name: getattr(state, name) for name in OTHERS}}
 
 
-def read_checkpoint(path: Path, fingerprint: dict[str, Any]) -> tuple[TrainingState, dict[str, NDArray]]:
-    """The state and what the objective had learnt.
+def state_from_tree(tree: Tree) -> TrainingState:
+    """The opposite.
 
     Raises:
-        InputError: damaged, or of another configuration, seed or scene.
+        KeyError: a part is missing.
     """
-    arrays, about = read_arrays(path)
-    check_fingerprint(path, about.get("fingerprint", {}), fingerprint)
-    origin = arrays["origin"]
-    names = (*FIELDS, FEATURES) if f"gaussians.{FEATURES}" in arrays else FIELDS
+    names = (*FIELDS, FEATURES) if FEATURES in tree["gaussians"] else FIELDS
     gaussians, first, second = (
-        Gaussians(**{name: arrays[f"{part}.{name}"] for name in names}, origin=origin) for part in PARTS
+        Gaussians(**{name: tree[part][name] for name in names}, origin=tree["origin"]) for part in PARTS
     )
-    learnt = {name.removeprefix("learnt."): v for name, v in arrays.items() if name.startswith("learnt.")}
-    statistics = arrays["gradient_sum"], arrays["seen"]
-    progress = {**about["progress"], "residuals": tuple(about["progress"]["residuals"])}
-    return TrainingState(gaussians, first, second, *statistics, **progress), learnt
+    others = {**{name: tree[name] for name in OTHERS}, "residuals": tuple(tree["residuals"])}
+    return TrainingState(gaussians, first, second, **others)
 
 
 def write_model(path: Path, gaussians: Gaussians, about: dict[str, Any]) -> None:

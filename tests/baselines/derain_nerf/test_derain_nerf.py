@@ -14,20 +14,20 @@ from baselines.derain_nerf.method import (
     MASKS,
     DerainNeRF,
     DerainNeRFConfig,
-    DropConfig,
+    DropDetectionConfig,
     PlainField,
     attention_of,
     drop_masks,
     hidden,
 )
 from baselines.derain_nerf.raindrop_attention.detection import Found
-from baselines.derain_nerf.raindrop_attention.network import Generator
+from baselines.derain_nerf.raindrop_attention.network import DerainGenerator
 from baselines.derain_nerf.raindrop_attention.weights import save_generator
 from baselines.training.images import TrainingImages
 from hydroviews.errors import InputError
 from hydroviews.scene.scenes import Scene
 
-SHORT = replace(balls.SMALL, iterations=20, rays=64, teach_always=10)
+SHORT = replace(balls.SMALL, iterations=20, rays=64, proposal_always=10)
 DROP = np.array([1.0, 0.0, 1.0], np.float32)  # no colour of the scene
 
 
@@ -47,23 +47,23 @@ def rainy(folder: Path, change=pasted) -> Scene:
     return balls.photographed(folder, n_views=24, width=32, height=24, change=change)
 
 
-def told(image: np.ndarray, _: Generator) -> Found:
+def known(image: np.ndarray, _: DerainGenerator) -> Found:
     """A network that knows."""
     return Found(MASK.astype(np.float32), image)
 
 
 @pytest.fixture
-def drops(tmp_path, monkeypatch) -> DropConfig:
+def drops(tmp_path, monkeypatch) -> DropDetectionConfig:
     """Settings under which exactly the pasted drops are found."""
-    monkeypatch.setattr(derain_nerf, "detect", told)
+    monkeypatch.setattr(derain_nerf, "detect", known)
     return untrained(tmp_path)
 
 
-def untrained(folder: Path) -> DropConfig:
+def untrained(folder: Path) -> DropDetectionConfig:
     torch.manual_seed(0)
     path = folder / "untrained.safetensors"
-    save_generator(path, GENERATOR, Generator(GENERATOR).state_dict(), {})
-    return DropConfig(weights=str(path), widened=0)
+    save_generator(path, GENERATOR, DerainGenerator(GENERATOR).state_dict(), {})
+    return DropDetectionConfig(weights=str(path), widened=0)
 
 
 def fitted(method, scene, folder):
@@ -72,7 +72,7 @@ def fitted(method, scene, folder):
 
 
 def parameters(method):
-    return torch.cat([p.detach().flatten() for p in method._learnt.trained.model.parameters()])
+    return torch.cat([p.detach().flatten() for p in method._fitted.trained.model.parameters()])
 
 
 def test_masks_bring_back_what_drops_cost(tmp_path, drops):
@@ -138,10 +138,10 @@ def test_a_damaged_mask_is_refused(tmp_path, drops):
 def test_what_is_hidden_is_widened():
     attention = np.zeros((9, 9), np.float32)
     attention[4, 4], attention[0, 0] = 0.5, 0.49
-    assert hidden(attention, DropConfig(threshold=0.5, widened=0)).sum() == 1
-    assert hidden(attention, DropConfig(threshold=0.5, widened=1)).sum() == 5
-    assert hidden(attention, DropConfig(threshold=0.5, widened=2))[2:7, 4].all()
-    assert not hidden(attention, DropConfig(threshold=0.5, widened=2))[1, 1]
+    assert hidden(attention, DropDetectionConfig(threshold=0.5, widened=0)).sum() == 1
+    assert hidden(attention, DropDetectionConfig(threshold=0.5, widened=1)).sum() == 5
+    assert hidden(attention, DropDetectionConfig(threshold=0.5, widened=2))[2:7, 4].all()
+    assert not hidden(attention, DropDetectionConfig(threshold=0.5, widened=2))[1, 1]
 
 
 def test_large_pictures_are_looked_at_as_small_ones(monkeypatch):
@@ -154,7 +154,7 @@ def test_large_pictures_are_looked_at_as_small_ones(monkeypatch):
     monkeypatch.setattr(derain_nerf, "detect", look)
     image = np.full((30, 90, 3), 0.25, np.float32)
     for longest in (45, 90, 480):
-        attention = attention_of(image, Generator(GENERATOR), longest)
+        attention = attention_of(image, DerainGenerator(GENERATOR), longest)
         assert attention.shape == (30, 90)
         np.testing.assert_allclose(attention, 0.25)
     assert seen == [(15, 45, 3), (30, 90, 3), (30, 90, 3)]
@@ -166,13 +166,15 @@ def test_other_weights_are_another_configuration_and_odd_profiles_are_refused(tm
     assert len(DerainNeRF.configuration("demo").drops.weights_sha256) == 64
     with pytest.raises(InputError, match="unknown"):
         DerainNeRF.configuration("enormous")
-    monkeypatch.setattr(DerainNeRF, "profiles", {"demo": DerainNeRFConfig(SHORT, DropConfig(weights="enormous"))})
+    monkeypatch.setattr(
+        DerainNeRF, "profiles", {"demo": DerainNeRFConfig(SHORT, DropDetectionConfig(weights="enormous"))}
+    )
     with pytest.raises(InputError, match="none of that name"):
         DerainNeRF.configuration("demo")
 
 
 def test_a_network_looks_at_the_photographs(tmp_path):
-    """Nothing told: the code that finds drops, on a picture of its own."""
+    """The code that finds drops itself, on a picture of its own."""
     images = TrainingImages([np.random.default_rng(0).integers(0, 256, (24, 32, 3), np.uint8)])
     everything = replace(untrained(tmp_path), threshold=0.0)
     nothing = replace(everything, threshold=1.0)

@@ -17,7 +17,8 @@ from baselines.gaussian_splatting import GaussianSplatting, GaussianSplattingCle
 from baselines.method import find_method
 from baselines.splatting.files.ply import read_ply
 from baselines.splatting.kernels.rasterizer import render
-from baselines.splatting.trainer import CHECKPOINT, train
+from baselines.splatting.trainer import train
+from baselines.training.checkpoints import CHECKPOINT
 from baselines.training.devices import chosen_device
 from baselines.training.images import read_images
 from baselines.training.stopping import Saving
@@ -35,7 +36,7 @@ def undisturbed(scene, tmp_path_factory):
     return train(scene, CONFIG, 0, tmp_path_factory.mktemp("run"))
 
 
-def test_a_synthetic_scene_is_learnt(scene, tmp_path):
+def test_a_synthetic_scene_is_learned(scene, tmp_path):
     method = GaussianSplatting(replace(CONFIG, iterations=500), 0)
     method.fit(scene, tmp_path)
     assert psnr(method, scene.train_views) > 30
@@ -196,13 +197,13 @@ def test_devices(monkeypatch):
         chosen_device("cpu")
 
 
-def test_a_gpu_is_used_where_what_is_needed_there_is_installed(monkeypatch, capsys):
+def test_a_gpu_is_used_where_what_is_needed_there_is_installed(monkeypatch, caplog):
     monkeypatch.delenv("HYDROVIEWS_DEVICE", raising=False)
     monkeypatch.setattr("torch.cuda.is_available", lambda: True)
     assert chosen_device("auto") == chosen_device("auto", "numpy") == "cuda"
-    assert capsys.readouterr().err == ""
+    assert not caplog.records
     assert chosen_device("auto", "no_such_package") == "cpu"
-    assert "on the CPU, though there is a GPU: no_such_package not installed" in capsys.readouterr().err
+    assert "on the CPU, though there is a GPU: no_such_package not installed" in caplog.text
     with pytest.raises(InputError, match="no_such_package not installed"):
         chosen_device("cuda", "no_such_package")
 

@@ -1,4 +1,4 @@
-"""A training whose process is killed at random moments and taken up again ends with the same bits."""
+"""A training whose process is killed at random moments and goes on ends with the same bits."""
 
 import os
 import random

@@ -1,4 +1,4 @@
-"""Radiance fields on an NVIDIA GPU: trained, interrupted, taken up again, saved and rendered."""
+"""Radiance fields on an NVIDIA GPU: trained, interrupted, resumed, saved and rendered."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ def fit(scene, config, folder):
     return train(scene, config, 0, folder, lambda space, generator, _: RadianceModel(config, space, generator))
 
 
-def test_a_ball_is_learnt(tmp_path):
+def test_a_ball_is_learned(tmp_path):
     scene = photographed(tmp_path / "scene")
     trained = fit(scene, SMALL, tmp_path / "run")
     assert trained.device == torch.cuda.get_device_name()

@@ -8,7 +8,7 @@ import torch
 from splats import camera
 
 from baselines.volumetric.rays import CameraArrays, WorldRays, camera_rays, depth_range
-from baselines.volumetric.spaces import Contracted, Forward, choose_space, contract, expand, space_from
+from baselines.volumetric.spaces import NDC, Contracted, choose_space, contract, expand, space_from
 from hydroviews.errors import InputError
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.scenes import Points, no_points
@@ -81,9 +81,9 @@ def test_contraction_and_its_inverse():
 def test_device_coordinates_are_those_of_projected_points():
     cameras = forward_cameras()
     space = choose_space(cameras, points_at([3.0, 8.0]), "auto")
-    assert isinstance(space, Forward)
+    assert isinstance(space, NDC)
     rays = camera_rays(cameras[1])
-    entered = space.enter(rays, CPU)
+    entered = space.from_world(rays, CPU)
     local = rays.origins[:, None] + np.array([4.0, 10, 1e3])[:, None] * rays.directions[:, None]
     mean = Camera(2, 2, 1 / space.slopes[0], 1 / space.slopes[1], 0, 0, np.array(space.pose))
     pixels, z = mean.project(local.reshape(-1, 3))
@@ -96,8 +96,8 @@ def test_every_training_ray_stays_in_the_cube():
     cameras = forward_cameras()
     space = choose_space(cameras, points_at([3.0, 8.0]), "ndc")
     for view in cameras:
-        rays = space.enter(camera_rays(view), CPU)
-        inside = space.unit(rays.points(torch.linspace(0, 1, 5).expand(len(rays.origins), -1)))
+        rays = space.from_world(camera_rays(view), CPU)
+        inside = space.to_unit_cube(rays.points(torch.linspace(0, 1, 5).expand(len(rays.origins), -1)))
         assert inside.min() > -1e-6
         assert inside.max() < 1 + 1e-6
 
@@ -106,10 +106,10 @@ def test_cameras_all_round_are_contracted_into_the_unit_ball():
     cameras = [camera(20, 15, angle) for angle in np.linspace(0, 6, 9)]
     space = choose_space(cameras, points_at([0.5], 100), "auto")
     assert isinstance(space, Contracted)
-    rays = space.enter(camera_rays(cameras[0]), CPU)
+    rays = space.from_world(camera_rays(cameras[0]), CPU)
     assert rays.origins.norm(dim=1).max() < 1
     assert torch.allclose(rays.viewing.norm(dim=1), torch.ones(300))
-    t = space.along(torch.tensor([0.0, 0.5, 1.0]))
+    t = space.s_to_t(torch.tensor([0.0, 0.5, 1.0]))
     np.testing.assert_allclose(t, [space.near, np.sqrt(space.near * space.far), space.far], rtol=1e-5)
 
 
@@ -129,4 +129,4 @@ def test_what_cannot_be_a_space_is_refused():
         choose_space([], no_points())
     space = choose_space(forward_cameras(), points_at([3.0]), "ndc")
     with pytest.raises(InputError, match="backwards"):
-        space.enter(WorldRays(np.zeros((1, 3)), np.array([[0, 0, -1.0]])), CPU)
+        space.from_world(WorldRays(np.zeros((1, 3)), np.array([[0, 0, -1.0]])), CPU)

@@ -69,24 +69,24 @@ def test_the_bound_holds_for_a_histogram_of_itself_and_of_its_parts():
 
 def test_the_interlevel_loss_is_its_definition():
     edges, weights = random_histogram(5, 6, 1)
-    guide_edges, guide_weights = random_histogram(5, 9, 2)
+    proposal_edges, proposal_weights = random_histogram(5, 9, 2)
     for ray in range(5):
         expected = 0.0
         for i in range(6):
-            overlaps = (guide_edges[ray, :-1] < edges[ray, i + 1]) & (guide_edges[ray, 1:] > edges[ray, i])
-            lacking = max(0.0, float(weights[ray, i] - guide_weights[ray][overlaps].sum()))
+            overlaps = (proposal_edges[ray, :-1] < edges[ray, i + 1]) & (proposal_edges[ray, 1:] > edges[ray, i])
+            lacking = max(0.0, float(weights[ray, i] - proposal_weights[ray][overlaps].sum()))
             expected += lacking**2 / (float(weights[ray, i]) + 1e-7)
-        found = interlevel_loss(*(a[ray : ray + 1] for a in (edges, weights, guide_edges, guide_weights)))
+        found = interlevel_loss(*(a[ray : ray + 1] for a in (edges, weights, proposal_edges, proposal_weights)))
         np.testing.assert_allclose(float(found), expected, rtol=1e-6, atol=1e-12)
 
 
-def test_only_the_guide_learns_from_the_bound():
+def test_only_the_proposal_learns_from_the_bound():
     edges, weights = random_histogram(5, 6, 1)
-    guide_edges, guide_weights = random_histogram(5, 9, 2)
-    weights.requires_grad_(), guide_weights.requires_grad_()
-    interlevel_loss(edges, weights, guide_edges, guide_weights).sum().backward()
+    proposal_edges, proposal_weights = random_histogram(5, 9, 2)
+    weights.requires_grad_(), proposal_weights.requires_grad_()
+    interlevel_loss(edges, weights, proposal_edges, proposal_weights).sum().backward()
     assert weights.grad is None
-    assert float(guide_weights.grad.abs().sum()) > 0
+    assert float(proposal_weights.grad.abs().sum()) > 0
 
 
 def test_the_distortion_loss_is_its_definition():

@@ -10,18 +10,19 @@ import pytest
 import torch
 from balls import SMALL, photographed
 
+from baselines.training.checkpoints import CHECKPOINT
 from baselines.volumetric.config import MlpFieldConfig
-from baselines.volumetric.losses import photometric_terms
+from baselines.volumetric.losses import photometric_losses
 from baselines.volumetric.model import RadianceModel
-from baselines.volumetric.trainer import CHECKPOINT, rate_at, train
+from baselines.volumetric.trainer import rate_at, train
 from hydroviews.errors import InputError
 from hydroviews.scene.images import write_png
 
-SHORT = replace(SMALL, iterations=30, rays=64, teach_always=10)
+SHORT = replace(SMALL, iterations=30, rays=64, proposal_always=10)
 
 
-def fit(scene, config, folder, seed=0, loss=None, **more):
-    return train(scene, config, seed, folder, lambda s, g, _: RadianceModel(config, s, g), loss, **more)
+def fit(scene, config, folder, seed=0, loss=None, **extras):
+    return train(scene, config, seed, folder, lambda s, g, _: RadianceModel(config, s, g), loss, **extras)
 
 
 @pytest.fixture(scope="module")
@@ -48,12 +49,12 @@ def disturbed(config, at, action):
         calls.append(0)
         if len(calls) == at:
             action()
-        return photometric_terms(config)(rendering, batch)
+        return photometric_losses(config)(rendering, batch)
 
     return loss
 
 
-def test_a_ball_is_learnt(scene, tmp_path):
+def test_a_ball_is_learned(scene, tmp_path):
     trained = fit(scene, SMALL, tmp_path)
     assert balls.psnr(trained.model.render, scene.train_views) > 24
     assert balls.psnr(trained.model.render, scene.test_views) > 21.5
@@ -61,7 +62,7 @@ def test_a_ball_is_learnt(scene, tmp_path):
 
 def test_the_network_of_the_papers_learns_too(scene, tmp_path):
     field = MlpFieldConfig(width=32, depth=4, skip=2, position_octaves=4, direction_octaves=1, rate=1e-2)
-    config = replace(SMALL, field=field, iterations=150, rays=128, guide_samples=16)
+    config = replace(SMALL, field=field, iterations=150, rays=128, proposal_samples=16)
     trained = fit(scene, config, tmp_path)
     mean = np.mean([view.image() for view in scene.train_views], axis=0)
     assert balls.psnr(trained.model.render, scene.test_views) > 1 + balls.psnr(lambda _: mean, scene.test_views)
@@ -85,7 +86,7 @@ def test_a_crash_leaves_no_trace(scene, undisturbed, tmp_path, iteration):
 
 
 def test_a_loss_that_is_not_finite_ends_the_training_before_it_is_learned(scene, undisturbed, tmp_path):
-    plain, calls = photometric_terms(SHORT), []
+    plain, calls = photometric_losses(SHORT), []
 
     def loss(rendering, batch):
         calls.append(0)
@@ -109,25 +110,25 @@ def test_signals_end_the_run_after_a_checkpoint(scene, undisturbed, tmp_path, nu
     assert 0 < first.seconds <= again.seconds < first.seconds + 1
 
 
-@pytest.mark.parametrize("change", ["configuration", "seed", "images", "weights", "about"])
+@pytest.mark.parametrize("change", ["configuration", "seed", "images", "weights", "settings"])
 def test_a_checkpoint_of_another_run_is_refused(scene, tmp_path, change):
-    config, seed, more = replace(SHORT, iterations=2), 0, {}
+    config, seed, extras = replace(SHORT, iterations=2), 0, {}
     fit(scene, config, tmp_path)
     if change == "configuration":
         config = replace(config, samples=8)
     elif change == "seed":
         seed = 1
-    elif change == "about":
-        more["about"] = {"share": 0.5}
+    elif change == "settings":
+        extras["settings"] = {"share": 0.5}
     elif change == "weights":
-        more["weights"] = [np.full((24, 32), 0.5, np.float32) for _ in scene.train_views]
+        extras["weights"] = [np.full((24, 32), 0.5, np.float32) for _ in scene.train_views]
     else:
         view = scene.train_views[0]
         write_png(tmp_path / "other.png", 1 - view.image())
         views = tuple(replace(v, path=tmp_path / "other.png") if v is view else v for v in scene.views)
         scene = replace(scene, views=views)
     with pytest.raises(InputError, match=change):
-        fit(scene, config, tmp_path, seed, **more)
+        fit(scene, config, tmp_path, seed, **extras)
 
 
 def test_pixels_of_weight_zero_leave_no_trace(scene, tmp_path):
@@ -161,7 +162,7 @@ def test_bad_input_is_refused(scene, tmp_path):
 
 
 def test_rates_rise_and_fall():
-    config = replace(SMALL, iterations=1000, rising=10, final_rate=0.01)
+    config = replace(SMALL, iterations=1000, warm_up=10, final_rate=0.01)
     assert rate_at(0, config) == pytest.approx(0.1)
     assert rate_at(500, config) == pytest.approx(0.1)
     assert rate_at(1000, config) == pytest.approx(0.01)

@@ -4,12 +4,19 @@ import numpy as np
 import pytest
 from tiny_network import TINY
 
+from baselines.training.validation import as_json
 from deraings.enhancement import __main__ as commands
-from deraings.enhancement.__main__ import Request, describe_command, enhance_command, export_command, train_command
+from deraings.enhancement.__main__ import (
+    TrainingRequest,
+    describe_command,
+    enhance_command,
+    export_command,
+    train_command,
+)
 from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.data import Data, described, started_from
 from deraings.enhancement.network import EnhancementNetwork
-from deraings.enhancement.validation import Rainy, as_columns, as_json, scores, table
+from deraings.enhancement.validation import ValidationPicture, as_columns, scores, table
 from deraings.enhancement.weights import save_network
 from hydroviews.errors import InputError
 from hydroviews.scene.images import read_image, write_png
@@ -69,7 +76,7 @@ def test_describe_counts(capsys):
 def test_nothing_is_exported_where_nothing_was_trained(tmp_path):
     pictures(tmp_path / "photographs")
     with pytest.raises(InputError, match="nothing has been trained"):
-        export_command(Request(Data(tmp_path / "photographs"), out=tmp_path / "empty"))
+        export_command(TrainingRequest(Data(tmp_path / "photographs"), out=tmp_path / "empty"))
 
 
 def test_what_a_training_begins_with_stands_in_its_data(tmp_path, weights):
@@ -113,7 +120,7 @@ def test_there_has_to_be_a_size_and_a_lens(tmp_path, wrong):
 def test_parts_have_to_fit_into_the_smallest_frame(tmp_path):
     pictures(tmp_path / "photographs")
     with pytest.raises(InputError, match="cannot cut parts of 192x192 pixels"):
-        train_command(Request(Data(tmp_path / "photographs", sides=(384, 240)), out=tmp_path / "out"))
+        train_command(TrainingRequest(Data(tmp_path / "photographs", sides=(384, 240)), out=tmp_path / "out"))
     assert not (tmp_path / "out").exists()
 
 
@@ -129,7 +136,9 @@ def test_a_training_begins_only_with_its_own_kind_of_network(tmp_path, weights):
 def test_scores_are_means_by_kind():
     clean = np.full((32, 32, 3), 0.5, np.float32)
     network = EnhancementNetwork(TINY).requires_grad_(False)
-    rows = scores(network, [Rainy("mist", clean + 0.1, clean), Rainy("mist", clean + 0.01, clean)])
+    rows = scores(
+        network, [ValidationPicture("mist", clean + 0.1, clean), ValidationPicture("mist", clean + 0.01, clean)]
+    )
     assert [row.kind for row in rows] == ["mist"]
     assert (rows[0].before, rows[0].after) == (pytest.approx(30, abs=1e-3), pytest.approx(30, abs=1e-3))
     assert rows[0].brightness == pytest.approx(255 * 0.055, abs=1e-3)
@@ -140,6 +149,6 @@ def test_scores_are_means_by_kind():
 
 def test_clean_pictures_that_stay_the_same_have_no_number():
     clean = np.full((32, 32, 3), 0.5, np.float32)
-    rows = scores(EnhancementNetwork(TINY).requires_grad_(False), [Rainy("clean", clean, clean)])
-    assert as_json(rows)[0]["before"] is None
+    rows = scores(EnhancementNetwork(TINY).requires_grad_(False), [ValidationPicture("clean", clean, clean)])
+    assert as_json(rows, decimals=3)[0]["before"] is None
     assert "the same" in table(rows)

@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 from wet import HEIGHT, WIDTH, lens, photograph
 
+from baselines.training.supervised_training import draw_ahead
 from deraings.enhancement.pair_folders import PairFolder, find_pairs
-from deraings.enhancement.pairs import VEILED, Pairs, batches
+from deraings.enhancement.pairs import VEILED, Batches, Pairs
 from deraings.enhancement.validation import rain_on, setting_of
 from hydroviews.errors import InputError
 from hydroviews.pairs.drawing import Pair, camera_of
@@ -18,7 +19,7 @@ def test_a_pair_depends_on_seed_and_number_alone():
     pool = {(384, 256): (lens(True, 256, 384),), (480, 320): (lens(True, 320, 480),)}
     source = DrawnRain([sides], pool)
     first = Pairs(source, [], 64, seed=0)
-    for batch in batches(first, 2, 3, 4, workers=0):
+    for batch in draw_ahead(Batches(first, 2), 3, 4, workers=0):
         assert batch.rainy.shape == batch.clean.shape == batch.cover.shape == (2, 3, 64, 64)
         assert batch.whole_rainy.shape == batch.whole_clean.shape == (2, 1 + VEILED, 3, 128, 128)
         assert np.array_equal(batch.rainy[1], Pairs(source, [], 64, seed=0)[7][0])

@@ -7,18 +7,20 @@ import pytest
 import torch
 from tiny_network import TINY
 
-from baselines.training.network_training import CHECKPOINT, CURVE, rate_at, rounded
-from deraings.enhancement.config import TrainingConfig, Upkeep
+from baselines.training.checkpoints import CHECKPOINT
+from baselines.training.network_commands import rounded
+from baselines.training.supervised_training import CURVE, Intervals, rate_at
+from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.loss import cover_loss, enhancement_loss
 from deraings.enhancement.pairs import Pairs, Sample
-from deraings.enhancement.training import Training, train
+from deraings.enhancement.training import EnhancementTraining, train
 from deraings.enhancement.weights import load_enhancer, save_network
 from hydroviews.errors import InputError
 from hydroviews.pairs.drawing import Pair
 from hydroviews.pairs.drawn import DrawnRain
 
 CONFIG = TrainingConfig(network=TINY, steps=6, batch=2, patch=32, warm_up=2, precision="float32")
-UPKEEP = Upkeep(checkpoint_every=2, validate_every=3, workers=0)
+INTERVALS = Intervals(checkpoint_seconds=0.0, validate_every=3)
 
 
 class Brighter(DrawnRain):
@@ -46,11 +48,12 @@ class Interrupting(Brighter):
         return super().pair(rng)
 
 
-def learn(folder, config=CONFIG, source=None, data="brighter", upkeep=UPKEEP, start=None):
+def learn(folder, config=CONFIG, source=None, data="brighter", start=None, workers=0):
     torch.set_num_threads(1)
     scores = iter(range(100))
     pairs = Pairs(source or Brighter(), [], config.patch, config.seed)
-    return train(folder, config, pairs, data, lambda _: {"score": float(next(scores))}, upkeep, start)
+    validate = lambda _: {"score": float(next(scores))}  # noqa: E731
+    return train(folder, config, pairs, data, validate, INTERVALS, start, workers)
 
 
 def flat(network):
@@ -66,7 +69,7 @@ def test_training_removes_what_it_can(tmp_path):
     training = learn(tmp_path, config)
     rainy, clean = torch.full((1, 3, 32, 32), 0.6), torch.full((1, 3, 32, 32), 0.4)
     assert (training.averaged(rainy) - clean).abs().mean() < 0.08
-    assert training.loss < 1
+    assert training.losses["loss"] < 1
 
 
 @pytest.mark.parametrize("precision", ["float32", "bfloat16"])
@@ -76,9 +79,9 @@ def test_an_interrupted_training_ends_with_the_same_bits(tmp_path, precision):
     with pytest.raises(KeyboardInterrupt):
         learn(tmp_path / "parts", config, Interrupting())
     parts = learn(tmp_path / "parts", config)
-    assert parts.step == whole.step == 6
+    assert parts.iteration == whole.iteration == 6
     assert torch.equal(weights_of(whole), weights_of(parts))
-    assert whole.loss == parts.loss
+    assert whole.losses == parts.losses
 
 
 def test_a_training_begins_with_the_weights_it_is_given_and_goes_on_from_its_own(tmp_path):
@@ -94,11 +97,11 @@ def test_a_training_begins_with_the_weights_it_is_given_and_goes_on_from_its_own
 
 def test_workers_do_not_change_the_result(tmp_path):
     alone = learn(tmp_path / "alone")
-    helped = learn(tmp_path / "helped", upkeep=replace(UPKEEP, workers=2))
+    helped = learn(tmp_path / "helped", workers=2)
     assert torch.equal(weights_of(alone), weights_of(helped))
 
 
-def test_every_seed_is_another_training_and_nought_is_one(tmp_path):
+def test_every_seed_is_another_training_and_zero_is_one(tmp_path):
     first, again, other = (learn(tmp_path / str(i), replace(CONFIG, seed=seed)) for i, seed in enumerate((0, 0, 1)))
     assert torch.equal(weights_of(first), weights_of(again))
     assert not torch.equal(weights_of(first), weights_of(other))
@@ -183,12 +186,22 @@ def test_the_network_finds_the_cover_and_says_nothing_of_what_nobody_knows(tmp_p
     with torch.no_grad():
         found = torch.sigmoid(training.averaged.alpha(training.averaged.features(torch.rand(1, 3, 32, 32))))
     assert (found - 0.25).abs().mean() < 0.1
-    unknown = Training(CONFIG)
+    unknown = EnhancementTraining(CONFIG)
     part, whole, box = torch.rand(1, 3, 32, 32), torch.rand(1, 2, 3, 128, 128), torch.tensor([[0.0, 1.0, 0.0, 1.0]])
     veil = torch.full((1, 2, 4, 128, 128), torch.nan)
     unknown.learn(Sample(part, part, torch.full_like(part, torch.nan), box, whole, whole, veil))
     assert all(torch.isfinite(p).all() for p in unknown.network.parameters())
     assert not unknown.network.alpha[0].bias.any()
+
+
+def test_a_gradient_that_is_not_finite_changes_no_weights():
+    training = EnhancementTraining(CONFIG)
+    before = [parameter.clone() for parameter in training.network.parameters()]
+    part, whole, box = torch.rand(1, 3, 32, 32), torch.rand(1, 2, 3, 128, 128), torch.tensor([[0.0, 1.0, 0.0, 1.0]])
+    veil = torch.full((1, 2, 4, 128, 128), torch.nan)
+    with pytest.raises(FloatingPointError, match="network's gradient of iteration 0 is not finite: loss"):
+        training.learn(Sample(part * torch.inf, part, torch.full_like(part, torch.nan), box, whole, whole, veil))
+    assert all(torch.equal(a, b) for a, b in zip(before, training.network.parameters(), strict=True))
 
 
 def test_weights_come_back_with_their_card(tmp_path):

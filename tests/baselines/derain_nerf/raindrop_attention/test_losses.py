@@ -14,7 +14,7 @@ from baselines.derain_nerf.raindrop_attention.losses import (
     perceptual_loss,
     scale_loss,
 )
-from baselines.derain_nerf.raindrop_attention.network import Generator
+from baselines.derain_nerf.raindrop_attention.network import DerainGenerator
 
 
 def test_later_maps_count_more():
@@ -37,12 +37,12 @@ def test_scales_are_weighed():
 
 def test_adversaries_agree_with_their_logarithms():
     logits, real = torch.tensor([0.3, -2.0]), torch.tensor([1.5, 0.1])
-    told = lambda z: 1 / (1 + math.exp(-z))  # noqa: E731
-    fooled = [math.log(1 - told(z)) for z in logits.tolist()]
+    sigmoid = lambda z: 1 / (1 + math.exp(-z))  # noqa: E731
+    fooled = [math.log(1 - sigmoid(z)) for z in logits.tolist()]
     assert adversarial_loss(logits).item() == pytest.approx(sum(fooled) / 2)
     seen = Judgement(logits, torch.full((2, 1, 2, 2), 0.5)), Judgement(real, torch.full((2, 1, 2, 2), 0.2))
     attention = torch.full((2, 1, 8, 8), 0.9)
-    expected = -sum(math.log(told(z)) for z in real.tolist()) / 2 - sum(fooled) / 2 + 0.05 * (0.16 + 0.04)
+    expected = -sum(math.log(sigmoid(z)) for z in real.tolist()) / 2 - sum(fooled) / 2 + 0.05 * (0.16 + 0.04)
     assert discriminator_loss(*seen, attention, 0.05).item() == pytest.approx(expected, rel=1e-5)
 
 
@@ -60,15 +60,15 @@ def test_the_same_picture_is_perceived_the_same(network):
 )
 def test_gradients_are_finite_where_nothing_is_to_be_done(clean):
     torch.manual_seed(0)
-    generator, discriminator = Generator(GENERATOR), Discriminator(DISCRIMINATOR)
+    generator, discriminator = DerainGenerator(GENERATOR), Discriminator(DISCRIMINATOR)
     found = generator(clean)
     judged = discriminator(found.frames.whole)
     cover = torch.zeros_like(clean[:, :1])
     losses = generator_losses(found, clean, cover, judged, TRAINING.losses)
     assert losses.scales.item() == losses.perceptual.item() == 0
     losses.total(TRAINING.losses).backward()
-    told = discriminator(found.frames.whole.detach())
-    discriminator_loss(told, discriminator(clean), found.maps[-1].detach(), 0.05).backward()
+    judged = discriminator(found.frames.whole.detach())
+    discriminator_loss(judged, discriminator(clean), found.maps[-1].detach(), 0.05).backward()
     for parameter in (*generator.parameters(), *discriminator.parameters()):
         assert parameter.grad is not None
         assert torch.isfinite(parameter.grad).all()

@@ -7,17 +7,17 @@ from baselines.derain_nerf.raindrop_attention.attention import ConvLSTM
 from baselines.derain_nerf.raindrop_attention.config import CONFIGS, DiscriminatorConfig, GeneratorConfig
 from baselines.derain_nerf.raindrop_attention.detection import detect
 from baselines.derain_nerf.raindrop_attention.discriminator import Discriminator
-from baselines.derain_nerf.raindrop_attention.network import Generator
+from baselines.derain_nerf.raindrop_attention.network import DerainGenerator
 
 
 def picture(height: int, width: int, seed: int = 0) -> np.ndarray:
     return np.random.default_rng(seed).random((height, width, 3)).astype(np.float32)
 
 
-def random_generator(config: GeneratorConfig = GENERATOR) -> Generator:
-    """Untrained, its outputs not nought."""
+def random_generator(config: GeneratorConfig = GENERATOR) -> DerainGenerator:
+    """Untrained, its outputs not zero."""
     torch.manual_seed(0)
-    generator = Generator(config).eval()
+    generator = DerainGenerator(config).eval()
     for parameter in generator.autoencoder.outputs.parameters():
         torch.nn.init.normal_(parameter, std=0.1)
     return generator
@@ -43,14 +43,14 @@ def test_what_is_no_picture_is_refused():
 @pytest.mark.parametrize("stride", [1, 2])
 def test_every_look_gives_a_map_and_there_are_three_resolutions(stride):
     config = GeneratorConfig(iterations=3, attention_width=8, attention_blocks=1, attention_stride=stride, width=8)
-    maps, frames = Generator(config)(torch.rand(2, 3, 32, 48))
+    maps, frames = DerainGenerator(config)(torch.rand(2, 3, 32, 48))
     assert [tuple(a.shape) for a in maps] == [(2, 1, 32 // stride, 48 // stride)] * 3
     assert [tuple(f.shape[2:]) for f in frames] == [(8, 12), (16, 24), (32, 48)]
 
 
-def test_small_changes_nothing_before_it_has_learnt():
+def test_small_changes_nothing_before_it_has_learned():
     image = picture(40, 36)
-    np.testing.assert_array_equal(detect(image, Generator(GENERATOR)).derained, image)
+    np.testing.assert_array_equal(detect(image, DerainGenerator(GENERATOR)).derained, image)
 
 
 def test_the_start_of_the_attention_is_a_half_and_looks_see_the_map_before():
@@ -111,7 +111,7 @@ def test_the_published_discriminator_has_dense_layers_for_patches_of_224():
 
 def test_the_published_configuration_has_its_widths():
     with torch.device("meta"):
-        generator = Generator(CONFIGS["paper"].generator)
+        generator = DerainGenerator(CONFIGS["paper"].generator)
     assert generator.attention.iterations == 4
     assert len(generator.attention.blocks) == 5
     assert generator.attention.memory.gates.weight.shape == (4 * 32, 2 * 32, 3, 3)

@@ -7,17 +7,20 @@ import torch
 from tiny_attention import GENERATOR, TRAINING
 from wet import lens, photograph
 
-from baselines.derain_nerf.raindrop_attention.config import LossConfig, Upkeep
-from baselines.derain_nerf.raindrop_attention.network import Generator
-from baselines.derain_nerf.raindrop_attention.pairs import Batch, Patches, Watched, without_drops
+from baselines.derain_nerf.raindrop_attention.config import LossConfig
+from baselines.derain_nerf.raindrop_attention.network import DerainGenerator
+from baselines.derain_nerf.raindrop_attention.pairs import Batch, Patches, ValidationPicture, without_drops
 from baselines.derain_nerf.raindrop_attention.training import train
-from baselines.derain_nerf.raindrop_attention.validation import as_columns, as_json, average_precision, scores, table
+from baselines.derain_nerf.raindrop_attention.validation import as_columns, average_precision, scores, table
 from baselines.derain_nerf.raindrop_attention.weights import load_detector, save_generator
-from baselines.training.network_training import CHECKPOINT, CURVE, rate_at, rounded
+from baselines.training.checkpoints import CHECKPOINT
+from baselines.training.network_commands import rounded
+from baselines.training.supervised_training import CURVE, Intervals, rate_at
+from baselines.training.validation import as_json
 from hydroviews.errors import InputError
 from hydroviews.pairs.drawn import DrawnRain
 
-UPKEEP = Upkeep(checkpoint_every=2, validate_every=3)
+INTERVALS = Intervals(checkpoint_seconds=0.0, validate_every=3)
 
 
 def drawn():
@@ -36,7 +39,7 @@ class Interrupting(Patches):
 def learn(folder, config=TRAINING, kind=Patches, data="drops"):
     torch.set_num_threads(1)
     patches = kind(drawn(), config.patch, config.crops, config.batch, config.seed)
-    return train(folder, config, patches, data, lambda _: {"score": 1.0}, UPKEEP)
+    return train(folder, config, patches, data, lambda _: {"score": 1.0}, INTERVALS)
 
 
 def weights_of(training):
@@ -84,12 +87,12 @@ def test_an_interrupted_training_ends_with_the_same_bits(tmp_path, precision):
     with pytest.raises(KeyboardInterrupt):
         learn(tmp_path / "parts", config, Interrupting)
     parts = learn(tmp_path / "parts", config)
-    assert parts.step == whole.step == 6
+    assert parts.iteration == whole.iteration == 6
     assert torch.equal(weights_of(whole), weights_of(parts))
     assert parts.losses == whole.losses
 
 
-def test_every_seed_is_another_training_and_nought_is_one(tmp_path):
+def test_every_seed_is_another_training_and_zero_is_one(tmp_path):
     first, again, other = (learn(tmp_path / str(i), replace(TRAINING, seed=s)) for i, s in enumerate((0, 0, 1)))
     assert torch.equal(weights_of(first), weights_of(again))
     assert not torch.equal(weights_of(first), weights_of(other))
@@ -137,15 +140,18 @@ def test_scores_of_a_network_that_changes_nothing():
     clean = np.full((32, 32, 3), 0.5, np.float32)
     cover = np.zeros((32, 32), np.float32)
     cover[:8] = 1
-    generator = Generator(GENERATOR)
-    pictures = [Watched("drops-light", clean + 0.1, clean, cover), Watched("clean", clean, clean, 0 * cover)]
+    generator = DerainGenerator(GENERATOR)
+    pictures = [
+        ValidationPicture("drops-light", clean + 0.1, clean, cover),
+        ValidationPicture("clean", clean, clean, 0 * cover),
+    ]
     drops, dry = scores(generator, pictures)
     assert (drops.before, drops.after) == (pytest.approx(20, abs=1e-3), pytest.approx(20, abs=1e-3))
     assert drops.pictures == 1
     assert np.isnan(dry.precision)
     assert "clean AP" not in as_columns([drops, dry])
     assert as_columns([drops, dry])["drops-light gain"] == pytest.approx(0, abs=1e-3)
-    assert as_json([dry])[0]["before"] is None
+    assert as_json([dry], decimals=4)[0]["before"] is None
     assert "| drops-light | 1 |" in table([drops, dry])
 
 

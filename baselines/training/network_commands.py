@@ -1,0 +1,59 @@
+"""What the commands of networks trained from pairs share: threads, data in words, trainings to export, weights."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from baselines.training.checkpoints import CHECKPOINT
+from baselines.training.loop import resume
+from baselines.training.supervised_training import SupervisedTraining
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import listing
+
+
+def use_threads(count: int) -> None:
+    """Calculate with so many threads; 0 leaves it to torch."""
+    if count:
+        torch.set_num_threads(count)
+
+
+def in_words(photographs: Sequence[Path], folder: Path) -> str:
+    """What is learned from: how many photographs, of which folder, and their `listing`."""
+    return f"{len(photographs)} photographs ({folder.parent.name}/{folder.name}, {listing(photographs)})"
+
+
+def load_trained(training: SupervisedTraining, folder: Path, fingerprint: Mapping[str, Any]) -> None:
+    """Bring a new training to where the checkpoint in `folder` stands.
+
+    Raises:
+        InputError: there is none, or it is damaged or of another training.
+    """
+    resume(training, folder / CHECKPOINT, fingerprint)
+    if training.iteration == 0:
+        raise InputError(f"{folder}: nothing has been trained there", fix="give the folder of a training")
+
+
+def rounded(tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Weights as they come back from a file of half floats."""
+    return {name: value.half().float() for name, value in tensors.items()}
+
+
+def weights_file(weights: str | Path, shipped: Path, what: str) -> Path:
+    """The file of the named weights in the folder `shipped`, or the file itself.
+
+    Raises:
+        InputError: none of that name are there; `what` says whose they would be.
+    """
+    if Path(weights).suffix:
+        return Path(weights)
+    path = shipped / f"{weights}.safetensors"
+    if not path.is_file():
+        names = ", ".join(sorted(file.stem for file in shipped.glob("*.safetensors")))
+        raise InputError(
+            f"{what} weights {weights}: none of that name are shipped",
+            expected=f"one of: {names or 'none'}; or the path of a .safetensors file",
+        )
+    return path

@@ -1,0 +1,257 @@
+"""The training of networks from pairs: rates, averaged weights, smoothed losses, validation, a curve.
+
+A training derives from `SupervisedTraining` and says how a batch is learned from. Batches are functions of their step
+alone, so that a training that was stopped goes on exactly.
+"""
+
+import csv
+import io
+import math
+import signal
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol, cast
+
+import torch
+from torch import Tensor, nn
+from torch.nn.utils import clip_grad_norm_
+from torch.utils.data import DataLoader, Dataset
+
+from baselines.training import loop
+from baselines.training.checkpoints import CHECKPOINT, Tree
+from baselines.training.torch_state import module_arrays, restore_module
+from hydroviews.files.atomic import write_bytes
+
+CURVE = "curve.csv"
+SMOOTHING = 0.99  # what the losses of the curve keep of themselves in a step
+
+Validate = Callable[[Any], dict[str, float]]  # of the averaged network: a row of the curve, beside losses
+
+
+class SupervisedConfig(Protocol):
+    """What every configuration of such a training has; dataclasses."""
+
+    @property
+    def steps(self) -> int: ...  # noqa: D102
+    @property
+    def rate(self) -> float: ...  # noqa: D102
+    @property
+    def final_rate(self) -> float: ...  # noqa: D102
+    @property
+    def warm_up(self) -> int: ...  # noqa: D102
+    @property
+    def clip(self) -> float: ...  # noqa: D102
+    @property
+    def averaging(self) -> float: ...  # noqa: D102
+
+
+class Batches(Protocol):
+    """Batches by step; the same step gives the same batch, in whatever process and order."""
+
+    def __getitem__(self, step: int) -> Any:
+        """A tensor, or a tuple of tensors."""
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """What the trained weights do not depend on."""
+
+    checkpoint_seconds: float = 30.0  # between two checkpoints while training; 0: one after every step
+    validate_every: int = 500  # steps between two validations
+
+
+class Learner(NamedTuple):
+    """A network, and what changes it."""
+
+    network: nn.Module
+    optimiser: torch.optim.Optimizer
+
+
+class SupervisedTraining(ABC):
+    """Networks with their optimisers, averaged weights of the first of them, and how far they are."""
+
+    def __init__(self, config: SupervisedConfig, learners: Mapping[str, Learner], averaged: nn.Module) -> None:
+        """Begin with networks as they are; `averaged` is of the first one's kind."""
+        self.config, self.learners = config, learners
+        self.averaged = averaged.requires_grad_(False)
+        self.averaged.load_state_dict(self._first.state_dict())
+        self.iteration, self.seconds = 0, 0.0
+        self.losses: dict[str, float] = {}  # smoothed
+        self.curve: list[dict[str, float]] = []
+
+    @property
+    def _first(self) -> nn.Module:
+        return next(iter(self.learners.values())).network
+
+    def learn(self, batch: Any) -> dict[str, float]:
+        """Take one step; returns the smoothed losses.
+
+        Raises:
+            FloatingPointError: a gradient is NaN or infinite; no weights were changed by it.
+        """
+        rate = rate_at(self.iteration, self.config)
+        for learner in self.learners.values():
+            for group in learner.optimiser.param_groups:
+                group["lr"] = rate
+        for name, loss in self._learn(batch).items():
+            self.losses[name] = loop.smoothed(self.losses.get(name), loss.item(), SMOOTHING)
+        average_in(self.averaged, self._first, self.iteration, self.config.averaging)
+        self.iteration += 1
+        return self.losses
+
+    @abstractmethod
+    def _learn(self, batch: Any) -> dict[str, Tensor]:
+        """Change the networks by `_descend`; returns the losses, the one to be shown first."""
+
+    def _descend(self, name: str, loss: Tensor) -> None:
+        """One step of a network's optimiser down a loss."""
+        network, optimiser = self.learners[name]
+        optimiser.zero_grad(set_to_none=True)
+        loss.backward()
+        norm = clip_grad_norm_(network.parameters(), self.config.clip)
+        if not norm.isfinite():
+            raise FloatingPointError(
+                f"the {name}'s gradient of iteration {self.iteration} is not finite: loss {loss.item():g}"
+            )
+        optimiser.step()
+
+    def state_dict(self) -> Tree:
+        """All of it."""
+        return {
+            **{name: getattr(self, name) for name in ("iteration", "seconds", "losses", "curve")},
+            "learners": {name: module_arrays(*learner) for name, learner in self.learners.items()},
+            "averaged": module_arrays(self.averaged),
+        }
+
+    def load_state_dict(self, tree: Tree) -> None:
+        """Take over what `state_dict` gave."""
+        for name, learner in self.learners.items():
+            restore_module(learner.network, tree["learners"][name], learner.optimiser)
+        restore_module(self.averaged, tree["averaged"])
+        for name in ("iteration", "seconds", "losses", "curve"):
+            setattr(self, name, tree[name])
+
+
+class _Trainer:
+    """A training with what it learns from, as the loop wants it."""
+
+    def __init__(
+        self, training: SupervisedTraining, batches: Batches, workers: int, validate: Validate, every: int, curve: Path
+    ) -> None:
+        self._training, self._batches, self._workers = training, batches, workers
+        self._validate, self._every, self._curve = validate, every, curve
+        self._drawn: Iterator[Any] | None = None
+        self.iterations = training.config.steps
+
+    @property
+    def iteration(self) -> int:
+        return self._training.iteration
+
+    @property
+    def seconds(self) -> float:
+        return self._training.seconds
+
+    @seconds.setter
+    def seconds(self, value: float) -> None:
+        self._training.seconds = value
+
+    @property
+    def finished(self) -> bool:
+        return self.iteration >= self.iterations
+
+    def step(self) -> loop.Metrics:
+        """Learn from the next batch, and validate where that is due."""
+        if self._drawn is None:  # not before the loop handles signals, which workers take over
+            self._drawn = draw_ahead(self._batches, self.iteration, self.iterations, self._workers)
+        losses = self._training.learn(next(self._drawn))
+        if self.finished or self.iteration % self._every == 0:
+            note(self._training, self._validate, self._curve)
+        return losses
+
+    def state_dict(self) -> Tree:
+        return self._training.state_dict()
+
+    def load_state_dict(self, tree: Tree) -> None:
+        self._training.load_state_dict(tree)
+
+
+def train(
+    training: SupervisedTraining,
+    batches: Batches,
+    folder: Path,
+    fingerprint: Mapping[str, Any],
+    validate: Validate,
+    intervals: Intervals,
+    workers: int = 0,
+) -> None:
+    """Take all steps that are left, in `folder`, from the checkpoint there if there is one.
+
+    Args:
+        training: in its first state.
+        batches: to learn from.
+        folder: gets the checkpoint and curve.csv.
+        fingerprint: what a checkpoint has to agree with.
+        validate: scores of the averaged network.
+        intervals: between checkpoints and between validations.
+        workers: processes that draw batches ahead; 0 for none but this one.
+
+    Raises:
+        InputError: the checkpoint is damaged or of another training.
+        FloatingPointError: a loss or gradient is NaN or infinite.
+        KeyboardInterrupt, SystemExit: on Ctrl-C and SIGTERM, when the step is done and a checkpoint is written.
+    """
+    trainer = _Trainer(training, batches, workers, validate, intervals.validate_every, folder / CURVE)
+    loop.run(trainer, folder / CHECKPOINT, fingerprint, intervals.checkpoint_seconds)
+
+
+def network_fingerprint(config: Any, data: str) -> dict[str, Any]:
+    """What a checkpoint must agree with: the configuration, a dataclass, and in words what is learned from."""
+    return {"configuration": asdict(config), "data": data}
+
+
+def draw_ahead(batches: Batches, first: int, last: int, workers: int) -> Iterator[Any]:
+    """The batches of steps `first` to `last` - 1, drawn ahead by so many processes; by this one if there are none."""
+    dataset = cast("Dataset[Any]", batches)
+    return iter(
+        DataLoader(
+            dataset, batch_size=None, sampler=range(first, last), num_workers=workers, worker_init_fn=_ignore_ctrl_c
+        )
+    )
+
+
+def _ignore_ctrl_c(_: int) -> None:
+    """A terminal sends Ctrl-C to workers as well, and the step that it interrupts needs their batch."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def note(training: SupervisedTraining, validate: Validate, path: Path) -> None:
+    """Validate, and write the curve so far."""
+    scores = validate(training.averaged)
+    row = {"step": training.iteration, "seconds": training.seconds, **training.losses, **scores}
+    training.curve.append({name: round(value, 5) for name, value in row.items()})
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(row), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(training.curve)
+    write_bytes(path, text.getvalue().encode())
+
+
+def rate_at(step: int, config: SupervisedConfig) -> float:
+    """The learning rate of a step: up linearly, then down along half a cosine."""
+    if step < config.warm_up:
+        return config.rate * (step + 1) / config.warm_up
+    done = (step - config.warm_up) / max(1, config.steps - config.warm_up)
+    return config.final_rate + (config.rate - config.final_rate) * 0.5 * (1 + math.cos(math.pi * done))
+
+
+@torch.no_grad()
+def average_in(averaged: nn.Module, network: nn.Module, step: int, kept: float) -> None:
+    """Move averaged weights towards a network's; they keep a share `kept` of themselves.
+
+    Early weights are forgotten sooner, so that the average is worth something from the beginning.
+    """
+    kept = min(kept, (1 + step) / (10 + step))
+    torch._foreach_lerp_(list(averaged.parameters()), list(network.parameters()), 1 - kept)

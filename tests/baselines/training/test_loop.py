@@ -1,0 +1,241 @@
+"""The loop, and that Ctrl-C and SIGTERM leave no trace in any kind of training."""
+
+import multiprocessing
+import os
+import signal
+from dataclasses import replace
+from functools import partial
+
+import balls
+import numpy as np
+import pytest
+import tiny_attention
+import torch
+from splats import photographed
+from tiny_network import TINY
+from trainings import BUDGETED, CONFIG
+from wet import lens, photograph
+
+from baselines.derain_nerf.raindrop_attention import training as attention
+from baselines.derain_nerf.raindrop_attention.pairs import Patches
+from baselines.splatting import trainer as splatting
+from baselines.splatting.objective import Objective
+from baselines.training import loop
+from baselines.training.checkpoints import CHECKPOINT, load_checkpoint
+from baselines.training.images import read_images
+from baselines.training.supervised_training import CURVE, Intervals
+from baselines.volumetric import trainer as volumetric
+from baselines.volumetric.model import RadianceModel
+from deraings.enhancement import training as enhancement
+from deraings.enhancement.config import TrainingConfig
+from deraings.enhancement.pairs import Pairs
+from hydroviews.pairs.drawn import DrawnRain
+
+SIGNALS = [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit)]
+INTERVALS = Intervals(checkpoint_seconds=1e9, validate_every=2)
+
+
+class Learning(Objective):
+    """Also learns every view's mean loss, and weighs the view by it."""
+
+    def __init__(self, images):
+        super().__init__(images)
+        self.means = np.ones(len(images))
+
+    def __call__(self, image, view, iteration, buffers):
+        loss, gradient = super().__call__(image, view, iteration, buffers)
+        self.means[view] += 0.5 * (loss - self.means[view])
+        return loss, gradient * np.float32(self.means[view])
+
+    def state_dict(self):
+        return {"means": self.means.copy()}
+
+    def load_state_dict(self, arrays):
+        self.means = arrays["means"].copy()
+
+
+def of_splats(config, kind, folder, scene):
+    trained = splatting.train(scene, config, 0, folder, kind(read_images(scene.train_views)))
+    return list(trained.gaussians.state_dict().values())
+
+
+def of_a_field(folder, scene):
+    config = replace(balls.SMALL, iterations=30, rays=64, checkpoint_seconds=1e9)
+    trained = volumetric.train(scene, config, 0, folder, lambda s, g, _: RadianceModel(config, s, g))
+    return [value.numpy() for value in trained.model.state_dict().values()]
+
+
+def drawn():
+    return DrawnRain([{96: photograph()}], {(96, 64): (lens(),)}, {"raindrop": 1.0})
+
+
+def weights(*networks):
+    return [parameter.detach().numpy() for network in networks for parameter in network.parameters()]
+
+
+def of_enhancement(folder, _, workers=0):
+    config = TrainingConfig(network=TINY, steps=5, batch=2, patch=32, warm_up=2, precision="float32")
+    pairs = Pairs(drawn(), [], config.patch, config.seed)
+    trained = enhancement.train(folder, config, pairs, "drops", lambda _: {"score": 1.0}, INTERVALS, workers=workers)
+    return weights(trained.network, trained.averaged)
+
+
+def of_attention(folder, _):
+    config = replace(tiny_attention.TRAINING, steps=5, removal_every=2)
+    patches = Patches(drawn(), config.patch, config.crops, config.batch, config.seed)
+    trained = attention.train(folder, config, patches, "drops", lambda _: {"score": 1.0}, INTERVALS)
+    return weights(trained.generator, trained.discriminator, trained.averaged)
+
+
+PATIENT = {"checkpoint_seconds": 1e9}
+TRAININGS = {  # with the steps after which a signal comes: early, and in the middle
+    "densification": (partial(of_splats, replace(CONFIG, **PATIENT), Objective), (1, 100)),
+    "relocation": (partial(of_splats, replace(BUDGETED, **PATIENT), Objective), (1, 100)),
+    "an objective that learns": (partial(of_splats, replace(CONFIG, iterations=60, **PATIENT), Learning), (1, 30)),
+    "a field": (of_a_field, (1, 17)),
+    "enhancement": (of_enhancement, (1, 3)),
+    "raindrop attention": (of_attention, (1, 4)),
+}
+
+
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory):
+    splats, ball = (tmp_path_factory.mktemp(name) for name in ("splats", "ball"))
+    return {"a field": balls.photographed(ball), "any other": photographed(splats)}
+
+
+@pytest.fixture(scope="module")
+def left_alone(scenes, tmp_path_factory):
+    """What a training ends with that nobody disturbs, by name; every one is trained once."""
+    ends = {}
+
+    def end(name):
+        if name not in ends:
+            torch.set_num_threads(1)
+            ends[name] = TRAININGS[name][0](tmp_path_factory.mktemp("run"), scenes.get(name, scenes["any other"]))
+        return ends[name]
+
+    return end
+
+
+def interrupting(monkeypatch, at, number):
+    """Send a signal in the middle of a step, as a terminal does: to the processes that it has started as well.
+
+    Returns the iterations that were begun.
+    """
+    run, iterations = loop.run, []
+
+    def watched(trainer, *arguments):
+        step = trainer.step
+
+        def interrupted():
+            iterations.append(trainer.iteration)
+            if trainer.iteration == at:
+                for process in (os.getpid(), *(child.pid for child in multiprocessing.active_children())):
+                    os.kill(process, number)
+            return step()
+
+        trainer.step = interrupted
+        return run(trainer, *arguments)
+
+    for module in (loop, splatting, volumetric):
+        monkeypatch.setattr(module, "run", watched)
+    return iterations
+
+
+@pytest.mark.parametrize(("number", "error"), SIGNALS, ids=["SIGINT", "SIGTERM"])
+@pytest.mark.parametrize("name", TRAININGS)
+def test_a_signal_ends_a_training_after_its_step_and_leaves_no_trace(
+    name, number, error, scenes, left_alone, tmp_path, monkeypatch
+):
+    train, moments = TRAININGS[name]
+    scene, expected, handler = scenes.get(name, scenes["any other"]), left_alone(name), signal.getsignal(number)
+    for moment in moments:  # the second session is interrupted as well
+        with monkeypatch.context() as patch:
+            iterations = interrupting(patch, moment, number)
+            with pytest.raises(error):
+                train(tmp_path, scene)
+        assert iterations[-1] == moment  # no step was begun after that
+        assert iterations[0] == (0 if moment == moments[0] else moments[0] + 1)  # and none was done again
+        assert signal.getsignal(number) is handler
+    for one, other in zip(expected, train(tmp_path, scene), strict=True):
+        assert one.tobytes() == other.tobytes()
+
+
+def test_the_curve_goes_on_over_sessions(scenes, tmp_path, monkeypatch):
+    for moment in (2, 3):
+        with monkeypatch.context() as patch:
+            interrupting(patch, moment, signal.SIGINT)
+            with pytest.raises(KeyboardInterrupt):
+                of_enhancement(tmp_path, None)
+    of_enhancement(tmp_path, None)
+    rows = (tmp_path / CURVE).read_text().splitlines()[1:]
+    assert [row.split(",")[0] for row in rows] == ["2", "4", "5"]
+
+
+def test_ctrl_c_that_workers_get_as_well_ends_the_training_after_its_step(left_alone, tmp_path, monkeypatch):
+    expected = left_alone("enhancement")
+    with monkeypatch.context() as patch:
+        iterations = interrupting(patch, 2, signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            of_enhancement(tmp_path, None, workers=2)
+    assert iterations == [0, 1, 2]
+    for one, other in zip(expected, of_enhancement(tmp_path, None, workers=2), strict=True):
+        assert one.tobytes() == other.tobytes()
+
+
+class Counting:
+    """A training that adds up numbers."""
+
+    def __init__(self, iterations=10, losses=None):
+        self.iterations, self.iteration, self.seconds, self.total = iterations, 0, 0.0, np.zeros(1)
+        self.losses = losses or {}
+
+    @property
+    def finished(self):
+        return self.iteration >= self.iterations
+
+    def step(self):
+        self.total += self.iteration
+        self.iteration += 1
+        return {"loss": self.losses.get(self.iteration - 1, 0.5), "numbers": self.iteration}
+
+    def state_dict(self):
+        return {"iteration": self.iteration, "seconds": self.seconds, "sums": {"total": self.total}}
+
+    def load_state_dict(self, tree):
+        self.iteration, self.seconds, self.total = tree["iteration"], tree["seconds"], tree["sums"]["total"]
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_loss_that_is_not_finite_never_gets_into_a_checkpoint(tmp_path, bad):
+    path = tmp_path / CHECKPOINT
+    with pytest.raises(FloatingPointError, match=r"iteration 4 is not finite: loss (nan|inf)"):
+        loop.run(Counting(losses={4: bad}), path, {"seed": 0}, 0.0)
+    assert load_checkpoint(path, {"seed": 0})["iteration"] == 4
+    trainer = Counting()
+    loop.run(trainer, path, {"seed": 0}, 0.0)
+    assert trainer.total == sum(range(10))
+
+
+def test_checkpoints_are_written_when_due_and_at_the_end(tmp_path, monkeypatch):
+    written = []
+    monkeypatch.setattr(loop, "save_checkpoint", lambda path, tree, _: written.append(tree["iteration"]))
+    loop.run(Counting(), tmp_path / CHECKPOINT, {}, 1e9)
+    assert written == [10]
+    loop.run(Counting(), tmp_path / CHECKPOINT, {}, 0.0)
+    assert written[1:] == list(range(1, 11))
+
+
+def test_seconds_add_up_and_a_finished_training_is_left_as_it_is(tmp_path):
+    first, again = Counting(), Counting()
+    loop.run(first, tmp_path / CHECKPOINT, {}, 1e9)
+    before = (tmp_path / CHECKPOINT).read_bytes()
+    loop.run(again, tmp_path / CHECKPOINT, {}, 1e9)
+    assert again.seconds == first.seconds > 0
+    assert (tmp_path / CHECKPOINT).read_bytes() == before
+
+
+def test_progress_shows_the_first_loss_and_counts(tmp_path, capsys):
+    loop.run(Counting(), tmp_path / CHECKPOINT, {}, 1e9)
+    assert "loss 0.5000, 10 numbers" in capsys.readouterr().err
