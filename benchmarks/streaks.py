@@ -24,7 +24,7 @@ from hydroviews.rain.seeds import generator
 from hydroviews.rain.storm import reference as storm_reference
 from hydroviews.rain.storm.drop_sizes import count, draw_cloud
 from hydroviews.rain.storm.rasterise import Shutter, draw, project
-from hydroviews.rain.streaks import effect as streaks
+from hydroviews.rain.streaks import recipe as streaks
 from hydroviews.rain.streaks import reference as streaks_reference
 from hydroviews.rain.streaks.convolution import convolve
 from hydroviews.scene.cameras import Camera

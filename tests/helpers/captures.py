@@ -7,7 +7,7 @@ import pytest
 
 from hydroviews.formats import read_scene
 from hydroviews.rain.seeds import generator
-from hydroviews.rain.streaks.effect import StreakPattern, composite, streak_layer
+from hydroviews.rain.streaks.recipe import StreakPattern, composite, streak_layer
 from hydroviews.scene.images import Image, read_image, resize_area
 
 RAIN = StreakPattern(n=40, length=30, angle=85.0, width=3)

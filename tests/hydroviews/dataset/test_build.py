@@ -19,9 +19,13 @@ from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.formats import read_scene
 from hydroviews.formats.writers import write_colmap
-from hydroviews.rain import effects, severity
-from hydroviews.rain.patterns import Pattern, choose_patterns
+from hydroviews.rain.effects import choose_patterns, find_effect
+from hydroviews.rain.lens.raindrops import Raindrops
+from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.scene_statistics import survey
+from hydroviews.rain.storm.storm import Storm
+from hydroviews.rain.streaks import severity
+from hydroviews.rain.streaks.effect import Streaks
 from hydroviews.scene.images import read_image, write_png
 from hydroviews.scene.scenes import make_scene, no_points
 
@@ -120,7 +124,7 @@ def test_views_of_other_parameters_are_not_mixed_in(scene, tmp_path, monkeypatch
     monkeypatch.undo()
     begun = list((tmp_path / "data" / "yard" / "streak-0" / "images").iterdir())
     assert 0 < len(begun) < len(scene.views)
-    monkeypatch.setitem(severity.LOSS["streak"], "light", 0.2)
+    monkeypatch.setitem(severity.LOSS, "light", 0.2)
     folder = build(scene, tmp_path / "data", patterns=[STREAK])
     whole = build(scene, tmp_path / "whole", patterns=[STREAK])
     assert contents(folder / "streak-0") == contents(whole / "streak-0")
@@ -255,8 +259,9 @@ def test_another_photograph_of_the_same_size_is_another_request(scene, tmp_path)
 
 def test_rain_off_the_lens_is_made_ready_once_for_pictures_of_all_sizes(scene, tmp_path, monkeypatch):
     views = [replace(v, camera=v.camera.resized(*((48, 36), (40, 30))[i % 2])) for i, v in enumerate(scene.views)]
-    prepare, prepared = effects.prepare, []
-    monkeypatch.setattr(effects, "prepare", lambda *facts: prepared.append(facts) or prepare(*facts))
+    prepared = []
+    for rain in (Streaks, Storm):
+        monkeypatch.setattr(rain, "prepare", lambda self, *facts: prepared.append(facts) or self)
     several = make_scene("yard", views, scene.points)
     folder = build(several, tmp_path / "data", patterns=choose_patterns(["streak-0", "storm-0"], ()))
     assert len(prepared) == 2
@@ -267,8 +272,8 @@ def test_rain_off_the_lens_is_made_ready_once_for_pictures_of_all_sizes(scene, t
 class Dry:
     """Nothing on the lens."""
 
-    def __init__(self, pattern, drawn, setting, camera, folder):
-        self.camera, self.folder, self.parameters = camera, folder, {}
+    def __init__(self, camera, folder):
+        self.camera, self.folder = camera, folder
 
     def layers(self, clean, view):
         assert view.camera.fx == pytest.approx(self.camera.fx, rel=FOCAL_STEP - 1)
@@ -279,7 +284,7 @@ def test_water_on_the_lens_is_made_ready_for_every_focal_length(scene, tmp_path,
     factors = (1.0, 1.01, 1.6)
     views = [replace(v, camera=zoomed(v.camera, factors[i % 3])) for i, v in enumerate(scene.views)]
     prepared = []
-    monkeypatch.setattr(effects, "prepare", lambda *facts: prepared.append(Dry(*facts)) or prepared[-1])
+    monkeypatch.setattr(Raindrops, "prepare", lambda self, *facts: prepared.append(Dry(*facts)) or prepared[-1])
     build(make_scene("yard", views, scene.points), tmp_path / "data", patterns=[Pattern("raindrop", 0)])
     assert 2 <= len({one.folder for one in prepared}) == len(prepared) <= 3  # 1 and 1.01 may lie on two sides of a step
     assert max(one.camera.fx for one in prepared) > 1.5 * min(one.camera.fx for one in prepared)
@@ -348,5 +353,5 @@ def test_the_technique_of_drops_is_part_of_the_request(scene, tmp_path):
     assert json.loads((folder / "request.json").read_text())["lens_renderer"] == "aperture"
     with pytest.raises(InputError, match="lens_renderer disk"):
         build(scene, tmp_path, patterns=[])
-    drawn = effects.draw(Pattern("raindrop", 0), survey(scene, 0, "aperture"))
+    drawn = find_effect("raindrop").draw(Pattern("raindrop", 0), survey(scene, 0, "aperture"))
     assert drawn.lens_renderer == "aperture"

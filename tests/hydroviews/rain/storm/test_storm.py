@@ -16,8 +16,8 @@ from hydroviews.rain.seeds import generator
 from hydroviews.rain.storm import drop_sizes as storm_drops
 from hydroviews.rain.storm import reference as storm_reference
 from hydroviews.rain.storm.drop_sizes import Cloud, draw_cloud
-from hydroviews.rain.storm.effect import Storm, StormPattern, draw_pattern, skylight, storm_light
 from hydroviews.rain.storm.rasterise import NEAREST, Shutter, draw, project
+from hydroviews.rain.storm.storm import Storm, StormPattern, draw_pattern, skylight, storm_light
 from hydroviews.rain.storm.world import horizontal, in_metres, metres_and_focus, up_direction
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import to_linear, to_srgb
