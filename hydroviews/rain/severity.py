@@ -11,13 +11,13 @@ from collections.abc import Callable
 
 from hydroviews.rain.scene_statistics import SceneStatistics
 
-LEARNED = 1.5  # mean squared error of a scene learned from clean views, in units of its fine detail, if not known
+CLEAN_ERROR = 1.5  # mean squared error of a scene learned from clean views, in units of its fine detail, if not known
 STEPS = 12  # of a bisection
 
 
 def wanted_harm(loss: float, statistics: SceneStatistics) -> float:
     """Mean squared error, in encoded values, that rain must leave in what is learned to cost `loss` dB."""
-    return float((statistics.clean_error or LEARNED) * statistics.detail * (10 ** (loss / 10) - 1))
+    return float((statistics.clean_error or CLEAN_ERROR) * statistics.detail * (10 ** (loss / 10) - 1))
 
 
 def solve(increasing: Callable[[float], float], wanted: float, low: float, high: float) -> float:

@@ -85,7 +85,7 @@ class Rivulet:
 
 
 def draw_rivulets(pattern: RaindropPattern, extent: tuple[float, float], moment: float) -> list[Rivulet]:
-    """The pattern's running drops at a moment of its film, 0 to 1; those that would meet another are left out."""
+    """The pattern's running drops at a moment, 0 the first view, 1 the last, but those that would meet another."""
     rng = generator(pattern.seed, "rivulets")
     uniform, waves = rng.uniform(size=(CANDIDATES, 6)), rng.uniform(size=(CANDIDATES, 3, 2))
     low, high = np.radians([pattern.contact_angle_min, pattern.contact_angle_max])

@@ -23,8 +23,8 @@ THICKEST_MIST = 0.95
 def grade_raindrops(drawn: RaindropPattern, grade: str, statistics: SceneStatistics) -> RaindropPattern:
     """The pattern with its mist, and if need be its coverage, set to the grade on this scene."""
     wanted = wanted_harm(LOSS[grade], statistics)
-    a_share = drops_harm(1.0, statistics)
-    coverage = min(drawn.coverage, wanted / a_share if a_share else 1.0)
+    full_cover = drops_harm(1.0, statistics)
+    coverage = min(drawn.coverage, wanted / full_cover if full_cover else 1.0)
     left = wanted - drops_harm(coverage, statistics)
     mist = solve(veil_harm(drawn, statistics), left, 0.0, THICKEST_MIST)
     return replace(drawn, coverage=round(coverage, 4), mist=round(mist, 4))

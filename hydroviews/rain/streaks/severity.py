@@ -20,7 +20,7 @@ FEWEST, MOST = 20.0, 300.0  # streak noise level n; the paper draws from 100 to 
 BRIGHTEST = 1.0  # a streak's encoded value, where n alone cannot reach the grade
 TRIAL_VIEWS = 3  # whose mean cover stands for all
 TO_MEDIAN = 0.3  # how far from the mean to the median what many views agree on lies
-LEFT = 1.7  # of the mean squared cover by streaks, times the mean inverse visibility: learned of single streaks
+SINGLE_STREAKS = 1.7  # of the mean squared cover, times the mean inverse visibility: what is learned of them
 
 
 def grade_streaks(drawn: StreakPattern, grade: str, statistics: SceneStatistics) -> StreakPattern:
@@ -45,7 +45,7 @@ def grade_streaks(drawn: StreakPattern, grade: str, statistics: SceneStatistics)
 def learned_cover(layers: NDArray[np.float32], mean_inverse_visibility: float) -> float:
     """Mean square of the cover that a scene is learned to have under layers S [N, H, W] of fresh streaks."""
     agreed = (1 - TO_MEDIAN) * layers.mean(dtype=np.float64) + TO_MEDIAN * np.median(layers)
-    return float(agreed**2 + LEFT * mean_inverse_visibility * np.mean(layers**2, dtype=np.float64))
+    return float(agreed**2 + SINGLE_STREAKS * mean_inverse_visibility * np.mean(layers**2, dtype=np.float64))
 
 
 def mean_squared_contrast(statistics: SceneStatistics, brightness: float) -> float:

@@ -130,7 +130,7 @@ def test_the_air_is_as_bright_as_the_brightest_tenth_and_hardly_coloured(tmp_pat
     assert np.ptp(air) == pytest.approx(TINT * np.ptp(petals), rel=0.01)
 
 
-def test_rarity_counts_the_training_views_that_see_a_point(tmp_path):
+def test_visibility_counts_the_training_views_that_see_a_point(tmp_path):
     scene = capture_in(tmp_path / "yard")  # a ring around all points: every view sees nearly every one
     found = survey(scene, 0)
     assert 1 / len(scene.split.train) <= found.mean_inverse_visibility < 1.2 / len(scene.split.train)
@@ -140,7 +140,7 @@ def test_rarity_counts_the_training_views_that_see_a_point(tmp_path):
 
 
 def test_a_scene_that_is_learned_well_needs_less_rain_for_a_grade(setting):
-    well = replace(setting, clean_error=severity.LEARNED / 3)
+    well = replace(setting, clean_error=severity.CLEAN_ERROR / 3)
     for loss in (1.5, 4.0, 8.5):
         assert severity.wanted_harm(loss, well) == pytest.approx(severity.wanted_harm(loss, setting) / 3)
     assert draw("streak", 1, well).n < draw("streak", 1, setting).n
