@@ -20,11 +20,11 @@ from hydroviews.rain.lens.path_matte import PathMatte
 from hydroviews.rain.lens.pattern import RaindropPattern
 from hydroviews.rain.lens.severity import THICKEST_MIST
 from hydroviews.rain.scene_statistics import AIR, TINT
-from hydroviews.rain.seeds import generator
 from hydroviews.rain.streaks import recipe as streaks
 from hydroviews.rain.streaks.severity import BRIGHTEST, FEWEST, MOST
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image, to_linear, to_srgb
+from hydroviews.scene.seeds import generator
 
 FOCAL = 1.2  # focal length of a photograph in long sides: what a normal lens has
 LENSES = 10  # wet lenses baked for a frame; mist, photograph, flips and crops are new in every pair

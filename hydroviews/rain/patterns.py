@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hydroviews.rain.scene_statistics import SceneStatistics
-from hydroviews.rain.seeds import generator
+from hydroviews.scene.seeds import generator
 
 GRADES = ("light", "medium", "heavy")
 

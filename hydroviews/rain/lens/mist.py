@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from hydroviews.rain.lens.pattern import RaindropPattern
 from hydroviews.rain.lens.rivulets import draw_rivulets
-from hydroviews.rain.seeds import generator
+from hydroviews.scene.seeds import generator
 
 BLOBS = (5, 9, 17)  # knots of the random surfaces along a side
 SHARES = (0.5, 0.3, 0.2)  # of each

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.rain.lens.pattern import RaindropPattern
-from hydroviews.rain.seeds import generator
+from hydroviews.scene.seeds import generator
 
 Array = NDArray[np.float64]
 CANDIDATES = 40  # runs that are tried, at most

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from hydroviews.rain.lens.drop_shapes import Outline
 from hydroviews.rain.lens.pattern import RaindropPattern
 from hydroviews.rain.lens.rivulets import Rivulet, draw_rivulets, swept
-from hydroviews.rain.seeds import generator
+from hydroviews.scene.seeds import generator
 
 Array = NDArray[np.float64]
 MARGIN = 0.05  # drops may sit this far beyond the picture's edge, in widths and heights of it

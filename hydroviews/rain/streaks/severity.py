@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.rain.scene_statistics import SceneStatistics
-from hydroviews.rain.seeds import generator
 from hydroviews.rain.severity import solve, wanted_harm
 from hydroviews.rain.streaks.recipe import StreakPattern, streak_layer
+from hydroviews.scene.seeds import generator
 
 LOSS = {"light": 1.5, "medium": 4.0, "heavy": 8.5}  # dB that plain 3DGS should lose against clean views
 FEWEST, MOST = 20.0, 300.0  # streak noise level n; the paper draws from 100 to 300

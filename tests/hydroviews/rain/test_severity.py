@@ -11,10 +11,10 @@ from hydroviews.rain.lens.severity import drops_harm
 from hydroviews.rain.light import luminance
 from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.scene_statistics import TINT, survey
-from hydroviews.rain.seeds import generator
 from hydroviews.rain.streaks.recipe import streak_layer
 from hydroviews.scene.depth import depth_path, write_depth
 from hydroviews.scene.images import to_linear, to_srgb, write_png
+from hydroviews.scene.seeds import generator
 
 LOSSES = {"streak": (1.5, 4.0, 8.5), "raindrop": (1.5, 3.7, 8.5)}  # dB that grades stand for
 CLEAN_ERROR = 1.5  # of a scene learned from clean views, over its detail, where nothing is known (docs/severity.md)
