@@ -21,8 +21,8 @@ from baselines.volumetric.losses import Loss, photometric_losses
 from baselines.volumetric.model import RadianceModel, TrainingContext
 from baselines.volumetric.sampling import annealed
 from baselines.volumetric.spaces import Space, choose_space
-from hydroviews.rain.seeds import generator
 from hydroviews.scene.scenes import Scene
+from hydroviews.scene.seeds import generator
 
 BETAS, EPSILON = (0.9, 0.99), 1e-15  # of Mueller et al. 2022: entries that are rarely seen still move
 Make = Callable[[Space, torch.Generator, int], RadianceModel]  # space, start, number of training views

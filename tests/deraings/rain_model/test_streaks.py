@@ -11,7 +11,7 @@ from baselines.training.images import TrainingImages
 from deraings.rain_model.objective import RainConfig, RainObjective
 from deraings.rain_model.rain_layer import RainLayerConfig
 from deraings.rain_model.streaks import SingleStreaks, SingleStreaksConfig, along_rain, alpha_between, wiener_gain
-from hydroviews.rain.streaks.effect import StreakPattern, composite, streak_layer
+from hydroviews.rain.streaks.recipe import StreakPattern, composite, streak_layer
 from hydroviews.scene.images import to_uint8
 
 COUNT, SIZE, BETA = 10, (121, 160), 0.88
