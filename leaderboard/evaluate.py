@@ -4,6 +4,7 @@ build what is missing -> for every variant: train, render to disk, score -> reco
 """
 
 import dataclasses
+import logging
 import signal
 import subprocess
 import sys
@@ -11,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from baselines.method import find_method
-from hydroviews.cli import deferred_interrupts
+from hydroviews.cli import run_child
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import is_captured
@@ -33,6 +34,8 @@ from leaderboard.records import (
 from leaderboard.runs import Run, claim_folder
 from leaderboard.score import describe, score
 from leaderboard.tables import CEILING, FLOOR, print_scene, write_tables
+
+logger = logging.getLogger(__name__)
 
 FAILURE = "failure.json"
 GRACE, PATIENCE = 3.0, 30.0  # seconds until an interrupted run is told to stop, and until it is killed
@@ -130,15 +133,16 @@ def _carry_out(run: Run, overwrite: bool) -> Record:
     if (run.folder / RECORD).is_file():
         record = read_record(run.folder / RECORD)
         if record.status == "done":
-            print(f"{run}: kept, {_figures(record)} (version {record.version}; remove {run.folder} to run it again)")
+            kept = "%s: kept, %s (version %s; remove %s to run it again)"
+            logger.info(kept, run, _figures(record), record.version, run.folder)
             return record
-    print(f"{run}: training")
+    logger.info("%s: training", run)
     if not (run.folder / PREDICTION).is_file() or not (run.folder / "renders").is_dir():
         reason = _predict_in_process(run)
         if reason:
             return _record_failure(run, reason)
     record = score(run)
-    print(f"{run}: {_figures(record)}")
+    logger.info("%s: %s", run, _figures(record))
     return record
 
 
@@ -154,12 +158,7 @@ def _predict_in_process(run: Run) -> str:
     """
     (run.folder / FAILURE).unlink(missing_ok=True)
     settings = [f"--run.{field.name}={getattr(run, field.name)}" for field in dataclasses.fields(run)]
-    with deferred_interrupts():
-        process = subprocess.Popen([sys.executable, "-m", "leaderboard", "predict", *settings])
-    try:
-        code = process.wait()
-    finally:
-        _end(process)
+    code = run_child([sys.executable, "-m", "leaderboard", "predict", *settings], _end)
     if code == 0:
         return ""
     failure = read_json(run.folder / FAILURE) if (run.folder / FAILURE).is_file() else {}
@@ -173,19 +172,18 @@ def _predict_in_process(run: Run) -> str:
 
 
 def _end(process: subprocess.Popen) -> None:
-    """No run outlives the command. A terminal has sent it the same Ctrl-C; otherwise it is told to save and stop."""
+    """Wait until a run has saved and stopped: a terminal has sent it the same Ctrl-C; otherwise it is told to."""
     for patience, stop in ((GRACE, process.terminate), (PATIENCE, process.kill)):
         try:
             process.wait(patience)
         except subprocess.TimeoutExpired:
             stop()
-    process.wait()
 
 
 def _record_failure(run: Run, reason: str) -> Record:
     record = describe(run, run.training_scene(), status="failed", reason=reason, numbers={})
     write_record(run.folder, record)
-    print(f"{run}: failed: {reason}", file=sys.stderr)
+    logger.warning("%s: failed: %s", run, reason)
     return record
 
 
