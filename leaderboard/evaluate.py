@@ -19,6 +19,7 @@ from hydroviews.dataset.variants import is_captured
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import BUSY, locked, read_json
 from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.metrics import find_metrics
 from hydroviews.profiles import Profile, find_profile
 from hydroviews.rain.patterns import choose_patterns
 from leaderboard.predict import PREDICTION
@@ -33,7 +34,8 @@ from leaderboard.records import (
 )
 from leaderboard.runs import Run, claim_folder
 from leaderboard.score import describe, score
-from leaderboard.tables import CEILING, FLOOR, print_scene, write_tables
+from leaderboard.severity import LEADERBOARD
+from leaderboard.tables import CEILING, FLOOR, scene_text, write_tables
 
 logger = logging.getLogger(__name__)
 
@@ -42,7 +44,7 @@ GRACE, PATIENCE = 3.0, 30.0  # seconds until an interrupted run is told to stop,
 
 
 @dataclass(frozen=True)
-class Evaluation:
+class EvaluateRequest:
     """What to evaluate."""
 
     method: str  # a registered name, or package.module:Class
@@ -57,7 +59,7 @@ class Evaluation:
     overwrite: bool = False  # build and run anew what is there with other settings
 
 
-def evaluate(request: Evaluation) -> list[Record]:
+def evaluate(request: EvaluateRequest) -> list[Record]:
     """Build what is missing, run the method and the references, write and print the tables.
 
     Returns:
@@ -94,8 +96,8 @@ def evaluate(request: Evaluation) -> list[Record]:
         if records:
             table = write_leaderboard(request.results)
             write_tables(table, request.results)
-    print_scene(table, scene, profile.name, request.track)
-    print(f"\nall runs: {request.results / 'leaderboard.csv'}")
+    text = scene_text(table, scene, profile.name, request.track)
+    logger.info("\n%s\nall runs: %s", text, request.results / LEADERBOARD)
     return list(records.values())
 
 
@@ -104,7 +106,7 @@ def needed_patterns(method: str, rainy: list[str]) -> list[str]:
     return [CLEAN] if find_method(method).trains_on == "clean" else rainy
 
 
-def plan(request: Evaluation, profile: Profile, data: Path, scene: str, rainy: list[str]) -> list[Run]:
+def plan(request: EvaluateRequest, profile: Profile, data: Path, scene: str, rainy: list[str]) -> list[Run]:
     """The runs in order: ceiling, floor, then the method.
 
     A method that sees clean views needs no floor; a scene that has none has no ceiling.
@@ -120,7 +122,7 @@ def plan(request: Evaluation, profile: Profile, data: Path, scene: str, rainy: l
 
 
 def carry_out(run: Run, overwrite: bool = False) -> Record:
-    """Predict and score one run, or keep the record it already has; a failed run is tried again.
+    """Train, render and score one run, or keep the record it already has; a failed run is tried again.
 
     While another process is at it, wait: evaluations side by side share the reference rows.
     """
@@ -138,7 +140,7 @@ def _carry_out(run: Run, overwrite: bool) -> Record:
             return record
     logger.info("%s: training", run)
     if not (run.folder / PREDICTION).is_file() or not (run.folder / "renders").is_dir():
-        reason = _predict_in_process(run)
+        reason = _train_in_process(run)
         if reason:
             return _record_failure(run, reason)
     record = score(run)
@@ -146,8 +148,8 @@ def _carry_out(run: Run, overwrite: bool) -> Record:
     return record
 
 
-def _predict_in_process(run: Run) -> str:
-    """Run `predict` in a process of its own, so that memory is its own and a crash is only its own.
+def _train_in_process(run: Run) -> str:
+    """Run `train_and_render` in a process of its own, so that memory is its own and a crash is only its own.
 
     Returns:
         Why it failed, or "".
@@ -158,7 +160,7 @@ def _predict_in_process(run: Run) -> str:
     """
     (run.folder / FAILURE).unlink(missing_ok=True)
     settings = [f"--run.{field.name}={getattr(run, field.name)}" for field in dataclasses.fields(run)]
-    code = run_child([sys.executable, "-m", "leaderboard", "predict", *settings], _end)
+    code = run_child([sys.executable, "-m", "leaderboard", "train-and-render", *settings], _end)
     if code == 0:
         return ""
     failure = read_json(run.folder / FAILURE) if (run.folder / FAILURE).is_file() else {}
@@ -198,9 +200,8 @@ def _refuse_clean(method: str, folder: Path) -> None:
 def _figures(record: Record) -> str:
     if record.pattern == CAPTURED:
         return f"not scored, {record.reason}"
-    parts = [
-        ("PSNR", record.psnr, "{:.2f} dB"),
-        ("SSIM", record.ssim, "{:.4f}"),
-        ("LPIPS", record.lpips_alex, "{:.4f}"),
-    ]
-    return ", ".join(f"{name} " + (form.format(value) if value is not None else "-") for name, value, form in parts)
+    parts = []
+    for metric in find_metrics():
+        value = record.scores.get(metric.name)
+        parts.append(f"{metric.title} " + ("-" if value is None else f"{metric.text(value)} {metric.unit}".rstrip()))
+    return ", ".join(parts)
