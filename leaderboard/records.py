@@ -11,7 +11,7 @@ from typing import Any
 import pandas as pd
 
 import hydroviews
-from hydroviews.errors import InputError
+from hydroviews.errors import InputError, unknown_name
 from hydroviews.files.atomic import read_json, replacing, write_json
 from hydroviews.metrics import find_metrics
 from leaderboard.severity import LEADERBOARD
@@ -91,7 +91,7 @@ def check_track(name: str) -> None:
         InputError: it is none of TRACKS.
     """
     if name not in TRACKS:
-        raise InputError(f"TRACK={name}: no such track", expected=f"one of {', '.join(TRACKS)}")
+        raise unknown_name("TRACK", name, "track", TRACKS)
 
 
 def run_folder(results: Path, profile: str, method: str, scene: str, pattern: str, seed: int, track: str) -> Path:
