@@ -3,6 +3,7 @@
 import importlib
 import os
 import sys
+import traceback
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
@@ -10,7 +11,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self
 
-from hydroviews.errors import InputError
+from hydroviews.errors import InputError, unknown_name
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 from hydroviews.scene.scenes import Scene
@@ -101,7 +102,7 @@ def settings_of(profile: str, profiles: Mapping[str, Any]) -> Any:
         InputError: no such profile.
     """
     if profile not in profiles:
-        raise InputError(f"PROFILE={profile}: unknown", expected=", ".join(profiles))
+        raise unknown_name(f"PROFILE={profile}", profile, "profile", profiles)
     return profiles[profile]
 
 
@@ -131,18 +132,25 @@ def _load(name: str, part: str, group: str) -> Any:
     module_name, _, member = target.partition(":")
     if not (module_name and member) or module_name.startswith("."):
         kind, own = ("method", "Class") if group == METHODS else ("wrapper", "function")
-        raise InputError(
-            f"METHOD={name}: no such {kind}",
-            found=part,
-            expected=f"one of {', '.join(sorted(registered))}, or package.module:{own} for your own",
-        )
+        raise unknown_name(f"METHOD={name}", part, kind, sorted(registered), f"package.module:{own} for your own")
     try:
         if os.getcwd() not in sys.path:  # one's own method, however the command was started
             sys.path.append(os.getcwd())
         return getattr(importlib.import_module(module_name), member)
     except Exception as error:  # whatever stands in a user's module
-        found_error = f"{type(error).__name__}: {error}"
-        raise InputError(f"METHOD={name}: cannot import {target}", found=found_error) from error
+        raise InputError(f"METHOD={name}: cannot import {target}", found=_why(error)) from error
+
+
+def _why(error: Exception) -> str:
+    """What went wrong, with the lines of the user's modules that led there; none for a module that is not there."""
+    told = traceback.TracebackException.from_exception(error)
+    told.stack[:] = [frame for frame in told.stack if not _is_machinery(frame.filename)]
+    lines = told.format() if told.stack else told.format_exception_only()
+    return "".join(lines).rstrip().replace("\n", "\n    ")
+
+
+def _is_machinery(file: str) -> bool:
+    return file == __file__ or file == importlib.__file__ or file.startswith("<frozen importlib")
 
 
 def _checked(name: str, part: str, found: Any) -> type[Method]:

@@ -24,18 +24,21 @@ class InputError(Exception):
         super().__init__("\n".join(lines))
 
 
-def unknown_name(setting: str, name: str, kind: str, known: Iterable[str], otherwise: str = "") -> InputError:
+def unknown_name(where: str, name: str, kind: str, known: Iterable[str], otherwise: str = "") -> InputError:
     """The error for a name that there is not: it lists those there are, and suggests the nearest.
 
     Args:
-        setting: where it was named, such as METHOD.
-        name: what was given.
+        where: what was given and for what, such as METHOD=3dgz.
+        name: the name itself.
         kind: what it should name, such as method.
         known: all names there are.
         otherwise: what else could have been given.
     """
     names = list(dict.fromkeys(known))
     near = get_close_matches(name, names, n=1)
-    expected = f"one of {', '.join(names)}" + (f", or {otherwise}" if otherwise else "")
-    fix = f"did you mean {near[0]}?" if near else None
-    return InputError(f"{setting}={name}: no such {kind}", expected=expected, fix=fix)
+    return InputError(
+        f"{where}: no such {kind}",
+        found=name,
+        expected=f"one of {', '.join(names)}" + (f", or {otherwise}" if otherwise else ""),
+        fix=f"did you mean {near[0]}?" if near else None,
+    )

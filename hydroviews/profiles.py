@@ -32,5 +32,5 @@ def find_profile(name: str) -> Profile:
         InputError: there is none.
     """
     if name not in PROFILES:
-        raise unknown_name("PROFILE", name, "profile", PROFILES)
+        raise unknown_name(f"PROFILE={name}", name, "profile", PROFILES)
     return PROFILES[name]

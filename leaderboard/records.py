@@ -91,7 +91,7 @@ def check_track(name: str) -> None:
         InputError: it is none of TRACKS.
     """
     if name not in TRACKS:
-        raise unknown_name("TRACK", name, "track", TRACKS)
+        raise unknown_name(f"TRACK={name}", name, "track", TRACKS)
 
 
 def run_folder(results: Path, profile: str, method: str, scene: str, pattern: str, seed: int, track: str) -> Path:

@@ -10,7 +10,7 @@ from hydroviews.captures.catalogue import Capture, MissingCapture, all_captures,
 from hydroviews.dataset.build import build
 from hydroviews.dataset.drop_masks import write_drop_masks
 from hydroviews.dataset.manifest import MANIFEST
-from hydroviews.errors import InputError
+from hydroviews.errors import InputError, unknown_name
 from hydroviews.files.atomic import BUSY, locked, read_json
 from hydroviews.files.settings_guard import remove_leftovers
 from hydroviews.formats import read_scene
@@ -57,11 +57,9 @@ def find_capture(source: str, rendered: Path, views: int, long_side: int, captur
     for folder in (Path(source), root / source):
         if source and folder.is_dir():
             return read_scene(folder)
-    raise InputError(
-        f"SCENE={source}: no such capture",
-        found=f"no folder {source} here or in {root}",
-        expected=f"{', '.join(EMBEDDED)}, a folder with images and cameras, or a published capture "
-        f"({', '.join(capture.name for capture in all_captures())})",
+    names = (*EMBEDDED, *(capture.name for capture in all_captures()))
+    raise unknown_name(
+        f"SCENE={source}", source, "capture", names, f"a folder with images and cameras, here or in {root}"
     )
 
 

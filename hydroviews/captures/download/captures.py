@@ -13,7 +13,7 @@ from urllib.parse import urlparse
 from hydroviews.captures.catalogue import Archive, Capture, MissingCapture, all_captures, find_captures, locate
 from hydroviews.captures.download.archives import is_archive, unpack
 from hydroviews.captures.download.http import digest, fetch
-from hydroviews.errors import InputError
+from hydroviews.errors import InputError, unknown_name
 from hydroviews.files.atomic import BUSY, locked, write_bytes
 
 FOLDER = "downloads"
@@ -39,8 +39,7 @@ def download_captures(name: str, root: Path, mirror: str | None = None) -> Itera
     """
     captures = find_captures(name)
     if not captures:
-        known = ", ".join(capture.name for capture in all_captures())
-        raise InputError(f"{name}: no such capture to download", expected=f"one of {known}")
+        raise unknown_name(name, name, "capture to download", [capture.name for capture in all_captures()])
     checked: dict[Archive, str] = {}
     for capture in sorted(captures, key=lambda capture: capture.archive is None):  # what is for hands comes last
         yield locate(capture, root) or _get(capture, root, mirror, checked)
