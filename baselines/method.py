@@ -5,11 +5,11 @@ import os
 import sys
 import traceback
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal, Self, cast
 
 from hydroviews.errors import InputError, unknown_name
 from hydroviews.scene.cameras import Camera
@@ -118,11 +118,29 @@ def find_method(name: str) -> type[Method]:
     first, *wrappers = name.split("+")
     found = _checked(name, first, _load(name, first, METHODS))
     for part in wrappers:
-        wrap = _load(name, part, WRAPPERS)
-        if isinstance(wrap, type) or not callable(wrap):
-            raise InputError(f"METHOD={name}: {part} is not a wrapper", expected="a function from Method to Method")
-        found = _checked(name, part, wrap(found))
+        found = _checked(name, part, find_wrapper(part, name)(found))
     return found
+
+
+def find_wrapper(part: str, name: str = "") -> Callable[[type[Method]], type[Method]]:
+    """The wrapper of a registered name, or of `package.module:function`.
+
+    Args:
+        part: its name.
+        name: of the method that it is a part of, for errors.
+
+    Raises:
+        InputError: no such wrapper.
+    """
+    wrap = _load(name or part, part, WRAPPERS)
+    if isinstance(wrap, type) or not callable(wrap):
+        raise InputError(f"METHOD={name or part}: {part} is not a wrapper", expected="a function from Method to Method")
+    return cast(Callable[[type[Method]], type[Method]], wrap)
+
+
+def registered_names(group: str) -> list[str]:
+    """Names of a group of entry points, METHODS or WRAPPERS, sorted."""
+    return sorted({point.name for point in entry_points(group=group)})
 
 
 def _load(name: str, part: str, group: str) -> Any:

@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any
 
@@ -45,6 +45,14 @@ def run_command(commands: Mapping[str, Callable[..., Any]] | Callable[..., Any],
     except KeyboardInterrupt:
         print("\ninterrupted; the same command goes on from here", file=sys.stderr)
         sys.exit(130)
+
+
+def choices(names: Iterable[str], otherwise: str = "") -> Any:
+    """For `Annotated[str, choices(...)]`: shows in a command's help what may be given.
+
+    What is given is checked where it is used, so that Python and every command line get the same error.
+    """
+    return tyro.conf.arg(metavar="{" + ",".join([*names, *([otherwise] if otherwise else [])]) + "}")
 
 
 def choose_log_level(arguments: Sequence[str]) -> list[str]:

@@ -1,10 +1,12 @@
-"""python -m leaderboard evaluate | check | table | score | overview | view | film | export | card."""
+"""python -m leaderboard evaluate | check | methods | table | score | overview | view | film | export | card."""
 
+import inspect
 import sys
 from pathlib import Path
 
 import tyro
 
+from baselines.method import METHODS, WRAPPERS, find_method, find_wrapper, registered_names
 from baselines.rendering.film import FilmChoice
 from hydroviews.cli import run_command
 from hydroviews.dataset.manifest import built_scenes
@@ -13,7 +15,7 @@ from hydroviews.files.atomic import write_json
 from hydroviews.profiles import find_profile
 from hydroviews.rain.patterns import choose_patterns
 from leaderboard.contract.check import Result, check
-from leaderboard.evaluate import FAILURE, EvaluateRequest, evaluate
+from leaderboard.evaluate import FAILURE, EvaluateRequest, MethodName, ProfileName, TrackName, evaluate
 from leaderboard.film import film
 from leaderboard.predict import train_and_render
 from leaderboard.previews import write_overview
@@ -36,7 +38,7 @@ def evaluate_command(request: tyro.conf.OmitArgPrefixes[EvaluateRequest]) -> Non
 
 
 def check_command(
-    method: tyro.conf.Positional[str], profile: str = "demo", steps: int = 30, json: Path | None = None
+    method: tyro.conf.Positional[MethodName], profile: ProfileName = "demo", steps: int = 30, json: Path | None = None
 ) -> None:
     """Try a method on a small room and say whether it keeps its contract, a line a promise; exit status 1 if not.
 
@@ -48,6 +50,19 @@ def check_command(
     """
     if any(outcome.result == Result.FAILED for outcome in check(method, profile, steps, json)):
         sys.exit(1)
+
+
+def methods_command() -> None:
+    """List the methods, and the wrappers that make a method of a method, as in 3dgs+enhance."""
+    found: dict[str, object] = {name: find_method(name) for name in registered_names(METHODS)}
+    found |= {f"NAME+{name}": find_wrapper(name) for name in registered_names(WRAPPERS)}
+    width = max(map(len, found))
+    for name, documented in found.items():
+        print(f"{name:{width}}  {_first_line(documented)}")
+
+
+def _first_line(documented: object) -> str:
+    return (inspect.getdoc(documented) or "").partition("\n")[0]
 
 
 def table_command(results: Path = Path("results")) -> None:
@@ -65,11 +80,11 @@ def table_command(results: Path = Path("results")) -> None:
 
 def score_command(
     pattern: str,
-    method: str = "3dgs",
+    method: MethodName = "3dgs",
     scene: str = "courtyard",
-    profile: str = "demo",
+    profile: ProfileName = "demo",
     seed: int = 0,
-    track: str = GIVEN_POSES,
+    track: TrackName = GIVEN_POSES,
     data: Path = Path("data"),
     results: Path = Path("results"),
 ) -> None:
@@ -91,11 +106,11 @@ def score_command(
 def overview_command(
     view: str,
     patterns: tuple[str, ...] = (),
-    method: str = "3dgs",
+    method: MethodName = "3dgs",
     scene: str = "courtyard",
-    profile: str = "demo",
+    profile: ProfileName = "demo",
     seed: int = 0,
-    track: str = GIVEN_POSES,
+    track: TrackName = GIVEN_POSES,
     data: Path = Path("data"),
     results: Path = Path("results"),
     out: Path = Path("overview.png"),
@@ -202,6 +217,7 @@ def main() -> None:
         {
             "evaluate": evaluate_command,
             "check": check_command,
+            "methods": methods_command,
             "table": table_command,
             "score": score_command,
             "overview": overview_command,

@@ -10,9 +10,10 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
-from baselines.method import find_method
-from hydroviews.cli import run_child
+from baselines.method import METHODS, find_method, registered_names
+from hydroviews.cli import choices, run_child
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import is_captured
@@ -20,12 +21,13 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import BUSY, locked, read_json
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.metrics import find_metrics
-from hydroviews.profiles import Profile, find_profile
+from hydroviews.profiles import PROFILES, Profile, find_profile
 from hydroviews.rain.patterns import choose_patterns
 from leaderboard.predict import PREDICTION
 from leaderboard.records import (
     GIVEN_POSES,
     RECORD,
+    TRACKS,
     Record,
     check_track,
     read_record,
@@ -43,15 +45,20 @@ FAILURE = "failure.json"
 GRACE, PATIENCE = 3.0, 30.0  # seconds until an interrupted run is told to stop, and until it is killed
 
 
+MethodName = Annotated[str, choices(registered_names(METHODS), "package.module:Class")]
+ProfileName = Annotated[str, choices(PROFILES)]
+TrackName = Annotated[str, choices(TRACKS)]
+
+
 @dataclass(frozen=True)
 class EvaluateRequest:
     """What to evaluate."""
 
-    method: str  # a registered name, or package.module:Class
-    scene: str = "courtyard"  # a known capture, or a folder
-    profile: str = "demo"  # demo, quick or paper
+    method: MethodName  # a registered name, or package.module:Class; NAME+WRAPPER wraps it
+    scene: str = "courtyard"  # one that `python -m hydroviews scenes` lists, or a folder
+    profile: ProfileName = "demo"
     seed: int = 0  # of the method; the data set keeps the seed it was built with
-    track: str = GIVEN_POSES  # or sparse-views: a third of the training views
+    track: TrackName = GIVEN_POSES  # or sparse-views: a third of the training views
     patterns: tuple[str, ...] = ()  # such as raindrop-0 streak-2; the profile's patterns where none is named
     data: Path = Path("data")
     results: Path = Path("results")

@@ -57,9 +57,9 @@ def find_capture(source: str, rendered: Path, views: int, long_side: int, captur
     for folder in (Path(source), root / source):
         if source and folder.is_dir():
             return read_scene(folder)
-    names = (*EMBEDDED, *(capture.name for capture in all_captures()))
+    known = (*EMBEDDED, *(capture.name for capture in all_captures()))
     raise unknown_name(
-        f"SCENE={source}", source, "capture", names, f"a folder with images and cameras, here or in {root}"
+        f"SCENE={source}", source, "capture", known, f"a folder with images and cameras, here or in {root}"
     )
 
 
