@@ -23,7 +23,8 @@ class Part:
 def measure(config: NetworkConfig, width: int, height: int) -> dict[str, Part]:
     """Parameters and multiply-adds of every part for one picture, nothing being computed.
 
-    Convolutions and products of matrices, as torch counts them; what is done once a pixel and channel is left out, as usual.
+    Convolutions and products of matrices, as torch counts them; what is done once a pixel and channel is left out, as
+    usual.
     """
     with torch.device("meta"), torch.no_grad():
         whole = _Whole(EnhancementNetwork(config))
