@@ -93,14 +93,14 @@ def check(method: str, profile: str = "demo", steps: int = 30, report: Path | No
 def run_checks(case: Case) -> list[Outcome]:
     """All checks in order, each printed when it is done; the rest cannot be tested once a basic one has failed."""
     outcomes: list[Outcome] = []
-    non_finite, width = "", max(map(len, CHECKS))
+    reason, width = "", max(map(len, CHECKS))
     with tqdm(CHECKS.items(), desc=case.name, unit="check", leave=False, disable=None) as bar:
         for name, function in bar:
-            outcome = Outcome(name, Result.NOT_TESTABLE, non_finite) if non_finite else try_check(case, name, function)
+            outcome = Outcome(name, Result.NOT_TESTABLE, reason) if reason else try_check(case, name, function)
             logger.info("%s", f"{outcome.result:12}  {name:{width}}  {outcome.reason}")
             outcomes.append(outcome)
             if name in BASIC and outcome.result == Result.FAILED:
-                non_finite = f"failed already: {name}"
+                reason = f"failed already: {name}"
     return outcomes
 
 

@@ -66,9 +66,9 @@ def test_a_method_that_keeps_the_contract_passes(case, caplog):
         ("TakesAnything", "other checkpoints refused"),
     ],
 )
-def test_a_broken_promise_fails_its_check_and_no_other(case, toy, non_finite):
+def test_a_broken_promise_fails_its_check_and_no_other(case, toy, broken):
     found = results(case(toy))
-    assert found.pop(non_finite) == Result.FAILED
+    assert found.pop(broken) == Result.FAILED
     assert set(found.values()) == {Result.PASSED}
 
 
