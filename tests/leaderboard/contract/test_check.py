@@ -59,7 +59,7 @@ def test_a_method_that_keeps_the_contract_passes(case, caplog):
         ("TooBright", "renders any camera"),
         ("OneArray", "renders any camera"),
         ("Rounds", "saved and loaded"),
-        ("NoTime", "statistics"),
+        ("NoTime", "summary"),
         ("Peeks", "held-out views unseen"),
         ("LooksBehindMasks", "masks respected"),
         ("ForgetsWhatIsBad", "bad photographs refused"),
