@@ -3,14 +3,15 @@
 import importlib
 import os
 import sys
+import traceback
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal, Self, cast
 
-from hydroviews.errors import InputError
+from hydroviews.errors import InputError, unknown_name
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 from hydroviews.scene.scenes import Scene
@@ -101,7 +102,7 @@ def settings_of(profile: str, profiles: Mapping[str, Any]) -> Any:
         InputError: no such profile.
     """
     if profile not in profiles:
-        raise InputError(f"PROFILE={profile}: unknown", expected=", ".join(profiles))
+        raise unknown_name(f"PROFILE={profile}", profile, "profile", profiles)
     return profiles[profile]
 
 
@@ -117,11 +118,29 @@ def find_method(name: str) -> type[Method]:
     first, *wrappers = name.split("+")
     found = _checked(name, first, _load(name, first, METHODS))
     for part in wrappers:
-        wrap = _load(name, part, WRAPPERS)
-        if isinstance(wrap, type) or not callable(wrap):
-            raise InputError(f"METHOD={name}: {part} is not a wrapper", expected="a function from Method to Method")
-        found = _checked(name, part, wrap(found))
+        found = _checked(name, part, find_wrapper(part, name)(found))
     return found
+
+
+def find_wrapper(part: str, name: str = "") -> Callable[[type[Method]], type[Method]]:
+    """The wrapper of a registered name, or of `package.module:function`.
+
+    Args:
+        part: its name.
+        name: of the method that it is a part of, for errors.
+
+    Raises:
+        InputError: no such wrapper.
+    """
+    wrap = _load(name or part, part, WRAPPERS)
+    if isinstance(wrap, type) or not callable(wrap):
+        raise InputError(f"METHOD={name or part}: {part} is not a wrapper", expected="a function from Method to Method")
+    return cast(Callable[[type[Method]], type[Method]], wrap)
+
+
+def registered_names(group: str) -> list[str]:
+    """Names of a group of entry points, METHODS or WRAPPERS, sorted."""
+    return sorted({point.name for point in entry_points(group=group)})
 
 
 def _load(name: str, part: str, group: str) -> Any:
@@ -131,18 +150,25 @@ def _load(name: str, part: str, group: str) -> Any:
     module_name, _, member = target.partition(":")
     if not (module_name and member) or module_name.startswith("."):
         kind, own = ("method", "Class") if group == METHODS else ("wrapper", "function")
-        raise InputError(
-            f"METHOD={name}: no such {kind}",
-            found=part,
-            expected=f"one of {', '.join(sorted(registered))}, or package.module:{own} for your own",
-        )
+        raise unknown_name(f"METHOD={name}", part, kind, sorted(registered), f"package.module:{own} for your own")
     try:
         if os.getcwd() not in sys.path:  # one's own method, however the command was started
             sys.path.append(os.getcwd())
         return getattr(importlib.import_module(module_name), member)
     except Exception as error:  # whatever stands in a user's module
-        found_error = f"{type(error).__name__}: {error}"
-        raise InputError(f"METHOD={name}: cannot import {target}", found=found_error) from error
+        raise InputError(f"METHOD={name}: cannot import {target}", found=_why(error)) from error
+
+
+def _why(error: Exception) -> str:
+    """What went wrong, with the lines of the user's modules that led there; none for a module that is not there."""
+    told = traceback.TracebackException.from_exception(error)
+    told.stack[:] = [frame for frame in told.stack if not _is_machinery(frame.filename)]
+    lines = told.format() if told.stack else told.format_exception_only()
+    return "".join(lines).rstrip().replace("\n", "\n    ")
+
+
+def _is_machinery(file: str) -> bool:
+    return file == __file__ or file == importlib.__file__ or file.startswith("<frozen importlib")
 
 
 def _checked(name: str, part: str, found: Any) -> type[Method]:

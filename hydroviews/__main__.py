@@ -1,4 +1,4 @@
-"""python -m hydroviews build | verify | sheet | poses | video | download."""
+"""python -m hydroviews build | scenes | verify | sheet | poses | video | download."""
 
 import sys
 from pathlib import Path
@@ -6,27 +6,28 @@ from typing import Annotated
 
 import tyro
 
-from hydroviews.captures.catalogue.catalogue import captures_root
+from hydroviews.blender.embedded_scenes.captures import EMBEDDED
+from hydroviews.captures.catalogue.catalogue import Capture, all_captures, captures_root, locate
 from hydroviews.captures.download.captures import download_captures
 from hydroviews.captures.sfm.poses import Matcher, estimate_poses
 from hydroviews.captures.video.capture import capture_video
 from hydroviews.captures.video.frames import FrameChoice
-from hydroviews.cli import run_command
+from hydroviews.cli import choices, run_command
 from hydroviews.dataset.contact_sheet import COLUMNS, write_sheets
 from hydroviews.dataset.manifest import built_scenes
 from hydroviews.dataset.sources import build_source
-from hydroviews.dataset.suites import build_suite, read_suite
+from hydroviews.dataset.suites import build_suite, known_suites, read_suite
 from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
-from hydroviews.profiles import Profile, find_profile
+from hydroviews.profiles import PROFILES, Profile, find_profile
 from hydroviews.rain.scene_statistics import LensRenderer
 
 
 def build_command(
     scene: str = "courtyard",
-    suite: str | None = None,
+    suite: Annotated[str | None, choices(known_suites(), "FILE.toml")] = None,
     out: Path | None = None,
-    profile: str = "demo",
+    profile: Annotated[str, choices(PROFILES)] = "demo",
     seed: int | None = None,
     long_side: int | None = None,
     lens_renderer: LensRenderer | None = None,
@@ -37,10 +38,10 @@ def build_command(
     """Build a capture's clean views, cameras and rainy variants, or those of every scene of a suite.
 
     Args:
-        scene: a known capture (courtyard, mipnerf360/garden), or a folder with images and cameras.
-        suite: many scenes at once: paper, waterdrops, embedded, demo, or a TOML file of your own.
+        scene: one that `scenes` lists (courtyard, mipnerf360/garden), or a folder with images and cameras.
+        suite: many scenes at once, by its name or from a TOML file of your own.
         out: the data folder; the scene becomes a folder in it. `data/<profile>` if not given.
-        profile: demo, quick or paper: size, patterns, views of an embedded scene.
+        profile: size, patterns, views of an embedded scene.
         seed: of everything drawn; 0 if the scene is new.
         long_side: pixels of the longer side, instead of the profile's.
         lens_renderer: how water on the lens is drawn: disk (fast, the default), aperture (accurate) or traced (slow).
@@ -81,6 +82,26 @@ def _build_suite(
         print(f"\n{error}")
     if failures:
         sys.exit(1)
+
+
+def scenes_command(captures: Path | None = None) -> None:
+    """List the scenes there are: embedded ones and published captures, where each comes from, whether it is here.
+
+    Args:
+        captures: the folder with published captures; $HYDROVIEWS_CAPTURES or `captures` if not given.
+    """
+    rows = [(name, "modelled, rendered with Blender", "comes with the package") for name in EMBEDDED]
+    rows += [(one.name, one.title, _whereabouts(one, captures_root(captures))) for one in all_captures()]
+    widths = [max(len(row[column]) for row in rows) for column in (0, 1)]
+    for name, origin, place in rows:
+        print(f"{name:{widths[0]}}  {origin:{widths[1]}}  {place}")
+
+
+def _whereabouts(capture: Capture, root: Path) -> str:
+    folder = locate(capture, root)
+    if folder is not None:
+        return f"here: {folder}"
+    return f"to be downloaded, {capture.archive.gigabytes:g} GB" if capture.archive else "to be fetched by hand"
 
 
 def download_command(
@@ -197,6 +218,7 @@ def main() -> None:
     run_command(
         {
             "build": build_command,
+            "scenes": scenes_command,
             "verify": verify_command,
             "sheet": sheet_command,
             "poses": poses_command,

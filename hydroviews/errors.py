@@ -1,4 +1,7 @@
-"""The one exception for anything the user can correct."""
+"""The one exception for anything a user can mend, and guesses at what was meant."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
 
 
 class InputError(Exception):
@@ -19,3 +22,23 @@ class InputError(Exception):
             if value is not None:
                 lines.append(f"  {label}: {value}")
         super().__init__("\n".join(lines))
+
+
+def unknown_name(where: str, name: str, kind: str, known: Iterable[str], otherwise: str = "") -> InputError:
+    """The error for a name that there is not: it lists those there are, and suggests the nearest.
+
+    Args:
+        where: what was given and for what, such as METHOD=3dgz.
+        name: the name itself.
+        kind: what it should name, such as method.
+        known: all names there are.
+        otherwise: what else could have been given.
+    """
+    names = list(dict.fromkeys(known))
+    near = get_close_matches(name, names, n=1)
+    return InputError(
+        f"{where}: no such {kind}",
+        found=name,
+        expected=f"one of {', '.join(names)}" + (f", or {otherwise}" if otherwise else ""),
+        fix=f"did you mean {near[0]}?" if near else None,
+    )

@@ -1,5 +1,6 @@
 """The commands people and scripts rely on: make targets, their settings, exit codes."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -56,15 +57,72 @@ def test_make_hands_the_folder_of_captures_on():
     assert "HYDROVIEWS_CAPTURES :=" not in make("--print-data-base", "dataset")
 
 
-@pytest.mark.parametrize("target", ["setup", "dataset", "eval", "check", "leaderboard", "bench", "test", "lint"])
+TARGETS = {  # what each runs
+    "setup": ("pip install --constraint constraints.txt  --editable '.[blender,viewer,compression,dev]'",),
+    "dataset": ("-m hydroviews build --scene 'courtyard' --profile demo --out 'data/demo' --seed 0",),
+    "eval": (
+        "-m leaderboard evaluate --method '3dgs' --scene 'courtyard' --profile demo --seed 0 --track given-poses",
+    ),
+    "compare": (
+        "-m leaderboard evaluate --method 'wild-gaussians'",
+        "-m leaderboard evaluate --method 'deraings-plus'",
+    ),
+    "check": ("-m leaderboard check '3dgs' --profile demo",),
+    "severity": ("raindrop-2 streak-0", "-m leaderboard card 'data/demo' --results 'results'"),
+    "enhancer": ("-m deraings.enhancement train", "--start 'results/enhancement/second/weights.safetensors'"),
+    "drop-finder": ("-m baselines.derain_nerf.raindrop_attention train",),
+    "ablation": ("-m leaderboard evaluate --method 'deraings.method:RainModel'",),
+    "leaderboard": ("-m leaderboard table --results 'results'",),
+    "view": ("-m leaderboard view 'a run' --data 'data' --port 8080",),
+    "film": ("-m leaderboard film 'a run' --data 'data' --out 'film.mp4'",),
+    "bench": ("-m benchmarks.splatting",),
+    "test": ("-m pytest -n auto",),
+    "lint": ("ruff check .", "ruff format --check .", "mypy"),
+}
+
+
+@pytest.mark.parametrize("target", TARGETS)
 def test_make_targets(target):
-    make(target)
+    lines = make(target, "RUN=a run", "VENV=/nowhere")
+    assert "-m venv /nowhere" in lines  # what is not set up yet is
+    assert all(command in lines for command in TARGETS[target])
+
+
+def test_every_make_target_is_tested():
+    listed = next(line for line in (REPOSITORY / "Makefile").read_text().splitlines() if line.startswith(".PHONY: "))
+    assert set(listed.split()[1:]) <= set(TARGETS) | {"docs"}
+
+
+@pytest.mark.parametrize("package", ["hydroviews", "leaderboard"])
+def test_what_make_runs_is_a_command(package):
+    lines = "".join(make(target, "RUN=a run") for target in TARGETS if target != "setup")
+    commands = set(re.findall(rf"-m {package} (\S+)", lines))
+    assert commands
+    text = python("-m", package, "--help").stdout
+    assert all(re.search(rf"\b{command}\b", text) for command in commands)
+
+
+def test_lists_name_what_there_is():
+    methods = python("-m", "leaderboard", "methods").stdout.splitlines()
+    assert any(re.match(r"3dgs-budget +Plain 3DGS with half the Gaussians", line) for line in methods)
+    assert any(line.startswith("NAME+enhance ") for line in methods)
+    scenes = python("-m", "hydroviews", "scenes", "--captures", "/nowhere").stdout.splitlines()
+    assert any(re.match(r"courtyard +modelled, rendered with Blender +comes with the package", line) for line in scenes)
+    assert any(re.match(r"mipnerf360/garden .*to be downloaded, 12 GB", line) for line in scenes)
+
+
+@pytest.mark.parametrize("command", [("leaderboard", "evaluate"), ("leaderboard", "score"), ("hydroviews", "build")])
+def test_choices_are_shown(command):
+    text = python("-m", *command, "--help").stdout
+    assert "{demo,quick,paper}" in text
+    assert ("{given-poses,sparse-views}" in text) == (command[0] == "leaderboard")
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (("leaderboard", "evaluate", "--method", "nerf-x"), "METHOD=nerf-x: no such method"),
+        (("leaderboard", "evaluate", "--method", "nerf-x"), "did you mean nerf-w?"),
         (("leaderboard", "evaluate", "--method", "3dgs", "--profile", "huge"), "PROFILE=huge"),
         (("leaderboard", "check", "nerf-x"), "METHOD=nerf-x: no such method"),
         (("leaderboard", "check", "3dgs+fly"), "METHOD=3dgs+fly: no such wrapper"),
@@ -93,7 +151,7 @@ def test_bad_input_ends_with_a_plain_error(arguments, message):
     ("package", "commands"),
     [
         ("hydroviews", ("build", "verify", "poses", "download")),
-        ("leaderboard", ("evaluate", "check", "table", "score", "picture", "view", "film", "export")),
+        ("leaderboard", ("evaluate", "check", "table", "score", "overview", "view", "film", "export")),
     ],
 )
 def test_help_names_the_commands(package, commands):

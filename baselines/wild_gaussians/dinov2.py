@@ -19,9 +19,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import gelu, interpolate, scaled_dot_product_attention
 
-from hydroviews.captures.download.http_download import fetch
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import sha256
+from hydroviews.files.http_download import fetch
 from hydroviews.files.locks import locked
 from hydroviews.metrics.lpips_weights import cache_folder
 

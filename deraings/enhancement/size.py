@@ -1,13 +1,15 @@
 """How large a network is: parameters, and multiply-adds for a picture, by part."""
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor, nn
+from torch.utils.flop_counter import FlopCounterMode
 
 from deraings.enhancement.enhance import refine_padded
-from deraings.enhancement.network import EnhancementNetwork, NetworkConfig, TransposedAttention
+from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
 
 
 @dataclass
@@ -21,28 +23,39 @@ class Part:
 def measure(config: NetworkConfig, width: int, height: int) -> dict[str, Part]:
     """Parameters and multiply-adds of every part for one picture, nothing being computed.
 
-    Convolutions, and the two products of attention; what is done once a pixel and channel is left out, as usual.
+    Convolutions and products of matrices, as torch counts them; what is done once a pixel and channel is left out, as
+    usual.
     """
-    with torch.device("meta"):
-        network = EnhancementNetwork(config)
-        picture = torch.zeros(1, 3, height, width)
-        parts = {name: Part(sum(p.numel() for p in child.parameters())) for name, child in network.named_children()}
-        for name, module in network.named_modules():
-            if isinstance(module, nn.Conv2d | TransposedAttention):
-                module.register_forward_hook(_count_into(parts[name.split(".")[0]]))
-        refine_padded(network, network.remove_mist(picture))
-    return parts
+    with torch.device("meta"), torch.no_grad():
+        whole = _Whole(EnhancementNetwork(config))
+        with FlopCounterMode(display=False) as counter:
+            whole(torch.zeros(1, 3, height, width))
+    counts = counter.get_flop_counts()
+    return {
+        name: Part(
+            sum(parameter.numel() for parameter in part.parameters()),
+            _operations(counts, f"{_Whole.__name__}.network.{name}", part) // 2,  # two make a multiply-add
+        )
+        for name, part in whole.network.named_children()
+    }
 
 
-def _count_into(part: Part) -> Callable[[nn.Module, tuple[Tensor, ...], Tensor], None]:
-    def count(module: nn.Module, inputs: tuple[Tensor, ...], output: Tensor) -> None:
-        pixels = output.shape[-2] * output.shape[-1]
-        if isinstance(module, nn.Conv2d):
-            part.operations += pixels * module.weight.numel()
-        elif isinstance(module, TransposedAttention):
-            part.operations += 2 * pixels * output.shape[1] ** 2 // module.heads
+class _Whole(nn.Module):
+    """All that is done to a picture as one module, so that what is counted has the names of the network's parts."""
 
-    return count
+    def __init__(self, network: EnhancementNetwork):
+        super().__init__()
+        self.network = network
+
+    def forward(self, picture: Tensor) -> Tensor:
+        return refine_padded(self.network, self.network.remove_mist(picture))
+
+
+def _operations(counts: Mapping[str, Mapping[Any, int]], name: str, module: nn.Module) -> int:
+    """Of a module by its name, or of its children where it is a mere list, which is never called."""
+    if name in counts:
+        return sum(counts[name].values())
+    return sum(_operations(counts, f"{name}.{child}", part) for child, part in module.named_children())
 
 
 def describe(config: NetworkConfig, width: int, height: int) -> str:

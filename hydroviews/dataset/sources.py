@@ -18,7 +18,7 @@ from hydroviews.captures.catalogue.catalogue import (
 from hydroviews.dataset.build import build
 from hydroviews.dataset.drop_masks import write_drop_masks
 from hydroviews.dataset.manifest import MANIFEST
-from hydroviews.errors import InputError
+from hydroviews.errors import InputError, unknown_name
 from hydroviews.files.atomic import read_json
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.files.temporary import remove_leftovers
@@ -68,11 +68,9 @@ def find_capture(source: str, rendered: Path, views: int, long_side: int, captur
     for folder in (Path(source), root / source):
         if source and folder.is_dir():
             return read_scene(folder)
-    raise InputError(
-        f"SCENE={source}: no such capture",
-        found=f"no folder {source} here or in {root}",
-        expected=f"{', '.join(EMBEDDED)}, a folder with images and cameras, or a published capture "
-        f"({', '.join(capture.name for capture in all_captures())})",
+    known = (*EMBEDDED, *(capture.name for capture in all_captures()))
+    raise unknown_name(
+        f"SCENE={source}", source, "capture", known, f"a folder with images and cameras, here or in {root}"
     )
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from hydroviews.captures import catalogue
 from hydroviews.dataset.sources import build_source
-from hydroviews.errors import InputError
+from hydroviews.errors import InputError, unknown_name
 from hydroviews.profiles import Profile
 from hydroviews.rain.effects import choose_patterns, find_effect
 
@@ -41,9 +41,7 @@ def read_suite(name: str) -> Suite:
     """
     path = FOLDER / f"{name}.toml" if name in known_suites() else Path(name)
     if not path.is_file():
-        raise InputError(
-            f"SUITE={name}: no such suite", expected=f"one of {', '.join(known_suites())}, or a TOML file: {EXAMPLE}"
-        )
+        raise unknown_name(f"SUITE={name}", name, "suite", known_suites(), f"a TOML file: {EXAMPLE}")
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:

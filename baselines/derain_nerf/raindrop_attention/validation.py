@@ -11,6 +11,7 @@ from baselines.derain_nerf.raindrop_attention.detection import detect
 from baselines.derain_nerf.raindrop_attention.network import DerainGenerator
 from baselines.derain_nerf.raindrop_attention.pairs import ValidationPicture
 from baselines.training.validation import measure_by_kind
+from hydroviews.formats.markdown import markdown_table
 from hydroviews.metrics import psnr
 
 COVERED = 0.5  # a pixel is a drop's from this cover on
@@ -88,10 +89,10 @@ def as_columns(rows: Sequence[Score]) -> dict[str, float]:
 
 def table(rows: Sequence[Score]) -> str:
     """Markdown."""
-    lines = ["| rain | pictures | AP | IoU | taken for drops | PSNR before | after |", "|---|---|---|---|---|---|---|"]
+    cells = []
     number = lambda v, form: format(v, form) if np.isfinite(v) else ""  # noqa: E731
     for row in rows:
         quality = [number(row.precision, ".3f"), number(row.overlap, ".3f"), f"{row.flagged:.1%}"]
-        cells = [row.kind, str(row.pictures), *quality, number(row.before, ".2f"), number(row.after, ".2f")]
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+        cells.append((row.kind, row.pictures, *quality, number(row.before, ".2f"), number(row.after, ".2f")))
+    head = ("rain", "pictures", "AP", "IoU", "taken for drops", "PSNR before", "after")
+    return markdown_table(head, cells, keep_empty=True)

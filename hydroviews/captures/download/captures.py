@@ -20,9 +20,9 @@ from hydroviews.captures.catalogue.catalogue import (
     locate,
 )
 from hydroviews.captures.download.archives import is_archive, unpack
-from hydroviews.captures.download.http_download import digest, fetch
-from hydroviews.errors import InputError
+from hydroviews.errors import InputError, unknown_name
 from hydroviews.files.atomic import write_bytes
+from hydroviews.files.http_download import digest, fetch
 from hydroviews.files.locks import BUSY, locked
 
 logger = logging.getLogger(__name__)
@@ -51,8 +51,7 @@ def download_captures(name: str, root: Path, mirror: str | None = None) -> Itera
     """
     captures = find_captures(name)
     if not captures:
-        known = ", ".join(capture.name for capture in all_captures())
-        raise InputError(f"{name}: no such capture to download", expected=f"one of {known}")
+        raise unknown_name(name, name, "capture to download", [capture.name for capture in all_captures()])
     checked: dict[Archive, str] = {}
     for capture in sorted(captures, key=lambda capture: capture.archive is None):  # None raises: last
         yield locate(capture, root) or _get(capture, root, mirror, checked)

@@ -164,7 +164,7 @@ def test_other_weights_are_another_configuration_and_odd_profiles_are_refused(tm
     drops = untrained(tmp_path)
     monkeypatch.setattr(DerainNeRF, "profiles", {"demo": DerainNeRFConfig(SHORT, drops)})
     assert len(DerainNeRF.configuration("demo").drops.weights_sha256) == 64
-    with pytest.raises(InputError, match="unknown"):
+    with pytest.raises(InputError, match="no such profile"):
         DerainNeRF.configuration("enormous")
     monkeypatch.setattr(
         DerainNeRF, "profiles", {"demo": DerainNeRFConfig(SHORT, DropDetectionConfig(weights="enormous"))}

@@ -188,7 +188,7 @@ def test_weights_of_the_encoder_come_from_a_file_that_is_named(tmp_path, monkeyp
     with pytest.raises(InputError, match="not weights of ResNet-18"):
         GaussianInTheWild(config, 0).objective(photographed(tmp_path, n_views=3), tmp_path)
     assert GaussianInTheWild.configuration("demo").appearance == SHORT
-    with pytest.raises(InputError, match="unknown"):
+    with pytest.raises(InputError, match="no such profile"):
         GaussianInTheWild.configuration("long")
 
 

@@ -7,9 +7,9 @@ from servers import serving
 
 from hydroviews.captures.catalogue.catalogue import Archive, find_captures
 from hydroviews.captures.download import captures as downloads
-from hydroviews.captures.download import http_download
 from hydroviews.captures.download.captures import addresses, download_captures, get_archive
 from hydroviews.errors import InputError
+from hydroviews.files import http_download
 
 
 @pytest.fixture(autouse=True)

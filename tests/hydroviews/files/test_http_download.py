@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from servers import serving
 
-from hydroviews.captures.download import http_download
-from hydroviews.captures.download.http_download import fetch
 from hydroviews.errors import InputError
+from hydroviews.files import http_download
+from hydroviews.files.http_download import fetch
 
 CONTENT = np.random.default_rng(0).bytes(3_000_000)
 SHA = hashlib.sha256(CONTENT).hexdigest()

@@ -1,0 +1,30 @@
+"""Every name that can be misspelt is answered with the nearest there is."""
+
+from pathlib import Path
+
+import pytest
+
+from hydroviews.captures.download.captures import download_captures
+from hydroviews.dataset.sources import find_capture
+from hydroviews.dataset.suites import read_suite
+from hydroviews.errors import InputError
+from hydroviews.profiles import find_profile
+from leaderboard.records import check_track
+
+NOWHERE = Path("/nowhere")
+
+
+@pytest.mark.parametrize(
+    ("find", "name", "meant"),
+    [
+        (find_profile, "quikc", "quick"),
+        (check_track, "sparse-view", "sparse-views"),
+        (read_suite, "papers", "paper"),
+        (lambda name: find_capture(name, NOWHERE, 1, 8, NOWHERE), "courtyrd", "courtyard"),
+        (lambda name: list(download_captures(name, NOWHERE, None)), "mipnerf360/gardn", "mipnerf360/garden"),
+    ],
+)
+def test_a_misspelt_name_suggests_the_nearest(find, name, meant):
+    with pytest.raises(InputError, match=f"{name}: no such") as error:
+        find(name)
+    assert f"what to do: did you mean {meant}?" in str(error.value)

@@ -1,0 +1,98 @@
+"""What plain 3DGS loses to a scene's rain, from a results folder into the scene's card."""
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from synthetic import capture_in
+
+from hydroviews.dataset.build import build
+from hydroviews.dataset.manifest import data_hash
+from hydroviews.dataset.verify import verify
+from hydroviews.errors import InputError
+from hydroviews.rain.patterns import Pattern
+from leaderboard.__main__ import card_command
+from leaderboard.severity import record_losses, rewrite_card
+
+STREAKS = (Pattern("streak", 0), Pattern("streak", 2))
+
+
+@pytest.fixture
+def built(tmp_path) -> Path:
+    """A capture that says where it comes from, built with two kinds of streaks."""
+    capture = tmp_path / "capture" / "yard"
+    scene = capture_in(capture)
+    (capture / "SOURCE.md").write_text("# From a garden\nLicence: CC-BY\n")
+    return build(scene, tmp_path / "data", patterns=STREAKS, seed=5, source=str(capture))
+
+
+def results_in(folder: Path, built: Path, **changes) -> Path:
+    """A results folder with one run of each reference on each variant, two tracks, two seeds."""
+    rows = []
+    for track, penalty in (("given-poses", 0), ("sparse-views", 4)):
+        for seed in (0, 1):
+            for method, pattern, psnr in (
+                ("3dgs-clean", "clean", 26 + seed),
+                ("3dgs", "streak-0", 24.5),
+                ("3dgs", "streak-2", 17.25),
+                ("ours", "streak-2", 25),
+            ):
+                facts = {"scene": built.name, "profile": "demo", "track": track, "seed": seed, "status": "done"}
+                numbers = {"psnr": psnr - penalty, "data_sha256": data_hash(built.parent, built.name, pattern)}
+                rows.append({**facts, "method": method, "pattern": pattern, **numbers, **changes})
+    folder.mkdir(parents=True)
+    pd.DataFrame(rows).to_csv(folder / "leaderboard.csv", index=False)
+    return folder
+
+
+def test_a_card_written_again_is_the_same(built):
+    card = (built / "README.md").read_text()
+    rewrite_card(built)
+    assert (built / "README.md").read_text() == card
+
+
+def test_losses_are_those_of_the_runs_and_stay(built, tmp_path):
+    record_losses(built, results_in(tmp_path / "results", built))
+    card = (built / "README.md").read_text()
+    assert "| streak-0 | light | given-poses | 26.50 dB | 24.50 dB | 2.00 dB | 2 |" in card
+    assert "| streak-2 | heavy | sparse-views | 22.50 dB | 13.25 dB | 9.25 dB | 2 |" in card
+    assert verify(built.parent) == []
+    rewrite_card(built)
+    assert (built / "README.md").read_text() == card
+    (built / "statistics.csv").unlink()  # a repair by the same build
+    scene = capture_in(tmp_path / "capture" / "yard")
+    build(scene, built.parent, patterns=STREAKS, seed=5, source=str(tmp_path / "capture" / "yard"))
+    assert (built / "README.md").read_text() == card
+    assert verify(built.parent) == []
+
+
+@pytest.mark.parametrize("change", [{"data_sha256": "of another build"}, {"status": "failed"}, {"scene": "other"}])
+def test_runs_on_other_data_do_not_count(built, tmp_path, change):
+    results = results_in(tmp_path / "results", built, **change)
+    with pytest.raises(InputError, match="no pair of finished runs"):
+        record_losses(built, results)
+    assert not (built / "losses.csv").exists()
+
+
+def test_no_leaderboard(built, tmp_path):
+    with pytest.raises(InputError, match="no leaderboard"):
+        record_losses(built, tmp_path)
+    for content in ("", "method,scene\n3dgs,yard\n"):
+        (tmp_path / "leaderboard.csv").write_text(content)
+        with pytest.raises(InputError, match="no leaderboard"):
+            record_losses(built, tmp_path)
+
+
+def test_a_scene_without_runs_does_not_hold_up_the_others(built, tmp_path, capsys):
+    build(capture_in(tmp_path / "capture" / "another"), built.parent, patterns=STREAKS)
+    with pytest.raises(InputError, match="no pair of finished runs of 3dgs-clean and 3dgs on another"):
+        card_command(built.parent, results=results_in(tmp_path / "results", built))
+    assert "streak-2" in capsys.readouterr().out
+    assert (built / "losses.csv").is_file()
+
+
+def test_a_scene_may_be_called_by_a_number(tmp_path):
+    scene = capture_in(tmp_path / "capture" / "0042")
+    built = build(scene, tmp_path / "data", patterns=STREAKS)
+    losses = record_losses(built, results_in(tmp_path / "results", built))
+    assert list(losses.pattern) == ["streak-0", "streak-2"] * 2
