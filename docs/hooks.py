@@ -1,0 +1,144 @@
+"""What the site takes from the program when it is built: commands, make targets, settings, pages of the API.
+
+A page asks for a generated part by a line of its own, such as `<!-- generated: commands -->`.
+"""
+
+import dataclasses
+import importlib
+import inspect
+import re
+from collections.abc import Callable, Iterator
+from importlib.metadata import entry_points
+from pathlib import Path
+
+import tyro
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("hydroviews", "deraings", "baselines", "leaderboard")
+PROGRAMS = ("hydroviews", "leaderboard", "deraings")
+PROFILES = ("demo", "quick", "paper")
+
+
+def commands() -> dict[str, Callable[..., None]]:
+    """The function behind every subcommand, by its command line, such as `python -m hydroviews build`."""
+    found: dict[str, Callable[..., None]] = {}
+    for program in PROGRAMS:
+        module = importlib.import_module(f"{program}.__main__")
+        run, taken = module.run_command, []
+        module.run_command = lambda mapping, *_, **__: taken.append(mapping)  # noqa: B023
+        try:
+            module.main()
+        finally:
+            module.run_command = run
+        found |= {f"python -m {program} {name}": function for name, function in taken[0].items()}
+    return found
+
+
+def command_help(line: str, function: Callable[..., None]) -> str:
+    """What `--help` prints for a subcommand, as plain text."""
+    text = tyro.extras.get_parser(function, prog=line).format_help()
+    return re.sub(r"\x1b\[[0-9;]*m", "", text).strip()
+
+
+def commands_section() -> str:
+    """A section for every subcommand."""
+    return "\n\n".join(
+        f"### {line.removeprefix('python -m ')}\n\n```text\n{command_help(line, function)}\n```"
+        for line, function in commands().items()
+    )
+
+
+def make_targets() -> dict[str, str]:
+    """What the Makefile says of each of its targets."""
+    return dict(re.findall(r"^([a-z-]+):[^\n#]*## (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE))
+
+
+def make_section() -> str:
+    """A table of the targets."""
+    rows = [f"| `make {name}` | {text.replace('[', chr(92) + '[')} |" for name, text in make_targets().items()]
+    return "\n".join(["| target | does |", "|---|---|", *rows])
+
+
+def comments(cls: type) -> dict[str, str]:
+    """The comment beside each field of a dataclass."""
+    return dict(re.findall(r"^\s+(\w+): [^\n]*?  # (.*)$", inspect.getsource(cls), re.MULTILINE))
+
+
+def fields(value: object, prefix: str = "") -> Iterator[tuple[str, object, str]]:
+    """Name, value and comment of every setting in a tree of dataclasses."""
+    notes = {name: text for cls in reversed(type(value).__mro__[:-1]) for name, text in comments(cls).items()}
+    for field in dataclasses.fields(value):  # type: ignore[arg-type]
+        inner = getattr(value, field.name)
+        if dataclasses.is_dataclass(inner):
+            yield from fields(inner, f"{prefix}{field.name}.")
+        else:
+            yield prefix + field.name, inner, notes.get(field.name, "")
+
+
+def settings_section() -> str:
+    """A table for every method: its settings in each profile."""
+    methods = entry_points(group="hydroviews.methods")
+    return "\n\n".join(f"### {entry.name}\n\n{settings_table(entry.load())}" for entry in sorted(methods))
+
+
+def settings_table(method: type) -> str:
+    """The settings of one method, a row each."""
+    columns = {profile: list(fields(method.configuration(profile))) for profile in PROFILES}  # type: ignore[attr-defined]
+    values = {profile: {name: value for name, value, _ in rows} for profile, rows in columns.items()}
+    notes = {name: text for rows in columns.values() for name, _, text in rows}
+    lines = [f"| setting | {' | '.join(PROFILES)} | meaning |", "|---|" + "---|" * (len(PROFILES) + 1)]
+    for name, text in notes.items():
+        cells = [f"`{values[profile][name]}`" if name in values[profile] else "" for profile in PROFILES]
+        lines.append(f"| `{name}` | {' | '.join(cells)} | {text.replace('|', chr(92) + '|')} |")
+    return "\n".join(lines)
+
+
+def api_pages() -> dict[str, str]:
+    """The pages of the API: one a package, with every public module directly in it."""
+    pages = {}
+    for top in PACKAGES:
+        for init in sorted((ROOT / top).rglob("__init__.py")):
+            package = ".".join(init.parent.relative_to(ROOT).parts)
+            modules = [f"{package}.{path.stem}" for path in sorted(init.parent.glob("[a-z]*.py"))]
+            listed = "\n\n".join(f"::: {name}" for name in [package, *modules])
+            pages[package] = f"# {package}\n\n{listed}\n"
+    return pages
+
+
+GENERATED = {"commands": commands_section, "make": make_section, "settings": settings_section}
+
+
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Add the pages of the API, and the notebook's, to the navigation."""
+    tree: dict[str, list] = {top: [] for top in PACKAGES}
+    for package in api_pages():
+        tree[package.split(".")[0]].append({package: f"reference/api/{package}.md"})
+    fill(config.nav, "API", [{top: pages} for top, pages in tree.items()])
+    notebook = sorted((ROOT / "docs/experiments").glob("2*.md"))
+    fill(config.nav, "Notebook", ["experiments/index.md", *(f"experiments/{path.name}" for path in notebook)])
+    return config
+
+
+def fill(nav: list, title: str, entries: list) -> None:
+    """Put entries below the title, wherever in the navigation it stands."""
+    for entry in nav:
+        for name, below in entry.items() if isinstance(entry, dict) else ():
+            if name == title:
+                entry[name] = entries
+            elif isinstance(below, list):
+                fill(below, title, entries)
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the pages of the API to the files."""
+    for package, text in api_pages().items():
+        files.append(File.generated(config, f"reference/api/{package}.md", content=text))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
+    """Write the generated parts of a page into it."""
+    return re.sub(r"<!-- generated: (\w+) -->", lambda match: GENERATED[match[1]](), markdown)
