@@ -115,7 +115,8 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Add the pages of the API, and the notebook's, to the navigation."""
     tree: dict[str, list] = {top: [] for top in PACKAGES}
     for package in api_pages():
-        tree[package.split(".")[0]].append({package: f"reference/api/{package}.md"})
+        top, _, inner = package.partition(".")
+        tree[top].append({inner or top: f"reference/api/{package}.md"})
     fill(config.nav, "API", [{top: pages} for top, pages in tree.items()])
     notebook = sorted((ROOT / "docs/experiments").glob("2*.md"))
     fill(config.nav, "Notebook", ["experiments/index.md", *(f"experiments/{path.name}" for path in notebook)])
