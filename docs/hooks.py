@@ -3,22 +3,34 @@
 A page asks for a generated part by a line of its own, such as `<!-- generated: commands -->`.
 """
 
+import contextlib
 import dataclasses
 import importlib
 import inspect
+import io
 import re
 from collections.abc import Callable, Iterator
 from importlib.metadata import entry_points
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import tyro
-from mkdocs.config.defaults import MkDocsConfig
-from mkdocs.structure.files import File, Files
-from mkdocs.structure.pages import Page
+
+if TYPE_CHECKING:  # tests read this file where mkdocs is not installed
+    from mkdocs.config.defaults import MkDocsConfig
+    from mkdocs.structure.files import Files
+    from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("hydroviews", "deraings", "baselines", "leaderboard")
-PROGRAMS = ("hydroviews", "leaderboard", "deraings")
+PROGRAMS = (
+    "hydroviews",
+    "leaderboard",
+    "deraings",
+    "deraings.enhancement",
+    "baselines.derain_nerf.raindrop_attention",
+)
+LESS_SOUGHT = "---\nsearch:\n  boost: 0.3\n---\n"  # a search finds what people wrote for readers first
 PROFILES = ("demo", "quick", "paper")
 
 
@@ -39,8 +51,10 @@ def commands() -> dict[str, Callable[..., None]]:
 
 def command_help(line: str, function: Callable[..., None]) -> str:
     """What `--help` prints for a subcommand, as plain text."""
-    text = tyro.extras.get_parser(function, prog=line).format_help()
-    return re.sub(r"\x1b\[[0-9;]*m", "", text).strip()
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.suppress(SystemExit):
+        tyro.cli(function, prog=line, args=["--help"])
+    return re.sub(r"\x1b\[[0-9;]*m", "", out.getvalue()).strip()
 
 
 def commands_section() -> str:
@@ -104,14 +118,14 @@ def api_pages() -> dict[str, str]:
             package = ".".join(init.parent.relative_to(ROOT).parts)
             modules = [f"{package}.{path.stem}" for path in sorted(init.parent.glob("[a-z]*.py"))]
             listed = "\n\n".join(f"::: {name}" for name in [package, *modules])
-            pages[package] = f"# {package}\n\n{listed}\n"
+            pages[package] = f"{LESS_SOUGHT}# {package}\n\n{listed}\n"
     return pages
 
 
 GENERATED = {"commands": commands_section, "make": make_section, "settings": settings_section}
 
 
-def on_config(config: MkDocsConfig) -> MkDocsConfig:
+def on_config(config: "MkDocsConfig") -> "MkDocsConfig":
     """Add the pages of the API, and the notebook's, to the navigation."""
     tree: dict[str, list] = {top: [] for top in PACKAGES}
     for package in api_pages():
@@ -133,13 +147,15 @@ def fill(nav: list, title: str, entries: list) -> None:
                 fill(below, title, entries)
 
 
-def on_files(files: Files, config: MkDocsConfig) -> Files:
+def on_files(files: "Files", config: "MkDocsConfig") -> "Files":
     """Add the pages of the API to the files."""
+    from mkdocs.structure.files import File
+
     for package, text in api_pages().items():
         files.append(File.generated(config, f"reference/api/{package}.md", content=text))
     return files
 
 
-def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
+def on_page_markdown(markdown: str, page: "Page", **_: object) -> str:
     """Write the generated parts of a page into it."""
     return re.sub(r"<!-- generated: (\w+) -->", lambda match: GENERATED[match[1]](), markdown)
