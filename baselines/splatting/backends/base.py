@@ -71,7 +71,7 @@ class CpuBackend:
         self._objective = objective
         self._background = background
         self._workspace = BufferPool()
-        self._how: dict[str, Any] = {"near": near, "antialiased": antialiased, "workspace": self._workspace}
+        self._how: dict[str, Any] = {"near": near, "antialiased": antialiased, "buffers": self._workspace}
         self._state: TrainingState | None = None
 
     def put(self, state: TrainingState) -> None:

@@ -86,7 +86,7 @@ def render(
     Returns:
         The image and the state for `backward`.
     """
-    options: dict[str, Any] = {"near": near, "antialiased": antialiased, "workspace": buffers}
+    options: dict[str, Any] = {"near": near, "antialiased": antialiased, "buffers": buffers}
     images, state = render_looks(gaussians, gaussians.sh[None], camera, background, sh_degree, **options)
     return images[0], state
 
