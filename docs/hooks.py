@@ -31,6 +31,7 @@ PROGRAMS = (
     "baselines.derain_nerf.raindrop_attention",
 )
 LESS_SOUGHT = "---\nsearch:\n  boost: 0.3\n---\n"  # a search finds what people wrote for readers first
+FOLDERS = {"How it works": "how-it-works", "Notebook": "experiments"}  # all of their pages are listed
 PROFILES = ("demo", "quick", "paper")
 
 
@@ -125,15 +126,23 @@ def api_pages() -> dict[str, str]:
 GENERATED = {"commands": commands_section, "make": make_section, "settings": settings_section}
 
 
-def on_config(config: "MkDocsConfig") -> "MkDocsConfig":
-    """Add the pages of the API, and the notebook's, to the navigation."""
+def listed() -> dict[str, list]:
+    """Pages that the navigation takes from the folders, by the title they stand below."""
     tree: dict[str, list] = {top: [] for top in PACKAGES}
     for package in api_pages():
         top, _, inner = package.partition(".")
         tree[top].append({inner or top: f"reference/api/{package}.md"})
-    fill(config.nav, "API", [{top: pages} for top, pages in tree.items()])
-    notebook = sorted((ROOT / "docs/experiments").glob("2*.md"))
-    fill(config.nav, "Notebook", ["experiments/index.md", *(f"experiments/{path.name}" for path in notebook)])
+    pages: dict[str, list] = {"API": [{top: below} for top, below in tree.items()]}
+    for title, folder in FOLDERS.items():
+        others = sorted(path.name for path in (ROOT / "docs" / folder).glob("*.md") if path.name != "index.md")
+        pages[title] = [f"{folder}/{name}" for name in ["index.md", *others]]
+    return pages
+
+
+def on_config(config: "MkDocsConfig") -> "MkDocsConfig":
+    """Add the pages of the API, and those of some folders, to the navigation."""
+    for title, pages in listed().items():
+        fill(config.nav, title, pages)
     return config
 
 
