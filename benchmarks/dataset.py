@@ -28,22 +28,24 @@ from hydroviews.dataset import rainy_variant as build_rain
 from hydroviews.dataset.build import build
 from hydroviews.files.atomic import write_bytes
 from hydroviews.formats import read_scene
-from hydroviews.rain import effects
-from hydroviews.rain.lens import effect as raindrops
-from hydroviews.rain.patterns import Pattern, parse_pattern
+from hydroviews.rain.effect import Effect
+from hydroviews.rain.effects import find_effect, parse_pattern, registered_effects
+from hydroviews.rain.lens import raindrops
+from hydroviews.rain.patterns import Pattern
 from hydroviews.scene.scenes import Scene, View, make_scene
 
 COMMON = "all variants"
 PATTERNS = ("raindrop-0", "raindrop-1", "raindrop-2", "streak-0", "streak-1", "streak-2")
+EFFECTS: list[type[Effect]] = [type(find_effect(name)) for name in registered_effects()]
 STAGES: dict[str, list[tuple[Any, str]]] = {
     "read and resize": [(View, "image")],
     "survey": [(build_module, "survey")],
     "cameras": [(build_module, "write_cameras")],
-    "draw": [(effects, "draw")],
-    "prepare": [(effects, "prepare")],
+    "draw": [(effect, "draw") for effect in EFFECTS],
+    "place": [(effect, "place") for effect in EFFECTS],
     "bake": [(raindrops, "bake_matte")],
-    "layers": [(effects, "rain_on")],
-    "composite": [(effects, "composite")],
+    "layers": [(build_rain, "fall")],
+    "composite": [(effect, "composite") for effect in EFFECTS],
     "PNG": [(build_clean, "write_png"), (build_rain, "write_png")],
     "EXR": [(build_rain, "write_layers")],
     "read clean": [(build_rain, "read_image")],
@@ -106,7 +108,8 @@ def measure(capture: Path, size: int, count: int, patterns: Sequence[str]) -> tu
     scene, rains = some_views(read_scene(capture), count), [parse_pattern(name) for name in patterns]
     watch = Stopwatch()
     with tempfile.TemporaryDirectory(prefix="hydroviews-") as scratch:
-        dry = [rain for rain in rains if rain.effect != "raindrop"]  # compiled kernels are loaded before the clock runs
+        # Compiled kernels are loaded before the clock runs.
+        dry = [rain for rain in rains if not find_effect(rain.effect).needs_optics]
         build(some_views(scene, 3), Path(scratch) / "warm", patterns=dry, long_side=48)
         before = _peak_mb(resource.RUSAGE_SELF)
         start = time.perf_counter()

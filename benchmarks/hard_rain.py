@@ -23,7 +23,7 @@ from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.files.atomic import read_json, write_bytes
 from hydroviews.profiles import find_profile
-from hydroviews.rain.effects import composite
+from hydroviews.rain.effects import find_effect
 from hydroviews.rain.layers import read_layers
 from hydroviews.scene.depth import view_depth
 from hydroviews.scene.images import Image, to_linear, to_srgb, write_png
@@ -87,7 +87,7 @@ def behind(variant: Path) -> Callable[[View], Image]:
 
     def paint(view: View) -> Image:
         layers = read_layers(variant / "layers" / f"{view.name}.exr")
-        return composite(pattern["effect"], pattern["parameters"], view.image(), layers)
+        return find_effect(pattern["effect"]).composite(pattern["parameters"], view.image(), layers)
 
     return paint
 

@@ -17,6 +17,7 @@ from deraings.planes import Plane
 from deraings.rain_model.ground_truth import true_layers
 from deraings.rain_model.objective import RainObjective
 from hydroviews.errors import InputError
+from hydroviews.rain.effects import find_effect
 from hydroviews.scene.images import read_image, write_png
 from hydroviews.scene.picture_grid import Row, Tile, draw_sheet
 from hydroviews.scene.scenes import View
@@ -25,12 +26,12 @@ from leaderboard.predict import only_training
 from leaderboard.runs import Run
 
 WIDTH = 1800  # pixels of the picture
-TRUE = {"raindrop": "M", "streak": "S"}  # the layer that is looked for
+LENS = "M"  # the plane of drops on the lens
 
 
-def found_cover(objective: RainObjective, view: int, size: tuple[int, int], effect: str) -> Plane:
+def found_cover(objective: RainObjective, view: int, size: tuple[int, int], falling: bool) -> Plane:
     """What covers a training view [H, W], by all that was learned: falling rain, or what is on the lens."""
-    if effect == "streak":
+    if falling:
         return objective.falling_share(view, size)
     shown = 1 - objective.drop_cover(view, size)
     return 1 - shown if objective.masks is None else 1 - shown * (1 - objective.masks.mask(view, size))
@@ -47,9 +48,11 @@ def row_of(run: Run, name: str) -> Row:
     names = [view.name for view in scene.train_views]
     if name not in names:
         raise InputError(f"--view {name}: no training view of {run}", expected=f"one of {', '.join(names)}")
-    if not isinstance(method, DeRainGS) or run.effect not in TRUE:
+    effect = find_effect(run.effect)
+    plane = effect.falling or LENS
+    if not isinstance(method, DeRainGS) or plane not in effect.planes:
         raise InputError(
-            f"{run}: nothing to compare", expected="a run of deraings or deraings-plus on drops or streaks"
+            f"{run}: nothing to compare", expected="a run of deraings or deraings-plus on drops or falling rain"
         )
     method.fit(scene, run.folder)  # finished: it only takes up what was learned
     index = names.index(name)
@@ -59,8 +62,9 @@ def row_of(run: Run, name: str) -> Row:
     tiles = [Tile(view.image(), "photograph")]
     enhanced = sorted((run.folder / "enhanced").glob(f"*/{name}.png"))
     tiles += [Tile(read_image(enhanced[-1]), "enhanced")] if enhanced else []
-    truth = true_layers(run.data / run.scene / run.pattern, view)[TRUE[run.effect]]
-    tiles += [Tile(_grey(found_cover(objective, index, size, run.effect)), "rain that was found")]
+    truth = true_layers(run.data / run.scene / run.pattern, view)[plane]
+    found = found_cover(objective, index, size, effect.falling is not None)
+    tiles += [Tile(_grey(found), "rain that was found")]
     tiles += [Tile(_grey(truth), "rain that was there")]
     tiles += [Tile(method.render(view.camera), "render"), Tile(clean.image(), "clean view")]
     return Row(f"{run.method} on {run.scene}", run.pattern, tiles)

@@ -20,14 +20,14 @@ from tqdm import tqdm
 
 from benchmarks.timing import least
 from hydroviews.files.atomic import write_bytes
-from hydroviews.rain.seeds import generator
 from hydroviews.rain.storm import reference as storm_reference
 from hydroviews.rain.storm.drop_sizes import count, draw_cloud
 from hydroviews.rain.storm.rasterise import Shutter, draw, project
-from hydroviews.rain.streaks import effect as streaks
+from hydroviews.rain.streaks import recipe as streaks
 from hydroviews.rain.streaks import reference as streaks_reference
 from hydroviews.rain.streaks.convolution import convolve
 from hydroviews.scene.cameras import Camera
+from hydroviews.scene.seeds import generator
 
 PATTERNS = ((100, 20, 40.0, 3), (200, 30, 90.0, 5), (300, 40, 120.0, 7))  # n, l, theta, w
 SIZES_2D = ((801, 533), (1000, 1000), (1600, 1067))

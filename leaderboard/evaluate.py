@@ -19,7 +19,7 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import BUSY, locked, read_json
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.profiles import Profile, find_profile
-from hydroviews.rain.patterns import choose_patterns
+from hydroviews.rain.effects import choose_patterns
 from leaderboard.predict import PREDICTION
 from leaderboard.records import (
     GIVEN_POSES,

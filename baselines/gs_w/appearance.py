@@ -19,13 +19,12 @@ from baselines.gs_w.fusion import Fusion
 from baselines.gs_w.sampling import boxed, projected, sample
 from baselines.splatting.appearance.appearance import Appearance
 from baselines.splatting.gaussians import Gaussians
-from baselines.splatting.schedule import random_stream
+from baselines.splatting.schedule import Stream, random_stream
 from baselines.training.images import TrainingImages
 from baselines.training.torch_state import module_arrays, restore_module
 from hydroviews.scene.cameras import Camera
 
 STEPS = "steps"
-DROPOUT, ABSENCE = 5, 6  # random streams
 
 
 class ReferenceAppearance(Appearance):
@@ -132,7 +131,7 @@ class ReferenceAppearance(Appearance):
 
     def _absent(self) -> bool:
         """Is this one of the steps that have nothing of the maps? The same whenever it is done again."""
-        drawn = random_stream(self.seed, ABSENCE, self._steps).random()
+        drawn = random_stream(self.seed, Stream.ABSENCE, self._steps).random()
         return torch.is_grad_enabled() and drawn < self.config.absent
 
     def _dropped(self, dynamic: Tensor) -> Tensor:
@@ -145,7 +144,7 @@ class ReferenceAppearance(Appearance):
             return dynamic
         config = self.config
         parts = dynamic.unflatten(1, (1 + config.maps, -1))
-        drawn = random_stream(self.seed, DROPOUT, self._steps).random((*parts.shape[:2], 1), np.float32)
+        drawn = random_stream(self.seed, Stream.DROPOUT, self._steps).random((*parts.shape[:2], 1), np.float32)
         kept = torch.from_numpy(drawn >= config.dropout).to(dynamic)
         return (parts * (kept / ((1 - config.dropout) * (1 - config.absent)))).flatten(1)
 

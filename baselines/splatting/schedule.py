@@ -6,6 +6,7 @@ Nothing here keeps state, so training that is taken up at iteration i goes on ex
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import IntEnum, unique
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,17 @@ from baselines.splatting.kernels.spherical_harmonics import coefficients
 from hydroviews.errors import InputError
 from hydroviews.scene.cameras import Camera
 
-VIEW_ORDER, SPLITTING, RELOCATION, NOISE = 1, 2, 3, 4  # random streams
+
+@unique
+class Stream(IntEnum):
+    """What random numbers of a training are drawn for; each purpose has a stream of its own."""
+
+    VIEW_ORDER = 1
+    SPLITTING = 2  # of Gaussians
+    RELOCATION = 3  # of Gaussians
+    NOISE = 4  # on their positions
+    DROPOUT = 5  # in a network that a method trains beside the Gaussians
+    ABSENCE = 6  # of an image's appearance
 
 
 @dataclass(frozen=True)
@@ -31,7 +42,7 @@ class LearningRates:
     final: float = 1.0  # what all but the means' rates have fallen to at the end, as a factor
 
 
-def random_stream(seed: int, purpose: int, index: int) -> np.random.Generator:
+def random_stream(seed: int, purpose: Stream, index: int) -> np.random.Generator:
     """The generator for one purpose at one point of the training."""
     return np.random.default_rng((seed, purpose, index))
 
@@ -39,7 +50,7 @@ def random_stream(seed: int, purpose: int, index: int) -> np.random.Generator:
 def view_at(iteration: int, n_views: int, seed: int) -> int:
     """Which view a step learns from: every view once an epoch, in a new random order each time."""
     epoch, position = divmod(iteration, n_views)
-    return int(random_stream(seed, VIEW_ORDER, epoch).permutation(n_views)[position])
+    return int(random_stream(seed, Stream.VIEW_ORDER, epoch).permutation(n_views)[position])
 
 
 def validation_views(n_views: int, n_held: int) -> tuple[int, ...]:

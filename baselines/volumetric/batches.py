@@ -13,8 +13,8 @@ from baselines.training.images import TrainingImages
 from baselines.volumetric.rays import CameraArrays
 from baselines.volumetric.spaces import Rays, Space
 from hydroviews.errors import InputError
-from hydroviews.rain.seeds import generator
 from hydroviews.scene.cameras import Camera
+from hydroviews.scene.seeds import generator
 
 
 @dataclass(frozen=True)

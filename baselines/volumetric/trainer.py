@@ -22,8 +22,8 @@ from baselines.volumetric.losses import Loss, photometric_terms
 from baselines.volumetric.model import Practice, RadianceModel
 from baselines.volumetric.sampling import annealed
 from baselines.volumetric.spaces import Space, choose_space
-from hydroviews.rain.seeds import generator
 from hydroviews.scene.scenes import Scene
+from hydroviews.scene.seeds import generator
 
 CHECKPOINT = "checkpoint.safetensors"
 BETAS, EPSILON = (0.9, 0.99), 1e-15  # of Mueller et al. 2022: entries that are rarely seen still move

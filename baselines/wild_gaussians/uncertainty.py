@@ -25,7 +25,7 @@ from torch import Tensor, nn
 from torch.nn.functional import interpolate, softplus
 from tqdm import tqdm
 
-from baselines.splatting.schedule import random_stream
+from baselines.splatting.schedule import Stream, random_stream
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.strategies.relocation import MCMCStrategy
 from baselines.training.images import Size, TrainingImages
@@ -33,7 +33,6 @@ from baselines.training.torch_state import module_arrays, restore_module
 from baselines.wild_gaussians.features import Features, Wanted, unlikeness
 from hydroviews.scene.images import Image
 
-DROPOUT = 5  # random stream
 FLAT = 1e-6  # features that vary less are left out
 
 
@@ -151,7 +150,7 @@ class Uncertainty:
 
     def _dropped(self, iteration: int) -> Tensor:
         """Factors [C, 1, 1] that leave some of the features out, and make up for it."""
-        kept = random_stream(self.seed, DROPOUT, iteration).random(self.head.in_features) >= self.config.dropout
+        kept = random_stream(self.seed, Stream.DROPOUT, iteration).random(self.head.in_features) >= self.config.dropout
         return torch.from_numpy(kept / (1 - self.config.dropout)).to(self._mean)[:, None, None]
 
     def _shown(self, view: int, like: Tensor) -> Tensor | float:

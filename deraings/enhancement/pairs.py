@@ -11,8 +11,8 @@ from torch.utils.data import DataLoader, Dataset
 from deraings.enhancement.veil import SIDE, Box, squeezed
 from hydroviews.pairs.drawing import Pair
 from hydroviews.pairs.drawn import DrawnRain
-from hydroviews.rain.seeds import generator
 from hydroviews.scene.images import Image
+from hydroviews.scene.seeds import generator
 
 VEILED = 4  # small whole pictures in mist alone that come with a pair where a network for the veil learns of many
 

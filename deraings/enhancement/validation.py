@@ -1,7 +1,7 @@
 """How much a network gains on held-out photographs, in rain as hard as the benchmark's grades would make it."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import cv2
@@ -14,7 +14,8 @@ from deraings.enhancement.weights import Enhancer
 from hydroviews.metrics import psnr
 from hydroviews.pairs.drawing import air_light, camera_of
 from hydroviews.pairs.photographs import fit_frame, frame_of
-from hydroviews.rain import effects
+from hydroviews.rain.effect import fall
+from hydroviews.rain.effects import find_effect
 from hydroviews.rain.patterns import GRADES, Pattern
 from hydroviews.rain.scene_statistics import FINE, SAMPLED_SIDE, Light, SceneStatistics
 from hydroviews.scene.images import Image, image_size, read_image, resize_area, to_linear
@@ -95,13 +96,10 @@ def validation_set(files: Sequence[Path], seed: int, folder: Path) -> list[Rainy
 
 def rain_on(image: Image, pattern: Pattern, setting: SceneStatistics, folder: Path) -> Image:
     """A photograph in a pattern of the benchmark."""
-    drawn = effects.draw(pattern, setting)
-    if pattern.effect == "raindrop":
-        drawn = replace(drawn, key_frames=1)
-    view = setting.views[0]
-    prepared = effects.prepare(pattern, drawn, setting, view.camera, folder)
-    layers = effects.rain_on(prepared, image, view)
-    return effects.composite(pattern.effect, prepared.parameters, image, layers)
+    effect, view = find_effect(pattern.effect), setting.views[0]
+    rain = effect.place(effect.draw(pattern, setting), pattern, setting)
+    layers = fall(rain.prepare(view.camera, folder), image, view)
+    return effect.composite(rain.parameters, image, layers)
 
 
 def scores(network: EnhancementNetwork, pictures: Sequence[Rainy]) -> list[Score]:

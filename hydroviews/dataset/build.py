@@ -11,24 +11,30 @@
 
 A capture that was taken in rain has no clean views: its own photographs are the one variant, `captured-0`.
 Every file is written whole or not at all, so a file that exists is finished. What a scene was asked to be is
-kept in its `request.json`: another request for the same folder is refused.
+kept in its `request.json`: another request for the same folder is refused. So is adding to a scene that other code drew
+(see `drawing_code`), since its variants would differ by more than their rain; a scene with all that is wanted stays.
 """
 
+import logging
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from hydroviews.dataset.card.card import keep_licence, write_card
 from hydroviews.dataset.clean_views import CLEAN, write_cameras, write_views
+from hydroviews.dataset.drawing_code import VERSION, drawing_code
 from hydroviews.dataset.manifest import read_manifest, record_scene
 from hydroviews.dataset.rainy_variant import link_shared, write_captured, write_variant
-from hydroviews.dataset.request import Request, make_request, refuse_own_capture, take_folder
+from hydroviews.dataset.request import BuildRequest, drawn_otherwise, make_request, refuse_own_capture, take_folder
 from hydroviews.dataset.statistics import write_statistics
 from hydroviews.errors import InputError
 from hydroviews.formats.capture_json import CAPTURED
-from hydroviews.rain.patterns import Pattern, parse_pattern
+from hydroviews.rain.effects import parse_pattern
+from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.scene_statistics import LensRenderer, survey
 from hydroviews.scene.scenes import Scene
+
+logger = logging.getLogger(__name__)
 
 
 def build(
@@ -52,13 +58,14 @@ def build(
         seed: of everything that is drawn.
         lens_renderer: how water on the lens is drawn, fast ("disk"), accurate ("aperture") or traced.
         source: what the user called the capture.
-        overwrite: drop a scene that was built from another request.
+        overwrite: drop what was built from another request or drawn by other code.
 
     Returns:
         The scene's folder.
 
     Raises:
-        InputError: the folder holds a scene built otherwise, an image is unreadable, or the disk is full.
+        InputError: the folder holds a scene built otherwise, something is missing in a scene that other code drew, an
+            image is unreadable, or the disk is full.
     """
     if long_side is not None and long_side < 1:
         raise InputError(f"long side of {long_side} pixels", expected="at least 1")
@@ -74,7 +81,11 @@ def build(
     entry = read_manifest(out)["scenes"].get(scene.name, {"patterns": [], "files": {}})
     for name in filter(lambda name: (folder / name).is_dir(), entry["patterns"]):
         link_shared(folder / name)
-    if {p.name for p in patterns} <= set(entry["patterns"]) and _are_there(folder, entry["files"]):
+    outdated = drawn_otherwise(folder, entry["patterns"])
+    finished = {p.name for p in patterns} <= set(entry["patterns"]) and _are_there(folder, entry["files"])
+    if outdated and not overwrite:
+        _keep_or_refuse(folder, outdated, finished)
+    if finished and not (outdated and overwrite):
         return folder
     images = f"{CAPTURED}/images" if scene.captured_rainy else CLEAN
     clean = write_views(scene.resized(long_side), folder, images)
@@ -82,27 +93,51 @@ def build(
     if scene.captured_rainy:
         write_captured(clean, folder)
     rains = sorted({*patterns, *map(parse_pattern, entry["patterns"])})  # those of an earlier call too
-    _write_rain(clean, folder, rains, entry, request)
+    _write_rain(clean, folder, rains, outdated, entry, request)
     names = [pattern.name for pattern in rains]
     keep_licence(scene, folder)
     write_card(folder, [CAPTURED] if scene.captured_rainy else names, clean.notes)
     facts = {"seed": seed, "long_side": long_side, "source": request.source, "views": len(clean.views)}
-    record_scene(out, scene.name, {**facts, "notes": list(clean.notes), "patterns": names})
+    made = {"generator": request.generator, "drawing_code": request.drawing_code}
+    record_scene(out, scene.name, {**facts, **made, "notes": list(clean.notes), "patterns": names})
     return folder
 
 
 def _write_rain(
-    clean: Scene, folder: Path, rains: Sequence[Pattern], entry: Mapping[str, Any], request: Request
+    clean: Scene,
+    folder: Path,
+    rains: Sequence[Pattern],
+    outdated: Collection[str],
+    entry: Mapping[str, Any],
+    request: BuildRequest,
 ) -> None:
-    """Write the variants that are not finished by what the manifest's entry says, and statistics that are not there."""
+    """Write the variants that are outdated or, as the manifest's entry says, not finished; and statistics."""
     files = {rain: [name for name in entry["files"] if name.startswith(f"{rain.name}/")] for rain in rains}
-    missing = [rain for rain in rains if rain.name not in entry["patterns"] or not _are_there(folder, files[rain])]
-    setting = survey(clean, request.seed, request.lens_renderer) if missing else None
+    finished = set(entry["patterns"]) - set(outdated)
+    missing = [rain for rain in rains if rain.name not in finished or not _are_there(folder, files[rain])]
+    statistics = survey(clean, request.seed, request.lens_renderer) if missing else None
     for rain in rains:
-        if setting is not None and rain in missing:
-            write_variant(clean, folder, rain, setting)
+        if statistics is not None and rain in missing:
+            write_variant(clean, folder, rain, statistics)
         else:
             write_statistics(folder, rain.name)
+
+
+def _keep_or_refuse(folder: Path, outdated: Sequence[str], finished: bool) -> None:
+    """A finished scene that other code drew is used as it is; nothing is added to it."""
+    if finished:
+        logger.warning("%s: %s drawn by another generator, kept; --overwrite builds anew", folder, _listed(outdated))
+        return
+    now = f"{VERSION} with drawing code {drawing_code()}"
+    raise InputError(
+        f"{folder}: {_listed(outdated)} drawn by another generator, and not all that is wanted is there",
+        expected=f"what {now} draws",
+        fix="add --overwrite to build it anew, choose another --out, or evaluate only on the rain that is there",
+    )
+
+
+def _listed(outdated: Sequence[str]) -> str:
+    return "this scene was" if CLEAN in outdated else f"{', '.join(outdated)} {'were' if outdated[1:] else 'was'}"
 
 
 def _are_there(folder: Path, files: Collection[str]) -> bool:

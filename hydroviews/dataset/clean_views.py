@@ -1,5 +1,6 @@
 """What all variants of a built scene share: views at their final size, masks, depth, cameras, points and split."""
 
+import logging
 import shutil
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -17,6 +18,8 @@ from hydroviews.scene.depth import depth_path, fitted_depth, write_depth
 from hydroviews.scene.images import write_png
 from hydroviews.scene.masks import MASKS, mask_name, write_ignored
 from hydroviews.scene.scenes import Scene, View
+
+logger = logging.getLogger(__name__)
 
 CLEAN = "clean"
 FEW_POINTS = 100  # of a capture whose poses may be wrong
@@ -70,7 +73,7 @@ def write_cameras(scene: Scene, folder: Path, capture: Scene, images: str) -> Sc
     if not len(scene.points):
         found = reliable(read_points(model)) if model.is_dir() else triangulate(capture, folder / ".triangulation")
         note = triangulated(len(found))
-        print(f"{scene.name}: {note}")
+        logger.info("%s: %s", scene.name, note)
         scene = replace(scene, points=found, notes=(*scene.notes, note))
     if not model.is_dir():
         write_colmap(scene, model)

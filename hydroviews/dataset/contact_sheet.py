@@ -16,6 +16,8 @@ from hydroviews.dataset.variants import is_captured
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.rain.compositing import COLOURS
+from hydroviews.rain.effects import find_effect, parse_pattern
 from hydroviews.rain.layers import read_layers
 from hydroviews.rain.streaks.measures import mean_angle
 from hydroviews.scene.images import Image, read_image, to_srgb, write_png
@@ -25,7 +27,6 @@ SHEETS = "sheets"
 WIDTH = 2000  # pixels of a sheet, at most
 COLUMNS = 4
 MOST_COLUMNS = 40  # more would leave no room for a picture
-PLANES = {"M": "M: cover by water", "V": "V: cover by mist", "S": "S: cover by streaks"}
 GAINS = (1, 2, 4, 8, 16)
 LIGHT = "RGB: light they add"
 
@@ -112,8 +113,9 @@ def _layer_rows(folder: Path, patterns: Sequence[str], name: str) -> list[Row]:
     for pattern in patterns:
         layers = read_layers(folder / pattern / "layers" / f"{name}.exr")
         tiles = [Tile(_picture(folder / pattern / "images", name), "rainy view")]
-        tiles += [_plane_tile(layers[plane], words) for plane, words in PLANES.items() if plane in layers]
-        if "R" in layers:
+        planes = find_effect(parse_pattern(pattern).effect).planes
+        tiles += [_plane_tile(layers[key], f"{key}: {plane.title}") for key, plane in planes.items() if plane.title]
+        if set(COLOURS) <= set(planes):
             tiles.append(Tile(to_srgb(np.stack([layers[c] for c in "RGB"], axis=-1)), LIGHT))
         rows.append(Row(pattern, read_json(folder / pattern / "pattern.json").get("grade", ""), tiles))
     return rows

@@ -52,16 +52,6 @@ def write_drop_masks(scene: Scene, built: Path, views: Sequence[View]) -> None:
         record_files(built.parent, built.name, written)
 
 
-def read_drops(built: Path, view: str) -> Drops | None:
-    """The drop mask of a view of a built scene, None where it has none.
-
-    Raises:
-        InputError: unreadable.
-    """
-    path = built / CAPTURED / BUILT / f"{view}.png"
-    return np.asarray(read_grey(path) > 127) if path.is_file() else None
-
-
 class _DropMasks:
     """The drop masks of a capture; `folder` is None where it has none."""
 

@@ -1,4 +1,4 @@
-"""The list of what a data set holds: a SHA-256 for every file, and what made it."""
+"""The list of what a data set holds: a SHA-256 for every file of every scene, and what drew it."""
 
 import hashlib
 import json
@@ -9,13 +9,11 @@ from typing import Any
 
 from tqdm import tqdm
 
-import hydroviews
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import locked, sha256, write_json
 from hydroviews.formats.capture_json import CAPTURED
 
 MANIFEST = "manifest.json"
-GENERATOR = f"hydroviews {hydroviews.__version__}"
 
 
 def read_manifest(data: Path) -> dict[str, Any]:
@@ -26,7 +24,7 @@ def read_manifest(data: Path) -> dict[str, Any]:
     """
     path = data / MANIFEST
     if not path.is_file():
-        return {"generator": GENERATOR, "scenes": {}}
+        return {"scenes": {}}
     fix = "delete it and build again: finished files are kept"
     try:
         manifest = json.loads(path.read_text())
@@ -51,7 +49,6 @@ def record_scene(data: Path, scene: str, facts: Mapping[str, Any]) -> None:
     for path in tqdm(finished, desc=f"{scene}: checksums", unit="file", leave=False):
         files[path.relative_to(folder).as_posix()] = sha256(path)
     with _changed(data) as manifest:
-        manifest["generator"] = GENERATOR
         manifest["scenes"][scene] = {**facts, "files": files}
 
 

@@ -10,13 +10,14 @@ from typing import Any
 
 from tqdm import tqdm
 
-from hydroviews.dataset.manifest import GENERATOR
+from hydroviews.dataset.drawing_code import VERSION, drawing_code
 from hydroviews.dataset.statistics import STATISTICS, write_statistics
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, remove_tree, replacing, write_json
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.writers import write_nerfstudio
-from hydroviews.rain import effects
+from hydroviews.rain.effect import Effect, PreparedRain, Rain, fall
+from hydroviews.rain.effects import find_effect
 from hydroviews.rain.layers import write_layers
 from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.scene_statistics import SceneStatistics
@@ -25,39 +26,44 @@ from hydroviews.scene.images import read_image, write_png
 from hydroviews.scene.masks import MASKS
 from hydroviews.scene.scenes import Scene, View
 
+LENS = ".lens"  # keeps what was prepared, beside the views
 SHARED = ("sparse", MASKS)  # of a scene: the same in all its variants
 FOCAL_STEP = 1.1  # factor between focal lengths that are told apart by water on the lens
-Optics = tuple[int, int, int] | None  # width, height and focal length that an effect is made ready for; None: any
+Optics = tuple[int, int, int] | None  # width, height and focal length that rain is prepared for; None: any
 
 
-def write_variant(scene: Scene, folder: Path, pattern: Pattern, setting: SceneStatistics) -> None:
+def write_variant(scene: Scene, folder: Path, pattern: Pattern, statistics: SceneStatistics) -> None:
     """Write the views of a scene in this rain, and their statistics.
 
-    What is there is kept if it was made with the same parameters.
+    What is there is kept if it was made with the same parameters by the same code.
     """
-    variant, drawn = folder / pattern.name, effects.draw(pattern, setting)
-    facts = {"effect": pattern.effect, "index": pattern.index, "grade": pattern.grade, "seed": setting.seed}
-    groups: dict[Optics, list[View]] = {}
-    for view in scene.views:
-        groups.setdefault(_optics(pattern, view.camera), []).append(view)
-    with tqdm(total=len(scene.views), desc=f"{scene.name}: {pattern.name}", unit="view") as bar:
-        for views in groups.values():  # one after another: what is made ready for a size may be large
-            camera = views[0].camera
-            lens = variant / ".lens" / f"{camera.width}x{camera.height}-{_focal(camera):.0f}px"
-            prepared = effects.prepare(pattern, drawn, setting, camera, lens)
-            _take_variant(variant, {**facts, "generator": GENERATOR, "parameters": prepared.parameters})
-            for view in views:
-                _write_rainy(view, variant, pattern.effect, prepared)
-                bar.update()
+    variant, effect = folder / pattern.name, find_effect(pattern.effect)
+    rain = effect.place(effect.draw(pattern, statistics), pattern, statistics)
+    facts = {"effect": pattern.effect, "index": pattern.index, "grade": pattern.grade, "seed": statistics.seed}
+    made = {"generator": VERSION, "drawing_code": drawing_code(effect)}
+    _take_variant(variant, {**facts, **made, "parameters": rain.parameters})
+    _write_views(scene, variant, effect, rain)
     link_shared(variant)
     write_nerfstudio(scene, variant / "transforms.json", "images")
     write_statistics(folder, pattern.name)
 
 
-def _optics(pattern: Pattern, camera: Camera) -> Optics:
-    """Water on the lens is made ready for every size and focal length of a capture; other rain once for all."""
-    if pattern.effect != "raindrop":
-        return None
+def _write_views(scene: Scene, variant: Path, effect: Effect, rain: Rain) -> None:
+    """Write the views, those of one size and focal length after those of another: what is prepared may be large."""
+    groups: dict[Optics, list[View]] = {}
+    for view in scene.views:
+        groups.setdefault(_optics(view.camera) if effect.needs_optics else None, []).append(view)
+    with tqdm(total=len(scene.views), desc=f"{scene.name}: {variant.name}", unit="view") as bar:
+        for views in groups.values():
+            camera = views[0].camera
+            lens = variant / LENS / f"{camera.width}x{camera.height}-{_focal(camera):.0f}px"
+            prepared = rain.prepare(camera, lens)
+            for view in views:
+                _write_rainy(view, variant, effect, rain, prepared)
+                bar.update()
+
+
+def _optics(camera: Camera) -> Optics:
     return camera.width, camera.height, round(math.log(_focal(camera)) / math.log(FOCAL_STEP))
 
 
@@ -74,7 +80,7 @@ def _take_variant(variant: Path, facts: Mapping[str, Any]) -> None:
         earlier = None
     if _same(earlier, json.loads(json.dumps(facts))):
         return
-    for name in ("images", "layers"):
+    for name in ("images", "layers", LENS):
         remove_tree(variant / name)
     (variant / STATISTICS).unlink(missing_ok=True)
     write_json(path, facts)
@@ -91,14 +97,14 @@ def _same(one: Any, other: Any) -> bool:
     return bool(one == other)
 
 
-def _write_rainy(view: View, variant: Path, effect: str, prepared: effects.Effect) -> None:
+def _write_rainy(view: View, variant: Path, effect: Effect, rain: Rain, prepared: PreparedRain) -> None:
     image, layer = variant / "images" / f"{view.name}.png", variant / "layers" / f"{view.name}.exr"
     if image.is_file() and layer.is_file():
         return
     clean = read_image(view.path)
-    layers = effects.rain_on(prepared, clean, view)
+    layers = fall(prepared, clean, view)
     write_layers(layer, layers)
-    write_png(image, effects.composite(effect, prepared.parameters, clean, layers))
+    write_png(image, effect.composite(rain.parameters, clean, layers))
 
 
 def write_captured(scene: Scene, folder: Path) -> None:
@@ -107,7 +113,7 @@ def write_captured(scene: Scene, folder: Path) -> None:
     link_shared(variant)
     write_nerfstudio(scene, variant / "transforms.json", "images")
     effect, _, index = CAPTURED.rpartition("-")
-    write_json(variant / "pattern.json", {"effect": effect, "index": int(index), "generator": GENERATOR})
+    write_json(variant / "pattern.json", {"effect": effect, "index": int(index), "generator": VERSION})
 
 
 def link_shared(variant: Path) -> None:

@@ -2,15 +2,19 @@
 
 import hashlib
 import json
+from collections.abc import Collection
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 
-from hydroviews.dataset.manifest import GENERATOR, forget_scene
+from hydroviews.dataset.clean_views import CLEAN
+from hydroviews.dataset.drawing_code import VERSION, drawing_code
+from hydroviews.dataset.manifest import forget_scene
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import sha256
+from hydroviews.files.atomic import read_json, sha256
 from hydroviews.files.settings_guard import claim_folder
+from hydroviews.rain.effects import find_effect, parse_pattern
 from hydroviews.rain.scene_statistics import LensRenderer
 from hydroviews.scene.depth import depth_path
 from hydroviews.scene.scenes import Scene
@@ -20,7 +24,7 @@ GLIMPSE = 65536  # bytes
 
 
 @dataclass(frozen=True)
-class Request:
+class BuildRequest:
     """What fixes the pixels of a built scene, beside the patterns."""
 
     source: str  # the name or folder it was built from, for people
@@ -28,16 +32,22 @@ class Request:
     long_side: int | None
     seed: int
     lens_renderer: LensRenderer  # of water on the lens
-    generator: str = GENERATOR
+    generator: str  # version of the package that draws, for people
+    drawing_code: str  # digest of the sources that draw
 
 
-def make_request(scene: Scene, source: str, long_side: int | None, seed: int, lens_renderer: LensRenderer) -> Request:
+def make_request(
+    scene: Scene, source: str, long_side: int | None, seed: int, lens_renderer: LensRenderer
+) -> BuildRequest:
     """The request for a capture at its own size."""
-    return Request(source or scene.name, _fingerprint(scene), long_side, seed, lens_renderer)
+    capture = _fingerprint(scene)
+    return BuildRequest(source or scene.name, capture, long_side, seed, lens_renderer, VERSION, drawing_code())
 
 
-def take_folder(out: Path, folder: Path, request: Request, overwrite: bool) -> None:
+def take_folder(out: Path, folder: Path, request: BuildRequest, overwrite: bool) -> None:
     """Take the folder for this request; what another request left there is refused, or dropped to overwrite it.
+
+    What other code drew of the same request is dropped to overwrite it, and else left to `drawn_otherwise`.
 
     Raises:
         InputError: another request's scene is there, or files that no build wrote.
@@ -48,10 +58,35 @@ def take_folder(out: Path, folder: Path, request: Request, overwrite: bool) -> N
         taken="this scene was built from another request",
         foreign="holds files that no build wrote",
         fix="choose another --out, or add --overwrite to build it anew",
-        ignored=("source",),
+        ignored=("source", "generator") if overwrite else ("source", "generator", "drawing_code"),
         overwrite=overwrite,
         forget=lambda: forget_scene(out, folder.name),
     )
+
+
+def drawn_otherwise(folder: Path, patterns: Collection[str]) -> list[str]:
+    """What of a built scene was drawn by other code than today's: the names of variants, or `clean` for all of it.
+
+    Args:
+        folder: of the built scene.
+        patterns: names of its variants; one that has lost its `pattern.json` is passed over.
+
+    Raises:
+        InputError: an effect of one's own that is no more.
+    """
+    if _recorded_code(folder / "request.json") != drawing_code():
+        return [CLEAN]
+    kept = [name for name in patterns if (folder / name / "pattern.json").is_file()]
+    return [
+        name
+        for name in kept
+        if _recorded_code(folder / name / "pattern.json") != drawing_code(find_effect(parse_pattern(name).effect))
+    ]
+
+
+def _recorded_code(path: Path) -> str | None:
+    facts = read_json(path)
+    return facts.get("drawing_code") if isinstance(facts, dict) else None
 
 
 def refuse_own_capture(scene: Scene, folder: Path) -> None:
@@ -78,8 +113,8 @@ def _fingerprint(scene: Scene) -> str:
         digest.update(json.dumps(facts).encode() + _glimpse(view.path))
         digest.update(_glimpse(view.mask) if view.mask else b"")
         digest.update(_glimpse(depth_path(view)))
-    told = [scene.captured_rainy, scene.metres_per_unit, scene.clean_error, scene.drops_cost]
-    digest.update(json.dumps(told).encode())
+    said = [scene.captured_rainy, scene.metres_per_unit, scene.clean_error, scene.drops_cost]
+    digest.update(json.dumps(said).encode())
     return digest.hexdigest()[:16]
 
 

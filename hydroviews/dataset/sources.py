@@ -1,5 +1,6 @@
 """Captures by name or folder, built at a profile's size."""
 
+import logging
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,10 +17,12 @@ from hydroviews.files.settings_guard import remove_leftovers
 from hydroviews.formats import read_scene
 from hydroviews.formats.photographs import FOLDERS, photographs_below
 from hydroviews.profiles import Profile
-from hydroviews.rain.patterns import choose_patterns
+from hydroviews.rain.effects import choose_patterns
 from hydroviews.rain.scene_statistics import LensRenderer
 from hydroviews.scene.images import image_size
 from hydroviews.scene.scenes import Scene
+
+logger = logging.getLogger(__name__)
 
 RENDERED = "captures"  # embedded scenes as rendered, beside the built ones
 
@@ -45,7 +48,7 @@ def find_capture(source: str, rendered: Path, views: int, long_side: int, captur
             remove_leftovers(folder)
             render_embedded(source, folder, views, width, height, seed=0)
         if Path(source).is_dir():
-            print(f"{source}: the embedded scene; the folder of that name here is ./{source}")
+            logger.info("%s: the embedded scene; the folder of that name here is ./%s", source, source)
         return read_embedded(source, folder)
     root = captures_root(captures)
     published = find_captures(source)
@@ -128,7 +131,7 @@ def build_source(
         long_side: pixels, instead of the profile's.
         seed: of the rain; a scene that is already there keeps its own if None.
         lens_renderer: "disk", "aperture" or "traced"; a scene that is already there keeps its own.
-        overwrite: drop a scene that was built from another request.
+        overwrite: drop what was built from another request or drawn by other code.
         captures: the folder with published captures.
 
     Returns:
@@ -138,7 +141,7 @@ def build_source(
     named = choose_patterns(patterns, ())  # a wrong name is told before anything is rendered
     scene = find_capture(source, out / RENDERED, profile.embedded_views, long_side, captures)
     for note in scene.notes:
-        print(f"{scene.name}: {note}")
+        logger.info("%s: %s", scene.name, note)
     default = profile.patterns if all_patterns and not scene.captured_rainy else ()
     with locked(out / scene.name, BUSY):
         remove_leftovers(out / MANIFEST)

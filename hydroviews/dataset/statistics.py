@@ -29,16 +29,14 @@ from tqdm import tqdm
 
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, replacing
+from hydroviews.rain.effects import find_effect
 from hydroviews.rain.layers import read_layers
-from hydroviews.rain.streaks.effect import StreakPattern
-from hydroviews.rain.streaks.measures import mean_angle, seed_density, streak_angle
+from hydroviews.rain.streaks.measures import mean_angle, streak_angle
 from hydroviews.scene.images import list_images, read_image, to_linear, to_uint8
 
 STATISTICS = "statistics.csv"
 LINEAR = to_linear(np.arange(256, dtype=np.float32) / 255)  # of every 8-bit value
 DECIMALS = 5
-PLANES = {"water": "M", "mist": "V", "streaks": "S"}
-FALLING = {"streak": "S", "storm": "M"}  # the plane that shows an effect's streaks
 
 
 @dataclass(frozen=True)
@@ -98,7 +96,11 @@ def _measure_files(folder: Path, variant: Path, image: Path, facts: Mapping[str,
     rainy = to_uint8(read_image(image))
     if clean.shape != rainy.shape:
         raise InputError(f"{image}: another size than its clean view", found=rainy.shape, expected=clean.shape)
-    layers = read_layers(variant / "layers" / f"{image.stem}.exr")
+    layer = variant / "layers" / f"{image.stem}.exr"
+    layers = read_layers(layer)
+    absent = set(find_effect(facts["effect"]).planes) - set(layers)
+    if absent:
+        raise InputError(f"{layer}: no plane {', '.join(sorted(absent))}", found=", ".join(layers), fix=ANEW)
     return measure_view(image.stem, clean, rainy, layers, facts)
 
 
@@ -120,24 +122,19 @@ def measure_view(
     """
     squared = cv2.norm(rainy, clean, cv2.NORM_L2SQR) / (clean.size * 255**2)
     gained = np.maximum(cv2.LUT(rainy, LINEAR) - cv2.LUT(clean, LINEAR), 0)
-    falling = layers.get(FALLING.get(facts["effect"], ""))
-    density = None
-    if facts["effect"] == "streak" and falling is not None:
-        density = seed_density(falling, _streak_pattern(facts["parameters"]))
+    effect = find_effect(facts["effect"])
+    shares = {plane.share: float(layers[key].mean()) for key, plane in effect.planes.items() if plane.share}
     return ViewStatistics(
         view=name,
-        **{column: float(layers[plane].mean()) if plane in layers else None for column, plane in PLANES.items()},
+        water=shares.get("water"),
+        mist=shares.get("mist"),
+        streaks=shares.get("streaks"),
         brightness_change=float(rainy.mean() - clean.mean()) / 255,
         added_light=float(gained.mean()),
         psnr=-10 * float(np.log10(squared)) if squared else float("inf"),
-        angle=None if falling is None else streak_angle(falling),
-        seed_density=density,
+        angle=None if effect.falling is None else streak_angle(layers[effect.falling]),
+        seed_density=effect.seed_density(facts["parameters"], layers),
     )
-
-
-def _streak_pattern(parameters: Mapping[str, Any]) -> StreakPattern:
-    names = {field.name for field in fields(StreakPattern)}
-    return StreakPattern(**{name: value for name, value in parameters.items() if name in names})
 
 
 def read_statistics(path: Path) -> pd.DataFrame:

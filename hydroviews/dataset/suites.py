@@ -1,16 +1,20 @@
 """Many scenes in one call: which captures, which effects on each, and what became of them."""
 
+import logging
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hydroviews.captures import catalogue
 from hydroviews.dataset.sources import build_source
 from hydroviews.errors import InputError
 from hydroviews.profiles import Profile
-from hydroviews.rain.patterns import EFFECTS, choose_patterns
+from hydroviews.rain.effects import choose_patterns, find_effect
 
-FOLDER = Path(__file__).parent / "catalogue" / "suites"
+logger = logging.getLogger(__name__)
+
+FOLDER = Path(catalogue.__file__).parent / "suites"
 KEYS = {"title", "patterns", "scenes"}
 EXAMPLE = '[scenes] with lines such as "mipnerf360/garden" = ["raindrop", "streak"], and perhaps patterns = [0, 1, 2]'
 
@@ -62,10 +66,13 @@ def _scenes(path: Path, content: dict[str, Any]) -> dict[str, tuple[str, ...]]:
     if set(content) - KEYS or not isinstance(content.get("scenes"), dict) or not content["scenes"]:
         raise InputError(f"{path}: not a suite", found=", ".join(content) or "nothing", expected=EXAMPLE)
     for scene, effects in content["scenes"].items():
-        if not isinstance(effects, list) or any(effect not in EFFECTS for effect in effects):
-            raise InputError(
-                f"{path}: effects of {scene}", found=effects, expected=f"a list of {', '.join(EFFECTS)}; [] for none"
-            )
+        if not (isinstance(effects, list) and all(isinstance(effect, str) for effect in effects)):
+            raise InputError(f"{path}: effects of {scene}", found=effects, expected=f"a list; {EXAMPLE}")
+        for effect in effects:
+            try:
+                find_effect(effect)
+            except InputError as error:
+                raise InputError(f"{path}: effects of {scene}", found=error) from None
     return {scene: tuple(effects) for scene, effects in content["scenes"].items()}
 
 
@@ -94,11 +101,11 @@ def build_suite(
     failures = {}
     numbers = profile.patterns if suite.patterns is None else suite.patterns
     for i, (scene, effects) in enumerate(suite.scenes.items(), start=1):
-        print(f"[{i}/{len(suite.scenes)}] {scene}", flush=True)
+        logger.info("[%d/%d] %s", i, len(suite.scenes), scene)
         patterns = [pattern.name for pattern in choose_patterns((), numbers, effects)]
         try:
             build_source(scene, out, profile, patterns=patterns, captures=captures, seed=seed, overwrite=overwrite)
         except InputError as error:
-            print(f"  not built: {str(error).splitlines()[0]}", flush=True)
+            logger.info("  not built: %s", str(error).splitlines()[0])
             failures[scene] = error
     return failures

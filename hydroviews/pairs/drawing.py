@@ -11,22 +11,24 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from hydroviews.pairs.photographs import LONG_SIDES, Bytes, Frame, frames
-from hydroviews.rain import effects, light, severity
+from hydroviews.rain import light
+from hydroviews.rain.compositing import add_water
 from hydroviews.rain.lens import pattern as drops_pattern
 from hydroviews.rain.lens.bake import bake_matte, moment_of
 from hydroviews.rain.lens.mist import mist_veil
 from hydroviews.rain.lens.path_matte import PathMatte
 from hydroviews.rain.lens.pattern import RaindropPattern
+from hydroviews.rain.lens.severity import THICKEST_MIST
 from hydroviews.rain.scene_statistics import AIR, TINT
-from hydroviews.rain.seeds import generator
-from hydroviews.rain.streaks import effect as streaks
+from hydroviews.rain.streaks import recipe as streaks
+from hydroviews.rain.streaks.severity import BRIGHTEST, FEWEST, MOST
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image, to_linear, to_srgb
+from hydroviews.scene.seeds import generator
 
 FOCAL = 1.2  # focal length of a photograph in long sides: what a normal lens has
 LENSES = 10  # wet lenses baked for a frame; mist, photograph, flips and crops are new in every pair
 KINDS = {"streak": 0.35, "raindrop": 0.5, "both": 0.05, "clean": 0.1}  # shares of the pairs
-FEWEST = 20.0  # noise level n of the thinnest rain; the grades of bright, smooth scenes go as low
 BRIGHTER = 0.4  # share of the streaks brighter than the recipe's 0.8, as heavy grades have them
 DIMMEST = 0.35  # the darkest exposure that photographs are given, in linear light
 CAST = 0.1  # by how much the channels' exposures differ, at most
@@ -121,9 +123,9 @@ def draw_rain(photograph: Bytes, kind: str, lenses: Sequence[WetLens], rng: np.r
 def draw_streaks(rng: np.random.Generator) -> streaks.StreakPattern:
     """Streaks of any grade: the paper's lengths, angles and widths, n and brightness from all that grades set."""
     drawn = streaks.draw_pattern(rng)
-    n = float(rng.uniform(FEWEST, severity.MOST))
+    n = float(rng.uniform(FEWEST, MOST))
     brighter = rng.uniform() < BRIGHTER
-    brightness = float(rng.uniform(drawn.brightness, severity.BRIGHTEST)) if brighter else drawn.brightness
+    brightness = float(rng.uniform(drawn.brightness, BRIGHTEST)) if brighter else drawn.brightness
     return replace(drawn, n=n, brightness=brightness)
 
 
@@ -142,7 +144,7 @@ def draw_exposure(rng: np.random.Generator) -> NDArray[np.float32]:
 
 def draw_level(rng: np.random.Generator) -> float:
     """How thick mist is at most, sometimes none."""
-    return 0.0 if rng.uniform() < NO_MIST else severity.THICKEST_MIST * float(rng.uniform()) ** 2
+    return 0.0 if rng.uniform() < NO_MIST else THICKEST_MIST * float(rng.uniform()) ** 2
 
 
 def wet_lens(
@@ -156,7 +158,7 @@ def wet_lens(
     veil = mist_veil(pattern, width, height, moment_of(pattern, lens.frame))
     radiance = lens.matte.apply(light.expand_highlights(linear)) + ((1 - mask) * veil)[..., None] * air
     layers = {"M": mask, "V": veil, **{channel: radiance[..., i] for i, channel in enumerate("RGB")}}
-    rainy = effects.composite("raindrop", {}, photograph.astype(np.float32) / 255, layers)
+    rainy = add_water(photograph.astype(np.float32) / 255, layers)
     return rainy, mask, with_light(veil, air)
 
 

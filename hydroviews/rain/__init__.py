@@ -1,1 +1,17 @@
-"""Rain: what is drawn, what it adds to a view, and the rainy view that results."""
+"""Rain: which kinds there are, what one draws on a scene, and the rainy view that results.
+
+    effect.py            what an effect is: the contract that every kind of rain meets
+    effects.py           which effects there are, found by name; patterns by name
+    patterns.py          a pattern: one rain of an effect, by its number
+    scene_statistics.py  what a pattern may know about the scene it rains on
+    severity.py          how hard a rain should be for plain 3DGS
+    compositing.py       the planes of a layer file, and the equation of water and light
+    layers.py            layer files
+    light.py             clipped lamps, the light of the air, the light that drops gather
+    seeds.py             random generators named by what they draw
+    lens/                drops and mist on the lens       (`raindrop`)
+    streaks/             the paper's recipe of streaks    (`streak`)
+    storm/               drops in space, seen by all views (`storm`)
+
+Each of the last three folders has its effect in `effect.py`; nothing outside knows an effect by name.
+"""

@@ -1,100 +1,73 @@
-"""Rain on one view: the layers that are added, and the picture that results.
+"""Which effects there are, found by name, and the patterns of them that a user names."""
 
-The same function that builds a rainy view re-derives it from what is on disk, so layers are rounded to the
-half floats of their files before they are used.
-"""
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from functools import cache
+from importlib.metadata import entry_points
 
-from collections.abc import Mapping
-from dataclasses import asdict, replace
-from pathlib import Path
-from typing import Any, Protocol
-
-import numpy as np
-from numpy.typing import NDArray
-
-from hydroviews.rain import severity
-from hydroviews.rain.lens import effect as raindrops
-from hydroviews.rain.lens import pattern as drops_pattern
+from hydroviews.errors import InputError
+from hydroviews.rain.effect import Effect
 from hydroviews.rain.patterns import Pattern
-from hydroviews.rain.scene_statistics import SceneStatistics
-from hydroviews.rain.seeds import generator
-from hydroviews.rain.storm import effect as storm
-from hydroviews.rain.streaks import effect as streaks
-from hydroviews.scene.cameras import Camera
-from hydroviews.scene.images import Image, to_linear, to_srgb
-from hydroviews.scene.scenes import View
 
-Layers = dict[str, NDArray[np.float32]]  # planes [H, W] by channel name
+GROUP = "hydroviews.effects"  # entry points: subclasses of Effect
+DEFAULT_EFFECTS = ("raindrop", "streak")  # the paper's
 
 
-class Effect(Protocol):
-    """A pattern ready to rain on the views of one scene."""
-
-    parameters: dict[str, Any]  # everything drawn, as JSON
-
-    def layers(self, clean: Image, view: View) -> Layers:
-        """What falls on this view."""
-        ...
+@cache
+def registered_effects() -> dict[str, str]:
+    """`package.module:Class` of every registered effect, by its name."""
+    return {point.name: point.value for point in sorted(entry_points(group=GROUP), key=lambda point: point.name)}
 
 
-def draw(pattern: Pattern, setting: SceneStatistics) -> Any:
-    """The parameters of a pattern, from its seed, as hard on this scene as its grade says."""
-    rng = generator(setting.seed, setting.scene, pattern.effect, pattern.index)
-    if pattern.effect == "streak":
-        return severity.grade_streaks(streaks.draw_pattern(rng, pattern.level), pattern.grade, setting)
-    if pattern.effect == "storm":
-        return storm.draw_pattern(rng, pattern.level)
-    lens = replace(drops_pattern.draw_pattern(rng, pattern.level), lens_renderer=setting.lens_renderer)
-    return severity.grade_raindrops(lens, pattern.grade, setting)
+def find_effect(name: str) -> Effect:
+    """The effect of a registered name, or of `package.module:Class`.
 
+    Names of effects are parts of folders' names, so `package.module.Class` is the same as with a colon.
 
-def prepare(pattern: Pattern, drawn: Any, setting: SceneStatistics, camera: Camera, folder: Path) -> Effect:
-    """Make ready for views of this size and these intrinsics; what Blender bakes for them is kept in `folder`."""
-    if pattern.effect == "streak":
-        return Streaks(drawn, setting, pattern)
-    if pattern.effect == "storm":
-        return storm.Storm(drawn, setting)
-    return raindrops.Raindrops(drawn, setting, camera, folder)
-
-
-class Streaks:
-    """Fresh streaks for every view; parameters and angle shared."""
-
-    def __init__(self, drawn: streaks.StreakPattern, setting: SceneStatistics, pattern: Pattern) -> None:
-        self.parameters = asdict(drawn)
-        self._drawn, self._seed = drawn, setting.seed
-        self._labels = (setting.scene, pattern.effect, pattern.index)
-
-    def layers(self, clean: Image, view: View) -> Layers:
-        """Channel S: cover of the view by streaks."""
-        height, width = clean.shape[:2]
-        rng = generator(self._seed, *self._labels, view.name)
-        return {"S": streaks.streak_layer(self._drawn, width, height, rng)}
-
-
-def rain_on(effect: Effect, clean: Image, view: View) -> Layers:
-    """The layers of a view as their file holds them, rounded to half floats."""
-    layers = effect.layers(clean, view)
-    return {name: plane.astype(np.float16).astype(np.float32) for name, plane in layers.items()}
-
-
-def composite(effect: str, parameters: Mapping[str, Any], clean: Image, layers: Layers) -> Image:
-    """The rainy view.
-
-    Streaks follow the paper's recipe in encoded values, B (1 - S) + beta S. Water on the lens and rain in space
-    dim and add linear light, B (1 - M) (1 - V) + D: the paper's Eq. 2 with the cover 1 - (1 - M) (1 - V).
-
-    Args:
-        effect: "streak", "raindrop" or "storm".
-        parameters: of the pattern.
-        clean: B [H, W, 3], sRGB-encoded, [0, 1].
-        layers: of this view.
-
-    Returns:
-        [H, W, 3], sRGB-encoded, [0, 1].
+    Raises:
+        InputError: no such effect.
     """
-    if effect == "streak":
-        return streaks.composite(clean, layers["S"], parameters["brightness"])
-    added = np.stack([layers[c] for c in "RGB"], axis=-1)
-    passing = (1 - layers["M"]) * (1 - layers["V"])
-    return to_srgb(to_linear(clean) * passing[..., None] + added)
+    target = registered_effects().get(name) or ":".join(name.replace(":", ".").rsplit(".", 1))
+    module, _, member = target.partition(":")
+    if not (module and member) or module.startswith("."):
+        raise InputError(f"{name}: no such effect", expected=_known())
+    try:
+        if os.getcwd() not in sys.path:  # one's own effect, however the command was started
+            sys.path.append(os.getcwd())
+        found = getattr(importlib.import_module(module), member)
+    except Exception as error:  # whatever stands in a user's module
+        raise InputError(f"{name}: cannot import {target}", found=f"{type(error).__name__}: {error}") from error
+    if not (isinstance(found, type) and issubclass(found, Effect)):
+        raise InputError(f"{name}: not an effect", found=found, expected="a subclass of hydroviews.rain.effect.Effect")
+    return found()
+
+
+def parse_pattern(name: str) -> Pattern:
+    """The pattern of that name, such as raindrop-0 or package.module:Class-0.
+
+    Raises:
+        InputError: not an effect and a number.
+    """
+    effect, _, index = name.replace(":", ".").rpartition("-")
+    if not index.isdecimal() or not (effect in registered_effects() or "." in effect):
+        raise InputError(
+            f"PATTERNS={name}: no such rain pattern",
+            expected=f"an effect and a number, such as raindrop-0 or streak-2; effects are {_known()}",
+        )
+    find_effect(effect)  # raises what is wrong with one's own
+    return Pattern(effect, int(index))
+
+
+def choose_patterns(
+    names: Sequence[str], indices: Sequence[int], effects: Sequence[str] = DEFAULT_EFFECTS
+) -> list[Pattern]:
+    """The named patterns, or those of the given numbers of every effect where none is named."""
+    if names:
+        return [parse_pattern(name) for name in dict.fromkeys(names)]
+    return [parse_pattern(f"{effect}-{index}") for effect in effects for index in indices]
+
+
+def _known() -> str:
+    return f"{', '.join(registered_effects())}, or package.module:Class for your own"

@@ -1,12 +1,12 @@
 """A pattern is one rain: its effect, its number and the seed fix everything that is drawn."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hydroviews.errors import InputError
+import numpy as np
 
-EFFECTS = ("raindrop", "streak", "storm")
-DEFAULT_EFFECTS = ("raindrop", "streak")  # the paper's
+from hydroviews.rain.scene_statistics import SceneStatistics
+from hydroviews.scene.seeds import generator
+
 GRADES = ("light", "medium", "heavy")
 
 
@@ -14,7 +14,7 @@ GRADES = ("light", "medium", "heavy")
 class Pattern:
     """One of several rains of an effect; its name is also its folder's."""
 
-    effect: str
+    effect: str  # its name, see `effects.find_effect`
     index: int
 
     @property
@@ -33,25 +33,6 @@ class Pattern:
         return self.index % len(GRADES)
 
 
-def parse_pattern(name: str) -> Pattern:
-    """The pattern of that name.
-
-    Raises:
-        InputError: not an effect and a number.
-    """
-    effect, _, index = name.rpartition("-")
-    if effect not in EFFECTS or not index.isdecimal():
-        raise InputError(
-            f"PATTERNS={name}: no such rain pattern",
-            expected=f"an effect ({', '.join(EFFECTS)}) and a number, such as raindrop-0 or streak-2",
-        )
-    return Pattern(effect, int(index))
-
-
-def choose_patterns(
-    names: Sequence[str], indices: Sequence[int], effects: Sequence[str] = DEFAULT_EFFECTS
-) -> list[Pattern]:
-    """The named patterns, or those of the given numbers of every effect where none is named."""
-    if names:
-        return [parse_pattern(name) for name in dict.fromkeys(names)]
-    return [Pattern(effect, index) for effect in effects for index in indices]
+def pattern_generator(pattern: Pattern, statistics: SceneStatistics, *labels: str | int) -> np.random.Generator:
+    """The random generator of a pattern on a scene, or of what further labels name of it, such as a view."""
+    return generator(statistics.seed, statistics.scene, pattern.effect, pattern.index, *labels)

@@ -68,7 +68,7 @@ def survey(scene: Scene, seed: int, lens_renderer: LensRenderer = "disk") -> Sce
         seed=seed,
         views=scene.views,
         points=scene.points,
-        mean_inverse_visibility=_rarity(scene),
+        mean_inverse_visibility=_mean_inverse_visibility(scene),
         samples=tuple(samples),
         detail=float(np.mean(details)),
         light=_light(samples),
@@ -79,7 +79,7 @@ def survey(scene: Scene, seed: int, lens_renderer: LensRenderer = "disk") -> Sce
     )
 
 
-def _rarity(scene: Scene) -> float:
+def _mean_inverse_visibility(scene: Scene) -> float:
     """Points are hidden where a depth map says so; without points every view is taken to see everything."""
     positions = scene.points.positions[:: -(-len(scene.points) // SAMPLED_POINTS) or 1]
     seen = np.zeros(len(positions), np.int64)

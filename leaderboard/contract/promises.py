@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from baselines.method import Method, TrainingSummary
 from hydroviews.errors import InputError
 from hydroviews.profiles import PROFILES
-from hydroviews.rain.seeds import generator
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image, write_png
 from hydroviews.scene.masks import write_ignored
 from hydroviews.scene.scenes import View
+from hydroviews.scene.seeds import generator
 from leaderboard.contract.case import (
     ODD_SIZE,
     Case,

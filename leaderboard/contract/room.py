@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.rendering.camera_paths import look_at
-from hydroviews.rain.seeds import generator
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image, write_png
 from hydroviews.scene.scenes import Points, Scene, View, make_scene
+from hydroviews.scene.seeds import generator
 
 WALLS = np.array([1.6, 1.0, 1.3])  # from the room's middle to its walls, y down
 N_VIEWS, WIDTH, HEIGHT, FOCAL = 9, 48, 36, 40.0

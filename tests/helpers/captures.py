@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from hydroviews.formats import read_scene
-from hydroviews.rain.seeds import generator
-from hydroviews.rain.streaks.effect import StreakPattern, composite, streak_layer
+from hydroviews.rain.streaks.recipe import StreakPattern, composite, streak_layer
 from hydroviews.scene.images import Image, read_image, resize_area
+from hydroviews.scene.seeds import generator
 
 RAIN = StreakPattern(n=40, length=30, angle=85.0, width=3)
 WALK = (0, 4, 8, 12, 16, 20, 24, 28, 32)  # views of the flower, each sharing most with the next

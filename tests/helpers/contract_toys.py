@@ -12,10 +12,10 @@ import numpy as np
 from baselines.method import Method, TrainingSummary
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, write_json
-from hydroviews.rain.seeds import generator
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image, read_image
 from hydroviews.scene.scenes import Scene, View
+from hydroviews.scene.seeds import generator
 
 PAUSE = 0.003  # seconds a step, at least
 

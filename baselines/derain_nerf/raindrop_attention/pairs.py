@@ -18,8 +18,8 @@ from hydroviews.pairs.drawing import Pair, Pool, WetLens, bake_lens, bake_pool, 
 from hydroviews.pairs.drawn import DrawnRain
 from hydroviews.pairs.photographs import Bytes, Frame, frames
 from hydroviews.rain.lens.path_matte import dry
-from hydroviews.rain.seeds import generator
 from hydroviews.scene.images import Image
+from hydroviews.scene.seeds import generator
 
 KINDS = {"raindrop": 0.95, "clean": 0.05}  # shares of the pairs
 DROPS = 1  # the channel of a pair's cover that is theirs

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from baselines.splatting.gaussians import Gaussians, concatenate
 from baselines.splatting.kernels.jit import kernel
-from baselines.splatting.schedule import SPLITTING, random_stream
+from baselines.splatting.schedule import Stream, random_stream
 from baselines.splatting.state import TrainingState
 from baselines.splatting.strategies.base import StepOptions, refinement_due
 
@@ -51,7 +51,7 @@ class DefaultStrategy:
         """See Strategy: add and remove, reset opacities, or both."""
         iteration = state.iteration - 1
         if grow_due(self, iteration):
-            state = grow(state, self, extent, random_stream(seed, SPLITTING, iteration))
+            state = grow(state, self, extent, random_stream(seed, Stream.SPLITTING, iteration))
         return reset_opacity(state, self) if reset_due(self, iteration) else state
 
 

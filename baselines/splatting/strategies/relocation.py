@@ -17,7 +17,7 @@ from scipy.special import comb
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.geometry import exp64, rotation, sigmoid, unit_quaternion
 from baselines.splatting.kernels.jit import exact_kernel
-from baselines.splatting.schedule import NOISE, RELOCATION, random_stream
+from baselines.splatting.schedule import Stream, random_stream
 from baselines.splatting.state import TrainingState, opacities
 from baselines.splatting.strategies.base import StepOptions, refinement_due
 from baselines.splatting.strategies.densification import offsets
@@ -52,7 +52,7 @@ class MCMCStrategy:
             opacity_penalty=self.opacity_penalty,
             scale_penalty=self.scale_penalty / unit,
             noise=self.noise * means_lr / unit**2,
-            generator=random_stream(seed, NOISE, iteration),
+            generator=random_stream(seed, Stream.NOISE, iteration),
         )
 
     def due(self, iteration: int) -> bool:
@@ -61,7 +61,7 @@ class MCMCStrategy:
 
     def refine(self, state: TrainingState, extent: float, seed: int) -> TrainingState:
         """See Strategy: keep to the budget, move the dead, then grow."""
-        generator = random_stream(seed, RELOCATION, state.iteration - 1)
+        generator = random_stream(seed, Stream.RELOCATION, state.iteration - 1)
         return grow(relocate(limit(state, self.budget), self, generator), self, generator)
 
 

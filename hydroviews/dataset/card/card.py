@@ -89,7 +89,7 @@ def _about(folder: Path, request: Mapping[str, Any], facts: Mapping[str, Any], n
     size = f"{sizes[0][0]}x{sizes[0][1]}" if len(sizes) == 1 else f"{len(sizes)} sizes, {sizes[0]} to {sizes[-1]}"
     rains = ", ".join(facts) or "none yet"
     rows = [
-        ("capture", _spoken(request["source"])),
+        ("capture", _display_name(request["source"])),
         ("views", f"{len(split['train']) + len(split['test'])} of {size} pixels"),
         ("split", f"{len(split['train'])} to train on, {len(split['test'])} held out"),
         ("tracks", f"given-poses; sparse-views, with {len(split.get('sparse', []))} of the training views"),
@@ -142,7 +142,7 @@ def _losses(folder: Path) -> str:
 
 def _origin(folder: Path, request: Mapping[str, Any], patterns: Sequence[str]) -> str:
     source, size = request["source"], request["long_side"]
-    path = f"path/to/{_spoken(source)}" if _spoken(source) != source else source
+    path = f"path/to/{_display_name(source)}" if _display_name(source) != source else source
     command = ["python -m hydroviews build", f"--scene {path}", *_profile(folder)]
     command += [f"--long-side {size}"] if size else []
     command += [f"--lens-renderer {request['lens_renderer']}"] if request["lens_renderer"] != "disk" else []
@@ -165,7 +165,7 @@ def _profile(folder: Path) -> list[str]:
     return [f"--profile {fitting[0]}"] if source in EMBEDDED and fitting else []
 
 
-def _spoken(source: str) -> str:
+def _display_name(source: str) -> str:
     """A folder's name without the path to it, which is another on every machine."""
     return Path(source).name if Path(source).is_absolute() or source.startswith(".") else source
 

@@ -3,43 +3,22 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from hydroviews.errors import InputError
 from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.rain.effects import find_effect
 
-WORDS = {  # by effect: parameter and how it is said
-    "raindrop": {
-        "coverage": "large drops over {:.0%} of the picture",
-        "radius_median": "of a median radius of {:.3f} picture sides",
-        "droplets": "{} droplets between them",
-        "rivulets": "rivulets: {}",
-        "mist": "mist that hides {:.0%} where it is densest",
-        "key_frames": "a film of {} key frames",
-        "lens_renderer": "drawn by {}",
-    },
-    "streak": {
-        "n": "noise level n = {:g}",
-        "length": "kernel length l = {:g} pixels",
-        "angle": "angle theta = {:.1f} degrees, 90 is vertical",
-        "width": "thickness w = {:g} pixels",
-        "brightness": "encoded brightness {:g}",
-    },
-    "storm": {
-        "rate": "{:.0f} mm/h",
-        "density": "{:g} times the drops that Marshall and Palmer counted",
-        "drops": "{:,} of them in all",
-        "wind_speed": "wind of {:.1f} m/s",
-        "exposure": "shutter open {:.4f} s",
-        "metres_per_unit": "a unit of the capture is {:.3g} m",
-    },
-}
+CAPTURED_EFFECT = CAPTURED.rpartition("-")[0]
 
 
 def describe_rain(effect: str, parameters: Mapping[str, Any]) -> str:
     """The main parameters of a pattern as a phrase; all of them are in its `pattern.json`."""
-    if effect == "captured":
+    if effect == CAPTURED_EFFECT:
         return "it rained when the photographs were taken"
-    words = WORDS.get(effect, {})
-    said = [form.format(parameters[name]) for name, form in words.items() if name in parameters]
-    return ", ".join(said) or "see its `pattern.json`"
+    try:
+        words = find_effect(effect).describe(parameters)
+    except InputError:  # an effect of somebody's own, which this machine need not have to describe the data
+        words = ""
+    return words or "see its `pattern.json`"
 
 
 def markdown_table(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:

@@ -145,7 +145,7 @@ def water_of(pattern: RaindropPattern, camera: Camera, frame: int) -> Water:
 
 
 def moment_of(pattern: RaindropPattern, frame: int) -> float:
-    """When in the film a key frame is, 0 to 1."""
+    """When in the sequence of key frames one is, 0 to 1."""
     return frame / max(pattern.key_frames - 1, 1)
 
 

@@ -1,77 +1,45 @@
-"""Rain on the lens as an effect: drops and mist that stay there, and slowly change, from view to view."""
+"""Water on the lens as an effect: see `raindrops` for what it draws."""
 
-from dataclasses import asdict
-from pathlib import Path
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
-from hydroviews.rain.lens.bake import aperture_radius, bake_matte, focus_disk, lens_water, moment_of, trace
-from hydroviews.rain.lens.mist import mist_veil
-from hydroviews.rain.lens.path_matte import PathMatte
-from hydroviews.rain.lens.pattern import RaindropPattern
-from hydroviews.rain.light import expand_highlights
+from hydroviews.rain.compositing import WATER, Layers, add_water
+from hydroviews.rain.effect import Effect
+from hydroviews.rain.lens.pattern import RaindropPattern, draw_pattern
+from hydroviews.rain.lens.raindrops import Raindrops
+from hydroviews.rain.lens.severity import grade_raindrops
+from hydroviews.rain.patterns import Pattern, pattern_generator
 from hydroviews.rain.scene_statistics import SceneStatistics
-from hydroviews.scene.cameras import Camera
-from hydroviews.scene.images import Image, to_linear
-from hydroviews.scene.scenes import View
-
-Plane = NDArray[np.float32]
-TRACED_SAMPLES = 384  # paths a pixel of the renderer "traced"
+from hydroviews.scene.images import Image
 
 
-class Raindrops:
-    """A pattern on the views of one scene.
+class RaindropEffect(Effect):
+    """`raindrop`: M is cover by drops, V by mist; Blender bakes drops for every size and focal length."""
 
-    With n views in order of name and K key frames, view i shows key frame floor(i K / n). A key frame is baked when the
-    first view needs it, and kept on disk; one is held in memory.
-    """
+    planes = WATER
+    needs_optics = True
+    words: ClassVar = {
+        "coverage": "large drops over {:.0%} of the picture",
+        "radius_median": "of a median radius of {:.3f} picture sides",
+        "droplets": "{} droplets between them",
+        "rivulets": "rivulets: {}",
+        "mist": "mist that hides {:.0%} where it is densest",
+        "key_frames": "a sequence of {} key frames",
+        "lens_renderer": "drawn by {}",
+    }
 
-    def __init__(self, pattern: RaindropPattern, setting: SceneStatistics, camera: Camera, folder: Path) -> None:
-        self.pattern = pattern
-        air = np.array(setting.light.air) * pattern.air
-        self.parameters: dict[str, Any] = {**asdict(pattern), "air_light": [round(float(v), 6) for v in air]}
-        self._air = np.array(self.parameters["air_light"], np.float32)
-        self._frames = {view.name: i * pattern.key_frames // len(setting.views) for i, view in enumerate(setting.views)}
-        self._camera, self._folder = camera, folder
-        self._held: tuple[int, PathMatte | None, Plane] | None = None
+    def draw(self, pattern: Pattern, statistics: SceneStatistics) -> RaindropPattern:
+        """A lens in rain of the grade, mist and if need be coverage set by it; one photograph has one key frame."""
+        drawn = draw_pattern(pattern_generator(pattern, statistics), pattern.level)
+        key_frames = drawn.key_frames if len(statistics.views) > 1 else 1
+        lens = replace(drawn, lens_renderer=statistics.lens_renderer, key_frames=key_frames)
+        return grade_raindrops(lens, pattern.grade, statistics)
 
-    def layers(self, clean: Image, view: View) -> dict[str, Plane]:
-        """What lies over a view.
+    def place(self, drawn: RaindropPattern, pattern: Pattern, statistics: SceneStatistics) -> Raindrops:
+        """The lens in front of the scene, whose air lights the mist."""
+        return Raindrops(drawn, statistics)
 
-        Args:
-            clean: [H, W, 3], sRGB-encoded, of the camera's size.
-            view: one of the setting's.
-
-        Returns:
-            Planes [H, W]: M, cover by drops; V, by mist; R, G, B, the linear radiance of both, so that the rainy
-            view is (1 - M) (1 - V) B + (R, G, B) in linear light. It may exceed 1 where lamps shine through drops.
-
-        Raises:
-            InputError: Blender failed (see `process.run_blender`).
-        """
-        frame = self._frames[view.name]
-        matte, veil = self._key_frame(frame)
-        light = expand_highlights(to_linear(clean))
-        mask, drops = self._drops(light, matte, frame)
-        radiance = drops + ((1 - mask) * veil)[..., None] * self._air
-        return {"M": mask, "V": veil, **{channel: radiance[..., i] for i, channel in enumerate("RGB")}}
-
-    def _key_frame(self, frame: int) -> tuple[PathMatte | None, Plane]:
-        if self._held is None or self._held[0] != frame:
-            pattern, camera = self.pattern, self._camera
-            traced = pattern.lens_renderer == "traced"
-            matte = None if traced else bake_matte(pattern, camera, self._folder, frame)
-            veil = mist_veil(pattern, camera.width, camera.height, moment_of(pattern, frame))
-            self._held = frame, matte, veil
-        return self._held[1:]
-
-    def _drops(self, light: Image, matte: PathMatte | None, frame: int) -> tuple[Plane, Plane]:
-        """Cover [H, W] and linear radiance [H, W, 3] of the drops in front of a picture of linear light."""
-        if matte is not None:
-            return matte.mask, matte.apply(light)
-        opening = aperture_radius(focus_disk(self.pattern, self._camera), self._camera)
-        mesh = lens_water(self.pattern, self._camera, frame)
-        traced, _ = trace(mesh, self._camera, light, TRACED_SAMPLES, self._folder, opening, seed=frame)
-        return np.clip(traced[..., 3], 0, 1), traced[..., :3]
+    def composite(self, parameters: Mapping[str, Any], clean: Image, layers: Layers) -> Image:
+        """See `compositing.add_water`."""
+        return add_water(clean, layers)

@@ -6,11 +6,11 @@ from numpy.typing import NDArray
 
 from hydroviews.rain.lens.pattern import RaindropPattern
 from hydroviews.rain.lens.rivulets import draw_rivulets
-from hydroviews.rain.seeds import generator
+from hydroviews.scene.seeds import generator
 
 BLOBS = (5, 9, 17)  # knots of the random surfaces along a side
 SHARES = (0.5, 0.3, 0.2)  # of each
-DRIFT = 0.08  # sides that mist moves during the film
+DRIFT = 0.08  # sides that mist moves from the first view to the last
 FINEST = 160  # pixels along the longer side at which trails are wiped; mist has no finer detail
 WIPED = 0.75  # share of the mist that a running drop takes along
 
@@ -25,7 +25,7 @@ def mist_veil(pattern: RaindropPattern, width: int, height: int, moment: float) 
         pattern: the rain; its `mist` is the largest V.
         width: of the picture in pixels.
         height: of the picture in pixels.
-        moment: of the film, 0 to 1.
+        moment: 0 at the first view, 1 at the last.
 
     Returns:
         [height, width], in [0, pattern.mist].

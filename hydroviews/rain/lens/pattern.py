@@ -15,7 +15,9 @@ RIVULETS = ((0, 1), (1, 2), (2, 4))
 
 @dataclass(frozen=True)
 class RaindropPattern:
-    """A lens in rain as a short film; "side" is the geometric mean of the picture's width and height.
+    """A lens in rain, as it changes from the first view to the last.
+
+    A "side" is the geometric mean of the picture's width and height.
 
     `coverage`, `droplets`, `rivulets`, `mist` and `focus_blur` may be changed alone: more of them adds drops and mist
     to those that are there, whose places and shapes stay (but for droplets that have less room).
@@ -31,7 +33,7 @@ class RaindropPattern:
     contact_angle_min: float  # degrees
     contact_angle_max: float
     capillary_length: float  # 2.7 mm of glass, in sides: drops larger than this hang
-    growth: float  # the most that a drop's radius grows during the film, relative
+    growth: float  # the most that a drop's radius grows from the first view to the last, relative
     focus_blur: float  # diameter of the defocus disk, in sides
     mist: float  # cover by mist where it is densest, 0 to 1
     air: tuple[float, float, float]  # colour of lit mist, relative to the scene's air light

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.rain.lens.pattern import RaindropPattern
-from hydroviews.rain.seeds import generator
+from hydroviews.scene.seeds import generator
 
 Array = NDArray[np.float64]
 CANDIDATES = 40  # runs that are tried, at most
@@ -85,7 +85,7 @@ class Rivulet:
 
 
 def draw_rivulets(pattern: RaindropPattern, extent: tuple[float, float], moment: float) -> list[Rivulet]:
-    """The pattern's running drops at a moment of its film, 0 to 1; those that would meet another are left out."""
+    """The pattern's running drops at a moment, 0 the first view, 1 the last, but those that would meet another."""
     rng = generator(pattern.seed, "rivulets")
     uniform, waves = rng.uniform(size=(CANDIDATES, 6)), rng.uniform(size=(CANDIDATES, 3, 2))
     low, high = np.radians([pattern.contact_angle_min, pattern.contact_angle_max])

@@ -1,4 +1,4 @@
-"""The water on a lens at a moment of its film: which drops are there, where, and how large.
+"""The water on a lens at a moment of the sequence of views: which drops are there, where, and how large.
 
 Lengths are sides (the geometric mean of the picture's width and height) from the picture's upper left corner; y
 is down. Everything is drawn at once for as many drops as there may ever be, and taken in that order, so that a
@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from hydroviews.rain.lens.drop_shapes import Outline
 from hydroviews.rain.lens.pattern import RaindropPattern
 from hydroviews.rain.lens.rivulets import Rivulet, draw_rivulets, swept
-from hydroviews.rain.seeds import generator
+from hydroviews.scene.seeds import generator
 
 Array = NDArray[np.float64]
 MARGIN = 0.05  # drops may sit this far beyond the picture's edge, in widths and heights of it
@@ -48,12 +48,12 @@ class Water:
 
 
 def water_at(pattern: RaindropPattern, extent: tuple[float, float], moment: float) -> Water:
-    """The lens at a moment of the film.
+    """The lens at a moment of the sequence of views.
 
     Args:
         pattern: the rain.
         extent: width and height of the picture in sides.
-        moment: 0 at the film's beginning, 1 at its end.
+        moment: 0 at the first view, 1 at the last.
     """
     rivulets = draw_rivulets(pattern, extent, moment)
     drops = _grown(pattern, place_drops(pattern, extent), moment)
@@ -72,7 +72,7 @@ def water_at(pattern: RaindropPattern, extent: tuple[float, float], moment: floa
 
 
 def place_drops(pattern: RaindropPattern, extent: tuple[float, float]) -> list[Drop]:
-    """The large drops at the film's beginning, none touching another, until they cover what is wanted."""
+    """The large drops at the first view, none touching another, until they cover what is wanted."""
     drawn = _draw_candidates(pattern, extent)
     wanted = pattern.coverage * (1 + 2 * MARGIN) ** 2 * extent[0] * extent[1]
     disks, drops, covered = np.zeros((0, 3)), [], 0.0
@@ -123,7 +123,7 @@ def _cluster(place: Array, radius: float, beside: Array) -> tuple[tuple[float, f
 
 
 def _grown(pattern: RaindropPattern, drops: list[Drop], moment: float) -> list[Drop]:
-    """Drops take up mist and spray while the film runs, each at its own rate."""
+    """Drops take up mist and spray from view to view, each at its own rate."""
     rates = generator(pattern.seed, "growth").uniform(0, pattern.growth, CANDIDATES)
     grown = []
     for drop, rate in zip(drops, rates, strict=False):

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammainc
 
-from hydroviews.rain.seeds import generator
+from hydroviews.scene.seeds import generator
 
 INTERCEPT = 8000.0  # N0, drops a cubic metre and millimetre of diameter
 SMALLEST, LARGEST = 0.5, 6.0  # diameters in mm that are drawn; smaller ones are veil, larger ones break up

@@ -5,7 +5,7 @@ its own area pi d^2 / 4 and no more, however long its streak. That area is sprea
 across it over the width of the drop, its defocus and a pixel. So longer streaks are fainter, and a drop finer than
 a pixel is fainter, not thinner.
 
-`storm_reference` follows the drops through the exposure instead. No fast-math flags: the same drops give the same
+`reference` follows the drops through the exposure instead. No fast-math flags: the same drops give the same
 bits whenever and wherever the kernels were compiled.
 """
 

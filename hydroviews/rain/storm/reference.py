@@ -1,4 +1,4 @@
-"""Cover by falling drops by following them through the exposure, in float64: slow, to compare `storm_drawing` with.
+"""Cover by falling drops by following them through the exposure, in float64: slow, to compare `rasterise` with.
 
 Every drop is a disk that moves on its path in perspective; points of the disk, of the lens's opening and of the
 exposure are sampled evenly (Sobol), and each falls into the pixel it hits. Only the drops' shape (a disk that faces

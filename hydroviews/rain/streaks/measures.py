@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.rain.streaks.effect import StreakPattern, kernel, seed_image, supersampling
+from hydroviews.rain.streaks.recipe import StreakPattern, kernel, seed_image, supersampling
 
 SMOOTHING = 1.5  # pixels; finer detail than this has the directions of the pixel grid
 BORDER = 4  # pixels left out, where filters see a mirrored picture

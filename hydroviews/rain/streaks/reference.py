@@ -1,9 +1,9 @@
-"""The recipe of `streaks` step by step in float64, with every pixel of noise: slow, to compare with."""
+"""`recipe` step by step in float64, with every pixel of noise: slow, to compare with."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.rain.streaks.effect import PRE_BLUR, kernel, normalised
+from hydroviews.rain.streaks.recipe import PRE_BLUR, kernel, normalised
 
 
 def correlate(picture: NDArray, weights: NDArray) -> NDArray[np.float64]:

@@ -9,8 +9,8 @@ from hydroviews.errors import InputError
 from hydroviews.pairs.drawing import Pair, camera_of
 from hydroviews.pairs.drawn import DrawnRain
 from hydroviews.rain.patterns import Pattern
-from hydroviews.rain.seeds import generator
 from hydroviews.scene.images import write_png
+from hydroviews.scene.seeds import generator
 
 
 def test_a_pair_depends_on_seed_and_number_alone():

@@ -4,7 +4,7 @@ import panorama
 import pytest
 
 from deraings.rain_model.rain_layer import ANGLES, FallingConfig, FallingRain, directed_skew, line_kernel, line_powers
-from hydroviews.rain.streaks.effect import StreakPattern, composite, streak_layer
+from hydroviews.rain.streaks.recipe import StreakPattern, composite, streak_layer
 
 COUNT, SIZE = 10, (121, 160)
 PATTERN = StreakPattern(n=200, length=30, angle=75, width=5)

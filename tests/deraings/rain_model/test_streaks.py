@@ -12,7 +12,7 @@ from deraings.rain_model.objective import RainConfig, RainObjective
 from deraings.rain_model.rain_layer import FallingConfig
 from deraings.rain_model.report import found
 from deraings.rain_model.streaks import StreakConfig, Streaks, along_rain, cover_between, wiener_gain
-from hydroviews.rain.streaks.effect import StreakPattern, composite, streak_layer
+from hydroviews.rain.streaks.recipe import StreakPattern, composite, streak_layer
 from hydroviews.scene.images import to_uint8
 
 COUNT, SIZE, BETA = 10, (121, 160), 0.88

@@ -21,10 +21,10 @@ from hydroviews.errors import InputError
 from hydroviews.formats import read_scene
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.rain.patterns import Pattern
-from hydroviews.rain.seeds import generator
-from hydroviews.rain.streaks.effect import StreakPattern, composite, streak_layer
+from hydroviews.rain.streaks.recipe import StreakPattern, composite, streak_layer
 from hydroviews.scene.images import read_image, resize_area, to_uint8, without_streaks, write_png
 from hydroviews.scene.masks import read_ignored
+from hydroviews.scene.seeds import generator
 
 
 def picture(seed: int, width: int = 64, height: int = 48) -> np.ndarray:

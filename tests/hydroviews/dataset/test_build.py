@@ -12,6 +12,7 @@ from synthetic import capture_in
 
 from hydroviews.dataset import build as build_module
 from hydroviews.dataset.build import build
+from hydroviews.dataset.drawing_code import drawing_code
 from hydroviews.dataset.manifest import read_manifest, scene_files
 from hydroviews.dataset.rainy_variant import FOCAL_STEP
 from hydroviews.dataset.variants import open_clean, open_variant
@@ -19,9 +20,13 @@ from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.formats import read_scene
 from hydroviews.formats.writers import write_colmap
-from hydroviews.rain import effects, severity
-from hydroviews.rain.patterns import Pattern, choose_patterns
+from hydroviews.rain.effects import choose_patterns, find_effect
+from hydroviews.rain.lens.raindrops import Raindrops
+from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.scene_statistics import survey
+from hydroviews.rain.storm.storm import Storm
+from hydroviews.rain.streaks import severity
+from hydroviews.rain.streaks.effect import Streaks
 from hydroviews.scene.images import read_image, write_png
 from hydroviews.scene.scenes import make_scene, no_points
 
@@ -120,7 +125,7 @@ def test_views_of_other_parameters_are_not_mixed_in(scene, tmp_path, monkeypatch
     monkeypatch.undo()
     begun = list((tmp_path / "data" / "yard" / "streak-0" / "images").iterdir())
     assert 0 < len(begun) < len(scene.views)
-    monkeypatch.setitem(severity.LOSS["streak"], "light", 0.2)
+    monkeypatch.setitem(severity.LOSS, "light", 0.2)
     folder = build(scene, tmp_path / "data", patterns=[STREAK])
     whole = build(scene, tmp_path / "whole", patterns=[STREAK])
     assert contents(folder / "streak-0") == contents(whole / "streak-0")
@@ -187,9 +192,76 @@ def test_patterns_can_be_added_later(scene, tmp_path):
 
 
 def test_a_finished_build_is_not_touched(scene, tmp_path, monkeypatch):
-    build(scene, tmp_path / "data", patterns=[STREAK])
-    monkeypatch.setattr(build_module, "write_views", None)
-    build(scene, tmp_path / "data", patterns=[STREAK])
+    folder = build(scene, tmp_path / "data", patterns=[STREAK])
+    before = stamps(folder.parent)
+    for stage in ("write_views", "write_cameras", "write_variant", "write_statistics", "write_card", "record_scene"):
+        monkeypatch.setattr(build_module, stage, pytest.fail)
+    assert build(scene, tmp_path / "data", patterns=[STREAK]) == folder
+    assert stamps(folder.parent) == before
+
+
+def stamps(data: Path) -> dict[str, tuple[int, int]]:
+    """Inode and time of change of every file: a file that is written anew has others, whatever it holds."""
+    return {str(path): (path.stat().st_ino, path.stat().st_ctime_ns) for path in data.rglob("*") if path.is_file()}
+
+
+def altered(monkeypatch) -> None:
+    """From now on the code that draws is another."""
+    monkeypatch.setattr("hydroviews.dataset.drawing_code._digest_of_ours", lambda: "another")
+
+
+def test_a_finished_scene_of_another_generator_is_kept_and_nothing_is_added_to_it(scene, tmp_path, monkeypatch, caplog):
+    folder = build(scene, tmp_path / "data", patterns=[STREAK])
+    assert verify(tmp_path / "data") == []
+    assert "another generator" not in caplog.text
+    altered(monkeypatch)
+    before = stamps(folder.parent)
+    assert build(scene, tmp_path / "data", patterns=[STREAK]) == folder
+    assert "this scene was drawn by another generator, kept; --overwrite builds anew" in caplog.text
+    with pytest.raises(InputError, match=r"this scene was drawn by another generator[\s\S]*another[\s\S]*--overwrite"):
+        build(scene, tmp_path / "data", patterns=[STREAK, Pattern("streak", 1)])
+    assert stamps(folder.parent) == before
+    caplog.clear()
+    assert verify(tmp_path / "data") == []  # it is what its manifest says
+    assert f"{folder}: clean drawn by another generator than this one" in caplog.text
+    build(scene, tmp_path / "data", patterns=[STREAK, Pattern("streak", 1)], overwrite=True)
+    for kept in (folder / "request.json", folder / "streak-1" / "pattern.json"):
+        assert json.loads(kept.read_text())["drawing_code"] == "another"
+    assert read_manifest(tmp_path / "data")["scenes"]["yard"]["drawing_code"] == "another"
+
+
+def test_a_scene_from_before_code_was_recorded_is_kept_too(scene, tmp_path, caplog):
+    folder = build(scene, tmp_path / "data", patterns=[STREAK])
+    request = json.loads((folder / "request.json").read_text())
+    (folder / "request.json").write_text(json.dumps({k: v for k, v in request.items() if k != "drawing_code"}))
+    assert build(scene, tmp_path / "data", patterns=[STREAK]) == folder
+    assert "another generator" in caplog.text
+
+
+def test_what_an_interrupted_build_drew_with_other_code_is_not_mixed_in(scene, tmp_path, monkeypatch):
+    monkeypatch.setattr("hydroviews.files.atomic.os.replace", _full_after(15))
+    with pytest.raises(InputError, match="no space left"):
+        build(scene, tmp_path / "data", patterns=[STREAK])
+    monkeypatch.undo()
+    altered(monkeypatch)
+    with pytest.raises(InputError, match="another generator"):
+        build(scene, tmp_path / "data", patterns=[STREAK])
+
+
+def test_an_effect_of_ones_own_that_changed_is_another_generator(scene, tmp_path, monkeypatch, caplog):
+    ash = Pattern("toy_effect.Ash", 0)
+    folder = build(scene, tmp_path / "data", patterns=[ash, STREAK])
+    finished = contents(folder / "streak-0")
+    code = drawing_code(find_effect(ash.effect))
+    assert code != drawing_code() == drawing_code(find_effect("streak"))
+    monkeypatch.setattr("hydroviews.dataset.drawing_code.syntax_digest", lambda source: "another")
+    build(scene, tmp_path / "data", patterns=[ash])
+    assert "toy_effect.Ash-0 was drawn by another generator, kept" in caplog.text
+    build(scene, tmp_path / "data", patterns=[ash], overwrite=True)
+    changed = json.loads((folder / ash.name / "pattern.json").read_text())["drawing_code"]
+    assert changed == drawing_code(find_effect(ash.effect)) != code
+    assert contents(folder / "streak-0") == finished
+    assert verify(tmp_path / "data") == []
 
 
 def test_verify_names_what_changed(scene, tmp_path):
@@ -255,8 +327,9 @@ def test_another_photograph_of_the_same_size_is_another_request(scene, tmp_path)
 
 def test_rain_off_the_lens_is_made_ready_once_for_pictures_of_all_sizes(scene, tmp_path, monkeypatch):
     views = [replace(v, camera=v.camera.resized(*((48, 36), (40, 30))[i % 2])) for i, v in enumerate(scene.views)]
-    prepare, prepared = effects.prepare, []
-    monkeypatch.setattr(effects, "prepare", lambda *facts: prepared.append(facts) or prepare(*facts))
+    prepared = []
+    for rain in (Streaks, Storm):
+        monkeypatch.setattr(rain, "prepare", lambda self, *facts: prepared.append(facts) or self)
     several = make_scene("yard", views, scene.points)
     folder = build(several, tmp_path / "data", patterns=choose_patterns(["streak-0", "storm-0"], ()))
     assert len(prepared) == 2
@@ -267,8 +340,8 @@ def test_rain_off_the_lens_is_made_ready_once_for_pictures_of_all_sizes(scene, t
 class Dry:
     """Nothing on the lens."""
 
-    def __init__(self, pattern, drawn, setting, camera, folder):
-        self.camera, self.folder, self.parameters = camera, folder, {}
+    def __init__(self, camera, folder):
+        self.camera, self.folder = camera, folder
 
     def layers(self, clean, view):
         assert view.camera.fx == pytest.approx(self.camera.fx, rel=FOCAL_STEP - 1)
@@ -279,10 +352,20 @@ def test_water_on_the_lens_is_made_ready_for_every_focal_length(scene, tmp_path,
     factors = (1.0, 1.01, 1.6)
     views = [replace(v, camera=zoomed(v.camera, factors[i % 3])) for i, v in enumerate(scene.views)]
     prepared = []
-    monkeypatch.setattr(effects, "prepare", lambda *facts: prepared.append(Dry(*facts)) or prepared[-1])
+    monkeypatch.setattr(Raindrops, "prepare", lambda self, *facts: prepared.append(Dry(*facts)) or prepared[-1])
     build(make_scene("yard", views, scene.points), tmp_path / "data", patterns=[Pattern("raindrop", 0)])
     assert 2 <= len({one.folder for one in prepared}) == len(prepared) <= 3  # 1 and 1.01 may lie on two sides of a step
     assert max(one.camera.fx for one in prepared) > 1.5 * min(one.camera.fx for one in prepared)
+
+
+def test_views_of_one_size_are_not_wiped_by_those_of_another(scene, tmp_path):
+    views = [replace(v, camera=v.camera.resized(*((48, 36), (40, 30))[i % 2])) for i, v in enumerate(scene.views)]
+    folder = build(
+        make_scene("yard", views, scene.points), tmp_path / "data", patterns=[Pattern("toy_effect.AshBySize", 0)]
+    )
+    names = [f"{view.name}.png" for view in views]
+    assert sorted(path.name for path in (folder / "toy_effect.AshBySize-0" / "images").iterdir()) == names
+    assert verify(tmp_path / "data", every_view=True) == []
 
 
 def zoomed(camera, factor):
@@ -313,6 +396,7 @@ def test_what_a_capture_says_of_itself_belongs_to_the_request(scene, tmp_path):
 RECORD_OFTEN = """
 import sys
 from pathlib import Path
+from hydroviews.dataset.drawing_code import drawing_code
 from hydroviews.dataset.manifest import record_scene
 for turn in range(100):
     record_scene(Path(sys.argv[1]), sys.argv[2], {"patterns": [], "turn": turn})
@@ -348,5 +432,5 @@ def test_the_technique_of_drops_is_part_of_the_request(scene, tmp_path):
     assert json.loads((folder / "request.json").read_text())["lens_renderer"] == "aperture"
     with pytest.raises(InputError, match="lens_renderer disk"):
         build(scene, tmp_path, patterns=[])
-    drawn = effects.draw(Pattern("raindrop", 0), survey(scene, 0, "aperture"))
+    drawn = find_effect("raindrop").draw(Pattern("raindrop", 0), survey(scene, 0, "aperture"))
     assert drawn.lens_renderer == "aperture"

@@ -5,7 +5,6 @@ import pytest
 from distorted import colmap_capture
 from synthetic import capture_in
 
-from hydroviews.dataset.drop_masks import read_drops
 from hydroviews.dataset.manifest import data_hash, record_files
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.verify import verify
@@ -15,6 +14,7 @@ from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.writers import write_colmap
 from hydroviews.profiles import find_profile
 from hydroviews.scene.images import read_image, write_png
+from hydroviews.scene.masks import read_grey
 
 DEMO = find_profile("demo")
 
@@ -33,6 +33,11 @@ def masks() -> np.ndarray:
     for i in range(8):
         array[:, i, i] = 1
     return array
+
+
+def read_drops(folder: Path, view: str) -> np.ndarray | None:
+    path = folder / CAPTURED / "drops" / f"{view}.png"
+    return read_grey(path) > 127 if path.is_file() else None
 
 
 def built(tmp_path: Path, **changes) -> Path:

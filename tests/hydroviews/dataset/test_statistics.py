@@ -10,8 +10,8 @@ from hydroviews.dataset.statistics import measure_view, read_statistics, write_s
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.rain.layers import read_layers, write_layers
-from hydroviews.rain.streaks.effect import StreakPattern, composite, streak_layer
 from hydroviews.rain.streaks.measures import mean_angle, seed_density, streak_angle
+from hydroviews.rain.streaks.recipe import StreakPattern, composite, streak_layer
 from hydroviews.scene.images import read_image, to_linear, write_png
 
 STREAKS = StreakPattern(n=200, length=30, angle=70.0, width=5)

@@ -13,7 +13,7 @@ from hydroviews.dataset.verify import expected_view, verify
 from hydroviews.formats import read_scene
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.writers import write_colmap
-from hydroviews.rain.effects import composite
+from hydroviews.rain.effects import find_effect
 from hydroviews.rain.layers import read_layers, write_layers
 from hydroviews.rain.patterns import Pattern
 from hydroviews.scene.images import read_image, write_png
@@ -128,7 +128,7 @@ def test_the_equations_are_those_of_the_composite(effect):
         planes["R"] *= 8  # a lamp in a drop
         planes["M"][2], planes["V"][3] = 1, 1
     facts = {"effect": effect, "parameters": {"brightness": 0.93}}
-    built = composite(effect, facts["parameters"], clean, planes)
+    built = find_effect(effect).composite(facts["parameters"], clean, planes)
     assert np.abs(expected_view(facts, clean, planes) - built).max() < 2e-6
 
 

@@ -8,8 +8,8 @@ from hydroviews.pairs.drawn import exposed
 from hydroviews.pairs.photographs import fit_frame, frame_of, frames, read_photographs, split_photographs
 from hydroviews.rain.lens.bake import moment_of
 from hydroviews.rain.lens.mist import mist_veil
-from hydroviews.rain.seeds import generator
 from hydroviews.scene.images import to_linear, to_srgb, write_png
+from hydroviews.scene.seeds import generator
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -4,15 +4,21 @@ import numpy as np
 import pytest
 from synthetic import capture_in
 
-from hydroviews.rain import effects, severity
+from hydroviews.rain import severity
+from hydroviews.rain.effects import find_effect
 from hydroviews.rain.lens.mist import mist_veil
+from hydroviews.rain.lens.severity import drops_harm
 from hydroviews.rain.light import luminance
-from hydroviews.rain.patterns import GRADES, Pattern
+from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.scene_statistics import TINT, survey
-from hydroviews.rain.seeds import generator
-from hydroviews.rain.streaks.effect import streak_layer
+from hydroviews.rain.streaks.recipe import streak_layer
 from hydroviews.scene.depth import depth_path, write_depth
 from hydroviews.scene.images import to_linear, to_srgb, write_png
+from hydroviews.scene.seeds import generator
+
+LOSSES = {"streak": (1.5, 4.0, 8.5), "raindrop": (1.5, 3.7, 8.5)}  # dB that grades stand for
+CLEAN_ERROR = 1.5  # of a scene learned from clean views, over its detail, where nothing is known (docs/severity.md)
+VIEWS = 8  # that see a place of the ring, all of them trained on
 
 
 @pytest.fixture
@@ -21,25 +27,65 @@ def setting(tmp_path):
     return survey(scene, 0)
 
 
-def harm(drawn, setting) -> float:
-    """Square of the mean light that streaks add, measured on fresh views and not on those of the calibration."""
-    camera = setting.views[0].camera
-    layers = np.stack([streak_layer(drawn, camera.width, camera.height, generator(9, i)) for i in range(20)])
-    return severity.learned_cover(layers, setting.mean_inverse_visibility) * severity.mean_squared_contrast(
-        setting, drawn.brightness
-    )
+def draw(effect: str, index: int, setting):
+    return find_effect(effect).draw(Pattern(effect, index), setting)
 
 
-def test_streaks_are_as_harmful_as_their_grade_says(setting):
-    drawn = [effects.draw(Pattern("streak", i), setting) for i in range(3)]
-    reached = 0
-    for grade, pattern in zip(GRADES, drawn, strict=True):
-        wanted = severity.wanted_harm("streak", grade, setting)
-        if severity.FEWEST < pattern.n < severity.MOST or pattern.brightness < severity.BRIGHTEST:
-            reached += 1
-            assert harm(pattern, setting) == pytest.approx(wanted, rel=0.5)
-    assert reached >= 2
-    assert harm(drawn[0], setting) < harm(drawn[1], setting) < harm(drawn[2], setting)
+def loss(setting, rainy_views) -> float:
+    """dB that the plainest reconstruction loses to rain: every pixel is the mean of the views that see it.
+
+    Args:
+        setting: whose samples are the scene.
+        rainy_views: a function from a sample to how VIEWS views show it in rain.
+    """
+    errors = [np.mean((np.mean(rainy_views(sample), axis=0) - sample) ** 2) for sample in setting.samples]
+    return 10 * np.log10(1 + np.mean(errors) / (CLEAN_ERROR * setting.detail))
+
+
+def streaks_over(drawn, setting):
+    """Fresh streaks, by no generator that the calibration has, over every view."""
+    seeds = iter(range(1000))
+
+    def views(sample):
+        height, width = sample.shape[:2]
+        layers = [streak_layer(drawn, width, height, generator(9, next(seeds))) for _ in range(VIEWS)]
+        return [sample * (1 - s[..., None]) + drawn.brightness * s[..., None] for s in layers]
+
+    return views
+
+
+def wet_lens_over(drawn, setting):
+    """The lens's mist, and drops that in every view lie elsewhere and show another place; the composite written out."""
+    air, rng = np.array(setting.light.air, np.float32) * np.float32(drawn.air), np.random.default_rng(0)
+
+    def views(sample):
+        height, width = sample.shape[:2]
+        linear, veil = to_linear(sample), mist_veil(drawn, width, height, 0.5)[..., None]
+        rainy = []
+        for _ in range(VIEWS):
+            drops = rng.random((height, width, 1)) < drawn.coverage
+            other = linear.reshape(-1, 3)[rng.integers(height * width, size=(height, width))]
+            rainy.append(to_srgb(np.where(drops, other, (1 - veil) * linear + veil * air).astype(np.float32)))
+        return rainy
+
+    return views
+
+
+def test_streaks_cost_a_plain_reconstruction_what_their_grade_says(setting):
+    drawn = [draw("streak", i, setting) for i in range(3)]
+    losses = [loss(setting, streaks_over(pattern, setting)) for pattern in drawn]
+    assert losses[:2] == pytest.approx(LOSSES["streak"][:2], abs=0.5)
+    assert losses[1] + 1 < losses[2] <= LOSSES["streak"][2]
+    assert (drawn[2].n, drawn[2].brightness) == (
+        300,
+        1,
+    )  # the most; this scene has too little contrast
+
+
+def test_drops_and_mist_cost_a_plain_reconstruction_what_their_grade_says(setting):
+    drawn = [draw("raindrop", i, setting) for i in range(3)]
+    losses = [loss(setting, wet_lens_over(pattern, setting)) for pattern in drawn]
+    assert losses == pytest.approx(LOSSES["raindrop"], abs=0.6)
 
 
 def test_grades_repeat_every_three_patterns():
@@ -47,8 +93,8 @@ def test_grades_repeat_every_three_patterns():
 
 
 def test_a_pattern_is_the_same_whenever_it_is_drawn(setting):
-    first = [effects.draw(Pattern("streak", i), setting) for i in (0, 1)]
-    assert [effects.draw(Pattern("streak", i), setting) for i in (1, 0)] == first[::-1]
+    first = [draw("streak", i, setting) for i in (0, 1)]
+    assert [draw("streak", i, setting) for i in (1, 0)] == first[::-1]
 
 
 @pytest.mark.parametrize(("wanted", "expected"), [(4.0, 2.0), (0.0, 1.0), (100.0, 5.0)])
@@ -84,25 +130,7 @@ def test_the_air_is_as_bright_as_the_brightest_tenth_and_hardly_coloured(tmp_pat
     assert np.ptp(air) == pytest.approx(TINT * np.ptp(petals), rel=0.01)
 
 
-def test_mist_is_as_harmful_as_its_grade_says(setting):
-    drawn = [effects.draw(Pattern("raindrop", i), setting) for i in range(3)]
-    air = np.array(setting.light.air, np.float32)
-    harms = []
-    for grade, pattern in zip(GRADES, drawn, strict=True):
-        changes = []
-        for sample in setting.samples:  # the composite's own formula, written out
-            veil = mist_veil(pattern, sample.shape[1], sample.shape[0], 0.5)[..., None]
-            veiled = to_srgb((1 - veil) * to_linear(sample) + veil * air * np.float32(pattern.air))
-            changes.append(np.mean((veiled - sample) ** 2))
-        harms.append(np.mean(changes))
-        drops = severity.drops_harm(pattern.coverage, setting)
-        if pattern.mist < severity.THICKEST_MIST:
-            assert harms[-1] + drops == pytest.approx(severity.wanted_harm("raindrop", grade, setting), rel=0.1)
-    assert harms[0] < harms[1] < harms[2]
-    assert max(pattern.mist for pattern in drawn) < severity.THICKEST_MIST
-
-
-def test_rarity_counts_the_training_views_that_see_a_point(tmp_path):
+def test_visibility_counts_the_training_views_that_see_a_point(tmp_path):
     scene = capture_in(tmp_path / "yard")  # a ring around all points: every view sees nearly every one
     found = survey(scene, 0)
     assert 1 / len(scene.split.train) <= found.mean_inverse_visibility < 1.2 / len(scene.split.train)
@@ -112,16 +140,14 @@ def test_rarity_counts_the_training_views_that_see_a_point(tmp_path):
 
 
 def test_a_scene_that_is_learned_well_needs_less_rain_for_a_grade(setting):
-    well = replace(setting, clean_error=severity.LEARNED / 3)
-    for effect in severity.LOSS:
-        for grade in GRADES:
-            wanted = severity.wanted_harm(effect, grade, setting)
-            assert severity.wanted_harm(effect, grade, well) == pytest.approx(wanted / 3)
-    assert effects.draw(Pattern("streak", 1), well).n < effects.draw(Pattern("streak", 1), setting).n
+    well = replace(setting, clean_error=severity.CLEAN_ERROR / 3)
+    for loss in (1.5, 4.0, 8.5):
+        assert severity.wanted_harm(loss, well) == pytest.approx(severity.wanted_harm(loss, setting) / 3)
+    assert draw("streak", 1, well).n < draw("streak", 1, setting).n
 
 
 def test_a_scene_that_drops_harm_more_gets_fewer_of_them(setting):
     dear = replace(setting, drops_cost=3.0)
-    assert severity.drops_harm(0.1, dear) == pytest.approx(3 * severity.drops_harm(0.1, setting))
-    usual, fewer = (effects.draw(Pattern("raindrop", 0), s) for s in (setting, dear))
+    assert drops_harm(0.1, dear) == pytest.approx(3 * drops_harm(0.1, setting))
+    usual, fewer = (draw("raindrop", 0, s) for s in (setting, dear))
     assert fewer.coverage < usual.coverage or fewer.mist < usual.mist

@@ -11,8 +11,8 @@ from baselines.derain_nerf.raindrop_attention.detection import detect
 from baselines.derain_nerf.raindrop_attention.validation import average_precision
 from baselines.derain_nerf.raindrop_attention.weights import DEFAULT, SHIPPED, load_detector
 from hydroviews.pairs.drawing import bake_lens, draw_rain
-from hydroviews.rain.seeds import generator
 from hydroviews.scene.images import resize_area, to_uint8
+from hydroviews.scene.seeds import generator
 
 MOST_BYTES = 5e6
 FRAME = 384, 256

@@ -12,16 +12,16 @@ from synthetic import capture_in, ring_camera
 
 from hydroviews.errors import InputError
 from hydroviews.rain.scene_statistics import Light, SceneStatistics, survey
-from hydroviews.rain.seeds import generator
 from hydroviews.rain.storm import drop_sizes as storm_drops
 from hydroviews.rain.storm import reference as storm_reference
 from hydroviews.rain.storm.drop_sizes import Cloud, draw_cloud
-from hydroviews.rain.storm.effect import Storm, StormPattern, draw_pattern, skylight, storm_light
 from hydroviews.rain.storm.rasterise import NEAREST, Shutter, draw, project
+from hydroviews.rain.storm.storm import Storm, StormPattern, draw_pattern, skylight, storm_light
 from hydroviews.rain.storm.world import horizontal, in_metres, metres_and_focus, up_direction
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import to_linear, to_srgb
 from hydroviews.scene.scenes import View, no_points
+from hydroviews.scene.seeds import generator
 
 UP = np.array([0, -1.0, 0])
 STILL = np.zeros(3)

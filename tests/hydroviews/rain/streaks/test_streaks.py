@@ -4,10 +4,10 @@ import cv2
 import numpy as np
 import pytest
 
-from hydroviews.rain.seeds import generator
 from hydroviews.rain.streaks import reference as streaks_reference
 from hydroviews.rain.streaks.convolution import Seeds, convolve
-from hydroviews.rain.streaks.effect import (
+from hydroviews.rain.streaks.measures import streak_angle
+from hydroviews.rain.streaks.recipe import (
     GRADES,
     PRE_BLUR,
     StreakPattern,
@@ -21,7 +21,7 @@ from hydroviews.rain.streaks.effect import (
     streak_layer,
     supersampling,
 )
-from hydroviews.rain.streaks.measures import streak_angle
+from hydroviews.scene.seeds import generator
 
 
 @pytest.mark.parametrize("angle", [40, 60, 90, 105, 120])

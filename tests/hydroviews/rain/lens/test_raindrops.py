@@ -11,10 +11,10 @@ from hydroviews.errors import InputError
 from hydroviews.rain.lens import bake as lens_bake
 from hydroviews.rain.lens.bake import aperture_radius, bake, bake_matte, focus_disk, lens_water, trace
 from hydroviews.rain.lens.drop_shapes import Outline
-from hydroviews.rain.lens.effect import Raindrops
 from hydroviews.rain.lens.mesh import water_mesh
 from hydroviews.rain.lens.mist import mist_veil
 from hydroviews.rain.lens.pattern import RaindropPattern, draw_pattern
+from hydroviews.rain.lens.raindrops import Raindrops, WetLens
 from hydroviews.rain.lens.water import Drop, Water
 from hydroviews.rain.scene_statistics import Light, SceneStatistics
 from hydroviews.scene.cameras import Camera
@@ -40,14 +40,29 @@ def wet(*drops: tuple[float, float, float], degrees: float = 50.0) -> Water:
     return Water(tuple(Drop(Outline((drop,)), np.radians(degrees)) for drop in drops), (), np.zeros((0, 4)))
 
 
-def effect(pattern: RaindropPattern, lens: Camera, folder: Path, count: int = 7) -> tuple[Raindrops, list[View]]:
-    """The effect on views that are never read."""
-    views = tuple(View(f"view-{i}", lens, folder / "none.png") for i in range(count))
+def wet_lens(pattern: RaindropPattern, lens: Camera, folder: Path, count: int = 7) -> tuple[WetLens, list[View]]:
+    """The lens before views that are never read."""
+    views = views_of(lens, folder, count)
+    return raindrops(pattern, views).prepare(lens, folder), views
+
+
+def views_of(lens: Camera, folder: Path, count: int = 7) -> list[View]:
+    return [View(f"view-{i}", lens, folder / "none.png") for i in range(count)]
+
+
+def raindrops(pattern: RaindropPattern, views: list[View]) -> Raindrops:
     light = Light(mean=(0.2, 0.2, 0.2), air=(0.6, 0.7, 0.8))
-    setting = SceneStatistics(
-        "none", 0, views, no_points(), mean_inverse_visibility=1 / count, samples=(), detail=0.0, light=light
+    statistics = SceneStatistics(
+        "none",
+        0,
+        tuple(views),
+        no_points(),
+        mean_inverse_visibility=1 / len(views),
+        samples=(),
+        detail=0.0,
+        light=light,
     )
-    return Raindrops(pattern, setting, lens, folder), list(views)
+    return Raindrops(pattern, statistics)
 
 
 def composite(clean, layers):
@@ -65,7 +80,7 @@ def waves():
 
 def test_without_drops_and_mist_the_view_stays_as_it_is(tmp_path, monkeypatch, waves):
     monkeypatch.setattr(lens_bake, "run_blender", pytest.fail)
-    rain, views = effect(DRY, camera(80, 60), tmp_path)
+    rain, views = wet_lens(DRY, camera(80, 60), tmp_path)
     layers = rain.layers(waves, views[0])
     assert not any(plane.any() for plane in layers.values())
     np.testing.assert_allclose(composite(waves, layers), waves, atol=1e-5)
@@ -73,20 +88,21 @@ def test_without_drops_and_mist_the_view_stays_as_it_is(tmp_path, monkeypatch, w
 
 def test_mist_alone_mixes_in_the_air_of_the_scene(tmp_path, waves):
     pattern = replace(DRY, mist=0.5, air=(1.0, 0.9, 0.8))
-    rain, views = effect(pattern, camera(80, 60), tmp_path)
+    rain, views = wet_lens(pattern, camera(80, 60), tmp_path)
     layers = rain.layers(waves, views[0])
     veil = mist_veil(pattern, 80, 60, 0.0)
     assert np.array_equal(layers["V"], veil)
     for channel, light in zip("RGB", (0.6, 0.63, 0.64), strict=True):
         np.testing.assert_allclose(layers[channel], veil * light, rtol=1e-5)
-    assert json.loads(json.dumps(rain.parameters))["air_light"] == pytest.approx([0.6, 0.63, 0.64])
+    parameters = raindrops(pattern, views).parameters
+    assert json.loads(json.dumps(parameters))["air_light"] == pytest.approx([0.6, 0.63, 0.64])
 
 
 def test_views_share_out_the_key_frames_in_order(tmp_path, monkeypatch, waves):
     asked = []
     original = lens_bake.bake_matte
-    monkeypatch.setattr("hydroviews.rain.lens.effect.bake_matte", lambda *a: (asked.append(a[3]), original(*a))[1])
-    rain, views = effect(replace(DRY, mist=0.5), camera(80, 60), tmp_path, count=7)
+    monkeypatch.setattr("hydroviews.rain.lens.raindrops.bake_matte", lambda *a: (asked.append(a[3]), original(*a))[1])
+    rain, views = wet_lens(replace(DRY, mist=0.5), camera(80, 60), tmp_path, count=7)
     veils = [rain.layers(waves, view)["V"] for view in views]
     assert asked == [0, 1, 2]
     frames = [i * 3 // 7 for i in range(7)]
@@ -96,7 +112,7 @@ def test_views_share_out_the_key_frames_in_order(tmp_path, monkeypatch, waves):
 
 
 def test_only_key_frames_that_views_need_are_baked(tmp_path, waves):
-    rain, views = effect(DRY, camera(80, 60), tmp_path, count=2)
+    rain, views = wet_lens(DRY, camera(80, 60), tmp_path, count=2)
     for view in views:
         rain.layers(waves, view)
     assert sorted(p.name for p in tmp_path.glob("*.npz")) == ["matte-0.npz", "matte-1.npz"]
@@ -137,11 +153,11 @@ def test_mattes_agree_with_full_path_tracing(tmp_path, waves, lens_renderer, lea
 @pytest.mark.blender
 @needs_bpy
 def test_the_traced_technique_goes_through_the_same_layers(tmp_path, monkeypatch, waves):
-    monkeypatch.setattr("hydroviews.rain.lens.effect.TRACED_SAMPLES", 64)
+    monkeypatch.setattr("hydroviews.rain.lens.raindrops.TRACED_SAMPLES", 64)
     seen = {}
     for lens_renderer in ("disk", "traced"):
         pattern = replace(PATTERN, lens_renderer=lens_renderer, mist=0.3)
-        rain, views = effect(pattern, camera(80, 60), tmp_path / lens_renderer)
+        rain, views = wet_lens(pattern, camera(80, 60), tmp_path / lens_renderer)
         seen[lens_renderer] = composite(waves, rain.layers(waves, views[0]))
     assert np.abs(seen["disk"] - seen["traced"]).mean() < 0.01
 
@@ -173,11 +189,11 @@ def test_a_blender_process_that_dies_is_named_and_finished_key_frames_are_kept(t
         run_blender(module, request, log, label)
 
     monkeypatch.setattr(lens_bake, "run_blender", dying)
-    rain, views = effect(PATTERN, lens, tmp_path, count=3)
+    rain, views = wet_lens(PATTERN, lens, tmp_path, count=3)
     rain.layers(waves, views[0])
     with pytest.raises(InputError, match="ended with status"):
         rain.layers(waves, views[1])
-    again, _ = effect(PATTERN, lens, tmp_path, count=3)
+    again, _ = wet_lens(PATTERN, lens, tmp_path, count=3)
     again.layers(waves, views[0])
     again.layers(waves, views[1])
     assert len(started) == 3
@@ -188,7 +204,7 @@ def test_a_blender_process_that_dies_is_named_and_finished_key_frames_are_kept(t
 @pytest.mark.parametrize("size", [(1, 1), (17, 15), (200, 20)])
 def test_any_size_of_picture(tmp_path, size):
     lens = camera(*size)
-    rain, views = effect(PATTERN, lens, tmp_path)
+    rain, views = wet_lens(PATTERN, lens, tmp_path)
     clean = np.full((*size[::-1], 3), 0.5, np.float32)
     layers = rain.layers(clean, views[3])
     assert all(plane.shape == size[::-1] and np.isfinite(plane).all() for plane in layers.values())
@@ -231,7 +247,7 @@ def test_saturated_lamps_sparkle_in_drops(tmp_path):
     matte.save(tmp_path / "kept.npz", "lamps")
     night = np.full((40, 60, 3), 0.1, np.float32)
     night[18:20, 30:32] = 1.0
-    rain, views = effect(PATTERN, lens, tmp_path)
+    rain, views = wet_lens(PATTERN, lens, tmp_path)
     rain._held = (0, matte, np.zeros((40, 60), np.float32))
     layers = rain.layers(night, views[0])
     brightest = max(layers[c].max() for c in "RGB")

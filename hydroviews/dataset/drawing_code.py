@@ -1,0 +1,87 @@
+"""Which code drew a data set: a digest of every source whose code decides pixels.
+
+It is taken of syntax trees: comments, docstrings, layout and line endings do not count, nor where the package is
+installed or by which Python it is read. Any other edit does, be it one that leaves pixels as they are, such as a new
+name: that is the price for nobody having to remember to raise a number. Versions of libraries
+are not part of it, nor are readers of captures: what they read is in the request's fingerprint of the capture.
+"""
+
+import ast
+import hashlib
+import inspect
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import hydroviews
+from hydroviews.rain.effect import Effect
+
+VERSION = f"hydroviews {hydroviews.__version__}"  # for people
+SOURCES = (  # files and folders below the package
+    "blender",
+    "captures/sfm",
+    "dataset/clean_views.py",
+    "dataset/rainy_variant.py",
+    "formats/colmap.py",
+    "formats/colmap_format.py",
+    "formats/geometry.py",
+    "rain",
+    "scene",
+)
+OURS = Path(hydroviews.__file__).parent
+
+
+def drawing_code(effect: Effect | None = None) -> str:
+    """The digest, 16 hexadecimal digits.
+
+    Args:
+        effect: whose file is added if it is not the package's own; what that file imports is not.
+    """
+    digest = _digest_of_ours()
+    if effect is None or type(effect).__module__.partition(".")[0] == hydroviews.__name__:
+        return digest
+    source = Path(inspect.getfile(type(effect)))
+    return hashlib.sha256(f"{digest}\n{syntax_digest(source.read_bytes())}".encode()).hexdigest()[:16]
+
+
+@cache
+def _digest_of_ours() -> str:
+    lines = [f"{path.relative_to(OURS).as_posix()} {syntax_digest(path.read_bytes())}" for path in drawing_files()]
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()[:16]
+
+
+def drawing_files() -> list[Path]:
+    """Every source that decides pixels, sorted."""
+    places = [OURS / name for name in SOURCES]
+    return sorted(path for place in places for path in (place.rglob("*.py") if place.is_dir() else [place]))
+
+
+def syntax_digest(source: bytes) -> str:
+    """SHA-256 of a file's syntax tree without docstrings."""
+    digest = hashlib.sha256()
+    for word in _words(ast.parse(source)):
+        digest.update(f"{word}\n".encode())
+    return digest.hexdigest()
+
+
+def _words(node: Any) -> Iterator[str]:
+    """A tree written out, as `ast.dump` would but that its output differs between versions of Python."""
+    if isinstance(node, ast.AST):
+        yield type(node).__name__
+        for name, value in ast.iter_fields(node):
+            value = _without_docstring(node) if name == "body" else value
+            if value is not None and value != []:  # new versions have new fields, which old code leaves empty
+                yield name
+                yield from _words(value)
+    elif isinstance(node, list):
+        yield f"[{len(node)}"
+        for item in node:
+            yield from _words(item)
+    else:
+        yield repr(node)
+
+
+def _without_docstring(node: Any) -> Any:
+    documented = isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)
+    return node.body[1:] if documented and ast.get_docstring(node, clean=False) is not None else node.body

@@ -1,0 +1,96 @@
+"""The contract that every effect meets: all that building, checking and describing a data set asks of a kind of rain.
+
+    drawn = effect.draw(pattern, statistics)              a pattern's parameters, from its seed
+    rain = effect.place(drawn, pattern, statistics)       the same on one scene
+    ready = rain.prepare(camera, folder)                  for views of a size and focal length
+    layers = fall(ready, clean, view)                     what is added to one view
+    rainy = effect.composite(rain.parameters, clean, layers)
+
+A new effect is a class in a file, registered as an entry point of the group `hydroviews.effects` or named in full as
+`package.module:Class` (see `effects.find_effect`).
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+
+from hydroviews.rain.compositing import Layers, Plane
+from hydroviews.rain.patterns import Pattern
+from hydroviews.rain.scene_statistics import SceneStatistics
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.images import Image
+from hydroviews.scene.scenes import View
+
+
+class PreparedRain(Protocol):
+    """Rain ready to fall on views of one size and focal length."""
+
+    def layers(self, clean: Image, view: View) -> Layers:
+        """What falls on a view: the planes of its effect, [H, W].
+
+        Args:
+            clean: [H, W, 3], sRGB-encoded, [0, 1].
+            view: one of the scene's.
+        """
+        ...
+
+
+class Rain(Protocol):
+    """A pattern on one scene."""
+
+    @property
+    def parameters(self) -> Mapping[str, Any]:
+        """Everything drawn, as JSON; the same for all cameras."""
+        ...
+
+    def prepare(self, camera: Camera, folder: Path) -> PreparedRain:
+        """Make ready for a camera's size and intrinsics; what takes long is kept in `folder`."""
+        ...
+
+
+class Effect(ABC):
+    """A kind of rain. It is made without arguments and keeps no state."""
+
+    planes: ClassVar[Mapping[str, Plane]]  # of its layer files, by channel name
+    needs_optics: ClassVar[bool] = False  # whether rain is prepared for every size and focal length of a capture
+    falling: ClassVar[str | None] = None  # the plane in which falling drops leave streaks
+    needed: ClassVar[tuple[str, ...]] = ()  # parameters without which `composite` or `seed_density` cannot do
+    words: ClassVar[Mapping[str, str]] = {}  # how data cards put a parameter, such as {"rate": "{:.0f} mm/h"}
+
+    @abstractmethod
+    def draw(self, pattern: Pattern, statistics: SceneStatistics) -> Any:
+        """The parameters of a pattern as a dataclass, as hard on this scene as its grade says.
+
+        All chance comes from `patterns.pattern_generator(pattern, statistics)`.
+        """
+
+    @abstractmethod
+    def place(self, drawn: Any, pattern: Pattern, statistics: SceneStatistics) -> Rain:
+        """What was drawn, on the scene.
+
+        Raises:
+            InputError: the scene lacks what this rain needs, such as a scale.
+        """
+
+    @abstractmethod
+    def composite(self, parameters: Mapping[str, Any], clean: Image, layers: Layers) -> Image:
+        """The rainy view [H, W, 3], sRGB-encoded, [0, 1]; nothing else than its arguments may decide it."""
+
+    def describe(self, parameters: Mapping[str, Any]) -> str:
+        """The main parameters as a phrase for data cards; empty where nothing is to be said."""
+        return ", ".join(form.format(parameters[name]) for name, form in self.words.items() if name in parameters)
+
+    def seed_density(self, parameters: Mapping[str, Any], layers: Layers) -> float | None:
+        """Streak seeds a pixel, measured from a view's layers, for effects whose rain has seeds."""
+        return None
+
+
+def fall(rain: PreparedRain, clean: Image, view: View) -> Layers:
+    """The layers of a view as their file holds them, rounded to half floats.
+
+    What a rainy view is made of is then what is on disk, from which it can be derived again.
+    """
+    return {name: plane.astype(np.float16).astype(np.float32) for name, plane in rain.layers(clean, view).items()}

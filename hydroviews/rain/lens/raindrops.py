@@ -1,0 +1,100 @@
+"""Water on the lens: drops and mist that stay there, and slowly change, from view to view."""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydroviews.rain.lens.bake import aperture_radius, bake_matte, focus_disk, lens_water, moment_of, trace
+from hydroviews.rain.lens.mist import mist_veil
+from hydroviews.rain.lens.path_matte import PathMatte
+from hydroviews.rain.lens.pattern import RaindropPattern
+from hydroviews.rain.light import expand_highlights
+from hydroviews.rain.scene_statistics import SceneStatistics
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.images import Image, to_linear
+from hydroviews.scene.scenes import View
+
+Plane = NDArray[np.float32]
+TRACED_SAMPLES = 384  # paths a pixel of the renderer "traced"
+
+
+class Raindrops:
+    """A pattern on one scene."""
+
+    def __init__(self, pattern: RaindropPattern, statistics: SceneStatistics) -> None:
+        air = np.array(statistics.light.air) * pattern.air
+        self.parameters: dict[str, Any] = {**asdict(pattern), "air_light": [round(float(v), 6) for v in air]}
+        self._pattern, self._views = pattern, statistics.views
+
+    def prepare(self, camera: Camera, folder: Path) -> "WetLens":
+        """The lens for views of this size and these intrinsics; mattes that Blender bakes are kept in `folder`."""
+        air = np.array(self.parameters["air_light"], np.float32)
+        return WetLens(self._pattern, air, [view.name for view in self._views], camera, folder)
+
+
+class WetLens:
+    """Water in front of one camera, as it slowly changes from view to view.
+
+    With n views in order of name and K key frames, view i shows key frame floor(i K / n). A key frame is baked when the
+    first view needs it, and kept on disk; one is held in memory.
+    """
+
+    def __init__(
+        self, pattern: RaindropPattern, air: Plane, views: Sequence[str], camera: Camera, folder: Path
+    ) -> None:
+        """Bake nothing yet.
+
+        Args:
+            pattern: what is on the lens.
+            air: the light [3] that mist scatters, linear.
+            views: names of all views of the scene, in order.
+            camera: its size and intrinsics.
+            folder: keeps the mattes.
+        """
+        self._pattern, self._air = pattern, air
+        self._frames = {name: i * pattern.key_frames // len(views) for i, name in enumerate(views)}
+        self._camera, self._folder = camera, folder
+        self._held: tuple[int, PathMatte | None, Plane] | None = None
+
+    def layers(self, clean: Image, view: View) -> dict[str, Plane]:
+        """What lies over a view.
+
+        Args:
+            clean: [H, W, 3], sRGB-encoded, of the camera's size.
+            view: one of the scene's.
+
+        Returns:
+            Planes [H, W]: M, cover by drops; V, by mist; R, G, B, the linear radiance of both, so that the rainy
+            view is (1 - M) (1 - V) B + (R, G, B) in linear light. It may exceed 1 where lamps shine through drops.
+
+        Raises:
+            InputError: Blender failed (see `process.run_blender`).
+        """
+        frame = self._frames[view.name]
+        matte, veil = self._key_frame(frame)
+        light = expand_highlights(to_linear(clean))
+        mask, drops = self._drops(light, matte, frame)
+        radiance = drops + ((1 - mask) * veil)[..., None] * self._air
+        return {"M": mask, "V": veil, **{channel: radiance[..., i] for i, channel in enumerate("RGB")}}
+
+    def _key_frame(self, frame: int) -> tuple[PathMatte | None, Plane]:
+        if self._held is None or self._held[0] != frame:
+            pattern, camera = self._pattern, self._camera
+            traced = pattern.lens_renderer == "traced"
+            matte = None if traced else bake_matte(pattern, camera, self._folder, frame)
+            veil = mist_veil(pattern, camera.width, camera.height, moment_of(pattern, frame))
+            self._held = frame, matte, veil
+        return self._held[1:]
+
+    def _drops(self, light: Image, matte: PathMatte | None, frame: int) -> tuple[Plane, Plane]:
+        """Cover [H, W] and linear radiance [H, W, 3] of the drops in front of a picture of linear light."""
+        if matte is not None:
+            return matte.mask, matte.apply(light)
+        opening = aperture_radius(focus_disk(self._pattern, self._camera), self._camera)
+        mesh = lens_water(self._pattern, self._camera, frame)
+        traced, _ = trace(mesh, self._camera, light, TRACED_SAMPLES, self._folder, opening, seed=frame)
+        return np.clip(traced[..., 3], 0, 1), traced[..., :3]
