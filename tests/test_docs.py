@@ -7,6 +7,8 @@ import io
 import json
 import re
 import shlex
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -23,6 +25,7 @@ PAGES = sorted(path for path in DOCS.rglob("*.md") if NOTEBOOK not in path.paren
 READ = [REPOSITORY / "README.md", REPOSITORY / "CONTRIBUTING.md", *PAGES]  # by people, as what is
 FENCED = re.compile(r"^```(\w*)[^\n]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\]\(([^)\s]+)\)")
+CHEAP = ["python -m deraings.enhancement describe --network small"]  # seconds, and without data
 MOST_WORDS, MOST_LINES = 800, 150
 
 
@@ -118,6 +121,8 @@ def test_commands_name_make_targets_and_settings_that_there_are():
         assert words[0] in targets, f"{page}: make {words[0]}"
         for word in words[1:]:
             assert word.partition("=")[0] in settings, f"{page}: make {' '.join(words)}"
+        dry = ["make", "--dry-run", f"VENV={sys.prefix}", *words]
+        subprocess.run(dry, cwd=REPOSITORY, stdout=subprocess.DEVNULL, check=True)
 
 
 def test_commands_are_parsed_by_the_programs(hooks):
@@ -129,6 +134,13 @@ def test_commands_are_parsed_by_the_programs(hooks):
         assert line in known, f"{page}: {line}"
         problem = parsed(known[line], words[4:])
         assert not problem, f"{page}: {' '.join(words)}\n{problem}"
+
+
+@pytest.mark.parametrize("line", CHEAP)
+def test_cheap_commands_run(line):
+    words = line.split()
+    assert words in [words for _, words in commands()], "not in the documentation any more"
+    assert subprocess.run([sys.executable, *words[1:]], cwd=REPOSITORY, stdout=subprocess.DEVNULL).returncode == 0
 
 
 def test_an_option_that_there_is_not_would_be_noticed(hooks):
