@@ -20,8 +20,8 @@ from typing import Any
 from unittest.mock import patch
 
 import pandas as pd
-import tyro
 
+from hydroviews.cli import run_command
 from hydroviews.dataset import build as build_module
 from hydroviews.dataset import clean_views as build_clean
 from hydroviews.dataset import rainy_variant as build_rain
@@ -178,4 +178,4 @@ def main(
 
 
 if __name__ == "__main__":
-    tyro.cli(main)
+    run_command(main, prog="benchmarks.dataset")

@@ -30,6 +30,7 @@ from deraings.enhancement.size import measure
 from deraings.enhancement.training import train
 from deraings.enhancement.validation import as_columns, scores, validation_set
 from deraings.enhancement.weights import Enhancer
+from hydroviews.cli import run_command
 from hydroviews.files.atomic import write_bytes
 from hydroviews.pairs.photographs import split_photographs
 
@@ -98,9 +99,8 @@ def row(choice: Choice, data: Data, config: NetworkConfig, pairs: Pairs, validat
     }
 
 
-def main() -> None:
-    """Entry point."""
-    choice = tyro.cli(Choice)
+def main(choice: tyro.conf.OmitArgPrefixes[Choice]) -> None:
+    """Train networks of several widths alike and report."""
     torch.set_num_threads(1)
     config, data = CONFIGS[choice.network], Data(choice.photographs, cache=choice.cache)
     pairs = training_pairs(data, replace(TrainingConfig(), network=config))
@@ -118,4 +118,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main, prog="benchmarks.enhancement")

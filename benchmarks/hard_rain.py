@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import tyro
 from tqdm import tqdm
 
 from baselines.method import find_method
 from benchmarks.quality import held_out, slug
+from hydroviews.cli import run_command
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.files.atomic import read_json, write_bytes
@@ -147,4 +147,4 @@ def main(
 
 
 if __name__ == "__main__":
-    tyro.cli(main)
+    run_command(main, prog="benchmarks.hard_rain")

@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import tyro
 
 from baselines.gaussian_splatting import PROFILES, GaussianSplatting
 from benchmarks.quality import held_out, slug
 from deraings.masks.config import MaskConfig
 from deraings.method import DeRainGSConfig, Masks
 from deraings.rain_model.ground_truth import WATER, true_layers
+from hydroviews.cli import run_command
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.files.atomic import write_bytes
@@ -84,4 +84,4 @@ def main(
 
 
 if __name__ == "__main__":
-    tyro.cli(main)
+    run_command(main, prog="benchmarks.masking")

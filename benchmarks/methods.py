@@ -14,7 +14,6 @@ from typing import Any
 
 import pandas as pd
 import plotly.graph_objects as go
-import tyro
 
 from baselines.gaussian_splatting import with_iterations
 from baselines.method import Method, find_method
@@ -22,6 +21,7 @@ from baselines.splatting.config import TrainerConfig
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.volumetric.config import VolumetricConfig
 from benchmarks.quality import held_out, slug
+from hydroviews.cli import run_command
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.files.atomic import read_json, write_bytes, write_json
@@ -147,4 +147,4 @@ def main(
 
 
 if __name__ == "__main__":
-    tyro.cli(main)
+    run_command(main, prog="benchmarks.methods")

@@ -6,15 +6,14 @@ Trains plain 3DGS on the clean views once for every case, one after another; pri
 Finished cases are kept, an interrupted one goes on where it stopped.
 """
 
+import logging
 import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
-import tyro
 from tqdm import tqdm
 
 from baselines.gaussian_splatting import PROFILES, SPLATS, GaussianSplatting, pruned_to_budget
@@ -22,12 +21,16 @@ from baselines.method import Method
 from baselines.splatting.config import EarlyStop, Pruning, TrainerConfig
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.strategies.relocation import MCMCStrategy
+from hydroviews.cli import run_command
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean
 from hydroviews.files.atomic import write_bytes
-from hydroviews.metrics import psnr, ssim
+from hydroviews.metrics import find_metrics
 from hydroviews.profiles import find_profile
 from hydroviews.scene.scenes import Scene
+from leaderboard.score import score_image
+
+logger = logging.getLogger(__name__)
 
 
 def cases(profile: TrainerConfig) -> Iterator[tuple[str, TrainerConfig]]:
@@ -74,13 +77,15 @@ def slug(name: str) -> str:
 
 
 def held_out(method: Method, scene: Scene) -> dict[str, float]:
-    """PSNR and SSIM of a trained method, means over the held-out views of the clean scene."""
-    scores = []
-    for view in tqdm(scene.test_views, desc="held-out views", unit="view", leave=False):
-        shown, truth = method.render(view.camera), view.image()
-        scores.append((psnr(shown, truth), ssim(shown, truth)))
-    means = np.mean(scores, axis=0)
-    return {"PSNR": round(float(means[0]), 2), "SSIM": round(float(means[1]), 4)}
+    """All metrics of a trained method, means over the held-out views of the clean scene; NaN where one has no score."""
+    reasons: dict[str, str] = {}
+    views = tqdm(scene.test_views, desc="held-out views", unit="view", leave=False)
+    scores = pd.DataFrame([score_image(method.render(view.camera), view, reasons) for view in views]).astype(float)
+    for name, reason in reasons.items():
+        logger.warning("%s: %s", name, reason)
+    return {
+        metric.title: round(float(scores[metric.name].mean(skipna=False)), metric.decimals) for metric in find_metrics()
+    }
 
 
 def main(
@@ -117,4 +122,4 @@ def main(
 
 
 if __name__ == "__main__":
-    tyro.cli(main)
+    run_command(main, prog="benchmarks.quality")

@@ -9,13 +9,13 @@ the method enhances, the cover that was found, the true one, the render, the cle
 from pathlib import Path
 
 import numpy as np
-import tyro
 
 from baselines.method import find_method
 from deraings.method import DeRainGS
 from deraings.planes import Plane
 from deraings.rain_model.ground_truth import true_layers
 from deraings.rain_model.objective import RainObjective
+from hydroviews.cli import run_command
 from hydroviews.errors import InputError
 from hydroviews.rain.effects import find_effect
 from hydroviews.scene.images import read_image, write_png
@@ -95,4 +95,4 @@ def main(
 
 
 if __name__ == "__main__":
-    tyro.cli(main)
+    run_command(main, prog="benchmarks.rain_pictures")

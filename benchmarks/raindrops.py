@@ -20,10 +20,10 @@ from typing import Any
 import cv2
 import numpy as np
 import pandas as pd
-import tyro
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from hydroviews.cli import run_command
 from hydroviews.files.atomic import write_bytes
 from hydroviews.rain.lens.bake import aperture_radius, bake_matte, focus_disk, lens_water, trace
 from hydroviews.rain.lens.path_matte import PathMatte
@@ -160,4 +160,4 @@ def main(out: Path = Path("results/bench"), reference_samples: int = 1024) -> No
 
 
 if __name__ == "__main__":
-    tyro.cli(main)
+    run_command(main, prog="benchmarks.raindrops")

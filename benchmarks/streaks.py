@@ -13,12 +13,12 @@ from typing import Any
 import cv2
 import numpy as np
 import pandas as pd
-import tyro
 from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 from tqdm import tqdm
 
 from benchmarks.timing import least
+from hydroviews.cli import run_command
 from hydroviews.files.atomic import write_bytes
 from hydroviews.rain.storm import reference as storm_reference
 from hydroviews.rain.storm.drop_sizes import count, draw_cloud
@@ -143,4 +143,4 @@ def main(out: Path = Path("results/bench"), repeats: int = 7) -> None:
 
 
 if __name__ == "__main__":
-    tyro.cli(main)
+    run_command(main, prog="benchmarks.streaks")

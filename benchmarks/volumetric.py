@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import torch
-import tyro
 from torch import Tensor
 from tqdm import tqdm
 
@@ -27,10 +26,12 @@ from baselines.volumetric.hash_grid import GridConfig, HashGrid, interpolate, wa
 from baselines.volumetric.model import RadianceModel
 from baselines.volumetric.trainer import train
 from benchmarks.timing import least
+from hydroviews.cli import run_command
 from hydroviews.dataset.variants import open_clean
 from hydroviews.files.atomic import write_bytes
-from hydroviews.metrics import psnr
+from hydroviews.metrics import METRICS
 from hydroviews.scene.scenes import Scene
+from leaderboard.score import score_image
 
 RAYS, SAMPLES = 1024, 24
 GRIDS = (GridConfig(8, 14), GridConfig(8, 16), GridConfig(8, 18), GridConfig(5, 14, 16, 256), GridConfig(16, 16))
@@ -113,7 +114,8 @@ def settings_row(name: str, config: VolumetricConfig, scene: Scene) -> dict[str,
         start = time.process_time()
         model = train(scene, config, 0, Path(folder), lambda space, g, _: RadianceModel(config, space, g)).model
         seconds = time.process_time() - start
-    scores = [float(psnr(model.render(view.camera), view.image())) for view in scene.test_views]
+    reasons: dict[str, str] = {}
+    scores = [score_image(model.render(view.camera), view, reasons, METRICS[:1])["psnr"] for view in scene.test_views]
     parameters = sum(parameter.numel() for parameter in model.parameters())
     return {
         "changed": name,
@@ -124,4 +126,4 @@ def settings_row(name: str, config: VolumetricConfig, scene: Scene) -> dict[str,
 
 
 if __name__ == "__main__":
-    tyro.cli(main)
+    run_command(main, prog="benchmarks.volumetric")

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from hydroviews.errors import InputError
+from hydroviews.errors import unknown_name
 
 
 @dataclass(frozen=True)
@@ -32,5 +32,5 @@ def find_profile(name: str) -> Profile:
         InputError: there is none.
     """
     if name not in PROFILES:
-        raise InputError(f"PROFILE={name}: no such profile", expected=f"one of {', '.join(PROFILES)}")
+        raise unknown_name("PROFILE", name, "profile", PROFILES)
     return PROFILES[name]

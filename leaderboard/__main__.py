@@ -1,4 +1,4 @@
-"""python -m leaderboard evaluate | check | table | score | picture | view | film | export | card | predict."""
+"""python -m leaderboard evaluate | check | table | score | overview | view | film | export | card."""
 
 import sys
 from pathlib import Path
@@ -13,22 +13,22 @@ from hydroviews.files.atomic import write_json
 from hydroviews.profiles import find_profile
 from hydroviews.rain.effects import choose_patterns
 from leaderboard.contract.check import Result, check
-from leaderboard.evaluate import FAILURE, Evaluation, evaluate
+from leaderboard.evaluate import FAILURE, EvaluateRequest, evaluate
 from leaderboard.film import film
-from leaderboard.predict import predict
+from leaderboard.predict import train_and_render
 from leaderboard.previews import write_overview
 from leaderboard.records import GIVEN_POSES, write_leaderboard
 from leaderboard.runs import Run
 from leaderboard.score import score
-from leaderboard.severity import record_losses
-from leaderboard.tables import print_scene, scene_keys, write_tables
+from leaderboard.severity import LEADERBOARD, record_losses
+from leaderboard.tables import legend, scene_keys, scene_text, write_tables
 from leaderboard.viewer.export import Format, export
 from leaderboard.viewer.viewer import HOST, PORT, view
 
 DATA = Path("data")  # where `make eval` builds
 
 
-def evaluate_command(request: tyro.conf.OmitArgPrefixes[Evaluation]) -> None:
+def evaluate_command(request: tyro.conf.OmitArgPrefixes[EvaluateRequest]) -> None:
     """Run a method and the reference rows on a scene, building what is missing; print and write the tables."""
     records = evaluate(request)
     if any(record.status != "done" for record in records):
@@ -58,9 +58,9 @@ def table_command(results: Path = Path("results")) -> None:
     """
     table = write_leaderboard(results)
     write_tables(table, results)
-    for scene, profile, track in scene_keys(table):
-        print_scene(table, scene, profile, track)
-    print(f"\nall runs: {results / 'leaderboard.csv'}")
+    for keys in scene_keys(table):
+        print(f"\n{scene_text(table, *keys)}", end="")
+    print(f"\n{legend()}\nall runs: {results / LEADERBOARD}")
 
 
 def score_command(
@@ -88,7 +88,7 @@ def score_command(
     score(Run(method, find_profile(profile).name, seed, data / profile, scene, pattern, results, track))
 
 
-def picture_command(
+def overview_command(
     view: str,
     patterns: tuple[str, ...] = (),
     method: str = "3dgs",
@@ -183,10 +183,10 @@ def card_command(data: tyro.conf.Positional[Path], scene: str = "", results: Pat
         raise InputError("\n".join(failures))
 
 
-def predict_command(run: Run) -> None:
+def train_and_render_command(run: Run) -> None:
     """Train one run and render its held-out views; `evaluate` starts this for every run."""
     try:
-        predict(run)
+        train_and_render(run)
     except Exception as error:
         kind = "input" if isinstance(error, InputError) else "method"
         reason = str(error) if kind == "input" else f"{type(error).__name__}: {error}"
@@ -204,12 +204,12 @@ def main() -> None:
             "check": check_command,
             "table": table_command,
             "score": score_command,
-            "picture": picture_command,
+            "overview": overview_command,
             "view": view_command,
             "film": film_command,
             "export": export_command,
             "card": card_command,
-            "predict": predict_command,
+            "train-and-render": train_and_render_command,
         },
         prog="leaderboard",
     )

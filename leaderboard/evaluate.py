@@ -4,6 +4,7 @@ build what is missing -> for every variant: train, render to disk, score -> reco
 """
 
 import dataclasses
+import logging
 import signal
 import subprocess
 import sys
@@ -11,13 +12,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from baselines.method import find_method
-from hydroviews.cli import deferred_interrupts
+from hydroviews.cli import run_child
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import is_captured
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import BUSY, locked, read_json
 from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.metrics import find_metrics
 from hydroviews.profiles import Profile, find_profile
 from hydroviews.rain.effects import choose_patterns
 from leaderboard.predict import PREDICTION
@@ -32,14 +34,17 @@ from leaderboard.records import (
 )
 from leaderboard.runs import Run, claim_folder
 from leaderboard.score import describe, score
-from leaderboard.tables import CEILING, FLOOR, print_scene, write_tables
+from leaderboard.severity import LEADERBOARD
+from leaderboard.tables import CEILING, FLOOR, scene_text, write_tables
+
+logger = logging.getLogger(__name__)
 
 FAILURE = "failure.json"
 GRACE, PATIENCE = 3.0, 30.0  # seconds until an interrupted run is told to stop, and until it is killed
 
 
 @dataclass(frozen=True)
-class Evaluation:
+class EvaluateRequest:
     """What to evaluate."""
 
     method: str  # a registered name, or package.module:Class
@@ -54,7 +59,7 @@ class Evaluation:
     overwrite: bool = False  # build and run anew what is there with other settings
 
 
-def evaluate(request: Evaluation) -> list[Record]:
+def evaluate(request: EvaluateRequest) -> list[Record]:
     """Build what is missing, run the method and the references, write and print the tables.
 
     Returns:
@@ -91,8 +96,8 @@ def evaluate(request: Evaluation) -> list[Record]:
         if records:
             table = write_leaderboard(request.results)
             write_tables(table, request.results)
-    print_scene(table, scene, profile.name, request.track)
-    print(f"\nall runs: {request.results / 'leaderboard.csv'}")
+    text = scene_text(table, scene, profile.name, request.track)
+    logger.info("\n%s\nall runs: %s", text, request.results / LEADERBOARD)
     return list(records.values())
 
 
@@ -101,7 +106,7 @@ def needed_patterns(method: str, rainy: list[str]) -> list[str]:
     return [CLEAN] if find_method(method).trains_on == "clean" else rainy
 
 
-def plan(request: Evaluation, profile: Profile, data: Path, scene: str, rainy: list[str]) -> list[Run]:
+def plan(request: EvaluateRequest, profile: Profile, data: Path, scene: str, rainy: list[str]) -> list[Run]:
     """The runs in order: ceiling, floor, then the method.
 
     A method that sees clean views needs no floor; a scene that has none has no ceiling.
@@ -117,7 +122,7 @@ def plan(request: Evaluation, profile: Profile, data: Path, scene: str, rainy: l
 
 
 def carry_out(run: Run, overwrite: bool = False) -> Record:
-    """Predict and score one run, or keep the record it already has; a failed run is tried again.
+    """Train, render and score one run, or keep the record it already has; a failed run is tried again.
 
     While another process is at it, wait: evaluations side by side share the reference rows.
     """
@@ -130,20 +135,21 @@ def _carry_out(run: Run, overwrite: bool) -> Record:
     if (run.folder / RECORD).is_file():
         record = read_record(run.folder / RECORD)
         if record.status == "done":
-            print(f"{run}: kept, {_figures(record)} (version {record.version}; remove {run.folder} to run it again)")
+            kept = "%s: kept, %s (version %s; remove %s to run it again)"
+            logger.info(kept, run, _figures(record), record.version, run.folder)
             return record
-    print(f"{run}: training")
+    logger.info("%s: training", run)
     if not (run.folder / PREDICTION).is_file() or not (run.folder / "renders").is_dir():
-        reason = _predict_in_process(run)
+        reason = _train_in_process(run)
         if reason:
             return _record_failure(run, reason)
     record = score(run)
-    print(f"{run}: {_figures(record)}")
+    logger.info("%s: %s", run, _figures(record))
     return record
 
 
-def _predict_in_process(run: Run) -> str:
-    """Run `predict` in a process of its own, so that memory is its own and a crash is only its own.
+def _train_in_process(run: Run) -> str:
+    """Run `train_and_render` in a process of its own, so that memory is its own and a crash is only its own.
 
     Returns:
         Why it failed, or "".
@@ -154,12 +160,7 @@ def _predict_in_process(run: Run) -> str:
     """
     (run.folder / FAILURE).unlink(missing_ok=True)
     settings = [f"--run.{field.name}={getattr(run, field.name)}" for field in dataclasses.fields(run)]
-    with deferred_interrupts():
-        process = subprocess.Popen([sys.executable, "-m", "leaderboard", "predict", *settings])
-    try:
-        code = process.wait()
-    finally:
-        _end(process)
+    code = run_child([sys.executable, "-m", "leaderboard", "train-and-render", *settings], _end)
     if code == 0:
         return ""
     failure = read_json(run.folder / FAILURE) if (run.folder / FAILURE).is_file() else {}
@@ -173,19 +174,18 @@ def _predict_in_process(run: Run) -> str:
 
 
 def _end(process: subprocess.Popen) -> None:
-    """No run outlives the command. A terminal has sent it the same Ctrl-C; otherwise it is told to save and stop."""
+    """Wait until a run has saved and stopped: a terminal has sent it the same Ctrl-C; otherwise it is told to."""
     for patience, stop in ((GRACE, process.terminate), (PATIENCE, process.kill)):
         try:
             process.wait(patience)
         except subprocess.TimeoutExpired:
             stop()
-    process.wait()
 
 
 def _record_failure(run: Run, reason: str) -> Record:
     record = describe(run, run.training_scene(), status="failed", reason=reason, numbers={})
     write_record(run.folder, record)
-    print(f"{run}: failed: {reason}", file=sys.stderr)
+    logger.warning("%s: failed: %s", run, reason)
     return record
 
 
@@ -200,9 +200,8 @@ def _refuse_clean(method: str, folder: Path) -> None:
 def _figures(record: Record) -> str:
     if record.pattern == CAPTURED:
         return f"not scored, {record.reason}"
-    parts = [
-        ("PSNR", record.psnr, "{:.2f} dB"),
-        ("SSIM", record.ssim, "{:.4f}"),
-        ("LPIPS", record.lpips_alex, "{:.4f}"),
-    ]
-    return ", ".join(f"{name} " + (form.format(value) if value is not None else "-") for name, value, form in parts)
+    parts = []
+    for metric in find_metrics():
+        value = record.scores.get(metric.name)
+        parts.append(f"{metric.title} " + ("-" if value is None else f"{metric.text(value)} {metric.unit}".rstrip()))
+    return ", ".join(parts)

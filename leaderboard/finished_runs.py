@@ -1,5 +1,6 @@
 """Finished runs, opened again by their folder: to look at them, to film them, to export their Gaussians."""
 
+import logging
 import os
 from pathlib import Path
 
@@ -12,6 +13,8 @@ from hydroviews.files.atomic import read_json
 from leaderboard.predict import PREDICTION
 from leaderboard.runs import CONFIG, Run, refuse_other_data
 from leaderboard.severity import LEADERBOARD
+
+logger = logging.getLogger(__name__)
 
 LEVELS = 5  # profile, method, scene, pattern, seed: see `leaderboard.runs`
 LISTED = 12  # runs that an error names
@@ -75,7 +78,7 @@ def load_method(run: Run) -> Method:
     trained, now = read_json(run.folder / CONFIG)["config"], run.settings()["config"]
     if now != trained:
         changed = [name for name in sorted({*now, *trained}) if now.get(name) != trained.get(name)]
-        print(f"{run}: since it was trained, {run.method} has other settings: {', '.join(changed)}")
+        logger.info("%s: since it was trained, %s has other settings: %s", run, run.method, ", ".join(changed))
     return method.load(method.configuration(run.profile), run.seed, run.folder)
 
 

@@ -19,7 +19,7 @@ from leaderboard.runs import Run
 PREDICTION = "prediction.json"
 
 
-def predict(run: Run) -> None:
+def train_and_render(run: Run) -> None:
     """Train the run's method, or go on from its checkpoint, and write `renders/` and `prediction.json`.
 
     Raises:

@@ -1,17 +1,22 @@
 """The one schema of a result: a record a run, a row a record."""
 
 import dataclasses
+import logging
 import subprocess
-import sys
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 import hydroviews
-from hydroviews.errors import InputError
+from hydroviews.errors import InputError, unknown_name
 from hydroviews.files.atomic import read_json, replacing, write_json
+from hydroviews.metrics import find_metrics
 from leaderboard.severity import LEADERBOARD
+
+logger = logging.getLogger(__name__)
 
 RECORD = "record.json"
 
@@ -35,10 +40,7 @@ class Record:
     n_test: int
     width: int
     height: int
-    psnr: float | None = None  # dB, mean over held-out views
-    ssim: float | None = None
-    lpips_alex: float | None = None
-    lpips_vgg: float | None = None
+    scores: Mapping[str, float] = field(default_factory=dict)  # by metric, means over held-out views, where it has one
     train_s: float | None = None
     render_fps: float | None = None
     peak_mem_mb: float | None = None  # resident memory of the run's process, 10^6 bytes
@@ -51,7 +53,35 @@ class Record:
     data_sha256: str = ""
 
 
-COLUMNS = [field.name for field in dataclasses.fields(Record)]
+FIELDS = [field.name for field in dataclasses.fields(Record)]
+
+
+def columns() -> list[str]:
+    """Those of a record written down: its fields, with a column a metric in place of the scores."""
+    at = FIELDS.index("scores")
+    return [*FIELDS[:at], *(metric.name for metric in find_metrics()), *FIELDS[at + 1 :]]
+
+
+def as_row(record: Record) -> dict[str, Any]:
+    """A record by its columns; a metric without a score is None."""
+    return {name: record.scores.get(name) if name not in FIELDS else getattr(record, name) for name in columns()}
+
+
+def from_row(row: Mapping[str, Any]) -> Record:
+    """The record that was written as a row; scores of metrics that are not registered here are dropped.
+
+    Raises:
+        TypeError: fields are missing, or there are others that are no scores.
+    """
+    scores = {name: value for name, value in row.items() if name not in FIELDS}
+    unknown = [name for name, value in scores.items() if not isinstance(value, float | int | None)]
+    if unknown:
+        raise TypeError(f"unknown fields: {', '.join(unknown)}")
+    known = {metric.name for metric in find_metrics()}
+    fields = {name: value for name, value in row.items() if name in FIELDS}
+    return Record(
+        **fields, scores={name: value for name, value in scores.items() if name in known and value is not None}
+    )
 
 
 def check_track(name: str) -> None:
@@ -61,7 +91,7 @@ def check_track(name: str) -> None:
         InputError: it is none of TRACKS.
     """
     if name not in TRACKS:
-        raise InputError(f"TRACK={name}: no such track", expected=f"one of {', '.join(TRACKS)}")
+        raise unknown_name("TRACK", name, "track", TRACKS)
 
 
 def run_folder(results: Path, profile: str, method: str, scene: str, pattern: str, seed: int, track: str) -> Path:
@@ -77,7 +107,7 @@ def _record_folder(results: Path, record: Record) -> Path:
 
 def write_record(folder: Path, record: Record) -> None:
     """Write a run's record."""
-    write_json(folder / RECORD, dataclasses.asdict(record))
+    write_json(folder / RECORD, as_row(record))
 
 
 def read_record(path: Path) -> Record:
@@ -88,7 +118,7 @@ def read_record(path: Path) -> Record:
     """
     value = read_json(path)
     try:
-        return Record(**value)
+        return from_row(value)
     except TypeError as error:
         raise InputError(
             f"{path}: not a record of this version", found=error, fix="delete the run and evaluate again"
@@ -96,7 +126,7 @@ def read_record(path: Path) -> Record:
 
 
 def collect(results: Path) -> pd.DataFrame:
-    """All records of a results folder, one row each, in the order of `COLUMNS`.
+    """All records of a results folder, one row each, in the order of `columns`.
 
     Only records that lie where their run belongs count, so that copies kept beside them do not count twice. An
     unreadable one is left out with a warning.
@@ -106,11 +136,11 @@ def collect(results: Path) -> pd.DataFrame:
         try:
             record = read_record(path)
         except InputError as error:
-            print(f"left out: {error}", file=sys.stderr)
+            logger.warning("left out: %s", error)
             continue
         if path.parent == _record_folder(results, record):
-            records.append(dataclasses.asdict(record))
-    table = pd.DataFrame(records, columns=COLUMNS)
+            records.append(as_row(record))
+    table = pd.DataFrame(records, columns=columns())
     return table.sort_values(["profile", "scene", "track", "effect", "pattern", "method", "seed"], ignore_index=True)
 
 

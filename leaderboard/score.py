@@ -7,8 +7,7 @@ is left out: PSNR over the other pixels, SSIM over the windows without hidden on
 A scene that was captured in rain has no clean ground truth: its runs are pictured, not scored.
 """
 
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +15,11 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from hydroviews import metrics
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, replacing
 from hydroviews.formats.capture_json import CAPTURED
-from hydroviews.scene.images import read_image
+from hydroviews.metrics import Metric, find_metrics
+from hydroviews.scene.images import Image, read_image, to_uint8
 from hydroviews.scene.scenes import Scene, View
 from leaderboard.predict import PREDICTION
 from leaderboard.previews import write_preview
@@ -29,12 +28,8 @@ from leaderboard.runs import CONFIG, Run, refuse_other_data
 
 PER_VIEW = "per_view.csv"
 NO_TRUTH = "captured in rain: no clean ground truth"
-METRICS: dict[str, Callable] = {
-    "psnr": metrics.psnr,
-    "ssim": metrics.ssim,
-    "lpips_alex": partial(metrics.lpips, net="alex"),
-    "lpips_vgg": partial(metrics.lpips, net="vgg"),
-}
+
+Scores = dict[str, float | None]  # by metric
 
 
 def score(run: Run) -> Record:
@@ -58,29 +53,26 @@ def score(run: Run) -> Record:
             fix=f"make eval METHOD={run.method} goes on where it stopped",
         )
     if run.pattern == CAPTURED:
-        return _picture(run)
+        return _record_unscored(run)
     clean = run.clean_scene()
     reasons: dict[str, str] = {}
     rows = [
         {"view": view.name, **score_view(run.folder / "renders" / f"{view.name}.png", view, reasons)}
         for view in tqdm(clean.test_views, desc="scoring", unit="view")
     ]
-    views = pd.DataFrame(rows, columns=["view", *METRICS])
+    views = pd.DataFrame(rows, columns=["view", *(metric.name for metric in find_metrics())])
     with replacing(run.folder / PER_VIEW) as temporary:
         views.to_csv(temporary, index=False)
     write_preview(run, clean)
-    means = {name: _mean(views[name]) for name in METRICS}
-    for name in METRICS:
-        if means[name] is None and name not in reasons:
-            reasons[name] = "infinite: a render equals its clean view"
+    scores = mean_scores(rows, reasons)
     reason = "; ".join(f"{name}: {why}" for name, why in reasons.items())
-    numbers = {**means, **read_json(run.folder / PREDICTION)}
+    numbers = {"scores": scores, **read_json(run.folder / PREDICTION)}
     record = describe(run, clean, status="done", reason=reason, numbers=numbers)
     write_record(run.folder, record)
     return record
 
 
-def _picture(run: Run) -> Record:
+def _record_unscored(run: Run) -> Record:
     """Write the preview and the record of a run that has no ground truth."""
     scene = run.training_scene()
     write_preview(run, scene)
@@ -89,15 +81,21 @@ def _picture(run: Run) -> Record:
     return record
 
 
-def _mean(scores: pd.Series) -> float | None:
-    """Rounded mean; None where a view has no score or an infinite one."""
-    mean = float(scores.mean(skipna=False)) if scores.notna().all() else float("nan")
-    return round(mean, 5) if np.isfinite(mean) else None
+def mean_scores(views: Sequence[Mapping[str, Any]], reasons: dict[str, str]) -> dict[str, float]:
+    """Rounded means over views; a metric without a score of a view, or an infinite one, is left out, with a reason."""
+    table, means = pd.DataFrame(views), {}
+    for metric in find_metrics():
+        mean = float(table[metric.name].astype(float).mean(skipna=False))
+        if np.isfinite(mean):
+            means[metric.name] = round(mean, 5)
+        else:
+            reasons.setdefault(metric.name, "infinite: a render equals its clean view")
+    return means
 
 
-def score_view(render: Path, clean: View, reasons: dict[str, str]) -> dict[str, float | None]:
+def score_view(render: Path, clean: View, reasons: dict[str, str]) -> Scores:
     """All metrics of one view, from pictures on disk; what cannot be had goes to `reasons`."""
-    image, target, ignored = read_image(render), read_image(clean.path), clean.ignored()
+    image, target = read_image(render), clean.image()
     if image.shape != target.shape:
         raise InputError(
             f"{render}: another size than the clean view",
@@ -105,10 +103,24 @@ def score_view(render: Path, clean: View, reasons: dict[str, str]) -> dict[str, 
             expected=f"{target.shape[1]}x{target.shape[0]}",
             fix="delete the run and evaluate again",
         )
-    scores: dict[str, float | None] = {}
-    for name, metric in METRICS.items():
+    return score_image(image, clean, reasons)
+
+
+def score_image(image: Image, clean: View, reasons: dict[str, str], metrics: Sequence[Metric] | None = None) -> Scores:
+    """Metrics of one view by the protocol of this module.
+
+    Args:
+        image: float32 [H, W, 3] in [0, 1], which is rounded to 8 bits.
+        clean: the ground truth, with its mask.
+        reasons: by metric, why it could not be had; those in it already are not tried again.
+        metrics: all there are if not given.
+    """
+    rounded, target, ignored = to_uint8(image).astype(np.float32) / 255, clean.image(), clean.ignored()
+    scores: Scores = {}
+    for metric in metrics or find_metrics():
+        name = metric.name
         try:
-            scores[name] = None if name in reasons else metric(image, target, ignored=ignored)
+            scores[name] = None if name in reasons else float(metric.function(rounded, target, ignored=ignored))
         except (InputError, ValueError) as error:
             scores[name], reasons[name] = None, str(error).splitlines()[0]
     return scores

@@ -1,16 +1,17 @@
 """Records as tables people read: one a scene, methods down, effects across."""
 
+from collections.abc import Hashable
 from pathlib import Path
 
 import pandas as pd
 
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.files.atomic import write_bytes
+from hydroviews.formats.markdown import markdown_table
+from hydroviews.metrics import find_metrics
 from leaderboard.severity import CEILING, FLOOR
 
 TABLES = "tables.md"
-METRICS = {"psnr": "PSNR", "ssim": "SSIM", "lpips_alex": "LPIPS", "lpips_vgg": "LPIPS-VGG"}
-DECIMALS = {"psnr": 2, "ssim": 4, "lpips_alex": 4, "lpips_vgg": 4}
 
 
 def scene_table(table: pd.DataFrame, scene: str, profile: str, track: str) -> pd.DataFrame:
@@ -29,7 +30,8 @@ def scene_table(table: pd.DataFrame, scene: str, profile: str, track: str) -> pd
 
 def _effect_block(rows: pd.DataFrame) -> pd.DataFrame:
     done = rows[rows.status == "done"]
-    numbers = done.astype(dict.fromkeys(METRICS, float)).groupby("method")[list(METRICS)].mean()
+    names = [metric.name for metric in find_metrics()]
+    numbers = done.astype(dict.fromkeys(names, float)).groupby("method")[names].mean()
     block = numbers.reindex(sorted(set(rows.method)))
     block["gap"] = [share_of_gap(done, method) for method in block.index]
     block["train_s"] = done.groupby("method")["train_s"].mean().astype(float)
@@ -58,29 +60,36 @@ def share_of_gap(done: pd.DataFrame, method: str) -> float:
 
 def to_markdown(table: pd.DataFrame) -> str:
     """A scene's table as Markdown, the effects one below the other."""
+    titles = [metric.title for metric in find_metrics()]
     parts = []
     for effect in dict.fromkeys(table.columns.get_level_values(0)):
-        heads = ["method", *METRICS.values(), "share of gap", "train s", "runs"]
-        lines = [f"| {effect} | " + " | ".join(heads[1:]) + " |", "|---" * len(heads) + "|"]
-        for method, row in table[effect].iterrows():
-            cells = [_number(row[name], DECIMALS[name]) for name in METRICS]
-            cells += [_percent(row["gap"]), _number(row["train_s"], 0), "" if pd.isna(row["runs"]) else row["runs"]]
-            lines.append(f"| {method} | " + " | ".join(cells) + " |")
-        parts.append("\n".join(lines))
+        head = (effect, *titles, "share of gap", "train s", "runs")
+        parts.append(markdown_table(head, map(_cells, table[effect].iterrows()), keep_empty=True))
     return "\n\n".join(parts) + "\n"
 
 
-def _number(value: float, decimals: int) -> str:
-    return "" if pd.isna(value) else f"{value:.{decimals}f}"
+def _cells(row: tuple[Hashable, pd.Series]) -> list[str]:
+    """A method's, empty where there is no number."""
+    method, values = row
+    scores = ["" if pd.isna(values[metric.name]) else metric.text(values[metric.name]) for metric in find_metrics()]
+    seconds = "" if pd.isna(values["train_s"]) else f"{values['train_s']:.0f}"
+    return [str(method), *scores, _percent(values["gap"]), seconds, "" if pd.isna(values["runs"]) else values["runs"]]
 
 
 def _percent(value: float) -> str:
     return "" if pd.isna(value) else f"{100 * value:.0f} %"
 
 
-def print_scene(table: pd.DataFrame, scene: str, profile: str, track: str) -> None:
-    """Print one scene's table."""
-    print(f"\n{scene} ({profile}, {track})\n\n{to_markdown(scene_table(table, scene, profile, track))}", end="")
+def scene_text(table: pd.DataFrame, scene: str, profile: str, track: str) -> str:
+    """One scene's table under its name, to be printed."""
+    return f"{scene} ({profile}, {track})\n\n{to_markdown(scene_table(table, scene, profile, track))}"
+
+
+def legend() -> str:
+    """Which numbers of the tables should be high and which low."""
+    ways = {True: "higher", False: "lower"}
+    titles = {way: [m.title for m in find_metrics() if m.higher_is_better == way] for way in ways}
+    return "; ".join(f"{', '.join(titles[way])}: {word} is better" for way, word in ways.items() if titles[way])
 
 
 def scene_keys(table: pd.DataFrame) -> list[tuple[str, str, str]]:
@@ -91,8 +100,5 @@ def scene_keys(table: pd.DataFrame) -> list[tuple[str, str, str]]:
 
 def write_tables(table: pd.DataFrame, results: Path) -> None:
     """Write `tables.md`: every scene of every profile, a table a track."""
-    parts = [
-        f"## {scene} ({profile}, {track})\n\n{to_markdown(scene_table(table, scene, profile, track))}"
-        for scene, profile, track in scene_keys(table)
-    ]
-    write_bytes(results / TABLES, "\n".join(parts).encode())
+    parts = [f"## {scene_text(table, *keys)}" for keys in scene_keys(table)]
+    write_bytes(results / TABLES, "\n".join([*parts, legend() + "\n"]).encode())

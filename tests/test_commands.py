@@ -93,7 +93,7 @@ def test_bad_input_ends_with_a_plain_error(arguments, message):
     ("package", "commands"),
     [
         ("hydroviews", ("build", "verify", "poses", "download")),
-        ("leaderboard", ("evaluate", "check", "table", "score", "picture", "view", "film", "export")),
+        ("leaderboard", ("evaluate", "check", "table", "score", "overview", "view", "film", "export")),
     ],
 )
 def test_help_names_the_commands(package, commands):

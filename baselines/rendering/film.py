@@ -1,5 +1,6 @@
 """A film of a trained scene: a camera on a smooth path, rendered with the method itself."""
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,8 @@ from hydroviews.files.settings_guard import claim_folder
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import read_image, to_uint8, write_png
 from hydroviews.scene.scenes import Scene
+
+logger = logging.getLogger(__name__)
 
 CODECS = {".mp4": "vp09", ".webm": "VP90"}  # VP9, which browsers play and every OpenCV wheel can write
 FRAMES, SETTINGS = "-frames", "film.json"
@@ -71,7 +74,8 @@ def draw_film(method: Method, scene: Scene, out: Path, choice: FilmChoice, about
     render_frames(method, path, frames)
     write_film(out, frames, len(path), choice.fps)
     remove_tree(frames)
-    print(f"{out}: {len(path)} frames of {path[0].width}x{path[0].height}, {out.stat().st_size / 1e6:.1f} MB")
+    first, size = path[0], out.stat().st_size / 1e6
+    logger.info("%s: %d frames of %dx%d, %.1f MB", out, len(path), first.width, first.height, size)
 
 
 def fitted(camera: Camera, size: int) -> Camera:

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Literal
 
 import pandas as pd
-import tyro
 
 from baselines.splatting.backends.warm_up import warm_up
 from benchmarks.splatting.curves import growth_curves
 from benchmarks.splatting.error import cutoffs, precision
 from benchmarks.splatting.speed import growth, looks, speeds
+from hydroviews.cli import run_command
 from hydroviews.files.atomic import write_bytes
 
 Part = Literal["speed", "growth", "looks", "precision", "cutoffs"]
@@ -62,4 +62,4 @@ def report(part: str, table: pd.DataFrame) -> None:
 
 
 if __name__ == "__main__":
-    tyro.cli(main)
+    run_command(main, prog="benchmarks.splatting")

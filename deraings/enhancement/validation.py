@@ -11,6 +11,7 @@ from tqdm import tqdm
 from deraings.enhancement.enhance import enhance
 from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.weights import Enhancer
+from hydroviews.formats.markdown import markdown_table
 from hydroviews.metrics import psnr
 from hydroviews.pairs.drawing import air_light, camera_of
 from hydroviews.pairs.photographs import fit_frame, frame_of
@@ -121,13 +122,14 @@ def as_columns(rows: Sequence[Score]) -> dict[str, float]:
 
 def table(rows: Sequence[Score]) -> str:
     """Markdown."""
-    lines = ["| rain | pictures | PSNR before | after | gain | brightness error |", "|---|---|---|---|---|---|"]
+    cells = []
     for row in rows:
         gain = f"{row.after - row.before:+.2f}" if np.isfinite(row.before) else ""
         before = f"{row.before:.2f}" if np.isfinite(row.before) else "the same"
         brightness = f"{row.brightness:.2f}/255"
-        lines.append(f"| {row.kind} | {row.pictures} | {before} | {row.after:.2f} | {gain} | {brightness} |")
-    return "\n".join(lines)
+        cells.append((row.kind, row.pictures, before, f"{row.after:.2f}", gain, brightness))
+    head = ("rain", "pictures", "PSNR before", "after", "gain", "brightness error")
+    return markdown_table(head, cells, keep_empty=True)
 
 
 def as_json(rows: Sequence[Score]) -> list[dict[str, str | int | float | None]]:

@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 from typing import TextIO
 
+from hydroviews.cli import show_logs
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 
@@ -30,6 +31,7 @@ def main() -> int:
         print(json.dumps({"done": done, "total": total}), file=messages, flush=True)
 
     try:
+        show_logs()
         importlib.import_module(f"hydroviews.blender.{module}").main(request, report)
     except InputError as error:
         return _fail(messages, "input", error)

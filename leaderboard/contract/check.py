@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import logging
 import tempfile
 import time
 import traceback
@@ -17,22 +18,24 @@ from baselines.method import find_method
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.profiles import find_profile
-from leaderboard.contract import interruptions, promises
+from leaderboard.contract import checks, interruptions
 from leaderboard.contract.case import Case, Failed, NotTestable
 
+logger = logging.getLogger(__name__)
+
 CHECKS: dict[str, Callable[[Case], str]] = {
-    "found by its name": promises.found,
-    "configurations": promises.configurations,
-    "trains": promises.training,
-    "renders any camera": promises.rendering,
-    "saved and loaded": promises.saving,
-    "summary": promises.summary,
-    "same seed, same result": promises.same_seed,
-    "held-out views unseen": promises.held_out,
-    "masks respected": promises.masks,
-    "bad photographs refused": promises.unreadable,
-    "fitted twice": promises.finished,
-    "other checkpoints refused": promises.foreign,
+    "found by its name": checks.found,
+    "configurations": checks.configurations,
+    "trains": checks.training,
+    "renders any camera": checks.rendering,
+    "saved and loaded": checks.saving,
+    "summary": checks.summary,
+    "same seed, same result": checks.same_seed,
+    "held-out views unseen": checks.held_out,
+    "masks respected": checks.masks,
+    "bad photographs refused": checks.unreadable,
+    "fitted twice": checks.fitted_twice,
+    "other checkpoints refused": checks.foreign,
     "Ctrl-C and on": interruptions.ctrl_c,
     "SIGTERM and on": interruptions.termination,
 }
@@ -76,14 +79,14 @@ def check(method: str, profile: str = "demo", steps: int = 30, report: Path | No
     with tempfile.TemporaryDirectory(prefix="hydroviews-check-") as folder:
         outcomes = run_checks(Case(method, kind, find_profile(profile).name, steps, Path(folder)))
     counts = Counter(outcome.result for outcome in outcomes)
-    print(f"\n{method}: " + ", ".join(f"{counts[result]} {result}" for result in Result))
+    logger.info("\n%s: %s", method, ", ".join(f"{counts[result]} {result}" for result in Result))
     for outcome in outcomes:
         if outcome.trace:
-            print(f"\n{outcome.check}:\n{outcome.trace}", end="")
+            logger.info("\n%s:\n%s", outcome.check, outcome.trace.rstrip())
     if report:
-        checks = [dataclasses.asdict(outcome) for outcome in outcomes]
+        told = [dataclasses.asdict(outcome) for outcome in outcomes]
         passed = not counts[Result.FAILED]
-        write_json(report, {"method": method, "profile": profile, "steps": steps, "passed": passed, "checks": checks})
+        write_json(report, {"method": method, "profile": profile, "steps": steps, "passed": passed, "checks": told})
     return outcomes
 
 
@@ -94,7 +97,7 @@ def run_checks(case: Case) -> list[Outcome]:
     with tqdm(CHECKS.items(), desc=case.name, unit="check", leave=False, disable=None) as bar:
         for name, function in bar:
             outcome = Outcome(name, Result.NOT_TESTABLE, non_finite) if non_finite else try_check(case, name, function)
-            bar.write(f"{outcome.result:12}  {name:{width}}  {outcome.reason}")
+            logger.info("%s", f"{outcome.result:12}  {name:{width}}  {outcome.reason}")
             outcomes.append(outcome)
             if name in BASIC and outcome.result == Result.FAILED:
                 non_finite = f"failed already: {name}"

@@ -3,11 +3,14 @@
 from dataclasses import dataclass
 
 from baselines.method import Method
-from hydroviews import metrics
+from hydroviews.metrics import METRICS
 from hydroviews.scene.images import Image, to_uint8
 from hydroviews.scene.scenes import View
 from leaderboard.previews import error_map
 from leaderboard.runs import Run
+from leaderboard.score import score_image
+
+SHOWN = METRICS[0]  # the one that takes no time to compute
 
 
 @dataclass(frozen=True)
@@ -31,7 +34,7 @@ class Comparison:
     photograph: Image
     render: Image
     error: Image
-    psnr: float | None  # dB, as the leaderboard counts it; None where the view is not scored
+    score: float | None  # by SHOWN, as the leaderboard counts it; None where the view is not scored
 
 
 def list_shots(run: Run) -> list[Shot]:
@@ -48,5 +51,5 @@ def compare(method: Method, shot: Shot) -> Comparison:
     photograph, ignored = shot.view.image(), shot.view.ignored()
     render = to_uint8(method.render(shot.view.camera)).astype("float32") / 255
     error = error_map(render, photograph, ignored)
-    psnr = float(metrics.psnr(render, photograph, ignored=ignored)) if shot.scored else None
-    return Comparison(photograph, render, error, psnr)
+    score = score_image(render, shot.view, {}, [SHOWN])[SHOWN.name] if shot.scored else None
+    return Comparison(photograph, render, error, score)

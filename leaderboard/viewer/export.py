@@ -1,5 +1,6 @@
 """A run's Gaussians as one file for viewers."""
 
+import logging
 from pathlib import Path
 from typing import Literal
 
@@ -8,11 +9,13 @@ from baselines.splatting.files.ply import write_ply
 from hydroviews.errors import InputError
 from leaderboard.finished_runs import find_splats, require_finished
 
+logger = logging.getLogger(__name__)
+
 Format = Literal["ply", "compressed"]
 
 
 def export(folder: Path, out: Path, form: Format, sh_degree: int | None) -> None:
-    """Write a run's Gaussians for viewers, and print how large the file is.
+    """Write a run's Gaussians for viewers.
 
     Args:
         folder: of a finished run.
@@ -36,4 +39,5 @@ def export(folder: Path, out: Path, form: Format, sh_degree: int | None) -> None
         write_compressed_ply(out, shown)
     else:
         write_ply(out, shown, normals=False)
-    print(f"{out}: {len(shown):,} Gaussians, degree {shown.sh_degree}, {out.stat().st_size / 1e6:.2f} MB")
+    size = out.stat().st_size / 1e6
+    logger.info("%s: %s Gaussians, degree %d, %.2f MB", out, f"{len(shown):,}", shown.sh_degree, size)

@@ -25,7 +25,7 @@ FRUSTUM, LONGEST = 0.4, 1.0  # length of a frustum over the distance to the next
 
 
 @dataclass(frozen=True)
-class Stage:
+class Normalisation:
     """Where the browser's scene lies in the world: shown = (world - centre) * scale."""
 
     centre: NDArray[np.float64]  # [3]
@@ -47,8 +47,8 @@ class Splats:
     opacities: NDArray[np.float32]  # [N, 1] in [0, 1]
 
 
-def make_stage(cameras: Sequence[Camera], gaussians: Gaussians | None) -> Stage:
-    """The stage for a scene that was seen by these cameras, one or more."""
+def normalise_scene(cameras: Sequence[Camera], gaussians: Gaussians | None) -> Normalisation:
+    """The normalisation for a scene that was seen by these cameras, one or more."""
     centres = np.array([camera.centre for camera in cameras])
     centre = centres.mean(axis=0)
     away = centres - centre
@@ -58,15 +58,17 @@ def make_stage(cameras: Sequence[Camera], gaussians: Gaussians | None) -> Stage:
     up = -np.mean([camera.rotation[1] for camera in cameras], axis=0)
     if np.linalg.norm(up) < 1e-6:  # they are turned every way
         up = -cameras[0].rotation[1]
-    return Stage(centre, SIZE / distance if distance > 0 else 1.0, up / np.linalg.norm(up))
+    return Normalisation(centre, SIZE / distance if distance > 0 else 1.0, up / np.linalg.norm(up))
 
 
-def stage_splats(gaussians: Gaussians, cameras: Sequence[Camera], stage: Stage) -> Splats:
-    """The Gaussians on the stage, in colours as the cameras see them on average."""
-    deviations = np.minimum(np.exp(gaussians.log_scales.astype(np.float64)) * stage.scale, LARGEST)
+def normalise_splats(gaussians: Gaussians, cameras: Sequence[Camera], normalisation: Normalisation) -> Splats:
+    """The Gaussians moved and scaled, in colours as the cameras see them on average."""
+    deviations = np.minimum(np.exp(gaussians.log_scales.astype(np.float64)) * normalisation.scale, LARGEST)
     factors = rotations(torch.from_numpy(gaussians.quaternions)).numpy() * deviations[:, None, :]
     return Splats(
-        centers=((gaussians.means + (gaussians.origin - stage.centre)) * stage.scale).astype(np.float32),
+        centers=((gaussians.means + (gaussians.origin - normalisation.centre)) * normalisation.scale).astype(
+            np.float32
+        ),
         covariances=(factors @ factors.transpose(0, 2, 1)).astype(np.float32),
         rgbs=_mean_colours(gaussians, cameras),
         opacities=torch.from_numpy(gaussians.opacity_logits).sigmoid().numpy()[:, None],
@@ -85,10 +87,10 @@ def _mean_colours(gaussians: Gaussians, cameras: Sequence[Camera]) -> NDArray[np
     return (total / len(chosen)).astype(np.float32)
 
 
-def pose(camera: Camera, stage: Stage) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Camera-to-world quaternion (w, x, y, z) and position on the stage."""
+def pose(camera: Camera, normalisation: Normalisation) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Camera-to-world quaternion (w, x, y, z) and position in the browser."""
     quaternion = Rotation.from_matrix(camera.rotation.T).as_quat()
-    return np.roll(quaternion, 1), stage.place(camera.centre)
+    return np.roll(quaternion, 1), normalisation.place(camera.centre)
 
 
 def vertical_fov(camera: Camera) -> float:
@@ -102,9 +104,9 @@ def window_fov(camera: Camera, aspect: float) -> float:
     return 2 * math.atan(max(half_height, half_width / aspect))
 
 
-def frustum_length(cameras: Sequence[Camera], stage: Stage) -> float:
+def frustum_length(cameras: Sequence[Camera], normalisation: Normalisation) -> float:
     """How long to draw frustums, so that neighbours rarely touch; in the browser's units."""
-    centres = stage.place([camera.centre for camera in cameras])
+    centres = normalisation.place([camera.centre for camera in cameras])
     if len(centres) < 2:
         return LONGEST
     typical = float(np.median(KDTree(centres).query(centres, k=2)[0][:, 1]))

@@ -1,5 +1,6 @@
 """A trained scene in a browser: free flight through its Gaussians, its cameras with their photographs, its errors."""
 
+import logging
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -20,20 +21,22 @@ from hydroviews.scene.cameras import Camera, fitted_size
 from hydroviews.scene.images import resize_area, to_uint8
 from leaderboard.finished_runs import find_splats, load_method, open_run
 from leaderboard.runs import Run
-from leaderboard.viewer.comparison import Comparison, Shot, compare, list_shots
+from leaderboard.viewer.comparison import SHOWN, Comparison, Shot, compare, list_shots
 from leaderboard.viewer.normalise import (
     SIZE,
-    Stage,
+    Normalisation,
     frustum_length,
-    make_stage,
+    normalise_scene,
+    normalise_splats,
     pose,
-    stage_splats,
     vertical_fov,
     window_fov,
 )
 
 if TYPE_CHECKING:
     import viser
+
+logger = logging.getLogger(__name__)
 
 HOST, PORT = "127.0.0.1", 8080
 INSTALL = ".venv/bin/pip install --constraint constraints.txt --editable '.[viewer]'"
@@ -52,7 +55,7 @@ class Viewer:
     """A running server and the handles of what it shows."""
 
     server: "viser.ViserServer"
-    stage: Stage
+    normalisation: Normalisation
     length: float  # of a frustum
     frustums: Mapping[str, "viser.CameraFrustumHandle"]  # by the label of the shot
     chooser: Any  # viser.GuiDropdownHandle; its value is the label of what is compared
@@ -68,7 +71,7 @@ def view(folder: Path, data: Path, host: str = HOST, port: int = PORT) -> None:
     """
     viewer = open_viewer(folder, data, host, port)
     try:
-        print(f"{folder}: open http://{host}:{viewer.server.get_port()} in a browser; Ctrl-C ends it", flush=True)
+        logger.info("%s: open http://%s:%d in a browser; Ctrl-C ends it", folder, host, viewer.server.get_port())
         viewer.server.sleep_forever()
     finally:
         viewer.server.stop()
@@ -84,33 +87,33 @@ def open_viewer(folder: Path, data: Path, host: str = HOST, port: int = PORT) ->
     run = open_run(folder, data)
     method, gaussians, shots = load_method(run), find_splats(folder), list_shots(run)
     cameras = [shot.view.camera for shot in shots]
-    stage = make_stage(cameras, gaussians)
+    normalisation = normalise_scene(cameras, gaussians)
     first = next(shot for shot in shots if shot.held_out)
     comparison = compare(method, first)  # before a port is taken: kernels may have to be compiled
     server = viser.ViserServer(host, port, label=str(run), verbose=False)
     server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, control_width="large")
     server.gui.main_panel.dock_right()
-    server.scene.set_up_direction(stage.up)
-    server.initial_camera.position = stage.place(first.view.camera.centre)
+    server.scene.set_up_direction(normalisation.up)
+    server.initial_camera.position = normalisation.place(first.view.camera.centre)
     server.initial_camera.look_at = server.initial_camera.position + SIZE * first.view.camera.rotation[2]
     server.initial_camera.fov = vertical_fov(first.view.camera)
     if gaussians is not None:
-        server.scene.add_gaussian_splats("/splats", **vars(stage_splats(gaussians, cameras, stage)))
+        server.scene.add_gaussian_splats("/splats", **vars(normalise_splats(gaussians, cameras, normalisation)))
     server.gui.add_markdown(_title(run, gaussians))
-    length = frustum_length(cameras, stage)
-    frustums = add_frustums(server, shots, stage, length)
+    length = frustum_length(cameras, normalisation)
+    frustums = add_frustums(server, shots, normalisation, length)
     add_switches(server, frustums)
     chooser = server.gui.add_dropdown("view", [shot.label for shot in shots], initial_value=first.label)
     figures = server.gui.add_markdown("")
     pictures = {name: server.gui.add_image(EMPTY, label=label) for name, label in PICTURES.items()}
-    viewer = Viewer(server, stage, length, frustums, chooser, figures, pictures)
+    viewer = Viewer(server, normalisation, length, frustums, chooser, figures, pictures)
     put_comparison(viewer, first, comparison)
     connect(viewer, method, shots)
     return viewer
 
 
 def add_frustums(
-    server: "viser.ViserServer", shots: Sequence[Shot], stage: Stage, length: float
+    server: "viser.ViserServer", shots: Sequence[Shot], normalisation: Normalisation, length: float
 ) -> dict[str, "viser.CameraFrustumHandle"]:
     """Put every camera into the scene, with a small copy of its photograph; training and held-out ones apart."""
     for group in COLOURS:
@@ -118,7 +121,7 @@ def add_frustums(
     handles = {}
     for shot in tqdm(shots, desc="photographs", unit="view", leave=False):
         camera, group = shot.view.camera, HELD_OUT if shot.held_out else TRAINING
-        wxyz, position = pose(camera, stage)
+        wxyz, position = pose(camera, normalisation)
         handles[shot.label] = server.scene.add_camera_frustum(
             f"/{group}/{shot.view.name}",
             fov=vertical_fov(camera),
@@ -163,7 +166,7 @@ def connect(viewer: Viewer, method: Method, shots: Sequence[Shot]) -> None:
         with one_at_a_time:
             put_comparison(viewer, by_label[label], compare(method, by_label[label]))
             for client in viewer.server.get_clients().values():
-                fly(client, by_label[label].view.camera, viewer.stage)
+                fly(client, by_label[label].view.camera, viewer.normalisation)
 
     def choose(label: str, _: object) -> None:
         if viewer.chooser.value == label:
@@ -184,8 +187,8 @@ def put_comparison(viewer: Viewer, shot: Shot, comparison: Comparison) -> None:
             frustum.visible = label not in hidden
     for name, handle in viewer.pictures.items():
         handle.image = to_uint8(getattr(comparison, name))
-    if comparison.psnr is not None:
-        words = f"held out, **PSNR {comparison.psnr:.2f} dB** against the clean view"
+    if comparison.score is not None:
+        words = f"held out, **{SHOWN.title} {SHOWN.text(comparison.score)} {SHOWN.unit}** against the clean view"
     elif shot.held_out:
         words = "held out; it rained, so there is no clean view to score against"
     else:
@@ -195,7 +198,7 @@ def put_comparison(viewer: Viewer, shot: Shot, comparison: Comparison) -> None:
 
 def in_the_way(viewer: Viewer, shot: Shot) -> set[str]:
     """The cameras so close to that of a shot that their frustums would look large from there."""
-    here = viewer.stage.place(shot.view.camera.centre)
+    here = viewer.normalisation.place(shot.view.camera.centre)
     return {
         label
         for label, frustum in viewer.frustums.items()
@@ -203,11 +206,11 @@ def in_the_way(viewer: Viewer, shot: Shot) -> set[str]:
     }
 
 
-def fly(client: "viser.ClientHandle", camera: Camera, stage: Stage) -> None:
+def fly(client: "viser.ClientHandle", camera: Camera, normalisation: Normalisation) -> None:
     """Take a window to a camera: along a screw motion, until it shows the whole image."""
     from viser.transforms import SE3, SO3
 
-    wxyz, position = pose(camera, stage)
+    wxyz, position = pose(camera, normalisation)
     start = SE3.from_rotation_and_translation(SO3(client.camera.wxyz), client.camera.position)
     motion = (start.inverse() @ SE3.from_rotation_and_translation(SO3(wxyz), position)).log()
     start_fov, fov = client.camera.fov, window_fov(camera, client.camera.aspect)

@@ -19,7 +19,7 @@ from hydroviews.profiles import find_profile
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 from hydroviews.scene.scenes import Points, Scene, View
-from leaderboard.predict import predict
+from leaderboard.predict import train_and_render
 from leaderboard.runs import Run, claim_folder
 
 
@@ -102,7 +102,7 @@ def finished_run(folder: Path, method: str = "Cloud", shift: float = 0.0, rainy:
     build_source(str(capture), folder / "data/demo", find_profile("demo"), patterns=patterns, all_patterns=rainy)
     run = Run(f"finished_runs:{method}", "demo", 0, folder / "data/demo", "yard", pattern, folder / "results")
     claim_folder(run, overwrite=False)
-    predict(run)
+    train_and_render(run)
     write_bytes(folder / "results/leaderboard.csv", b"")
     return run
 

@@ -21,9 +21,9 @@ from hydroviews.formats.writers import write_colmap
 from hydroviews.scene.images import read_image
 from leaderboard import evaluate as evaluate_module
 from leaderboard import predict as predict_module
-from leaderboard.__main__ import picture_command, score_command
-from leaderboard.evaluate import Evaluation, evaluate
-from leaderboard.records import COLUMNS, code_version
+from leaderboard.__main__ import overview_command, score_command
+from leaderboard.evaluate import EvaluateRequest, evaluate
+from leaderboard.records import as_row, code_version, columns
 from leaderboard.score import score
 
 pytestmark = pytest.mark.usefixtures("toys")
@@ -38,50 +38,50 @@ def built(tmp_path_factory):
     return folder
 
 
-def request(built: Path, tmp_path: Path, method: str, **changes) -> Evaluation:
+def request(built: Path, tmp_path: Path, method: str, **changes) -> EvaluateRequest:
     settings = {
         "scene": str(built),
         "patterns": ("streak-0",),
         "data": tmp_path / "data",
         "results": tmp_path / "results",
     }
-    return Evaluation(method=f"toy_methods:{method}", **{**settings, **changes})
+    return EvaluateRequest(method=f"toy_methods:{method}", **{**settings, **changes})
 
 
 def leaderboard(tmp_path: Path) -> pd.DataFrame:
     return pd.read_csv(tmp_path / "results" / "leaderboard.csv")
 
 
-def test_rows_renders_and_scores(built, tmp_path, capsys):
+def test_rows_renders_and_scores(built, tmp_path, caplog):
     record = evaluate(request(built, tmp_path, "MeanColour"))[-1]
     table = leaderboard(tmp_path)
-    assert list(table.columns) == COLUMNS
+    assert list(table.columns) == columns()
     assert list(table.method) == ["toy_methods:MeanColourClean", "toy_methods:MeanColour"]
     assert list(table.effect) == ["clean", "streak"]
     assert list(table.n_test) == [2, 2]
     run = tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0"
     clean = tmp_path / "data/demo/yard/clean"
     expected = np.mean([metrics.psnr(read_image(p), read_image(clean / p.name)) for p in (run / "renders").iterdir()])
-    assert record.psnr == pytest.approx(expected, abs=1e-4)
+    assert record.scores["psnr"] == pytest.approx(expected, abs=1e-4)
     assert record.train_s == 0.5
     assert record.n_primitives is None
     assert record.peak_mem_mb > 10
     assert (run / "preview.png").is_file()
-    assert "share of gap" in capsys.readouterr().out
+    assert "share of gap" in caplog.text
 
 
-def test_second_call_keeps_records_and_rescoring_gives_the_same(built, tmp_path, capsys):
+def test_second_call_keeps_records_and_rescoring_gives_the_same(built, tmp_path, caplog):
     record = evaluate(request(built, tmp_path, "MeanColour"))[-1]
     run = next(r for r in _runs(built, tmp_path))
     stamp = (run.folder / "record.json").stat().st_mtime_ns
     again = evaluate(request(built, tmp_path, "MeanColour"))[-1]
     assert (run.folder / "record.json").stat().st_mtime_ns == stamp
-    assert "kept" in capsys.readouterr().out
+    assert "kept" in caplog.text
     assert again == record
     assert score(run) == record
 
 
-def test_a_run_that_another_process_is_at_is_waited_for(built, tmp_path, capsys):
+def test_a_run_that_another_process_is_at_is_waited_for(built, tmp_path, capsys, caplog):
     evaluate(request(built, tmp_path, "MeanColour"))
     run = tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0"
     record, away = run / "record.json", tmp_path / "record.json"
@@ -97,12 +97,12 @@ def test_a_run_that_another_process_is_at_is_waited_for(built, tmp_path, capsys)
     with ThreadPoolExecutor(1) as pool:
         finishing = pool.submit(finish)
         taken.wait()
-        capsys.readouterr()
+        caplog.clear()
         evaluate(request(built, tmp_path, "MeanColour"))
         finishing.result()
-    told = capsys.readouterr()
-    assert f"{run}: {BUSY}" in told.err
-    assert "toy_methods:MeanColour on yard/streak-0, seed 0: kept" in told.out
+    told = caplog.text + capsys.readouterr().err
+    assert f"{run}: {BUSY}" in told
+    assert "toy_methods:MeanColour on yard/streak-0, seed 0: kept" in told
 
 
 def test_rescoring_on_other_data_is_refused(built, tmp_path):
@@ -123,10 +123,10 @@ def test_renders_that_were_interrupted_are_made_again(built, tmp_path, monkeypat
     (run.folder / "record.json").unlink()
     monkeypatch.setattr(predict_module, "render_views", lambda *_: sys.exit(130))
     with pytest.raises(SystemExit):
-        predict_module.predict(run)
+        predict_module.train_and_render(run)
     with pytest.raises(InputError, match=r"not trained to its end[\s\S]*goes on where it stopped"):
         score(run)
-    assert dataclasses.asdict(evaluate(request(built, tmp_path, "MeanColour"))[-1])["psnr"] == record.psnr
+    assert as_row(evaluate(request(built, tmp_path, "MeanColour"))[-1])["psnr"] == record.scores["psnr"]
 
 
 def test_the_version_is_that_of_the_code_that_trained(built, tmp_path, monkeypatch):
@@ -164,12 +164,12 @@ def test_score_and_picture_take_the_folders_that_evaluate_takes(built, tmp_path)
     written = tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0/record.json"
     written.unlink()
     score_command("streak-0", method="toy_methods:MeanColour", **place)
-    assert json.loads(written.read_text())["psnr"] == record.psnr
+    assert json.loads(written.read_text())["psnr"] == record.scores["psnr"]
     picture = tmp_path / "overview.png"
-    picture_command("view-00", ("streak-0",), method="toy_methods:MeanColour", **place, out=picture)
+    overview_command("view-00", ("streak-0",), method="toy_methods:MeanColour", **place, out=picture)
     assert read_image(picture).shape[1] == 3 * 48
     with pytest.raises(InputError, match="raindrop-1"):  # the profile's patterns where none is named
-        picture_command("view-00", method="toy_methods:MeanColour", **place, out=picture)
+        overview_command("view-00", method="toy_methods:MeanColour", **place, out=picture)
 
 
 def _runs(built, tmp_path):
@@ -186,7 +186,7 @@ def test_a_method_that_sees_clean_views_needs_no_rain(built, tmp_path):
     assert not (tmp_path / "data/demo/yard/streak-0").exists()
 
 
-def test_the_sparse_track_trains_on_a_third_and_keeps_apart(built, tmp_path, capsys):
+def test_the_sparse_track_trains_on_a_third_and_keeps_apart(built, tmp_path, caplog):
     for track in ("given-poses", "sparse-views"):
         evaluate(request(built, tmp_path, "MeanColour", track=track))
     table = leaderboard(tmp_path)
@@ -197,7 +197,7 @@ def test_the_sparse_track_trains_on_a_third_and_keeps_apart(built, tmp_path, cap
     names = json.loads((tmp_path / "data/demo/yard/split.json").read_text())["sparse"]
     seen = [read_image(tmp_path / "data/demo/yard/streak-0/images" / f"{n}.png").mean(axis=(0, 1)) for n in names]
     assert json.loads((run / "colour.json").read_text()) == pytest.approx(np.mean(seen, axis=0), abs=1e-6)
-    assert "yard (demo, sparse-views)" in capsys.readouterr().out
+    assert "yard (demo, sparse-views)" in caplog.text
     tables_file = (tmp_path / "results/tables.md").read_text()
     assert "## yard (demo, given-poses)" in tables_file
     assert "## yard (demo, sparse-views)" in tables_file
@@ -267,4 +267,4 @@ def test_unknown_names(built, tmp_path, changes, message):
 )
 def test_unknown_methods(method, message, tmp_path):
     with pytest.raises(InputError, match=message):
-        evaluate(Evaluation(method=method, data=tmp_path, results=tmp_path))
+        evaluate(EvaluateRequest(method=method, data=tmp_path, results=tmp_path))

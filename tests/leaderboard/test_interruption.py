@@ -2,6 +2,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,7 @@ REPOSITORY = Path(__file__).parents[2]
         ("run", signal.SIGINT, 130),
         ("command", signal.SIGINT, 130),
         ("command", signal.SIGTERM, 143),
+        ("command twice", signal.SIGINT, 130),
     ],
 )
 def test_an_interruption_ends_quietly_and_the_same_command_goes_on(tmp_path, to, number, status):
@@ -43,6 +45,9 @@ def test_an_interruption_ends_quietly_and_the_same_command_goes_on(tmp_path, to,
         os.killpg(process.pid, number)
     else:
         os.kill(int(child) if to == "run" else process.pid, number)
+    if to == "command twice":
+        time.sleep(1)  # it waits for the run now
+        os.kill(process.pid, number)
     _, errors = process.communicate(timeout=PATIENCE)
     assert process.returncode == status
     assert status == 143 or "interrupted; the same command goes on" in errors

@@ -1,13 +1,13 @@
 import pandas as pd
 import pytest
 
-from leaderboard.records import COLUMNS
+from leaderboard.records import columns
 from leaderboard.tables import scene_keys, scene_table, to_markdown
 
 
 def rows(*values: tuple) -> pd.DataFrame:
     records = [
-        dict.fromkeys(COLUMNS)
+        dict.fromkeys(columns())
         | {
             "pattern": f"{effect}-0",
             "seed": 0,

@@ -11,6 +11,7 @@ from tqdm import tqdm
 from baselines.derain_nerf.raindrop_attention.detection import detect
 from baselines.derain_nerf.raindrop_attention.network import Generator
 from baselines.derain_nerf.raindrop_attention.pairs import Watched
+from hydroviews.formats.markdown import markdown_table
 from hydroviews.metrics import psnr
 
 COVERED = 0.5  # a pixel is a drop's from this cover on
@@ -94,10 +95,10 @@ def as_json(rows: Sequence[Score]) -> list[dict[str, str | int | float | None]]:
 
 def table(rows: Sequence[Score]) -> str:
     """Markdown."""
-    lines = ["| rain | pictures | AP | IoU | said to be drops | PSNR before | after |", "|---|---|---|---|---|---|---|"]
+    cells = []
     number = lambda v, form: format(v, form) if np.isfinite(v) else ""  # noqa: E731
     for row in rows:
         quality = [number(row.precision, ".3f"), number(row.overlap, ".3f"), f"{row.said:.1%}"]
-        cells = [row.kind, str(row.pictures), *quality, number(row.before, ".2f"), number(row.after, ".2f")]
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+        cells.append((row.kind, row.pictures, *quality, number(row.before, ".2f"), number(row.after, ".2f")))
+    head = ("rain", "pictures", "AP", "IoU", "said to be drops", "PSNR before", "after")
+    return markdown_table(head, cells, keep_empty=True)

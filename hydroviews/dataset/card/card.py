@@ -13,10 +13,11 @@ from typing import Any
 import pandas as pd
 
 from hydroviews.blender.embedded_scenes.captures import EMBEDDED
-from hydroviews.dataset.card.markdown import describe_rain, how_to_open, markdown_table
+from hydroviews.dataset.card.markdown import describe_rain, how_to_open
 from hydroviews.dataset.statistics import STATISTICS, read_statistics
 from hydroviews.files.atomic import read_json, replacing, write_bytes
 from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.markdown import markdown_table
 from hydroviews.formats.photographs import FOLDERS
 from hydroviews.profiles import PROFILES
 from hydroviews.scene.images import image_size, list_images

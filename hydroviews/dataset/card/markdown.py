@@ -1,6 +1,6 @@
-"""Words and tables for data cards."""
+"""Words for data cards."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hydroviews.errors import InputError
@@ -19,14 +19,6 @@ def describe_rain(effect: str, parameters: Mapping[str, Any]) -> str:
     except InputError:  # an effect of somebody's own, which this machine need not have to describe the data
         words = ""
     return words or "see its `pattern.json`"
-
-
-def markdown_table(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """A table in Markdown; columns that are empty in every row are left out."""
-    body = [[str(cell) for cell in row] for row in rows]
-    kept = [i for i in range(len(head)) if any(row[i] for row in body)] or [0]
-    lines = [[head[i] for i in kept], ["---"] * len(kept), *([row[i] for i in kept] for row in body)]
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
 
 
 def how_to_open(scene: str, patterns: Sequence[str]) -> str:

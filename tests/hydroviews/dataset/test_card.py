@@ -5,11 +5,12 @@ import pytest
 from synthetic import capture_in
 
 from hydroviews.dataset.build import build
-from hydroviews.dataset.card.markdown import describe_rain, markdown_table
+from hydroviews.dataset.card.markdown import describe_rain
 from hydroviews.dataset.manifest import built_scenes, data_hash, read_manifest
 from hydroviews.dataset.statistics import read_statistics
 from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
+from hydroviews.formats.markdown import markdown_table
 from hydroviews.rain.patterns import Pattern
 from leaderboard.__main__ import card_command
 from leaderboard.severity import record_losses, rewrite_card

@@ -39,7 +39,7 @@ def results(case: Case, names=QUICK) -> dict[str, Result]:
     return {name: try_check(case, name, CHECKS[name]).result for name in names}
 
 
-def test_a_method_that_keeps_the_contract_passes(case, capsys):
+def test_a_method_that_keeps_the_contract_passes(case, caplog):
     outcomes = run_checks(case("Good"))
     reasons = {outcome.check: outcome.reason for outcome in outcomes}
     assert {outcome.result for outcome in outcomes} == {Result.PASSED}, reasons
@@ -47,7 +47,7 @@ def test_a_method_that_keeps_the_contract_passes(case, capsys):
     assert reasons["configurations"] == "demo, quick"
     assert "with seed 1 others" in reasons["same seed, same result"]
     assert reasons["Ctrl-C and on"].endswith("goes on from checkpoint.json: the same pixels")
-    assert capsys.readouterr().out.count("passed") == len(CHECKS)
+    assert caplog.text.count("passed") == len(CHECKS)
 
 
 @pytest.mark.parametrize(
@@ -114,15 +114,15 @@ def test_the_check_itself_can_be_ended(case):
         try_check(case("Good"), "trains", ended)
 
 
-def test_it_is_told_in_words_in_json_and_by_the_exit_status(tmp_path, monkeypatch, capsys):
+def test_it_is_told_in_words_in_json_and_by_the_exit_status(tmp_path, monkeypatch, caplog):
     monkeypatch.setattr(check_module, "CHECKS", {name: CHECKS[name] for name in ("found by its name", "trains")})
     report = tmp_path / "report.json"
     check_command("contract_toys:Good", steps=3, json=report)
-    assert "contract_toys:Good: 2 passed, 0 failed, 0 not testable" in capsys.readouterr().out
+    assert "contract_toys:Good: 2 passed, 0 failed, 0 not testable" in caplog.text
     with pytest.raises(SystemExit) as end:
         check_command("contract_toys:Crashes", json=report)
     assert end.value.code == 1
-    assert "Traceback" in capsys.readouterr().out
+    assert "Traceback" in caplog.text
     told = json.loads(report.read_text())
     assert told["passed"] is False
     assert [(one["check"], one["result"]) for one in told["checks"]] == [

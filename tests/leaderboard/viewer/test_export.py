@@ -24,9 +24,9 @@ def held_out(run, gaussians) -> np.ndarray:
     return np.stack([np.clip(render(gaussians, camera)[0], 0, 1) for camera in cameras]).transpose(0, 3, 1, 2)
 
 
-def test_ply_shows_exactly_what_the_run_shows(run, tmp_path, capsys):
+def test_ply_shows_exactly_what_the_run_shows(run, tmp_path, caplog):
     export(run.folder, tmp_path / "out.ply", "ply", None)
-    assert "300 Gaussians, degree 1" in capsys.readouterr().out
+    assert "300 Gaussians, degree 1" in caplog.text
     own = read_ply(run.folder / "splats.ply")
     assert np.array_equal(held_out(run, read_ply(tmp_path / "out.ply")), held_out(run, own))
     assert (tmp_path / "out.ply").stat().st_size < (run.folder / "splats.ply").stat().st_size

@@ -18,7 +18,15 @@ from hydroviews.scene.images import read_image
 from leaderboard.finished_runs import find_splats, finished_runs, load_method, open_run
 from leaderboard.runs import Run
 from leaderboard.viewer.comparison import compare, list_shots
-from leaderboard.viewer.normalise import SIZE, frustum_length, make_stage, pose, stage_splats, vertical_fov, window_fov
+from leaderboard.viewer.normalise import (
+    SIZE,
+    frustum_length,
+    normalise_scene,
+    normalise_splats,
+    pose,
+    vertical_fov,
+    window_fov,
+)
 from leaderboard.viewer.viewer import HELD_OUT, TRAINING, open_viewer
 
 
@@ -55,15 +63,15 @@ class TestComparison:
         comparison = compare(load_method(run), shot)
         written = read_image(run.folder / "renders" / f"{shot.view.name}.png")
         assert np.array_equal(comparison.render, written)
-        assert comparison.psnr == psnr(written, read_image(shot.view.path))
+        assert comparison.score == psnr(written, read_image(shot.view.path))
         assert comparison.error.shape == comparison.photograph.shape == written.shape
-        assert compare(load_method(run), list_shots(run)[0]).psnr is None
+        assert compare(load_method(run), list_shots(run)[0]).score is None
 
     def test_what_was_captured_in_rain_is_shown_and_not_scored(self, tmp_path):
         wet = finished_run(tmp_path, rainy=True)
         shots = list_shots(wet)
         assert [shot.held_out for shot in shots] == [False] * 7 + [True] * 2
-        assert compare(load_method(wet), shots[-1]).psnr is None
+        assert compare(load_method(wet), shots[-1]).score is None
 
 
 class TestStage:
@@ -72,9 +80,13 @@ class TestStage:
         staged = []
         for one in (run, far):
             gaussians, cameras = find_splats(one.folder), [shot.view.camera for shot in list_shots(one)]
-            stage = make_stage(cameras, gaussians)
+            normalisation = normalise_scene(cameras, gaussians)
             staged.append(
-                (stage_splats(gaussians, cameras, stage), pose(cameras[0], stage), frustum_length(cameras, stage))
+                (
+                    normalise_splats(gaussians, cameras, normalisation),
+                    pose(cameras[0], normalisation),
+                    frustum_length(cameras, normalisation),
+                )
             )
         for name, value in vars(staged[0][0]).items():
             assert np.allclose(getattr(staged[1][0], name), value, atol=1e-3), name
@@ -83,11 +95,11 @@ class TestStage:
 
     def test_splats_have_the_shapes_and_colours_of_the_gaussians(self, run):
         gaussians, cameras = find_splats(run.folder), [list_shots(run)[0].view.camera]
-        stage = make_stage(cameras, gaussians)
-        splats = stage_splats(gaussians, cameras, stage)
+        normalisation = normalise_scene(cameras, gaussians)
+        splats = normalise_splats(gaussians, cameras, normalisation)
         assert np.median(np.linalg.norm(splats.centers, axis=1)) == pytest.approx(SIZE)
         scales = np.sqrt(np.linalg.eigvalsh(splats.covariances))
-        assert np.allclose(scales, 0.1 * stage.scale, rtol=1e-3)
+        assert np.allclose(scales, 0.1 * normalisation.scale, rtol=1e-3)
         direction = gaussians.means[0] + gaussians.origin - cameras[0].centre
         values = basis(1, torch.from_numpy(direction / np.linalg.norm(direction))[None]).numpy()
         assert np.allclose(splats.rgbs[0], np.clip(values @ gaussians.sh[0] + 0.5, 0, 1), atol=1e-5)
@@ -100,9 +112,9 @@ class TestStage:
 
     def test_cameras_alone_make_a_stage(self, run):
         cameras = [shot.view.camera for shot in list_shots(run)]
-        away = make_stage(cameras, None).place([camera.centre for camera in cameras])
+        away = normalise_scene(cameras, None).place([camera.centre for camera in cameras])
         assert np.median(np.linalg.norm(away, axis=1)) == pytest.approx(SIZE)
-        assert frustum_length(cameras[:1], make_stage(cameras[:1], None)) == 1
+        assert frustum_length(cameras[:1], normalise_scene(cameras[:1], None)) == 1
 
 
 class TestServer:
@@ -125,7 +137,7 @@ class TestServer:
             after = viewer.pictures["render"].image
             assert np.array_equal(after / np.float32(255), read_image(run.folder / "renders/view-08.png"))
             assert not np.array_equal(after, before)
-            assert f"{compare(load_method(run), list_shots(run)[-1]).psnr:.2f} dB" in viewer.figures.content
+            assert f"{compare(load_method(run), list_shots(run)[-1]).score:.2f} dB" in viewer.figures.content
             clicks[f"/{TRAINING}/view-03"](None)
             assert "was trained on this photograph" in viewer.figures.content
 
@@ -144,7 +156,7 @@ class TestServer:
             viewer.chooser.value = "view-04"
             target = list_shots(run)[3].view
             assert target.name == "view-04"
-            wxyz, position = pose(target.camera, viewer.stage)
+            wxyz, position = pose(target.camera, viewer.normalisation)
             assert np.allclose(camera.position, position)
             assert abs(camera.wxyz @ wxyz) == pytest.approx(1)
             assert camera.fov == pytest.approx(window_fov(target.camera, 0.5))

