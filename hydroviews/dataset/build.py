@@ -25,9 +25,17 @@ from hydroviews.dataset.clean_views import CLEAN, write_cameras, write_views
 from hydroviews.dataset.drawing_code import VERSION, drawing_code
 from hydroviews.dataset.manifest import read_manifest, record_scene
 from hydroviews.dataset.rainy_variant import link_shared, write_captured, write_variant
-from hydroviews.dataset.request import BuildRequest, drawn_otherwise, make_request, refuse_own_capture, take_folder
+from hydroviews.dataset.request import (
+    WHOLE,
+    BuildRequest,
+    drawn_otherwise,
+    make_request,
+    refuse_own_capture,
+    take_folder,
+)
 from hydroviews.dataset.statistics import write_statistics
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import read_json
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.rain.effects import parse_pattern
 from hydroviews.rain.patterns import Pattern
@@ -125,19 +133,17 @@ def _write_rain(
 
 def _keep_or_refuse(folder: Path, outdated: Sequence[str], finished: bool) -> None:
     """A finished scene that other code drew is used as it is; nothing is added to it."""
+    what = ", ".join(outdated)
     if finished:
-        logger.warning("%s: %s drawn by another generator, kept; --overwrite builds anew", folder, _listed(outdated))
+        logger.warning("%s: %s: drawn by another generator, kept; --overwrite builds anew", folder, what)
         return
-    now = f"{VERSION} with drawing code {drawing_code()}"
+    drawn = read_json(folder / ("request.json" if WHOLE in outdated else f"{outdated[0]}/pattern.json"))
     raise InputError(
-        f"{folder}: {_listed(outdated)} drawn by another generator, and not all that is wanted is there",
-        expected=f"what {now} draws",
+        f"{folder}: {what}: drawn by another generator, and not all that is wanted is there",
+        found=f"{drawn.get('generator')}, drawing code {drawn.get('drawing_code', 'not recorded')}",
+        expected=f"{VERSION}, drawing code {drawing_code()}",
         fix="add --overwrite to build it anew, choose another --out, or evaluate only on the rain that is there",
     )
-
-
-def _listed(outdated: Sequence[str]) -> str:
-    return "this scene was" if CLEAN in outdated else f"{', '.join(outdated)} {'were' if outdated[1:] else 'was'}"
 
 
 def _are_there(folder: Path, files: Collection[str]) -> bool:

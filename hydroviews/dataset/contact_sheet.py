@@ -114,8 +114,9 @@ def _layer_rows(folder: Path, patterns: Sequence[str], name: str) -> list[Row]:
         layers = read_layers(folder / pattern / "layers" / f"{name}.exr")
         tiles = [Tile(_picture(folder / pattern / "images", name), "rainy view")]
         planes = find_effect(parse_pattern(pattern).effect).planes
-        tiles += [_plane_tile(layers[key], f"{key}: {plane.title}") for key, plane in planes.items() if plane.title]
-        if set(COLOURS) <= set(planes):
+        shown = {key: plane.title for key, plane in planes.items() if plane.title and key in layers}
+        tiles += [_plane_tile(layers[key], f"{key}: {title}") for key, title in shown.items()]
+        if set(COLOURS) <= set(layers):
             tiles.append(Tile(to_srgb(np.stack([layers[c] for c in "RGB"], axis=-1)), LIGHT))
         rows.append(Row(pattern, read_json(folder / pattern / "pattern.json").get("grade", ""), tiles))
     return rows

@@ -9,7 +9,7 @@ are not part of it, nor are readers of captures: what they read is in the reques
 import ast
 import hashlib
 import inspect
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -47,13 +47,19 @@ def drawing_code(effect: Effect | None = None) -> str:
 
 @cache
 def _digest_of_ours() -> str:
-    lines = [f"{path.relative_to(OURS).as_posix()} {syntax_digest(path.read_bytes())}" for path in drawing_files()]
+    return sources_digest(SOURCES)
+
+
+def sources_digest(names: Sequence[str]) -> str:
+    """The digest of files and folders below the package, 16 hexadecimal digits."""
+    files = python_files(names)
+    lines = [f"{path.relative_to(OURS).as_posix()} {syntax_digest(path.read_bytes())}" for path in files]
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()[:16]
 
 
-def drawing_files() -> list[Path]:
-    """Every source that decides pixels, sorted."""
-    places = [OURS / name for name in SOURCES]
+def python_files(names: Sequence[str]) -> list[Path]:
+    """Every source in files and folders below the package, sorted."""
+    places = [OURS / name for name in names]
     return sorted(path for place in places for path in (place.rglob("*.py") if place.is_dir() else [place]))
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.drawing_code import VERSION, drawing_code
 from hydroviews.dataset.manifest import forget_scene
 from hydroviews.errors import InputError
@@ -21,6 +20,7 @@ from hydroviews.scene.scenes import Scene
 
 UNCOMPRESSED = (".bmp", ".tif", ".tiff")
 GLIMPSE = 65536  # bytes
+WHOLE = "this scene"
 
 
 @dataclass(frozen=True)
@@ -47,25 +47,29 @@ def make_request(
 def take_folder(out: Path, folder: Path, request: BuildRequest, overwrite: bool) -> None:
     """Take the folder for this request; what another request left there is refused, or dropped to overwrite it.
 
-    What other code drew of the same request is dropped to overwrite it, and else left to `drawn_otherwise`.
+    What other code drew of the same request is dropped to overwrite it, and else left to `drawn_otherwise`; what an
+    older generator did not yet record is not compared.
 
     Raises:
         InputError: another request's scene is there, or files that no build wrote.
     """
+    path = folder / "request.json"
+    earlier = read_json(path) if path.is_file() and not overwrite else None
+    unknown = set(vars(request)) - set(earlier) if isinstance(earlier, dict) else set()
     claim_folder(
-        folder / "request.json",
+        path,
         vars(request),
         taken="this scene was built from another request",
         foreign="holds files that no build wrote",
         fix="choose another --out, or add --overwrite to build it anew",
-        ignored=("source", "generator") if overwrite else ("source", "generator", "drawing_code"),
+        ignored=("source", "generator") if overwrite else ("source", "generator", "drawing_code", *unknown),
         overwrite=overwrite,
         forget=lambda: forget_scene(out, folder.name),
     )
 
 
 def drawn_otherwise(folder: Path, patterns: Collection[str]) -> list[str]:
-    """What of a built scene was drawn by other code than today's: the names of variants, or `clean` for all of it.
+    """What of a built scene was drawn by other code than today's: names of variants, or WHOLE for all of it.
 
     Args:
         folder: of the built scene.
@@ -75,7 +79,7 @@ def drawn_otherwise(folder: Path, patterns: Collection[str]) -> list[str]:
         InputError: an effect of one's own that is no more.
     """
     if _recorded_code(folder / "request.json") != drawing_code():
-        return [CLEAN]
+        return [WHOLE]
     kept = [name for name in patterns if (folder / name / "pattern.json").is_file()]
     return [
         name

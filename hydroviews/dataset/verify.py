@@ -67,7 +67,7 @@ def _tell_generator(folder: Path, patterns: Sequence[str]) -> None:
         logger.warning("%s", error)
         return
     if outdated:
-        logger.warning("%s: %s drawn by another generator than this one", folder, ", ".join(outdated))
+        logger.warning("%s: %s: drawn by another generator than this one", folder, ", ".join(outdated))
 
 
 def _check_hashes(folder: Path, files: dict[str, str], patterns: Sequence[str]) -> list[str]:

@@ -17,7 +17,7 @@ Layers = Mapping[str, NDArray[np.float32]]  # planes [H, W] by channel name
 
 
 @dataclass(frozen=True)
-class Plane:
+class LayerPlane:
     """One channel of an effect's layer files, [H, W], at least 0."""
 
     title: str = ""  # on contact sheets; empty: not shown alone
@@ -25,9 +25,9 @@ class Plane:
     most: float = 1.0  # the largest value
 
 
-COLOURS = {channel: Plane(most=math.inf) for channel in "RGB"}  # linear light that is added
-WATER = {"M": Plane("cover by water", "water"), "V": Plane("cover by mist", "mist"), **COLOURS}
-STREAKS = {"S": Plane("cover by streaks", "streaks")}
+COLOURS = {channel: LayerPlane(most=math.inf) for channel in "RGB"}  # linear light that is added
+WATER = {"M": LayerPlane("cover by water", "water"), "V": LayerPlane("cover by mist", "mist"), **COLOURS}
+STREAKS = {"S": LayerPlane("cover by streaks", "streaks")}
 
 
 def add_water(clean: Image, layers: Layers) -> Image:

@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
-from hydroviews.rain.compositing import Layers, Plane
+from hydroviews.rain.compositing import LayerPlane, Layers
 from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.scene_statistics import SceneStatistics
 from hydroviews.scene.cameras import Camera
@@ -54,7 +54,7 @@ class Rain(Protocol):
 class Effect(ABC):
     """A kind of rain. It is made without arguments and keeps no state."""
 
-    planes: ClassVar[Mapping[str, Plane]]  # of its layer files, by channel name
+    planes: ClassVar[Mapping[str, LayerPlane]]  # of its layer files, by channel name
     needs_optics: ClassVar[bool] = False  # whether rain is prepared for every size and focal length of a capture
     falling: ClassVar[str | None] = None  # the plane in which falling drops leave streaks
     needed: ClassVar[tuple[str, ...]] = ()  # parameters without which `composite` or `seed_density` cannot do

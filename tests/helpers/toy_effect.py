@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from hydroviews.rain.compositing import Plane
+from hydroviews.rain.compositing import LayerPlane
 from hydroviews.rain.effect import Effect
 from hydroviews.rain.patterns import pattern_generator
 
@@ -16,7 +16,7 @@ class AshPattern:
 
 
 class Ash(Effect):
-    planes = {"A": Plane("cover by ash", "water")}  # noqa: RUF012
+    planes = {"A": LayerPlane("cover by ash", "water")}  # noqa: RUF012
     needed = ("grey",)
     words = {"cover": "ash over {:.0%} of the picture", "grey": "of grey {:.2f}"}  # noqa: RUF012
 

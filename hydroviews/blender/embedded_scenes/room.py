@@ -22,7 +22,6 @@ from hydroviews.blender.embedded_scenes.pieces import Design, Lamp, Piece, Rng, 
 
 HALF_WIDTH, FRONT, BACK, HEIGHT = 3.6, -3.0, 2.8, 2.8  # metres: walls at x = -3.6 and 3.6, y = 2.8
 WINDOW = (-0.7, 1.6, 0.9, 2.35)  # in the right wall: y from and to, z from and to
-SHELL = ("floor", "ceiling", "back wall", "left wall", "right wall", "lawn")  # what cameras are in the middle of
 
 
 def make_room(rng: Rng) -> list[Piece | Lamp]:

@@ -31,7 +31,6 @@ from hydroviews.blender.embedded_scenes.street_things import (
 KERB = 4.0  # metres: the main street's far kerb lies at this y, houses stand behind the pavement
 FRONT = 6.2
 CORNER = 3.6  # half the width between the houses of the side street, which runs along +y
-GROUND = ("roadway", "pavement", "kerb", "land")
 WALLS = ("dark brick", "ochre plaster", "pale brick", "rose plaster", "field stone", "blue plaster")
 LIT = ("amber window", "pale window", "curtained window")
 

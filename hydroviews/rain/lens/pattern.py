@@ -6,7 +6,7 @@ import numpy as np
 
 from hydroviews.rain.scene_statistics import LensRenderer
 
-LIGHT, MEDIUM, HEAVY = 0, 1, 2
+MEDIUM = 1  # grade
 COVERAGE = ((0.05, 0.09), (0.08, 0.14), (0.12, 0.2))  # by grade
 MIST = ((0.05, 0.15), (0.2, 0.3), (0.4, 0.6))
 DROPLETS = ((200, 500), (400, 800), (700, 1200))

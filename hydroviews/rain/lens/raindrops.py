@@ -30,13 +30,13 @@ class Raindrops:
         self.parameters: dict[str, Any] = {**asdict(pattern), "air_light": [round(float(v), 6) for v in air]}
         self._pattern, self._views = pattern, statistics.views
 
-    def prepare(self, camera: Camera, folder: Path) -> "WetLens":
+    def prepare(self, camera: Camera, folder: Path) -> "PreparedLens":
         """The lens for views of this size and these intrinsics; mattes that Blender bakes are kept in `folder`."""
         air = np.array(self.parameters["air_light"], np.float32)
-        return WetLens(self._pattern, air, [view.name for view in self._views], camera, folder)
+        return PreparedLens(self._pattern, air, [view.name for view in self._views], camera, folder)
 
 
-class WetLens:
+class PreparedLens:
     """Water in front of one camera, as it slowly changes from view to view.
 
     With n views in order of name and K key frames, view i shows key frame floor(i K / n). A key frame is baked when the

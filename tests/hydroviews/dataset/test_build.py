@@ -217,13 +217,13 @@ def test_a_finished_scene_of_another_generator_is_kept_and_nothing_is_added_to_i
     altered(monkeypatch)
     before = stamps(folder.parent)
     assert build(scene, tmp_path / "data", patterns=[STREAK]) == folder
-    assert "this scene was drawn by another generator, kept; --overwrite builds anew" in caplog.text
-    with pytest.raises(InputError, match=r"this scene was drawn by another generator[\s\S]*another[\s\S]*--overwrite"):
+    assert "this scene: drawn by another generator, kept; --overwrite builds anew" in caplog.text
+    with pytest.raises(InputError, match=r"this scene: drawn by another generator[\s\S]*another[\s\S]*--overwrite"):
         build(scene, tmp_path / "data", patterns=[STREAK, Pattern("streak", 1)])
     assert stamps(folder.parent) == before
     caplog.clear()
     assert verify(tmp_path / "data") == []  # it is what its manifest says
-    assert f"{folder}: clean drawn by another generator than this one" in caplog.text
+    assert f"{folder}: this scene: drawn by another generator than this one" in caplog.text
     build(scene, tmp_path / "data", patterns=[STREAK, Pattern("streak", 1)], overwrite=True)
     for kept in (folder / "request.json", folder / "streak-1" / "pattern.json"):
         assert json.loads(kept.read_text())["drawing_code"] == "another"
@@ -233,7 +233,10 @@ def test_a_finished_scene_of_another_generator_is_kept_and_nothing_is_added_to_i
 def test_a_scene_from_before_code_was_recorded_is_kept_too(scene, tmp_path, caplog):
     folder = build(scene, tmp_path / "data", patterns=[STREAK])
     request = json.loads((folder / "request.json").read_text())
-    (folder / "request.json").write_text(json.dumps({k: v for k, v in request.items() if k != "drawing_code"}))
+    of_then = {k: v for k, v in request.items() if k not in ("drawing_code", "lens_renderer")} | {"technique": "disk"}
+    (folder / "request.json").write_text(json.dumps(of_then))
+    with pytest.raises(InputError, match="another request"):
+        build(scene, tmp_path / "data", patterns=[STREAK], seed=5)
     assert build(scene, tmp_path / "data", patterns=[STREAK]) == folder
     assert "another generator" in caplog.text
 
@@ -256,7 +259,7 @@ def test_an_effect_of_ones_own_that_changed_is_another_generator(scene, tmp_path
     assert code != drawing_code() == drawing_code(find_effect("streak"))
     monkeypatch.setattr("hydroviews.dataset.drawing_code.syntax_digest", lambda source: "another")
     build(scene, tmp_path / "data", patterns=[ash])
-    assert "toy_effect.Ash-0 was drawn by another generator, kept" in caplog.text
+    assert "toy_effect.Ash-0: drawn by another generator, kept" in caplog.text
     build(scene, tmp_path / "data", patterns=[ash], overwrite=True)
     changed = json.loads((folder / ash.name / "pattern.json").read_text())["drawing_code"]
     assert changed == drawing_code(find_effect(ash.effect)) != code

@@ -22,27 +22,27 @@ VIEWS = 8  # that see a place of the ring, all of them trained on
 
 
 @pytest.fixture
-def setting(tmp_path):
+def statistics(tmp_path):
     scene = capture_in(tmp_path / "yard")
     return survey(scene, 0)
 
 
-def draw(effect: str, index: int, setting):
-    return find_effect(effect).draw(Pattern(effect, index), setting)
+def draw(effect: str, index: int, statistics):
+    return find_effect(effect).draw(Pattern(effect, index), statistics)
 
 
-def loss(setting, rainy_views) -> float:
+def loss(statistics, rainy_views) -> float:
     """dB that the plainest reconstruction loses to rain: every pixel is the mean of the views that see it.
 
     Args:
-        setting: whose samples are the scene.
+        statistics: whose samples are the scene.
         rainy_views: a function from a sample to how VIEWS views show it in rain.
     """
-    errors = [np.mean((np.mean(rainy_views(sample), axis=0) - sample) ** 2) for sample in setting.samples]
-    return 10 * np.log10(1 + np.mean(errors) / (CLEAN_ERROR * setting.detail))
+    errors = [np.mean((np.mean(rainy_views(sample), axis=0) - sample) ** 2) for sample in statistics.samples]
+    return 10 * np.log10(1 + np.mean(errors) / (CLEAN_ERROR * statistics.detail))
 
 
-def streaks_over(drawn, setting):
+def streaks_over(drawn, statistics):
     """Fresh streaks, by no generator that the calibration has, over every view."""
     seeds = iter(range(1000))
 
@@ -54,9 +54,9 @@ def streaks_over(drawn, setting):
     return views
 
 
-def wet_lens_over(drawn, setting):
+def wet_lens_over(drawn, statistics):
     """The lens's mist, and drops that in every view lie elsewhere and show another place; the composite written out."""
-    air, rng = np.array(setting.light.air, np.float32) * np.float32(drawn.air), np.random.default_rng(0)
+    air, rng = np.array(statistics.light.air, np.float32) * np.float32(drawn.air), np.random.default_rng(0)
 
     def views(sample):
         height, width = sample.shape[:2]
@@ -71,9 +71,9 @@ def wet_lens_over(drawn, setting):
     return views
 
 
-def test_streaks_cost_a_plain_reconstruction_what_their_grade_says(setting):
-    drawn = [draw("streak", i, setting) for i in range(3)]
-    losses = [loss(setting, streaks_over(pattern, setting)) for pattern in drawn]
+def test_streaks_cost_a_plain_reconstruction_what_their_grade_says(statistics):
+    drawn = [draw("streak", i, statistics) for i in range(3)]
+    losses = [loss(statistics, streaks_over(pattern, statistics)) for pattern in drawn]
     assert losses[:2] == pytest.approx(LOSSES["streak"][:2], abs=0.5)
     assert losses[1] + 1 < losses[2] <= LOSSES["streak"][2]
     assert (drawn[2].n, drawn[2].brightness) == (
@@ -82,9 +82,9 @@ def test_streaks_cost_a_plain_reconstruction_what_their_grade_says(setting):
     )  # the most; this scene has too little contrast
 
 
-def test_drops_and_mist_cost_a_plain_reconstruction_what_their_grade_says(setting):
-    drawn = [draw("raindrop", i, setting) for i in range(3)]
-    losses = [loss(setting, wet_lens_over(pattern, setting)) for pattern in drawn]
+def test_drops_and_mist_cost_a_plain_reconstruction_what_their_grade_says(statistics):
+    drawn = [draw("raindrop", i, statistics) for i in range(3)]
+    losses = [loss(statistics, wet_lens_over(pattern, statistics)) for pattern in drawn]
     assert losses == pytest.approx(LOSSES["raindrop"], abs=0.6)
 
 
@@ -92,9 +92,9 @@ def test_grades_repeat_every_three_patterns():
     assert [Pattern("streak", i).grade for i in range(4)] == ["light", "medium", "heavy", "light"]
 
 
-def test_a_pattern_is_the_same_whenever_it_is_drawn(setting):
-    first = [draw("streak", i, setting) for i in (0, 1)]
-    assert [draw("streak", i, setting) for i in (1, 0)] == first[::-1]
+def test_a_pattern_is_the_same_whenever_it_is_drawn(statistics):
+    first = [draw("streak", i, statistics) for i in (0, 1)]
+    assert [draw("streak", i, statistics) for i in (1, 0)] == first[::-1]
 
 
 @pytest.mark.parametrize(("wanted", "expected"), [(4.0, 2.0), (0.0, 1.0), (100.0, 5.0)])
@@ -139,15 +139,15 @@ def test_visibility_counts_the_training_views_that_see_a_point(tmp_path):
     assert survey(scene, 0).mean_inverse_visibility == pytest.approx(1, abs=1e-6)
 
 
-def test_a_scene_that_is_learned_well_needs_less_rain_for_a_grade(setting):
-    well = replace(setting, clean_error=severity.CLEAN_ERROR / 3)
+def test_a_scene_that_is_learned_well_needs_less_rain_for_a_grade(statistics):
+    well = replace(statistics, clean_error=severity.CLEAN_ERROR / 3)
     for loss in (1.5, 4.0, 8.5):
-        assert severity.wanted_harm(loss, well) == pytest.approx(severity.wanted_harm(loss, setting) / 3)
-    assert draw("streak", 1, well).n < draw("streak", 1, setting).n
+        assert severity.wanted_harm(loss, well) == pytest.approx(severity.wanted_harm(loss, statistics) / 3)
+    assert draw("streak", 1, well).n < draw("streak", 1, statistics).n
 
 
-def test_a_scene_that_drops_harm_more_gets_fewer_of_them(setting):
-    dear = replace(setting, drops_cost=3.0)
-    assert drops_harm(0.1, dear) == pytest.approx(3 * drops_harm(0.1, setting))
-    usual, fewer = (draw("raindrop", 0, s) for s in (setting, dear))
+def test_a_scene_that_drops_harm_more_gets_fewer_of_them(statistics):
+    dear = replace(statistics, drops_cost=3.0)
+    assert drops_harm(0.1, dear) == pytest.approx(3 * drops_harm(0.1, statistics))
+    usual, fewer = (draw("raindrop", 0, s) for s in (statistics, dear))
     assert fewer.coverage < usual.coverage or fewer.mist < usual.mist

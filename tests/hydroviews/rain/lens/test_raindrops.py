@@ -14,7 +14,7 @@ from hydroviews.rain.lens.drop_shapes import Outline
 from hydroviews.rain.lens.mesh import water_mesh
 from hydroviews.rain.lens.mist import mist_veil
 from hydroviews.rain.lens.pattern import RaindropPattern, draw_pattern
-from hydroviews.rain.lens.raindrops import Raindrops, WetLens
+from hydroviews.rain.lens.raindrops import PreparedLens, Raindrops
 from hydroviews.rain.lens.water import Drop, Water
 from hydroviews.rain.scene_statistics import Light, SceneStatistics
 from hydroviews.scene.cameras import Camera
@@ -40,7 +40,9 @@ def wet(*drops: tuple[float, float, float], degrees: float = 50.0) -> Water:
     return Water(tuple(Drop(Outline((drop,)), np.radians(degrees)) for drop in drops), (), np.zeros((0, 4)))
 
 
-def wet_lens(pattern: RaindropPattern, lens: Camera, folder: Path, count: int = 7) -> tuple[WetLens, list[View]]:
+def prepared_lens(
+    pattern: RaindropPattern, lens: Camera, folder: Path, count: int = 7
+) -> tuple[PreparedLens, list[View]]:
     """The lens before views that are never read."""
     views = views_of(lens, folder, count)
     return raindrops(pattern, views).prepare(lens, folder), views
@@ -80,7 +82,7 @@ def waves():
 
 def test_without_drops_and_mist_the_view_stays_as_it_is(tmp_path, monkeypatch, waves):
     monkeypatch.setattr(lens_bake, "run_blender", pytest.fail)
-    rain, views = wet_lens(DRY, camera(80, 60), tmp_path)
+    rain, views = prepared_lens(DRY, camera(80, 60), tmp_path)
     layers = rain.layers(waves, views[0])
     assert not any(plane.any() for plane in layers.values())
     np.testing.assert_allclose(composite(waves, layers), waves, atol=1e-5)
@@ -88,7 +90,7 @@ def test_without_drops_and_mist_the_view_stays_as_it_is(tmp_path, monkeypatch, w
 
 def test_mist_alone_mixes_in_the_air_of_the_scene(tmp_path, waves):
     pattern = replace(DRY, mist=0.5, air=(1.0, 0.9, 0.8))
-    rain, views = wet_lens(pattern, camera(80, 60), tmp_path)
+    rain, views = prepared_lens(pattern, camera(80, 60), tmp_path)
     layers = rain.layers(waves, views[0])
     veil = mist_veil(pattern, 80, 60, 0.0)
     assert np.array_equal(layers["V"], veil)
@@ -102,7 +104,7 @@ def test_views_share_out_the_key_frames_in_order(tmp_path, monkeypatch, waves):
     asked = []
     original = lens_bake.bake_matte
     monkeypatch.setattr("hydroviews.rain.lens.raindrops.bake_matte", lambda *a: (asked.append(a[3]), original(*a))[1])
-    rain, views = wet_lens(replace(DRY, mist=0.5), camera(80, 60), tmp_path, count=7)
+    rain, views = prepared_lens(replace(DRY, mist=0.5), camera(80, 60), tmp_path, count=7)
     veils = [rain.layers(waves, view)["V"] for view in views]
     assert asked == [0, 1, 2]
     frames = [i * 3 // 7 for i in range(7)]
@@ -112,7 +114,7 @@ def test_views_share_out_the_key_frames_in_order(tmp_path, monkeypatch, waves):
 
 
 def test_only_key_frames_that_views_need_are_baked(tmp_path, waves):
-    rain, views = wet_lens(DRY, camera(80, 60), tmp_path, count=2)
+    rain, views = prepared_lens(DRY, camera(80, 60), tmp_path, count=2)
     for view in views:
         rain.layers(waves, view)
     assert sorted(p.name for p in tmp_path.glob("*.npz")) == ["matte-0.npz", "matte-1.npz"]
@@ -157,7 +159,7 @@ def test_the_traced_technique_goes_through_the_same_layers(tmp_path, monkeypatch
     seen = {}
     for lens_renderer in ("disk", "traced"):
         pattern = replace(PATTERN, lens_renderer=lens_renderer, mist=0.3)
-        rain, views = wet_lens(pattern, camera(80, 60), tmp_path / lens_renderer)
+        rain, views = prepared_lens(pattern, camera(80, 60), tmp_path / lens_renderer)
         seen[lens_renderer] = composite(waves, rain.layers(waves, views[0]))
     assert np.abs(seen["disk"] - seen["traced"]).mean() < 0.01
 
@@ -189,11 +191,11 @@ def test_a_blender_process_that_dies_is_named_and_finished_key_frames_are_kept(t
         run_blender(module, request, log, label)
 
     monkeypatch.setattr(lens_bake, "run_blender", dying)
-    rain, views = wet_lens(PATTERN, lens, tmp_path, count=3)
+    rain, views = prepared_lens(PATTERN, lens, tmp_path, count=3)
     rain.layers(waves, views[0])
     with pytest.raises(InputError, match="ended with status"):
         rain.layers(waves, views[1])
-    again, _ = wet_lens(PATTERN, lens, tmp_path, count=3)
+    again, _ = prepared_lens(PATTERN, lens, tmp_path, count=3)
     again.layers(waves, views[0])
     again.layers(waves, views[1])
     assert len(started) == 3
@@ -204,7 +206,7 @@ def test_a_blender_process_that_dies_is_named_and_finished_key_frames_are_kept(t
 @pytest.mark.parametrize("size", [(1, 1), (17, 15), (200, 20)])
 def test_any_size_of_picture(tmp_path, size):
     lens = camera(*size)
-    rain, views = wet_lens(PATTERN, lens, tmp_path)
+    rain, views = prepared_lens(PATTERN, lens, tmp_path)
     clean = np.full((*size[::-1], 3), 0.5, np.float32)
     layers = rain.layers(clean, views[3])
     assert all(plane.shape == size[::-1] and np.isfinite(plane).all() for plane in layers.values())
@@ -247,7 +249,7 @@ def test_saturated_lamps_sparkle_in_drops(tmp_path):
     matte.save(tmp_path / "kept.npz", "lamps")
     night = np.full((40, 60, 3), 0.1, np.float32)
     night[18:20, 30:32] = 1.0
-    rain, views = wet_lens(PATTERN, lens, tmp_path)
+    rain, views = prepared_lens(PATTERN, lens, tmp_path)
     rain._held = (0, matte, np.zeros((40, 60), np.float32))
     layers = rain.layers(night, views[0])
     brightest = max(layers[c].max() for c in "RGB")

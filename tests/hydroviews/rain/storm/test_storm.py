@@ -46,13 +46,13 @@ def one_drop(at: tuple, velocity: tuple = (0, 8.0, 0), diameter: float = 0.003) 
     return Cloud(*arrays)
 
 
-def setting_in(folder, **options):
+def statistics_of(folder, **options):
     scene = capture_in(folder / "scene", **options)
     return survey(scene, 0)
 
 
-def scaled(setting: SceneStatistics, metres_per_unit: float) -> SceneStatistics:
-    return replace(setting, metres_per_unit=metres_per_unit)
+def scaled(statistics: SceneStatistics, metres_per_unit: float) -> SceneStatistics:
+    return replace(statistics, metres_per_unit=metres_per_unit)
 
 
 def test_sizes_and_speeds_are_those_of_the_literature():
@@ -151,12 +151,12 @@ def test_two_cameras_see_the_same_drops():
 
 
 def test_drops_move_between_views_unless_the_storm_is_frozen(tmp_path):
-    setting = setting_in(tmp_path)
-    view = setting.views[3]
+    statistics = statistics_of(tmp_path)
+    view = statistics.views[3]
     clean = view.image()
-    falling = Storm(PATTERN, scaled(setting, 1.0)).layers(clean, view)["M"]
-    frozen = Storm(replace(PATTERN, interval=0.0), scaled(setting, 1.0)).layers(clean, view)["M"]
-    later = Storm(replace(PATTERN, interval=0.5), scaled(setting, 1.0))
+    falling = Storm(PATTERN, scaled(statistics, 1.0)).layers(clean, view)["M"]
+    frozen = Storm(replace(PATTERN, interval=0.0), scaled(statistics, 1.0)).layers(clean, view)["M"]
+    later = Storm(replace(PATTERN, interval=0.5), scaled(statistics, 1.0))
     assert not np.array_equal(falling, frozen)
     again = later.drops(view, in_metres(view.camera, 1.0), far(view.camera))
     shifted = replace(later.cloud, positions=later.cloud.positions + later.cloud.velocities * 3 * 0.5)
@@ -233,35 +233,35 @@ def test_wind_blows_along_the_ground():
 
 
 def test_scale_is_estimated_from_what_cameras_look_at(tmp_path):
-    setting = setting_in(tmp_path)
-    scale, focus = metres_and_focus(setting.views, setting.points)
+    statistics = statistics_of(tmp_path)
+    scale, focus = metres_and_focus(statistics.views, statistics.points)
     assert scale == pytest.approx(1.0, rel=0.1)  # the ring stands 4 units away
     assert focus == 4
-    assert metres_and_focus(setting.views, setting.points, 3.0) == (3.0, pytest.approx(3.0 * 4, rel=0.1))
-    assert metres_and_focus(setting.views, no_points(), 3.0) == (3.0, 4.0)
+    assert metres_and_focus(statistics.views, statistics.points, 3.0) == (3.0, pytest.approx(3.0 * 4, rel=0.1))
+    assert metres_and_focus(statistics.views, no_points(), 3.0) == (3.0, 4.0)
     with pytest.raises(InputError, match="how large the scene is"):
-        Storm(PATTERN, replace(setting, points=no_points()))
+        Storm(PATTERN, replace(statistics, points=no_points()))
     for impossible in (0.0, -1.0, float("nan")):
         with pytest.raises(InputError, match="scale of a capture"):
-            Storm(PATTERN, scaled(setting, impossible))
+            Storm(PATTERN, scaled(statistics, impossible))
 
 
 def test_the_same_storm_in_other_units(tmp_path):
-    setting = setting_in(tmp_path)
-    small = tuple(replace(v, camera=in_metres(v.camera, 0.1)) for v in setting.views)
-    points = replace(setting.points, positions=setting.points.positions * 0.1)
-    one = Storm(PATTERN, scaled(setting, 1.0))
-    other = Storm(PATTERN, replace(setting, views=small, points=points, metres_per_unit=10.0))
-    clean = setting.views[2].image()
-    for name, plane in one.layers(clean, setting.views[2]).items():
+    statistics = statistics_of(tmp_path)
+    small = tuple(replace(v, camera=in_metres(v.camera, 0.1)) for v in statistics.views)
+    points = replace(statistics.points, positions=statistics.points.positions * 0.1)
+    one = Storm(PATTERN, scaled(statistics, 1.0))
+    other = Storm(PATTERN, replace(statistics, views=small, points=points, metres_per_unit=10.0))
+    clean = statistics.views[2].image()
+    for name, plane in one.layers(clean, statistics.views[2]).items():
         assert np.allclose(plane, other.layers(clean, small[2])[name], atol=1e-5)
 
 
 def test_layers_are_a_composite_in_linear_light(tmp_path):
-    setting = setting_in(tmp_path)
-    view = setting.views[0]
+    statistics = statistics_of(tmp_path)
+    view = statistics.views[0]
     for picture in (np.full((36, 48, 3), 0.5, np.float32), view.image()):
-        layers = Storm(replace(PATTERN, density=8.0), setting).layers(picture, view)
+        layers = Storm(replace(PATTERN, density=8.0), statistics).layers(picture, view)
         assert set(layers) == {"M", "V", "R", "G", "B"}
         assert 0 < layers["M"].mean() < 0.5
         assert 0 < layers["V"].max() <= 0.6
@@ -269,7 +269,7 @@ def test_layers_are_a_composite_in_linear_light(tmp_path):
         rainy = through * to_linear(picture) + np.stack([layers[c] for c in "RGB"], axis=-1)
         assert rainy.max() <= 1.0
     flat = np.full((36, 48, 3), 0.5, np.float32)  # rain over an even grey world shows that grey
-    grey = replace(setting, light=Light((0.2, 0.2, 0.2), (0.2, 0.2, 0.2)))
+    grey = replace(statistics, light=Light((0.2, 0.2, 0.2), (0.2, 0.2, 0.2)))
     layers = Storm(replace(PATTERN, density=8.0), grey).layers(flat, view)
     through = ((1 - layers["M"]) * (1 - layers["V"]))[..., None]
     rainy = through * to_linear(flat) + np.stack([layers[c] for c in "RGB"], axis=-1)
@@ -277,11 +277,11 @@ def test_layers_are_a_composite_in_linear_light(tmp_path):
 
 
 def test_streaks_shine_near_lamps_and_vanish_in_the_dark(tmp_path):
-    setting = setting_in(tmp_path, width=160, height=120)
-    view = setting.views[0]
+    statistics = statistics_of(tmp_path, width=160, height=120)
+    view = statistics.views[0]
     night = np.full((120, 160, 3), 0.01, np.float32)
     night[20:26, 20:26] = 1.0
-    dark = replace(setting, light=Light((0.003, 0.003, 0.003), (0.02, 0.02, 0.02)))
+    dark = replace(statistics, light=Light((0.003, 0.003, 0.003), (0.02, 0.02, 0.02)))
     layers = Storm(replace(PATTERN, density=8.0), dark).layers(night, view)
     light = layers["G"] / (1 - (1 - layers["M"]) * (1 - layers["V"]))
     assert light[10:36, 10:36].mean() > 20 * light[90:, 130:].mean()
@@ -299,7 +299,7 @@ def test_rain_is_as_bright_as_the_sky_that_pictures_do_not_show():
 
 
 def test_the_veil_grows_with_distance_and_is_mixed_at_edges(tmp_path):
-    storm = Storm(replace(PATTERN, density=20.0), scaled(setting_in(tmp_path), 1.0))
+    storm = Storm(replace(PATTERN, density=20.0), scaled(statistics_of(tmp_path), 1.0))
     view = camera(80, 60)
     clean, depth = np.full((60, 80, 3), 0.2, np.float32), np.full((60, 80), 5.0, np.float32)
     depth[:, 40:] = np.inf
