@@ -15,7 +15,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from hydroviews.rain.compositing import Layers, Plane
+from hydroviews.rain.compositing import Layers, LayerPlane
 from hydroviews.rain.effect import Effect
 from hydroviews.rain.patterns import Pattern, pattern_generator
 from hydroviews.rain.scene_statistics import SceneStatistics
@@ -38,7 +38,7 @@ class SnowPattern:
 class Snow(Effect):
     """R = (1 - A) B + A white, in encoded values."""
 
-    planes: Mapping[str, Plane] = {"A": Plane("cover by snow")}
+    planes: Mapping[str, LayerPlane] = {"A": LayerPlane("cover by snow")}
     needed = ("white",)  # by `composite`
     words: Mapping[str, str] = {"flakes": "{} flakes a picture"}
 
