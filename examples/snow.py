@@ -15,7 +15,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from hydroviews.rain.compositing import Layers, LayerPlane
+from hydroviews.rain.compositing import LayerPlane, Layers
 from hydroviews.rain.effect import Effect
 from hydroviews.rain.patterns import Pattern, pattern_generator
 from hydroviews.rain.scene_statistics import SceneStatistics
