@@ -114,10 +114,10 @@ docs: $(DOCS)  ## the site into build/site: open build/site/index.html
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
 
 # A file's tests share what they build, so they stay in one process.
-test: $(READY)
+test: $(READY)  ## all tests, shared out to up to four processes
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
-lint: $(READY)
+lint: $(READY)  ## ruff and mypy
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
