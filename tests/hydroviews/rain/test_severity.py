@@ -151,3 +151,8 @@ def test_a_scene_that_drops_harm_more_gets_fewer_of_them(statistics):
     assert drops_harm(0.1, dear) == pytest.approx(3 * drops_harm(0.1, statistics))
     usual, fewer = (draw("raindrop", 0, s) for s in (statistics, dear))
     assert fewer.coverage < usual.coverage or fewer.mist < usual.mist
+
+
+def test_a_photograph_alone_is_one_moment_of_the_rain(statistics):
+    alone = replace(statistics, views=statistics.views[:1])
+    assert [draw("raindrop", 1, one).key_frames for one in (statistics, alone)] == [3, 1]
