@@ -28,6 +28,7 @@ METHODS  ?= 3dgs nerf-w derain-nerf wild-gaussians gs-w deraings deraings-plus
 SCENES   ?= $(SCENE)
 BIN      := $(VENV)/bin
 READY    := $(VENV)/.ready
+DOCS     := $(VENV)/.ready-docs
 comma    := ,
 names    := $(subst $(comma), ,$(PATTERNS))
 patterns := $(if $(strip $(names)),--patterns $(names))
@@ -54,7 +55,7 @@ $(error RUN= is missing: name the folder of a finished run, such as RUN=$(RESULT
 endif
 endif
 
-.PHONY: setup dataset eval compare check severity enhancer drop-finder ablation leaderboard view film bench test lint
+.PHONY: setup dataset eval compare check severity enhancer drop-finder ablation leaderboard view film bench docs test lint
 
 setup: $(READY)  ## everything into .venv, at the versions of constraints.txt
 
@@ -105,11 +106,18 @@ film: $(READY)  ## a film of a trained scene: RUN=results/... [OUT=film.mp4] [FI
 bench: $(READY)  ## speed against error: BENCH=splatting, quality, volumetric, enhancement, masking, methods, hard_rain, raindrops, streaks or dataset
 	$(BIN)/python -m benchmarks.$(BENCH) $(BENCH_ARGS)
 
+$(DOCS): $(READY)
+	$(BIN)/python -m pip install --constraint constraints.txt --editable '.[docs]'
+	touch $(DOCS)
+
+docs: $(DOCS)  ## the site into build/site: open build/site/index.html
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
+
 # A file's tests share what they build, so they stay in one process.
-test: $(READY)
+test: $(READY)  ## all tests, shared out to up to four processes
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
-lint: $(READY)
+lint: $(READY)  ## ruff and mypy
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy

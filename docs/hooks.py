@@ -1,0 +1,170 @@
+"""What the site takes from the program when it is built: commands, make targets, settings, pages of the API.
+
+A page asks for a generated part by a line of its own, such as `<!-- generated: commands -->`.
+"""
+
+import contextlib
+import dataclasses
+import importlib
+import inspect
+import io
+import re
+from collections.abc import Callable, Iterator
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import tyro
+
+if TYPE_CHECKING:  # tests read this file where mkdocs is not installed
+    from mkdocs.config.defaults import MkDocsConfig
+    from mkdocs.structure.files import Files
+    from mkdocs.structure.pages import Page
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("hydroviews", "deraings", "baselines", "leaderboard")
+PROGRAMS = (
+    "hydroviews",
+    "leaderboard",
+    "deraings",
+    "deraings.enhancement",
+    "baselines.derain_nerf.raindrop_attention",
+)
+LESS_SOUGHT = "---\nsearch:\n  boost: 0.3\n---\n"  # a search finds what people wrote for readers first
+FOLDERS = {"How it works": "how-it-works", "Notebook": "experiments"}  # all of their pages are listed
+PROFILES = ("demo", "quick", "paper")
+
+
+def commands() -> dict[str, Callable[..., None]]:
+    """The function behind every subcommand, by its command line, such as `python -m hydroviews build`."""
+    found: dict[str, Callable[..., None]] = {}
+    for program in PROGRAMS:
+        module = importlib.import_module(f"{program}.__main__")
+        run, taken = module.run_command, []
+        module.run_command = lambda mapping, *_, **__: taken.append(mapping)  # noqa: B023
+        try:
+            module.main()
+        finally:
+            module.run_command = run
+        found |= {f"python -m {program} {name}": function for name, function in taken[0].items()}
+    return found
+
+
+def command_help(line: str, function: Callable[..., None]) -> str:
+    """What `--help` prints for a subcommand, as plain text."""
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.suppress(SystemExit):
+        tyro.cli(function, prog=line, args=["--help"])
+    return re.sub(r"\x1b\[[0-9;]*m", "", out.getvalue()).strip()
+
+
+def commands_section() -> str:
+    """A section for every subcommand."""
+    return "\n\n".join(
+        f"### {line.removeprefix('python -m ')}\n\n```text\n{command_help(line, function)}\n```"
+        for line, function in commands().items()
+    )
+
+
+def make_targets() -> dict[str, str]:
+    """What the Makefile says of each of its targets."""
+    return dict(re.findall(r"^([a-z-]+):[^\n#]*## (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE))
+
+
+def make_section() -> str:
+    """A table of the targets."""
+    rows = [f"| `make {name}` | {text.replace('[', chr(92) + '[')} |" for name, text in make_targets().items()]
+    return "\n".join(["| target | does |", "|---|---|", *rows])
+
+
+def comments(cls: type) -> dict[str, str]:
+    """The comment beside each field of a dataclass."""
+    return dict(re.findall(r"^\s+(\w+): [^\n]*?  # (.*)$", inspect.getsource(cls), re.MULTILINE))
+
+
+def fields(value: object, prefix: str = "") -> Iterator[tuple[str, object, str]]:
+    """Name, value and comment of every setting in a tree of dataclasses."""
+    notes = {name: text for cls in reversed(type(value).__mro__[:-1]) for name, text in comments(cls).items()}
+    for field in dataclasses.fields(value):  # type: ignore[arg-type]
+        inner = getattr(value, field.name)
+        if dataclasses.is_dataclass(inner):
+            yield from fields(inner, f"{prefix}{field.name}.")
+        else:
+            yield prefix + field.name, inner, notes.get(field.name, "")
+
+
+def settings_section() -> str:
+    """A table for every method: its settings in each profile."""
+    methods = entry_points(group="hydroviews.methods")
+    return "\n\n".join(f"### {entry.name}\n\n{settings_table(entry.load())}" for entry in sorted(methods))
+
+
+def settings_table(method: type) -> str:
+    """The settings of one method, a row each."""
+    columns = {profile: list(fields(method.configuration(profile))) for profile in PROFILES}  # type: ignore[attr-defined]
+    values = {profile: {name: value for name, value, _ in rows} for profile, rows in columns.items()}
+    notes = {name: text for rows in columns.values() for name, _, text in rows}
+    lines = [f"| setting | {' | '.join(PROFILES)} | meaning |", "|---|" + "---|" * (len(PROFILES) + 1)]
+    for name, text in notes.items():
+        cells = [f"`{values[profile][name]}`" if name in values[profile] else "" for profile in PROFILES]
+        lines.append(f"| `{name}` | {' | '.join(cells)} | {text.replace('|', chr(92) + '|')} |")
+    return "\n".join(lines)
+
+
+def api_pages() -> dict[str, str]:
+    """The pages of the API: one a package, with every public module directly in it."""
+    pages = {}
+    for top in PACKAGES:
+        for init in sorted((ROOT / top).rglob("__init__.py")):
+            package = ".".join(init.parent.relative_to(ROOT).parts)
+            modules = [f"{package}.{path.stem}" for path in sorted(init.parent.glob("[a-z]*.py"))]
+            listed = "\n\n".join(f"::: {name}" for name in [package, *modules])
+            pages[package] = f"{LESS_SOUGHT}# {package}\n\n{listed}\n"
+    return pages
+
+
+GENERATED = {"commands": commands_section, "make": make_section, "settings": settings_section}
+
+
+def listed() -> dict[str, list]:
+    """Pages that the navigation takes from the folders, by the title they stand below."""
+    tree: dict[str, list] = {top: [] for top in PACKAGES}
+    for package in api_pages():
+        top, _, inner = package.partition(".")
+        tree[top].append({inner or top: f"reference/api/{package}.md"})
+    pages: dict[str, list] = {"API": [{top: below} for top, below in tree.items()]}
+    for title, folder in FOLDERS.items():
+        others = sorted(path.name for path in (ROOT / "docs" / folder).glob("*.md") if path.name != "index.md")
+        pages[title] = [f"{folder}/{name}" for name in ["index.md", *others]]
+    return pages
+
+
+def on_config(config: "MkDocsConfig") -> "MkDocsConfig":
+    """Add the pages of the API, and those of some folders, to the navigation."""
+    for title, pages in listed().items():
+        fill(config.nav, title, pages)
+    return config
+
+
+def fill(nav: list, title: str, entries: list) -> None:
+    """Put entries below the title, wherever in the navigation it stands."""
+    for entry in nav:
+        for name, below in entry.items() if isinstance(entry, dict) else ():
+            if name == title:
+                entry[name] = entries
+            elif isinstance(below, list):
+                fill(below, title, entries)
+
+
+def on_files(files: "Files", config: "MkDocsConfig") -> "Files":
+    """Add the pages of the API to the files."""
+    from mkdocs.structure.files import File
+
+    for package, text in api_pages().items():
+        files.append(File.generated(config, f"reference/api/{package}.md", content=text))
+    return files
+
+
+def on_page_markdown(markdown: str, page: "Page", **_: object) -> str:
+    """Write the generated parts of a page into it."""
+    return re.sub(r"<!-- generated: (\w+) -->", lambda match: GENERATED[match[1]](), markdown)

@@ -1,0 +1,49 @@
+"""The example of an effect of one's own is built, checked and described like any other, and is what it says."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from synthetic import capture_in
+
+from hydroviews.dataset.contact_sheet import write_sheets
+from hydroviews.dataset.sources import build_source
+from hydroviews.dataset.variants import open_clean, open_variant
+from hydroviews.dataset.verify import verify
+from hydroviews.formats.writers import write_colmap
+from hydroviews.profiles import find_profile
+from hydroviews.scene.images import read_image
+
+REPOSITORY = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """Light and heavy snow on a small scene, built from the repository as the documentation says."""
+    folder = tmp_path_factory.mktemp("snow")
+    write_colmap(capture_in(folder / "yard"), folder / "yard/sparse/0")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(REPOSITORY)
+        patterns = ["examples.snow:Snow-0", "examples.snow:Snow-2"]
+        yield build_source(str(folder / "yard"), folder / "data", find_profile("demo"), patterns=patterns)
+
+
+def whitened(built, grade: int) -> list[np.ndarray]:
+    rainy = open_variant(built, f"examples.snow.Snow-{grade}").views
+    return [view.image() - dry.image() for view, dry in zip(rainy, open_clean(built).views, strict=True)]
+
+
+def test_it_is_built_and_verified_like_any_other(built):
+    assert verify(built.parent, every_view=True) == []
+    assert "flakes a picture" in (built / "README.md").read_text()
+    assert all(read_image(path).std() > 0 for path in write_sheets(built))
+
+
+def test_heavy_snow_covers_more_than_light_snow(built):
+    assert np.mean(whitened(built, 2)) > 2 * np.mean(whitened(built, 0)) > 0
+
+
+def test_flakes_fall_elsewhere_in_every_view(built):
+    one, other, *_ = (change > 0.1 for change in whitened(built, 0))
+    assert one.any()
+    assert np.corrcoef(one.ravel(), other.ravel())[0, 1] < 0.5
