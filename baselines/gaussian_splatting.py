@@ -22,7 +22,7 @@ from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import LearningRates
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.strategies.relocation import MCMCStrategy
-from baselines.splatting.trainer import Trained, TrainerConfig, train
+from baselines.splatting.trainer import TrainedScene, TrainerConfig, train
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, write_json
 from hydroviews.scene.cameras import Camera
@@ -107,7 +107,7 @@ class GaussianSplatting(Method):
     def __init__(self, config: Any, seed: int) -> None:
         super().__init__(config, seed)
         self.found: dict[str, Any] = {}  # in the photographs, beside the scene
-        self._trained: Trained | None = None
+        self._trained: TrainedScene | None = None
         self._model_mb: float | None = None
         self._buffers = BufferPool()
 
@@ -178,7 +178,7 @@ class GaussianSplatting(Method):
         if about.pop("found", False):
             method.found = read_json(folder / FOUND)
         about["residuals"] = tuple(about.get("residuals", ()))
-        method._trained = Trained(gaussians=gaussians, compile_seconds=0.0, **about)
+        method._trained = TrainedScene(gaussians=gaussians, compile_seconds=0.0, **about)
         method._model_mb = (folder / MODEL).stat().st_size / 1e6
         return method
 
@@ -187,7 +187,7 @@ class GaussianSplatting(Method):
         trained = self._require()
         return TrainingSummary(trained.seconds, len(trained.gaussians), self._model_mb, trained.device)
 
-    def _require(self) -> Trained:
+    def _require(self) -> TrainedScene:
         if self._trained is None:
             raise InputError(f"{type(self).__name__}: not trained", fix="call fit or load first")
         return self._trained

@@ -1,16 +1,12 @@
 """The contract every method meets, and how a method is found by name."""
 
-import importlib
-import os
-import sys
-import traceback
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self, cast
 
+from hydroviews.cli.plugins import load_plugin
 from hydroviews.errors import InputError, unknown_name
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
@@ -116,7 +112,7 @@ def find_method(name: str) -> type[Method]:
         InputError: no such method or wrapper.
     """
     first, *wrappers = name.split("+")
-    found = _checked(name, first, _load(name, first, METHODS))
+    found = _checked(name, first, load_plugin(f"METHOD={name}", first, METHODS, "method", "Class"))
     for part in wrappers:
         found = _checked(name, part, find_wrapper(part, name)(found))
     return found
@@ -132,43 +128,10 @@ def find_wrapper(part: str, name: str = "") -> Callable[[type[Method]], type[Met
     Raises:
         InputError: no such wrapper.
     """
-    wrap = _load(name or part, part, WRAPPERS)
+    wrap = load_plugin(f"METHOD={name or part}", part, WRAPPERS, "wrapper", "function")
     if isinstance(wrap, type) or not callable(wrap):
         raise InputError(f"METHOD={name or part}: {part} is not a wrapper", expected="a function from Method to Method")
     return cast(Callable[[type[Method]], type[Method]], wrap)
-
-
-def registered_names(group: str) -> list[str]:
-    """Names of a group of entry points, METHODS or WRAPPERS, sorted."""
-    return sorted({point.name for point in entry_points(group=group)})
-
-
-def _load(name: str, part: str, group: str) -> Any:
-    """What a part of a method's name stands for, in a group of entry points or in a module."""
-    registered = {point.name: point.value for point in entry_points(group=group)}
-    target = registered.get(part, part)
-    module_name, _, member = target.partition(":")
-    if not (module_name and member) or module_name.startswith("."):
-        kind, own = ("method", "Class") if group == METHODS else ("wrapper", "function")
-        raise unknown_name(f"METHOD={name}", part, kind, sorted(registered), f"package.module:{own} for your own")
-    try:
-        if os.getcwd() not in sys.path:  # one's own method, however the command was started
-            sys.path.append(os.getcwd())
-        return getattr(importlib.import_module(module_name), member)
-    except Exception as error:  # whatever stands in a user's module
-        raise InputError(f"METHOD={name}: cannot import {target}", found=_why(error)) from error
-
-
-def _why(error: Exception) -> str:
-    """What went wrong, with the lines of the user's modules that led there; none for a module that is not there."""
-    told = traceback.TracebackException.from_exception(error)
-    told.stack[:] = [frame for frame in told.stack if not _is_machinery(frame.filename)]
-    lines = told.format() if told.stack else told.format_exception_only()
-    return "".join(lines).rstrip().replace("\n", "\n    ")
-
-
-def _is_machinery(file: str) -> bool:
-    return file == __file__ or file == importlib.__file__ or file.startswith("<frozen importlib")
 
 
 def _checked(name: str, part: str, found: Any) -> type[Method]:

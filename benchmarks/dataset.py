@@ -21,7 +21,7 @@ from unittest.mock import patch
 
 import pandas as pd
 
-from hydroviews.cli import run_command
+from hydroviews.cli.commands import run_command
 from hydroviews.dataset import build as build_module
 from hydroviews.dataset import clean_views as build_clean
 from hydroviews.dataset import rainy_variant as build_rain

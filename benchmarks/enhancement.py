@@ -31,7 +31,7 @@ from deraings.enhancement.size import measure
 from deraings.enhancement.training import train
 from deraings.enhancement.validation import as_columns, scores, validation_set
 from deraings.enhancement.weights import Enhancer
-from hydroviews.cli import run_command
+from hydroviews.cli.commands import run_command
 from hydroviews.files.atomic import write_bytes
 from hydroviews.pairs.photographs import split_photographs
 

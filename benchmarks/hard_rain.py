@@ -18,7 +18,7 @@ from tqdm import tqdm
 
 from baselines.method import find_method
 from benchmarks.quality import held_out, slug
-from hydroviews.cli import run_command
+from hydroviews.cli.commands import run_command
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.files.atomic import read_json, write_bytes

@@ -19,7 +19,7 @@ from benchmarks.quality import held_out, slug
 from deraings.masks.config import MaskConfig
 from deraings.method import DeRainGSConfig, Masks
 from deraings.rain_model.ground_truth import COVERED, true_layers
-from hydroviews.cli import run_command
+from hydroviews.cli.commands import run_command
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.files.atomic import write_bytes

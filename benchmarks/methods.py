@@ -20,7 +20,7 @@ from baselines.method import Method, find_method
 from baselines.splatting.config import TrainerConfig
 from baselines.volumetric.config import VolumetricConfig
 from benchmarks.quality import held_out, slug
-from hydroviews.cli import run_command
+from hydroviews.cli.commands import run_command
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.files.atomic import read_json, write_bytes, write_json

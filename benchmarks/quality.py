@@ -21,7 +21,7 @@ from baselines.method import Method
 from baselines.splatting.config import EarlyStop, Pruning, TrainerConfig
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.strategies.relocation import MCMCStrategy
-from hydroviews.cli import run_command
+from hydroviews.cli.commands import run_command
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean
 from hydroviews.files.atomic import write_bytes

@@ -15,7 +15,7 @@ from deraings.method import DeRainGS
 from deraings.planes import Plane
 from deraings.rain_model.ground_truth import true_layers
 from deraings.rain_model.objective import RainObjective
-from hydroviews.cli import run_command
+from hydroviews.cli.commands import run_command
 from hydroviews.errors import InputError
 from hydroviews.rain.effects import find_effect
 from hydroviews.scene.images import read_image, write_png

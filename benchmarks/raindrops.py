@@ -23,7 +23,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from hydroviews.cli import run_command
+from hydroviews.cli.commands import run_command
 from hydroviews.files.atomic import write_bytes
 from hydroviews.rain.lens.bake import aperture_radius, bake_matte, focus_disk, lens_water, trace
 from hydroviews.rain.lens.path_matte import PathMatte

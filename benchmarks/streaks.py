@@ -18,7 +18,7 @@ from scipy.signal import fftconvolve
 from tqdm import tqdm
 
 from benchmarks.timing import least
-from hydroviews.cli import run_command
+from hydroviews.cli.commands import run_command
 from hydroviews.files.atomic import write_bytes
 from hydroviews.rain.storm import reference as storm_reference
 from hydroviews.rain.storm.drop_sizes import count, draw_cloud

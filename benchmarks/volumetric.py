@@ -26,7 +26,7 @@ from baselines.volumetric.hash_grid import GridConfig, HashGrid, interpolate, wa
 from baselines.volumetric.model import RadianceModel
 from baselines.volumetric.trainer import train
 from benchmarks.timing import least
-from hydroviews.cli import run_command
+from hydroviews.cli.commands import run_command
 from hydroviews.dataset.variants import open_clean
 from hydroviews.files.atomic import write_bytes
 from hydroviews.metrics import METRICS

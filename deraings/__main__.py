@@ -3,7 +3,7 @@
 import tyro
 
 from deraings.reconstruct import Reconstruction, reconstruct
-from hydroviews.cli import run_command
+from hydroviews.cli.commands import run_command
 
 
 def reconstruct_command(request: tyro.conf.OmitArgPrefixes[Reconstruction]) -> None:

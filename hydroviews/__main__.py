@@ -12,7 +12,7 @@ from hydroviews.captures.download.captures import download_captures
 from hydroviews.captures.sfm.poses import Matcher, estimate_poses
 from hydroviews.captures.video.capture import capture_video
 from hydroviews.captures.video.frames import FrameChoice
-from hydroviews.cli import choices, run_command
+from hydroviews.cli.commands import choices, run_command
 from hydroviews.dataset.contact_sheet import COLUMNS, write_sheets
 from hydroviews.dataset.manifest import built_scenes
 from hydroviews.dataset.sources import build_source

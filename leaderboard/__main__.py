@@ -6,9 +6,10 @@ from pathlib import Path
 
 import tyro
 
-from baselines.method import METHODS, WRAPPERS, find_method, find_wrapper, registered_names
+from baselines.method import METHODS, WRAPPERS, find_method, find_wrapper
 from baselines.rendering.film import FilmChoice
-from hydroviews.cli import run_command
+from hydroviews.cli.commands import run_command
+from hydroviews.cli.plugins import registered
 from hydroviews.dataset.manifest import built_scenes
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
@@ -54,8 +55,8 @@ def check_command(
 
 def methods_command() -> None:
     """List the methods, and the wrappers that make a method of a method, as in 3dgs+enhance."""
-    found: dict[str, object] = {name: find_method(name) for name in registered_names(METHODS)}
-    found |= {f"NAME+{name}": find_wrapper(name) for name in registered_names(WRAPPERS)}
+    found: dict[str, object] = {name: find_method(name) for name in registered(METHODS)}
+    found |= {f"NAME+{name}": find_wrapper(name) for name in registered(WRAPPERS)}
     width = max(map(len, found))
     for name, documented in found.items():
         print(f"{name:{width}}  {_first_line(documented)}")

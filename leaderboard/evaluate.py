@@ -12,8 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from baselines.method import METHODS, find_method, registered_names
-from hydroviews.cli import choices, run_child
+from baselines.method import METHODS, find_method
+from hydroviews.cli.commands import choices
+from hydroviews.cli.plugins import registered
+from hydroviews.cli.processes import run_child
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import is_captured
@@ -46,7 +48,7 @@ FAILURE = "failure.json"
 GRACE, PATIENCE = 3.0, 30.0  # seconds until an interrupted run is told to stop, and until it is killed
 
 
-MethodName = Annotated[str, choices(registered_names(METHODS), "package.module:Class")]
+MethodName = Annotated[str, choices(registered(METHODS), "package.module:Class")]
 ProfileName = Annotated[str, choices(PROFILES)]
 TrackName = Annotated[str, choices(TRACKS)]
 

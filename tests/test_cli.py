@@ -13,7 +13,8 @@ REPOSITORY = Path(__file__).parents[1]
 PROGRAM = """
 import logging, sys
 from tqdm import tqdm
-from hydroviews.cli import run_command, run_process
+from hydroviews.cli.commands import run_command
+from hydroviews.cli.processes import run_process
 def work(depth: int = 0, bar: bool = False) -> None:
     if depth:
         run_process([sys.executable, __file__, "work", f"--depth={depth - 1}"])
@@ -28,7 +29,8 @@ run_command({"work": work, "rest": print}, prog="x")
 """
 STUBBORN = """
 import pathlib, sys, time
-from hydroviews.cli import run_child, run_command
+from hydroviews.cli.commands import run_command
+from hydroviews.cli.processes import run_child
 def end(process):
     pathlib.Path("ending").touch()
     time.sleep(2)

@@ -14,12 +14,13 @@ CHILD = """
 import pathlib, time
 pathlib.Path("importing").touch()
 time.sleep(1)
-from hydroviews.cli import run_command
+from hydroviews.cli.commands import run_command
 run_command({"wait": lambda: time.sleep(600), "rest": lambda: None}, prog="child")
 """
 PARENT = """
 import subprocess, sys
-from hydroviews.cli import deferred_interrupts, run_command
+from hydroviews.cli.commands import run_command
+from hydroviews.cli.processes import deferred_interrupts
 child = sys.argv.pop()
 def start():
     with deferred_interrupts():
@@ -59,7 +60,8 @@ def test_a_child_that_is_importing_ends_quietly(family):
 
 def test_a_process_that_knows_nothing_of_ctrl_c_ends_with_its_command(tmp_path):
     code = (
-        "import os, sys; from hydroviews.cli import run_command, run_process;"
+        "import os, sys; from hydroviews.cli.commands import run_command;"
+        "from hydroviews.cli.processes import run_process;"
         "work = 'import os, pathlib, time; pathlib.Path(\"pid\").write_text(str(os.getpid())); time.sleep(600)';"
         "run_command({'start': lambda: run_process([sys.executable, '-c', work], os.environ), 'rest': print}, prog='x')"
     )

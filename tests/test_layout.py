@@ -14,7 +14,8 @@ PACKAGES = ("hydroviews", "baselines", "deraings", "leaderboard")  # each may im
 PARTS = (
     ("errors",),
     ("files",),
-    ("cli", "profiles", "scene", "metrics"),
+    ("cli",),
+    ("profiles", "scene", "metrics"),
     ("formats",),
     ("captures", "blender"),
     ("rain",),

@@ -26,7 +26,7 @@ CHECK_EVERY = 100  # iterations between two checks for Gaussians that are not fi
 
 
 @dataclass(frozen=True)
-class Trained:
+class TrainedScene:
     """A trained scene."""
 
     gaussians: Gaussians
@@ -40,7 +40,9 @@ class Trained:
     non_finite: int = 0  # Gaussians removed because a parameter was NaN or infinite
 
 
-def train(scene: Scene, config: TrainerConfig, seed: int, folder: Path, objective: Objective | None = None) -> Trained:
+def train(
+    scene: Scene, config: TrainerConfig, seed: int, folder: Path, objective: Objective | None = None
+) -> TrainedScene:
     """Learn the scene's training views, or go on from the checkpoint in `folder`.
 
     A run that was interrupted and goes on ends with the same bits as one that was not, on the CPU.
@@ -76,7 +78,7 @@ def train(scene: Scene, config: TrainerConfig, seed: int, folder: Path, objectiv
     trainer = SplattingTrainer(config, seed, cameras, validation_views, extent, backend, objective, start)
     run(trainer, folder / CHECKPOINT, fingerprint, config.checkpoint_seconds)
     state = trainer.state
-    return Trained(
+    return TrainedScene(
         gaussians=state.gaussians,
         near=near,
         seconds=state.seconds,

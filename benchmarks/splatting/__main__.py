@@ -14,7 +14,7 @@ from baselines.splatting.backends.warm_up import warm_up
 from benchmarks.splatting.curves import growth_curves
 from benchmarks.splatting.error import cutoffs, precision
 from benchmarks.splatting.speed import colours, growth, speeds
-from hydroviews.cli import run_command
+from hydroviews.cli.commands import run_command
 from hydroviews.files.atomic import write_bytes
 
 Part = Literal["speed", "growth", "colours", "precision", "cutoffs"]

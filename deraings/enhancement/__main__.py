@@ -18,7 +18,7 @@ from deraings.enhancement.size import describe
 from deraings.enhancement.training import EnhancementTraining, train
 from deraings.enhancement.validation import as_columns, scores, table, validation_set
 from deraings.enhancement.weights import load_enhancer, save_network
-from hydroviews.cli import run_command
+from hydroviews.cli.commands import run_command
 from hydroviews.files.atomic import write_json
 from hydroviews.formats.photographs import one_by_one
 from hydroviews.pairs.photographs import split_photographs

@@ -11,6 +11,7 @@ from typing import Any, NoReturn
 
 from tqdm import tqdm
 
+from hydroviews.cli.processes import held_signals
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 
@@ -44,7 +45,8 @@ def run_blender(module: str, request: dict[str, Any], log: Path, label: str) -> 
             failure = _follow(process, label)
             status = process.wait()
         finally:
-            _end(process)
+            with held_signals():  # a second Ctrl-C would leave Blender behind
+                _end(process)
     if failure is not None:
         _raise_failure(failure)
     if status != 0:

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import TextIO
 
-from hydroviews.cli import show_logs
+from hydroviews.cli.logs import show_logs
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 

@@ -11,8 +11,8 @@ where MEAN_ERROR is a `Metric`. Scoring, records and tables then have it as they
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, partial
-from importlib.metadata import EntryPoint, entry_points
 
+from hydroviews.cli.plugins import load_plugin, registered
 from hydroviews.errors import InputError
 from hydroviews.metrics.inputs import Score
 from hydroviews.metrics.lpips import lpips
@@ -59,20 +59,11 @@ def find_metrics() -> tuple[Metric, ...]:
         InputError: what is registered cannot be imported, is no metric, or has the name of another.
     """
     found = list(METRICS)
-    for point in sorted(entry_points(group=GROUP), key=lambda point: point.name):
-        metric = _load(point)
+    for name, target in registered(GROUP).items():
+        metric = load_plugin(f"{GROUP}: {name}", name, GROUP, "metric", "METRIC")
+        if not isinstance(metric, Metric):
+            raise InputError(f"{GROUP}: {name} = {target} is not a metric", found=metric, expected="a Metric")
         if metric.name in {other.name for other in found}:
-            raise InputError(f"{GROUP}: {point.name} = {point.value}: there is a metric {metric.name} already")
+            raise InputError(f"{GROUP}: {name} = {target}: there is a metric {metric.name} already")
         found.append(metric)
     return tuple(found)
-
-
-def _load(point: EntryPoint) -> Metric:
-    try:
-        metric = point.load()
-    except Exception as error:  # whatever stands in somebody's module
-        reason = f"{type(error).__name__}: {error}"
-        raise InputError(f"{GROUP}: cannot import {point.name} = {point.value}", found=reason) from error
-    if not isinstance(metric, Metric):
-        raise InputError(f"{GROUP}: {point.name} = {point.value} is not a metric", found=metric, expected="a Metric")
-    return metric

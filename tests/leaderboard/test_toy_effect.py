@@ -14,7 +14,7 @@ from hydroviews.errors import InputError
 from hydroviews.formats.writers import write_colmap
 from hydroviews.rain.effects import choose_patterns, find_effect
 from hydroviews.scene.images import read_image, write_png
-from leaderboard.evaluate import Evaluation, evaluate
+from leaderboard.evaluate import EvaluateRequest, evaluate
 from leaderboard.tables import scene_table, to_markdown
 
 ASH = "toy_effect.Ash"  # in names of folders, where a colon may not stand
@@ -26,7 +26,7 @@ def test_from_build_to_table(tmp_path):
     write_colmap(capture_in(capture), capture / "sparse" / "0")
     where = {"data": tmp_path / "data", "results": tmp_path / "results"}
     patterns = ("toy_effect:Ash-0", "toy_effect:Ash-2")
-    evaluate(Evaluation(method="toy_methods:MeanColour", scene=str(capture), patterns=patterns, **where))
+    evaluate(EvaluateRequest(method="toy_methods:MeanColour", scene=str(capture), patterns=patterns, **where))
     data = tmp_path / "data" / "demo"
     folder = data / "yard"
 

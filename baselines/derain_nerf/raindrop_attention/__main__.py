@@ -18,7 +18,7 @@ from baselines.derain_nerf.raindrop_attention.weights import load_detector, save
 from baselines.training.network_commands import in_words, load_trained, rounded, use_threads
 from baselines.training.supervised_training import Intervals, network_fingerprint
 from baselines.training.validation import as_json
-from hydroviews.cli import run_command
+from hydroviews.cli.commands import run_command
 from hydroviews.files.atomic import write_json
 from hydroviews.formats.photographs import one_by_one
 from hydroviews.pairs.drawing import LENSES

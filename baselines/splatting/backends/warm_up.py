@@ -21,7 +21,7 @@ from baselines.splatting.state import fresh_state
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.strategies.relocation import MCMCStrategy
 from baselines.training.images import TrainingImages
-from hydroviews.cli import run_process
+from hydroviews.cli.processes import run_process
 from hydroviews.files.atomic import write_bytes
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.scenes import no_points

@@ -1,0 +1,45 @@
+"""How every command of the project runs and ends."""
+
+import signal
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import tyro
+
+from hydroviews.cli.logs import choose_log_level, show_logs
+from hydroviews.errors import InputError
+from hydroviews.files.malloc import keep_freed_memory
+
+HELP = "With any command, anywhere: --verbose shows times, modules and details, --quiet warnings only."
+
+
+def run_command(commands: Mapping[str, Callable[..., Any]] | Callable[..., Any], prog: str) -> None:
+    """Run the named subcommand, or the one command there is, with messages shown as asked for.
+
+    Exits 2 on bad input, 130 on Ctrl-C, 143 when asked to end.
+    """
+    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
+    keep_freed_memory()
+    try:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])  # see `processes.deferred_interrupts`
+        arguments = choose_log_level(sys.argv[1:])
+        show_logs()
+        if callable(commands):
+            tyro.cli(commands, prog=prog, args=arguments)
+        else:
+            tyro.extras.subcommand_cli_from_dict(dict(commands), prog=prog, description=HELP, args=arguments)
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        print("\ninterrupted; the same command goes on from here", file=sys.stderr)
+        sys.exit(130)
+
+
+def choices(names: Iterable[str], otherwise: str = "") -> Any:
+    """For `Annotated[str, choices(...)]`: shows in a command's help what may be given.
+
+    What is given is checked where it is used, so that Python and every command line get the same error.
+    """
+    return tyro.conf.arg(metavar="{" + ",".join([*names, *([otherwise] if otherwise else [])]) + "}")

@@ -1,0 +1,53 @@
+"""What others add to the benchmark, found by name: an entry point of a group, or `package.module:member`."""
+
+import importlib
+import os
+import sys
+import traceback
+from importlib.metadata import entry_points
+from typing import Any
+
+from hydroviews.errors import InputError, unknown_name
+
+
+def registered(group: str) -> dict[str, str]:
+    """`package.module:member` of each entry point of a group, by name, sorted."""
+    return {point.name: point.value for point in sorted(entry_points(group=group), key=lambda point: point.name)}
+
+
+def load_plugin(where: str, name: str, group: str, kind: str, own: str) -> Any:
+    """What a name stands for.
+
+    Args:
+        where: what was given and for what, such as METHOD=3dgz, for errors.
+        name: of an entry point, or `package.module:member`.
+        group: of the entry points.
+        kind: what it should be, such as method, for errors.
+        own: what a member of one's own is, Class or function, for errors.
+
+    Raises:
+        InputError: there is no such name, or it cannot be imported; then with the lines that led there.
+    """
+    known = registered(group)
+    target = known.get(name, name)
+    module, _, member = target.partition(":")
+    if not (module and member) or module.startswith("."):
+        raise unknown_name(where, name, kind, known, f"package.module:{own} for your own")
+    try:
+        if os.getcwd() not in sys.path:  # one's own module, however the command was started
+            sys.path.append(os.getcwd())
+        return getattr(importlib.import_module(module), member)
+    except Exception as error:  # whatever stands in a user's module
+        raise InputError(f"{where}: cannot import {target}", found=_why(error)) from error
+
+
+def _why(error: Exception) -> str:
+    """What went wrong, with the lines of the user's modules that led there; none for a module that is not there."""
+    told = traceback.TracebackException.from_exception(error)
+    told.stack[:] = [frame for frame in told.stack if not _is_machinery(frame.filename)]
+    lines = told.format() if told.stack else told.format_exception_only()
+    return "".join(lines).rstrip().replace("\n", "\n    ")
+
+
+def _is_machinery(file: str) -> bool:
+    return file == __file__ or file == importlib.__file__ or file.startswith("<frozen importlib")
