@@ -51,6 +51,7 @@ class Record:
     profile: str = ""
     version: str = ""
     data_sha256: str = ""
+    drawing_code: str = ""  # digest of the code that drew the rain, or the clean views; empty for photographs
 
 
 FIELDS = [field.name for field in dataclasses.fields(Record)]

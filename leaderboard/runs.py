@@ -70,6 +70,13 @@ class Run:
         """The scene with the training views of this run's track."""
         return scene.sparse() if self.track == SPARSE_VIEWS else scene
 
+    def drawing_code(self) -> str:
+        """Digest of the code that drew what the method is shown; empty where it was photographed, or never recorded."""
+        made = read_manifest(self.data)["scenes"][self.scene]
+        if self.pattern != CLEAN:
+            made = read_json(self.data / self.scene / self.pattern / "pattern.json")
+        return str(made.get("drawing_code", ""))
+
     def settings(self) -> dict[str, Any]:
         """Everything that fixes the result; a run with other settings is another run."""
         method = find_method(self.method)

@@ -145,5 +145,6 @@ def describe(run: Run, scene: Scene, *, status: str, reason: str, numbers: Mappi
         height=camera.height,
         profile=run.profile,
         data_sha256=settings["data_sha256"],
+        drawing_code=run.drawing_code(),
         **{"version": code_version(), **numbers},  # of the code that trained and rendered
     )

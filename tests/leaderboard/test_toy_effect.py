@@ -43,6 +43,8 @@ def test_from_build_to_table(tmp_path):
 
     board = pd.read_csv(tmp_path / "results" / "leaderboard.csv")
     assert sorted(set(board.effect)) == ["clean", ASH]
+    assert set(board.drawing_code[board.pattern == f"{ASH}-2"]) == {facts["drawing_code"]}
+    assert facts["drawing_code"] not in set(board.drawing_code[board.effect == "clean"])
     assert ASH in to_markdown(scene_table(board, "yard", "demo", "given-poses"))
 
     image = folder / f"{ASH}-0" / "images" / "view-00.png"
@@ -61,7 +63,7 @@ def test_an_effect_of_ones_own_is_named_by_patterns_and_suites(tmp_path):
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("hail", "no such effect\n.*raindrop, storm, streak, or package.module:Class"),
+        ("hail", "no such effect\n.*\n.*raindrop, storm, streak, or package.module:Class"),
         ("toy_effect:Hail", "cannot import toy_effect:Hail\n.*AttributeError"),
         ("no_such_module:Hail", "cannot import no_such_module:Hail\n.*ModuleNotFoundError"),
         ("toy_effect:AshPattern", "not an effect"),
