@@ -10,8 +10,8 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from baselines.clean_wrapper import on_clean
 from baselines.method import Method, TrainingSummary, settings_of
-from baselines.on_clean import on_clean
 from baselines.splatting.config import Pruning
 from baselines.splatting.files.checkpoints import read_model, write_model
 from baselines.splatting.files.ply import write_ply

@@ -29,9 +29,9 @@ from hydroviews.dataset.build import build
 from hydroviews.files.atomic import write_bytes
 from hydroviews.formats.read import read_scene
 from hydroviews.rain.effect import Effect
-from hydroviews.rain.effects import find_effect, parse_pattern, registered_effects
 from hydroviews.rain.lens import raindrops
 from hydroviews.rain.patterns import Pattern
+from hydroviews.rain.registry import find_effect, parse_pattern, registered_effects
 from hydroviews.scene.scenes import Scene, View, make_scene
 
 COMMON = "all variants"

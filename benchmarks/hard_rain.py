@@ -23,8 +23,8 @@ from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.files.atomic import read_json, write_bytes
 from hydroviews.profiles import find_profile
-from hydroviews.rain.effects import find_effect
 from hydroviews.rain.layers import read_layers
+from hydroviews.rain.registry import find_effect
 from hydroviews.scene.depth import view_depth
 from hydroviews.scene.images import Image, to_linear, to_srgb, write_png
 from hydroviews.scene.scenes import Scene, View

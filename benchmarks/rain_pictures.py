@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from baselines.method import find_method
+from deraings.image_planes import Plane
 from deraings.method import DeRainGS
-from deraings.planes import Plane
 from deraings.rain_model.ground_truth import true_layers
 from deraings.rain_model.objective import RainObjective
 from hydroviews.cli.commands import run_command
 from hydroviews.errors import InputError
-from hydroviews.rain.effects import find_effect
+from hydroviews.rain.registry import find_effect
 from hydroviews.scene.images import read_image, write_png
 from hydroviews.scene.picture_grid import Row, Tile, draw_sheet
 from hydroviews.scene.scenes import View

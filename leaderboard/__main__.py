@@ -14,7 +14,7 @@ from hydroviews.dataset.manifest import built_scenes
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.profiles import find_profile
-from hydroviews.rain.effects import choose_patterns
+from hydroviews.rain.registry import choose_patterns
 from leaderboard.contract.check import Result, check
 from leaderboard.evaluate import FAILURE, EvaluateRequest, MethodName, ProfileName, TrackName, evaluate
 from leaderboard.film import film

@@ -25,7 +25,7 @@ from hydroviews.files.locks import BUSY, locked
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.metrics import find_metrics
 from hydroviews.profiles import PROFILES, Profile, find_profile
-from hydroviews.rain.effects import choose_patterns
+from hydroviews.rain.registry import choose_patterns
 from leaderboard.predict import PREDICTION
 from leaderboard.records import (
     GIVEN_POSES,

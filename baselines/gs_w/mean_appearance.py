@@ -11,7 +11,7 @@ from torch import Tensor
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.fusion import Fusion
 from baselines.splatting.appearance.gaussians import in_sight, moved, tensors
-from baselines.splatting.appearance.view_means import mean_over_views
+from baselines.splatting.appearance.view_averages import mean_over_views
 from baselines.splatting.gaussians import Gaussians
 from hydroviews.scene.cameras import Camera
 

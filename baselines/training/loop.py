@@ -12,7 +12,7 @@ from typing import Any, Protocol
 from tqdm import tqdm
 
 from baselines.training.checkpoints import Tree, load_checkpoint, save_checkpoint
-from baselines.training.stopping import Clock, Saving, end_stopped, stop_signals
+from baselines.training.signals import Clock, Saving, end_stopped, stop_signals
 
 SMOOTHING = 0.98  # what the loss that is shown keeps of itself in a step
 

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from baselines.splatting.appearance.view_means import mean_over_views
+from baselines.splatting.appearance.view_averages import mean_over_views
 from baselines.splatting.gaussians import Gaussians
 from baselines.wild_gaussians.appearance import WildAppearance, toned
 from hydroviews.scene.cameras import Camera

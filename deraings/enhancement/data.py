@@ -12,8 +12,8 @@ from deraings.enhancement.weights import Enhancer, find_weights, load_enhancer
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import listing, sha256
 from hydroviews.pairs.drawing import LENSES, bake_pool
-from hydroviews.pairs.drawn import DrawnRain
 from hydroviews.pairs.photographs import LONG_SIDES, frames, read_photographs, split_photographs
+from hydroviews.pairs.rainy_pairs import DrawnRain
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from deraings.enhancement.mist_branch import SIDE, Box, squeezed
 from hydroviews.pairs.drawing import Pair
-from hydroviews.pairs.drawn import DrawnRain
+from hydroviews.pairs.rainy_pairs import DrawnRain
 from hydroviews.scene.images import Image
 from hydroviews.scene.seeds import generator
 

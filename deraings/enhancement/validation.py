@@ -17,8 +17,8 @@ from hydroviews.metrics import psnr
 from hydroviews.pairs.drawing import air_light, camera_of
 from hydroviews.pairs.photographs import fit_frame, frame_of
 from hydroviews.rain.effect import fall
-from hydroviews.rain.effects import find_effect
 from hydroviews.rain.patterns import GRADES, Pattern
+from hydroviews.rain.registry import find_effect
 from hydroviews.rain.scene_statistics import FINE, SAMPLED_SIDE, Light, SceneStatistics
 from hydroviews.scene.images import Image, image_size, read_image, resize_area, to_linear
 from hydroviews.scene.scenes import Points, View

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from deraings.planes import Plane, resized
+from deraings.image_planes import Plane, resized
 
 BLUR = 3.0  # pixels of the network's resolution: coarser features of a loss are no sign of drops
 

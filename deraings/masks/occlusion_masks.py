@@ -22,10 +22,10 @@ from torch import Tensor
 
 from baselines.training.images import Size, TrainingImages
 from baselines.training.torch_state import module_arrays, one_thread, restore_module
+from deraings.image_planes import Plane, resized
 from deraings.masks.config import MaskConfig
 from deraings.masks.maps import evidence, filled
 from deraings.masks.network import MaskNetwork, masked_loss
-from deraings.planes import Plane, resized
 
 MIN_WEIGHT = 0.01  # of a view; those further away count for nothing
 LEVEL_MEMORY = 100  # network steps over which the typical loss is averaged

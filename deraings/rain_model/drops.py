@@ -24,7 +24,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from deraings.planes import Plane, resized, within_side
+from deraings.image_planes import Plane, resized, within_side
 from deraings.rain_model.drops_kernels import SUMS, add_view, fit_lines, warm_up
 from deraings.rain_model.time_knots import count_time_knots, time_weights
 from hydroviews.scene.images import Image

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from deraings.planes import Plane
+from deraings.image_planes import Plane
 from deraings.rain_model.model import RainModel
 from hydroviews.rain.layers import read_layers
 from hydroviews.scene.scenes import View

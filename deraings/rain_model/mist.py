@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from baselines.splatting.kernels.adam import adam_step
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from deraings.planes import Plane
+from deraings.image_planes import Plane
 from deraings.rain_model.mist_bounds import mist_bounds
 from deraings.rain_model.mist_config import MistConfig
 from deraings.rain_model.mist_kernels import add_mist, mist_gradient, warm_up

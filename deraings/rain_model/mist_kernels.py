@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from baselines.splatting.backends.warm_up import compile_apart
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.jit import inlined, kernel
-from deraings.planes import Plane
+from deraings.image_planes import Plane
 from hydroviews.scene.images import Image
 
 BRIGHTEST = 4.0  # linear light, and square of the encoded value, up to which the tables go; brighter is clipped

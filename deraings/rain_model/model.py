@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.training.images import TrainingImages
 from deraings.enhancement.views import EnhancedViews
-from deraings.planes import Plane
+from deraings.image_planes import Plane
 from deraings.rain_model.drops import DropLayer, LensDrops, LensDropsConfig
 from deraings.rain_model.mist import Mist, MistConfig, MistGradient
 from deraings.rain_model.rain_layer import MIN_ALPHA, RainLayer, RainLayerConfig

@@ -15,8 +15,8 @@ from baselines.splatting.kernels.photometric import Target, photometric_loss
 from baselines.splatting.objective import Objective
 from baselines.training.images import TrainingImages
 from deraings.enhancement.views import EnhancedViews
+from deraings.image_planes import Plane
 from deraings.masks.occlusion_masks import OcclusionMasks
-from deraings.planes import Plane
 from deraings.rain_model.model import Observation, RainConfig, RainModel, Seen, below
 from deraings.rain_model.report import report
 from hydroviews.scene.images import Image

@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from deraings.planes import Plane, resized, within_side
+from deraings.image_planes import Plane, resized, within_side
 from hydroviews.scene.images import Image
 
 ANGLES = tuple(range(0, 180, 15))  # degrees counter-clockwise from +x

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from deraings.planes import Plane, resized, shrunk
+from deraings.image_planes import Plane, resized, shrunk
 from deraings.rain_model.rain_layer import LONG_SIDE
 from hydroviews.scene.images import Image
 

@@ -37,8 +37,8 @@ from hydroviews.dataset.statistics import write_statistics
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from hydroviews.formats.capture_json import CAPTURED
-from hydroviews.rain.effects import parse_pattern
 from hydroviews.rain.patterns import Pattern
+from hydroviews.rain.registry import parse_pattern
 from hydroviews.rain.scene_statistics import LensRenderer, survey
 from hydroviews.scene.scenes import Scene
 

@@ -17,8 +17,8 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.rain.compositing import COLOURS
-from hydroviews.rain.effects import find_effect, parse_pattern
 from hydroviews.rain.layers import read_layers
+from hydroviews.rain.registry import find_effect, parse_pattern
 from hydroviews.rain.streaks.measures import mean_angle
 from hydroviews.scene.images import Image, read_image, to_srgb, write_png
 from hydroviews.scene.picture_grid import Row, Tile, draw_sheet

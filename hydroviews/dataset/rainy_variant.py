@@ -18,9 +18,9 @@ from hydroviews.files.temporary import remove_tree
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.writers import write_nerfstudio
 from hydroviews.rain.effect import Effect, PreparedRain, Rain, fall
-from hydroviews.rain.effects import find_effect
 from hydroviews.rain.layers import write_layers
 from hydroviews.rain.patterns import Pattern
+from hydroviews.rain.registry import find_effect
 from hydroviews.rain.scene_statistics import SceneStatistics
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import read_image, write_png

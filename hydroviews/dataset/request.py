@@ -13,7 +13,7 @@ from hydroviews.dataset.manifest import forget_scene
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, sha256
 from hydroviews.files.settings_guard import claim_folder
-from hydroviews.rain.effects import find_effect, parse_pattern
+from hydroviews.rain.registry import find_effect, parse_pattern
 from hydroviews.rain.scene_statistics import LensRenderer
 from hydroviews.scene.depth import depth_path
 from hydroviews.scene.scenes import Scene

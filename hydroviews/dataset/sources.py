@@ -25,7 +25,7 @@ from hydroviews.files.temporary import remove_leftovers
 from hydroviews.formats.photographs import FOLDERS, photographs_below
 from hydroviews.formats.read import read_scene
 from hydroviews.profiles import Profile
-from hydroviews.rain.effects import choose_patterns
+from hydroviews.rain.registry import choose_patterns
 from hydroviews.rain.scene_statistics import LensRenderer
 from hydroviews.scene.images import image_size
 from hydroviews.scene.scenes import Scene

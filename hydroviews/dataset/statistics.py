@@ -29,8 +29,8 @@ from tqdm import tqdm
 
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, replacing
-from hydroviews.rain.effects import find_effect
 from hydroviews.rain.layers import read_layers
+from hydroviews.rain.registry import find_effect
 from hydroviews.rain.streaks.measures import mean_angle, streak_angle
 from hydroviews.scene.images import list_images, read_image, to_linear, to_uint8
 

@@ -10,7 +10,7 @@ from hydroviews.captures import catalogue
 from hydroviews.dataset.sources import build_source
 from hydroviews.errors import InputError, unknown_name
 from hydroviews.profiles import Profile
-from hydroviews.rain.effects import choose_patterns, find_effect
+from hydroviews.rain.registry import choose_patterns, find_effect
 
 logger = logging.getLogger(__name__)
 

@@ -18,8 +18,8 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, sha256
 from hydroviews.rain.compositing import STREAKS, WATER
 from hydroviews.rain.effect import Effect
-from hydroviews.rain.effects import find_effect
 from hydroviews.rain.layers import read_layers
+from hydroviews.rain.registry import find_effect
 from hydroviews.scene.images import Image, list_images, read_image, to_uint8
 
 logger = logging.getLogger(__name__)

@@ -22,7 +22,7 @@ from torch import Tensor
 
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import replacing
-from hydroviews.metrics.package_index import fetch_archive
+from hydroviews.files.package_index import fetch_archive
 
 logger = logging.getLogger(__name__)
 

@@ -1,7 +1,7 @@
 """Rain: which kinds there are, what one draws on a scene, and the rainy view that results.
 
     effect.py            what an effect is: the contract that every kind of rain meets
-    effects.py           which effects there are, found by name; patterns by name
+    registry.py          which effects there are, found by name; patterns by name
     patterns.py          a pattern: one rain of an effect, by its number
     scene_statistics.py  what a pattern may know about the scene it rains on
     severity.py          how hard a rain should be for plain 3DGS

@@ -12,7 +12,7 @@ from baselines.method import Method
 from hydroviews.errors import InputError
 from hydroviews.scene.images import Image
 from hydroviews.scene.scenes import Scene
-from leaderboard.contract.room import draw_room
+from leaderboard.contract.toy_scene import draw_room
 from leaderboard.predict import only_training
 
 ODD_SIZE = 53, 37

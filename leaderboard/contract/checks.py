@@ -30,7 +30,7 @@ from leaderboard.contract.case import (
     must_refuse,
     some,
 )
-from leaderboard.contract.room import HEIGHT, WIDTH
+from leaderboard.contract.toy_scene import HEIGHT, WIDTH
 from leaderboard.runs import as_json
 
 HIDDEN = slice(8, 24), slice(10, 34)  # rows and columns that masks hide

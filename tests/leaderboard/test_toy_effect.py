@@ -12,7 +12,7 @@ from hydroviews.dataset.suites import read_suite
 from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.formats.writers import write_colmap
-from hydroviews.rain.effects import choose_patterns, find_effect
+from hydroviews.rain.registry import choose_patterns, find_effect
 from hydroviews.scene.images import read_image, write_png
 from leaderboard.evaluate import EvaluateRequest, evaluate
 from leaderboard.tables import scene_table, to_markdown

@@ -22,8 +22,8 @@ from hydroviews.cli.commands import run_command
 from hydroviews.files.atomic import write_json
 from hydroviews.formats.photographs import one_by_one
 from hydroviews.pairs.drawing import LENSES
-from hydroviews.pairs.drawn import DrawnRain
 from hydroviews.pairs.photographs import read_photographs, split_photographs
+from hydroviews.pairs.rainy_pairs import DrawnRain
 from hydroviews.scene.images import read_image, write_png
 
 CACHE = Path("results/raindrop-attention/rain")

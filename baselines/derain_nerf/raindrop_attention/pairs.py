@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from hydroviews.pairs.drawing import Pair, Pool, WetLens, bake_lens, bake_pool, draw_rain
-from hydroviews.pairs.drawn import DrawnRain
 from hydroviews.pairs.photographs import Bytes, Frame, frames
+from hydroviews.pairs.rainy_pairs import DrawnRain
 from hydroviews.rain.lens.path_matte import dry
 from hydroviews.scene.images import Image
 from hydroviews.scene.seeds import generator

@@ -5,7 +5,7 @@ from typing import Any
 
 from hydroviews.errors import InputError
 from hydroviews.formats.capture_json import CAPTURED
-from hydroviews.rain.effects import find_effect
+from hydroviews.rain.registry import find_effect
 
 CAPTURED_EFFECT = CAPTURED.rpartition("-")[0]
 

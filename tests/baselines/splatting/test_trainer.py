@@ -21,7 +21,7 @@ from baselines.splatting.trainer import train
 from baselines.training.checkpoints import CHECKPOINT
 from baselines.training.devices import chosen_device
 from baselines.training.images import read_images
-from baselines.training.stopping import Saving
+from baselines.training.signals import Saving
 from hydroviews.errors import InputError
 from hydroviews.scene.images import resize_area, write_png
 

@@ -29,7 +29,7 @@ from baselines.volumetric.model import RadianceModel
 from deraings.enhancement import training as enhancement
 from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.pairs import Pairs
-from hydroviews.pairs.drawn import DrawnRain
+from hydroviews.pairs.rainy_pairs import DrawnRain
 
 SIGNALS = [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit)]
 INTERVALS = Intervals(checkpoint_seconds=1e9, validate_every=2)

@@ -8,7 +8,7 @@ from deraings.enhancement.pairs import VEILED, Batches, Pairs
 from deraings.enhancement.validation import rain_on, setting_of
 from hydroviews.errors import InputError
 from hydroviews.pairs.drawing import Pair, camera_of
-from hydroviews.pairs.drawn import DrawnRain
+from hydroviews.pairs.rainy_pairs import DrawnRain
 from hydroviews.rain.patterns import Pattern
 from hydroviews.scene.images import write_png
 from hydroviews.scene.seeds import generator

@@ -17,7 +17,7 @@ from deraings.enhancement.training import EnhancementTraining, train
 from deraings.enhancement.weights import load_enhancer, save_network
 from hydroviews.errors import InputError
 from hydroviews.pairs.drawing import Pair
-from hydroviews.pairs.drawn import DrawnRain
+from hydroviews.pairs.rainy_pairs import DrawnRain
 
 CONFIG = TrainingConfig(network=TINY, steps=6, batch=2, patch=32, warm_up=2, precision="float32")
 INTERVALS = Intervals(checkpoint_seconds=0.0, validate_every=3)

@@ -20,9 +20,9 @@ from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap
-from hydroviews.rain.effects import choose_patterns, find_effect
 from hydroviews.rain.lens.raindrops import Raindrops
 from hydroviews.rain.patterns import Pattern
+from hydroviews.rain.registry import choose_patterns, find_effect
 from hydroviews.rain.scene_statistics import survey
 from hydroviews.rain.storm.storm import Storm
 from hydroviews.rain.streaks import severity

@@ -13,9 +13,9 @@ from hydroviews.dataset.verify import expected_view, verify
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap
-from hydroviews.rain.effects import find_effect
 from hydroviews.rain.layers import read_layers, write_layers
 from hydroviews.rain.patterns import Pattern
+from hydroviews.rain.registry import find_effect
 from hydroviews.scene.images import read_image, write_png
 from hydroviews.scene.scenes import make_scene
 

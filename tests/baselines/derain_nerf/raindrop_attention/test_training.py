@@ -18,7 +18,7 @@ from baselines.training.network_commands import rounded
 from baselines.training.supervised_training import CURVE, Intervals, rate_at
 from baselines.training.validation import as_json
 from hydroviews.errors import InputError
-from hydroviews.pairs.drawn import DrawnRain
+from hydroviews.pairs.rainy_pairs import DrawnRain
 
 INTERVALS = Intervals(checkpoint_seconds=0.0, validate_every=3)
 

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from splats import camera, cloud
 
-from baselines.splatting.appearance.view_means import mean_over_views
+from baselines.splatting.appearance.view_averages import mean_over_views
 
 
 def test_a_view_counts_for_as_much_as_it_shows_of_a_gaussian():

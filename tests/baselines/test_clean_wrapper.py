@@ -1,8 +1,8 @@
 """Any method on clean photographs."""
 
+from baselines.clean_wrapper import on_clean
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.method import find_method
-from baselines.on_clean import on_clean
 from leaderboard.evaluate import needed_patterns
 
 
