@@ -7,7 +7,7 @@
     rainy = effect.composite(rain.parameters, clean, layers)
 
 A new effect is a class in a file, registered as an entry point of the group `hydroviews.effects` or named in full as
-`package.module:Class` (see `effects.find_effect`).
+`package.module:Class` (see `registry.find_effect`).
 """
 
 from abc import ABC, abstractmethod

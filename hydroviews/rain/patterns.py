@@ -14,7 +14,7 @@ GRADES = ("light", "medium", "heavy")
 class Pattern:
     """One of several rains of an effect; its name is also its folder's."""
 
-    effect: str  # its name, see `effects.find_effect`
+    effect: str  # its name, see `registry.find_effect`
     index: int
 
     @property
