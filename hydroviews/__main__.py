@@ -107,7 +107,7 @@ def _whereabouts(capture: Capture, root: Path) -> str:
 def download_command(
     name: Annotated[str, tyro.conf.Positional], captures: Path | None = None, mirror: str | None = None
 ) -> None:
-    """Download a published capture, or all of a collection; what is there is kept, what is begun is gone on with.
+    """Download a published capture, or all of a collection; finished files are kept, begun ones are resumed.
 
     Args:
         name: such as mipnerf360/garden, or mipnerf360 for all of its scenes.

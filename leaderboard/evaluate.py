@@ -45,7 +45,7 @@ from leaderboard.tables import CEILING, FLOOR, scene_text, write_tables
 logger = logging.getLogger(__name__)
 
 FAILURE = "failure.json"
-GRACE, PATIENCE = 3.0, 30.0  # seconds until an interrupted run is told to stop, and until it is killed
+GRACE, PATIENCE = 3.0, 30.0  # seconds until an interrupted run gets SIGTERM, and until it is killed
 
 
 MethodName = Annotated[str, choices(registered(METHODS), "package.module:Class")]
@@ -184,7 +184,7 @@ def _train_in_process(run: Run) -> str:
 
 
 def _end(process: subprocess.Popen) -> None:
-    """Wait until a run has saved and stopped: a terminal has sent it the same Ctrl-C; otherwise it is told to."""
+    """Wait until a run has saved and stopped: a terminal has sent it the same Ctrl-C; otherwise it gets SIGTERM."""
     for patience, stop in ((GRACE, process.terminate), (PATIENCE, process.kill)):
         try:
             process.wait(patience)

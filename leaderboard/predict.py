@@ -49,7 +49,7 @@ def train_and_render(run: Run) -> None:
 
 
 def only_training(scene: Scene) -> Scene:
-    """The scene without its held-out views, so that nothing can be learnt from them."""
+    """The scene without its held-out views, so that nothing can be learned from them."""
     return replace(scene, views=scene.train_views, split=Split(scene.split.train, ()))
 
 

@@ -111,7 +111,7 @@ def refuse_other_data(run: Run, fix: str) -> None:
 
 
 def claim_folder(run: Run, overwrite: bool) -> None:
-    """Make the run's folder its own. A run with the same settings is gone on with, overwriting or not.
+    """Make the run's folder its own. A run with the same settings is resumed, overwriting or not.
 
     Raises:
         InputError: it holds a run with other settings and `overwrite` is not asked for, or files of unknown origin.

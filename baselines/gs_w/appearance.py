@@ -2,7 +2,7 @@
 
 A Gaussian has two features. The intrinsic one is its own, and lies where plain splatting has spherical harmonics. The
 dynamic one is read from the reference picture's feature maps: from the projection map where the picture shows the
-Gaussian, from K adaptive maps at coordinates of its own, which are learnt.
+Gaussian, from K adaptive maps at coordinates of its own, which are learned.
 """
 
 from dataclasses import asdict
@@ -91,7 +91,7 @@ class ReferenceAppearance(Appearance):
 
     @property
     def visible(self) -> Tensor:
-        """m [h', w'] in (0, 1) of the view that `sh_sets` was asked for last; gradients by it are learnt from."""
+        """m [h', w'] in (0, 1) of the view that `sh_sets` was asked for last; gradients by it are learned from."""
         return self._leaves[1]
 
     def learn(self, iteration: int) -> None:
@@ -135,7 +135,7 @@ class ReferenceAppearance(Appearance):
         return torch.is_grad_enabled() and drawn < self.config.absent
 
     def _dropped(self, dynamic: Tensor) -> Tensor:
-        """Dropout (Srivastava et al. 2014) of what Gaussians have of a map; none where nothing is learnt.
+        """Dropout (Srivastava et al. 2014) of what Gaussians have of a map; none where nothing is learned.
 
         The same whenever a step is done again. What is left is scaled so that features, with those of steps that have
         none of them, are the same in the mean.

@@ -26,7 +26,7 @@ RESNET = (64, 64, 128, 256, 512)  # of ResNet-18 at 1/2, 1/4, ... 1/32
 
 
 class FrozenNorm(nn.Module):
-    """Batch normalisation with given statistics; scale and shift are learnt. Parameters are named as torch's are."""
+    """Batch normalisation with given statistics; scale and shift are learned. Parameters are named as torch's are."""
 
     def __init__(self, channels: int, first: float = 1.0) -> None:
         super().__init__()

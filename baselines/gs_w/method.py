@@ -1,7 +1,7 @@
 """GS-W, Gaussian in the Wild (Zhang et al. 2024): splatting for photographs that do not look alike.
 
 Every Gaussian has an intrinsic feature of its own and a dynamic one, which is read from feature maps of the reference
-picture, in training the view itself: where the view shows the Gaussian (projection map) and at learnt coordinates
+picture, in training the view itself: where the view shows the Gaussian (projection map) and at learned coordinates
 (K adaptive maps). A network makes colours of both and the viewing direction. What else comes and goes is left out of
 the loss by a visibility mask. The parts are beside it.
 

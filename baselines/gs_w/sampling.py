@@ -1,4 +1,4 @@
-"""Reading feature maps at points, and keeping learnt points within them (GS-W)."""
+"""Reading feature maps at points, and keeping learned points within them (GS-W)."""
 
 from typing import Any
 

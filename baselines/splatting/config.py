@@ -10,7 +10,7 @@ from baselines.splatting.strategies.relocation import MCMCStrategy
 
 @dataclass(frozen=True)
 class EarlyStop:
-    """When to stop before all iterations are done: a few training views validate, and nothing is learnt from them."""
+    """When to stop before all iterations are done: a few training views validate, and nothing is learned from them."""
 
     views: int = 3  # that validate, spread evenly over the training views
     every: int = 500  # iterations between two validations

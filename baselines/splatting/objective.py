@@ -78,9 +78,9 @@ class Objective:
         return settings if self.appearance is None else {**settings, "appearance": self.appearance.settings()}
 
     def state_dict(self) -> dict[str, NDArray]:
-        """What has been learnt beside the Gaussians."""
-        learnt = {} if self.appearance is None else self.appearance.training_state()
-        return {f"appearance.{name}": value for name, value in learnt.items()}
+        """What has been learned beside the Gaussians."""
+        learned = {} if self.appearance is None else self.appearance.training_state()
+        return {f"appearance.{name}": value for name, value in learned.items()}
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """Take back what `state_dict` returned."""

@@ -57,7 +57,7 @@ def view_at(iteration: int, n_views: int, seed: int) -> int:
 
 
 def validation_views(n_views: int, n_validation: int) -> tuple[int, ...]:
-    """Which of the training views validate, and are not learnt from: spread evenly.
+    """Which of the training views validate, and are not learned from: spread evenly.
 
     Raises:
         InputError: none would be left to learn from.

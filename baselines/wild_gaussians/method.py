@@ -125,8 +125,8 @@ class WildObjective(Objective):
 
     def state_dict(self) -> dict[str, NDArray]:
         """See Objective."""
-        learnt = self._uncertainty.state_dict() if self._uncertainty else {}
-        return super().state_dict() | {f"uncertainty.{name}": value for name, value in learnt.items()}
+        learned = self._uncertainty.state_dict() if self._uncertainty else {}
+        return super().state_dict() | {f"uncertainty.{name}": value for name, value in learned.items()}
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """See Objective."""

@@ -43,8 +43,8 @@ class UncertaintyConfig:
     features: Network = "dinov2"  # what is seen of pictures: dinov2, as in the paper, or alexnet
     start: int = 10_000  # all pixels count before
     warm_up: int = 1800  # iterations over which the weights turn from 1 to those predicted
-    protected: int = 500  # iterations after a reset of the opacities in which nothing is learnt from the renders
-    first_lesson: int = 0  # nothing is learnt before
+    protected: int = 500  # iterations after a reset of the opacities in which nothing is learned from the renders
+    first_lesson: int = 0  # nothing is learned before
     every: int = 1  # iterations from one lesson to the next
     regulariser: float = 0.5  # lambda
     rate: float = 1e-3  # Adam's
@@ -125,7 +125,7 @@ class Uncertainty:
         return ((found - self.features.alike) / (self.features.unlike - self.features.alike)).clamp(0, 1)
 
     def is_protected(self, iteration: int) -> bool:
-        """Whether opacities were reset so short a time ago that renders are not to be learnt from."""
+        """Whether opacities were reset so short a time ago that renders are not to be learned from."""
         if self._resets is None or iteration < self._resets:
             return False
         latest = min(iteration, self._last - 1) // self._resets * self._resets
@@ -136,7 +136,7 @@ class Uncertainty:
         return {**asdict(self.config), "features": self.features.name, "seed": self.seed}
 
     def state_dict(self) -> dict[str, NDArray]:
-        """What was learnt."""
+        """What was learned."""
         return module_arrays(self.head, self._adam)
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:

@@ -111,11 +111,11 @@ def mist_loss(mist: Tensor, rainy: Tensor, clean: Tensor, true: Tensor) -> Tenso
 
 
 def decoded(image: Tensor) -> Tensor:
-    """Linear light of sRGB-encoded values (IEC 61966-2-1)."""
+    """Linear light of sRGB-encoded values, as `hydroviews.scene.images.to_linear`, but with gradients."""
     return torch.where(image <= 0.04045, image / 12.92, ((image.clamp_min(0.04045) + 0.055) / 1.055) ** 2.4)
 
 
 def encoded(light: Tensor) -> Tensor:
-    """The opposite; what is negative becomes 0."""
+    """sRGB-encoded values of linear light, with gradients; what is negative becomes 0."""
     low = light.clamp_min(0) * 12.92
     return torch.where(light <= 0.0031308, low, 1.055 * light.clamp_min(0.0031308) ** (1 / 2.4) - 0.055)

@@ -148,7 +148,7 @@ def precise(x: Tensor) -> Tensor:
 class SparseAttention(TransposedAttention):
     """Attention between channels of which each row keeps its largest entries, for several shares of them (DRSformer).
 
-    The softmax is over what is kept; the shares' results are added with learnt weights.
+    The softmax is over what is kept; the shares' results are added with learned weights.
     """
 
     def __init__(self, channels: int, heads: int) -> None:
@@ -156,7 +156,7 @@ class SparseAttention(TransposedAttention):
         self.kept = nn.Parameter(torch.full((len(KEPT),), KEPT_WEIGHT))
 
     def weights(self, scores: Tensor) -> Tensor:
-        """See TransposedAttention; rows sum to the sum of the learnt weights."""
+        """See TransposedAttention; rows sum to the sum of the learned weights."""
         size = scores.shape[-1]
         ordered = scores.detach().sort(dim=-1, descending=True).values
         total = torch.zeros_like(scores)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class MaskConfig:
-    """How masks are learnt.
+    """How masks are learned.
 
     Numbers without a source were chosen on courtyard in drops (raindrop-1 and raindrop-2), in the runs of
     docs/experiments/2026-11-occlusion-masks.md; "typical" is the running median loss of a pixel.

@@ -1,4 +1,4 @@
-"""Occlusion masks learnt with the scene (DeRainGS, section "Scene Reconstruction").
+"""Occlusion masks learned with the scene (DeRainGS, section "Scene Reconstruction").
 
 The photometric loss l of every pixel is weighed by 1 - M, and M is what a network sees in the photograph:
 
@@ -34,7 +34,7 @@ LEVEL_MEMORY = 100  # network steps over which the typical loss is averaged
 class OcclusionMasks:
     """The masks of a scene's training views, and the network that they come from.
 
-    A view's mask is the one that the network last learnt from, or if it never has, one predicted when asked for. So
+    A view's mask is the one that the network last learned from, or if it never has, one predicted when asked for. So
     where the network learns in the same iteration, before the weights are asked for, both steps have the same L.
     Nothing depends on torch's threads or global random numbers: the same seed, losses and calls give the same bits.
     """
@@ -115,7 +115,7 @@ class OcclusionMasks:
         Args:
             view: index of the training view.
             loss: what each pixel adds to the photometric loss before it is weighed, [H, W], at any size of the view.
-            iteration: of the training; nothing is learnt before it is `due` for the first time.
+            iteration: of the training; nothing is learned before it is `due` for the first time.
         """
         loss = np.where(np.isfinite(loss), loss, 0)
         if iteration < self.first_lesson or not (loss > 0).any():
@@ -147,7 +147,7 @@ class OcclusionMasks:
         return {"seed": self.seed, "first": self.first, "first_lesson": self.first_lesson, **asdict(self.config)}
 
     def state_dict(self) -> dict[str, NDArray]:
-        """All that was learnt: weights, batch statistics, moments, typical loss, loss on the lens, masks kept."""
+        """All that was learned: weights, batch statistics, moments, typical loss, loss on the lens, masks kept."""
         arrays = module_arrays(self.network, self.adam)
         arrays |= {f"loss.{view}": loss.copy() for view, loss in self._losses.items()}
         arrays |= {f"mask.{view}": mask for view, mask in self._kept.items()}

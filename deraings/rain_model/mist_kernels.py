@@ -28,6 +28,7 @@ LAST = np.float32(STEPS - 1e-2)
 
 
 def _tables() -> tuple[NDArray[np.float32], ...]:
+    """sRGB as in `hydroviews.scene.images`, both ways with slopes, by the square root of the light."""
     x = np.linspace(0, np.sqrt(BRIGHTEST), STEPS + 1)
     light = x**2
     decode = np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)

@@ -144,7 +144,7 @@ def build_source(
         The built scene's folder.
     """
     long_side = profile.long_side if long_side is None else long_side
-    named = choose_patterns(patterns, ())  # a wrong name is told before anything is rendered
+    named = choose_patterns(patterns, ())  # refuses a wrong name before anything is rendered
     scene = find_capture(source, out / RENDERED, profile.embedded_views, long_side, captures)
     for note in scene.notes:
         logger.info("%s: %s", scene.name, note)

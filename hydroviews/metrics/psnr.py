@@ -21,6 +21,6 @@ def psnr(image: Pictures, target: Pictures, ignored: Mask | None = None) -> Scor
 
 
 def _psnr(image: Tensor, target: Tensor, shown: Tensor) -> Tensor:
-    squares = (image.double() - target.double()).square().mean(dim=(1, 2, 3))  # nought where hidden
+    squares = (image.double() - target.double()).square().mean(dim=(1, 2, 3))  # zero where hidden
     mean_squared_error = squares / shown.double().mean(dim=(1, 2))
     return -10 * torch.log10(mean_squared_error)

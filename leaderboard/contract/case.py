@@ -90,7 +90,7 @@ def equal(one: Sequence[Image], two: Sequence[Image]) -> bool:
 
 
 def must_refuse(what: str, action: Callable[[], Any]) -> None:
-    """Whether bad input is told as such.
+    """Whether bad input raises InputError.
 
     Raises:
         Failed: it is taken, or ends with another error.

@@ -1,4 +1,4 @@
-"""How methods are found: what is told of a name that there is not, and of a module that fails."""
+"""How methods are found: the errors for an unknown name and for a module that fails."""
 
 import pytest
 

@@ -51,7 +51,7 @@ class ContextualAutoencoder(nn.Module):
         return Frames(quarter.float(), middle.float(), self.outputs[2](x).float())
 
     def quieten(self) -> None:
-        """Nought from every output, to start from where they are added to the picture."""
+        """Set every output to zero, so that training starts from the picture they are added to."""
         for parameter in self.outputs.parameters():
             nn.init.zeros_(parameter)
 

@@ -53,7 +53,7 @@ class Appearance(nn.Module):
 
     @abstractmethod
     def training_state(self) -> dict[str, NDArray]:
-        """What has been learnt beside the Gaussians; see torch_state.module_arrays."""
+        """What has been learned beside the Gaussians; see torch_state.module_arrays."""
 
     @abstractmethod
     def load_training_state(self, arrays: dict[str, NDArray]) -> None:

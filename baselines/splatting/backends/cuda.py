@@ -169,7 +169,7 @@ class CudaBackend:
                 _observe(state, rows, [details for _, details in renders], step_options, camera)
             for name in leaves:
                 parts = [leaves[name].grad, penalty_gradient(name, state.parameters[name], step_options)]
-                none = torch.zeros_like(state.parameters[name])  # where nothing is learnt, moments go on falling
+                none = torch.zeros_like(state.parameters[name])  # where nothing is learned, moments go on falling
                 gradient = sum((part for part in parts if part is not None), none)
                 _adam(state, name, gradient, iteration + 1, rates[name])
             if step_options.noise:

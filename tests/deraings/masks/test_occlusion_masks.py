@@ -98,7 +98,7 @@ def test_drops_that_cannot_be_seen_are_found_by_their_place_on_the_lens():
     masks = OcclusionMasks(TrainingImages(list(pictures)), 1000, 0, ALWAYS)
     for i, loss in enumerate(np.tile(losses(drops)[:3], (16, 1, 1))):
         masks.learn(i % 3, loss, i)
-    found = masks.mask(3, (HEIGHT, WIDTH))  # nothing was learnt from this picture
+    found = masks.mask(3, (HEIGHT, WIDTH))  # nothing was learned from this picture
     assert found[drops[3]].mean() > found[~drops[3]].mean() + 0.25
 
 

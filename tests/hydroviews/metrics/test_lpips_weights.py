@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from servers import serving
 
-from hydroviews.files import http_download
 from hydroviews.errors import InputError
+from hydroviews.files import http_download
 from hydroviews.files.package_index import pip_indexes
 from hydroviews.metrics import lpips_weights
 
