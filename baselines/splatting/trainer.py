@@ -66,7 +66,7 @@ def train(
     backend = make_backend(
         config.device, objective, np.asarray(config.background, np.float32), near, config.antialiased
     )
-    # On a GPU the plain loss is torch's; those of methods, and looks at held-in views, are kernels of the CPU.
+    # On a GPU the plain loss is torch's; those of methods, and the validation's, are kernels of the CPU.
     kernels = backend.device == "cpu" or not objective.is_photometric or config.early_stop
     compile_seconds = warm_up(config.sh_degree) if kernels else 0.0
 

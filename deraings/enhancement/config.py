@@ -24,7 +24,7 @@ class TrainingConfig:
     frequency: float = 3.0  # weight of the loss in Fourier coefficients
     smooth: float = 1.0  # weight of the loss in means of squares
     floor: float = 0.1  # added to the mean absolute error by rain that a picture's loss is a share of
-    lifting: float = 0.5  # weight of the loss of the veil alone, where the network has one
+    lifting: float = 0.5  # weight of the loss of the mist alone, where the network has one
     detection: float = 0.5  # weight of the loss in the cover by rain, where the network predicts it
     averaging: float = 0.999  # what an average of the weights keeps of itself in a step
     precision: Precision = "bfloat16"  # of convolutions and attention in training; weights are float32 in both

@@ -13,7 +13,7 @@ from hydroviews.pairs.rainy_pairs import DrawnRain
 from hydroviews.scene.images import Image
 from hydroviews.scene.seeds import generator
 
-VEILED = 4  # small whole pictures in mist alone that come with a pair where a network for the veil learns of many
+MISTED = 4  # small whole pictures in mist alone that come with a pair where a network for the mist learns of many
 
 
 class Source(Protocol):
@@ -31,19 +31,19 @@ class Sample(NamedTuple):
     clean: Tensor  # [3, patch, patch]
     cover: Tensor  # [3, patch, patch]
     box: Tensor  # [4], which part it is: see mist_branch.Box
-    whole_rainy: Tensor  # [1 + veiled, 3, 128, 128], the pair's, then others in mist alone
-    whole_clean: Tensor  # [1 + veiled, 3, 128, 128]
-    whole_veil: Tensor  # [1 + veiled, 4, 128, 128], as in drawing.Pair
+    whole_rainy: Tensor  # [1 + misted, 3, 128, 128], the pair's, then others in mist alone
+    whole_clean: Tensor  # [1 + misted, 3, 128, 128]
+    whole_mist: Tensor  # [1 + misted, 4, 128, 128], as in drawing.Pair
 
 
 class Pairs:
     """Sample i, whoever asks for it and whenever: of photographs in drawn rain or of a published pair, by turns."""
 
     def __init__(
-        self, drawn: DrawnRain, published: Sequence[Source], patch: int, seed: int, veiled: int = VEILED
+        self, drawn: DrawnRain, published: Sequence[Source], patch: int, seed: int, misted: int = MISTED
     ) -> None:
         self._drawn, self._sources, self._patch, self._seed = drawn, [drawn, *published], patch, seed
-        self._veiled = veiled
+        self._misted = misted
 
     def __getitem__(self, index: int) -> Sample:
         """Mirrored left to right or not, since rain leans both ways but does not fall up; any part of it.
@@ -57,8 +57,8 @@ class Pairs:
             pair = Pair(*(plane[:, ::-1] for plane in pair))
         rows, columns, box = part_of(pair.rainy.shape[0], pair.rainy.shape[1], self._patch, rng)
         parts = [_planes(plane[rows, columns]) for plane in (pair.rainy, pair.clean, pair.cover)]
-        own = [_small(plane) for plane in (pair.rainy, pair.clean, pair.veil)]
-        others = [[_planes(plane) for plane in self._drawn.veiled(rng, SIDE)] for _ in range(self._veiled)]
+        own = [_small(plane) for plane in (pair.rainy, pair.clean, pair.mist)]
+        others = [[_planes(plane) for plane in self._drawn.misted(rng, SIDE)] for _ in range(self._misted)]
         wholes = [torch.stack(planes) for planes in zip(own, *others, strict=True)]
         return Sample(*parts, torch.tensor(box), *wholes)  # type: ignore[call-arg]
 

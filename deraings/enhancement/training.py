@@ -43,10 +43,10 @@ class EnhancementTraining(SupervisedTraining):
     def _loss(self, batch: Sample) -> Tensor:
         config, network, rainy, extra = self.config, self.network, batch.rainy, torch.zeros(())
         if config.network.mist:
-            wholes = [whole.flatten(0, 1) for whole in (batch.whole_rainy, batch.whole_clean, batch.whole_veil)]
-            veils = network.mist(wholes[0])
-            extra = config.lifting * mist_loss(veils, *wholes)
-            own = veils.unflatten(0, batch.whole_rainy.shape[:2])[:, 0]
+            wholes = [whole.flatten(0, 1) for whole in (batch.whole_rainy, batch.whole_clean, batch.whole_mist)]
+            mists = network.mist(wholes[0])
+            extra = config.lifting * mist_loss(mists, *wholes)
+            own = mists.unflatten(0, batch.whole_rainy.shape[:2])[:, 0]
             rainy = without_mist(rainy, crop_mist(own, batch.box, rainy.shape[-2], rainy.shape[-1]))
         with torch.autocast("cpu", torch.bfloat16, enabled=config.precision == "bfloat16"):
             features = network.features(rainy)

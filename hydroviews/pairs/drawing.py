@@ -54,7 +54,7 @@ class Pair(NamedTuple):
     rainy: Image  # [H, W, 3]
     clean: Image  # [H, W, 3]
     cover: NDArray[np.float32]  # [H, W, 3], by streaks, drops and mist, [0, 1]; NaN where nobody knows
-    veil: NDArray[np.float32]  # [H, W, 4], V and V w, linear light; NaN where it is not mist alone that veils
+    mist: NDArray[np.float32]  # [H, W, 4], V and V w, linear light; NaN where streaks lie over it as well
 
 
 Pool = dict[Frame, tuple[WetLens, ...]]
@@ -108,16 +108,16 @@ def draw_rain(photograph: Bytes, kind: str, lenses: Sequence[WetLens], rng: np.r
         rng: of the pair.
     """
     clean = photograph.astype(np.float32) / 255
-    rainy, cover, veil = clean, np.zeros_like(clean), np.zeros((*clean.shape[:2], 4), np.float32)
+    rainy, cover, mist = clean, np.zeros_like(clean), np.zeros((*clean.shape[:2], 4), np.float32)
     if kind in ("raindrop", "both"):
-        rainy, cover[..., 1], veil = wet_lens(photograph, lenses[rng.integers(len(lenses))], rng)
-        cover[..., 2] = veil[..., 0]
+        rainy, cover[..., 1], mist = wet_lens(photograph, lenses[rng.integers(len(lenses))], rng)
+        cover[..., 2] = mist[..., 0]
     if kind in ("streak", "both"):
         height, width = photograph.shape[:2]
         pattern = draw_streaks(rng)
         cover[..., 0] = streaks.streak_layer(pattern, width, height, rng)
-        rainy, veil = streaks.composite(rainy, cover[..., 0], pattern.brightness), np.full_like(veil, np.nan)
-    return Pair(rainy, clean, cover, veil)
+        rainy, mist = streaks.composite(rainy, cover[..., 0], pattern.brightness), np.full_like(mist, np.nan)
+    return Pair(rainy, clean, cover, mist)
 
 
 def draw_streaks(rng: np.random.Generator) -> streaks.StreakPattern:
@@ -150,25 +150,25 @@ def draw_level(rng: np.random.Generator) -> float:
 def wet_lens(
     photograph: Bytes, lens: WetLens, rng: np.random.Generator
 ) -> tuple[Image, NDArray[np.float32], NDArray[np.float32]]:
-    """A photograph [H, W, 3] seen through drops and mist, its cover by drops [H, W], and the veil as in `Pair`."""
+    """A photograph [H, W, 3] seen through drops and mist, its cover by drops [H, W], and the mist as in `Pair`."""
     height, width = photograph.shape[:2]
     pattern, mask = draw_mist(lens, rng), lens.matte.mask
     linear = LINEAR[photograph]
     air = air_light(linear) * np.array(pattern.air, np.float32)
-    veil = mist_veil(pattern, width, height, moment_of(pattern, lens.frame))
-    radiance = lens.matte.apply(light.expand_highlights(linear)) + ((1 - mask) * veil)[..., None] * air
-    layers = {"M": mask, "V": veil, **{channel: radiance[..., i] for i, channel in enumerate("RGB")}}
+    mist = mist_veil(pattern, width, height, moment_of(pattern, lens.frame))
+    radiance = lens.matte.apply(light.expand_highlights(linear)) + ((1 - mask) * mist)[..., None] * air
+    layers = {"M": mask, "V": mist, **{channel: radiance[..., i] for i, channel in enumerate("RGB")}}
     rainy = add_water(photograph.astype(np.float32) / 255, layers)
-    return rainy, mask, with_light(veil, air)
+    return rainy, mask, with_light(mist, air)
 
 
-def with_light(veil: NDArray[np.float32], air: NDArray[np.float32]) -> NDArray[np.float32]:
+def with_light(mist: NDArray[np.float32], air: NDArray[np.float32]) -> NDArray[np.float32]:
     """V and V w, [H, W, 4], of V [H, W] and w [3]."""
-    return veil[..., None] * np.append(np.float32(1), air)
+    return mist[..., None] * np.append(np.float32(1), air)
 
 
-def draw_veil(photograph: Bytes, rng: np.random.Generator, side: int) -> tuple[Image, Image, NDArray[np.float32]]:
-    """A photograph [H, W, 3], exposed anyhow, in mist alone or none, clean, and its veil as in `Pair`.
+def draw_mist_alone(photograph: Bytes, rng: np.random.Generator, side: int) -> tuple[Image, Image, NDArray[np.float32]]:
+    """A photograph [H, W, 3], exposed anyhow, in mist alone or none, clean, and its mist as in `Pair`.
 
     All are squeezed to [side, side] pixels, which costs little.
     """
@@ -177,8 +177,8 @@ def draw_veil(photograph: Bytes, rng: np.random.Generator, side: int) -> tuple[I
     pattern = pattern if rng.uniform() < OWN_MIST else replace(pattern, rivulets=0)
     linear = LINEAR[cv2.resize(photograph, (side, side), interpolation=cv2.INTER_AREA)] * draw_exposure(rng)
     share = np.asarray(cv2.resize(mist_veil(pattern, width, height, float(rng.uniform())), (side, side)), np.float32)
-    veil = with_light(share, air_light(linear) * np.array(pattern.air, np.float32))
-    return to_srgb((1 - veil[..., :1]) * linear + veil[..., 1:]), to_srgb(linear), veil
+    mist = with_light(share, air_light(linear) * np.array(pattern.air, np.float32))
+    return to_srgb((1 - mist[..., :1]) * linear + mist[..., 1:]), to_srgb(linear), mist
 
 
 def air_light(linear: NDArray[np.float32]) -> NDArray[np.float32]:

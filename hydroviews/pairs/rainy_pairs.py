@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.pairs.drawing import KINDS, LINEAR, Pair, Pool, draw_exposure, draw_rain, draw_veil
+from hydroviews.pairs.drawing import KINDS, LINEAR, Pair, Pool, draw_exposure, draw_mist_alone, draw_rain
 from hydroviews.pairs.photographs import Bytes, Frame
 from hydroviews.scene.images import Image, to_srgb
 
@@ -31,9 +31,9 @@ class DrawnRain:
         frame: Frame = (width, height)
         return draw_rain(photograph, kind, self._pool[frame], rng)
 
-    def veiled(self, rng: np.random.Generator, side: int) -> tuple[Image, Image, NDArray[np.float32]]:
-        """A whole picture squeezed to [side, side] pixels in mist alone, clean, and its veil: see `draw_veil`."""
-        return draw_veil(self._photograph(rng), rng, side)
+    def misted(self, rng: np.random.Generator, side: int) -> tuple[Image, Image, NDArray[np.float32]]:
+        """A whole picture squeezed to [side, side] pixels in mist alone, clean, and its mist: see `draw_mist_alone`."""
+        return draw_mist_alone(self._photograph(rng), rng, side)
 
     def _photograph(self, rng: np.random.Generator) -> Bytes:
         """Any of them, mirrored or not."""

@@ -4,7 +4,7 @@ from wet import HEIGHT, WIDTH, lens, photograph
 
 from baselines.training.supervised_training import draw_ahead
 from deraings.enhancement.pair_folders import PairFolder, find_pairs
-from deraings.enhancement.pairs import VEILED, Batches, Pairs
+from deraings.enhancement.pairs import MISTED, Batches, Pairs
 from deraings.enhancement.validation import rain_on, setting_of
 from hydroviews.errors import InputError
 from hydroviews.pairs.drawing import Pair, camera_of
@@ -21,9 +21,9 @@ def test_a_pair_depends_on_seed_and_number_alone():
     first = Pairs(source, [], 64, seed=0)
     for batch in draw_ahead(Batches(first, 2), 3, 4, workers=0):
         assert batch.rainy.shape == batch.clean.shape == batch.cover.shape == (2, 3, 64, 64)
-        assert batch.whole_rainy.shape == batch.whole_clean.shape == (2, 1 + VEILED, 3, 128, 128)
+        assert batch.whole_rainy.shape == batch.whole_clean.shape == (2, 1 + MISTED, 3, 128, 128)
         assert np.array_equal(batch.rainy[1], Pairs(source, [], 64, seed=0)[7][0])
-    few = Pairs(source, [], 64, seed=0, veiled=0)[7]
+    few = Pairs(source, [], 64, seed=0, misted=0)[7]
     assert few.whole_rainy.shape == (1, 3, 128, 128)
     assert np.array_equal(few.rainy, first[7].rainy)
     assert not np.array_equal(first[0][0], Pairs(source, [], 64, seed=1)[0][0])
@@ -82,10 +82,10 @@ def test_published_pairs_that_do_not_fit_are_refused(tmp_path):
         find_pairs(tmp_path)
     (tmp_path / "input/b.png").unlink()
     write_png(tmp_path / "target/a.png", photograph(0))
-    rainy, clean, cover, veil = PairFolder(tmp_path, 32).pair(generator(0))
+    rainy, clean, cover, mist = PairFolder(tmp_path, 32).pair(generator(0))
     assert rainy.shape == cover.shape == (HEIGHT, WIDTH, 3)
     assert np.isnan(cover).all()
-    assert np.isnan(veil).all()
+    assert np.isnan(mist).all()
     np.testing.assert_array_equal(rainy, clean)
     with pytest.raises(InputError, match="too small"):
         PairFolder(tmp_path, 128).pair(generator(0))

@@ -188,8 +188,8 @@ def test_the_network_finds_the_cover_and_says_nothing_of_what_nobody_knows(tmp_p
     assert (found - 0.25).abs().mean() < 0.1
     unknown = EnhancementTraining(CONFIG)
     part, whole, box = torch.rand(1, 3, 32, 32), torch.rand(1, 2, 3, 128, 128), torch.tensor([[0.0, 1.0, 0.0, 1.0]])
-    veil = torch.full((1, 2, 4, 128, 128), torch.nan)
-    unknown.learn(Sample(part, part, torch.full_like(part, torch.nan), box, whole, whole, veil))
+    mist = torch.full((1, 2, 4, 128, 128), torch.nan)
+    unknown.learn(Sample(part, part, torch.full_like(part, torch.nan), box, whole, whole, mist))
     assert all(torch.isfinite(p).all() for p in unknown.network.parameters())
     assert not unknown.network.alpha[0].bias.any()
 
@@ -198,9 +198,9 @@ def test_a_gradient_that_is_not_finite_changes_no_weights():
     training = EnhancementTraining(CONFIG)
     before = [parameter.clone() for parameter in training.network.parameters()]
     part, whole, box = torch.rand(1, 3, 32, 32), torch.rand(1, 2, 3, 128, 128), torch.tensor([[0.0, 1.0, 0.0, 1.0]])
-    veil = torch.full((1, 2, 4, 128, 128), torch.nan)
+    mist = torch.full((1, 2, 4, 128, 128), torch.nan)
     with pytest.raises(FloatingPointError, match="network's gradient of iteration 0 is not finite: loss"):
-        training.learn(Sample(part * torch.inf, part, torch.full_like(part, torch.nan), box, whole, whole, veil))
+        training.learn(Sample(part * torch.inf, part, torch.full_like(part, torch.nan), box, whole, whole, mist))
     assert all(torch.equal(a, b) for a, b in zip(before, training.network.parameters(), strict=True))
 
 

@@ -3,7 +3,7 @@ import pytest
 from wet import HEIGHT, WIDTH, lens, photograph
 
 from hydroviews.errors import InputError
-from hydroviews.pairs.drawing import KINDS, LINEAR, air_light, draw_mist, draw_rain, draw_veil, wet_lens
+from hydroviews.pairs.drawing import KINDS, LINEAR, air_light, draw_mist, draw_mist_alone, draw_rain, wet_lens
 from hydroviews.pairs.photographs import fit_frame, frame_of, frames, read_photographs, split_photographs
 from hydroviews.pairs.rainy_pairs import exposed
 from hydroviews.rain.lens.bake import moment_of
@@ -14,7 +14,7 @@ from hydroviews.scene.seeds import generator
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_rain_changes_what_it_should(kind):
-    rainy, clean, cover, veil = draw_rain(photograph(), kind, [lens()], generator(3, kind))
+    rainy, clean, cover, mist = draw_rain(photograph(), kind, [lens()], generator(3, kind))
     np.testing.assert_array_equal(clean, photograph().astype(np.float32) / 255)
     assert rainy.shape == clean.shape
     assert rainy.min() >= 0
@@ -24,9 +24,9 @@ def test_rain_changes_what_it_should(kind):
     assert cover.max() <= 1
     assert (cover[..., 0] > 0).any() == (kind in ("streak", "both"))
     assert (cover[..., 1] > 0).any() == (kind in ("raindrop", "both"))
-    assert np.isnan(veil).all() == (kind in ("streak", "both"))
+    assert np.isnan(mist).all() == (kind in ("streak", "both"))
     if kind == "raindrop":
-        np.testing.assert_array_equal(veil[..., 0], cover[..., 2])
+        np.testing.assert_array_equal(mist[..., 0], cover[..., 2])
     dry_pixels = cover.max(axis=-1) == 0
     np.testing.assert_allclose(rainy[dry_pixels], clean[dry_pixels], atol=1e-6)
 
@@ -37,11 +37,11 @@ def test_mist_is_composited_in_linear_light_with_the_light_of_the_air():
     assert pattern.mist > 0
     rainy, mask, found = wet_lens(picture, wet, generator(5))
     assert not mask.any()
-    veil = mist_veil(pattern, WIDTH, HEIGHT, moment_of(pattern, 0))[..., None]
+    mist = mist_veil(pattern, WIDTH, HEIGHT, moment_of(pattern, 0))[..., None]
     linear = to_linear(picture.astype(np.float32) / 255)
     air = air_light(linear) * np.array(pattern.air, np.float32)
-    np.testing.assert_allclose(rainy, to_srgb((1 - veil) * linear + veil * air), atol=1e-5)
-    np.testing.assert_allclose(found, np.concatenate([veil, veil * air], axis=-1), atol=1e-6)
+    np.testing.assert_allclose(rainy, to_srgb((1 - mist) * linear + mist * air), atol=1e-5)
+    np.testing.assert_allclose(found, np.concatenate([mist, mist * air], axis=-1), atol=1e-6)
 
 
 def test_drops_show_what_light_paths_bring():
@@ -55,7 +55,7 @@ def test_drops_show_what_light_paths_bring():
 
 def test_small_pictures_in_mist_are_brighter_where_it_is_and_sometimes_dry():
     picture = photograph(0, 128, 192)
-    pairs = [draw_veil(picture, generator(seed), 128) for seed in range(20)]
+    pairs = [draw_mist_alone(picture, generator(seed), 128) for seed in range(20)]
     assert {pair[0].shape for pair in pairs} == {(128, 128, 3)}
     dry_ones = [pair for pair in pairs if not pair[2].any()]
     misty_ones = [pair for pair in pairs if pair[2].any()]
