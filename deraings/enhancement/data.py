@@ -7,7 +7,7 @@ from pathlib import Path
 from baselines.training.network_commands import in_words
 from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.pair_folders import PairFolder, find_pairs
-from deraings.enhancement.pairs import VEILED, Pairs
+from deraings.enhancement.pairs import MISTED, Pairs
 from deraings.enhancement.weights import Enhancer, find_weights, load_enhancer
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import listing, sha256
@@ -44,7 +44,7 @@ def training_pairs(data: Data, config: TrainingConfig) -> Pairs:
     pool = bake_pool(data.cache, config.seed, data.lenses, data.sides)
     published = [PairFolder(folder, config.patch) for folder in data.pairs]
     drawn = DrawnRain(read_photographs(photographs, data.sides), pool)
-    return Pairs(drawn, published, config.patch, config.seed, VEILED if config.network.mist else 0)
+    return Pairs(drawn, published, config.patch, config.seed, MISTED if config.network.mist else 0)
 
 
 def started_from(data: Data, config: TrainingConfig) -> Enhancer | None:
