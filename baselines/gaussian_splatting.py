@@ -100,7 +100,7 @@ BUDGETED = {
 
 
 class GaussianSplatting(Method):
-    """Plain 3DGS: takes rain for part of the scene."""
+    """3DGS (Kerbl et al. 2023), plain: takes rain for part of the scene."""
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 

@@ -154,7 +154,7 @@ PROFILES = {
 
 
 class NerfW(RadianceMethod):
-    """NeRF-W: rain is transient matter, if anything is."""
+    """NeRF-W (Martin-Brualla et al. 2021): a radiance field whose transient matter may be rain."""
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 

@@ -68,7 +68,7 @@ def profiles(configure: Callable[[TrainerConfig], DeRainGSConfig]) -> dict[str, 
 
 
 class DeRainGS(GaussianSplatting):
-    """The paper's method: enhancement, and masks with spectral channel attention."""
+    """DeRainGS (the paper): enhanced photographs, and masks with spectral channel attention."""
 
     profiles: ClassVar[Mapping[str, Any]] = profiles(
         lambda splatting: DeRainGSConfig(splatting, enhancement=DEFAULT, masks=MaskConfig())

@@ -20,6 +20,7 @@ from hydroviews.dataset.suites import build_suite, known_suites, read_suite
 from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.profiles import PROFILES, Profile, find_profile
+from hydroviews.rain.registry import pattern_names
 from hydroviews.rain.scene_statistics import LensRenderer
 
 
@@ -31,7 +32,7 @@ def build_command(
     seed: int | None = None,
     long_side: int | None = None,
     lens_renderer: LensRenderer | None = None,
-    patterns: tuple[str, ...] = (),
+    patterns: Annotated[tuple[str, ...], choices(pattern_names(), "package.module:Class-0")] = (),
     captures: Path | None = None,
     overwrite: bool = False,
 ) -> None:
@@ -45,7 +46,7 @@ def build_command(
         seed: of everything drawn; 0 if the scene is new.
         long_side: pixels of the longer side, instead of the profile's.
         lens_renderer: how water on the lens is drawn: disk (fast, the default), aperture (accurate) or traced (slow).
-        patterns: such as raindrop-0 streak-2, instead of the profile's.
+        patterns: 0 is light, 1 medium, 2 heavy; instead of the profile's.
         captures: the folder with published captures; $HYDROVIEWS_CAPTURES or `captures` if not given.
         overwrite: drop a scene that was built with other settings.
     """

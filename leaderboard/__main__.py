@@ -16,7 +16,7 @@ from hydroviews.files.atomic import write_json
 from hydroviews.profiles import find_profile
 from hydroviews.rain.registry import choose_patterns
 from leaderboard.contract.check import Result, check
-from leaderboard.evaluate import FAILURE, EvaluateRequest, MethodName, ProfileName, TrackName, evaluate
+from leaderboard.evaluate import FAILURE, EvaluateRequest, MethodName, PatternNames, ProfileName, TrackName, evaluate
 from leaderboard.film import film
 from leaderboard.predict import train_and_render
 from leaderboard.previews import write_overview
@@ -106,7 +106,7 @@ def score_command(
 
 def overview_command(
     view: str,
-    patterns: tuple[str, ...] = (),
+    patterns: PatternNames = (),
     method: MethodName = "3dgs",
     scene: str = "courtyard",
     profile: ProfileName = "demo",

@@ -25,7 +25,7 @@ from hydroviews.files.locks import BUSY, locked
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.metrics import find_metrics
 from hydroviews.profiles import PROFILES, Profile, find_profile
-from hydroviews.rain.registry import choose_patterns
+from hydroviews.rain.registry import choose_patterns, pattern_names
 from leaderboard.predict import PREDICTION
 from leaderboard.records import (
     GIVEN_POSES,
@@ -51,6 +51,7 @@ GRACE, PATIENCE = 3.0, 30.0  # seconds until an interrupted run gets SIGTERM, an
 MethodName = Annotated[str, choices(registered(METHODS), "package.module:Class")]
 ProfileName = Annotated[str, choices(PROFILES)]
 TrackName = Annotated[str, choices(TRACKS)]
+PatternNames = Annotated[tuple[str, ...], choices(pattern_names(), "package.module:Class-0")]
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ class EvaluateRequest:
     profile: ProfileName = "demo"
     seed: int = 0  # of the method; the data set keeps the seed it was built with
     track: TrackName = GIVEN_POSES  # or sparse-views: a third of the training views
-    patterns: tuple[str, ...] = ()  # such as raindrop-0 streak-2; the profile's patterns where none is named
+    patterns: PatternNames = ()  # 0 is light, 1 medium, 2 heavy; the profile's patterns if none is named
     data: Path = Path("data")
     results: Path = Path("results")
     captures: Path | None = None  # the folder with published captures; $HYDROVIEWS_CAPTURES if not given

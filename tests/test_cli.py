@@ -123,3 +123,14 @@ def test_a_second_interruption_does_not_leave_the_child_alone(tmp_path, second):
     assert command.returncode == 130
     assert "Traceback" not in errors
     assert not Path("/proc", (tmp_path / "pid").read_text()).exists()
+
+
+def test_a_reader_that_has_seen_enough_is_no_error():
+    code = "from hydroviews.cli.commands import run_command;"
+    code += "run_command({'talk': lambda: print('line\\n' * 100_000), 'rest': print}, prog='x')"
+    command = [sys.executable, "-c", code, "talk"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=REPOSITORY) as process:
+        assert process.stdout.readline() == b"line\n"
+        process.stdout.close()
+        assert process.stderr.read() == b""
+        assert process.wait() == 141

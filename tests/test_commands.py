@@ -116,6 +116,7 @@ def test_choices_are_shown(command):
     text = python("-m", *command, "--help").stdout
     assert "{demo,quick,paper}" in text
     assert ("{given-poses,sparse-views}" in text) == (command[0] == "leaderboard")
+    assert ("{raindrop-0,raindrop-1," in text) == (command[1] != "score")
 
 
 @pytest.mark.parametrize(
@@ -124,6 +125,7 @@ def test_choices_are_shown(command):
         (("leaderboard", "evaluate", "--method", "nerf-x"), "METHOD=nerf-x: no such method"),
         (("leaderboard", "evaluate", "--method", "nerf-x"), "did you mean nerf-w?"),
         (("leaderboard", "evaluate", "--method", "3dgs", "--profile", "huge"), "PROFILE=huge"),
+        (("leaderboard", "evaluate", "--method", "3dgs", "--patterns", "raindrup-1"), "did you mean raindrop-1?"),
         (("leaderboard", "check", "nerf-x"), "METHOD=nerf-x: no such method"),
         (("leaderboard", "check", "3dgs+fly"), "METHOD=3dgs+fly: no such wrapper"),
         (("leaderboard", "table", "--results", "/nowhere"), "no finished run"),

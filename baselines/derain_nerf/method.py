@@ -68,7 +68,7 @@ PROFILES = {
 
 
 class DerainNeRF(RadianceMethod):
-    """The paper's method."""
+    """DerainNeRF (Li et al. 2024): a radiance field that learns nothing under drops."""
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 

@@ -58,7 +58,7 @@ class GSWConfig:
 
 
 class GaussianInTheWild(GaussianSplatting):
-    """Splatting with colours by view, and what comes and goes left out."""
+    """GS-W (Zhang et al. 2024): splatting with colours by view, and what comes and goes left out."""
 
     profiles: ClassVar[Mapping[str, Any]] = {
         "demo": GSWConfig(PROFILES["demo"], SHORT),

@@ -147,7 +147,10 @@ class WildObjective(Objective):
 
 
 class WildGaussians(GaussianSplatting):
-    """Splatting with appearance, uncertainty and sky. The trained model has the mean appearance: ordinary Gaussians."""
+    """WildGaussians (Kulhanek et al. 2024): splatting with appearance, uncertainty and sky.
+
+    The trained model has the mean appearance: ordinary Gaussians.
+    """
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 

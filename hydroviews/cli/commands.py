@@ -1,5 +1,6 @@
 """How every command of the project runs and ends."""
 
+import os
 import signal
 import sys
 from collections.abc import Callable, Iterable, Mapping
@@ -17,7 +18,7 @@ HELP = "With any command, anywhere: --verbose shows times, modules and details, 
 def run_command(commands: Mapping[str, Callable[..., Any]] | Callable[..., Any], prog: str) -> None:
     """Run the named subcommand, or the one command there is, with messages shown as asked for.
 
-    Exits 2 on bad input, 130 on Ctrl-C, 143 when asked to end.
+    Exits 2 on bad input, 130 on Ctrl-C, 141 when nobody reads its output, 143 when asked to end.
     """
     signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
     keep_freed_memory()
@@ -32,6 +33,9 @@ def run_command(commands: Mapping[str, Callable[..., Any]] | Callable[..., Any],
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)
+    except BrokenPipeError:  # whoever read the output has seen enough, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing is left to be flushed at exit
+        sys.exit(141)
     except KeyboardInterrupt:
         print("\ninterrupted; the same command goes on from here", file=sys.stderr)
         sys.exit(130)

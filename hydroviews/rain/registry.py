@@ -32,6 +32,11 @@ def find_effect(name: str) -> Effect:
     return found()
 
 
+def pattern_names() -> list[str]:
+    """Light, medium and heavy patterns of all registered effects."""
+    return [f"{effect}-{level}" for effect in registered_effects() for level in range(len(GRADES))]
+
+
 def parse_pattern(name: str) -> Pattern:
     """The pattern of that name, such as raindrop-0 or package.module:Class-0.
 
@@ -40,8 +45,8 @@ def parse_pattern(name: str) -> Pattern:
     """
     effect, _, index = name.replace(":", ".").rpartition("-")
     if not index.isdecimal() or not (effect in registered_effects() or "." in effect):
-        known = [f"{effect}-{level}" for effect in registered_effects() for level in range(len(GRADES))]
-        raise unknown_name(f"PATTERNS={name}", name, "rain pattern", known, "package.module:Class-0 for your own")
+        own = "package.module:Class-0 for your own"
+        raise unknown_name(f"PATTERNS={name}", name, "rain pattern", pattern_names(), own)
     find_effect(effect)  # raises what is wrong with one's own
     return Pattern(effect, int(index))
 
