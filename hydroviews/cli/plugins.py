@@ -28,11 +28,12 @@ def load_plugin(where: str, name: str, group: str, kind: str, own: str) -> Any:
     Raises:
         InputError: there is no such name, or it cannot be imported; then with the lines that led there.
     """
-    known = registered(group)
+    # Entry points are searched on disk: not where the name says all.
+    known = {} if ":" in name else registered(group)
     target = known.get(name, name)
     module, _, member = target.partition(":")
     if not (module and member) or module.startswith("."):
-        raise unknown_name(where, name, kind, known, f"package.module:{own} for your own")
+        raise unknown_name(where, name, kind, registered(group), f"package.module:{own} for your own")
     try:
         if os.getcwd() not in sys.path:  # one's own module, however the command was started
             sys.path.append(os.getcwd())

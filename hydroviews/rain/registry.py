@@ -1,6 +1,7 @@
 """Which effects there are, found by name, and the patterns of them that a user names."""
 
 from collections.abc import Sequence
+from functools import cache
 
 from hydroviews.cli.plugins import load_plugin, registered
 from hydroviews.errors import InputError, unknown_name
@@ -11,6 +12,7 @@ GROUP = "hydroviews.effects"  # entry points: subclasses of Effect
 DEFAULT_EFFECTS = ("raindrop", "streak")  # the paper's
 
 
+@cache
 def registered_effects() -> dict[str, str]:
     """`package.module:Class` of every registered effect, by its name."""
     return registered(GROUP)
@@ -24,8 +26,8 @@ def find_effect(name: str) -> Effect:
     Raises:
         InputError: no such effect.
     """
-    plain = name in registered_effects() or "." not in name.strip(".")
-    target = name if plain else ":".join(name.replace(":", ".").rsplit(".", 1))
+    own = name if "." not in name.strip(".") else ":".join(name.replace(":", ".").rsplit(".", 1))
+    target = registered_effects().get(name, own)
     found = load_plugin(f"effect {name}", target, GROUP, "effect", "Class")
     if not (isinstance(found, type) and issubclass(found, Effect)):
         raise InputError(f"{name}: not an effect", found=found, expected="a subclass of hydroviews.rain.effect.Effect")
