@@ -1,0 +1,175 @@
+# Numba infers the types of kernels, and calls what is defined here with its own.
+# mypy: allow-untyped-defs, allow-untyped-calls
+"""Vectors of `vectors.py` to and from memory, and tuples of them; arrays are flat and contiguous."""
+
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.extending import intrinsic
+
+from baselines.splatting.kernels.vectors import (
+    FLAGS,
+    FLOATS,
+    INT32,
+    INT64,
+    LANES,
+    broadcast,
+    constant,
+    element,
+    lanes_of,
+    llvm_type,
+)
+
+
+def address(context, builder, array_type, array, index, kind: ir.Type) -> ir.Value:
+    """A pointer to array[index]."""
+    data = context.make_array(array_type)(context, builder, array).data
+    return builder.bitcast(builder.gep(data, [index]), kind.as_pointer())
+
+
+@intrinsic
+def load(typingctx, array, index):
+    """LANES numbers of an array from index on."""
+    kind = lanes_of(array.dtype, LANES)
+
+    def generate(context, builder, sig, args):
+        value = builder.load(address(context, builder, array, *args, llvm_type(kind)))
+        value.align = 4
+        return value
+
+    return kind(array, types.int64), generate
+
+
+@intrinsic
+def store(typingctx, value, array, index):
+    """Write LANES numbers into an array from index on."""
+    kind = lanes_of(array.dtype, LANES)
+
+    def generate(context, builder, sig, args):
+        builder.store(args[0], address(context, builder, array, *args[1:], llvm_type(kind))).align = 4
+        return context.get_dummy_value()
+
+    return types.void(kind, array, types.int64), generate
+
+
+@intrinsic
+def spread(typingctx, number):
+    """A float32 or int32 in all LANES."""
+    kind = lanes_of(element(number), LANES)
+
+    def generate(context, builder, sig, args):
+        return broadcast(builder, args[0], kind)
+
+    return kind(element(number)), generate
+
+
+@intrinsic
+def prefetch(typingctx, array, index):
+    """Have array[index] brought into the cache."""
+
+    def generate(context, builder, sig, args):
+        byte = ir.IntType(8).as_pointer()
+        kind = ir.FunctionType(ir.VoidType(), [byte, INT32, INT32, INT32])
+        function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0i8")
+        place = builder.bitcast(address(context, builder, array, *args, ir.IntType(8)), byte)
+        builder.call(function, [place, *(ir.Constant(INT32, number) for number in (0, 3, 1))])  # to read, often, data
+        return context.get_dummy_value()
+
+    return types.void(array, types.int64), generate
+
+
+# --- tuples of vectors, one for each channel of all sets of colours -----------------------------------------------------
+
+
+@intrinsic
+def channels_of(typingctx, sets):
+    """Three for each entry of a tuple, known when a kernel is compiled: loops over channels have no turns left."""
+
+    def generate(context, builder, sig, args):
+        return ir.Constant(INT64, 3 * sets.count)
+
+    return types.int64(sets), generate
+
+
+@intrinsic
+def zeros(typingctx, sets):
+    """A tuple of zeros, three for each entry of a tuple."""
+    kind = types.UniTuple(FLOATS, 3 * sets.count)
+
+    def generate(context, builder, sig, args):
+        return context.make_tuple(builder, kind, [constant(FLOATS, 0)] * len(kind))
+
+    return kind(sets), generate
+
+
+@intrinsic
+def add_scaled(typingctx, sums, weight, array, index, stride):
+    """A tuple sums[c] + weight * load(array, index + stride * c)."""
+
+    def generate(context, builder, sig, args):
+        sums, weight, values, index, stride = args
+        added = []
+        for channel, total in enumerate(cgutils.unpack_tuple(builder, sums)):
+            place = builder.add(index, builder.mul(stride, ir.Constant(INT64, channel)))
+            value = builder.load(address(context, builder, array, values, place, llvm_type(FLOATS)))
+            value.align = 4
+            added.append(builder.fadd(builder.fmul(weight, value, flags=FLAGS), total, flags=FLAGS))
+        return context.make_tuple(builder, sig.return_type, added)
+
+    return sums(sums, FLOATS, array, types.int64, types.int64), generate
+
+
+@intrinsic
+def store_sums(typingctx, values, array, index):
+    """Write the sum over lanes of each of a tuple's vectors, one after the other, and zeros up to a multiple of LANES."""
+
+    def generate(context, builder, sig, args):
+        vectors = cgutils.unpack_tuple(builder, args[0])
+        for start in range(0, len(vectors), LANES):
+            part = vectors[start : start + LANES]
+            sums = _sums(builder, part + [constant(FLOATS, 0)] * (LANES - len(part)))
+            place = builder.add(args[2], ir.Constant(INT64, start))
+            builder.store(sums, address(context, builder, array, args[1], place, llvm_type(FLOATS))).align = 4
+        return context.get_dummy_value()
+
+    return types.void(values, array, types.int64), generate
+
+
+def _sums(builder: ir.IRBuilder, vectors: list[ir.Value]) -> ir.Value:
+    """The sums over lanes of n vectors of n lanes, as one vector; n is a power of two.
+
+    In every round two vectors become one that holds half as many partial sums of each, until a lane is a vector's sum.
+    """
+    rounds = _rounds(len(vectors))
+    places = [[place] * len(vectors) for place in range(len(vectors))]  # which vector the lanes of each are sums of
+    for low, _ in rounds:
+        places = [[(a + b)[lane] for lane in low] for a, b in zip(places[::2], places[1::2], strict=True)]
+    vectors = [vectors[places[0].index(place)] for place in range(len(vectors))]
+    for low, high in rounds:
+        vectors = [
+            builder.fadd(_shuffle(builder, a, b, low), _shuffle(builder, a, b, high), flags=FLAGS)
+            for a, b in zip(vectors[::2], vectors[1::2], strict=True)
+        ]
+    return vectors[0]
+
+
+def _rounds(n: int) -> list[tuple[list[int], list[int]]]:
+    """For each round, which lanes of two vectors of n lanes, counted through, are added: the first and the second.
+
+    Whole quarters of four lanes are moved first, lanes within them last: processors do that in one instruction.
+    """
+    rounds = []
+    half = n // 2
+    while half >= 1:
+        if half >= 4:
+            low = [lane for start in range(0, 2 * n, 2 * half) for lane in range(start, start + half)]
+        else:
+            inside = (0, 1) if half == 2 else (0, 2)
+            low = [vector + quarter + lane for quarter in range(0, n, 4) for vector in (0, n) for lane in inside]
+        rounds.append((low, [lane + half for lane in low]))
+        half //= 2
+    return rounds
+
+
+def _shuffle(builder: ir.IRBuilder, a: ir.Value, b: ir.Value, lanes: list[int]) -> ir.Value:
+    """The lanes of two vectors, counted through, in another order."""
+    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(INT32, len(lanes)), lanes))
