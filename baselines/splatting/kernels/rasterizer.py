@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from baselines.splatting.gaussians import SHAPE, Gaussians
 from baselines.splatting.kernels import blending, blending_gradient, projection, projection_gradient
+from baselines.splatting.kernels.blending import PIXEL_X, PIXEL_Y, TILE_PIXELS
 from baselines.splatting.kernels.buffer_pool import BufferPool
+from baselines.splatting.kernels.chunks import CHUNKS
 from baselines.splatting.kernels.constants import NEAR
 from baselines.splatting.kernels.spherical_harmonics import C0, degree_of
-from baselines.splatting.kernels.tiles import Tiles, bin_splats
-from baselines.splatting.kernels.vectors import CONSTANTS
+from baselines.splatting.kernels.tiles import Splats, Tiles, bin_splats
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 
@@ -36,17 +37,33 @@ class RenderState:
     view: tuple[Any, ...]  # pose, centre, lens, width, height
     antialiased: bool
     background: NDArray[np.float32]
-    depths: NDArray[np.float32]  # [N], infinite where culled
+    splats: Splats
     tiles: Tiles
-    transmittance: NDArray[np.float32]  # [H, W]; 1 - it is the image's alpha
-    last: NDArray[np.float32]
-    taken: NDArray[np.int32]
+    blocks_transmittance: NDArray[np.float32]  # [tiles, 256], block by block
+    blocks_last: NDArray[np.int32]
     buffers: BufferPool = field(repr=False)
 
     @property
     def visible(self) -> NDArray[np.bool_]:
         """Which Gaussians this view shows [N]."""
-        return self.tiles.rank >= 0
+        shown = np.zeros(len(self.gaussians), np.bool_)
+        shown[self.order] = True
+        return shown
+
+    @property
+    def order(self) -> NDArray[np.int32]:
+        """The Gaussians that this view shows [n], nearest first."""
+        return self.splats.gaussians[self.tiles.order]
+
+    @property
+    def transmittance(self) -> NDArray[np.float32]:
+        """What every pixel lets through to the background [H, W]; 1 - it is the image's alpha."""
+        return blending.by_pixel(self.blocks_transmittance, *self.view[3:])
+
+    @property
+    def last(self) -> NDArray[np.int32]:
+        """Number of the last splat that each pixel took [H, W], from 1 in its tile's list."""
+        return blending.by_pixel(self.blocks_last, *self.view[3:])
 
 
 @dataclass(frozen=True)
@@ -116,13 +133,17 @@ def render_sh_sets(
     if sh.shape[1] != n:
         raise ValueError(f"coefficients {sh.shape} of {n} Gaussians, expected [sets, {n}, K, 3]")
     view = _view(gaussians, camera)
-    splats = buffers.array("splats", (n, projection.COLOURS + 3 * sets))
-    depths = buffers.array("depths", (n,))
-    projection.project(
-        *(getattr(gaussians, name) for name in SHAPE), sh, degree, *view, near, antialiased, splats, depths
+    splats = Splats(
+        buffers.array("splats", (n, projection.COLOURS + 3 * sets)),
+        buffers.array("depths", (n,)),
+        buffers.array("gaussians", (n,), np.int32),
+        buffers.array("chunk_counts", (CHUNKS,), np.int32),
     )
-    tiles = bin_splats(splats, depths, camera.width, camera.height, buffers)
-    size = camera.height, camera.width
+    shape = (getattr(gaussians, name) for name in SHAPE)
+    outputs = splats.values, splats.depths, splats.gaussians, splats.counts
+    projection.project(*shape, sh, degree, *view, near, antialiased, *outputs)
+    tiles = bin_splats(splats, camera.width, camera.height, buffers)
+    planes = len(tiles.heaviest), TILE_PIXELS
     state = RenderState(
         gaussians=gaussians,
         sh=sh,
@@ -130,15 +151,14 @@ def render_sh_sets(
         view=view,
         antialiased=antialiased,
         background=np.asarray(background, np.float32),
-        depths=depths,
+        splats=splats,
         tiles=tiles,
-        transmittance=buffers.array("transmittance", size),
-        last=buffers.array("last", size),
-        taken=buffers.array("taken", (len(tiles.heaviest),), np.int32),
+        blocks_transmittance=buffers.array("transmittance", planes),
+        blocks_last=buffers.array("last", planes, np.int32),
         buffers=buffers,
     )
-    images = buffers.array("images", (sets, *size, 3))
-    blending.blend(*_blending_arguments(state), state.transmittance, state.last, state.taken, images)
+    images = buffers.array("images", (sets, camera.height, camera.width, 3))
+    blending.blend(*_blending_arguments(state), images)
     return images, state
 
 
@@ -191,12 +211,19 @@ def depth(state: RenderState) -> NDArray[np.float32]:
 
     Along the viewing axis, in world units. How much of a pixel is covered is 1 - `state.transmittance`.
     """
-    packed = state.tiles.packed[:, : projection.COLOURS + 3].copy()
-    packed[:, projection.COLOURS] = state.depths[state.tiles.order]
-    other = replace(state, tiles=replace(state.tiles, packed=packed), background=BLACK)
-    sums = np.empty((1, *state.transmittance.shape, 3), np.float32)
-    scratch = (np.empty_like(plane) for plane in (state.transmittance, state.last, state.taken))
-    blending.blend(*_blending_arguments(other), *scratch, sums)
+    values = state.splats.values[:, : projection.COLOURS + 3].copy()
+    values[:, projection.COLOURS] = state.splats.depths
+    other = replace(
+        state,
+        splats=replace(state.splats, values=values),
+        tiles=replace(state.tiles, records=state.tiles.records.copy()),
+        background=BLACK,
+        blocks_transmittance=np.empty_like(state.blocks_transmittance),
+        blocks_last=np.empty_like(state.blocks_last),
+    )
+    width, height = state.view[3:]
+    sums = np.empty((1, height, width, 3), np.float32)
+    blending.blend(*_blending_arguments(other), sums)
     covered = 1 - state.transmittance
     return np.divide(sums[0, ..., 0], covered, out=np.full_like(covered, np.nan), where=covered > 0)
 
@@ -210,15 +237,17 @@ def _view(gaussians: Gaussians, camera: Camera) -> tuple[Any, ...]:
 
 
 def _blending_arguments(state: RenderState) -> tuple[Any, ...]:
-    tiles = state.tiles
+    tiles, values = state.tiles, state.splats.values
     return (
-        tiles.packed,
+        values,
         tiles.start,
-        tiles.splats,
+        tiles.records,
         tiles.heaviest,
-        tiles.shift,
+        PIXEL_X,
+        PIXEL_Y,
         state.background,
         numba.get_num_threads(),
-        CONSTANTS.ctypes.data,
-        (0,) * ((tiles.packed.shape[1] - projection.COLOURS) // 3),
+        (0,) * ((values.shape[1] - projection.COLOURS) // 3),
+        state.blocks_transmittance,
+        state.blocks_last,
     )

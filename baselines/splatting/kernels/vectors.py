@@ -249,6 +249,28 @@ maximum = _of_two("maximum", ">", "smax")
 
 
 @intrinsic
+def whole(typingctx, x):
+    """Floats without their fractions, as int32."""
+    kind = like(x, types.int32)
+
+    def generate(context, builder, sig, args):
+        return builder.fptosi(args[0], llvm_type(kind))
+
+    return kind(x), generate
+
+
+@intrinsic
+def lane_numbers(typingctx):
+    """0, 1, ... of LANES float32."""
+    numbers = [float(lane) for lane in range(LANES)]
+
+    def generate(context, builder, sig, args):
+        return ir.Constant(llvm_type(FLOATS), numbers if LANES > 1 else 0.0)
+
+    return FLOATS(), generate
+
+
+@intrinsic
 def bits(typingctx, mask):
     """A mask as an int64: the first lane is the lowest bit."""
 
