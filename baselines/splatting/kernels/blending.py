@@ -14,10 +14,21 @@ import numpy as np
 from numba import prange
 
 from baselines.splatting.kernels.binning import BLOCK, BLOCKS, RECORD, SLOT, TILE
+from baselines.splatting.kernels.buffer_pool import aligned_empty
 from baselines.splatting.kernels.constants import LOG2_MIN_ALPHA, MAX_ALPHA, MIN_TRANSMITTANCE
 from baselines.splatting.kernels.jit import inlined, kernel
 from baselines.splatting.kernels.projection import COLOURS, L11, L21, L22, LOG2_OPACITY, X, Y
-from baselines.splatting.kernels.vector_memory import channels_of, load, prefetch, spread, store
+from baselines.splatting.kernels.vector_memory import (
+    add_colours,
+    aligned,
+    channels_of,
+    get,
+    load,
+    prefetch,
+    spread,
+    spread_colours,
+    store,
+)
 from baselines.splatting.kernels.vectors import LANES, absolute, bits, exp2, lowest_bit, maximum, minimum, select
 
 PIXELS = BLOCK * BLOCK  # of a block, the length of a plane
@@ -36,8 +47,9 @@ FAINTEST = np.float32(LOG2_MIN_ALPHA)
 # x and y of the pixels of a tile, block by block
 _COLUMNS = np.tile(np.arange(BLOCK, dtype=np.float32), BLOCK)
 _ROWS = np.repeat(np.arange(BLOCK, dtype=np.float32), BLOCK)
-PIXEL_X = np.concatenate([_COLUMNS + BLOCK * (block % ACROSS) for block in range(TILE_BLOCKS)])
-PIXEL_Y = np.concatenate([_ROWS + BLOCK * (block // ACROSS) for block in range(TILE_BLOCKS)])
+PIXEL_X, PIXEL_Y = (aligned_empty(TILE_PIXELS) for _ in range(2))
+PIXEL_X[:] = np.concatenate([_COLUMNS + BLOCK * (block % ACROSS) for block in range(TILE_BLOCKS)])
+PIXEL_Y[:] = np.concatenate([_ROWS + BLOCK * (block // ACROSS) for block in range(TILE_BLOCKS)])
 
 
 @inlined
@@ -82,12 +94,13 @@ def live_blocks(state, planes, blocks):
 
 
 @inlined
-def blend_splat(flat, splat, x0, y0, number, mask, state, lasts, planes, channels, pixel_x, pixel_y):
+def blend_splat(flat, splat, x0, y0, number, mask, state, lasts, planes, sets, pixel_x, pixel_y):
     """Blend one splat into the blocks of a tile; returns the mask of those that took it."""
-    left, top = x0 + HALF - flat[splat + X], y0 + HALF - flat[splat + Y]
-    l11, l21, l22 = spread(flat[splat + L11]), spread(flat[splat + L21]), spread(flat[splat + L22])
+    left, top = x0 + HALF - get(flat, splat + X), y0 + HALF - get(flat, splat + Y)
+    l11, l21, l22 = spread(get(flat, splat + L11)), spread(get(flat, splat + L21)), spread(get(flat, splat + L22))
     first_u, first_v = l11 * left + l21 * top, l22 * top
-    log2_opacity, number = spread(flat[splat + LOG2_OPACITY]), spread(number)
+    log2_opacity, number = spread(get(flat, splat + LOG2_OPACITY)), spread(number)
+    colours = spread_colours(sets, flat, splat + COLOURS)
     taken_by = 0
     while mask:
         block = lowest_bit(mask)
@@ -103,9 +116,7 @@ def blend_splat(flat, splat, x0, y0, number, mask, state, lasts, planes, channel
             unfinished = transmittance - weight >= DIMMEST
             taken = touched & unfinished
             weight = select(taken, weight, np.float32(0))
-            for channel in range(channels):
-                plane = at + SUMS + PIXELS * channel
-                store(weight * flat[splat + COLOURS + channel] + load(state, plane), state, plane)
+            add_colours(colours, weight, state, at + SUMS, PIXELS)
             last = select(taken, number, np.int32(0))
             store(maximum(load(lasts, at + LAST), last), lasts, at + LAST)
             left_over = transmittance - weight
@@ -159,7 +170,7 @@ def blend(
     for worker in prange(workers):
         channels = channels_of(sets)
         planes = SUMS + PIXELS * channels
-        state = np.empty(TILE_BLOCKS * planes, np.float32)
+        state = aligned(TILE_BLOCKS * planes)
         lasts = state.view(np.int32)
         for turn in range(worker, tile_order.shape[0], workers):
             tile = tile_order[turn]
@@ -178,7 +189,7 @@ def blend(
                 if mask:
                     mask = blend_splat(
                         flat, np.int64(flat_records[record + SLOT]) * stride, np.float32(x0), np.float32(y0),
-                        np.int32(position - start + 1), mask, state, lasts, planes, channels, pixel_x, pixel_y,
+                        np.int32(position - start + 1), mask, state, lasts, planes, sets, pixel_x, pixel_y,
                     )  # fmt: skip
                 flat_records[record + BLOCKS] = mask
             write_tile(

@@ -31,10 +31,14 @@ from baselines.splatting.kernels.jit import inlined, kernel
 from baselines.splatting.kernels.projection import COLOURS, L11, L21, L22, LOG2_OPACITY, X, Y
 from baselines.splatting.kernels.vector_memory import (
     add_scaled,
+    aligned,
     channels_of,
+    dot_colours,
+    get,
     load,
     prefetch,
     spread,
+    spread_colours,
     store,
     store_sums,
     zeros,
@@ -43,7 +47,7 @@ from baselines.splatting.kernels.vectors import LANES, absolute, exp2, lowest_bi
 
 # Planes of a block's state: what is left of the light, S, the last splat taken, and g of every set of colours.
 TRANSMITTANCE, SUFFIX, LAST, GRADS = 0, PIXELS, 2 * PIXELS, 3 * PIXELS
-# Of a row of moments: w, w u, w v, w u^2, w u v, w v^2, |w u|, |(L21 / L22) w u + w v|, then dloss/dcolour of every set.
+# Of a row of moments: w, w u, w v, w u^2, w u v, w v^2, |w u|, |(L21 / L22) w u + w v|, then dloss/dcolour of each set.
 ABS_U, ABS_V, TO_COLOURS = 6, 7, 8
 MOMENTS_STEP = 16  # rows are filled up to a multiple of this
 ONE, NOTHING = np.float32(1), np.float32(0)
@@ -79,13 +83,14 @@ def load_tile(state, lasts, planes, channels, tile, x0, y0, width, height, backg
 
 
 @inlined
-def take_off(flat, splat, x0, y0, number, mask, state, lasts, planes, channels, pixel_x, pixel_y, sets, moments, row):
+def take_off(flat, splat, x0, y0, number, mask, state, lasts, planes, pixel_x, pixel_y, sets, moments, row):
     """Take one splat off the blocks of a tile that took it, and write its moments."""
-    left, top = x0 + HALF - flat[splat + X], y0 + HALF - flat[splat + Y]
-    l11, l21, l22 = spread(flat[splat + L11]), spread(flat[splat + L21]), spread(flat[splat + L22])
+    left, top = x0 + HALF - get(flat, splat + X), y0 + HALF - get(flat, splat + Y)
+    l11, l21, l22 = spread(get(flat, splat + L11)), spread(get(flat, splat + L21)), spread(get(flat, splat + L22))
     first_u, first_v = l11 * left + l21 * top, l22 * top
-    log2_opacity, number = spread(flat[splat + LOG2_OPACITY]), spread(number)
-    ratio = spread(flat[splat + L21] / flat[splat + L22])
+    log2_opacity, number = spread(get(flat, splat + LOG2_OPACITY)), spread(number)
+    ratio = spread(get(flat, splat + L21) / get(flat, splat + L22))
+    colours = spread_colours(sets, flat, splat + COLOURS)
     m = m_u = m_v = m_uu = m_uv = m_vv = abs_u = abs_v = spread(NOTHING)
     to_colours = zeros(sets)
     while mask:
@@ -103,9 +108,7 @@ def take_off(flat, splat, x0, y0, number, mask, state, lasts, planes, channels, 
             transmittance = load(state, at + TRANSMITTANCE) * inverse
             store(transmittance, state, at + TRANSMITTANCE)
             visible = alpha * transmittance
-            toward = load(state, at + GRADS) * flat[splat + COLOURS]
-            for channel in range(1, channels):
-                toward = load(state, at + GRADS + PIXELS * channel) * flat[splat + COLOURS + channel] + toward
+            toward = dot_colours(colours, state, at + GRADS, PIXELS)
             suffix = load(state, at + SUFFIX)
             by_alpha = transmittance * toward - suffix * inverse
             store(toward * visible + suffix, state, at + SUFFIX)
@@ -132,7 +135,7 @@ def blend_gradient(
     for worker in prange(workers):
         channels = channels_of(sets)
         planes = GRADS + PIXELS * channels
-        state = np.empty(TILE_BLOCKS * planes, np.float32)
+        state = aligned(TILE_BLOCKS * planes)
         lasts = state.view(np.int32)
         for turn in range(worker, tile_order.shape[0], workers):
             tile = tile_order[turn]
@@ -152,5 +155,5 @@ def blend_gradient(
                 take_off(
                     flat, np.int64(flat_records[record + SLOT]) * stride, np.float32(x0), np.float32(y0),
                     np.int32(position - start + 1), np.int64(flat_records[record + BLOCKS]), state, lasts, planes,
-                    channels, pixel_x, pixel_y, sets, flat_moments, np.int64(flat_records[record + PAIR]) * row_size,
+                    pixel_x, pixel_y, sets, flat_moments, np.int64(flat_records[record + PAIR]) * row_size,
                 )  # fmt: skip
