@@ -10,13 +10,18 @@ from numba.extending import intrinsic
 from baselines.splatting.kernels.buffer_pool import CACHE_LINE
 from baselines.splatting.kernels.jit import inlined
 from baselines.splatting.kernels.vectors import (
+    DOUBLES,
     ELEMENTS,
+    FEW_FLOATS,
     FLAGS,
     FLOATS,
     INT32,
     INT64,
     LANES,
+    LANES64,
+    Vector,
     broadcast,
+    call,
     constant,
     element,
     lanes_of,
@@ -97,6 +102,142 @@ def prefetch(typingctx, array, index):
         return context.get_dummy_value()
 
     return types.void(array, types.int64), generate
+
+
+# --- parts of vectors -------------------------------------------------------------------------------------------------
+
+
+def _first(builder: ir.IRBuilder, number: ir.Value, lanes: int) -> ir.Value:
+    """A mask of the first `number` of some lanes."""
+    places = ir.Constant(ir.VectorType(INT64, lanes), list(range(lanes)))
+    return builder.icmp_signed("<", places, broadcast(builder, number, Vector(types.int64, lanes)))
+
+
+def _load_first(builder: ir.IRBuilder, pointer: ir.Value, number: ir.Value, kind: ir.Type) -> ir.Value:
+    """The first `number` lanes from memory, and zeros; nothing beyond them is read."""
+    if not isinstance(kind, ir.VectorType):
+        return builder.load(pointer, align=4)
+    mask, zero = _first(builder, number, kind.count), ir.Constant(kind, [0.0] * kind.count)
+    name = f"llvm.masked.load.v{kind.count}f32.p0v{kind.count}f32"
+    return call(builder, name, kind, [pointer, ir.Constant(INT32, 4), mask, zero])
+
+
+@intrinsic
+def load_first(typingctx, number, array, index):
+    """LANES float32 of which only the first `number`, at least one, are read from array[index] on; the rest are zero."""
+
+    def generate(context, builder, sig, args):
+        number, values, index = args
+        kind = llvm_type(FLOATS)
+        return _load_first(builder, address(context, builder, array, values, index, kind), number, kind)
+
+    return FLOATS(types.int64, array, types.int64), generate
+
+
+@intrinsic
+def store_first(typingctx, number, value, array, index):
+    """Write the first `number` lanes, at least one, into a float32 array from index on. Slow on AMD's processors."""
+
+    def generate(context, builder, sig, args):
+        number, value, values, index = args
+        pointer = address(context, builder, array, values, index, value.type)
+        if isinstance(value.type, ir.VectorType):
+            name = f"llvm.masked.store.v{LANES}f32.p0v{LANES}f32"
+            arguments = [value, pointer, ir.Constant(INT32, 4), _first(builder, number, LANES)]
+            call(builder, name, ir.VoidType(), arguments)
+        else:
+            builder.store(value, pointer)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, FLOATS, array, types.int64), generate
+
+
+# --- several rows of an array: vectors of LANES64, a lane for a row ------------------------------------------------------
+
+
+@intrinsic
+def load64(typingctx, array, index):
+    """LANES64 float32 of an array from index on."""
+
+    def generate(context, builder, sig, args):
+        return builder.load(address(context, builder, array, *args, llvm_type(FEW_FLOATS)), align=4)
+
+    return FEW_FLOATS(array, types.int64), generate
+
+
+@intrinsic
+def store64(typingctx, value, array, index):
+    """Write LANES64 float32 into an array from index on."""
+
+    def generate(context, builder, sig, args):
+        builder.store(args[0], address(context, builder, array, *args[1:], llvm_type(FEW_FLOATS)), align=4)
+        return context.get_dummy_value()
+
+    return types.void(FEW_FLOATS, array, types.int64), generate
+
+
+@intrinsic
+def gather(typingctx, array, rows, stride, offset):
+    """The float32 numbers array[rows[lane] * stride + offset] as float64; `rows` are int64 [LANES64].
+
+    Lane by lane: quicker than the processor's own instruction on Zen 4.
+    """
+
+    def generate(context, builder, sig, args):
+        values, places, stride, offset = args
+        lanes = []
+        for lane in range(LANES64):
+            place = address(context, builder, rows, places, ir.Constant(INT64, lane), INT64)
+            at = builder.add(builder.mul(builder.load(place), stride), offset)
+            lanes.append(builder.load(address(context, builder, array, values, at, ir.FloatType())))
+        gathered = lanes[0] if LANES64 == 1 else ir.Constant(llvm_type(FEW_FLOATS), ir.Undefined)
+        if LANES64 > 1:
+            for lane, value in enumerate(lanes):
+                gathered = builder.insert_element(gathered, value, ir.Constant(INT32, lane))
+        return builder.fpext(gathered, llvm_type(DOUBLES))
+
+    return DOUBLES(array, rows, types.int64, types.int64), generate
+
+
+@intrinsic
+def transpose(typingctx, number, array, rows, stride, offset, out, to, out_stride):
+    """out[to + column out_stride + lane] = array[rows[lane] stride + offset + column] for LANES64 rows and columns.
+
+    Only the first `number` columns are read, at least one, and the others are zero; all are written.
+    """
+
+    def generate(context, builder, sig, args):
+        number, values, places, stride, offset, written, to, out_stride = args
+        kind = llvm_type(FEW_FLOATS)
+        vectors = []
+        for lane in range(LANES64):
+            place = address(context, builder, rows, places, ir.Constant(INT64, lane), INT64)
+            at = builder.add(builder.mul(builder.load(place), stride), offset)
+            vectors.append(_load_first(builder, address(context, builder, array, values, at, kind), number, kind))
+        for column, vector in enumerate(_transposed(builder, vectors)):
+            at = builder.add(to, builder.mul(out_stride, ir.Constant(INT64, column)))
+            builder.store(vector, address(context, builder, out, written, at, kind), align=4)
+        return context.get_dummy_value()
+
+    number_type = types.int64
+    return types.void(number_type, array, rows, *[number_type] * 2, out, *[number_type] * 2), generate
+
+
+def _transposed(builder: ir.IRBuilder, vectors: list[ir.Value]) -> list[ir.Value]:
+    """Columns of n vectors of n lanes, a power of two: in every round, pairs of vectors exchange halves, then quarters,
+    of what they have."""
+    n = len(vectors)
+    half = n // 2
+    while half:
+        lower = [lane if not lane & half else n + lane - half for lane in range(n)]
+        upper = [lane + half if not lane & half else n + lane for lane in range(n)]
+        exchanged = list(vectors)
+        for first in (place for place in range(n) if not place & half):
+            pair = vectors[first], vectors[first + half]
+            exchanged[first] = _shuffle(builder, *pair, lower)
+            exchanged[first + half] = _shuffle(builder, *pair, upper)
+        vectors, half = exchanged, half // 2
+    return vectors
 
 
 # --- tuples of vectors, one for each channel of all sets of colours ---------------------------------------------------

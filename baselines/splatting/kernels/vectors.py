@@ -74,6 +74,7 @@ def lanes_of(dtype: types.Type, count: int) -> types.Type:
 
 FLOATS, INTS = lanes_of(types.float32, LANES), lanes_of(types.int32, LANES)
 DOUBLES = lanes_of(types.float64, LANES64)
+FEW_FLOATS = lanes_of(types.float32, LANES64)  # as many as there are float64 lanes
 
 
 def element(kind: types.Type) -> types.Type:
@@ -289,6 +290,27 @@ def lowest_bit(typingctx, number):
         return call(builder, "llvm.cttz.i64", INT64, [args[0], ir.Constant(ir.IntType(1), 1)])
 
     return types.int64(types.int64), generate
+
+
+def _to(name: str, kinds: dict[types.Type, types.Type], emit: str) -> Callable:
+    """A change of the type of every lane, from one to another."""
+
+    def typing(typingctx, x):
+        kind = like(x, kinds[element(x)])
+
+        def generate(context, builder, sig, args):
+            return getattr(builder, emit)(args[0], llvm_type(kind))
+
+        return kind(types.unliteral(x)), generate
+
+    typing.__name__ = name
+    return intrinsic(typing)
+
+
+to_float64 = _to("to_float64", {types.float32: types.float64}, "fpext")
+to_float32 = _to("to_float32", {types.float64: types.float32}, "fptrunc")
+to_bits = _to("to_bits", {types.float64: types.int64}, "bitcast")  # the bits of a float64 as an int64
+from_bits = _to("from_bits", {types.int64: types.float64}, "bitcast")
 
 
 # --- 2^x and 1 / x ----------------------------------------------------------------------------------------------------
