@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.gaussians import SHAPE, Gaussians
-from baselines.splatting.kernels import blending, blending_gradient, projection, projection_gradient
+from baselines.splatting.kernels import adam, blending, blending_gradient, projection, projection_gradient
 from baselines.splatting.kernels.blending import PIXEL_X, PIXEL_Y, TILE_PIXELS
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.chunks import CHUNKS
@@ -67,12 +67,24 @@ class RenderState:
 
 
 @dataclass(frozen=True)
+class ShapeGradients:
+    """dloss/dparameter of all but the colours, and by the position on the image [N, 2] in pixels."""
+
+    means: NDArray[np.float32]  # [N, 3]
+    quaternions: NDArray[np.float32]  # [N, 4]
+    log_scales: NDArray[np.float32]  # [N, 3]
+    opacity_logits: NDArray[np.float32]  # [N]
+    means2d: NDArray[np.float32]
+    means2d_absolute: NDArray[np.float32]  # the same with absolute values summed over pixels (Ye et al. 2024, AbsGS)
+
+
+@dataclass(frozen=True)
 class Gradients:
     """dloss/dparameter, shaped like the parameters, and by the position on the image [N, 2] in pixels."""
 
     parameters: Gaussians
     means2d: NDArray[np.float32]
-    means2d_absolute: NDArray[np.float32]  # the same with absolute values summed over pixels (Ye et al. 2024, AbsGS)
+    means2d_absolute: NDArray[np.float32]  # as in ShapeGradients
 
     @property
     def colours(self) -> NDArray[np.float32]:
@@ -177,33 +189,62 @@ def backward_sh_sets(state: RenderState, grad_images: NDArray[np.float32]) -> tu
         The gradients by the Gaussians, whose coefficients are the first set, and by all sets [L, N, K, 3]: buffers
         of the pool, as those of `backward` are.
     """
-    buffers, gaussians, tiles = state.buffers, state.gaussians, state.tiles
-    moments = buffers.array("moments", (len(tiles.splats), projection_gradient.TO_COLOURS + 3 * len(state.sh)))
-    grads = np.ascontiguousarray(grad_images, np.float32)
+    g_sh = state.buffers.array("g_sh", state.sh.shape)
+    shape = _backward(state, grad_images, (g_sh.reshape(-1),))
+    parameters = Gaussians(**{name: getattr(shape, name) for name in SHAPE}, sh=g_sh[0], origin=state.gaussians.origin)
+    return Gradients(parameters, shape.means2d, shape.means2d_absolute), g_sh
+
+
+def backward_with_sh_step(
+    state: RenderState,
+    grad_image: Image,
+    first: NDArray[np.float32],
+    second: NDArray[np.float32],
+    step: int,
+    rates: NDArray[np.float32],
+) -> ShapeGradients:
+    """As `backward`, but the coefficients take a step of Adam at once: their gradient, most of all, is never written.
+
+    Args:
+        state: of `render`, whose Gaussians' coefficients [N, K, 3] change in place.
+        grad_image: dloss/dimage [H, W, 3].
+        first, second: Adam's moments of the coefficients [N, K, 3]; they change in place. Those above the degree in
+            use are zero: `projection_gradient.project_gradient` leaves them out.
+        step: number of this step, from 1.
+        rates: learning rates [K, 3].
+    """
+    row, constants = adam.settings(step, rates)
+    return _backward(state, grad_image[None], (first.reshape(-1), second.reshape(-1), row, constants))
+
+
+def _backward(
+    state: RenderState, grad_images: NDArray[np.float32], sh_output: tuple[NDArray[np.float32], ...]
+) -> ShapeGradients:
+    """The gradients of all but the coefficients; for those see `project_gradient`'s `form`."""
+    buffers, gaussians, tiles, splats = state.buffers, state.gaussians, state.tiles, state.splats
+    moments = buffers.array("moments", (tiles.pairs, blending_gradient.moments_of(len(state.sh))))
     blending_gradient.blend_gradient(
-        *_blending_arguments(state), state.transmittance, state.last, state.taken, grads, moments
+        *_blending_arguments(state), np.ascontiguousarray(grad_images, np.float32), moments
     )
-    shape = {name: getattr(gaussians, name) for name in SHAPE}
-    g_shape = {name: buffers.array(f"g_{name}", value.shape) for name, value in shape.items()}
-    g_sh = buffers.array("g_sh", state.sh.shape)
-    means2d, absolute = (buffers.array(name, (len(gaussians), 2)) for name in ("g_means2d", "g_absolute"))
+    shape = [getattr(gaussians, name) for name in SHAPE]
+    outputs = {name: buffers.array(f"g_{name}", getattr(gaussians, name).shape) for name in SHAPE}
+    outputs |= {name: buffers.array(f"g_{name}", (len(gaussians), 2)) for name in ("means2d", "means2d_absolute")}
     projection_gradient.project_gradient(
-        *shape.values(),
+        *shape,
         state.sh,
         state.sh_degree,
         *state.view,
         state.antialiased,
-        tiles.rank,
+        splats.values,
+        splats.gaussians,
+        splats.counts,
         tiles.pair_start,
-        tiles.pair_slot,
+        tiles.pair_end,
         moments,
-        *g_shape.values(),
-        g_sh,
-        means2d,
-        absolute,
+        *outputs.values(),
+        sh_output,
     )
-    parameters = Gaussians(**g_shape, sh=g_sh[0], origin=gaussians.origin)
-    return Gradients(parameters, means2d, absolute), g_sh
+    return ShapeGradients(**outputs)
 
 
 def depth(state: RenderState) -> NDArray[np.float32]:
