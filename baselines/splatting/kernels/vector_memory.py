@@ -2,12 +2,16 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
 """Vectors of `vectors.py` to and from memory, and tuples of them; arrays are flat and contiguous."""
 
+import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
+from baselines.splatting.kernels.buffer_pool import CACHE_LINE
+from baselines.splatting.kernels.jit import inlined
 from baselines.splatting.kernels.vectors import (
     DOUBLES,
+    ELEMENTS,
     FEW_FLOATS,
     FLAGS,
     FLOATS,
@@ -56,6 +60,24 @@ def store(typingctx, value, array, index):
     return types.void(kind, array, types.int64), generate
 
 
+@inlined
+def aligned(size):
+    """A flat float32 array with undefined content that begins with a cache line, see `buffer_pool.py`."""
+    memory = np.empty(size + CACHE_LINE // 4, np.float32)
+    start = (-memory.ctypes.data % CACHE_LINE) // 4
+    return memory[start : start + size]
+
+
+@intrinsic
+def get(typingctx, array, index):
+    """array[index] for an index from 0 on: without Numba's test for one that counts from the end."""
+
+    def generate(context, builder, sig, args):
+        return builder.load(address(context, builder, array, *args, ELEMENTS[array.dtype]))
+
+    return array.dtype(array, types.int64), generate
+
+
 @intrinsic
 def spread(typingctx, number):
     """A float32 or int32 in all LANES."""
@@ -82,7 +104,7 @@ def prefetch(typingctx, array, index):
     return types.void(array, types.int64), generate
 
 
-# --- parts of vectors ---------------------------------------------------------------------------------------------------
+# --- parts of vectors -------------------------------------------------------------------------------------------------
 
 
 def _first(builder: ir.IRBuilder, number: ir.Value, lanes: int) -> ir.Value:
@@ -218,7 +240,7 @@ def _transposed(builder: ir.IRBuilder, vectors: list[ir.Value]) -> list[ir.Value
     return vectors
 
 
-# --- tuples of vectors, one for each channel of all sets of colours -----------------------------------------------------
+# --- tuples of vectors, one for each channel of all sets of colours ---------------------------------------------------
 
 
 @intrinsic
@@ -243,17 +265,73 @@ def zeros(typingctx, sets):
 
 
 @intrinsic
+def spread_colours(typingctx, sets, array, index):
+    """A tuple of the numbers from array[index] on, each in all LANES, three for each entry of the tuple `sets`."""
+    kind = types.UniTuple(FLOATS, 3 * sets.count)
+
+    def generate(context, builder, sig, args):
+        values = []
+        for channel in range(len(kind)):
+            place = builder.add(args[2], ir.Constant(INT64, channel))
+            number = builder.load(address(context, builder, array, args[1], place, ELEMENTS[types.float32]))
+            values.append(broadcast(builder, number, FLOATS))
+        return context.make_tuple(builder, kind, values)
+
+    return kind(sets, array, types.int64), generate
+
+
+def _planes(context, builder, array_type, array, index, stride, count):
+    """Pointers to `count` vectors of LANES floats, `stride` floats apart."""
+    for channel in range(count):
+        place = builder.add(index, builder.mul(stride, ir.Constant(INT64, channel)))
+        yield address(context, builder, array_type, array, place, llvm_type(FLOATS))
+
+
+def _load(builder, pointer):
+    value = builder.load(pointer)
+    value.align = 4
+    return value
+
+
+@intrinsic
+def add_colours(typingctx, colours, weight, array, index, stride):
+    """Add weight * colours[c] to the LANES numbers from array[index + stride * c] on, for every c."""
+
+    def generate(context, builder, sig, args):
+        colours, weight = cgutils.unpack_tuple(builder, args[0]), args[1]
+        for colour, pointer in zip(colours, _planes(context, builder, array, *args[2:], len(colours)), strict=True):
+            product = builder.fmul(weight, colour, flags=FLAGS)
+            builder.store(builder.fadd(product, _load(builder, pointer), flags=FLAGS), pointer).align = 4
+        return context.get_dummy_value()
+
+    return types.void(colours, FLOATS, array, types.int64, types.int64), generate
+
+
+@intrinsic
+def dot_colours(typingctx, colours, array, index, stride):
+    """The sum over c of colours[c] * load(array, index + stride * c)."""
+
+    def generate(context, builder, sig, args):
+        colours = cgutils.unpack_tuple(builder, args[0])
+        total = None
+        for colour, pointer in zip(colours, _planes(context, builder, array, *args[1:], len(colours)), strict=True):
+            product = builder.fmul(colour, _load(builder, pointer), flags=FLAGS)
+            total = product if total is None else builder.fadd(product, total, flags=FLAGS)
+        return total
+
+    return FLOATS(colours, array, types.int64, types.int64), generate
+
+
+@intrinsic
 def add_scaled(typingctx, sums, weight, array, index, stride):
     """A tuple sums[c] + weight * load(array, index + stride * c)."""
 
     def generate(context, builder, sig, args):
-        sums, weight, values, index, stride = args
+        sums, weight = cgutils.unpack_tuple(builder, args[0]), args[1]
         added = []
-        for channel, total in enumerate(cgutils.unpack_tuple(builder, sums)):
-            place = builder.add(index, builder.mul(stride, ir.Constant(INT64, channel)))
-            value = builder.load(address(context, builder, array, values, place, llvm_type(FLOATS)))
-            value.align = 4
-            added.append(builder.fadd(builder.fmul(weight, value, flags=FLAGS), total, flags=FLAGS))
+        for total, pointer in zip(sums, _planes(context, builder, array, *args[2:], len(sums)), strict=True):
+            product = builder.fmul(weight, _load(builder, pointer), flags=FLAGS)
+            added.append(builder.fadd(product, total, flags=FLAGS))
         return context.make_tuple(builder, sig.return_type, added)
 
     return sums(sums, FLOATS, array, types.int64, types.int64), generate
@@ -261,7 +339,7 @@ def add_scaled(typingctx, sums, weight, array, index, stride):
 
 @intrinsic
 def store_sums(typingctx, values, array, index):
-    """Write the sum over lanes of each of a tuple's vectors, one after the other, and zeros up to a multiple of LANES."""
+    """Write the sum over lanes of each of a tuple's vectors, one after the other; zeros up to a multiple of LANES."""
 
     def generate(context, builder, sig, args):
         vectors = cgutils.unpack_tuple(builder, args[0])

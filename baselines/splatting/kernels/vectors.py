@@ -2,9 +2,9 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
 """Several numbers at a time: a type for Numba, and the few operations that kernels are written in.
 
-    v = load(array, index)                      LANES numbers that follow each other in memory
-    w = select(v > 0.5, exp2(v) * 2.0, 0.0)     operators work lane by lane; a plain number stands for itself in all lanes
-    store(w, array, index)                      `vector_memory.py` has what reads and writes
+    v = load(array, index)                   LANES numbers that follow each other in memory
+    w = select(v > 0.5, exp2(v) * 2.0, 0.0)  operators work lane by lane; a plain number stands for itself in all lanes
+    store(w, array, index)                   `vector_memory.py` has what reads and writes
 
 A kernel that uses these is compiled for the lanes that `simd.py` chooses. With one lane there is no vector: v is a
 float32, a mask is a bool, and the kernel is plain Numba. Everything here takes numbers as well as vectors, so a formula
@@ -247,6 +247,28 @@ def _of_two(name: str, comparison: str, integer: str) -> Callable:
 
 minimum = _of_two("minimum", "<", "smin")
 maximum = _of_two("maximum", ">", "smax")
+
+
+@intrinsic
+def whole(typingctx, x):
+    """Floats without their fractions, as int32."""
+    kind = like(x, types.int32)
+
+    def generate(context, builder, sig, args):
+        return builder.fptosi(args[0], llvm_type(kind))
+
+    return kind(x), generate
+
+
+@intrinsic
+def lane_numbers(typingctx):
+    """0, 1, ... of LANES float32."""
+    numbers = [float(lane) for lane in range(LANES)]
+
+    def generate(context, builder, sig, args):
+        return ir.Constant(llvm_type(FLOATS), numbers if LANES > 1 else 0.0)
+
+    return FLOATS(), generate
 
 
 @intrinsic
