@@ -20,6 +20,7 @@ import numpy as np
 from numba import prange
 
 from baselines.splatting.kernels.adam import move
+from baselines.splatting.kernels.chunks import CHUNKS
 from baselines.splatting.kernels.constants import LOW_PASS
 from baselines.splatting.kernels.geometry import (
     SMALLEST_NORM,
@@ -38,7 +39,6 @@ from baselines.splatting.kernels.geometry import (
 from baselines.splatting.kernels.jit import exact_kernel, inlined
 from baselines.splatting.kernels.projection import (
     AHEAD,
-    CHUNKS,
     L11,
     L21,
     L22,
