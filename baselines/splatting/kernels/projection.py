@@ -37,6 +37,7 @@ X, Y, L11, L21, L22, LOG2_OPACITY, CUTOFF, HALF_HEIGHT, HALF_WIDTH, COLOURS = ra
 
 CHUNKS = 64
 AHEAD = 16  # how many Gaussians ahead coefficients are asked for
+LINE = 16  # floats in a line of the cache
 MAX_COEFFICIENTS = 16
 # No logit below this makes an opacity of 1/255; the exact test is made later.
 LOWEST_LOGIT = math.log(MIN_ALPHA / (1 - MIN_ALPHA)) - 1e-3
@@ -115,6 +116,13 @@ def direction(means, rows, centre):
 
 
 @inlined
+def prefetch_row(array, start, number):
+    """Have `number` floats from `start` on brought into the cache."""
+    for part in range(0, number, LINE):
+        prefetch(array, start + part)
+
+
+@inlined
 def read_coefficients(sh, rows, row_size, offset, used, out):
     """The first `used` numbers of rows of sh, transposed into out [used, LANES64]; nothing else is read."""
     for column in range(0, used, LANES64):
@@ -166,9 +174,7 @@ def project(
         for at in range(first, end, LANES64):
             for lane in range(LANES64):
                 rows[lane] = gaussian[min(at + lane, end - 1)]
-                ahead = row_size * np.int64(gaussian[min(at + lane + AHEAD, end - 1)])
-                for part in range(0, used, 16):
-                    prefetch(flat_sh, ahead + part)
+                prefetch_row(flat_sh, row_size * np.int64(gaussian[min(at + lane + AHEAD, end - 1)]), used)
             z, shown = outline(
                 flat_means, flat_quaternions, flat_scales, opacity_logits, rows,
                 pose, lens, width, height, antialiased, columns,
