@@ -123,7 +123,8 @@ class CpuBackend:
             add_penalties(state.gaussians, step_options, learned.gradients)
         for name in learned.names:
             parts = (state.gaussians, learned.gradients, state.first, state.second)
-            adam_step(*(getattr(part, name) for part in parts), iteration + 1, rates[name])
+            values, gradient, first, second = (getattr(part, name) for part in parts)
+            adam_step(values, gradient, first, second, iteration + 1, rates[name])
         if step_options.noise:
             add_noise(state.gaussians, step_options.noise, buffers.array("noise", state.gaussians.means.shape))
         return learned.loss

@@ -136,7 +136,7 @@ def list_pairs(splats, counts, room_start, tiles_x, tiles_y, pair_start, pair_en
                     for row in range(top, bottom + 1):
                         at = row * BANDS
                         for column in range(min(SPAN // BANDS, right + 1 - start)):
-                            mask, shift = 0, BANDS * column
+                            mask, shift = np.int64(0), BANDS * column
                             for band in range(BANDS):
                                 mask |= (np.int64(blocks[at + band]) >> shift & (1 << BANDS) - 1) << BANDS * band
                             if mask:
@@ -174,9 +174,9 @@ def sort_by_depth(depths, counts, keys, order, other_keys, other_order):
         for digit in range(DIGITS):
             start, count[digit] = start + count[digit], start
         for place in range(n):
-            digit = np.uint32(keys[place] - least) >> shift & np.uint32(DIGITS - 1)
-            to = count[digit]
-            count[digit] = to + 1
+            key = np.uint32(keys[place] - least) >> shift & np.uint32(DIGITS - 1)
+            to = count[key]
+            count[key] = to + 1
             other_keys[to], other_order[to] = keys[place], order[place]
         keys, other_keys, order, other_order = other_keys, keys, other_order, order
         passes += 1

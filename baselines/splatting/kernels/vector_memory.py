@@ -5,7 +5,6 @@
 import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
-from numba.extending import intrinsic
 
 from baselines.splatting.kernels.buffer_pool import CACHE_LINE
 from baselines.splatting.kernels.jit import inlined
@@ -24,12 +23,13 @@ from baselines.splatting.kernels.vectors import (
     call,
     constant,
     element,
+    intrinsic,
     lanes_of,
     llvm_type,
 )
 
 
-def address(context, builder, array_type, array, index, kind: ir.Type) -> ir.Value:
+def address(context, builder, kind: ir.Type, array_type, array, index) -> ir.Value:
     """A pointer to array[index]."""
     data = context.make_array(array_type)(context, builder, array).data
     return builder.bitcast(builder.gep(data, [index]), kind.as_pointer())
@@ -41,7 +41,7 @@ def load(typingctx, array, index):
     kind = lanes_of(array.dtype, LANES)
 
     def generate(context, builder, sig, args):
-        value = builder.load(address(context, builder, array, *args, llvm_type(kind)))
+        value = builder.load(address(context, builder, llvm_type(kind), array, *args))
         value.align = 4
         return value
 
@@ -54,7 +54,7 @@ def store(typingctx, value, array, index):
     kind = lanes_of(array.dtype, LANES)
 
     def generate(context, builder, sig, args):
-        builder.store(args[0], address(context, builder, array, *args[1:], llvm_type(kind))).align = 4
+        builder.store(args[0], address(context, builder, llvm_type(kind), array, *args[1:])).align = 4
         return context.get_dummy_value()
 
     return types.void(kind, array, types.int64), generate
@@ -73,7 +73,7 @@ def get(typingctx, array, index):
     """array[index] for an index from 0 on: without Numba's test for one that counts from the end."""
 
     def generate(context, builder, sig, args):
-        return builder.load(address(context, builder, array, *args, ELEMENTS[array.dtype]))
+        return builder.load(address(context, builder, ELEMENTS[array.dtype], array, *args))
 
     return array.dtype(array, types.int64), generate
 
@@ -97,7 +97,7 @@ def prefetch(typingctx, array, index):
         byte = ir.IntType(8).as_pointer()
         kind = ir.FunctionType(ir.VoidType(), [byte, INT32, INT32, INT32])
         function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0i8")
-        place = builder.bitcast(address(context, builder, array, *args, ir.IntType(8)), byte)
+        place = builder.bitcast(address(context, builder, ir.IntType(8), array, *args), byte)
         builder.call(function, [place, *(ir.Constant(INT32, number) for number in (0, 3, 1))])  # to read, often, data
         return context.get_dummy_value()
 
@@ -129,7 +129,7 @@ def load_first(typingctx, number, array, index):
     def generate(context, builder, sig, args):
         number, values, index = args
         kind = llvm_type(FLOATS)
-        return _load_first(builder, address(context, builder, array, values, index, kind), number, kind)
+        return _load_first(builder, address(context, builder, kind, array, values, index), number, kind)
 
     return FLOATS(types.int64, array, types.int64), generate
 
@@ -140,7 +140,7 @@ def store_first(typingctx, number, value, array, index):
 
     def generate(context, builder, sig, args):
         number, value, values, index = args
-        pointer = address(context, builder, array, values, index, value.type)
+        pointer = address(context, builder, value.type, array, values, index)
         if isinstance(value.type, ir.VectorType):
             name = f"llvm.masked.store.v{LANES}f32.p0v{LANES}f32"
             arguments = [value, pointer, ir.Constant(INT32, 4), _first(builder, number, LANES)]
@@ -160,7 +160,7 @@ def load64(typingctx, array, index):
     """LANES64 float32 of an array from index on."""
 
     def generate(context, builder, sig, args):
-        return builder.load(address(context, builder, array, *args, llvm_type(FEW_FLOATS)), align=4)
+        return builder.load(address(context, builder, llvm_type(FEW_FLOATS), array, *args), align=4)
 
     return FEW_FLOATS(array, types.int64), generate
 
@@ -170,7 +170,7 @@ def store64(typingctx, value, array, index):
     """Write LANES64 float32 into an array from index on."""
 
     def generate(context, builder, sig, args):
-        builder.store(args[0], address(context, builder, array, *args[1:], llvm_type(FEW_FLOATS)), align=4)
+        builder.store(args[0], address(context, builder, llvm_type(FEW_FLOATS), array, *args[1:]), align=4)
         return context.get_dummy_value()
 
     return types.void(FEW_FLOATS, array, types.int64), generate
@@ -187,9 +187,9 @@ def gather(typingctx, array, rows, stride, offset):
         values, places, stride, offset = args
         lanes = []
         for lane in range(LANES64):
-            place = address(context, builder, rows, places, ir.Constant(INT64, lane), INT64)
+            place = address(context, builder, INT64, rows, places, ir.Constant(INT64, lane))
             at = builder.add(builder.mul(builder.load(place), stride), offset)
-            lanes.append(builder.load(address(context, builder, array, values, at, ir.FloatType())))
+            lanes.append(builder.load(address(context, builder, ir.FloatType(), array, values, at)))
         gathered = lanes[0] if LANES64 == 1 else ir.Constant(llvm_type(FEW_FLOATS), ir.Undefined)
         if LANES64 > 1:
             for lane, value in enumerate(lanes):
@@ -211,12 +211,12 @@ def transpose(typingctx, number, array, rows, stride, offset, out, to, out_strid
         kind = llvm_type(FEW_FLOATS)
         vectors = []
         for lane in range(LANES64):
-            place = address(context, builder, rows, places, ir.Constant(INT64, lane), INT64)
+            place = address(context, builder, INT64, rows, places, ir.Constant(INT64, lane))
             at = builder.add(builder.mul(builder.load(place), stride), offset)
-            vectors.append(_load_first(builder, address(context, builder, array, values, at, kind), number, kind))
+            vectors.append(_load_first(builder, address(context, builder, kind, array, values, at), number, kind))
         for column, vector in enumerate(_transposed(builder, vectors)):
             at = builder.add(to, builder.mul(out_stride, ir.Constant(INT64, column)))
-            builder.store(vector, address(context, builder, out, written, at, kind), align=4)
+            builder.store(vector, address(context, builder, kind, out, written, at), align=4)
         return context.get_dummy_value()
 
     number_type = types.int64
@@ -273,18 +273,18 @@ def spread_colours(typingctx, sets, array, index):
         values = []
         for channel in range(len(kind)):
             place = builder.add(args[2], ir.Constant(INT64, channel))
-            number = builder.load(address(context, builder, array, args[1], place, ELEMENTS[types.float32]))
+            number = builder.load(address(context, builder, ELEMENTS[types.float32], array, args[1], place))
             values.append(broadcast(builder, number, FLOATS))
         return context.make_tuple(builder, kind, values)
 
     return kind(sets, array, types.int64), generate
 
 
-def _planes(context, builder, array_type, array, index, stride, count):
+def _planes(count, context, builder, array_type, array, index, stride):
     """Pointers to `count` vectors of LANES floats, `stride` floats apart."""
     for channel in range(count):
         place = builder.add(index, builder.mul(stride, ir.Constant(INT64, channel)))
-        yield address(context, builder, array_type, array, place, llvm_type(FLOATS))
+        yield address(context, builder, llvm_type(FLOATS), array_type, array, place)
 
 
 def _load(builder, pointer):
@@ -299,7 +299,7 @@ def add_colours(typingctx, colours, weight, array, index, stride):
 
     def generate(context, builder, sig, args):
         colours, weight = cgutils.unpack_tuple(builder, args[0]), args[1]
-        for colour, pointer in zip(colours, _planes(context, builder, array, *args[2:], len(colours)), strict=True):
+        for colour, pointer in zip(colours, _planes(len(colours), context, builder, array, *args[2:]), strict=True):
             product = builder.fmul(weight, colour, flags=FLAGS)
             builder.store(builder.fadd(product, _load(builder, pointer), flags=FLAGS), pointer).align = 4
         return context.get_dummy_value()
@@ -314,7 +314,7 @@ def dot_colours(typingctx, colours, array, index, stride):
     def generate(context, builder, sig, args):
         colours = cgutils.unpack_tuple(builder, args[0])
         total = None
-        for colour, pointer in zip(colours, _planes(context, builder, array, *args[1:], len(colours)), strict=True):
+        for colour, pointer in zip(colours, _planes(len(colours), context, builder, array, *args[1:]), strict=True):
             product = builder.fmul(colour, _load(builder, pointer), flags=FLAGS)
             total = product if total is None else builder.fadd(product, total, flags=FLAGS)
         return total
@@ -329,7 +329,7 @@ def add_scaled(typingctx, sums, weight, array, index, stride):
     def generate(context, builder, sig, args):
         sums, weight = cgutils.unpack_tuple(builder, args[0]), args[1]
         added = []
-        for total, pointer in zip(sums, _planes(context, builder, array, *args[2:], len(sums)), strict=True):
+        for total, pointer in zip(sums, _planes(len(sums), context, builder, array, *args[2:]), strict=True):
             product = builder.fmul(weight, _load(builder, pointer), flags=FLAGS)
             added.append(builder.fadd(product, total, flags=FLAGS))
         return context.make_tuple(builder, sig.return_type, added)
@@ -347,7 +347,7 @@ def store_sums(typingctx, values, array, index):
             part = vectors[start : start + LANES]
             sums = _sums(builder, part + [constant(FLOATS, 0)] * (LANES - len(part)))
             place = builder.add(args[2], ir.Constant(INT64, start))
-            builder.store(sums, address(context, builder, array, args[1], place, llvm_type(FLOATS))).align = 4
+            builder.store(sums, address(context, builder, llvm_type(FLOATS), array, args[1], place)).align = 4
         return context.get_dummy_value()
 
     return types.void(values, array, types.int64), generate

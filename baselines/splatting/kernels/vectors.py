@@ -24,11 +24,13 @@ from numba.core import cgutils, types
 from numba.core.datamodel import models
 from numba.core.typeconv import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import intrinsic, lower_builtin, lower_cast, register_model
+from numba.extending import intrinsic as numba_intrinsic
+from numba.extending import lower_builtin, lower_cast, register_model
 
 from baselines.splatting.kernels.simd import LANES as ALL_LANES
 from baselines.splatting.kernels.simd import SIMD
 
+intrinsic: Any = numba_intrinsic  # by its own types, callers would have to give the first argument
 LANES, LANES64 = ALL_LANES[SIMD]  # of float32, and of float64
 
 # A product and a sum may become one instruction; the sign of zero does not matter. Nothing that is not a number may be
