@@ -14,8 +14,8 @@ from baselines.splatting.gaussians import SHAPE, Gaussians
 from baselines.splatting.kernels.adam import settings
 from baselines.splatting.kernels.chunks import CHUNKS
 from baselines.splatting.kernels.constants import NEAR
-from baselines.splatting.kernels.jit import serial_kernel
 from baselines.splatting.kernels.geometry import exp64, log2
+from baselines.splatting.kernels.jit import serial_kernel
 from baselines.splatting.kernels.projection import COLOURS, L11, L21, L22, LOG2_OPACITY, project
 from baselines.splatting.kernels.projection_gradient import project_gradient
 from baselines.splatting.kernels.vector_memory import gather, store64
@@ -37,7 +37,14 @@ class Case(NamedTuple):
     antialiased: bool = False
 
 
-CASES = (Case(1700, 3, 3), Case(203, 3, 1, 2), Case(150, 2, 2, 1, True), Case(90, 1, 1), Case(70, 0, 0, 3), Case(1, 3, 2))
+CASES = (
+    Case(1700, 3, 3),
+    Case(203, 3, 1, 2),
+    Case(150, 2, 2, 1, True),
+    Case(90, 1, 1),
+    Case(70, 0, 0, 3),
+    Case(1, 3, 2),
+)
 
 
 def scene(case: Case) -> tuple[Gaussians, NDArray[np.float32]]:
