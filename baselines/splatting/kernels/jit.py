@@ -1,8 +1,9 @@
 """How the kernels are compiled: to machine code on first use, kept on disk for every later process.
 
 Numba re-compiles a cached kernel when the file that defines it changes, but not when a function it calls changes in
-another file. So the cache lives in a folder named after the content of all files beside this one. A kernel defined
-elsewhere calls what is defined in its own file or beside this one, and nothing else: a test goes through all kernels.
+another file, nor when other instructions are chosen. So the cache lives in a folder named after the content of all
+files beside this one, and after the instructions. A kernel defined elsewhere calls what is defined in its own file or
+beside this one, and nothing else: a test goes through all kernels.
 """
 
 import hashlib
@@ -13,6 +14,8 @@ from typing import Any
 
 import numba
 import platformdirs
+
+from baselines.splatting.kernels.simd import SIMD
 
 HERE = Path(__file__).parent
 CONFIG: Any = numba.config  # its settings are made at run time
@@ -34,7 +37,7 @@ def _cache_folder() -> str:
         parent = HERE / "__pycache__"
     else:
         parent = platformdirs.user_cache_path("hydroviews", appauthor=False)
-    return str(parent / f"kernels-{digest(HERE.glob('*.py'))}")
+    return str(parent / f"kernels-{digest(HERE.glob('*.py'))}-{SIMD}")
 
 
 FOLDER = _cache_folder()

@@ -52,7 +52,7 @@ def candidates(means, opacity_logits, pose, near, first, end, out):
         _, _, depth = to_camera(pose, x, y, z)
         out[first + n] = i
         # no branch, which would be taken as if by chance; false for NaN
-        n += np.int64((near < depth) & (depth < FAR) & (opacity_logits[i] > LOWEST_LOGIT))
+        n += int((near < depth) & (depth < FAR) & (opacity_logits[i] > LOWEST_LOGIT))
     return n
 
 
