@@ -109,6 +109,21 @@ def projection_rows(pose, fx, fy, inverse_z, slope_x, slope_y):
 
 
 @inlined
+def linearised(pose, lens, width, height, x, y, z):
+    """How the camera sees points of the world.
+
+    Returns:
+        z in camera coordinates; the slopes x / z and y / z; the slopes clamped; the two rows of J W.
+    """
+    x, y, z = to_camera(pose, x, y, z)
+    inverse_z = 1.0 / z
+    slope_x, slope_y = x * inverse_z, y * inverse_z
+    kept_x = clamped_slope(slope_x, lens[0], lens[2], width)
+    kept_y = clamped_slope(slope_y, lens[1], lens[3], height)
+    return z, slope_x, slope_y, kept_x, kept_y, projection_rows(pose, lens[0], lens[1], inverse_z, kept_x, kept_y)
+
+
+@inlined
 def times_matrix(t0, t1, t2, m):
     """A row vector times a 3x3 matrix given row by row."""
     return (

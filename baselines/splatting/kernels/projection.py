@@ -18,11 +18,10 @@ from numba import prange
 from baselines.splatting.kernels.constants import CONIC_SCALE, FAR, LOG2_MIN_ALPHA, MIN_ALPHA
 from baselines.splatting.kernels.geometry import (
     axes_on_screen,
-    clamped_slope,
     covariance,
     exp64,
+    linearised,
     log2,
-    projection_rows,
     rotation,
     sigmoid,
     to_camera,
@@ -58,30 +57,35 @@ def candidates(means, opacity_logits, pose, near, first, end, out):
 
 
 @inlined
+def read_shapes(means, quaternions, log_scales, rows):
+    """Means, quaternions and scales of LANES64 Gaussians in float64."""
+    return (
+        (gather(means, rows, 3, 0), gather(means, rows, 3, 1), gather(means, rows, 3, 2)),
+        (
+            gather(quaternions, rows, 4, 0),
+            gather(quaternions, rows, 4, 1),
+            gather(quaternions, rows, 4, 2),
+            gather(quaternions, rows, 4, 3),
+        ),
+        (
+            exp64(gather(log_scales, rows, 3, 0)),
+            exp64(gather(log_scales, rows, 3, 1)),
+            exp64(gather(log_scales, rows, 3, 2)),
+        ),
+    )
+
+
+@inlined
 def outline(means, quaternions, log_scales, opacity_logits, rows, pose, lens, width, height, antialiased, columns):
     """Put position and shape of the splats of LANES64 Gaussians into `columns`, a row of LANES64 for each number.
 
     Returns:
         Their depths, and which are opaque, on the image and of finite shape.
     """
-    fx, fy, cx, cy = lens[0], lens[1], lens[2], lens[3]
-    x, y, z = to_camera(pose, gather(means, rows, 3, 0), gather(means, rows, 3, 1), gather(means, rows, 3, 2))
-    inverse_z = 1.0 / z
-    slope_x, slope_y = x * inverse_z, y * inverse_z
-    column, row = fx * slope_x + cx, fy * slope_y + cy
-    kept_x, kept_y = clamped_slope(slope_x, fx, cx, width), clamped_slope(slope_y, fy, cy, height)
-    t = projection_rows(pose, fx, fy, inverse_z, kept_x, kept_y)
-    qw, qx, qy, qz, _ = unit_quaternion(
-        gather(quaternions, rows, 4, 0),
-        gather(quaternions, rows, 4, 1),
-        gather(quaternions, rows, 4, 2),
-        gather(quaternions, rows, 4, 3),
-    )
-    s = (
-        exp64(gather(log_scales, rows, 3, 0)),
-        exp64(gather(log_scales, rows, 3, 1)),
-        exp64(gather(log_scales, rows, 3, 2)),
-    )
+    mean, quaternion, s = read_shapes(means, quaternions, log_scales, rows)
+    z, slope_x, slope_y, _, _, t = linearised(pose, lens, width, height, *mean)
+    column, row = lens[0] * slope_x + lens[2], lens[1] * slope_y + lens[3]
+    qw, qx, qy, qz, _ = unit_quaternion(*quaternion)
     a0, a1, a2, b0, b1, b2 = axes_on_screen(t, rotation(qw, qx, qy, qz), s)
     xx, xy, yy, determinant, sharp = covariance(a0, a1, a2, b0, b1, b2)
     opacity = sigmoid(gather(opacity_logits, rows, 1, 0))

@@ -124,7 +124,7 @@ def _load_first(builder: ir.IRBuilder, pointer: ir.Value, number: ir.Value, kind
 
 @intrinsic
 def load_first(typingctx, number, array, index):
-    """LANES float32 of which only the first `number`, at least one, are read from array[index] on; the rest are zero."""
+    """LANES float32: the first `number`, at least one, from array[index] on, and zeros; nothing else is read."""
 
     def generate(context, builder, sig, args):
         number, values, index = args
@@ -152,7 +152,7 @@ def store_first(typingctx, number, value, array, index):
     return types.void(types.int64, FLOATS, array, types.int64), generate
 
 
-# --- several rows of an array: vectors of LANES64, a lane for a row ------------------------------------------------------
+# --- several rows of an array: vectors of LANES64, a lane for a row ---------------------------------------------------
 
 
 @intrinsic

@@ -294,14 +294,15 @@ def lowest_bit(typingctx, number):
     return types.int64(types.int64), generate
 
 
-def _to(name: str, kinds: dict[types.Type, types.Type], emit: str) -> Callable:
-    """A change of the type of every lane, from one to another."""
+def _to(name: str, emit: str, source: types.Type, target: types.Type) -> Callable:
+    """A change of the type of every lane; of the target's type already, as numbers among constants are, it stays."""
 
     def typing(typingctx, x):
-        kind = like(x, kinds[element(x)])
+        assert element(x) in (source, target), f"{name} of {x}"
+        kind = like(x, target)
 
         def generate(context, builder, sig, args):
-            return getattr(builder, emit)(args[0], llvm_type(kind))
+            return args[0] if element(x) == target else getattr(builder, emit)(args[0], llvm_type(kind))
 
         return kind(types.unliteral(x)), generate
 
@@ -309,10 +310,10 @@ def _to(name: str, kinds: dict[types.Type, types.Type], emit: str) -> Callable:
     return intrinsic(typing)
 
 
-to_float64 = _to("to_float64", {types.float32: types.float64}, "fpext")
-to_float32 = _to("to_float32", {types.float64: types.float32}, "fptrunc")
-to_bits = _to("to_bits", {types.float64: types.int64}, "bitcast")  # the bits of a float64 as an int64
-from_bits = _to("from_bits", {types.int64: types.float64}, "bitcast")
+to_float64 = _to("to_float64", "fpext", types.float32, types.float64)
+to_float32 = _to("to_float32", "fptrunc", types.float64, types.float32)
+to_bits = _to("to_bits", "bitcast", types.float64, types.int64)  # the bits of a float64 as an int64
+from_bits = _to("from_bits", "bitcast", types.int64, types.float64)
 
 
 # --- 2^x and 1 / x ----------------------------------------------------------------------------------------------------
