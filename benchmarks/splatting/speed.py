@@ -28,9 +28,10 @@ GROWING_SIZES = ((160, 120), (240, 180), (400, 300), (640, 480), (800, 600), (12
 SETS, COLOURED = (1, 2, 3), (30_000, 60_000)
 STAGES = {
     "project": (projection, "project"),
-    "sort": (binning, "depth_order"),
-    "count": (binning, "count_pairs"),
+    "sort": (binning, "sort_by_depth"),
+    "count": (binning, "count_room"),
     "list": (binning, "list_pairs"),
+    "deal": (binning, "deal"),
     "blend": (blending, "blend"),
     "loss": (objective, "photometric_loss"),
     "blend gradient": (blending_gradient, "blend_gradient"),
@@ -38,7 +39,7 @@ STAGES = {
     "observe": (backends, "observe"),
     "adam": (backends, "adam_step"),
 }
-RASTER = ("project", "sort", "count", "list", "blend", "blend gradient", "project gradient")
+RASTER = ("project", "sort", "count", "list", "deal", "blend", "blend gradient", "project gradient")
 STILL = LearningRates(means=1e-12, means_final=1e-12, sh=0, sh_rest=0, opacity=0, scales=0, quaternions=0)
 
 

@@ -1,17 +1,23 @@
 """Where the steps are calculated: on the CPU with our kernels, or on an NVIDIA GPU with gsplat."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.appearance.gaussians import AppearanceGaussians, gaussians_in_view
-from baselines.splatting.gaussians import Gaussians
+from baselines.splatting.gaussians import SHAPE, Gaussians
 from baselines.splatting.kernels.adam import adam_step
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.rasterizer import Gradients, backward, backward_sh_sets, render, render_sh_sets
+from baselines.splatting.kernels.rasterizer import (
+    ShapeGradients,
+    backward_sh_sets,
+    backward_with_sh_step,
+    render,
+    render_sh_sets,
+)
 from baselines.splatting.objective import Objective
 from baselines.splatting.state import TrainingState, finite
 from baselines.splatting.strategies.base import StepOptions
@@ -106,45 +112,65 @@ class CpuBackend:
         """See Backend."""
         state, buffers = self._state, self._buffers
         assert state is not None
-        loss, gradients, rank = self._learn(state.gaussians, camera, view, iteration, degree)
+        if self._objective.appearance is None:
+            learned = self._learn(state, camera, view, iteration, degree, rates)
+        else:
+            learned = self._learn_with_appearance(state.gaussians, camera, view, iteration, degree)
         if step_options.watch:
-            means2d = gradients.means2d_absolute if step_options.absolute else gradients.means2d
-            observe(state, rank, means2d, (camera.width, camera.height))
+            means2d = learned.means2d_absolute if step_options.absolute else learned.means2d
+            observe(state, learned.visible, means2d, (camera.width, camera.height))
         if step_options.opacity_penalty or step_options.scale_penalty:
-            add_penalties(state.gaussians, step_options, gradients.parameters)
-        moments = zip(state.first.state_dict().values(), state.second.state_dict().values(), strict=True)
-        for (name, values), (first, second) in zip(state.gaussians.state_dict().items(), moments, strict=True):
-            adam_step(values, getattr(gradients.parameters, name), first, second, iteration + 1, rates[name])
+            add_penalties(state.gaussians, step_options, learned.gradients)
+        for name in learned.names:
+            parts = (state.gaussians, learned.gradients, state.first, state.second)
+            values, gradient, first, second = (getattr(part, name) for part in parts)
+            adam_step(values, gradient, first, second, iteration + 1, rates[name])
         if step_options.noise:
             add_noise(state.gaussians, step_options.noise, buffers.array("noise", state.gaussians.means.shape))
-        return loss
+        return learned.loss
 
     def _learn(
-        self, gaussians: Gaussians, camera: Camera, view: int, iteration: int, degree: int
-    ) -> tuple[float, Gradients, NDArray]:
-        """The loss of a view, its gradients, and ranks [N], negative where it shows nothing of a Gaussian.
+        self, state: TrainingState, camera: Camera, view: int, iteration: int, degree: int, rates: Rates
+    ) -> "Learned":
+        """Of a view as it is; the coefficients have taken their step."""
+        image, rendered = render(state.gaussians, camera, self._background, degree, **self._render_options)
+        loss, grad_image = self._objective(image, view, iteration, self._buffers)
+        sh_moments = state.first.sh, state.second.sh
+        shape = backward_with_sh_step(rendered, grad_image, *sh_moments, iteration + 1, np.asarray(rates["sh"]))
+        return Learned(loss, shape, SHAPE, shape.means2d, shape.means2d_absolute, rendered.visible)
 
-        An appearance has taken its own step.
-        """
-        appearance, objective = self._objective.appearance, self._objective
-        if appearance is None:
-            image, state = render(gaussians, camera, self._background, degree, **self._render_options)
-            loss, grad_image = objective(image, view, iteration, self._buffers)
-            return loss, backward(state, grad_image), state.tiles.rank
-        visible = AppearanceGaussians(gaussians, appearance, camera, view, degree)
-        degree = min(degree, visible.gaussians.sh_degree)
-        images, state = render_sh_sets(
-            visible.gaussians, visible.sh, camera, self._background, degree, **self._render_options
+    def _learn_with_appearance(
+        self, gaussians: Gaussians, camera: Camera, view: int, iteration: int, degree: int
+    ) -> "Learned":
+        """Of a view in the colours that the appearance gives it, which has taken its own step."""
+        appearance, buffers = self._objective.appearance, self._buffers
+        assert appearance is not None
+        shown = AppearanceGaussians(gaussians, appearance, camera, view, degree)
+        degree = min(degree, shown.gaussians.sh_degree)
+        images, rendered = render_sh_sets(
+            shown.gaussians, shown.sh, camera, self._background, degree, **self._render_options
         )
-        loss, grad_images = objective.compare(list(images), view, iteration, self._buffers)
-        gradients, by_sh_sets = backward_sh_sets(state, np.stack(grad_images))
-        parameters = visible.backward(gradients.parameters, by_sh_sets, self._buffers)
+        loss, grad_images = self._objective.compare(list(images), view, iteration, buffers)
+        gradients, by_sh_sets = backward_sh_sets(rendered, np.stack(grad_images))
+        parameters = shown.backward(gradients.parameters, by_sh_sets, buffers)
         appearance.learn(iteration)
         means2d, absolute = (
-            visible.spread(getattr(gradients, name), name, self._buffers) for name in ("means2d", "means2d_absolute")
+            shown.spread(getattr(gradients, name), name, buffers) for name in ("means2d", "means2d_absolute")
         )
-        rank = visible.spread(state.tiles.rank, "rank", self._buffers, rest=-1)
-        return loss, Gradients(parameters, means2d, absolute), rank
+        visible = shown.spread(rendered.visible, "visible", buffers)
+        return Learned(loss, parameters, tuple(parameters.state_dict()), means2d, absolute, visible)
+
+
+@dataclass(frozen=True)
+class Learned:
+    """What a view says: its loss, and the gradients that parameters have yet to follow."""
+
+    loss: float
+    gradients: ShapeGradients | Gaussians
+    names: tuple[str, ...]  # of the parameters that follow them
+    means2d: NDArray[np.float32]  # by the position on the image in pixels [N, 2]
+    means2d_absolute: NDArray[np.float32]  # the same with absolute values summed over pixels
+    visible: NDArray[np.bool_]  # which Gaussians the view shows [N]
 
 
 def make_backend(

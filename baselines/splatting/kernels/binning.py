@@ -1,184 +1,216 @@
 # Numba infers the types of kernels.
 # mypy: allow-untyped-defs
-"""Which splats touch which tile, front to back.
+"""Which splats touch which tile and which blocks of it, front to back.
 
     list of a tile = {splat i: u_i(p)^2 + v_i(p)^2 <= CUTOFF_i at the centre p of a pixel of it}, by rising depth
 
-with u and v of `projection.py`. The visible Gaussians are sorted by depth once; a stable counting sort then lists them
-in the tiles, so every tile's list comes out in depth order without sorting (splat, tile) pairs.
-"""
+with u and v of `projection.py`. A tile is 16x16 pixels, a block 4x4. A band is four rows of pixels: between its first
+and its last row an ellipse reaches from one block to another one, which gives the blocks of all tiles at once.
 
-import math
+Pairs of a splat and a tile are numbered in the order of the splats, so that gradients are gathered in sequence, and
+dealt out to the tiles in the order of depths, so that every list comes out sorted.
+"""
 
 import numpy as np
 from numba import prange
 
-from baselines.splatting.kernels.constants import CONIC_SCALE
-from baselines.splatting.kernels.jit import exact_kernel, inlined, serial_kernel
-from baselines.splatting.kernels.projection import (
-    CULLED,
-    CUTOFF,
-    HALF_HEIGHT,
-    HALF_WIDTH,
-    L11,
-    L21,
-    L22,
-    X,
-    Y,
+from baselines.splatting.kernels.chunks import CHUNKS, SHARES
+from baselines.splatting.kernels.jit import inlined, kernel, serial_kernel
+from baselines.splatting.kernels.projection import CUTOFF, HALF_HEIGHT, HALF_WIDTH, L11, L21, L22, X, Y
+from baselines.splatting.kernels.vector_memory import prefetch, spread, store
+from baselines.splatting.kernels.vectors import (
+    LANES,
+    lane_numbers,
+    maximum,
+    minimum,
+    select,
+    square_root,
+    whole,
 )
 
-BANDS = 8  # contiguous shares of the depth order, listed in parallel; fixed, so that the lists are too
-DIGIT_BITS = 11
+TILE, BLOCK = 16, 4  # pixels
+BANDS = TILE // BLOCK  # of a tile
+SLOT, PAIR, BLOCKS, RECORD = 0, 1, 2, 4  # columns of a list's records, and how long one is
+MASK_BITS = 16  # of a tile's blocks: bit 4 row + column
+SLACK = 0.01  # pixels by which ellipses are widened; blending tests every pixel again
+ROUNDING = 2e-6  # the same as a share of their distances, for those many screens wide
+SPAN = 28  # blocks of a band that are found at a time: seven tiles
+WIDER = 1.0005  # factor of the cutoff, which is an ellipse's squared size
+AHEAD = 16  # splats that are brought into the cache before their turn
+DIGIT_BITS = 12
 DIGITS = 1 << DIGIT_BITS
-SLACK = 0.01  # pixels by which spans are widened: they are cut again, exactly, when blending
 
 
-@serial_kernel
-def depth_order(depths, keys, order, other_keys, other_order):
-    """Indices of the visible Gaussians by rising depth, equal depths in index order: least-digit radix sort.
+@inlined
+def tile_box(flat, splat, tiles_x, tiles_y):
+    """First and last column and row of tiles in the box around an ellipse; last < first where there is none."""
+    x, y = flat[splat + X] - np.float32(0.5), flat[splat + Y] - np.float32(0.5)
+    reach_x = flat[splat + HALF_WIDTH] * np.float32(1 + ROUNDING) + np.float32(SLACK)
+    reach_y = flat[splat + HALF_HEIGHT] * np.float32(1 + ROUNDING) + np.float32(SLACK)
+    end_x, end_y = np.float32(tiles_x * TILE - 1), np.float32(tiles_y * TILE - 1)
+    left, right = max(x - reach_x, np.float32(0)), min(x + reach_x, end_x)
+    top, bottom = max(y - reach_y, np.float32(0)), min(y + reach_y, end_y)
+    if not (left <= right and top <= bottom):
+        return 0, -1, 0, -1
+    return np.int64(left) // TILE, np.int64(right) // TILE, np.int64(top) // TILE, np.int64(bottom) // TILE
 
-    Positive floats sort like their bit patterns. All four buffers hold at least N; the sorted indices end up in
-    `other_order`. Returns how many there are.
+
+@kernel
+def count_room(splats, counts, tiles_x, tiles_y, room):
+    """How many pairs the splats [N, 9 + 3 L] of each chunk have at most, into room [CHUNKS]."""
+    n, stride = splats.shape
+    flat = splats.reshape(-1)
+    for share in prange(SHARES):
+        for chunk in range(share, CHUNKS, SHARES):
+            first = chunk * n // CHUNKS
+            total = 0
+            for slot in range(first, first + counts[chunk]):
+                left, right, top, bottom = tile_box(flat, slot * stride, tiles_x, tiles_y)
+                total += (right - left + 1) * (bottom - top + 1)
+            room[chunk] = total
+
+
+@inlined
+def find_blocks(flat, splat, first_band, end_band, first_block, width, blocks):
+    """Which of the SPAN blocks from `first_block` on an ellipse reaches in each band, as bits.
+
+    Bands are filled up to a multiple of LANES.
     """
-    histogram = np.zeros((3, DIGITS), np.int64)
-    mask = np.uint32(DIGITS - 1)
-    n = 0
-    for i in range(depths.shape[0]):
-        if depths[i] < CULLED:
-            key = np.float32(depths[i]).view(np.uint32)
-            keys[n], order[n] = key, i
-            n += 1
-            for digit in range(3):
-                histogram[digit, (key >> np.uint32(DIGIT_BITS * digit)) & mask] += 1
-    for digit in range(3):
-        start = 0
-        for value in range(DIGITS):
-            count = histogram[digit, value]
-            histogram[digit, value] = start
-            start += count
-        for i in range(n):
-            value = (keys[i] >> np.uint32(DIGIT_BITS * digit)) & mask
-            place = histogram[digit, value]
-            histogram[digit, value] = place + 1
-            other_keys[place], other_order[place] = keys[i], order[i]
-        keys, other_keys, order, other_order = other_keys, keys, other_order, order
-    return n
+    x, y = flat[splat + X] - np.float32(0.5), flat[splat + Y] - np.float32(0.5)
+    half_width, half_height = flat[splat + HALF_WIDTH], flat[splat + HALF_HEIGHT]
+    inverse = np.float32(1) / flat[splat + L11]
+    shear, l22 = flat[splat + L21] * inverse, flat[splat + L22]
+    cutoff = flat[splat + CUTOFF] * np.float32(WIDER) + np.float32(1e-6)
+    # the height of the rightmost point; the leftmost is opposite
+    extreme = -shear * half_height * (half_height / half_width)
+    slack = np.float32(SLACK) + np.float32(ROUNDING) * (abs(x) + half_width)
+    for band in range(first_band, end_band, LANES):
+        start = (lane_numbers() + np.float32(band)) * np.float32(BLOCK) - y
+        top, bottom = maximum(start, -half_height), minimum(start + np.float32(BLOCK - 1), half_height)
+        at_top, at_bottom = l22 * top, l22 * bottom
+        reach_top = square_root(maximum(cutoff - at_top * at_top, np.float32(0))) * inverse
+        reach_bottom = square_root(maximum(cutoff - at_bottom * at_bottom, np.float32(0))) * inverse
+        middle_top, middle_bottom = -shear * top, -shear * bottom
+        right = maximum(middle_top + reach_top, middle_bottom + reach_bottom)
+        left = minimum(middle_top - reach_top, middle_bottom - reach_bottom)
+        right = select((top <= extreme) & (bottom >= extreme), half_width, right)
+        left = select((top <= -extreme) & (bottom >= -extreme), -half_width, left)
+        # pixel centres are whole numbers here: block k has those from 4 k to 4 k + 3
+        low = minimum(maximum(left + (x - slack + np.float32(0.999)), np.float32(0)), width) * np.float32(1 / BLOCK)
+        high = minimum(maximum(right + (x + slack), np.float32(-BLOCK)), width) * np.float32(1 / BLOCK)
+        start_bit = minimum(maximum(whole(low) - first_block, np.int32(0)), np.int32(SPAN))
+        end_bit = minimum(maximum(whole(high + np.float32(1)) - first_block, np.int32(0)), np.int32(SPAN))
+        reached = (top <= bottom + slack) & (end_bit > start_bit)
+        ones = spread(np.int32(1))
+        store(select(reached, (ones << end_bit) - (ones << start_bit), np.int32(0)), blocks, band)
 
 
-@inlined
-def ellipse_slope(splat):
-    """How far up the ellipse's rightmost point lies, per pixel to the right: cov_xy / cov_xx."""
-    l11, l21, l22 = np.float64(splat[L11]), np.float64(splat[L21]), np.float64(splat[L22])
-    yy = CONIC_SCALE / (l22 * l22)
-    xy = -l21 / l11 * yy
-    xx = CONIC_SCALE / (l11 * l11) + xy * xy / yy
-    return xy / xx
-
-
-@inlined
-def tile_rows(splat, tile_shift, tiles_y):
-    """First and last row of tiles that the ellipse may reach."""
-    low = max(np.float64(splat[Y]) - splat[HALF_HEIGHT], 0.0)
-    high = min(np.float64(splat[Y]) + splat[HALF_HEIGHT], 1e6)
-    return np.int64(low) >> tile_shift, min(np.int64(max(high, -1.0)) >> tile_shift, tiles_y - 1)
-
-
-@inlined
-def tile_columns(splat, slope, tile_row, tile_shift, tiles_x):
-    """First and last tile that the ellipse reaches in a row of tiles; last < first where there is none."""
-    size = np.float64(1 << tile_shift)
-    y = np.float64(splat[Y])
-    half_height, half_width = np.float64(splat[HALF_HEIGHT]), np.float64(splat[HALF_WIDTH])
-    top = max(tile_row * size + 0.5 - SLACK - y, -half_height)
-    bottom = min(tile_row * size + size - 0.5 + SLACK - y, half_height)
-    if not top <= bottom:
-        return 1, 0
-    inverse = 1.0 / np.float64(splat[L11])
-    shear, l22, cutoff = np.float64(splat[L21]) * inverse, np.float64(splat[L22]), np.float64(splat[CUTOFF])
-    reach_top = math.sqrt(max(cutoff - (l22 * top) ** 2, 0.0)) * inverse
-    reach_bottom = math.sqrt(max(cutoff - (l22 * bottom) ** 2, 0.0)) * inverse
-    right = max(reach_top - shear * top, reach_bottom - shear * bottom)
-    left = min(-reach_top - shear * top, -reach_bottom - shear * bottom)
-    extreme = slope * half_width  # the height of the rightmost point; the leftmost is opposite
-    if top <= extreme <= bottom:
-        right = half_width
-    if top <= -extreme <= bottom:
-        left = -half_width
-    # from the first pixel centre at or after `left` to the last one at or before `right`
-    x = np.float64(splat[X]) - 0.5
-    start = max(x + left - SLACK, 0.0)
-    end = x + right + SLACK
-    width = np.float64(tiles_x << tile_shift)
-    if not (end >= 0 and start < width):
-        return 1, 0
-    first = np.int64(start)
-    if first < start:
-        first += 1
-    return first >> tile_shift, min(np.int64(min(end, width)) >> tile_shift, tiles_x - 1)
-
-
-@exact_kernel
-def count_pairs(splats, order, tile_shift, tiles_x, tiles_y, packed, rank, counts, pairs):
-    """Pack the splats [N, 9 + 3 L] in depth order and count the tiles of each and the splats of each tile and band.
+@kernel
+def list_pairs(splats, counts, room_start, tiles_x, tiles_y, pair_start, pair_end, tiles, per_tile):
+    """The tiles that splats reach, and which blocks of them.
 
     Args:
-        order: Gaussians by depth [n].
-        packed: output [n, 9 + 3 L]. rank: output [N], -1 for culled Gaussians on entry.
-        counts: output [BANDS, tiles], zero on entry. pairs: output [n + 1], tiles of each splat.
+        splats, counts: from `project`.
+        room_start: [CHUNKS], the first pair of each chunk.
+        tiles_x, tiles_y: tiles across and down.
+        pair_start, pair_end: output [N], the pairs of each slot.
+        tiles: output [room], tile << 16 | mask of blocks of each pair.
+        per_tile: output [SHARES, tiles], pairs of each tile by share.
     """
-    n = order.shape[0]
-    for band in prange(BANDS):
-        for place in range(band * n // BANDS, (band + 1) * n // BANDS):
-            i = order[place]
-            rank[i] = place
-            splat = packed[place]
-            for k in range(splats.shape[1]):
-                splat[k] = splats[i, k]
-            slope = ellipse_slope(splat)
-            found = 0
-            first_row, last_row = tile_rows(splat, tile_shift, tiles_y)
-            for row in range(first_row, last_row + 1):
-                first, last = tile_columns(splat, slope, row, tile_shift, tiles_x)
-                for column in range(first, last + 1):
-                    counts[band, row * tiles_x + column] += 1
-                    found += 1
-            pairs[place] = found
+    n, stride = splats.shape
+    flat = splats.reshape(-1)
+    width = np.float32(tiles_x * TILE - 1)
+    for share in prange(SHARES):
+        blocks = np.empty(tiles_y * BANDS + LANES, np.int32)
+        per_tile[share] = 0
+        for chunk in range(share, CHUNKS, SHARES):
+            first = chunk * n // CHUNKS
+            pair = np.int64(room_start[chunk])
+            for slot in range(first, first + counts[chunk]):
+                pair_start[slot] = pair
+                left, right, top, bottom = tile_box(flat, slot * stride, tiles_x, tiles_y)
+                for start in range(left, right + 1, SPAN // BANDS):
+                    find_blocks(
+                        flat, slot * stride, top * BANDS, (bottom + 1) * BANDS, np.int32(start * BANDS), width, blocks
+                    )
+                    for row in range(top, bottom + 1):
+                        at = row * BANDS
+                        for column in range(min(SPAN // BANDS, right + 1 - start)):
+                            mask, shift = np.int64(0), BANDS * column
+                            for band in range(BANDS):
+                                mask |= (np.int64(blocks[at + band]) >> shift & (1 << BANDS) - 1) << BANDS * band
+                            if mask:
+                                tile = row * tiles_x + start + column
+                                tiles[pair] = tile << MASK_BITS | mask
+                                per_tile[share, tile] += 1
+                                pair += 1
+                pair_end[slot] = pair
 
 
 @serial_kernel
-def sort_by_tile(pairs, counts, tile_start):
-    """Turn the counts into start positions, in place; returns the number of pairs."""
-    total = 0
-    for place in range(pairs.shape[0]):
-        count = pairs[place]
-        pairs[place] = total
-        total += count
-    position = 0
-    for tile in range(counts.shape[1]):
-        tile_start[tile] = position
-        for band in range(BANDS):
-            count = counts[band, tile]
-            counts[band, tile] = position
-            position += count
-    tile_start[counts.shape[1]] = position
-    return position
+def sort_by_depth(depths, counts, keys, order, other_keys, other_order):
+    """The slots [n] of the visible Gaussians by rising depth, those of equal depth in their own order.
+
+    Least-digit radix sort: positive floats sort like their bit patterns, of which the least is taken off. All four
+    buffers hold N; the sorted slots are in `order` if the result is even, else in `other_order`.
+    """
+    total, n = depths.shape[0], 0
+    bits = depths.view(np.uint32)
+    least, most = np.uint32(0xFFFFFFFF), np.uint32(0)
+    for chunk in range(CHUNKS):
+        first = chunk * total // CHUNKS
+        for slot in range(first, first + counts[chunk]):
+            keys[n], order[n] = bits[slot], slot
+            least, most = min(least, bits[slot]), max(most, bits[slot])
+            n += 1
+    passes = 0
+    count = np.empty(DIGITS, np.int64)
+    while n and (np.int64(most) - np.int64(least)) >> (DIGIT_BITS * passes):
+        shift = np.uint32(DIGIT_BITS * passes)
+        count[:] = 0
+        for place in range(n):
+            count[np.uint32(keys[place] - least) >> shift & np.uint32(DIGITS - 1)] += 1
+        start = 0
+        for digit in range(DIGITS):
+            start, count[digit] = start + count[digit], start
+        for place in range(n):
+            key = np.uint32(keys[place] - least) >> shift & np.uint32(DIGITS - 1)
+            to = count[key]
+            count[key] = to + 1
+            other_keys[to], other_order[to] = keys[place], order[place]
+        keys, other_keys, order, other_order = other_keys, keys, other_order, order
+        passes += 1
+    return passes
 
 
-@exact_kernel
-def list_pairs(packed, tile_shift, tiles_x, tiles_y, counts, pair_start, tile_splats, pair_slot):
-    """Write every tile's list of places in the depth order, and for each splat's pairs their slots in those lists."""
-    n = packed.shape[0]
-    for band in prange(BANDS):
-        for place in range(band * n // BANDS, (band + 1) * n // BANDS):
-            splat = packed[place]
-            slope = ellipse_slope(splat)
-            pair = pair_start[place]
-            first_row, last_row = tile_rows(splat, tile_shift, tiles_y)
-            for row in range(first_row, last_row + 1):
-                first, last = tile_columns(splat, slope, row, tile_shift, tiles_x)
-                for column in range(first, last + 1):
-                    slot = counts[band, row * tiles_x + column]
-                    counts[band, row * tiles_x + column] = slot + 1
-                    tile_splats[slot] = place
-                    pair_slot[pair] = slot
-                    pair += 1
+@kernel
+def deal(order, pair_start, pair_end, tiles, tile_start, workers, records):
+    """Fill every tile's list with records [pairs, 4]: slot, pair, mask of blocks.
+
+    Args:
+        order: slots by depth [n].
+        pair_start, pair_end, tiles: from `list_pairs`.
+        tile_start: [tiles + 1], where each list begins.
+        workers: threads, each of which fills its own range of tiles; changes nothing in the result.
+        records: output.
+    """
+    count = tile_start.shape[0] - 1
+    pairs = np.int64(tile_start[count])
+    for worker in prange(workers):
+        first = np.searchsorted(tile_start, worker * pairs // workers) if worker else 0
+        end = np.searchsorted(tile_start, (worker + 1) * pairs // workers) if worker + 1 < workers else count
+        places = tile_start[first : end + 1].copy()
+        for k in range(order.shape[0]):
+            if k + 2 * AHEAD < order.shape[0]:
+                prefetch(pair_start, np.int64(order[k + 2 * AHEAD]))
+                prefetch(pair_end, np.int64(order[k + 2 * AHEAD]))
+                prefetch(tiles, np.int64(pair_start[order[k + AHEAD]]))
+            slot = order[k]
+            for pair in range(pair_start[slot], pair_end[slot]):
+                tile = np.int64(tiles[pair]) >> MASK_BITS
+                if first <= tile < end:
+                    place = np.int64(places[tile - first])
+                    places[tile - first] = place + 1
+                    records[place, SLOT] = slot
+                    records[place, PAIR] = pair
+                    records[place, BLOCKS] = tiles[pair] & ((1 << MASK_BITS) - 1)

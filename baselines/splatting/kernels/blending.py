@@ -6,197 +6,199 @@
 
 over the splats of a pixel's tile by rising depth, without those of alpha below 1/255, until T would fall below 1e-4.
 
-One tile at a time in a scratch buffer that stays in the first-level cache, 8 pixels of a row at a time. The buffer is
-laid out in blocks of 8 pixels, with the planes of a block one after the other, so that one pointer walks a row whatever
-the tile size is. Several sets of colours of the same splats are blended at once.
+One tile of 16x16 pixels at a time, in a state that stays in the first-level cache; of a tile, those blocks of 4x4
+pixels that a splat reaches. Several sets of colours of the same splats are blended at once.
 """
 
-import math
-
 import numpy as np
-from llvmlite import ir
 from numba import prange
-from numba.core import types
-from numba.extending import intrinsic
 
+from baselines.splatting.kernels.binning import BLOCK, BLOCKS, RECORD, SLOT, TILE
+from baselines.splatting.kernels.buffer_pool import aligned_empty
 from baselines.splatting.kernels.constants import LOG2_MIN_ALPHA, MAX_ALPHA, MIN_TRANSMITTANCE
 from baselines.splatting.kernels.jit import inlined, kernel
-from baselines.splatting.kernels.projection import COLOURS, CUTOFF, HALF_HEIGHT, L11, L21, L22, LOG2_OPACITY, X, Y
-from baselines.splatting.kernels.vectors import BLOCK_BYTES, INT64, LANES, Lanes
+from baselines.splatting.kernels.projection import COLOURS, L11, L21, L22, LOG2_OPACITY, X, Y
+from baselines.splatting.kernels.vector_memory import (
+    add_colours,
+    aligned,
+    channels_of,
+    get,
+    load,
+    prefetch,
+    spread,
+    spread_colours,
+    store,
+)
+from baselines.splatting.kernels.vectors import LANES, absolute, bits, exp2, lowest_bit, maximum, minimum, select
 
-# Planes of a block; sums of red, green and blue of every set of colours are the last. A finished pixel's transmittance
-# is stored negated; pixels outside the image start finished.
-TRANSMITTANCE, LAST, SUMS = range(3)
-CHECK_EVERY = 16  # splats between two checks of which rows are finished
+PIXELS = BLOCK * BLOCK  # of a block, the length of a plane
+ACROSS = TILE // BLOCK
+TILE_BLOCKS = ACROSS * ACROSS
+TILE_PIXELS = TILE * TILE
+# Planes of a block's state; sums of red, green and blue of every set of colours are the last. A finished pixel's
+# transmittance is stored negated; pixels outside the image start finished.
+TRANSMITTANCE, LAST, SUMS = 0, PIXELS, 2 * PIXELS
+CHECK_EVERY = 32  # splats between two checks of which blocks are finished
+AHEAD = 12  # splats that are brought into the cache before their turn
+HALF = np.float32(0.5)
+BRIGHTEST, DIMMEST = np.float32(MAX_ALPHA), np.float32(MIN_TRANSMITTANCE)
+FAINTEST = np.float32(LOG2_MIN_ALPHA)
+
+# x and y of the pixels of a tile, block by block
+_COLUMNS = np.tile(np.arange(BLOCK, dtype=np.float32), BLOCK)
+_ROWS = np.repeat(np.arange(BLOCK, dtype=np.float32), BLOCK)
+PIXEL_X, PIXEL_Y = (aligned_empty(TILE_PIXELS) for _ in range(2))
+PIXEL_X[:] = np.concatenate([_COLUMNS + BLOCK * (block % ACROSS) for block in range(TILE_BLOCKS)])
+PIXEL_Y[:] = np.concatenate([_ROWS + BLOCK * (block // ACROSS) for block in range(TILE_BLOCKS)])
 
 
-@intrinsic
-def blend_row(typingctx, table, address, blocks, l11, u, power, log2_opacity, number, colours, sets):
-    """Blend one splat into `blocks` blocks of a row from `address` on.
+@inlined
+def power(l11, l21, l22, u, v, log2_opacity, pixel_x, pixel_y, place):
+    """u and v at LANES pixels of a tile, and log2 of what the splat covers of them.
 
-    u: L11 dx + L21 dy at the first pixel; power: log2 opacity - v^2; number: the splat's place in the tile's list,
-    from 1, kept for the last splat each pixel took; colours: address of its colours, three for each set of them.
+    The u and v given are those of the tile's first pixel.
     """
-    signature = types.void(*[types.int64] * 3, *[types.float32] * 5, types.int64, sets)
-    channels = 3 * sets.count
-
-    def generate(context, builder, _, arguments):
-        lanes = Lanes(builder, arguments[0])
-        address, blocks = arguments[1:3]
-        l11, u, power, log2_opacity, number = (lanes.splat(a) for a in arguments[3:8])
-        colours = lanes.scalars(arguments[8], channels)
-
-        def turn(address, u):
-            transmittance = lanes.load(address, TRANSMITTANCE)
-            # rounding may leave the exponent above the opacity's
-            exponent = lanes.minimum(lanes.fma(lanes.negate(u), u, power), log2_opacity)
-            touched = lanes.at_least(exponent, lanes.constant(LOG2_MIN_ALPHA))
-            alpha = lanes.minimum(lanes.exp2(exponent), lanes.constant(MAX_ALPHA))
-            weight = lanes.multiply(alpha, transmittance)
-            alive = lanes.at_least(lanes.subtract(transmittance, weight), lanes.constant(MIN_TRANSMITTANCE))
-            taken = lanes.both(touched, alive)
-            finished = lanes.both(touched, builder.not_(alive))
-            weight = lanes.select(taken, weight, lanes.constant(0))
-            lanes.store(lanes.negative_where(finished, lanes.subtract(transmittance, weight)), address, TRANSMITTANCE)
-            for plane, colour in enumerate(colours, SUMS):
-                lanes.store(lanes.fma(weight, colour, lanes.load(address, plane)), address, plane)
-            last = lanes.select(taken, number, lanes.constant(0))
-            lanes.store(lanes.maximum(lanes.load(address, LAST), last), address, LAST)
-
-        starts = lanes.fma(l11, lanes.lane_numbers(), u)
-        step = lanes.multiply(l11, lanes.constant(LANES))
-        lanes.loop(blocks, [(address, ir.Constant(INT64, (SUMS + channels) * BLOCK_BYTES)), (starts, step)], turn)
-        return context.get_dummy_value()
-
-    return signature, generate
+    y = load(pixel_y, place)
+    u = l11 * load(pixel_x, place) + (l21 * y + u)
+    v = l22 * y + v
+    return u, v, log2_opacity - v * v - u * u
 
 
 @inlined
-def row_blocks(l11, l21, l22, cutoff, log2_opacity, left, dy, tile_size):
-    """The blocks of a tile's row that a splat reaches.
-
-    Args:
-        left: x of the tile's first pixel centre minus the splat's. dy: y of the row minus the splat's.
-
-    Returns:
-        First block, number of blocks (0 for none), u at the first block's first pixel, log2 opacity - v^2.
-    """
-    v = l22 * dy
-    rest = cutoff - v * v
-    power = log2_opacity - v * v
-    u = l21 * dy + l11 * left
-    if not rest >= np.float32(0):
-        return 0, 0, u, power
-    inverse = np.float32(1) / l11
-    middle, reach = -u * inverse, math.sqrt(rest) * inverse
-    if not (middle + reach >= np.float32(0) and middle - reach <= np.float32(tile_size - 1)):
-        return 0, 0, u, power
-    first = np.int64(max(middle - reach, np.float32(0))) // LANES
-    last = np.int64(min(middle + reach, np.float32(tile_size - 1))) // LANES
-    return first, last - first + 1, np.float32(u + l11 * np.float32(first * LANES)), power
+def clear(state, planes, columns, rows, pixel_x, pixel_y):
+    """Start a tile: nothing in front of the pixels inside the image, the others finished. Returns the blocks inside."""
+    state[:] = np.float32(0)
+    blocks = 0
+    for block in range(TILE_BLOCKS):
+        any_inside = 0
+        for part in range(0, PIXELS, LANES):
+            place = block * PIXELS + part
+            inside = (load(pixel_x, place) < columns) & (load(pixel_y, place) < rows)
+            any_inside |= bits(inside)
+            store(select(inside, np.float32(1), np.float32(-1)), state, block * planes + TRANSMITTANCE + part)
+        if any_inside:
+            blocks |= 1 << block
+    return blocks
 
 
 @inlined
-def live_rows(scratch, planes, tile_size, first, end):
-    """The range of rows that still have an unfinished pixel; empty (first >= end) when none has."""
-    row_blocks = tile_size // LANES
-    low, high = tile_size, 0
-    for row in range(first, end):
-        alive = False
-        for block in range(row * row_blocks, (row + 1) * row_blocks):
-            for lane in range(LANES):
-                alive |= scratch[(block * planes + TRANSMITTANCE) * LANES + lane] > 0
-        if alive:
-            low, high = min(low, row), row + 1
-    return low, high
+def live_blocks(state, planes, blocks):
+    """Those of the blocks that have a pixel which is not finished."""
+    for block in range(TILE_BLOCKS):
+        unfinished = 0
+        for part in range(0, PIXELS, LANES):
+            unfinished |= bits(load(state, block * planes + TRANSMITTANCE + part) > np.float32(0))
+        if not unfinished:
+            blocks &= ~(1 << block)
+    return blocks
 
 
 @inlined
-def clear(scratch, planes, tile_size, columns, rows):
-    """Start a tile: nothing in front of the pixels inside the image, the others finished."""
-    row_blocks = tile_size // LANES
-    scratch[:] = np.float32(0)
-    for row in range(tile_size):
-        for column in range(tile_size):
-            block = row * row_blocks + column // LANES
-            inside = row < rows and column < columns
-            scratch[(block * planes + TRANSMITTANCE) * LANES + column % LANES] = np.float32(1 if inside else -1)
+def blend_splat(flat, splat, x0, y0, number, mask, state, lasts, planes, sets, pixel_x, pixel_y):
+    """Blend one splat into the blocks of a tile; returns the mask of those that took it."""
+    left, top = x0 + HALF - get(flat, splat + X), y0 + HALF - get(flat, splat + Y)
+    l11, l21, l22 = spread(get(flat, splat + L11)), spread(get(flat, splat + L21)), spread(get(flat, splat + L22))
+    first_u, first_v = l11 * left + l21 * top, l22 * top
+    log2_opacity, number = spread(get(flat, splat + LOG2_OPACITY)), spread(number)
+    colours = spread_colours(sets, flat, splat + COLOURS)
+    taken_by = 0
+    while mask:
+        block = lowest_bit(mask)
+        mask &= mask - 1
+        for part in range(0, PIXELS, LANES):
+            at = block * planes + part
+            _, _, exponent = power(
+                l11, l21, l22, first_u, first_v, log2_opacity, pixel_x, pixel_y, block * PIXELS + part
+            )
+            transmittance = load(state, at + TRANSMITTANCE)
+            touched = (exponent >= FAINTEST) & (transmittance > np.float32(0))
+            weight = select(touched, minimum(exp2(exponent), BRIGHTEST) * transmittance, np.float32(0))
+            unfinished = transmittance - weight >= DIMMEST
+            taken = touched & unfinished
+            weight = select(taken, weight, np.float32(0))
+            add_colours(colours, weight, state, at + SUMS, PIXELS)
+            last = select(taken, number, np.int32(0))
+            store(maximum(load(lasts, at + LAST), last), lasts, at + LAST)
+            left_over = transmittance - weight
+            store(select(touched & ~unfinished, -left_over, left_over), state, at + TRANSMITTANCE)
+            if bits(taken):
+                taken_by |= 1 << block
+    return taken_by
 
 
 @inlined
-def write_tile(scratch, planes, tile_size, x0, y0, columns, rows, background, images, transmittance, last):
+def write_tile(state, lasts, planes, channels, tile, x0, y0, width, height, background, pixels, transmittance, last):
     """Add the background and copy a finished tile to the images."""
-    row_blocks = tile_size // LANES
-    for row in range(rows):
-        for column in range(columns):
-            pixel = (row * row_blocks + column // LANES) * planes * LANES + column % LANES
-            remaining = abs(scratch[pixel + TRANSMITTANCE * LANES])
-            for image in range(images.shape[0]):
-                for channel in range(3):
-                    seen = scratch[pixel + (SUMS + 3 * image + channel) * LANES] + remaining * background[channel]
-                    images[image, y0 + row, x0 + column, channel] = seen
-            transmittance[y0 + row, x0 + column] = remaining
-            last[y0 + row, x0 + column] = scratch[pixel + LAST * LANES]
+    for block in range(TILE_BLOCKS):
+        for part in range(0, PIXELS, LANES):
+            at, to = block * planes + part, tile * TILE_PIXELS + block * PIXELS + part
+            store(absolute(load(state, at + TRANSMITTANCE)), transmittance, to)
+            store(load(lasts, at + LAST), last, to)
+        x, y = x0 + BLOCK * (block % ACROSS), y0 + BLOCK * (block // ACROSS)
+        columns, rows = min(BLOCK, width - x), min(BLOCK, height - y)
+        for row in range(rows):
+            at = block * planes + BLOCK * row
+            for channel in range(channels):
+                to = ((channel // 3 * height + y + row) * width + x) * 3 + channel % 3
+                behind = background[channel % 3]
+                for column in range(columns):
+                    seen = state[at + SUMS + PIXELS * channel + column]
+                    pixels[to + 3 * column] = seen + abs(state[at + TRANSMITTANCE + column]) * behind
 
 
 @kernel
 def blend(
-    packed, tile_start, tile_splats, tile_order, tile_shift, background, workers, table, sets,
-    transmittance, last, taken, images,
-):  # fmt: skip
+    splats, tile_start, records, tile_order, pixel_x, pixel_y, background, workers, sets, transmittance, last, images
+):
     """Fill the images [L, H, W, 3] of all sets of colours and what their gradients need.
 
     Args:
-        packed: splats in depth order [n, 9 + 3 L].
-        tile_start, tile_splats: every tile's list, from `list_pairs`.
+        splats: [N, 9 + 3 L] in slots.
+        tile_start, records: every tile's list, from `deal`; of every record, the mask of blocks becomes that of the
+            blocks which took something of the splat.
         tile_order: tiles, heaviest first.
+        pixel_x, pixel_y: PIXEL_X and PIXEL_Y.
         background: [3].
         workers: threads to share the tiles between; changes nothing in the result.
-        table: address of `vectors.CONSTANTS`.
         sets: a tuple of L numbers, whatever they are: each L has machine code of its own.
-        transmittance: output [H, W], what is left for the background.
-        last: output [H, W], number of the last splat that each pixel took, from 1 in its tile's list.
-        taken: output [tiles], how far each tile's list was worked through.
+        transmittance: output [tiles, 256], block by block: what is left for the background.
+        last: output [tiles, 256], number of the last splat that each pixel took, from 1 in its tile's list.
     """
-    height, width = images.shape[1], images.shape[2]
-    tile_size = 1 << tile_shift
-    tiles_x = (width + tile_size - 1) >> tile_shift
-    planes = SUMS + packed.shape[1] - COLOURS
-    block_bytes = planes * BLOCK_BYTES
-    row_bytes = tile_size // LANES * block_bytes
-    colours, splat_bytes = np.int64(packed.ctypes.data) + COLOURS * 4, packed.shape[1] * 4
+    height, width, stride = images.shape[1], images.shape[2], splats.shape[1]
+    tiles_x = (width + TILE - 1) // TILE
+    flat, pixels, flat_records = splats.reshape(-1), images.reshape(-1), records.reshape(-1)
     for worker in prange(workers):
-        scratch = np.empty(tile_size * tile_size * planes, np.float32)
-        address = np.int64(scratch.ctypes.data)
+        channels = channels_of(sets)
+        planes = SUMS + PIXELS * channels
+        state = aligned(TILE_BLOCKS * planes)
+        lasts = state.view(np.int32)
         for turn in range(worker, tile_order.shape[0], workers):
             tile = tile_order[turn]
-            x0, y0 = (tile % tiles_x) << tile_shift, (tile // tiles_x) << tile_shift
-            columns, rows = min(tile_size, width - x0), min(tile_size, height - y0)
-            clear(scratch, planes, tile_size, columns, rows)
-            first_live, end_live = 0, rows
-            start, end = tile_start[tile], tile_start[tile + 1]
-            position = start
-            while position < end:
+            x0, y0 = (tile % tiles_x) * TILE, (tile // tiles_x) * TILE
+            live = clear(state, planes, np.float32(width - x0), np.float32(height - y0), pixel_x, pixel_y)
+            start, end = np.int64(tile_start[tile]), np.int64(tile_start[tile + 1])
+            for position in range(start, end):
                 if (position - start) % CHECK_EVERY == CHECK_EVERY - 1:
-                    first_live, end_live = live_rows(scratch, planes, tile_size, first_live, end_live)
-                    if first_live >= end_live:
-                        break
-                splat = packed[tile_splats[position]]
-                left = np.float32(x0) + np.float32(0.5) - splat[X]
-                centre = splat[Y] - np.float32(y0) - np.float32(0.5)
-                first_row = np.int64(max(centre - splat[HALF_HEIGHT], np.float32(first_live)))
-                last_row = np.int64(min(centre + splat[HALF_HEIGHT], np.float32(end_live - 1)))
-                number = np.float32(position - start + 1)
-                for row in range(first_row, last_row + 1):
-                    block, blocks, u, power = row_blocks(
-                        splat[L11], splat[L21], splat[L22], splat[CUTOFF], splat[LOG2_OPACITY],
-                        left, np.float32(row) - centre, tile_size,
+                    live = live_blocks(state, planes, live)
+                if position + AHEAD < end:
+                    ahead = np.int64(flat_records[RECORD * (position + AHEAD) + SLOT]) * stride
+                    prefetch(flat, ahead)
+                    prefetch(flat, ahead + stride - 1)
+                record = RECORD * position
+                mask = np.int64(flat_records[record + BLOCKS]) & live
+                if mask:
+                    mask = blend_splat(
+                        flat, np.int64(flat_records[record + SLOT]) * stride, np.float32(x0), np.float32(y0),
+                        np.int32(position - start + 1), mask, state, lasts, planes, sets, pixel_x, pixel_y,
                     )  # fmt: skip
-                    if blocks > 0:
-                        blend_row(  # type: ignore[call-arg]  # Numba fills the typing context in
-                            table, address + row * row_bytes + block * block_bytes, blocks, splat[L11], u, power,
-                            splat[LOG2_OPACITY], number, colours + tile_splats[position] * splat_bytes, sets,
-                        )  # fmt: skip
-                position += 1
-            taken[tile] = position - start
-            write_tile(scratch, planes, tile_size, x0, y0, columns, rows, background, images, transmittance, last)
+                flat_records[record + BLOCKS] = mask
+            write_tile(
+                state, lasts, planes, channels, tile, x0, y0, width, height, background, pixels, transmittance, last
+            )
+
+
+def by_pixel(planes, width, height):
+    """What `blend` wrote block by block, [tiles, 256], as an image [H, W]."""
+    tiles_x, tiles_y = -(-width // TILE), -(-height // TILE)
+    blocks = planes.reshape(tiles_y, tiles_x, ACROSS, ACROSS, BLOCK, BLOCK)
+    return blocks.transpose(0, 2, 4, 1, 3, 5).reshape(tiles_y * TILE, tiles_x * TILE)[:height, :width].copy()

@@ -1,6 +1,8 @@
 # Numba infers the types of kernels.
 # mypy: allow-untyped-defs
-"""From a Gaussian's parameters to its ellipse on the image, in float64 scalars; shared by projection and its gradient.
+"""From a Gaussian's parameters to its ellipse on the image, in float64; shared by projection and its gradient.
+
+All of it takes numbers, or vectors of `vectors.py`.
 
     screen-space covariance = J W R S S R^T W^T J^T + 0.3 I      (EWA splatting, Zwicker et al. 2001; Kerbl et al. 2023)
 
@@ -9,32 +11,49 @@ With rows a and b of J W R S, three numbers each, it is [[a.a + 0.3, a.b], [a.b,
 """
 
 import math
+import struct
 
 import numpy as np
 
 from baselines.splatting.kernels.constants import FRUSTUM_MARGIN, LOG2_E, LOW_PASS
 from baselines.splatting.kernels.jit import inlined
+from baselines.splatting.kernels.vectors import from_bits, maximum, minimum, square_root, to_bits
 
 _NODES = np.cos((np.arange(256) + 0.5) * np.pi / 256) / 2
-_POLYNOMIAL = np.polynomial.polynomial.polyfit(_NODES, 2.0**_NODES, 10)
-EXP2_COEFFICIENTS = tuple(float(c) for c in _POLYNOMIAL)[::-1]
+# of 2^f for f in [-1/2, 1/2], the highest power first
+EXP2_HIGHEST, *_REST = (float(c) for c in np.polynomial.polynomial.polyfit(_NODES, 2.0**_NODES, 10)[::-1])
+EXP2_REST = tuple(_REST)
+LOG2_HIGHEST = 2 * LOG2_E / 19  # log2((1 + t) / (1 - t)) = 2 log2(e) (t + t^3 / 3 + t^5 / 5 + ...)
+LOG2_REST = tuple(2 * LOG2_E / power for power in range(17, 0, -2))
 ROUND = 6755399441055744.0  # 1.5 * 2^52: adding it leaves the nearest integer in the low bits of a float64
+ROUND_BITS = struct.unpack("q", struct.pack("d", ROUND))[0]
+SQRT_HALF_BITS = struct.unpack("q", struct.pack("d", math.sqrt(0.5)))[0]
 SMALLEST_NORM = 1e-12  # a quaternion shorter than this counts as no rotation
 
 
 @inlined
 def exp64(x):
     """exp(x) within 1e-13 relative, saturating at 2^-1000 and 2^1000, without a library call; NaN stays NaN."""
-    exponent = x * LOG2_E
-    if exponent == exponent:
-        exponent = min(max(exponent, -1000.0), 1000.0)
+    exponent = minimum(1000.0, maximum(-1000.0, x * LOG2_E))
     shifted = exponent + ROUND
-    whole = np.float64(shifted).view(np.int64) << np.int64(52)
     fraction = exponent - (shifted - ROUND)
-    power = 0.0
-    for coefficient in EXP2_COEFFICIENTS:
+    power = fraction * EXP2_HIGHEST + EXP2_REST[0]
+    for coefficient in EXP2_REST[1:]:
         power = power * fraction + coefficient
-    return np.int64(np.float64(power).view(np.int64) + whole).view(np.float64)
+    return from_bits(to_bits(power) + (to_bits(shifted) << 52))
+
+
+@inlined
+def log2(x):
+    """log2(x) of positive, finite float64 that are not denormal, within 1e-15 relative to the larger of it and 1."""
+    whole = (to_bits(x) - SQRT_HALF_BITS) >> 52  # x = 2^whole mantissa, with a mantissa from sqrt(1/2) to sqrt(2)
+    mantissa = from_bits(to_bits(x) - (whole << 52))
+    t = (mantissa - 1.0) / (mantissa + 1.0)
+    square = t * t
+    power = square * LOG2_HIGHEST + LOG2_REST[0]
+    for coefficient in LOG2_REST[1:]:
+        power = power * square + coefficient
+    return power * t + (from_bits(whole + ROUND_BITS) - ROUND)
 
 
 @inlined
@@ -44,12 +63,10 @@ def sigmoid(x):
 
 
 @inlined
-def unit_quaternion(quaternions, i):
-    """(w, x, y, z) of row i at length one, and its length before."""
-    w, x = np.float64(quaternions[i, 0]), np.float64(quaternions[i, 1])
-    y, z = np.float64(quaternions[i, 2]), np.float64(quaternions[i, 3])
-    norm = math.sqrt(w * w + x * x + y * y + z * z)
-    inverse = 1.0 / max(norm, SMALLEST_NORM)
+def unit_quaternion(w, x, y, z):
+    """A quaternion at length one, and its length before."""
+    norm = square_root(w * w + x * x + y * y + z * z)
+    inverse = 1.0 / maximum(norm, SMALLEST_NORM)
     return w * inverse, x * inverse, y * inverse, z * inverse, norm
 
 
@@ -77,7 +94,7 @@ def to_camera(pose, x, y, z):
 def clamped_slope(slope, focal, centre, size):
     """x / z (or y / z) kept within the image and a margin, where the linearised projection still makes sense."""
     margin = FRUSTUM_MARGIN * size / focal
-    return min(max(slope, -centre / focal - margin), (size - centre) / focal + margin)
+    return minimum(maximum(slope, -centre / focal - margin), (size - centre) / focal + margin)
 
 
 @inlined
@@ -99,6 +116,14 @@ def times_matrix(t0, t1, t2, m):
         t0 * m[1] + t1 * m[4] + t2 * m[7],
         t0 * m[2] + t1 * m[5] + t2 * m[8],
     )
+
+
+@inlined
+def axes_on_screen(t, r, s):
+    """The rows a and b of J W R S, one after the other, from those of J W, of R, and the three scales."""
+    a = times_matrix(t[0], t[1], t[2], r)
+    b = times_matrix(t[3], t[4], t[5], r)
+    return a[0] * s[0], a[1] * s[1], a[2] * s[2], b[0] * s[0], b[1] * s[1], b[2] * s[2]
 
 
 @inlined

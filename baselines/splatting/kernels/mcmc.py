@@ -39,7 +39,9 @@ def move_by_noise(means, quaternions, log_scales, opacity_logits, normal, factor
         for i in range(chunk * n // CHUNKS, (chunk + 1) * n // CHUNKS):
             transparency = 1 - sigmoid(np.float64(opacity_logits[i]))
             weight = factor * sigmoid(GATE_STEEPNESS * (transparency - GATE))
-            qw, qx, qy, qz, _ = unit_quaternion(quaternions, i)
+            qw, qx = np.float64(quaternions[i, 0]), np.float64(quaternions[i, 1])
+            qy, qz = np.float64(quaternions[i, 2]), np.float64(quaternions[i, 3])
+            qw, qx, qy, qz, _ = unit_quaternion(qw, qx, qy, qz)
             r = rotation(qw, qx, qy, qz)
             n0, n1, n2 = np.float64(normal[i, 0]), np.float64(normal[i, 1]), np.float64(normal[i, 2])
             v0 = exp64(2 * np.float64(log_scales[i, 0])) * (r[0] * n0 + r[3] * n1 + r[6] * n2)

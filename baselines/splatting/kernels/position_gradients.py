@@ -17,12 +17,12 @@ CHUNKS = 16
 
 
 @kernel
-def add_position_gradients(rank, means2d, half_width, half_height, gradient_sum, seen):
-    """Add one view's to `gradient_sum` and `seen` [N]; `rank` [N] is negative where the view shows no such Gaussian."""
-    n = rank.shape[0]
+def add_position_gradients(visible, means2d, half_width, half_height, gradient_sum, seen):
+    """Add one view's to `gradient_sum` and `seen` [N]; `visible` [N] says which Gaussians the view shows."""
+    n = visible.shape[0]
     for chunk in prange(CHUNKS):
         for i in range(chunk * n // CHUNKS, (chunk + 1) * n // CHUNKS):
-            if rank[i] >= 0:
+            if visible[i]:
                 x, y = means2d[i, 0] * half_width, means2d[i, 1] * half_height
                 gradient_sum[i] += np.sqrt(x * x + y * y)
                 seen[i] += np.float32(1)

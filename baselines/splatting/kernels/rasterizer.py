@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.gaussians import SHAPE, Gaussians
-from baselines.splatting.kernels import blending, blending_gradient, projection, projection_gradient
+from baselines.splatting.kernels import adam, blending, blending_gradient, projection, projection_gradient
+from baselines.splatting.kernels.blending import PIXEL_X, PIXEL_Y, TILE_PIXELS
 from baselines.splatting.kernels.buffer_pool import BufferPool
+from baselines.splatting.kernels.chunks import CHUNKS
 from baselines.splatting.kernels.constants import NEAR
 from baselines.splatting.kernels.spherical_harmonics import C0, degree_of
-from baselines.splatting.kernels.tiles import Tiles, bin_splats
-from baselines.splatting.kernels.vectors import CONSTANTS
+from baselines.splatting.kernels.tiles import Splats, Tiles, bin_splats
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 
@@ -36,17 +37,45 @@ class RenderState:
     view: tuple[Any, ...]  # pose, centre, lens, width, height
     antialiased: bool
     background: NDArray[np.float32]
-    depths: NDArray[np.float32]  # [N], infinite where culled
+    splats: Splats
     tiles: Tiles
-    transmittance: NDArray[np.float32]  # [H, W]; 1 - it is the image's alpha
-    last: NDArray[np.float32]
-    taken: NDArray[np.int32]
+    blocks_transmittance: NDArray[np.float32]  # [tiles, 256], block by block
+    blocks_last: NDArray[np.int32]
     buffers: BufferPool = field(repr=False)
 
     @property
     def visible(self) -> NDArray[np.bool_]:
         """Which Gaussians this view shows [N]."""
-        return self.tiles.rank >= 0
+        shown = np.zeros(len(self.gaussians), np.bool_)
+        shown[self.order] = True
+        return shown
+
+    @property
+    def order(self) -> NDArray[np.int32]:
+        """The Gaussians that this view shows [n], nearest first."""
+        return self.splats.gaussians[self.tiles.order]
+
+    @property
+    def transmittance(self) -> NDArray[np.float32]:
+        """What every pixel lets through to the background [H, W]; 1 - it is the image's alpha."""
+        return blending.by_pixel(self.blocks_transmittance, *self.view[3:])
+
+    @property
+    def last(self) -> NDArray[np.int32]:
+        """Number of the last splat that each pixel took [H, W], from 1 in its tile's list."""
+        return blending.by_pixel(self.blocks_last, *self.view[3:])
+
+
+@dataclass(frozen=True)
+class ShapeGradients:
+    """dloss/dparameter of all but the colours, and by the position on the image [N, 2] in pixels."""
+
+    means: NDArray[np.float32]  # [N, 3]
+    quaternions: NDArray[np.float32]  # [N, 4]
+    log_scales: NDArray[np.float32]  # [N, 3]
+    opacity_logits: NDArray[np.float32]  # [N]
+    means2d: NDArray[np.float32]
+    means2d_absolute: NDArray[np.float32]  # the same with absolute values summed over pixels (Ye et al. 2024, AbsGS)
 
 
 @dataclass(frozen=True)
@@ -55,7 +84,7 @@ class Gradients:
 
     parameters: Gaussians
     means2d: NDArray[np.float32]
-    means2d_absolute: NDArray[np.float32]  # the same with absolute values summed over pixels (Ye et al. 2024, AbsGS)
+    means2d_absolute: NDArray[np.float32]  # as in ShapeGradients
 
     @property
     def colours(self) -> NDArray[np.float32]:
@@ -116,13 +145,17 @@ def render_sh_sets(
     if sh.shape[1] != n:
         raise ValueError(f"coefficients {sh.shape} of {n} Gaussians, expected [sets, {n}, K, 3]")
     view = _view(gaussians, camera)
-    splats = buffers.array("splats", (n, projection.COLOURS + 3 * sets))
-    depths = buffers.array("depths", (n,))
-    projection.project(
-        *(getattr(gaussians, name) for name in SHAPE), sh, degree, *view, near, antialiased, splats, depths
+    splats = Splats(
+        buffers.array("splats", (n, projection.COLOURS + 3 * sets)),
+        buffers.array("depths", (n,)),
+        buffers.array("gaussians", (n,), np.int32),
+        buffers.array("chunk_counts", (CHUNKS,), np.int32),
     )
-    tiles = bin_splats(splats, depths, camera.width, camera.height, buffers)
-    size = camera.height, camera.width
+    shape = (getattr(gaussians, name) for name in SHAPE)
+    outputs = splats.values, splats.depths, splats.gaussians, splats.counts
+    projection.project(*shape, sh, degree, *view, near, antialiased, *outputs)
+    tiles = bin_splats(splats, camera.width, camera.height, buffers)
+    planes = len(tiles.heaviest), TILE_PIXELS
     state = RenderState(
         gaussians=gaussians,
         sh=sh,
@@ -130,15 +163,14 @@ def render_sh_sets(
         view=view,
         antialiased=antialiased,
         background=np.asarray(background, np.float32),
-        depths=depths,
+        splats=splats,
         tiles=tiles,
-        transmittance=buffers.array("transmittance", size),
-        last=buffers.array("last", size),
-        taken=buffers.array("taken", (len(tiles.heaviest),), np.int32),
+        blocks_transmittance=buffers.array("transmittance", planes),
+        blocks_last=buffers.array("last", planes, np.int32),
         buffers=buffers,
     )
-    images = buffers.array("images", (sets, *size, 3))
-    blending.blend(*_blending_arguments(state), state.transmittance, state.last, state.taken, images)
+    images = buffers.array("images", (sets, camera.height, camera.width, 3))
+    blending.blend(*_blending_arguments(state), images)
     return images, state
 
 
@@ -157,33 +189,62 @@ def backward_sh_sets(state: RenderState, grad_images: NDArray[np.float32]) -> tu
         The gradients by the Gaussians, whose coefficients are the first set, and by all sets [L, N, K, 3]: buffers
         of the pool, as those of `backward` are.
     """
-    buffers, gaussians, tiles = state.buffers, state.gaussians, state.tiles
-    moments = buffers.array("moments", (len(tiles.splats), projection_gradient.TO_COLOURS + 3 * len(state.sh)))
-    grads = np.ascontiguousarray(grad_images, np.float32)
+    g_sh = state.buffers.array("g_sh", state.sh.shape)
+    shape = _backward(state, grad_images, (g_sh.reshape(-1),))
+    parameters = Gaussians(**{name: getattr(shape, name) for name in SHAPE}, sh=g_sh[0], origin=state.gaussians.origin)
+    return Gradients(parameters, shape.means2d, shape.means2d_absolute), g_sh
+
+
+def backward_with_sh_step(
+    state: RenderState,
+    grad_image: Image,
+    first: NDArray[np.float32],
+    second: NDArray[np.float32],
+    step: int,
+    rates: NDArray[np.float32],
+) -> ShapeGradients:
+    """As `backward`, but the coefficients take a step of Adam at once: their gradient, most of all, is never written.
+
+    Args:
+        state: of `render`, whose Gaussians' coefficients [N, K, 3] change in place.
+        grad_image: dloss/dimage [H, W, 3].
+        first, second: Adam's moments of the coefficients [N, K, 3]; they change in place. Those above the degree in
+            use are zero: `projection_gradient.project_gradient` leaves them out.
+        step: number of this step, from 1.
+        rates: learning rates [K, 3].
+    """
+    row, constants = adam.settings(step, rates)
+    return _backward(state, grad_image[None], (first.reshape(-1), second.reshape(-1), row, constants))
+
+
+def _backward(
+    state: RenderState, grad_images: NDArray[np.float32], sh_output: tuple[NDArray[np.float32], ...]
+) -> ShapeGradients:
+    """The gradients of all but the coefficients; for those see `project_gradient`'s `form`."""
+    buffers, gaussians, tiles, splats = state.buffers, state.gaussians, state.tiles, state.splats
+    moments = buffers.array("moments", (tiles.pairs, blending_gradient.moments_of(len(state.sh))))
     blending_gradient.blend_gradient(
-        *_blending_arguments(state), state.transmittance, state.last, state.taken, grads, moments
+        *_blending_arguments(state), np.ascontiguousarray(grad_images, np.float32), moments
     )
-    shape = {name: getattr(gaussians, name) for name in SHAPE}
-    g_shape = {name: buffers.array(f"g_{name}", value.shape) for name, value in shape.items()}
-    g_sh = buffers.array("g_sh", state.sh.shape)
-    means2d, absolute = (buffers.array(name, (len(gaussians), 2)) for name in ("g_means2d", "g_absolute"))
+    shape = [getattr(gaussians, name) for name in SHAPE]
+    outputs = {name: buffers.array(f"g_{name}", getattr(gaussians, name).shape) for name in SHAPE}
+    outputs |= {name: buffers.array(f"g_{name}", (len(gaussians), 2)) for name in ("means2d", "means2d_absolute")}
     projection_gradient.project_gradient(
-        *shape.values(),
+        *shape,
         state.sh,
         state.sh_degree,
         *state.view,
         state.antialiased,
-        tiles.rank,
+        splats.values,
+        splats.gaussians,
+        splats.counts,
         tiles.pair_start,
-        tiles.pair_slot,
+        tiles.pair_end,
         moments,
-        *g_shape.values(),
-        g_sh,
-        means2d,
-        absolute,
+        *outputs.values(),
+        sh_output,
     )
-    parameters = Gaussians(**g_shape, sh=g_sh[0], origin=gaussians.origin)
-    return Gradients(parameters, means2d, absolute), g_sh
+    return ShapeGradients(**outputs)
 
 
 def depth(state: RenderState) -> NDArray[np.float32]:
@@ -191,12 +252,19 @@ def depth(state: RenderState) -> NDArray[np.float32]:
 
     Along the viewing axis, in world units. How much of a pixel is covered is 1 - `state.transmittance`.
     """
-    packed = state.tiles.packed[:, : projection.COLOURS + 3].copy()
-    packed[:, projection.COLOURS] = state.depths[state.tiles.order]
-    other = replace(state, tiles=replace(state.tiles, packed=packed), background=BLACK)
-    sums = np.empty((1, *state.transmittance.shape, 3), np.float32)
-    scratch = (np.empty_like(plane) for plane in (state.transmittance, state.last, state.taken))
-    blending.blend(*_blending_arguments(other), *scratch, sums)
+    values = state.splats.values[:, : projection.COLOURS + 3].copy()
+    values[:, projection.COLOURS] = state.splats.depths
+    other = replace(
+        state,
+        splats=replace(state.splats, values=values),
+        tiles=replace(state.tiles, records=state.tiles.records.copy()),
+        background=BLACK,
+        blocks_transmittance=np.empty_like(state.blocks_transmittance),
+        blocks_last=np.empty_like(state.blocks_last),
+    )
+    width, height = state.view[3:]
+    sums = np.empty((1, height, width, 3), np.float32)
+    blending.blend(*_blending_arguments(other), sums)
     covered = 1 - state.transmittance
     return np.divide(sums[0, ..., 0], covered, out=np.full_like(covered, np.nan), where=covered > 0)
 
@@ -210,15 +278,17 @@ def _view(gaussians: Gaussians, camera: Camera) -> tuple[Any, ...]:
 
 
 def _blending_arguments(state: RenderState) -> tuple[Any, ...]:
-    tiles = state.tiles
+    tiles, values = state.tiles, state.splats.values
     return (
-        tiles.packed,
+        values,
         tiles.start,
-        tiles.splats,
+        tiles.records,
         tiles.heaviest,
-        tiles.shift,
+        PIXEL_X,
+        PIXEL_Y,
         state.background,
         numba.get_num_threads(),
-        CONSTANTS.ctypes.data,
-        (0,) * ((tiles.packed.shape[1] - projection.COLOURS) // 3),
+        (0,) * ((values.shape[1] - projection.COLOURS) // 3),
+        state.blocks_transmittance,
+        state.blocks_last,
     )

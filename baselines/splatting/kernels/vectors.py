@@ -2,9 +2,9 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
 """Several numbers at a time: a type for Numba, and the few operations that kernels are written in.
 
-    v = load(array, index)                      LANES numbers that follow each other in memory
-    w = select(v > 0.5, exp2(v) * 2.0, 0.0)     operators work lane by lane; a plain number stands for itself in all lanes
-    store(w, array, index)                      `vector_memory.py` has what reads and writes
+    v = load(array, index)                   LANES numbers that follow each other in memory
+    w = select(v > 0.5, exp2(v) * 2.0, 0.0)  operators work lane by lane; a plain number stands for itself in all lanes
+    store(w, array, index)                   `vector_memory.py` has what reads and writes
 
 A kernel that uses these is compiled for the lanes that `simd.py` chooses. With one lane there is no vector: v is a
 float32, a mask is a bool, and the kernel is plain Numba. Everything here takes numbers as well as vectors, so a formula
@@ -24,11 +24,13 @@ from numba.core import cgutils, types
 from numba.core.datamodel import models
 from numba.core.typeconv import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import intrinsic, lower_builtin, lower_cast, register_model
+from numba.extending import intrinsic as numba_intrinsic
+from numba.extending import lower_builtin, lower_cast, register_model
 
 from baselines.splatting.kernels.simd import LANES as ALL_LANES
 from baselines.splatting.kernels.simd import SIMD
 
+intrinsic: Any = numba_intrinsic  # by its own types, callers would have to give the first argument
 LANES, LANES64 = ALL_LANES[SIMD]  # of float32, and of float64
 
 # A product and a sum may become one instruction; the sign of zero does not matter. Nothing that is not a number may be
@@ -74,6 +76,7 @@ def lanes_of(dtype: types.Type, count: int) -> types.Type:
 
 FLOATS, INTS = lanes_of(types.float32, LANES), lanes_of(types.int32, LANES)
 DOUBLES = lanes_of(types.float64, LANES64)
+FEW_FLOATS = lanes_of(types.float32, LANES64)  # as many as there are float64 lanes
 
 
 def element(kind: types.Type) -> types.Type:
@@ -249,6 +252,28 @@ maximum = _of_two("maximum", ">", "smax")
 
 
 @intrinsic
+def whole(typingctx, x):
+    """Floats without their fractions, as int32."""
+    kind = like(x, types.int32)
+
+    def generate(context, builder, sig, args):
+        return builder.fptosi(args[0], llvm_type(kind))
+
+    return kind(x), generate
+
+
+@intrinsic
+def lane_numbers(typingctx):
+    """0, 1, ... of LANES float32."""
+    numbers = [float(lane) for lane in range(LANES)]
+
+    def generate(context, builder, sig, args):
+        return ir.Constant(llvm_type(FLOATS), numbers if LANES > 1 else 0.0)
+
+    return FLOATS(), generate
+
+
+@intrinsic
 def bits(typingctx, mask):
     """A mask as an int64: the first lane is the lowest bit."""
 
@@ -267,6 +292,27 @@ def lowest_bit(typingctx, number):
         return call(builder, "llvm.cttz.i64", INT64, [args[0], ir.Constant(ir.IntType(1), 1)])
 
     return types.int64(types.int64), generate
+
+
+def _to(name: str, kinds: dict[types.Type, types.Type], emit: str) -> Callable:
+    """A change of the type of every lane, from one to another."""
+
+    def typing(typingctx, x):
+        kind = like(x, kinds[element(x)])
+
+        def generate(context, builder, sig, args):
+            return getattr(builder, emit)(args[0], llvm_type(kind))
+
+        return kind(types.unliteral(x)), generate
+
+    typing.__name__ = name
+    return intrinsic(typing)
+
+
+to_float64 = _to("to_float64", {types.float32: types.float64}, "fpext")
+to_float32 = _to("to_float32", {types.float64: types.float32}, "fptrunc")
+to_bits = _to("to_bits", {types.float64: types.int64}, "bitcast")  # the bits of a float64 as an int64
+from_bits = _to("from_bits", {types.int64: types.float64}, "bitcast")
 
 
 # --- 2^x and 1 / x ----------------------------------------------------------------------------------------------------

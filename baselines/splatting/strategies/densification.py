@@ -61,17 +61,19 @@ class DefaultStrategy:
         return reset_opacity(state, self) if reset_due(self, iteration) else state
 
 
-def observe(state: TrainingState, rank: NDArray[np.int32], means2d: NDArray[np.float32], size: tuple[int, int]) -> None:
+def observe(
+    state: TrainingState, visible: NDArray[np.bool_], means2d: NDArray[np.float32], size: tuple[int, int]
+) -> None:
     """Add one view's position gradients, in place.
 
     Args:
         state: being trained.
-        rank: [N], negative where the view does not show the Gaussian.
+        visible: [N], which Gaussians the view shows.
         means2d: dloss/d(position on the image in pixels) [N, 2].
         size: width and height of the image; gradients are by position in units of half of it, as in the paper.
     """
     half_width, half_height = np.float32(size[0] / 2), np.float32(size[1] / 2)
-    add_position_gradients(rank, means2d, half_width, half_height, state.gradient_sum, state.seen)
+    add_position_gradients(visible, means2d, half_width, half_height, state.gradient_sum, state.seen)
 
 
 def grow_due(strategy: DefaultStrategy, iteration: int) -> bool:

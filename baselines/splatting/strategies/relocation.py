@@ -13,6 +13,7 @@ from scipy.special import comb
 
 from baselines.splatting.gaussians import SHAPE, Gaussians
 from baselines.splatting.kernels.mcmc import move_by_noise, penalty_gradients
+from baselines.splatting.kernels.rasterizer import ShapeGradients
 from baselines.splatting.schedule import Stream, random_stream
 from baselines.splatting.state import TrainingState, opacities
 from baselines.splatting.strategies.base import PositionNoise, StepOptions, refinement_due
@@ -148,7 +149,7 @@ def _cleared(moments: Gaussians, which: NDArray[np.bool_]) -> Gaussians:
     return moments
 
 
-def add_penalties(gaussians: Gaussians, step_options: StepOptions, gradients: Gaussians) -> None:
+def add_penalties(gaussians: Gaussians, step_options: StepOptions, gradients: Gaussians | ShapeGradients) -> None:
     """Add the gradient of both penalties, in place."""
     n = max(len(gaussians), 1)
     weights = step_options.scale_penalty / (3 * n), step_options.opacity_penalty / n

@@ -81,9 +81,9 @@ def test_refining_nothing_gives_nothing():
 
 def test_observed_gradients_are_by_half_the_image_size():
     state = fresh_state(cloud(4, 0))
-    rank = np.array([0, -1, 1, 2], np.int32)
+    visible = np.array([True, False, True, True])
     means2d = np.array([[3e-3, 0], [1, 1], [0, 4e-3], [3e-3, 4e-3]], np.float32)
-    observe(state, rank, means2d, (200, 100))
+    observe(state, visible, means2d, (200, 100))
     assert np.allclose(state.gradient_sum, [0.3, 0, 0.2, np.hypot(0.3, 0.2)])
     assert np.array_equal(state.seen, [1, 0, 1, 1])
 

@@ -248,7 +248,7 @@ def test_thousands_of_equal_depths_are_blended_in_index_order():
     means[:, 2] = 4
     gaussians = replace(gaussians, means=means, opacity_logits=gaussians.opacity_logits - 2)
     state = assert_same(gaussians, replace(AHEAD, width=24, height=16, cx=12.0, cy=8.0))
-    assert np.array_equal(state.tiles.order, np.flatnonzero(state.visible))
+    assert np.array_equal(state.order, np.flatnonzero(state.visible))
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])

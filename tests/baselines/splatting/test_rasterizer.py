@@ -120,15 +120,6 @@ def test_every_gaussian_gets_its_own_gradient_right():
         assert error.max() < 2e-3, name
 
 
-def test_large_tiles_give_the_same_image(monkeypatch):
-    gaussians, view = cloud(300, 1), camera(100, 70)
-    small = render(gaussians, view, BACKGROUND)[0].copy()
-    monkeypatch.setattr("baselines.splatting.kernels.tiles.LARGE_IMAGE", 0)
-    large, state = render(gaussians, view, BACKGROUND)
-    assert state.tiles.shift == 5
-    assert np.abs(small - large).max() < 1e-6
-
-
 def test_the_result_does_not_depend_on_the_number_of_threads():
     if numba.config.NUMBA_NUM_THREADS < 2:
         pytest.skip("needs two threads")
@@ -310,7 +301,7 @@ def test_equal_depths_are_blended_in_index_order():
     gaussians = cloud(20, 0)
     same = replace(gaussians, means=np.repeat(gaussians.means[:1], 20, axis=0))
     _, state = render(same, view, BACKGROUND)
-    assert np.array_equal(state.tiles.order, np.flatnonzero(state.visible))
+    assert np.array_equal(state.order, np.flatnonzero(state.visible))
     assert_same(same, view)
 
 

@@ -23,12 +23,12 @@ def test_torch_and_the_kernels_have_the_same():
     assert np.allclose(rotations(torch.from_numpy(QUATERNIONS)).numpy(), expected, atol=1e-14)
 
     @numba.njit
-    def compiled(quaternions, i):
-        w, x, y, z, norm = unit_quaternion(quaternions, i)
+    def compiled(quaternion):
+        w, x, y, z, norm = unit_quaternion(quaternion[0], quaternion[1], quaternion[2], quaternion[3])
         return rotation(w, x, y, z), norm
 
     for index, matrix in enumerate(expected):
-        entries, norm = compiled(QUATERNIONS, index)
+        entries, norm = compiled(QUATERNIONS[index])
         assert np.allclose(np.reshape(entries, (3, 3)), matrix, atol=1e-14)
         assert np.isclose(norm, np.linalg.norm(QUATERNIONS[index]))
 
