@@ -1,6 +1,8 @@
 """The unreduced photometric loss: what each pixel adds to it, for masks to learn from.
 
     l = mean over channels of (1 - lambda) |C^ - C| + lambda (1 - SSIM)
+
+The same kernel as the loss itself.
 """
 
 import numpy as np

@@ -11,18 +11,17 @@ The image is cut into parts: bands of rows, and strips of columns. Down each of 
 Rings keep sixteen rows of 1 and 2, few enough to stay in the processor's cache. Rows and columns beside a part that
 its windows reach into are calculated twice: parts share nothing, so results do not depend on the number of threads.
 
-Variances are differences, E[x^2] - E[x]^2, that cancel. Above GREY the squares are a quarter as large, and so is what
-rounding leaves. The taps add up to exactly 1, so that the squares' sum and the sum's square are of the same window.
+Variances are differences, E[x^2] - E[x]^2, that cancel. Above GREY most squares are much smaller, and so is what
+rounding leaves of them. The taps add up to exactly 1, or a part of the mean would be taken for variance.
 """
 
 import numpy as np
 from numba import prange
 from numba.core import cgutils, types
-from numba.extending import intrinsic
 
 from baselines.splatting.kernels.jit import exact_kernel, inlined
-from baselines.splatting.kernels.vector_memory import address, load, spread, store
-from baselines.splatting.kernels.vectors import FLOATS, LANES, absolute, llvm_type, select
+from baselines.splatting.kernels.vector_memory import address, load, store
+from baselines.splatting.kernels.vectors import FLOATS, LANES, absolute, intrinsic, llvm_type, select
 
 RADIUS = 5
 SIGMA = 1.5
@@ -31,7 +30,7 @@ _TAPS = np.round(_WINDOW[1:] / (2 * _WINDOW[1:].sum() + 1) * 2**24) / 2**24
 T1, T2, T3, T4, T5 = (np.float32(tap) for tap in _TAPS)
 T0 = np.float32(1 - 2 * _TAPS.sum())
 C1, C2 = np.float32(0.01**2), np.float32(0.03**2)
-NONE, ONE, TWO, GREY = np.float32(0), np.float32(1), np.float32(2), np.float32(0.5)
+NONE, ONE, TWO, GREY = np.float32(0), np.float32(1), np.float32(2), np.float32(0.25)
 
 BAND, STRIP = 160, 384  # rows and columns of a part at most; a pixel has three columns
 GROUP, RING = 4, 16  # rows at a time, and rows kept: whole groups, and all that the windows of a group need
@@ -51,7 +50,7 @@ def load_each(typingctx, array, places, index):
         values = []
         for place in cgutils.unpack_tuple(builder, args[1]):
             at = builder.add(args[2], place)
-            values.append(builder.load(address(context, builder, array, args[0], at, llvm_type(FLOATS))))
+            values.append(builder.load(address(context, builder, llvm_type(FLOATS), array, args[0], at)))
             values[-1].align = 4
         return context.make_tuple(builder, kind, values)
 

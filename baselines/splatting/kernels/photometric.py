@@ -28,7 +28,7 @@ NONE, NOTHING_HIDDEN = np.zeros((0, 0), np.float32), np.zeros((0, 0), bool)
 class Target:
     """An image to be matched; it is filtered anew in every step, so that nothing but its pixels is kept."""
 
-    pixels: NDArray[np.uint8] | NDArray[np.float32]  # [H, W, 3], of 0 to 255, or float32 in [0, 1]
+    pixels: NDArray  # [H, W, 3], uint8, or float32 in [0, 1]
     ignored: Ignored | None = None  # bool [H, W], what is hidden; None where nothing is
 
     @property
