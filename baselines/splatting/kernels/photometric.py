@@ -56,7 +56,7 @@ def prepare_target(image: NDArray, ignored: Ignored | None = None) -> Target:
     """
     if ignored is not None and ignored.shape != image.shape[:2]:
         raise ValueError(f"image {image.shape} and mask {ignored.shape} differ in size")
-    pixels = np.ascontiguousarray(image, np.uint8 if image.dtype == np.uint8 else np.float32)
+    pixels: NDArray = np.ascontiguousarray(image, np.uint8 if image.dtype == np.uint8 else np.float32)
     hidden = ignored is not None and ignored.any()
     return Target(pixels, np.ascontiguousarray(ignored, bool) if hidden else None)
 
