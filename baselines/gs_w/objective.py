@@ -42,7 +42,7 @@ class VisibleObjective(Objective):
         if self.appearance.config.lpips:
             ignored = self.images.ignored(view, (image.shape[0], image.shape[1]))
             device = self.appearance.fusion.middle.device
-            value, more = perceptual_loss(image, target.pixels.reshape(image.shape), ignored, device)
+            value, more = perceptual_loss(image, target.image, ignored, device)
             loss, gradient = loss + self.appearance.config.lpips * value, gradient + self.appearance.config.lpips * more
         return loss, gradient
 

@@ -12,9 +12,6 @@ from baselines.splatting.kernels.photometric import Target, photometric_loss, pr
 from baselines.training.images import Size, TrainingImages
 from hydroviews.scene.images import Image
 
-PREPARED_BYTES = 2 * 10**9  # filtered targets are kept up to this size in all
-TARGET_PLANES = 3  # of the size of the picture in float32
-
 
 class Objective:
     """The photometric loss against the photographs. Methods derive from it to change what is compared, and how.
@@ -26,8 +23,6 @@ class Objective:
     def __init__(self, images: TrainingImages, lambda_dssim: float = 0.2, appearance: Appearance | None = None):
         self.images = images
         self.lambda_dssim = lambda_dssim
-        self._targets: dict[tuple[int, Size], Target] = {}
-        self._room = PREPARED_BYTES
         self.appearance = appearance  # what gives Gaussians their colours, where it is not spherical harmonics alone
 
     @property
@@ -37,17 +32,8 @@ class Objective:
         return all(getattr(type(self), name) is getattr(Objective, name) for name in compared_by)
 
     def target(self, view: int, size: Size | None = None) -> Target:
-        """A training view as the loss wants it, at its own size or a smaller one; kept while there is room."""
-        pixels, ignored = self.images.pixels(view, size), self.images.ignored(view, size)
-        key = view, (pixels.shape[0], pixels.shape[1])
-        target = self._targets.get(key)
-        if target is None:
-            target = prepare_target(pixels, ignored)
-            needed = TARGET_PLANES * target.pixels.nbytes
-            if needed <= self._room:
-                self._room -= needed
-                self._targets[key] = target
-        return target
+        """A training view as the loss wants it, at its own size or a smaller one."""
+        return prepare_target(self.images.pixels(view, size), self.images.ignored(view, size))
 
     def compare(
         self, images: Sequence[Image], view: int, iteration: int, buffers: BufferPool

@@ -1,7 +1,7 @@
 """A step of training here against the same step in another checkout, in turns on one machine.
 
-    python -m benchmarks.splatting.against OTHER_CHECKOUT
-    python -m benchmarks.splatting.against OTHER_CHECKOUT --simd avx2 --threads 1 2
+    python -m benchmarks.splatting.against --other CHECKOUT
+    python -m benchmarks.splatting.against --other CHECKOUT --simd avx2 --threads 1 2
 
 Wall-clock times want an idle machine; the ratio is between medians of steps that alternate.
 """

@@ -56,7 +56,7 @@ class RainObjective(Objective):
         weights = _product(seen.weights, self._mask_weights(seen, target, buffers), shown)
         loss, gradient = photometric_loss(seen.image, target, self.lambda_dssim, weights, buffers)
         by_scene, by_mist = self.model.backward(seen, gradient, buffers)
-        observed = Observation(target.pixels.reshape(image.shape), target.shown, shown, weights)
+        observed = Observation(target.image, target.shown, shown, weights)
         self.model.update(seen, observed, by_mist, buffers)
         return loss, by_scene
 

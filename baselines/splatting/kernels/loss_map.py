@@ -2,14 +2,14 @@
 
     l = mean over channels of (1 - lambda) |C^ - C| + lambda (1 - SSIM)
 
-The same arithmetic as `photometric`, which sums the map up as it goes and keeps none.
+The same kernel as the loss itself.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.photometric import C1, C2, Target, filter_products, filter_vertically
+from baselines.splatting.kernels.photometric import NONE, Target, compare
 from hydroviews.scene.images import Image
 
 
@@ -24,32 +24,11 @@ def loss_map(
         image: rendered, float32 [H, W, 3].
         target: what it should look like.
         lambda_dssim: lambda.
-        buffers: memory to reuse.
+        buffers: memory to reuse; the map is one of them.
 
     Raises:
         ValueError: image and target differ in size.
     """
-    height, width = image.shape[:2]
-    if target.pixels.shape != (height, 3 * width):
-        raise ValueError(f"image {image.shape} and target {target.pixels.shape} differ in size")
-    buffers = buffers or BufferPool()
-    if target.shown is not None:  # by selection, since a render may hold NaN there
-        image = np.where(target.shown[..., None] > 0, image, np.float32(0))
-    x = np.ascontiguousarray(image, np.float32).reshape(height, -1)
-    rows = buffers.array("mask_rows", (3, *x.shape))
-    planes = buffers.array("mask_planes", (3, *x.shape))
-    filter_products(x, target.pixels, rows)
-    filter_vertically(rows, planes)
-    losses = (1 - lambda_dssim) * np.abs(target.pixels - x) + lambda_dssim * (1 - _similarity(target, planes))
-    out = losses.reshape(height, width, 3).mean(axis=2)
-    if target.shown is not None:
-        out[target.shown == 0] = 0
-    return np.asarray(out, np.float32)
-
-
-def _similarity(target: Target, planes: NDArray[np.float32]) -> NDArray[np.float32]:
-    """SSIM [H, 3 W] from the filtered x, x^2 and x y of the render, planes [3, H, 3 W]."""
-    mean, mean_square, mean_product = planes
-    product, squares = mean * target.mean, mean * mean + target.mean * target.mean
-    variances = mean_square + target.mean_square - squares
-    return (2 * product + C1) * (2 * (mean_product - product) + C2) / ((squares + C1) * (variances + C2))
+    losses = (buffers or BufferPool()).array("loss_map", image.shape[:2])
+    compare(image, target, lambda_dssim, NONE, losses, NONE)
+    return losses

@@ -46,7 +46,7 @@ LOWEST_LOGIT = math.log(MIN_ALPHA / (1 - MIN_ALPHA)) - 1e-3
 def candidates(means, opacity_logits, pose, near, first, end, out):
     """List in out[first:] the Gaussians from `first` to `end` that are in front and may be opaque enough; returns
     how many."""
-    n = 0
+    n = np.int64(0)
     for i in range(first, end):
         x, y, z = np.float64(means[i, 0]), np.float64(means[i, 1]), np.float64(means[i, 2])
         _, _, depth = to_camera(pose, x, y, z)

@@ -134,5 +134,5 @@ def test_lpips_is_added_unmasked(monkeypatch):
     assert np.allclose(gradient, 2 * (image - photograph) / image.size, atol=1e-7)
     rule = objective([np.round(255 * photograph).astype(np.uint8)], ReferenceConfig(**{**vars(SHORT), "lpips": 0.5}))
     target = rule.target(0)
-    expected = photometric_loss(image, target)[0] + 0.5 * np.mean((image - target.pixels.reshape(image.shape)) ** 2)
+    expected = photometric_loss(image, target)[0] + 0.5 * np.mean((image - target.image) ** 2)
     assert rule(image, 0, 0, BufferPool())[0] == pytest.approx(expected, rel=1e-5)

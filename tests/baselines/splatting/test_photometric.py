@@ -1,12 +1,13 @@
 """The fused loss and Adam against torch."""
 
+import numba
 import numpy as np
 import pytest
 import torch
 
 from baselines.splatting.backends.torch_rasterizer import photometric_loss as exact_loss
 from baselines.splatting.kernels.adam import adam_step
-from baselines.splatting.kernels.photometric import photometric_loss, prepare_target
+from baselines.splatting.kernels.photometric import NONE, compare, photometric_loss, prepare_target
 
 
 def pair(width, height, seed=0):
@@ -73,8 +74,72 @@ def test_equal_images_have_no_loss():
 def test_bytes_and_floats_make_the_same_target():
     pixels = np.random.default_rng(0).integers(0, 256, (9, 7, 3), np.uint8)
     one, two = prepare_target(pixels), prepare_target(pixels.astype(np.float32) / np.float32(255))
-    assert np.array_equal(one.pixels, two.pixels)
-    assert np.array_equal(one.mean_square, two.mean_square)
+    assert one.pixels is pixels
+    assert np.array_equal(one.image, two.image)
+    image, _ = pair(7, 9)
+    (loss, gradient), (same, again) = photometric_loss(image, one), photometric_loss(image, two)
+    assert loss == same
+    assert np.array_equal(gradient, again)
+
+
+# where bands, strips, vectors and groups of rows begin and end
+@pytest.mark.parametrize("size", [(1, 400), (400, 1), (127, 162), (128, 161), (129, 160), (133, 321), (261, 7)])
+@pytest.mark.parametrize("masked", [False, True])
+def test_every_size_matches_autograd(size, masked):
+    image, target = pair(*size)
+    ignored = np.random.default_rng(2).random(target.shape[:2]) < 0.1 if masked else None
+    loss, gradient = photometric_loss(image, prepare_target(target, ignored), 0.2)
+    shown = None if ignored is None else torch.from_numpy(~ignored)
+    x = torch.from_numpy(image).double().requires_grad_()
+    exact = exact_loss(x, torch.from_numpy(target).double(), 0.2, shown)
+    exact.backward()
+    expected = x.grad.numpy()
+    assert loss == pytest.approx(float(exact.detach()), abs=1e-7)
+    assert np.linalg.norm(gradient - expected) < 2e-6 * np.linalg.norm(expected)
+    assert np.abs(gradient - expected).max() < 1e-5 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("size", [(1, 1), (129, 161), (150, 40)])
+def test_nothing_outside_the_picture_is_read_or_written(size):
+    """Pictures in the middle of arrays full of NaN: none gets in, and none is overwritten."""
+    height = size[1]
+    image, target = pair(*size)
+    loss, gradient = photometric_loss(image, prepare_target(target))
+
+    def surrounded(plane):
+        flat = np.full(plane.size + 4096, np.nan, np.float32)
+        inside = flat[2048:-2048].reshape(height, -1)
+        inside[:] = plane.reshape(height, -1)
+        return flat, inside
+
+    (_, x), (_, y), (around, out) = surrounded(image), surrounded(target), surrounded(np.zeros_like(image))
+    again = compare(x.reshape(image.shape), prepare_target(y.reshape(image.shape)), 0.2, NONE, NONE, out)
+    assert again == loss
+    assert np.array_equal(out, gradient.reshape(height, -1))
+    assert np.isnan(around[:2048]).all()
+    assert np.isnan(around[-2048:]).all()
+
+
+def test_results_do_not_depend_on_the_number_of_threads():
+    image, target = pair(300, 330)
+    weights = np.random.default_rng(1).random(target.shape[:2]).astype(np.float32)
+    results = []
+    for threads in (1, 2):
+        numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
+        loss, gradient = photometric_loss(image, prepare_target(target), 0.2, weights)
+        results.append((loss, gradient.tobytes()))
+    assert results[0] == results[1]
+
+
+def test_smooth_pictures_lose_little_to_rounding():
+    """The variances of smooth pictures are small differences of large means."""
+    waves = 0.5 + 0.45 * np.sin(np.arange(120 * 90 * 3).reshape(90, 120, 3) / 40)
+    target = np.round(255 * waves).astype(np.uint8)
+    image = (waves + 0.01 * np.random.default_rng(0).normal(size=waves.shape)).astype(np.float32)
+    x = torch.from_numpy(image).double().requires_grad_()
+    exact_loss(x, torch.from_numpy(prepare_target(target).image).double(), 1.0).backward()
+    error = photometric_loss(image, prepare_target(target), 1.0)[1] - x.grad.numpy()
+    assert np.linalg.norm(error) < 4e-6 * np.linalg.norm(x.grad.numpy())
 
 
 def test_sizes_must_agree():
