@@ -95,7 +95,11 @@ def run(case: Case) -> dict[str, NDArray]:
     pair_start[slots] = 2 * np.arange(len(slots))
     pair_end[slots] = pair_start[slots] + 2
     rows = moments(case, splats[slots], gaussian[slots])
+    rows = np.concatenate([rows, np.full_like(rows[:1], np.nan)])  # the gradient stays away from what is no pair's
+    touched = slots[: max(1, len(slots) - 1)]
+    pair_start[slots[len(touched) :]] = pair_end[slots[len(touched) :]] = len(rows) - 1
     found = {"splats": splats[slots], "depths": depths[slots], "gaussian": gaussian[slots]}
+    found["touched"] = gaussian[touched]
 
     def gradient(sh: NDArray[np.float32], form: tuple[NDArray, ...]) -> list[NDArray[np.float32]]:
         small = [np.full_like(value, np.nan) for value in shape]

@@ -38,7 +38,7 @@ from baselines.splatting.kernels.shape_gradient import (
     shape_gradient,
 )
 from baselines.splatting.kernels.spherical_harmonics import basis, colour, direction_gradient
-from baselines.splatting.kernels.vector_memory import gather, load, load64, store, store64, transpose
+from baselines.splatting.kernels.vector_memory import gather, load, load64, spread, store, store64, transpose
 from baselines.splatting.kernels.vectors import LANES, LANES64, select, to_float32, to_float64
 
 NEXT = 8  # how many Gaussians ahead Adam's moments are asked for; past the end of an array that does nothing
@@ -47,11 +47,11 @@ MAX_ROW = 3 * MAX_COEFFICIENTS
 
 @inlined
 def sum_moments(moments, size, pair_start, pair_end, slots, own, sums, out):
-    """The moments of LANES64 splats, each summed over its pairs, into out [size, LANES64]."""
+    """The moments of LANES64 splats, each summed over its pairs, which may be none, into out [size, LANES64]."""
     for lane in range(LANES64):
         start, end = np.int64(pair_start[slots[lane]]), np.int64(pair_end[slots[lane]])
         for part in range(0, size, LANES):
-            total = load(moments, start * size + part) * 0
+            total = spread(np.float32(0))
             for pair in range(start, end):
                 total = total + load(moments, pair * size + part)
             store(total, sums, lane * size + part)
