@@ -111,7 +111,7 @@ class _Moves(TorchFunctionMode):
             Tensor.cuda: lambda tensor, *_, **__: self._moved(tensor, True),
             Tensor.cpu: lambda tensor, *_, **__: self._moved(tensor, False),
             Tensor.to: self._to,
-            Tensor.tolist: lambda tensor: self._moved(tensor, False).tolist(),
+            Tensor.tolist: lambda tensor: self._moved(tensor.detach(), False).tolist(),
             Tensor.new_tensor: self._new_tensor,
         }
 
