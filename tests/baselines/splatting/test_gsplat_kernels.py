@@ -14,7 +14,7 @@ from baselines.splatting.backends.gsplat_kernels import LOG, require_kernels
 from baselines.training import nvidia
 from hydroviews.errors import InputError
 
-COMPLAINTS = "for k in $(seq 50); do echo complaint $k of $0; done; exit 1"
+COMPLAINTS = "k=0; while [ $k -lt 50 ]; do k=$((k + 1)); echo complaint $k of $0; done; exit 1"
 VERSION = 'case "$*" in *version) echo "c++ (GCC) 13.2.0"; exit;; *dumpfullversion*) echo 13.2.0; exit;; esac'
 
 
@@ -28,7 +28,7 @@ def machine(tmp_path, monkeypatch):
     monkeypatch.setenv("CUDA_HOME", "")  # so that what is set here is taken back
     monkeypatch.delenv("CUDA_PATH", raising=False)
     program(tmp_path / "local" / "bin" / "nvcc", f"exec {tmp_path}/usual/bin/nvcc")
-    monkeypatch.setenv("PATH", f"{tmp_path}/local/bin:/usr/bin:/bin")
+    monkeypatch.setenv("PATH", f"{tmp_path}/local/bin")  # not even a ninja of the system's
     monkeypatch.setenv("CXX", str(program(tmp_path / "local" / "bin" / "c++", f"{VERSION}\n{COMPLAINTS}")))
     monkeypatch.setenv("TORCH_EXTENSIONS_DIR", str(tmp_path / "built"))
     monkeypatch.setenv("TORCH_CUDA_ARCH_LIST", "9.0")
