@@ -38,8 +38,10 @@ def test_a_record_tells_the_gpus_memory_and_where_was_rendered(tmp_path, monkeyp
     for summary, rendered in ((told, "a card"), (replace(told, render_device="cpu"), "cpu")):
         monkeypatch.setattr(finished_runs.Cloud, "summary", lambda _, summary=summary: summary)
         train_and_render(run)
-        record = score(run)
-        assert (record.device, record.render_device) == ("a card", rendered)
-        assert record.peak_gpu_mem_mb == 3250 > record.peak_mem_mb
+        prediction = read_json(run.folder / PREDICTION)
+        assert (prediction["device"], prediction["render_device"]) == ("a card", rendered)
+    record = score(run)
+    assert (record.device, record.render_device) == ("a card", "cpu")
+    assert record.peak_gpu_mem_mb == 3250 > record.peak_mem_mb
     assert profiles == ["demo", "demo"]
     assert {"peak_gpu_mem_mb", "render_device"} < set(columns())
