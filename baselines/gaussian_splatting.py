@@ -185,7 +185,9 @@ class GaussianSplatting(Method):
     def summary(self) -> TrainingSummary:
         """See Method."""
         trained = self._require()
-        return TrainingSummary(trained.seconds, len(trained.gaussians), self._model_mb, trained.device)
+        return TrainingSummary(
+            trained.seconds, len(trained.gaussians), self._model_mb, trained.device, render_device="cpu"
+        )
 
     def _require(self) -> TrainedScene:
         if self._trained is None:

@@ -10,6 +10,7 @@ import tyro
 from baselines.gaussian_splatting import SPLATS
 from baselines.method import Method, find_method
 from baselines.rendering.film import FilmChoice, draw_film
+from baselines.training.devices import warn_of_slow_profile
 from hydroviews.captures.sfm.poses import estimate_poses
 from hydroviews.captures.video.capture import capture_video
 from hydroviews.captures.video.frames import FrameChoice
@@ -84,6 +85,7 @@ def reconstruct(request: Reconstruction) -> Path:
         fix="choose another --out, or remove the folder",
         ignored=("film",),
     )
+    warn_of_slow_profile(request.profile)
     scene = find_scene(request, folder / CAPTURE)
     for note in scene.notes:
         logger.info(note)

@@ -7,9 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import torch
 from tqdm import tqdm
 
 from baselines.method import Method, find_method
+from baselines.training.devices import warn_of_slow_profile
 from hydroviews.files.atomic import write_json
 from hydroviews.scene.images import write_png
 from hydroviews.scene.scenes import Scene, Split
@@ -28,6 +30,7 @@ def train_and_render(run: Run) -> None:
     (run.folder / PREDICTION).unlink(missing_ok=True)  # renders are whole where it is, and now they change
     scene = run.training_scene()
     kind = find_method(run.method)
+    warn_of_slow_profile(run.profile)
     method = kind(kind.configuration(run.profile), run.seed)
     method.fit(only_training(scene), run.folder)
     method.save(run.folder)
@@ -39,9 +42,11 @@ def train_and_render(run: Run) -> None:
             "train_s": round(statistics.train_seconds, 1),
             "render_fps": round(1 / float(np.median(seconds)), 2),
             "peak_mem_mb": round(peak_memory_mb(), 1),
+            "peak_gpu_mem_mb": peak_gpu_memory_mb(),
             "n_primitives": statistics.n_primitives,
             "model_mb": statistics.model_mb,
             "device": statistics.device,
+            "render_device": statistics.render_device or statistics.device,
             "used": statistics.used,
             "version": code_version(),
         },
@@ -80,3 +85,9 @@ def peak_memory_mb() -> float:
             return int(peaks[0]) * 1024 / 1e6
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6
+
+
+def peak_gpu_memory_mb() -> float | None:
+    """The most memory that this process's tensors have had on the GPU, in 10^6 bytes; None where there were none."""
+    peak = torch.cuda.max_memory_allocated()
+    return round(peak / 1e6, 1) if peak else None

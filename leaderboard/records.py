@@ -44,9 +44,11 @@ class Record:
     train_s: float | None = None
     render_fps: float | None = None
     peak_mem_mb: float | None = None  # resident memory of the run's process, 10^6 bytes
+    peak_gpu_mem_mb: float | None = None  # what torch allocated on the GPU, 10^6 bytes; None where it used none
     n_primitives: int | None = None
     model_mb: float | None = None
-    device: str = ""
+    device: str = ""  # that trained: "cpu" or the GPU's name
+    render_device: str = ""  # that rendered, to which `render_fps` belongs
     used: str = ""  # what the method found that the photographs call for, if it looks
     profile: str = ""
     version: str = ""

@@ -70,9 +70,8 @@ def train(
     kernels = backend.device == "cpu" or not objective.is_photometric or config.early_stop
     compile_seconds = warm_up(config.sh_degree) if kernels else 0.0
 
-    fingerprint = fingerprint_of(
-        config, seed, scene, objective.images, objective=objective.settings(), device=backend.device
-    )
+    place = "cpu" if backend.device == "cpu" else "cuda"  # another card may go on: no two runs on one are equal either
+    fingerprint = fingerprint_of(config, seed, scene, objective.images, objective=objective.settings(), device=place)
     validation_views = schedule.validation_views(len(cameras), config.early_stop.views) if config.early_stop else ()
     start = with_appearance(initialise(scene.points, cameras, config.sh_degree, seed), objective.appearance)
     trainer = SplattingTrainer(config, seed, cameras, validation_views, extent, backend, objective, start)

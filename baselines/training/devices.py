@@ -1,36 +1,42 @@
-"""Where to calculate: on the CPU, or on an NVIDIA GPU where there is one."""
+"""Where to calculate: on the CPU, or on an NVIDIA GPU where there is one that can be used."""
 
 import importlib.util
 import logging
 import os
+from functools import cache
 
 from hydroviews.errors import InputError
 
 logger = logging.getLogger(__name__)
 DEVICES = ("auto", "cpu", "cuda")
+VARIABLE = "HYDROVIEWS_DEVICE"
 NO_DEVICE = "torch finds no CUDA device"
+COMPILED = {"gsplat": "gsplat.csrc"}  # packages that compile at first use, where they came without this module
+FIX = "see `A GPU` in README.md for driver, CUDA toolkit and packages, or use cpu"
 
 
 def chosen_device(device: str, *packages: str) -> str:
     """ "cpu" or "cuda" for "auto", "cpu" or "cuda"; $HYDROVIEWS_DEVICE, where it is set, comes before that.
+
+    Where "auto" finds a GPU that cannot be used, it is the CPU, and a warning says why, once.
 
     Args:
         device: the one asked for.
         packages: what a GPU needs beside torch.
 
     Raises:
-        InputError: an unknown device, or "cuda" without a GPU or one of the packages.
+        InputError: an unknown device, or "cuda" where no GPU can be used.
     """
-    device = os.environ.get("HYDROVIEWS_DEVICE") or device
+    device = os.environ.get(VARIABLE) or device
     if device not in DEVICES:
-        raise InputError(f"device {device}: unknown", expected=", ".join(DEVICES), fix="correct HYDROVIEWS_DEVICE")
+        raise _unknown(device)
     if device == "cpu":
         return "cpu"
     lacking = missing_for_cuda(*packages)
     if lacking and device == "cuda":
-        raise InputError("device cuda: not available", found=lacking, fix="install hydroviews[cuda], or use cpu")
+        raise InputError("device cuda: not available", found=lacking, fix=FIX)
     if lacking and lacking != NO_DEVICE:
-        logger.warning("on the CPU, though there is a GPU: %s (install hydroviews[cuda])", lacking)
+        _warn_once(f"on the CPU, though there is a GPU: {lacking} ({FIX})")
     return "cpu" if lacking else "cuda"
 
 
@@ -38,7 +44,31 @@ def missing_for_cuda(*packages: str) -> str | None:
     """Why the GPU cannot be used, or None if it can."""
     import torch
 
+    from baselines.training.nvidia import why_no_compiler, why_no_device
+
     if not torch.cuda.is_available():
-        return NO_DEVICE
+        return why_no_device() or NO_DEVICE
     missing = [package for package in packages if importlib.util.find_spec(package) is None]
-    return f"{' and '.join(missing)} not installed" if missing else None
+    if missing:
+        return f"{' and '.join(missing)} not installed"
+    compiles = any(importlib.util.find_spec(COMPILED[name]) is None for name in packages if name in COMPILED)
+    return why_no_compiler() if compiles else None
+
+
+def warn_of_slow_profile(profile: str) -> None:
+    """Say that the profile paper is made for a GPU, where none is used."""
+    if profile == "paper" and (os.environ.get(VARIABLE) == "cpu" or missing_for_cuda()):
+        _warn_once("the profile paper is made for a GPU: on the CPU, a training of it takes many hours or days")
+
+
+@cache
+def _warn_once(message: str) -> None:
+    logger.warning(message)
+
+
+def _unknown(device: str) -> InputError:
+    name, _, number = device.partition(":")
+    fix = f"correct {VARIABLE}"
+    if name == "cuda" and number:  # one card is used, the first that a process sees
+        fix = f"{VARIABLE}=cuda, and choose the card with CUDA_VISIBLE_DEVICES={number}"
+    return InputError(f"device {device}: unknown", expected=", ".join(DEVICES), fix=fix)

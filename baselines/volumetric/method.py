@@ -137,7 +137,9 @@ class RadianceMethod(Method):
     def summary(self) -> TrainingSummary:
         """See Method."""
         trained = self._require().trained
-        return TrainingSummary(trained.seconds, None, self._model_mb, trained.device)
+        on_gpu = next(trained.model.parameters()).is_cuda
+        rendered = torch.cuda.get_device_name() if on_gpu else "cpu"
+        return TrainingSummary(trained.seconds, None, self._model_mb, trained.device, render_device=rendered)
 
     def _require(self) -> _Fitted:
         if self._fitted is None:

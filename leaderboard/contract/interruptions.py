@@ -19,7 +19,7 @@ from baselines.method import find_method
 from hydroviews.files.atomic import read_json, write_json
 from hydroviews.scene.images import Image
 from hydroviews.scene.scenes import Scene
-from leaderboard.contract.case import Case, Failed, NotTestable, files_in, must_equal, some
+from leaderboard.contract.case import Case, Failed, NotTestable, files_in, some
 from leaderboard.predict import only_training
 
 SECONDS = 3.0  # of training, as far as the configured steps reach
@@ -68,14 +68,14 @@ def _interrupted(case: Case, number: signal.Signals) -> str:
         if (_notes(folder) / ENDED).exists():
             if exit_code == 0:
                 message = f"after {number.name} fit returned as if it had ended, with other pixels"
-                must_equal(alone.pixels(case, folder), expected, message)
+                case.must_match(alone.pixels(case, folder), expected, message)
             reason, late = f"done before it is met: {alone.seconds:.2f} s of training", moment
         elif not left:
             reason, early = f"stopped after {moment:.1f} s, it leaves no checkpoint", moment
         else:
             if _run(case, alone.steps, folder) != 0:
                 raise Failed(f"stopped after {moment:.1f} s, it does not go on: {_last_words(folder)}")
-            must_equal(alone.pixels(case, folder), expected, "taken up again, it ends with other pixels")
+            case.must_match(alone.pixels(case, folder), expected, "taken up again, it ends with other pixels")
             return f"stopped after {moment:.1f} of {whole:.1f} s, goes on from {some(left)}: the same pixels"
         moment = (early + late) / 2
     raise NotTestable(reason)

@@ -11,6 +11,7 @@ from trainings import CONFIG
 from baselines.gaussian_splatting import FOUND, SPLATS
 from baselines.rendering.film import FilmChoice
 from baselines.splatting.files.ply import read_ply
+from baselines.training import devices
 from deraings import reconstruct as module
 from deraings.method import DeRainGSConfig, DeRainGSPlus
 from deraings.rain_model.model import RainConfig
@@ -63,6 +64,18 @@ def found_by_name(monkeypatch):
 
 def stamps(folder):
     return {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}
+
+
+def test_the_profile_for_a_gpu_is_warned_of_before_hours_of_work(request_of, tmp_path, monkeypatch, caplog):
+    def cameras(*_):
+        assert ["paper is made for a GPU" in record.message for record in caplog.records] == [True]
+        raise InputError("far enough")
+
+    devices._warn_once.cache_clear()
+    monkeypatch.setitem(Short.profiles, "paper", Short.profiles["demo"])
+    monkeypatch.setattr(module, "find_scene", cameras)
+    with pytest.raises(InputError, match="far enough"):
+        reconstruct(request_of(profile="paper", out=tmp_path / "scene"))
 
 
 def test_a_capture_becomes_a_scene_of_all_its_photographs(request_of, caplog):

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -157,6 +157,23 @@ class NoTime(Good):
 class Unseeded(Good):
     def draw(self, step: int, n_views: int) -> int:
         return int(np.random.default_rng().integers(n_views))
+
+
+class OnACard(Good):
+    """Never ends with the same bits."""
+
+    def step(self, colours: list) -> None:
+        super().step(colours)
+        done, colour, seconds = self.state
+        self.state = done, [c + 1e-6 * np.random.default_rng().random() for c in colour], seconds
+
+    def summary(self) -> TrainingSummary:
+        return replace(super().summary(), device="a card")
+
+
+class ExactOnACard(OnACard):
+    def step(self, colours: list) -> None:
+        Good.step(self, colours)
 
 
 class Peeks(Good):

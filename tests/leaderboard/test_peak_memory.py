@@ -1,7 +1,18 @@
 import subprocess
 import sys
+from dataclasses import replace
 
+import finished_runs
 import numpy as np
+import torch
+from finished_runs import finished_run
+
+from baselines.method import TrainingSummary
+from hydroviews.files.atomic import read_json
+from leaderboard import predict
+from leaderboard.predict import PREDICTION, train_and_render
+from leaderboard.records import columns
+from leaderboard.score import score
 
 COMMAND = "from leaderboard.predict import peak_memory_mb; print(peak_memory_mb())"
 
@@ -13,3 +24,24 @@ def test_memory_is_the_processs_own():
     large = f"import numpy; ballast = numpy.ones(500_000_000, numpy.uint8); {COMMAND}"
     more = float(subprocess.run([sys.executable, "-c", large], check=True, capture_output=True, text=True).stdout)
     assert 450 < more - found < 550
+
+
+def test_a_record_tells_the_gpus_memory_and_where_was_rendered(tmp_path, monkeypatch):
+    run = finished_run(tmp_path)
+    on_the_cpu = read_json(run.folder / PREDICTION)
+    assert on_the_cpu["peak_gpu_mem_mb"] is None
+    assert on_the_cpu["device"] == on_the_cpu["render_device"] == "cpu"
+
+    monkeypatch.setattr(torch.cuda, "max_memory_allocated", lambda: 3_250_000_000)
+    told, profiles = TrainingSummary(0.1, None, None, device="a card"), []
+    monkeypatch.setattr(predict, "warn_of_slow_profile", profiles.append)
+    for summary, rendered in ((told, "a card"), (replace(told, render_device="cpu"), "cpu")):
+        monkeypatch.setattr(finished_runs.Cloud, "summary", lambda _, summary=summary: summary)
+        train_and_render(run)
+        prediction = read_json(run.folder / PREDICTION)
+        assert (prediction["device"], prediction["render_device"]) == ("a card", rendered)
+    record = score(run)
+    assert (record.device, record.render_device) == ("a card", "cpu")
+    assert record.peak_gpu_mem_mb == 3250 > record.peak_mem_mb
+    assert profiles == ["demo", "demo"]
+    assert {"peak_gpu_mem_mb", "render_device"} < set(columns())

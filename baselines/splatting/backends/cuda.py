@@ -1,11 +1,10 @@
-"""The same training steps on an NVIDIA GPU with gsplat (Ye et al. 2024), written against its version 1.5.3.
+"""The same training steps on an NVIDIA GPU with gsplat 1.5 (Ye et al. 2024).
 
 Steps stay on the GPU; refinement, every hundred steps, is the CPU's: the state is copied over and back. gsplat lets
 a Gaussian cover 0.999 of a pixel where we stop at 0.99, so renders of very opaque scenes differ a little. Sets of
 colours are rendered one by one, so that absolute gradients are those of each, added up; the kernels' are of the sum.
 """
 
-import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from baselines.splatting.appearance.gaussians import in_sight, moved
+from baselines.splatting.backends.gsplat_kernels import require_kernels
 from baselines.splatting.backends.torch_ops import (
     finite_rows,
     normal_noise,
@@ -34,9 +34,6 @@ from baselines.splatting.objective import Objective
 from baselines.splatting.state import TrainingState
 from baselines.splatting.strategies.base import StepOptions
 from baselines.training.images import Size
-from hydroviews.errors import InputError
-from hydroviews.files.locks import locked
-from hydroviews.metrics.lpips_weights import cache_folder
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 
@@ -55,28 +52,6 @@ class _DeviceState:
     origin: NDArray[np.float64]
     residuals: tuple[float, ...]  # as in TrainingState
     non_finite: int  # likewise
-
-
-def require_kernels() -> None:
-    """Refuse a gsplat whose CUDA code was not compiled: it can be imported, and its first step would break.
-
-    It compiles at its first use, one process at a time: another that begins meanwhile would delete what is there.
-
-    Raises:
-        InputError: it is one, or its code does not compile.
-    """
-    with locked(cache_folder() / "gsplat", "another process compiles gsplat; waiting"):
-        try:
-            kernels = importlib.import_module("gsplat.cuda._backend")._C
-        except Exception as error:  # whatever compilers and linkers say
-            fix = "see gsplat's installation notes, or use the CPU"
-            raise InputError("gsplat: its CUDA code does not compile", found=error, fix=fix) from error
-    if kernels is None:
-        raise InputError(
-            "gsplat: no compiled CUDA code",
-            found="its Python part alone; it found no CUDA toolkit (nvcc) to compile with",
-            fix="install the CUDA toolkit of torch's version, or a gsplat wheel with kernels, or use the CPU",
-        )
 
 
 class CudaBackend:

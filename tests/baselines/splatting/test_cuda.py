@@ -1,4 +1,4 @@
-"""The GPU's steps against the CPU's."""
+"""The GPU's steps against the CPU's, on a real GPU where there is one, and on a pretended one."""
 
 import numpy as np
 import pytest
@@ -15,11 +15,13 @@ from baselines.splatting.strategies.relocation import MCMCStrategy
 from baselines.training.devices import missing_for_cuda
 from baselines.training.images import read_images
 
-LACKING = missing_for_cuda(GSPLAT)
-pytestmark = pytest.mark.skipif(LACKING is not None, reason=f"needs an NVIDIA GPU and gsplat: {LACKING}")
 
-
-def backends(tmp_path):
+@pytest.fixture(params=["pretended", "real"])
+def backends(request, tmp_path):
+    if request.param == "pretended":
+        request.getfixturevalue("pretended_gpu")
+    elif lacking := missing_for_cuda(GSPLAT):
+        pytest.skip(f"needs an NVIDIA GPU and gsplat: {lacking}")
     from baselines.splatting.backends.cuda import CudaBackend
 
     scene = photographed(tmp_path)
@@ -34,8 +36,8 @@ def translucent(n):
     return gaussians
 
 
-def test_both_render_the_same(tmp_path):
-    _, (_, gpu) = backends(tmp_path)
+def test_both_render_the_same(backends):
+    _, (_, gpu) = backends
     gaussians = translucent(300)
     ours = render(gaussians, camera(120, 90), BACKGROUND)[0]
     theirs = gpu.render(gaussians, camera(120, 90))
@@ -44,8 +46,8 @@ def test_both_render_the_same(tmp_path):
 
 
 @pytest.mark.parametrize("strategy", [DefaultStrategy(), DefaultStrategy(absolute=True), MCMCStrategy(noise=0.0)])
-def test_both_take_the_same_steps(tmp_path, strategy):
-    scene, both = backends(tmp_path)
+def test_both_take_the_same_steps(backends, strategy):
+    scene, both = backends
     states = []
     for backend in both:
         backend.put(fresh_state(translucent(300)))
@@ -64,8 +66,8 @@ def test_both_take_the_same_steps(tmp_path, strategy):
         assert np.median(np.abs(one - two)) < 1e-4, name
 
 
-def test_a_view_of_nothing_is_the_background(tmp_path):
-    scene, (_, gpu) = backends(tmp_path)
+def test_a_view_of_nothing_is_the_background(backends):
+    scene, (_, gpu) = backends
     gpu.put(fresh_state(translucent(300).select(np.zeros(300, bool))))
     rates = rates_at(0, 100, LearningRates(), 4.0, 3)
     step_options = DefaultStrategy().step_options(0, rates["means"], 4.0, 0)
@@ -73,8 +75,8 @@ def test_a_view_of_nothing_is_the_background(tmp_path):
     assert np.allclose(gpu.render(translucent(300).select(np.zeros(300, bool)), camera(120, 90)), BACKGROUND)
 
 
-def test_both_say_the_same_of_contributions_and_residuals(tmp_path):
-    scene, both = backends(tmp_path)
+def test_both_say_the_same_of_contributions_and_residuals(backends):
+    scene, both = backends
     cameras = [view.camera for view in scene.train_views[:3]]
     weights, residuals = [], []
     for backend in both:

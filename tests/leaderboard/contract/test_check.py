@@ -1,6 +1,7 @@
 """What keeps the contract passes every check, and what breaks it once fails the one check for that."""
 
 import json
+import os
 import subprocess
 import sys
 from dataclasses import dataclass, field
@@ -12,6 +13,7 @@ import pytest
 
 from baselines.method import Method
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import write_json
 from leaderboard.__main__ import check_command
 from leaderboard.contract import check as check_module
 from leaderboard.contract import interruptions
@@ -74,6 +76,52 @@ def test_a_broken_promise_fails_its_check_and_no_other(case, toy, broken):
 
 def test_without_a_seed_nothing_repeats(case):
     assert results(case("Unseeded"))["same seed, same result"] == Result.FAILED
+
+
+def test_on_a_gpu_there_is_no_telling_where_trainings_differ(case):
+    found = results(case("OnACard"))
+    untold = {"same seed, same result", "held-out views unseen", "masks respected"}
+    assert {name for name, result in found.items() if result == Result.NOT_TESTABLE} == untold
+    assert set(found.values()) == {Result.PASSED, Result.NOT_TESTABLE}
+    reason = try_check(case("OnACard"), "masks respected", CHECKS["masks respected"]).reason
+    assert "by up to" in reason
+    assert "trains on a card" in reason
+
+
+def test_on_a_gpu_a_training_that_goes_on_otherwise_is_not_a_failed_one(case, monkeypatch):
+    def trained(tried, steps, folder, number=None, moment=0.0):
+        if number is not None:
+            (folder / "checkpoint").mkdir(parents=True)
+            (folder / "checkpoint" / "half").touch()
+            return 130
+        method = tried.train(tried.scene, folder.name, config=tried.config(steps))
+        method.save(folder)
+        write_json(interruptions._notes(folder) / interruptions.ENDED, {"fit": 0.2, "training": 0.2})
+        return 0
+
+    monkeypatch.setattr(interruptions, "SECONDS", 0.1)
+    monkeypatch.setattr(interruptions, "_run", trained)
+    outcome = try_check(case("OnACard"), INTERRUPTED[0], CHECKS[INTERRUPTED[0]])
+    assert outcome.result == Result.NOT_TESTABLE
+    assert "ends with other pixels" in outcome.reason
+
+
+def test_on_a_gpu_the_same_bits_pass(case):
+    assert set(results(case("ExactOnACard")).values()) == {Result.PASSED}
+
+
+def test_it_is_the_cpu_that_is_checked(monkeypatch, caplog):
+    def device(_: Case) -> str:
+        return os.environ["HYDROVIEWS_DEVICE"]
+
+    monkeypatch.setattr(check_module, "CHECKS", {"device": device})
+    monkeypatch.setattr(check_module, "missing_for_cuda", lambda: None)
+    monkeypatch.delenv("HYDROVIEWS_DEVICE", raising=False)
+    assert check("contract_toys:Good")[0].reason == "cpu"
+    assert "on the CPU, where the same training gives the same pixels" in caplog.text
+    assert "HYDROVIEWS_DEVICE" not in os.environ
+    monkeypatch.setenv("HYDROVIEWS_DEVICE", "cuda")
+    assert check("contract_toys:Good")[0].reason == "cuda"
 
 
 def test_without_a_checkpoint_some_checks_cannot_be_made(case, monkeypatch):

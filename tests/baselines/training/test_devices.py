@@ -1,0 +1,77 @@
+"""Which device is chosen, and what is said where it is not the one that was hoped for."""
+
+import sys
+
+import pytest
+import torch
+
+from baselines.training import devices, nvidia
+from baselines.training.devices import chosen_device, missing_for_cuda, warn_of_slow_profile
+from hydroviews.errors import InputError
+
+
+@pytest.fixture(autouse=True)
+def nothing_said_yet(monkeypatch):
+    monkeypatch.delenv("HYDROVIEWS_DEVICE", raising=False)
+    devices._warn_once.cache_clear()
+
+
+@pytest.fixture
+def no_device(monkeypatch):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    monkeypatch.setattr(nvidia, "driver_version", lambda: None)
+
+
+def test_a_machine_without_a_gpu_is_no_reason_to_say_anything(no_device, caplog):
+    assert chosen_device("auto", "gsplat") == "cpu"
+    assert not caplog.records
+
+
+def test_a_gpu_that_torch_cannot_use_is_said_once(no_device, monkeypatch, caplog):
+    monkeypatch.setattr(nvidia, "driver_version", lambda: "550.54.14")
+    monkeypatch.setattr(torch.version, "cuda", "13.0")
+    assert [chosen_device("auto"), chosen_device("auto", "gsplat")] == ["cpu", "cpu"]
+    (record,) = caplog.records
+    assert record.levelname == "WARNING"
+    assert "on the CPU, though there is a GPU: driver 550.54.14, and torch's CUDA 13.0 needs 580" in record.message
+    with pytest.raises(InputError, match=r"not available[\s\S]*needs 580"):
+        chosen_device("cuda")
+
+
+def test_a_gpu_that_nothing_can_be_compiled_for_is_said(pretended_gpu, monkeypatch, caplog):
+    assert chosen_device("auto", "gsplat") == "cuda"  # it was installed with its kernels
+    monkeypatch.delitem(sys.modules, "gsplat.csrc")
+    monkeypatch.setenv("CUDA_HOME", "/no/toolkit")
+    assert chosen_device("auto") == "cuda"
+    assert chosen_device("auto", "gsplat") == "cpu"
+    assert "on the CPU, though there is a GPU: CUDA_HOME=/no/toolkit has no nvcc with headers" in caplog.text
+    with pytest.raises(InputError, match="CUDA_HOME=/no/toolkit"):
+        chosen_device("cuda", "gsplat")
+
+
+def test_cards_are_chosen_by_cudas_own_variable(monkeypatch):
+    monkeypatch.setenv("HYDROVIEWS_DEVICE", "cuda:1")
+    with pytest.raises(InputError, match=r"cuda:1: unknown[\s\S]*=cuda, and[\s\S]*CUDA_VISIBLE_DEVICES=1"):
+        chosen_device("auto")
+    monkeypatch.setenv("HYDROVIEWS_DEVICE", "cuda:")
+    with pytest.raises(InputError, match="correct HYDROVIEWS_DEVICE"):
+        chosen_device("auto")
+
+
+def test_the_profile_for_a_gpu_is_warned_of_on_the_cpu(no_device, monkeypatch, caplog):
+    for profile in ("demo", "quick"):
+        warn_of_slow_profile(profile)
+    assert not caplog.records
+    for _ in range(2):
+        warn_of_slow_profile("paper")
+    assert [record.levelname for record in caplog.records] == ["WARNING"]
+    assert "paper is made for a GPU" in caplog.text
+
+
+def test_the_profile_for_a_gpu_is_not_warned_of_on_one(pretended_gpu, monkeypatch, caplog):
+    assert missing_for_cuda() is None
+    warn_of_slow_profile("paper")
+    assert not caplog.records
+    monkeypatch.setenv("HYDROVIEWS_DEVICE", "cpu")
+    warn_of_slow_profile("paper")
+    assert "paper is made for a GPU" in caplog.text

@@ -1,0 +1,100 @@
+"""Every method of Gaussians on a pretended GPU: tensors are where they should be, and a step asks for no more.
+
+Half-way the machine is lost; another card goes on.
+"""
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from splats import photographed
+
+from baselines.gaussian_splatting import BudgetedSplatting, GaussianSplatting
+from baselines.gs_w.config import SHORT
+from baselines.gs_w.method import GaussianInTheWild, GSWConfig
+from baselines.splatting.config import EarlyStop, Pruning, TrainerConfig
+from baselines.splatting.strategies.densification import DefaultStrategy
+from baselines.splatting.strategies.relocation import MCMCStrategy
+from baselines.wild_gaussians.appearance import AppearanceConfig
+from baselines.wild_gaussians.method import WildConfig, WildGaussians
+from baselines.wild_gaussians.uncertainty import UncertaintyConfig
+from deraings.masks.config import MaskConfig
+from deraings.method import DeRainGS, DeRainGSConfig
+from deraings.rain_model.model import RainConfig
+from hydroviews.errors import InputError
+
+STEPS, LOST = 14, 7  # in all; done when the machine is lost
+GROWTH = DefaultStrategy(start=3, stop=11, every=4, budget=150, reset_every=8, grow_grad2d=1e-7, prune_scale3d=1.0)
+HURRIED = TrainerConfig(iterations=STEPS, sh_degree=1, sh_degree_interval=4, strategy=GROWTH, checkpoint_seconds=0.0)
+RELOCATING = MCMCStrategy(start=3, stop=11, every=4, budget=150, growth=0.1, noise=5e4)
+PRUNING = replace(
+    HURRIED, pruning=Pruning(at=(0.5,), budget=60), early_stop=EarlyStop(every=4, patience=9), antialiased=True
+)
+MASKS = MaskConfig(start=0.3, warm_up=0.2, every=2, min_evidence=0)
+TONES = WildConfig(
+    HURRIED,
+    AppearanceConfig(width=16, scale=0.3),
+    UncertaintyConfig("alexnet", start=6, warm_up=2, protected=0, rate=1e-2, every=2),
+    sky=50,
+)
+METHODS = {  # and the most uploads, downloads and questions of a step, which sees its picture for the first time
+    "3dgs": (GaussianSplatting, HURRIED, (9, 0, 2)),
+    "relocating": (BudgetedSplatting, replace(HURRIED, strategy=RELOCATING), (8, 0, 2)),
+    "pruning": (BudgetedSplatting, PRUNING, (9, 0, 2)),
+    "masks": (DeRainGS, DeRainGSConfig(HURRIED, masks=MASKS), (9, 1, 1)),
+    "rain": (DeRainGS, DeRainGSConfig(HURRIED, rain=RainConfig()), (9, 1, 1)),
+    "wild": (WildGaussians, TONES, (18, 3, 4)),
+    "gs-w": (GaussianInTheWild, GSWConfig(HURRIED, SHORT), (18, 2, 3)),
+}
+
+
+@pytest.fixture
+def asked(pretended_gpu, monkeypatch):
+    """What each step asks of the GPU; the step after LOST ends the program."""
+    from baselines.splatting.backends.cuda import CudaBackend
+
+    monkeypatch.setenv("HYDROVIEWS_DEVICE", "cuda")
+    step, seen = CudaBackend.step, []
+
+    def watched(*given):
+        before = Counter(pretended_gpu.counts)
+        if len(seen) == LOST:
+            seen.append(Counter())
+            raise KeyboardInterrupt
+        loss = step(*given)
+        seen.append(pretended_gpu.counts - before)
+        return loss
+
+    monkeypatch.setattr(CudaBackend, "step", watched)
+    return seen
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_method_trains_goes_on_on_another_card_and_comes_back(asked, tmp_path, monkeypatch, name):
+    kind, config, most = METHODS[name]
+    scene, folder = photographed(tmp_path / "scene", n_views=5), tmp_path / "run"
+    with pytest.raises(KeyboardInterrupt):
+        kind(config, 0).fit(scene, folder)
+    monkeypatch.setattr(torch.cuda, "get_device_name", lambda *_: "another card")
+    method = kind(config, 0)
+    method.fit(scene, folder)
+    assert len(asked) == STEPS + 1
+    assert tuple(max(counts[what] for counts in asked) for what in ("uploads", "downloads", "questions")) == most
+
+    summary = method.summary()
+    assert (summary.device, summary.render_device) == ("another card", "cpu")
+    method.save(folder)
+    picture = method.render(scene.test_views[0].camera)
+    assert np.isfinite(picture).all()
+    assert np.array_equal(kind.load(config, 0, folder).render(scene.test_views[0].camera), picture)
+
+
+def test_the_cpu_does_not_go_on_from_a_gpu(asked, tmp_path, monkeypatch):
+    scene = photographed(tmp_path / "scene", n_views=5)
+    with pytest.raises(KeyboardInterrupt):
+        GaussianSplatting(HURRIED, 0).fit(scene, tmp_path / "run")
+    monkeypatch.setenv("HYDROVIEWS_DEVICE", "cpu")
+    with pytest.raises(InputError, match=r"device[\s\S]*cuda"):
+        GaussianSplatting(HURRIED, 0).fit(scene, tmp_path / "run")
