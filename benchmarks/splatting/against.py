@@ -80,7 +80,8 @@ def alternate(
                 raise RuntimeError(f"{' '.join(map(str, server.args))}: ended before its first step")
         for _ in range(repeats + WARM):
             for server, times in zip(servers, steps, strict=True):
-                assert server.stdin is not None and server.stdout is not None
+                assert server.stdin is not None
+                assert server.stdout is not None
                 print(file=server.stdin, flush=True)
                 cpu, wall = map(float, server.stdout.readline().split())
                 times.append((cpu, wall))

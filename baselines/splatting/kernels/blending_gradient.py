@@ -119,7 +119,8 @@ def take_off(flat, splat, x0, y0, number, mask, state, lasts, planes, pixel_x, p
             m_uu, m_uv, m_vv = w_u * u + m_uu, w_u * v + m_uv, w_v * v + m_vv
             abs_u, abs_v = abs_u + absolute(w_u), abs_v + absolute(ratio * w_u + w_v)
             to_colours = add_scaled(to_colours, visible, state, at + GRADS, PIXELS)
-    store_sums((m, m_u, m_v, m_uu, m_uv, m_vv, abs_u, abs_v) + to_colours, moments, row)
+    sums = (m, m_u, m_v, m_uu, m_uv, m_vv, abs_u, abs_v) + to_colours  # noqa: RUF005  # what Numba can compile
+    store_sums(sums, moments, row)
 
 
 @kernel
