@@ -16,7 +16,16 @@ from hydroviews.files.atomic import write_json
 from hydroviews.profiles import find_profile
 from hydroviews.rain.registry import choose_patterns
 from leaderboard.contract.check import Result, check
-from leaderboard.evaluate import FAILURE, EvaluateRequest, MethodName, PatternNames, ProfileName, TrackName, evaluate
+from leaderboard.evaluate import (
+    FAILURE,
+    EvaluateRequest,
+    MethodName,
+    PatternNames,
+    ProfileName,
+    TrackName,
+    evaluate,
+    outcome,
+)
 from leaderboard.film import film
 from leaderboard.predict import train_and_render
 from leaderboard.previews import write_overview
@@ -34,6 +43,7 @@ DATA = Path("data")  # where `make eval` builds
 def evaluate_command(request: tyro.conf.OmitArgPrefixes[EvaluateRequest]) -> None:
     """Run a method and the reference rows on a scene, building what is missing; print and write the tables."""
     records = evaluate(request)
+    print(f"\n{outcome(records[-1], request.results)}")
     if any(record.status != "done" for record in records):
         sys.exit(1)
 

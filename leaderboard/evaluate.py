@@ -33,6 +33,7 @@ from leaderboard.records import (
     TRACKS,
     Record,
     check_track,
+    collect,
     read_record,
     write_leaderboard,
     write_record,
@@ -71,7 +72,7 @@ class EvaluateRequest:
 
 
 def evaluate(request: EvaluateRequest) -> list[Record]:
-    """Build what is missing, run the method and the references, write and print the tables.
+    """Build what is missing, run the method and the references, write the tables.
 
     Returns:
         The records of the method and of the reference rows.
@@ -105,11 +106,14 @@ def evaluate(request: EvaluateRequest) -> list[Record]:
             records[run] = carry_out(run, request.overwrite)
     finally:  # whatever ended stands in the table, also if the rest was interrupted
         if records:
-            table = write_leaderboard(request.results)
-            write_tables(table, request.results)
-    text = scene_text(table, scene, profile.name, request.track)
-    logger.info("\n%s\nall runs: %s", text, request.results / LEADERBOARD)
+            write_tables(write_leaderboard(request.results), request.results)
     return list(records.values())
+
+
+def outcome(record: Record, results: Path) -> str:
+    """The table that a record stands in, and where all runs are, to be printed."""
+    text = scene_text(collect(results), record.scene, record.profile, record.track)
+    return f"{text}\nall runs: {results / LEADERBOARD}"
 
 
 def needed_patterns(method: str, rainy: list[str]) -> list[str]:

@@ -21,8 +21,8 @@ from hydroviews.formats.writers import write_colmap
 from hydroviews.scene.images import read_image
 from leaderboard import evaluate as evaluate_module
 from leaderboard import predict as predict_module
-from leaderboard.__main__ import overview_command, score_command
-from leaderboard.evaluate import EvaluateRequest, evaluate
+from leaderboard.__main__ import evaluate_command, overview_command, score_command
+from leaderboard.evaluate import EvaluateRequest, evaluate, outcome
 from leaderboard.records import as_row, code_version, columns
 from leaderboard.score import score
 
@@ -52,7 +52,7 @@ def leaderboard(tmp_path: Path) -> pd.DataFrame:
     return pd.read_csv(tmp_path / "results" / "leaderboard.csv")
 
 
-def test_rows_renders_and_scores(built, tmp_path, caplog):
+def test_rows_renders_and_scores(built, tmp_path):
     record = evaluate(request(built, tmp_path, "MeanColour"))[-1]
     table = leaderboard(tmp_path)
     assert list(table.columns) == columns()
@@ -67,7 +67,15 @@ def test_rows_renders_and_scores(built, tmp_path, caplog):
     assert record.n_primitives is None
     assert record.peak_mem_mb > 10
     assert (run / "preview.png").is_file()
-    assert "share of gap" in caplog.text
+
+
+def test_the_table_is_printed_as_the_result_and_is_no_message(built, tmp_path, caplog, capsys):
+    evaluate_command(request(built, tmp_path, "MeanColour"))
+    printed = capsys.readouterr().out
+    assert re.search(r"^yard \(demo, given-poses\)\n\n\| streak +\| PSNR", printed, re.MULTILINE), printed
+    assert "share of gap" in printed
+    assert printed.endswith(f"all runs: {tmp_path / 'results/leaderboard.csv'}\n")
+    assert "share of gap" not in caplog.text
 
 
 def test_second_call_keeps_records_and_rescoring_gives_the_same(built, tmp_path, caplog):
@@ -186,9 +194,9 @@ def test_a_method_that_sees_clean_views_needs_no_rain(built, tmp_path):
     assert not (tmp_path / "data/demo/yard/streak-0").exists()
 
 
-def test_the_sparse_track_trains_on_a_third_and_keeps_apart(built, tmp_path, caplog):
+def test_the_sparse_track_trains_on_a_third_and_keeps_apart(built, tmp_path):
     for track in ("given-poses", "sparse-views"):
-        evaluate(request(built, tmp_path, "MeanColour", track=track))
+        record = evaluate(request(built, tmp_path, "MeanColour", track=track))[-1]
     table = leaderboard(tmp_path)
     assert list(table.track) == ["given-poses"] * 2 + ["sparse-views"] * 2
     assert list(table.n_train) == [7, 7, 3, 3]
@@ -197,7 +205,7 @@ def test_the_sparse_track_trains_on_a_third_and_keeps_apart(built, tmp_path, cap
     names = json.loads((tmp_path / "data/demo/yard/split.json").read_text())["sparse"]
     seen = [read_image(tmp_path / "data/demo/yard/streak-0/images" / f"{n}.png").mean(axis=(0, 1)) for n in names]
     assert json.loads((run / "colour.json").read_text()) == pytest.approx(np.mean(seen, axis=0), abs=1e-6)
-    assert "yard (demo, sparse-views)" in caplog.text
+    assert "yard (demo, sparse-views)" in outcome(record, tmp_path / "results")
     tables_file = (tmp_path / "results/tables.md").read_text()
     assert "## yard (demo, given-poses)" in tables_file
     assert "## yard (demo, sparse-views)" in tables_file
