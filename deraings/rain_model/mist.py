@@ -93,18 +93,21 @@ class Mist:
         """The view [H, W, 3] as it is seen through the mist, written to `out`."""
         return add_mist(image, self.alpha(view, (image.shape[0], image.shape[1])), self.colour, out)
 
-    def backward(self, image: Image, view: int, gradient: Image, buffers: BufferPool) -> tuple[Image, MistGradient]:
+    def backward(
+        self, image: Image, misted: Image, view: int, gradient: Image, buffers: BufferPool
+    ) -> tuple[Image, MistGradient]:
         """Gradients by the image [H, W, 3], in one of the buffers, and by what is learned.
 
         Args:
             image: as given to `forward`, [H, W, 3].
-            view: likewise.
+            misted: what that returned.
+            view: as given to it.
             gradient: of the loss by what `forward` returned.
             buffers: to reuse.
         """
         config, weights = self._config, time_weights(view, self._n_views, len(self.roots))
         root = self._root(view, (image.shape[0], image.shape[1]))
-        by_image, by_alpha, by_colour = mist_gradient(image, np.square(root), self.colour, gradient, buffers)
+        by_image, by_alpha, by_colour = mist_gradient(image, misted, np.square(root), self.colour, gradient, buffers)
         penalised = by_alpha + np.float32(config.mean_penalty / root.size)
         by_roots = weights[:, None, None] * _gather(2 * root * penalised, self.roots.shape[1:])
         by_roots += np.float32(config.roughness_penalty / self.roots[0].size) * roughness_gradient(self.roots)
@@ -143,10 +146,10 @@ def roughness_gradient(knots: NDArray[np.float32]) -> NDArray[np.float32]:
     """Of half the sum of squared differences of neighbouring knots [T, h, w], in space and in time."""
     gradient = np.zeros_like(knots)
     for axis in range(3):
-        steps = np.diff(knots, axis=axis)
-        before = [(1, 0) if a == axis else (0, 0) for a in range(3)]
-        after = [(0, 1) if a == axis else (0, 0) for a in range(3)]
-        gradient += np.pad(steps, before) - np.pad(steps, after)
+        along, values = np.moveaxis(gradient, axis, 0), np.moveaxis(knots, axis, 0)
+        steps = np.diff(values, axis=0)
+        along[1:] += steps
+        along[:-1] -= steps
     return gradient
 
 

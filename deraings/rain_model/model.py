@@ -123,7 +123,7 @@ class RainModel:
         if seen.drops is not None:
             gradient = seen.drops.backward(gradient)
         if self.mist and self.mist.due(seen.iteration):
-            gradient, by_mist = self.mist.backward(seen.rained, seen.view, gradient, buffers)
+            gradient, by_mist = self.mist.backward(seen.rained, seen.without_drops, seen.view, gradient, buffers)
         if self.rain_layer:
             gradient = self.rain_layer.backward(gradient, seen.rain_alpha)
         return gradient, by_mist

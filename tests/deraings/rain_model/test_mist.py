@@ -21,7 +21,7 @@ def learn(scene, photographs, config=None, steps=STEPS):
         view = step % len(scene)
         seen = mist.forward(scene[view], view, buffers.array("misted", scene[view].shape))
         _, gradient = photometric_loss(seen, targets[view], buffers=buffers)
-        _, by_mist = mist.backward(scene[view], view, gradient, buffers)
+        _, by_mist = mist.backward(scene[view], seen, view, gradient, buffers)
         mist.update(by_mist, step)
     return mist
 
