@@ -27,7 +27,7 @@ from baselines.splatting.kernels.buffer_pool import BufferPool
 from deraings.image_planes import Plane
 from deraings.rain_model.mist_bounds import mist_bounds
 from deraings.rain_model.mist_config import MistConfig
-from deraings.rain_model.mist_kernels import add_mist, mist_gradient, warm_up
+from deraings.rain_model.mist_kernels import add_mist, mist_gradient
 from deraings.rain_model.mist_or_fog import is_mist, paleness_of
 from deraings.rain_model.time_knots import time_weights
 from hydroviews.scene.images import Image
@@ -72,8 +72,6 @@ class Mist:
         self.colour = self.expected.copy()  # a [3], linear light
         self.paleness = paleness_of(bounds, points) if bounds.suspected and points is not None else None
         self.wanted = bounds.suspected and (self.paleness is None or is_mist(self.paleness, config))
-        if self.wanted:
-            warm_up()
         self._max_roots = np.sqrt(np.minimum(config.slack * bounds.max_alpha, config.max_alpha))
         likely = config.likely * bounds.possible + MIN_ALPHA
         roots = np.minimum(np.sqrt(likely), self._max_roots) * self.wanted

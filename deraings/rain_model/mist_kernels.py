@@ -8,13 +8,10 @@ calculates for many values at once; the largest error of an encoded value is bel
 rows [H, 3 W] with the channels interleaved, and what is the same for all of a pixel's channels is written out for each.
 """
 
-from pathlib import Path
-
 import numpy as np
 from numba import prange
 from numpy.typing import NDArray
 
-from baselines.splatting.backends.warm_up import compile_apart
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.jit import inlined, kernel
 from deraings.image_planes import Plane
@@ -120,12 +117,6 @@ def _mist_gradient(image, misted, alpha, colour, grad, g_image, g_alpha, g_colou
                 a_row[i] = by_alpha[3 * i] + by_alpha[3 * i + 1] + by_alpha[3 * i + 2]
         for c in range(3):
             g_colour[band, c] = by_tint[c::3].sum()
-
-
-def warm_up() -> None:
-    """Load the kernels; see `warm_up.compile_apart`."""
-    compile_apart(f"from {__name__} import exercise_kernels; exercise_kernels()", [Path(__file__)])
-    exercise_kernels()
 
 
 def exercise_kernels() -> None:
