@@ -113,7 +113,8 @@ class LensDrops:
         self._first = config.start * iterations
         times = count_time_knots(n_views, config.views_per_knot, config.max_time_knots)
         self._window = max(MIN_WINDOW, min(MAX_WINDOW, n_views // times))
-        self.sums = np.zeros((times, SUMS, *within_side(size, config.long_side)), np.float32)
+        self._size = height, width = within_side(size, config.long_side)
+        self.sums = np.zeros((times, height, SUMS, width), np.float32)
 
     def update(self, photograph: Image, seen: Image, view: int, shown: Plane | None = None) -> None:
         """Add a view to the sums.
@@ -124,7 +125,7 @@ class LensDrops:
             view: index of the view.
             shown: [H, W]; where it is not 1 the view is left out. By default it is 1 everywhere.
         """
-        size = self.sums.shape[2:]
+        size = self._size
         whole = np.ones(size, np.bool_) if shown is None else resized(shown, size) > WHOLE
         small = [
             np.ascontiguousarray(
@@ -140,7 +141,7 @@ class LensDrops:
 
     def line(self, view: int) -> tuple[Plane, Image]:
         """drop_alpha [h, w] and L [h, w, 3] at a view's time; 0 where nothing is known."""
-        config, size = self._config, self.sums.shape[2:]
+        config, size = self._config, self._size
         weights = time_weights(view, self._n_views, len(self.sums))
         alpha, light = np.empty(size, np.float32), np.empty((*size, 3), np.float32)
         noise, clear, wet = (np.float32(value) for value in (config.noise, config.clear, config.wet))
@@ -167,8 +168,8 @@ class LensDrops:
 
     def state_dict(self) -> dict[str, NDArray]:
         """The sums, for checkpoints."""
-        return {"planes": self.sums}
+        return {"rows": self.sums}
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """Take back what `state_dict` returned."""
-        self.sums = arrays["planes"].copy()
+        self.sums = arrays["rows"].copy()

@@ -4,8 +4,8 @@
 
 Of each pixel there are nine sums: photograph and render, three channels each, means over channels of their product and
 of the render's square, and the weights of the views that showed it: a view in which it is hidden leaves its sums as
-they are. Each sum is a plane [h, w], and a loop does one thing to a row of a few planes, so that a processor does it to
-many pixels at once.
+they are. A row's sums lie together, one after another [9, w], and a loop does one thing to a few of them, so that a
+processor does it to many pixels at once.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from numba import prange
 from baselines.splatting.kernels.jit import inlined, kernel
 
 SUMS = 9
-PRODUCT, SQUARE, SEEN = 6, 7, 8  # planes of the sums, after photograph and render
+PRODUCT, SQUARE, SEEN = 6, 7, 8  # of the sums, after photograph and render
 BANDS = 16  # rows are shared out in as many bands, whatever the number of threads
 ZERO, ONE, THIRD = np.float32(0), np.float32(1), np.float32(1 / 3)
 LEAST = np.float32(1e-20)  # a sum of weights that is divided by; where it is 0 so are the other sums
@@ -23,7 +23,7 @@ LEAST = np.float32(1e-20)  # a sum of weights that is divided by; where it is 0 
 def exercise_kernels() -> None:
     """All kernels once, on a lens of one pixel."""
     pixel, plane = np.zeros((1, 1, 3), np.float32), np.zeros((1, 1), np.float32)
-    sums = np.zeros((1, SUMS, 1, 1), np.float32)
+    sums = np.zeros((1, 1, SUMS, 1), np.float32)
     add_view(pixel, pixel, np.ones((1, 1), np.bool_), ONE, ONE, sums[0])
     fit_lines(sums, np.ones(1, np.float32), ONE, ZERO, ONE, plane, pixel)
 
@@ -53,8 +53,8 @@ def mean_product(a, b, out):
 
 @kernel
 def add_view(photograph, seen, shown, keep, weight, sums):
-    """Where shown [h, w], sums [9, h, w] become keep sums + weight times those of one view, [h, w, 3] each."""
-    height, width = sums.shape[1], sums.shape[2]
+    """Where shown [h, w], sums [h, 9, w] become keep sums + weight times those of one view, [h, w, 3] each."""
+    height, width = sums.shape[0], sums.shape[2]
     for band in prange(BANDS):
         pixels, keeps, weights = (
             np.empty((SUMS, width), np.float32),
@@ -72,7 +72,7 @@ def add_view(photograph, seen, shown, keep, weight, sums):
                 keeps[i] = keep if shown_row[i] else ONE
                 weights[i] = weight if shown_row[i] else ZERO
             for k in range(SUMS):
-                remember(keeps, weights, pixels[k], sums[k, row])
+                remember(keeps, weights, pixels[k], sums[row, k])
 
 
 @inlined
@@ -90,7 +90,7 @@ def average_times(sums, weights, row, mean):
         weight = weights[time]
         if weight > ZERO:
             for k in range(SUMS):
-                values, out = sums[time, k, row], mean[k]
+                values, out = sums[time, row, k], mean[k]
                 for i in range(values.shape[0]):
                     out[i] += weight * values[i]
     seen = mean[SEEN]
@@ -114,11 +114,11 @@ def add_light(mean, alpha, light):
 
 @kernel
 def fit_lines(sums, weights, noise, clear, wet, alpha, light):
-    """Fills alpha [h, w] and light L [h, w, 3] from sums [T, 9, h, w], those of the times weighed by weights [T].
+    """Fills alpha [h, w] and light L [h, w, 3] from sums [T, h, 9, w], those of the times weighed by weights [T].
 
     Both are 0 where no view showed anything.
     """
-    height, width = sums.shape[2], sums.shape[3]
+    height, width = sums.shape[1], sums.shape[3]
     for band in prange(BANDS):
         mean, products = np.empty((SUMS, width), np.float32), np.empty((2, width), np.float32)
         for row in range(band * height // BANDS, (band + 1) * height // BANDS):

@@ -85,26 +85,30 @@ class Mist:
 
     def alpha(self, view: int, size: tuple[int, int]) -> Plane:
         """mist_alpha [H, W] of a training view at (height, width)."""
-        return np.square(self._root(view, size))
+        return np.square(self.root(view, size))
 
-    def forward(self, image: Image, view: int, out: Image) -> Image:
-        """The view [H, W, 3] as it is seen through the mist, written to `out`."""
-        return add_mist(image, self.alpha(view, (image.shape[0], image.shape[1])), self.colour, out)
+    def root(self, view: int, size: tuple[int, int]) -> Plane:
+        """sqrt(mist_alpha) [H, W] of a view."""
+        return _spread(np.tensordot(time_weights(view, self._n_views, len(self.roots)), self.roots, 1), size)
+
+    def forward(self, image: Image, root: Plane, out: Image) -> Image:
+        """A view [H, W, 3] as it is seen through the mist of its `root`, written to `out`."""
+        return add_mist(image, np.square(root), self.colour, out)
 
     def backward(
-        self, image: Image, misted: Image, view: int, gradient: Image, buffers: BufferPool
+        self, image: Image, misted: Image, root: Plane, view: int, gradient: Image, buffers: BufferPool
     ) -> tuple[Image, MistGradient]:
         """Gradients by the image [H, W, 3], in one of the buffers, and by what is learned.
 
         Args:
             image: as given to `forward`, [H, W, 3].
             misted: what that returned.
-            view: as given to it.
+            root: as given to it.
+            view: whose root it is.
             gradient: of the loss by what `forward` returned.
             buffers: to reuse.
         """
         config, weights = self._config, time_weights(view, self._n_views, len(self.roots))
-        root = self._root(view, (image.shape[0], image.shape[1]))
         by_image, by_alpha, by_colour = mist_gradient(image, misted, np.square(root), self.colour, gradient, buffers)
         penalised = by_alpha + np.float32(config.mean_penalty / root.size)
         by_roots = weights[:, None, None] * _gather(2 * root * penalised, self.roots.shape[1:])
@@ -129,10 +133,6 @@ class Mist:
         """Take back what `state_dict` returned."""
         self.roots, self.colour = arrays["roots"].copy(), arrays["colour"].copy()
         self._adam = {name: arrays[name].copy() for name in self._adam}
-
-    def _root(self, view: int, size: tuple[int, int]) -> Plane:
-        """sqrt(mist_alpha) [H, W] of a view."""
-        return _spread(np.tensordot(time_weights(view, self._n_views, len(self.roots)), self.roots, 1), size)
 
     def _step(self, name: str, values: NDArray, gradient: NDArray, iteration: int, rate: float) -> None:
         first, second = (self._adam[f"{name}.{order}"] for order in ADAM_MOMENTS)

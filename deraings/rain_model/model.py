@@ -50,6 +50,7 @@ class Seen(NamedTuple):
     scene_image: Image  # B [H, W, 3]
     rain_alpha: Plane | None  # [H, W]; None where there is no rain
     single: bool  # whether the view's single streaks are part of rain_alpha
+    mist_root: Plane | None  # sqrt(mist_alpha) [H, W]; None where no mist is looked for yet
     drops: DropLayer | None
     weights: Plane | None  # factors [H, W] on pixels' shares of the loss: 0 where drops hide the scene; None: all 1
     view: int
@@ -111,18 +112,21 @@ class RainModel:
         size = scene_image.shape[0], scene_image.shape[1]
         rain_alpha, single = self._rain_alpha(view, size)
         rained = self._rained(scene_image, rain_alpha, buffers.array("rained", scene_image.shape))
-        misted = self._misted(rained, view, iteration, buffers.array("misted", scene_image.shape))
+        mist_root = self.mist.root(view, size) if self.mist and self.mist.due(iteration) else None
+        misted = self._misted(rained, mist_root, buffers.array("misted", scene_image.shape))
         drops = self._drop_layer(view, size, iteration)
         image, weights = (misted, None) if drops is None else drops.forward(misted, buffers)
-        return Seen(image, misted, rained, scene_image, rain_alpha, single, drops, weights, view, iteration)
+        return Seen(image, misted, rained, scene_image, rain_alpha, single, mist_root, drops, weights, view, iteration)
 
     def backward(self, seen: Seen, gradient: Image, buffers: BufferPool) -> tuple[Image, MistGradient | None]:
         """From the gradient by `seen.image`: those by the rendered view [H, W, 3], maybe a buffer, and by the mist."""
         by_mist = None
         if seen.drops is not None:
             gradient = seen.drops.backward(gradient, buffers)
-        if self.mist and self.mist.due(seen.iteration):
-            gradient, by_mist = self.mist.backward(seen.rained, seen.without_drops, seen.view, gradient, buffers)
+        if self.mist and seen.mist_root is not None:
+            gradient, by_mist = self.mist.backward(
+                seen.rained, seen.without_drops, seen.mist_root, seen.view, gradient, buffers
+            )
         if self.rain_layer and seen.rain_alpha is not None:
             by_rained = buffers.array("g_rained", gradient.shape)
             gradient = self.rain_layer.backward(gradient, seen.rain_alpha, by_rained)
@@ -186,8 +190,8 @@ class RainModel:
     def _rained(self, image: Image, alpha: Plane | None, out: Image) -> Image:
         return image if self.rain_layer is None or alpha is None else self.rain_layer.forward(image, alpha, out)
 
-    def _misted(self, image: Image, view: int, iteration: int, out: Image) -> Image:
-        return self.mist.forward(image, view, out) if self.mist and self.mist.due(iteration) else image
+    def _misted(self, image: Image, root: Plane | None, out: Image) -> Image:
+        return image if self.mist is None or root is None else self.mist.forward(image, root, out)
 
     def _drop_layer(self, view: int, size: tuple[int, int], iteration: int) -> DropLayer | None:
         return self.drops.layer(view, size, iteration) if self.drops else None
@@ -218,7 +222,7 @@ class RainModel:
             return seen.without_drops
         even = np.full(seen.image.shape[:2], self.even_alpha, np.float32)
         rained = self._rained(seen.scene_image, even, buffers.array("rained_even", seen.image.shape))
-        return self._misted(rained, seen.view, seen.iteration, buffers.array("misted_even", rained.shape))
+        return self._misted(rained, seen.mist_root, buffers.array("misted_even", rained.shape))
 
     def _prior_deviation(self, layer: RainLayer, observed: Observation, view: int) -> Plane | None:
         """D of a view [H, W] as the prior sees it, whose median goes to the rain layer.
