@@ -17,6 +17,7 @@ What the photographs cannot tell, and what decides it:
 """
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -163,7 +164,10 @@ def _gather(plane: NDArray[np.float32], grid: tuple[int, ...]) -> NDArray[np.flo
     return rows.T @ plane @ columns
 
 
+@cache
 def _hats(pixels: int, knots: int) -> NDArray[np.float32]:
-    """Weights [pixels, knots] of linear interpolation."""
+    """Weights [pixels, knots] of linear interpolation; shared, not to be written to."""
     place = (np.arange(pixels) + 0.5) / pixels * (knots - 1)
-    return np.maximum(0, 1 - np.abs(place[:, None] - np.arange(knots))).astype(np.float32)
+    weights = np.maximum(0, 1 - np.abs(place[:, None] - np.arange(knots))).astype(np.float32)
+    weights.flags.writeable = False
+    return weights

@@ -136,7 +136,7 @@ class RainModel:
         """Learn of the rain from a view: mist by its gradient, all else from photograph and render."""
         if self.streaks and seen.iteration in self._renewals:
             self.streaks.renew()
-        if self.drops:
+        if self.drops and self.drops.due(seen.iteration):
             self.drops.update(observed.photograph, seen.without_drops, seen.view, observed.shown)
         if self.rain_layer:
             self._update_rain(self.rain_layer, seen, observed, buffers)
@@ -232,8 +232,7 @@ class RainModel:
         shown = observed.photographed
         if self._prior is None or (shown is not None and not shown.any()):
             return None
-        dry = self._prior.pixels(view).astype(np.float32) / 255
-        alpha = alpha_between(observed.photograph, dry, layer.brightness)
+        alpha = alpha_between(observed.photograph, self._prior.image(view), layer.brightness)
         median = np.median(alpha if shown is None else alpha[shown > 0])
         layer.update_prior(float(median))
         return alpha - median if shown is None else (alpha - median) * shown

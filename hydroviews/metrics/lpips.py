@@ -1,6 +1,8 @@
 """Learned perceptual image patch similarity, version 0.1 (Zhang et al., CVPR 2018)."""
 
+from collections.abc import Iterator
 from functools import lru_cache
+from itertools import islice
 from typing import Literal
 
 import torch
@@ -72,7 +74,7 @@ def _distance(net: Net, image: Tensor, target: Tensor) -> Tensor:
             f"got {image.shape[-1]}x{image.shape[-2]}"
         )
     total = torch.zeros(len(image), device=image.device)
-    features = zip(activations(net, image), activations(net, target), strict=True)
+    features = zip(levels_of(net, image), levels_of(net, target), strict=True)  # level by level: memory of one
     for level, (a, b) in enumerate(features):
         head = weights_of(net, a.device)[f"head.{level}"]
         total = total + (((_unit(a) - _unit(b)) ** 2) * head.view(1, -1, 1, 1)).sum(1).mean(dim=(1, 2))
@@ -81,22 +83,24 @@ def _distance(net: Net, image: Tensor, target: Tensor) -> Tensor:
 
 def activations(net: Net, x: Tensor, levels: int | None = None) -> list[Tensor]:
     """Those after the ReLUs that LPIPS compares, or the first `levels` of them, for images [N, 3, H, W] in [0, 1]."""
+    return list(islice(levels_of(net, x), levels))
+
+
+def levels_of(net: Net, x: Tensor) -> Iterator[Tensor]:
+    """The same one by one, each calculated when it is asked for."""
     weights = weights_of(net, x.device)
     shift, scale = (x.new_tensor(v).view(1, 3, 1, 1) for v in (SHIFT, SCALE))
     x = (2 * x - 1 - shift) / scale
-    taps, index = [], 0
+    index = 0
     for layer in _layers(net):
         if layer == "tap":
-            taps.append(x)
-            if len(taps) == levels:
-                break
+            yield x
         elif layer == "pool":
             x = max_pool2d(x, POOL_SIZE[net], stride=2)
         else:
             kernel, bias = (weights[f"conv.{index}.{part}"] for part in ("weight", "bias"))
             x = conv2d(x, kernel, bias, stride=layer[0], padding=layer[1]).relu()
             index += 1
-    return taps
 
 
 def _unit(features: Tensor) -> Tensor:

@@ -217,9 +217,9 @@ class Prior:
     digest = "of a test"
 
     def __init__(self, scene):
-        self.pictures, self.asked = [to_uint8(view) for view in learned(scene, seed=9)], []
+        self.pictures, self.asked = [to_uint8(view).astype(np.float32) / 255 for view in learned(scene, seed=9)], []
 
-    def pixels(self, index):
+    def image(self, index):
         self.asked.append(index)
         return self.pictures[index]
 
