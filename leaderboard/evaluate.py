@@ -26,9 +26,10 @@ from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.metrics import find_metrics
 from hydroviews.profiles import PROFILES, Profile, find_profile
 from hydroviews.rain.registry import choose_patterns, pattern_names
-from leaderboard.predict import PREDICTION
+from leaderboard.predict import FAILURE, PREDICTION
 from leaderboard.records import (
     GIVEN_POSES,
+    LEADERBOARD,
     RECORD,
     TRACKS,
     Record,
@@ -40,12 +41,10 @@ from leaderboard.records import (
 )
 from leaderboard.runs import Run, claim_folder
 from leaderboard.score import describe, score
-from leaderboard.severity import LEADERBOARD
 from leaderboard.tables import CEILING, FLOOR, scene_text, write_tables
 
 logger = logging.getLogger(__name__)
 
-FAILURE = "failure.json"
 GRACE, PATIENCE = 3.0, 30.0  # seconds until an interrupted run gets SIGTERM, and until it is killed
 
 
@@ -175,7 +174,7 @@ def _train_in_process(run: Run) -> str:
     """
     (run.folder / FAILURE).unlink(missing_ok=True)
     settings = [f"--run.{field.name}={getattr(run, field.name)}" for field in dataclasses.fields(run)]
-    code = run_child([sys.executable, "-m", "leaderboard", "train-and-render", *settings], _end)
+    code = run_child([sys.executable, "-m", "leaderboard.predict", *settings], _end)
     if code == 0:
         return ""
     failure = read_json(run.folder / FAILURE) if (run.folder / FAILURE).is_file() else {}

@@ -1,4 +1,8 @@
-"""The first half of a run, in a process of its own: train, save, render the held-out views to disk."""
+"""The first half of a run, in a process of its own: train, save, render the held-out views to disk.
+
+`evaluate` starts this for every run: python -m leaderboard.predict --run.method=3dgs ... It imports little: not what
+scores, compares and shows runs.
+"""
 
 import resource
 import sys
@@ -10,6 +14,8 @@ import numpy as np
 from tqdm import tqdm
 
 from baselines.method import Method, find_method
+from hydroviews.cli.commands import run_command
+from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.scene.images import write_png
 from hydroviews.scene.scenes import Scene, Split
@@ -17,6 +23,7 @@ from leaderboard.records import code_version
 from leaderboard.runs import Run
 
 PREDICTION = "prediction.json"
+FAILURE = "failure.json"
 
 
 def train_and_render(run: Run) -> None:
@@ -80,3 +87,20 @@ def peak_memory_mb() -> float:
             return int(peaks[0]) * 1024 / 1e6
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6
+
+
+def main(run: Run) -> None:
+    """Train one run and render its held-out views; `evaluate` starts this for every run."""
+    try:
+        train_and_render(run)
+    except Exception as error:
+        kind = "input" if isinstance(error, InputError) else "method"
+        reason = str(error) if kind == "input" else f"{type(error).__name__}: {error}"
+        write_json(run.folder / FAILURE, {"kind": kind, "reason": reason})
+        if kind == "input":
+            sys.exit(2)  # the parent tells the reason
+        raise
+
+
+if __name__ == "__main__":
+    run_command(main, prog="leaderboard.predict")

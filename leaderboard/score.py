@@ -15,7 +15,6 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from baselines.training.torch_state import picture_threads
 from hydroviews.cli.threads import side_by_side
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, replacing
@@ -95,6 +94,8 @@ def mean_scores(views: Sequence[Mapping[str, Any]], reasons: dict[str, str]) -> 
 
 def score_views(renders: Path, views: Sequence[View], reasons: dict[str, str]) -> list[dict[str, Any]]:
     """All metrics of all views, two views at a time, showing progress; what cannot be had goes to `reasons`."""
+    from baselines.training.torch_state import picture_threads
+
     find_metrics()  # once, not in both threads
 
     def row(view: View) -> dict[str, Any]:

@@ -1,16 +1,17 @@
 """Learned perceptual image patch similarity, version 0.1 (Zhang et al., CVPR 2018)."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from functools import lru_cache
 from itertools import islice
-from typing import Literal
-
-import torch
-from torch import Tensor
-from torch.nn.functional import conv2d, max_pool2d
+from typing import TYPE_CHECKING, Literal
 
 from hydroviews.metrics.inputs import Mask, Pictures, Score, score_pairs
-from hydroviews.metrics.lpips_weights import load_weights
+
+if TYPE_CHECKING:
+    import torch
+    from torch import Tensor
 
 Net = Literal["alex", "vgg"]
 
@@ -64,6 +65,8 @@ def weights_of(net: Net, device: torch.device) -> dict[str, Tensor]:
     Raises:
         InputError: they can neither be found nor fetched.
     """
+    from hydroviews.metrics.lpips_weights import load_weights
+
     return {name: value.to(device) for name, value in load_weights(net).items()}
 
 
@@ -73,7 +76,7 @@ def _distance(net: Net, image: Tensor, target: Tensor) -> Tensor:
             f"LPIPS ({net}) needs images of at least {MINIMUM_SIZE[net]} pixels a side, "
             f"got {image.shape[-1]}x{image.shape[-2]}"
         )
-    total = torch.zeros(len(image), device=image.device)
+    total = image.new_zeros(len(image))
     features = zip(levels_of(net, image), levels_of(net, target), strict=True)  # level by level: memory of one
     for level, (a, b) in enumerate(features):
         head = weights_of(net, a.device)[f"head.{level}"]
@@ -88,6 +91,8 @@ def activations(net: Net, x: Tensor, levels: int | None = None) -> list[Tensor]:
 
 def levels_of(net: Net, x: Tensor) -> Iterator[Tensor]:
     """The same one by one, each calculated when it is asked for."""
+    from torch.nn.functional import conv2d, max_pool2d
+
     weights = weights_of(net, x.device)
     shift, scale = (x.new_tensor(v).view(1, 3, 1, 1) for v in (SHIFT, SCALE))
     x = (2 * x - 1 - shift) / scale
