@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import hashlib
+from collections import OrderedDict
+from collections.abc import Hashable, Iterable, Iterator
 from functools import lru_cache
 from itertools import islice
+from threading import Lock
 from typing import TYPE_CHECKING, Literal
 
 from hydroviews.metrics.inputs import Mask, Pictures, Score, score_pairs
@@ -24,6 +27,7 @@ ALEX_LAYERS = ((4, 2), "tap", "pool", (1, 2), "tap", "pool", (1, 1), "tap", (1, 
 VGG_BLOCKS = (2, 2, 3, 3, 3)  # 3x3 convolutions before each tap
 POOL_SIZE = {"alex": 3, "vgg": 2}
 MINIMUM_SIZE = {"alex": 32, "vgg": 16}  # smaller images vanish in the pooling
+KEPT_BYTES = 2**28  # of targets' activations: with VGG seven views of 320x240, or one of 800x533
 
 
 def lpips(image: Pictures, target: Pictures, net: Net = "alex", ignored: Mask | None = None) -> Score:
@@ -77,11 +81,59 @@ def _distance(net: Net, image: Tensor, target: Tensor) -> Tensor:
             f"got {image.shape[-1]}x{image.shape[-2]}"
         )
     total = image.new_zeros(len(image))
-    features = zip(levels_of(net, image), levels_of(net, target), strict=True)  # level by level: memory of one
+    features = zip(levels_of(net, image), _target_levels(net, target), strict=True)  # level by level: memory of one
     for level, (a, b) in enumerate(features):
         head = weights_of(net, a.device)[f"head.{level}"]
-        total = total + (((_unit(a) - _unit(b)) ** 2) * head.view(1, -1, 1, 1)).sum(1).mean(dim=(1, 2))
+        total = total + (((_unit(a) - b) ** 2) * head.view(1, -1, 1, 1)).sum(1).mean(dim=(1, 2))
     return total
+
+
+def _target_levels(net: Net, target: Tensor) -> Iterable[Tensor]:
+    """Activations of a target, every pixel's channels of length 1; kept, as many are compared with the same views."""
+    if target.requires_grad or target.is_inference() or target.device.type != "cpu":
+        return (_unit(level) for level in levels_of(net, target))
+    key = net, tuple(target.shape), hashlib.sha1(target.numpy().tobytes()).digest()
+    known = _kept.get(key)
+    return _keeping(key, net, target) if known is None else known
+
+
+def _keeping(key: Hashable, net: Net, target: Tensor) -> Iterator[Tensor]:
+    """The same, calculated as they are asked for, and kept at the end if they are not too large."""
+    levels: list[Tensor] = []
+    size = 0
+    for level in levels_of(net, target):
+        yield (unit := _unit(level))
+        size += unit.nbytes
+        if size <= KEPT_BYTES:
+            levels.append(unit)
+        else:
+            levels.clear()
+    if size <= KEPT_BYTES:
+        _kept.put(key, levels, size)
+
+
+class _Kept:
+    """Activations of the last targets, up to KEPT_BYTES in all; for several threads."""
+
+    def __init__(self) -> None:
+        self._levels: OrderedDict[Hashable, tuple[list[Tensor], int]] = OrderedDict()
+        self._lock = Lock()
+
+    def get(self, key: Hashable) -> list[Tensor] | None:
+        with self._lock:
+            if key not in self._levels:
+                return None
+            self._levels.move_to_end(key)
+            return self._levels[key][0]
+
+    def put(self, key: Hashable, levels: list[Tensor], size: int) -> None:
+        with self._lock:
+            self._levels[key] = levels, size
+            while sum(size for _, size in self._levels.values()) > KEPT_BYTES:
+                self._levels.popitem(last=False)
+
+
+_kept = _Kept()
 
 
 def activations(net: Net, x: Tensor, levels: int | None = None) -> list[Tensor]:
