@@ -12,18 +12,24 @@ from hydroviews.cli.commands import run_command
 from hydroviews.cli.plugins import registered
 from hydroviews.dataset.manifest import built_scenes
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import write_json
 from hydroviews.profiles import find_profile
 from hydroviews.rain.registry import choose_patterns
 from leaderboard.contract.check import Result, check
-from leaderboard.evaluate import FAILURE, EvaluateRequest, MethodName, PatternNames, ProfileName, TrackName, evaluate
+from leaderboard.evaluate import (
+    EvaluateRequest,
+    MethodName,
+    PatternNames,
+    ProfileName,
+    TrackName,
+    evaluate,
+    outcome,
+)
 from leaderboard.film import film
-from leaderboard.predict import train_and_render
 from leaderboard.previews import write_overview
-from leaderboard.records import GIVEN_POSES, write_leaderboard
+from leaderboard.records import GIVEN_POSES, LEADERBOARD, write_leaderboard
 from leaderboard.runs import Run
 from leaderboard.score import score
-from leaderboard.severity import LEADERBOARD, record_losses
+from leaderboard.severity import record_losses
 from leaderboard.tables import legend, scene_keys, scene_text, write_tables
 from leaderboard.viewer.export import Format, export
 from leaderboard.viewer.viewer import HOST, PORT, view
@@ -34,6 +40,7 @@ DATA = Path("data")  # where `make eval` builds
 def evaluate_command(request: tyro.conf.OmitArgPrefixes[EvaluateRequest]) -> None:
     """Run a method and the reference rows on a scene, building what is missing; print and write the tables."""
     records = evaluate(request)
+    print(f"\n{outcome(records[-1], request.results)}")
     if any(record.status != "done" for record in records):
         sys.exit(1)
 
@@ -199,19 +206,6 @@ def card_command(data: tyro.conf.Positional[Path], scene: str = "", results: Pat
         raise InputError("\n".join(failures))
 
 
-def train_and_render_command(run: Run) -> None:
-    """Train one run and render its held-out views; `evaluate` starts this for every run."""
-    try:
-        train_and_render(run)
-    except Exception as error:
-        kind = "input" if isinstance(error, InputError) else "method"
-        reason = str(error) if kind == "input" else f"{type(error).__name__}: {error}"
-        write_json(run.folder / FAILURE, {"kind": kind, "reason": reason})
-        if kind == "input":
-            sys.exit(2)  # the parent tells the reason
-        raise
-
-
 def main() -> None:
     """Entry point."""
     run_command(
@@ -226,7 +220,6 @@ def main() -> None:
             "film": film_command,
             "export": export_command,
             "card": card_command,
-            "train-and-render": train_and_render_command,
         },
         prog="leaderboard",
     )

@@ -26,25 +26,25 @@ from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.metrics import find_metrics
 from hydroviews.profiles import PROFILES, Profile, find_profile
 from hydroviews.rain.registry import choose_patterns, pattern_names
-from leaderboard.predict import PREDICTION
+from leaderboard.predict import FAILURE, PREDICTION
 from leaderboard.records import (
     GIVEN_POSES,
+    LEADERBOARD,
     RECORD,
     TRACKS,
     Record,
     check_track,
+    collect,
     read_record,
     write_leaderboard,
     write_record,
 )
 from leaderboard.runs import Run, claim_folder
 from leaderboard.score import describe, score
-from leaderboard.severity import LEADERBOARD
 from leaderboard.tables import CEILING, FLOOR, scene_text, write_tables
 
 logger = logging.getLogger(__name__)
 
-FAILURE = "failure.json"
 GRACE, PATIENCE = 3.0, 30.0  # seconds until an interrupted run gets SIGTERM, and until it is killed
 
 
@@ -71,7 +71,7 @@ class EvaluateRequest:
 
 
 def evaluate(request: EvaluateRequest) -> list[Record]:
-    """Build what is missing, run the method and the references, write and print the tables.
+    """Build what is missing, run the method and the references, write the tables.
 
     Returns:
         The records of the method and of the reference rows.
@@ -105,11 +105,14 @@ def evaluate(request: EvaluateRequest) -> list[Record]:
             records[run] = carry_out(run, request.overwrite)
     finally:  # whatever ended stands in the table, also if the rest was interrupted
         if records:
-            table = write_leaderboard(request.results)
-            write_tables(table, request.results)
-    text = scene_text(table, scene, profile.name, request.track)
-    logger.info("\n%s\nall runs: %s", text, request.results / LEADERBOARD)
+            write_tables(write_leaderboard(request.results), request.results)
     return list(records.values())
+
+
+def outcome(record: Record, results: Path) -> str:
+    """The table that a record stands in, and where all runs are, to be printed."""
+    text = scene_text(collect(results), record.scene, record.profile, record.track)
+    return f"{text}\nall runs: {results / LEADERBOARD}"
 
 
 def needed_patterns(method: str, rainy: list[str]) -> list[str]:
@@ -171,7 +174,7 @@ def _train_in_process(run: Run) -> str:
     """
     (run.folder / FAILURE).unlink(missing_ok=True)
     settings = [f"--run.{field.name}={getattr(run, field.name)}" for field in dataclasses.fields(run)]
-    code = run_child([sys.executable, "-m", "leaderboard", "train-and-render", *settings], _end)
+    code = run_child([sys.executable, "-m", "leaderboard.predict", *settings], _end)
     if code == 0:
         return ""
     failure = read_json(run.folder / FAILURE) if (run.folder / FAILURE).is_file() else {}

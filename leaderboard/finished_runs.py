@@ -11,8 +11,8 @@ from baselines.splatting.gaussians import Gaussians
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from leaderboard.predict import PREDICTION
+from leaderboard.records import LEADERBOARD
 from leaderboard.runs import CONFIG, Run, refuse_other_data
-from leaderboard.severity import LEADERBOARD
 
 logger = logging.getLogger(__name__)
 

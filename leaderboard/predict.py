@@ -1,4 +1,8 @@
-"""The first half of a run, in a process of its own: train, save, render the held-out views to disk."""
+"""The first half of a run, in a process of its own: train, save, render the held-out views to disk.
+
+`evaluate` starts this for every run: python -m leaderboard.predict --run.method=3dgs ... It imports little: not what
+scores, compares and shows runs.
+"""
 
 import resource
 import sys
@@ -7,11 +11,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import torch
 from tqdm import tqdm
 
 from baselines.method import Method, find_method
 from baselines.training.devices import warn_of_slow_profile
+from hydroviews.cli.commands import run_command
+from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.scene.images import write_png
 from hydroviews.scene.scenes import Scene, Split
@@ -19,6 +24,7 @@ from leaderboard.records import code_version
 from leaderboard.runs import Run
 
 PREDICTION = "prediction.json"
+FAILURE = "failure.json"
 
 
 def train_and_render(run: Run) -> None:
@@ -89,5 +95,23 @@ def peak_memory_mb() -> float:
 
 def peak_gpu_memory_mb() -> float | None:
     """The most memory that this process's tensors have had on the GPU, in 10^6 bytes; None where there were none."""
-    peak = torch.cuda.max_memory_allocated()
+    torch = sys.modules.get("torch")  # who never imported it has nothing on a GPU
+    peak = torch.cuda.max_memory_allocated() if torch else 0
     return round(peak / 1e6, 1) if peak else None
+
+
+def main(run: Run) -> None:
+    """Train one run and render its held-out views; `evaluate` starts this for every run."""
+    try:
+        train_and_render(run)
+    except Exception as error:
+        kind = "input" if isinstance(error, InputError) else "method"
+        reason = str(error) if kind == "input" else f"{type(error).__name__}: {error}"
+        write_json(run.folder / FAILURE, {"kind": kind, "reason": reason})
+        if kind == "input":
+            sys.exit(2)  # the parent tells the reason
+        raise
+
+
+if __name__ == "__main__":
+    run_command(main, prog="leaderboard.predict")

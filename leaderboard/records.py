@@ -6,19 +6,20 @@ import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any
 
 import hydroviews
 from hydroviews.errors import InputError, unknown_name
 from hydroviews.files.atomic import read_json, replacing, write_json
 from hydroviews.metrics import find_metrics
-from leaderboard.severity import LEADERBOARD
+
+if TYPE_CHECKING:  # every run imports this file, and none but those that gather records needs it
+    import pandas as pd
 
 logger = logging.getLogger(__name__)
 
 RECORD = "record.json"
+LEADERBOARD = "leaderboard.csv"  # in a results folder
 
 GIVEN_POSES, SPARSE_VIEWS = "given-poses", "sparse-views"
 TRACKS = (GIVEN_POSES, SPARSE_VIEWS)  # cameras of the clean capture; the same, with a third of the training views
@@ -128,12 +129,14 @@ def read_record(path: Path) -> Record:
         ) from None
 
 
-def collect(results: Path) -> pd.DataFrame:
+def collect(results: Path) -> "pd.DataFrame":
     """All records of a results folder, one row each, in the order of `columns`.
 
     Only records that lie where their run belongs count, so that copies kept beside them do not count twice. An
     unreadable one is left out with a warning.
     """
+    import pandas as pd
+
     records = []
     for path in sorted(results.glob(f"*/*/*/*/*/{RECORD}")):
         try:
@@ -147,7 +150,7 @@ def collect(results: Path) -> pd.DataFrame:
     return table.sort_values(["profile", "scene", "track", "effect", "pattern", "method", "seed"], ignore_index=True)
 
 
-def write_leaderboard(results: Path) -> pd.DataFrame:
+def write_leaderboard(results: Path) -> "pd.DataFrame":
     """Gather every record into `results/leaderboard.csv`; numbers that are missing stay empty.
 
     Raises:

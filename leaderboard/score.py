@@ -15,11 +15,13 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
+from hydroviews.cli.threads import side_by_side
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, replacing
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.metrics import Metric, find_metrics
 from hydroviews.scene.images import Image, read_image, to_uint8
+from hydroviews.scene.masks import Ignored
 from hydroviews.scene.scenes import Scene, View
 from leaderboard.predict import PREDICTION
 from leaderboard.previews import write_preview
@@ -56,10 +58,7 @@ def score(run: Run) -> Record:
         return _record_unscored(run)
     clean = run.clean_scene()
     reasons: dict[str, str] = {}
-    rows = [
-        {"view": view.name, **score_view(run.folder / "renders" / f"{view.name}.png", view, reasons)}
-        for view in tqdm(clean.test_views, desc="scoring", unit="view")
-    ]
+    rows = score_views(run.folder / "renders", clean.test_views, reasons)
     views = pd.DataFrame(rows, columns=["view", *(metric.name for metric in find_metrics())])
     with replacing(run.folder / PER_VIEW) as temporary:
         views.to_csv(temporary, index=False)
@@ -93,6 +92,20 @@ def mean_scores(views: Sequence[Mapping[str, Any]], reasons: dict[str, str]) -> 
     return means
 
 
+def score_views(renders: Path, views: Sequence[View], reasons: dict[str, str]) -> list[dict[str, Any]]:
+    """All metrics of all views, two views at a time, showing progress; what cannot be had goes to `reasons`."""
+    from baselines.training.torch_state import picture_threads
+
+    find_metrics()  # once, not in both threads
+
+    def row(view: View) -> dict[str, Any]:
+        return {"view": view.name, **score_view(renders / f"{view.name}.png", view, reasons)}
+
+    with picture_threads():
+        rows = side_by_side(row, views)
+        return list(tqdm(rows, desc="scoring", unit="view", total=len(views)))
+
+
 def score_view(render: Path, clean: View, reasons: dict[str, str]) -> Scores:
     """All metrics of one view, from pictures on disk; what cannot be had goes to `reasons`."""
     image, target = read_image(render), clean.image()
@@ -103,7 +116,7 @@ def score_view(render: Path, clean: View, reasons: dict[str, str]) -> Scores:
             expected=f"{target.shape[1]}x{target.shape[0]}",
             fix="delete the run and evaluate again",
         )
-    return score_image(image, clean, reasons)
+    return _scores(image, target, clean.ignored(), reasons, find_metrics())
 
 
 def score_image(image: Image, clean: View, reasons: dict[str, str], metrics: Sequence[Metric] | None = None) -> Scores:
@@ -115,14 +128,22 @@ def score_image(image: Image, clean: View, reasons: dict[str, str], metrics: Seq
         reasons: by metric, why it could not be had; those in it already are not tried again.
         metrics: all there are if not given.
     """
-    rounded, target, ignored = to_uint8(image).astype(np.float32) / 255, clean.image(), clean.ignored()
+    rounded = to_uint8(image).astype(np.float32) / 255
+    return _scores(rounded, clean.image(), clean.ignored(), reasons, metrics or find_metrics())
+
+
+def _scores(
+    image: Image, target: Image, ignored: Ignored | None, reasons: dict[str, str], metrics: Sequence[Metric]
+) -> Scores:
+    """Metrics of an image of 8 bits a channel against its target, both [H, W, 3] in [0, 1]."""
     scores: Scores = {}
-    for metric in metrics or find_metrics():
+    for metric in metrics:
         name = metric.name
         try:
-            scores[name] = None if name in reasons else float(metric.function(rounded, target, ignored=ignored))
+            scores[name] = None if name in reasons else float(metric.function(image, target, ignored=ignored))
         except (InputError, ValueError) as error:
-            scores[name], reasons[name] = None, str(error).splitlines()[0]
+            scores[name] = None
+            reasons.setdefault(name, str(error).splitlines()[0])
     return scores
 
 

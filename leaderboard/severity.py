@@ -10,8 +10,8 @@ from hydroviews.dataset.variants import is_captured
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, replacing
 from hydroviews.formats.capture_json import CAPTURED
+from leaderboard.records import LEADERBOARD
 
-LEADERBOARD = "leaderboard.csv"
 CEILING, FLOOR = "3dgs-clean", "3dgs"  # plain 3DGS trained on clean and on rainy views
 TEXT = ("method", "scene", "pattern", "track", "profile", "status", "data_sha256")  # names, even where they are digits
 COLUMNS = ["pattern", "grade", "track", "profile", "seeds", "clean", "rainy", "loss"]

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.spherical_harmonics import coefficients, from_colour
@@ -67,6 +66,8 @@ def initialise(points: Points, cameras: Sequence[Camera], sh_degree: int, seed: 
 
 def neighbour_distance(positions: NDArray[np.float64]) -> NDArray[np.float64]:
     """Root mean square distance [N] to the three nearest others."""
+    from scipy.spatial import cKDTree
+
     k = min(NEIGHBOURS, len(positions) - 1)
     if k < 1:
         return np.ones(len(positions))

@@ -1,16 +1,18 @@
 """What rendered images are compared with: the seam where a method puts its own idea of rain."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.splatting.appearance.base import Appearance
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Target, photometric_loss, prepare_target
 from baselines.training.images import Size, TrainingImages
 from hydroviews.scene.images import Image
+
+if TYPE_CHECKING:  # it needs torch, which most trainings do without
+    from baselines.splatting.appearance.base import Appearance
 
 
 class Objective:
@@ -20,7 +22,7 @@ class Objective:
     checkpoints hold it.
     """
 
-    def __init__(self, images: TrainingImages, lambda_dssim: float = 0.2, appearance: Appearance | None = None):
+    def __init__(self, images: TrainingImages, lambda_dssim: float = 0.2, appearance: "Appearance | None" = None):
         self.images = images
         self.lambda_dssim = lambda_dssim
         self.appearance = appearance  # what gives Gaussians their colours, where it is not spherical harmonics alone

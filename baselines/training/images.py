@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from hydroviews.cli.threads import side_by_side
 from hydroviews.scene.images import to_uint8
 from hydroviews.scene.masks import Ignored, fit_ignored
 from hydroviews.scene.scenes import View
@@ -16,13 +17,14 @@ Size = tuple[int, int]  # height and width
 
 
 def read_images(views: Sequence[View]) -> "TrainingImages":
-    """Read the pictures and masks of all views, showing progress.
+    """Read the pictures and masks of all views, two at a time, showing progress.
 
     Raises:
         InputError: a picture or mask that cannot be read or has another size than its camera.
     """
-    progress = tqdm(views, desc="reading images", unit="image", leave=False)
-    return TrainingImages([to_uint8(view.image()) for view in progress], [view.ignored() for view in views])
+    pictures = side_by_side(lambda view: (to_uint8(view.image()), view.ignored()), views)
+    read = list(tqdm(pictures, desc="reading images", unit="image", total=len(views), leave=False))
+    return TrainingImages([pixels for pixels, _ in read], [ignored for _, ignored in read])
 
 
 class TrainingImages:

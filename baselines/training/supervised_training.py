@@ -170,6 +170,10 @@ class _Trainer:
             note(self._training, self._validate, self._curve)
         return losses
 
+    def end(self) -> None:
+        """End the workers. Those that are left to the garbage collector are waited for: five seconds each."""
+        self._drawn = None
+
     def state_dict(self) -> Tree:
         return self._training.state_dict()
 
@@ -203,7 +207,10 @@ def train(
         KeyboardInterrupt, SystemExit: on Ctrl-C and SIGTERM, when the step is done and a checkpoint is written.
     """
     trainer = _Trainer(training, batches, workers, validate, intervals.validate_every, folder / CURVE)
-    loop.run(trainer, folder / CHECKPOINT, fingerprint, intervals.checkpoint_seconds)
+    try:
+        loop.run(trainer, folder / CHECKPOINT, fingerprint, intervals.checkpoint_seconds)
+    finally:
+        trainer.end()
 
 
 def network_fingerprint(config: Any, data: str) -> dict[str, Any]:

@@ -1,12 +1,14 @@
 """Modules of torch as named numpy arrays for checkpoints, and back: parameters, buffers and Adam's moments."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
+
+from hydroviews.cli.threads import AT_ONCE, processors
 
 MOMENTS = ("exp_avg", "exp_avg_sq")
 
@@ -53,11 +55,21 @@ def _tensor(array: NDArray, like: Tensor) -> Tensor:
 
 
 @contextmanager
-def one_thread() -> Iterator[None]:
-    """The order in which torch adds up, and so the last bits, depends on the number of threads."""
+def torch_threads(count: int) -> Iterator[None]:
+    """Has torch calculate with so many threads while the block lasts, in all threads of the process."""
     before = torch.get_num_threads()
-    torch.set_num_threads(1)
+    torch.set_num_threads(count)
     try:
         yield
     finally:
         torch.set_num_threads(before)
+
+
+def one_thread() -> AbstractContextManager[None]:
+    """The order in which torch adds up, and so the last bits, depends on the number of threads."""
+    return torch_threads(1)
+
+
+def picture_threads() -> AbstractContextManager[None]:
+    """While pictures are worked on side by side: each with its share of the processors."""
+    return torch_threads(max(1, processors() // AT_ONCE))

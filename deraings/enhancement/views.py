@@ -5,13 +5,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from tqdm import tqdm
 
 from baselines.training.images import TrainingImages
+from baselines.training.torch_state import picture_threads
 from deraings.enhancement.enhance import enhance
 from deraings.enhancement.weights import Enhancer
-from hydroviews.scene.images import read_image, to_uint8, write_png
+from hydroviews.cli.threads import side_by_side
+from hydroviews.scene.images import Image, read_image, write_png
 
 
 class EnhancedViews:
@@ -46,18 +47,20 @@ class EnhancedViews:
             write_png(path, enhance(photograph, self._enhancer, remove_mist=self.remove_mist))
         return path
 
-    def pixels(self, index: int) -> NDArray[np.uint8]:
+    def image(self, index: int) -> Image:
         """One picture [H, W, 3].
 
         Raises:
             InputError: a kept picture is damaged.
         """
-        return to_uint8(read_image(self.file(index)))
+        return read_image(self.file(index))
 
     def files(self) -> list[Path]:
-        """All pictures as PNG, in the order of the photographs, showing progress."""
-        indices = range(len(self._images))
-        return [self.file(i) for i in tqdm(indices, desc="enhancing", unit="view", leave=False)]
+        """All pictures as PNG, in the order of the photographs, two at a time, showing progress."""
+        count = len(self._images)
+        with picture_threads():
+            paths = side_by_side(self.file, range(count))
+            return list(tqdm(paths, desc="enhancing", unit="view", total=count, leave=False))
 
 
 def _fingerprint(images: TrainingImages, enhancer: Enhancer, remove_mist: bool) -> str:

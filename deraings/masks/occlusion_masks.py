@@ -55,8 +55,9 @@ class OcclusionMasks:
         c = self.config
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
-            self.network = MaskNetwork(c.shrink, c.fine, c.width, c.cutoff, 1 if c.lens_views else 0, c.attention)
-        self.adam = torch.optim.Adam(self.network.parameters(), c.rate, foreach=True)
+            network = MaskNetwork(c.shrink, c.fine, c.width, c.cutoff, 1 if c.lens_views else 0, c.attention)
+        self.network = network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.adam = torch.optim.Adam(self.network.parameters(), c.rate, fused=True)
         self._level = np.zeros(2)  # typical loss, and from how many losses it is known
         self._evidence: float | None = None  # for something on the lens, once the masks have started
         self._losses: dict[int, Plane] = {}  # last losses of views at the network's resolution

@@ -17,6 +17,7 @@ What the photographs cannot tell, and what decides it:
 """
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +28,7 @@ from baselines.splatting.kernels.buffer_pool import BufferPool
 from deraings.image_planes import Plane
 from deraings.rain_model.mist_bounds import mist_bounds
 from deraings.rain_model.mist_config import MistConfig
-from deraings.rain_model.mist_kernels import add_mist, mist_gradient, warm_up
+from deraings.rain_model.mist_kernels import add_mist, mist_gradient
 from deraings.rain_model.mist_or_fog import is_mist, paleness_of
 from deraings.rain_model.time_knots import time_weights
 from hydroviews.scene.images import Image
@@ -72,8 +73,6 @@ class Mist:
         self.colour = self.expected.copy()  # a [3], linear light
         self.paleness = paleness_of(bounds, points) if bounds.suspected and points is not None else None
         self.wanted = bounds.suspected and (self.paleness is None or is_mist(self.paleness, config))
-        if self.wanted:
-            warm_up()
         self._max_roots = np.sqrt(np.minimum(config.slack * bounds.max_alpha, config.max_alpha))
         likely = config.likely * bounds.possible + MIN_ALPHA
         roots = np.minimum(np.sqrt(likely), self._max_roots) * self.wanted
@@ -87,24 +86,31 @@ class Mist:
 
     def alpha(self, view: int, size: tuple[int, int]) -> Plane:
         """mist_alpha [H, W] of a training view at (height, width)."""
-        return np.square(self._root(view, size))
+        return np.square(self.root(view, size))
 
-    def forward(self, image: Image, view: int, out: Image) -> Image:
-        """The view [H, W, 3] as it is seen through the mist, written to `out`."""
-        return add_mist(image, self.alpha(view, (image.shape[0], image.shape[1])), self.colour, out)
+    def root(self, view: int, size: tuple[int, int]) -> Plane:
+        """sqrt(mist_alpha) [H, W] of a view."""
+        return _spread(np.tensordot(time_weights(view, self._n_views, len(self.roots)), self.roots, 1), size)
 
-    def backward(self, image: Image, view: int, gradient: Image, buffers: BufferPool) -> tuple[Image, MistGradient]:
+    def forward(self, image: Image, root: Plane, out: Image) -> Image:
+        """A view [H, W, 3] as it is seen through the mist of its `root`, written to `out`."""
+        return add_mist(image, np.square(root), self.colour, out)
+
+    def backward(
+        self, image: Image, misted: Image, root: Plane, view: int, gradient: Image, buffers: BufferPool
+    ) -> tuple[Image, MistGradient]:
         """Gradients by the image [H, W, 3], in one of the buffers, and by what is learned.
 
         Args:
             image: as given to `forward`, [H, W, 3].
-            view: likewise.
+            misted: what that returned.
+            root: as given to it.
+            view: whose root it is.
             gradient: of the loss by what `forward` returned.
             buffers: to reuse.
         """
         config, weights = self._config, time_weights(view, self._n_views, len(self.roots))
-        root = self._root(view, (image.shape[0], image.shape[1]))
-        by_image, by_alpha, by_colour = mist_gradient(image, np.square(root), self.colour, gradient, buffers)
+        by_image, by_alpha, by_colour = mist_gradient(image, misted, np.square(root), self.colour, gradient, buffers)
         penalised = by_alpha + np.float32(config.mean_penalty / root.size)
         by_roots = weights[:, None, None] * _gather(2 * root * penalised, self.roots.shape[1:])
         by_roots += np.float32(config.roughness_penalty / self.roots[0].size) * roughness_gradient(self.roots)
@@ -129,10 +135,6 @@ class Mist:
         self.roots, self.colour = arrays["roots"].copy(), arrays["colour"].copy()
         self._adam = {name: arrays[name].copy() for name in self._adam}
 
-    def _root(self, view: int, size: tuple[int, int]) -> Plane:
-        """sqrt(mist_alpha) [H, W] of a view."""
-        return _spread(np.tensordot(time_weights(view, self._n_views, len(self.roots)), self.roots, 1), size)
-
     def _step(self, name: str, values: NDArray, gradient: NDArray, iteration: int, rate: float) -> None:
         first, second = (self._adam[f"{name}.{order}"] for order in ADAM_MOMENTS)
         step = iteration - self._first + 1
@@ -143,10 +145,10 @@ def roughness_gradient(knots: NDArray[np.float32]) -> NDArray[np.float32]:
     """Of half the sum of squared differences of neighbouring knots [T, h, w], in space and in time."""
     gradient = np.zeros_like(knots)
     for axis in range(3):
-        steps = np.diff(knots, axis=axis)
-        before = [(1, 0) if a == axis else (0, 0) for a in range(3)]
-        after = [(0, 1) if a == axis else (0, 0) for a in range(3)]
-        gradient += np.pad(steps, before) - np.pad(steps, after)
+        along, values = np.moveaxis(gradient, axis, 0), np.moveaxis(knots, axis, 0)
+        steps = np.diff(values, axis=0)
+        along[1:] += steps
+        along[:-1] -= steps
     return gradient
 
 
@@ -162,7 +164,10 @@ def _gather(plane: NDArray[np.float32], grid: tuple[int, ...]) -> NDArray[np.flo
     return rows.T @ plane @ columns
 
 
+@cache
 def _hats(pixels: int, knots: int) -> NDArray[np.float32]:
-    """Weights [pixels, knots] of linear interpolation."""
+    """Weights [pixels, knots] of linear interpolation; shared, not to be written to."""
     place = (np.arange(pixels) + 0.5) / pixels * (knots - 1)
-    return np.maximum(0, 1 - np.abs(place[:, None] - np.arange(knots))).astype(np.float32)
+    weights = np.maximum(0, 1 - np.abs(place[:, None] - np.arange(knots))).astype(np.float32)
+    weights.flags.writeable = False
+    return weights

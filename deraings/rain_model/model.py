@@ -19,6 +19,7 @@ from deraings.rain_model.drops import DropLayer, LensDrops, LensDropsConfig
 from deraings.rain_model.mist import Mist, MistConfig, MistGradient
 from deraings.rain_model.rain_layer import MIN_ALPHA, RainLayer, RainLayerConfig
 from deraings.rain_model.streaks import SingleStreaks, SingleStreaksConfig, along_rain, alpha_between
+from deraings.rain_model.warm_up import warm_up
 from hydroviews.scene.images import Image
 from hydroviews.scene.point_colours import PointColours
 
@@ -47,15 +48,13 @@ class Seen(NamedTuple):
     without_drops: Image  # T [H, W, 3]: through falling rain and mist
     rained: Image  # R [H, W, 3]: through falling rain alone
     scene_image: Image  # B [H, W, 3]
-    rain_alpha: NDArray[np.float32]  # [], or [H, W, 1] where the view's single streaks are known
+    rain_alpha: Plane | None  # [H, W]; None where there is no rain
+    single: bool  # whether the view's single streaks are part of rain_alpha
+    mist_root: Plane | None  # sqrt(mist_alpha) [H, W]; None where no mist is looked for yet
     drops: DropLayer | None
+    weights: Plane | None  # factors [H, W] on pixels' shares of the loss: 0 where drops hide the scene; None: all 1
     view: int
     iteration: int
-
-    @property
-    def weights(self) -> Plane | None:
-        """Factors [H, W] on each pixel's share of the loss: 0 where drops hide the scene; None where all are 1."""
-        return None if self.drops is None else self.drops.weights
 
 
 class Observation(NamedTuple):
@@ -88,6 +87,7 @@ class RainModel:
                 surely rains.
             points: looks up scene points in the photographs, to tell mist on the lens from fog in the scene.
         """
+        warm_up()
         self.config, self.iterations, self._prior = config, iterations, prior
         count = len(images)
         pictures = [images.pixels(view) for view in range(count)]
@@ -110,29 +110,33 @@ class RainModel:
             buffers: to reuse; what is seen may lie in one of them.
         """
         size = scene_image.shape[0], scene_image.shape[1]
-        rain_alpha = self._rain_alpha(view, size)
-        rained = self._rained(scene_image, rain_alpha)
-        misted = self._misted(rained, view, iteration, buffers.array("misted", scene_image.shape))
+        rain_alpha, single = self._rain_alpha(view, size)
+        rained = self._rained(scene_image, rain_alpha, buffers.array("rained", scene_image.shape))
+        mist_root = self.mist.root(view, size) if self.mist and self.mist.due(iteration) else None
+        misted = self._misted(rained, mist_root, buffers.array("misted", scene_image.shape))
         drops = self._drop_layer(view, size, iteration)
-        image = misted if drops is None else drops.forward(misted)
-        return Seen(image, misted, rained, scene_image, rain_alpha, drops, view, iteration)
+        image, weights = (misted, None) if drops is None else drops.forward(misted, buffers)
+        return Seen(image, misted, rained, scene_image, rain_alpha, single, mist_root, drops, weights, view, iteration)
 
     def backward(self, seen: Seen, gradient: Image, buffers: BufferPool) -> tuple[Image, MistGradient | None]:
         """From the gradient by `seen.image`: those by the rendered view [H, W, 3], maybe a buffer, and by the mist."""
         by_mist = None
         if seen.drops is not None:
-            gradient = seen.drops.backward(gradient)
-        if self.mist and self.mist.due(seen.iteration):
-            gradient, by_mist = self.mist.backward(seen.rained, seen.view, gradient, buffers)
-        if self.rain_layer:
-            gradient = self.rain_layer.backward(gradient, seen.rain_alpha)
+            gradient = seen.drops.backward(gradient, buffers)
+        if self.mist and seen.mist_root is not None:
+            gradient, by_mist = self.mist.backward(
+                seen.rained, seen.without_drops, seen.mist_root, seen.view, gradient, buffers
+            )
+        if self.rain_layer and seen.rain_alpha is not None:
+            by_rained = buffers.array("g_rained", gradient.shape)
+            gradient = self.rain_layer.backward(gradient, seen.rain_alpha, by_rained)
         return gradient, by_mist
 
     def update(self, seen: Seen, observed: Observation, by_mist: MistGradient | None, buffers: BufferPool) -> None:
         """Learn of the rain from a view: mist by its gradient, all else from photograph and render."""
         if self.streaks and seen.iteration in self._renewals:
             self.streaks.renew()
-        if self.drops:
+        if self.drops and self.drops.due(seen.iteration):
             self.drops.update(observed.photograph, seen.without_drops, seen.view, observed.shown)
         if self.rain_layer:
             self._update_rain(self.rain_layer, seen, observed, buffers)
@@ -146,8 +150,8 @@ class RainModel:
 
     def rain_alpha(self, view: int, size: tuple[int, int]) -> Plane:
         """rain_alpha [H, W] of a training view at (height, width)."""
-        alpha = self._rain_alpha(view, size)
-        return np.array(np.broadcast_to(alpha if alpha.ndim == 0 else alpha[..., 0], size))
+        alpha, _ = self._rain_alpha(view, size)
+        return np.zeros(size, np.float32) if alpha is None else alpha
 
     def mist_alpha(self, view: int, size: tuple[int, int]) -> Plane:
         """mist_alpha [H, W] of a training view at (height, width); 0 where no mist is looked for."""
@@ -175,19 +179,19 @@ class RainModel:
         parts = ("mist", self.mist), ("drops", self.drops), ("rain_layer", self.rain_layer), ("streaks", self.streaks)
         return [(name, model) for name, model in parts if model is not None]
 
-    def _rain_alpha(self, view: int, size: tuple[int, int]) -> NDArray[np.float32]:
-        """rain_alpha: one number [], or [H, W, 1] where a view's single streaks are known."""
+    def _rain_alpha(self, view: int, size: tuple[int, int]) -> tuple[Plane | None, bool]:
+        """rain_alpha [H, W], None where there is none, and whether a view's single streaks are part of it."""
         if self.streaks and self.even_alpha > MIN_ALPHA:
             alpha = self.streaks.alpha(view, self.even_alpha, size)
             if alpha is not None:
-                return alpha[..., None]
-        return np.asarray(self.even_alpha, np.float32)
+                return alpha, True
+        return (np.full(size, self.even_alpha, np.float32) if self.even_alpha else None), False
 
-    def _rained(self, image: Image, alpha: NDArray[np.float32]) -> Image:
-        return self.rain_layer.forward(image, alpha) if self.rain_layer else image
+    def _rained(self, image: Image, alpha: Plane | None, out: Image) -> Image:
+        return image if self.rain_layer is None or alpha is None else self.rain_layer.forward(image, alpha, out)
 
-    def _misted(self, image: Image, view: int, iteration: int, out: Image) -> Image:
-        return self.mist.forward(image, view, out) if self.mist and self.mist.due(iteration) else image
+    def _misted(self, image: Image, root: Plane | None, out: Image) -> Image:
+        return image if self.mist is None or root is None else self.mist.forward(image, root, out)
 
     def _drop_layer(self, view: int, size: tuple[int, int], iteration: int) -> DropLayer | None:
         return self.drops.layer(view, size, iteration) if self.drops else None
@@ -201,9 +205,10 @@ class RainModel:
         even = self._behind_even_rain(seen, buffers)
         if streaks is not None:
             along, contrast = along_rain(observed.photograph, even, self.even_alpha, layer.brightness)
-            factor = np.float32(1) if observed.weights is None else observed.weights
+            if observed.weights is not None:
+                along, contrast = along * observed.weights, contrast * observed.weights
             prior = self._prior_deviation(layer, observed, seen.view)
-            streaks.update(along * factor, contrast * factor, layer.angle(), seen.view, prior)
+            streaks.update(along, contrast, layer.angle(), seen.view, prior)
         if due:
             layer.update(observed.photograph, even, observed.weights, seen.iteration)
 
@@ -213,10 +218,11 @@ class RainModel:
 
     def _behind_even_rain(self, seen: Seen, buffers: BufferPool) -> Image:
         """The view [H, W, 3] without its single streaks and without drops."""
-        if seen.rain_alpha.ndim == 0:
+        if not seen.single:
             return seen.without_drops
-        rained = self._rained(seen.scene_image, np.asarray(self.even_alpha, np.float32))
-        return self._misted(rained, seen.view, seen.iteration, buffers.array("misted_even", rained.shape))
+        even = np.full(seen.image.shape[:2], self.even_alpha, np.float32)
+        rained = self._rained(seen.scene_image, even, buffers.array("rained_even", seen.image.shape))
+        return self._misted(rained, seen.mist_root, buffers.array("misted_even", rained.shape))
 
     def _prior_deviation(self, layer: RainLayer, observed: Observation, view: int) -> Plane | None:
         """D of a view [H, W] as the prior sees it, whose median goes to the rain layer.
@@ -226,8 +232,7 @@ class RainModel:
         shown = observed.photographed
         if self._prior is None or (shown is not None and not shown.any()):
             return None
-        dry = self._prior.pixels(view).astype(np.float32) / 255
-        alpha = alpha_between(observed.photograph, dry, layer.brightness)
+        alpha = alpha_between(observed.photograph, self._prior.image(view), layer.brightness)
         median = np.median(alpha if shown is None else alpha[shown > 0])
         layer.update_prior(float(median))
         return alpha - median if shown is None else (alpha - median) * shown

@@ -108,7 +108,8 @@ def _product(*parts: Plane | None) -> Plane | None:
 
 def _finite(image: Image) -> tuple[Image, Plane | None]:
     """A render [H, W, 3] with 0 where a pixel is not finite, and 1 where it is [H, W]; None where all are."""
-    if np.isfinite(image.sum(dtype=np.float64)):
+    finite = np.isfinite(image)
+    if finite.all():
         return image, None
-    finite = np.asarray(np.isfinite(image).all(axis=2))
+    finite = finite.all(axis=2)
     return np.where(finite[..., None], image, np.float32(0)), finite.astype(np.float32)

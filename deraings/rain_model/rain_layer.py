@@ -14,18 +14,22 @@ The first gates the second: where it does not rain S is 0, whatever the scene.
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from deraings.image_planes import Plane, resized, within_side
+from deraings.rain_model.layer_kernels import behind_rain, shade
+from deraings.rain_model.rain_kernels import BANDS, line_sums
 from hydroviews.scene.images import Image
 
 ANGLES = tuple(range(0, 180, 15))  # degrees counter-clockwise from +x
 THIRDS = np.full(3, 1 / 3, np.float32)
 LONG_SIDE = 480  # pixels; streaks are looked for in no larger pictures
 LEARNED = ("powers", "levels", "prior", "alpha")
+OUTLIER = 4.0  # standard deviations beyond which a difference along a line is cut off
 LEVELS = 512  # bins of a histogram of encoded values in [0, 1]
 MIN_ALPHA = 0.004  # rain_alpha that is as good as none
 COMMON = 0.15  # share of the skew of most directions that one may exceed them by: drops that ran are long as well
@@ -93,13 +97,15 @@ class RainLayer:
         """beta, the encoded value of what streaks are made of."""
         return self._config.brightness
 
-    def forward(self, image: Image, alpha: NDArray[np.float32]) -> Image:
-        """The view [H, W, 3] behind rain of alpha [H, W, 1] or [], exactly the view where there is none at all."""
-        return image * (1 - alpha) + alpha * np.float32(self.brightness) if alpha.any() else image
+    def forward(self, image: Image, alpha: Plane, out: Image) -> Image:
+        """The view [H, W, 3] behind rain of alpha [H, W], written to `out`."""
+        behind_rain(image, alpha, np.float32(self.brightness), out)
+        return out
 
-    def backward(self, gradient: Image, alpha: NDArray[np.float32]) -> Image:
-        """The gradient by the view [H, W, 3] from that by what `forward` returned."""
-        return gradient * (1 - alpha)
+    def backward(self, gradient: Image, alpha: Plane, out: Image) -> Image:
+        """The gradient by the view [H, W, 3], written to `out`, from that by what `forward` returned."""
+        shade(gradient, alpha, out)
+        return out
 
     def due(self, iteration: int) -> bool:
         """Whether to look at a view in this step."""
@@ -176,18 +182,24 @@ def line_powers(difference: NDArray[np.float32], length: float, clear: NDArray[n
         if not clear.any():
             return np.zeros((len(ANGLES), 3))
         difference = np.where(clear, difference, np.float32(0))
-    around = cv2.blur(difference, (side, side))
+    counted = np.ones(difference.shape, np.bool_) if clear is None else clear
+    around, n = np.asarray(cv2.blur(difference, (side, side)), np.float32), np.count_nonzero(counted)
     powers = np.ones((len(ANGLES), 3))
     for row, angle in zip(powers, ANGLES, strict=True):
-        along = cv2.filter2D(difference, -1, line_kernel(side, angle)) - around
-        along = along if clear is None else along[clear]
-        limit = 4 * along.std()
-        along = np.clip(along, -limit, limit)
-        square = along * along
-        row[1:] = square.mean(dtype=np.float64), (square * along).mean(dtype=np.float64)
+        along = np.asarray(cv2.filter2D(difference, -1, line_kernel(side, angle)), np.float32)
+        mean, square, _ = _line_means(along, around, counted, n, np.inf)
+        row[1:] = _line_means(along, around, counted, n, OUTLIER * np.sqrt(max(square - mean**2, 0)))[1:]
     return powers
 
 
+def _line_means(along: Plane, around: Plane, counted: NDArray[np.bool_], n: int, limit: float) -> NDArray:
+    """Means [3] of x, x^2 and x^3, x = along - around [H, W] cut off at +-limit, over the n pixels that are counted."""
+    sums = np.empty((BANDS, 3))
+    line_sums(along, around, counted, np.float32(limit), sums)
+    return np.asarray(sums.sum(axis=0) / n)
+
+
+@cache
 def line_kernel(side: int, angle: float) -> NDArray[np.float32]:
     """A line through the middle of [side, side] at `angle` degrees counter-clockwise from +x, of sum 1."""
     reach = np.linspace(-(side - 1) / 2, (side - 1) / 2, 8 * side)

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from deraings.image_planes import Plane, resized, shrunk
+from deraings.rain_model.rain_kernels import cover, toward_rain
 from deraings.rain_model.rain_layer import LONG_SIDE
 from hydroviews.scene.images import Image
 
@@ -144,9 +145,8 @@ def along_rain(photograph: Image, seen: Image, even: float, brightness: float) -
     Returns:
         Photograph less `seen` along the unit vector of beta - B [H, W], encoded, and the length of beta - B [H, W].
     """
-    contrast = np.maximum(np.float32(brightness) - seen, 0) / np.float32(1 - even)
-    length = np.sqrt(np.einsum("hwc,hwc->hw", contrast, contrast))
-    along = np.einsum("hwc,hwc->hw", photograph - seen, contrast) / np.maximum(length, np.float32(1e-3))
+    along, length = np.empty((2, *photograph.shape[:2]), np.float32)
+    toward_rain(photograph, seen, np.float32(brightness), np.float32(1 - even), along, length)
     return along, length
 
 
@@ -155,9 +155,9 @@ def alpha_between(photograph: Image, dry: Image, brightness: float) -> Plane:
 
     Least squares over the channels of O - B = rain_alpha (beta - B), which tells little where B is near to beta.
     """
-    contrast = np.maximum(np.float32(brightness) - dry, 0)
-    along = np.einsum("hwc,hwc->hw", photograph - dry, contrast)
-    return np.asarray(along / (np.einsum("hwc,hwc->hw", contrast, contrast) + np.float32(MIN_CONTRAST**2)), np.float32)
+    alpha = np.empty(photograph.shape[:2], np.float32)
+    cover(photograph, dry, np.float32(brightness), np.float32(MIN_CONTRAST**2), alpha)
+    return alpha
 
 
 def wiener_gain(power: NDArray, width: int, angle: float, config: SingleStreaksConfig) -> Plane:

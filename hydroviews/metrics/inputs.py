@@ -1,14 +1,18 @@
 """What every metric accepts, checked in one place."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
+from typing import TYPE_CHECKING, Union
 
 import numpy as np
-import torch
-from torch import Tensor
 
-Pictures = np.ndarray | Tensor  # [H, W, 3] or [N, 3, H, W], values in [0, 1]
-Score = float | Tensor  # of an image, or of each image of a batch [N]
-Mask = np.ndarray | Tensor  # bool [H, W], or [N, H, W] for a batch; true where pixels are hidden
+if TYPE_CHECKING:
+    from torch import Tensor
+
+Pictures = Union[np.ndarray, "Tensor"]  # [H, W, 3] or [N, 3, H, W], values in [0, 1]
+Score = Union[float, "Tensor"]  # of an image, or of each image of a batch [N]
+Mask = Union[np.ndarray, "Tensor"]  # bool [H, W], or [N, H, W] for a batch; true where pixels are hidden
 
 HIDDEN = 0.5  # what hidden pixels are set to in both images
 TOLERANCE = 1e-4  # rounding of resampling filters; anything beyond is another value range
@@ -25,7 +29,9 @@ def score_pairs(
         ValueError: shapes differ or are not [H, W, 3] or [N, 3, H, W], or values lie outside [0, 1]; the mask is of
             another size; or every pixel of an image is hidden.
     """
-    a, b = (torch.as_tensor(x if isinstance(x, Tensor) else np.ascontiguousarray(x)) for x in (image, target))
+    import torch
+
+    a, b = (torch.as_tensor(x if isinstance(x, torch.Tensor) else np.ascontiguousarray(x)) for x in (image, target))
     if a.shape != b.shape:
         raise ValueError(f"image and target differ in shape: {tuple(a.shape)} and {tuple(b.shape)}")
     single = a.ndim == 3
@@ -44,6 +50,8 @@ def score_pairs(
 
 def _shown(ignored: Mask | None, single: bool, images: Tensor) -> Tensor:
     """What is not hidden, bool [N, H, W]."""
+    import torch
+
     shape = (len(images), *images.shape[-2:])
     if ignored is None:
         return torch.ones(shape, dtype=torch.bool, device=images.device)

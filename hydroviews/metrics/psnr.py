@@ -1,9 +1,13 @@
 """Peak signal-to-noise ratio."""
 
-import torch
-from torch import Tensor
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 from hydroviews.metrics.inputs import Mask, Pictures, Score, score_pairs
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 
 def psnr(image: Pictures, target: Pictures, ignored: Mask | None = None) -> Score:
@@ -23,4 +27,4 @@ def psnr(image: Pictures, target: Pictures, ignored: Mask | None = None) -> Scor
 def _psnr(image: Tensor, target: Tensor, shown: Tensor) -> Tensor:
     squares = (image.double() - target.double()).square().mean(dim=(1, 2, 3))  # zero where hidden
     mean_squared_error = squares / shown.double().mean(dim=(1, 2))
-    return -10 * torch.log10(mean_squared_error)
+    return -10 * mean_squared_error.log10()

@@ -1,10 +1,13 @@
 """Structural similarity (Wang et al. 2004): 11x11 Gaussian window, sigma 1.5, valid positions only."""
 
-import torch
-from torch import Tensor
-from torch.nn.functional import conv2d, max_pool2d
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 from hydroviews.metrics.inputs import Mask, Pictures, Score, score_pairs
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 WINDOW, SIGMA = 11, 1.5
 C1, C2 = 0.01**2, 0.03**2  # stabilisers for a data range of 1
@@ -27,6 +30,9 @@ def ssim(image: Pictures, target: Pictures, ignored: Mask | None = None) -> Scor
 
 
 def _ssim(image: Tensor, target: Tensor, shown: Tensor) -> Tensor:
+    import torch
+    from torch.nn.functional import max_pool2d
+
     similarity = ssim_map(image.double(), target.double()).mean(dim=1)
     whole = max_pool2d((~shown)[:, None].float(), WINDOW, stride=1)[:, 0] == 0
     counts = whole.sum(dim=(1, 2))
@@ -52,6 +58,9 @@ def ssim_map(image: Tensor, target: Tensor) -> Tensor:
 
 def _blur(x: Tensor) -> Tensor:
     """Separable Gaussian, valid positions: [N, C, H, W] -> [N, C, H - 10, W - 10]."""
+    import torch
+    from torch.nn.functional import conv2d
+
     offsets = torch.arange(WINDOW, dtype=x.dtype, device=x.device) - WINDOW // 2
     taps = torch.exp(-(offsets**2) / (2 * SIGMA**2))
     taps = taps / taps.sum()

@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import replacing
@@ -113,6 +112,8 @@ def sparse_depth(camera: Camera, positions: NDArray, guide: Image | None = None)
     that lie behind the visible surface; cells are joined linearly in 1 / depth, as planes are in a picture. With a
     guide [H, W, 3], the same is smoothed by a guided filter (He, Sun and Tang 2010).
     """
+    from scipy.spatial import cKDTree
+
     pixels, depth = camera.project(positions)
     seen = (depth > 0) & (pixels >= 0).all(axis=1) & (pixels <= (camera.width, camera.height)).all(axis=1)
     pixels, depth = pixels[seen], depth[seen]

@@ -9,12 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import KDTree
-from scipy.spatial.transform import Rotation
 
-from baselines.splatting.backends.torch_rasterizer import basis, rotations
 from baselines.splatting.gaussians import Gaussians
 from hydroviews.scene.cameras import Camera
 
@@ -63,6 +59,10 @@ def normalise_scene(cameras: Sequence[Camera], gaussians: Gaussians | None) -> N
 
 def normalise_splats(gaussians: Gaussians, cameras: Sequence[Camera], normalisation: Normalisation) -> Splats:
     """The Gaussians moved and scaled, in colours as the cameras see them on average."""
+    import torch
+
+    from baselines.splatting.backends.torch_rasterizer import rotations
+
     deviations = np.minimum(np.exp(gaussians.log_scales.astype(np.float64)) * normalisation.scale, LARGEST)
     factors = rotations(torch.from_numpy(gaussians.quaternions)).numpy() * deviations[:, None, :]
     return Splats(
@@ -77,6 +77,10 @@ def normalise_splats(gaussians: Gaussians, cameras: Sequence[Camera], normalisat
 
 def _mean_colours(gaussians: Gaussians, cameras: Sequence[Camera]) -> NDArray[np.float32]:
     """Colours [N, 3] averaged over the directions from cameras spread evenly over the list."""
+    import torch
+
+    from baselines.splatting.backends.torch_rasterizer import basis
+
     chosen = np.unique(np.linspace(0, len(cameras) - 1, min(DIRECTIONS, len(cameras))).round().astype(int))
     total = np.zeros((len(gaussians), 3))
     for index in chosen:
@@ -89,6 +93,8 @@ def _mean_colours(gaussians: Gaussians, cameras: Sequence[Camera]) -> NDArray[np
 
 def pose(camera: Camera, normalisation: Normalisation) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Camera-to-world quaternion (w, x, y, z) and position in the browser."""
+    from scipy.spatial.transform import Rotation
+
     quaternion = Rotation.from_matrix(camera.rotation.T).as_quat()
     return np.roll(quaternion, 1), normalisation.place(camera.centre)
 
@@ -106,6 +112,8 @@ def window_fov(camera: Camera, aspect: float) -> float:
 
 def frustum_length(cameras: Sequence[Camera], normalisation: Normalisation) -> float:
     """How long to draw frustums, so that neighbours rarely touch; in the browser's units."""
+    from scipy.spatial import KDTree
+
     centres = normalisation.place([camera.centre for camera in cameras])
     if len(centres) < 2:
         return LONGEST

@@ -50,9 +50,9 @@ def test_photographs_are_enhanced_once(scene, weights, tmp_path):
     enhanced = EnhancedViews(images, names, enhancer, tmp_path)
     enhanced.files()
     expected = np.clip(images.pixels(0) / 255 - 0.1, 0, 1)
-    assert np.abs(enhanced.pixels(0) / 255 - expected).max() < 0.01
+    assert np.abs(enhanced.image(0) - expected).max() < 0.01
     (kept,) = tmp_path.iterdir()
-    assert np.array_equal(enhanced.pixels(0), np.rint(255 * read_image(kept / f"{names[0]}.png")))
+    assert np.array_equal(enhanced.image(0), read_image(kept / f"{names[0]}.png"))
     times = [path.stat().st_mtime_ns for path in sorted(kept.iterdir())]
     assert EnhancedViews(images, names, enhancer, tmp_path).files() == enhanced.files()
     assert times == [path.stat().st_mtime_ns for path in sorted(kept.iterdir())]
@@ -65,7 +65,7 @@ def test_other_weights_enhance_anew(scene, weights, tmp_path):
     with torch.no_grad():
         enhancer.network.head[0].bias.fill_(0.1)
     brighter = EnhancedViews(images, names, enhancer, tmp_path)
-    assert brighter.pixels(0).mean() > images.pixels(0).mean()
+    assert 255 * brighter.image(0).mean() > images.pixels(0).mean()
     assert len(list(tmp_path.iterdir())) == 2
 
 
@@ -135,10 +135,10 @@ def test_photographs_are_enhanced_only_when_they_are_asked_for(scene, weights, t
     views = EnhancedViews(images, [view.name for view in scene.train_views], load_enhancer(weights), tmp_path)
     assert not list(tmp_path.iterdir())
     expected = np.clip(images.pixels(2) / 255 - 0.1, 0, 1)
-    assert np.abs(views.pixels(2) / 255 - expected).max() < 0.01
+    assert np.abs(views.image(2) - expected).max() < 0.01
     (kept,) = (tmp_path / views.digest).iterdir()
     before = kept.stat().st_mtime_ns
-    assert np.array_equal(views.pixels(2), views.pixels(2))
+    assert np.array_equal(views.image(2), views.image(2))
     assert kept.stat().st_mtime_ns == before
 
 

@@ -1,21 +1,50 @@
 """Methods made for tests."""
 
+import shutil
 import sys
 from pathlib import Path
 
 import pytest
+from synthetic import capture_in
 
+from hydroviews.formats.writers import write_colmap
 from leaderboard import evaluate, tables
 
 
 @pytest.fixture
 def toys(monkeypatch):
     """The toy methods importable here and in the processes started, and as reference rows."""
+    use_toys(monkeypatch)
+    yield
+    sys.modules.pop("toy_methods", None)
+
+
+def use_toys(monkeypatch: pytest.MonkeyPatch) -> None:
     folder = str(Path(__file__).parent)
     monkeypatch.setenv("PYTHONPATH", folder)
     monkeypatch.syspath_prepend(folder)
     for module in (evaluate, tables):
         monkeypatch.setattr(module, "CEILING", "toy_methods:MeanColourClean")
         monkeypatch.setattr(module, "FLOOR", "toy_methods:MeanColour")
-    yield
-    sys.modules.pop("toy_methods", None)
+
+
+@pytest.fixture(scope="module")
+def evaluated_once(tmp_path_factory):
+    """A capture, and what `evaluate` leaves of MeanColour and the reference rows on it: data, results, records."""
+    folder = tmp_path_factory.mktemp("evaluated")
+    capture = folder / "yard"
+    write_colmap(capture_in(capture), capture / "sparse" / "0")
+    where = {"data": folder / "data", "results": folder / "results"}
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        use_toys(monkeypatch)
+        request = evaluate.EvaluateRequest("toy_methods:MeanColour", str(capture), patterns=("streak-0",), **where)
+        return folder, evaluate.evaluate(request)
+
+
+@pytest.fixture
+def evaluated(evaluated_once, tmp_path):
+    """The record of MeanColour; data and results are in `tmp_path`, for the test to change."""
+    folder, records = evaluated_once
+    for name in ("data", "results"):
+        shutil.copytree(folder / name, tmp_path / name)
+    return records[-1]

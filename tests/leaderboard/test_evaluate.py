@@ -11,31 +11,26 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from synthetic import capture_in
 
 import hydroviews
 from hydroviews import metrics
 from hydroviews.errors import InputError
 from hydroviews.files.locks import BUSY, locked
-from hydroviews.formats.writers import write_colmap
 from hydroviews.scene.images import read_image
 from leaderboard import evaluate as evaluate_module
 from leaderboard import predict as predict_module
-from leaderboard.__main__ import overview_command, score_command
-from leaderboard.evaluate import EvaluateRequest, evaluate
+from leaderboard.__main__ import evaluate_command, overview_command, score_command
+from leaderboard.evaluate import EvaluateRequest, evaluate, outcome
 from leaderboard.records import as_row, code_version, columns
 from leaderboard.score import score
 
 pytestmark = pytest.mark.usefixtures("toys")
 
 
-@pytest.fixture(scope="module")
-def built(tmp_path_factory):
-    """A capture on disk and its built clean views and streaks, copied by each test."""
-    folder = tmp_path_factory.mktemp("capture") / "yard"
-    scene = capture_in(folder)
-    write_colmap(scene, folder / "sparse" / "0")
-    return folder
+@pytest.fixture
+def built(evaluated_once):
+    """A capture on disk."""
+    return evaluated_once[0] / "yard"
 
 
 def request(built: Path, tmp_path: Path, method: str, **changes) -> EvaluateRequest:
@@ -52,8 +47,7 @@ def leaderboard(tmp_path: Path) -> pd.DataFrame:
     return pd.read_csv(tmp_path / "results" / "leaderboard.csv")
 
 
-def test_rows_renders_and_scores(built, tmp_path, caplog):
-    record = evaluate(request(built, tmp_path, "MeanColour"))[-1]
+def test_rows_renders_and_scores(evaluated, tmp_path):
     table = leaderboard(tmp_path)
     assert list(table.columns) == columns()
     assert list(table.method) == ["toy_methods:MeanColourClean", "toy_methods:MeanColour"]
@@ -62,27 +56,33 @@ def test_rows_renders_and_scores(built, tmp_path, caplog):
     run = tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0"
     clean = tmp_path / "data/demo/yard/clean"
     expected = np.mean([metrics.psnr(read_image(p), read_image(clean / p.name)) for p in (run / "renders").iterdir()])
-    assert record.scores["psnr"] == pytest.approx(expected, abs=1e-4)
-    assert record.train_s == 0.5
-    assert record.n_primitives is None
-    assert record.peak_mem_mb > 10
+    assert evaluated.scores["psnr"] == pytest.approx(expected, abs=1e-4)
+    assert evaluated.train_s == 0.5
+    assert evaluated.n_primitives is None
+    assert evaluated.peak_mem_mb > 10
     assert (run / "preview.png").is_file()
-    assert "share of gap" in caplog.text
 
 
-def test_second_call_keeps_records_and_rescoring_gives_the_same(built, tmp_path, caplog):
-    record = evaluate(request(built, tmp_path, "MeanColour"))[-1]
+def test_the_table_is_printed_as_the_result_and_is_no_message(built, evaluated, tmp_path, caplog, capsys):
+    evaluate_command(request(built, tmp_path, "MeanColour"))
+    printed = capsys.readouterr().out
+    assert re.search(r"^yard \(demo, given-poses\)\n\n\| streak +\| PSNR", printed, re.MULTILINE), printed
+    assert "share of gap" in printed
+    assert printed.endswith(f"all runs: {tmp_path / 'results/leaderboard.csv'}\n")
+    assert "share of gap" not in caplog.text
+
+
+def test_second_call_keeps_records_and_rescoring_gives_the_same(built, evaluated, tmp_path, caplog):
     run = next(r for r in _runs(built, tmp_path))
     stamp = (run.folder / "record.json").stat().st_mtime_ns
     again = evaluate(request(built, tmp_path, "MeanColour"))[-1]
     assert (run.folder / "record.json").stat().st_mtime_ns == stamp
     assert "kept" in caplog.text
-    assert again == record
-    assert score(run) == record
+    assert again == evaluated
+    assert score(run) == evaluated
 
 
-def test_a_run_that_another_process_is_at_is_waited_for(built, tmp_path, capsys, caplog):
-    evaluate(request(built, tmp_path, "MeanColour"))
+def test_a_run_that_another_process_is_at_is_waited_for(built, evaluated, tmp_path, capsys, caplog):
     run = tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0"
     record, away = run / "record.json", tmp_path / "record.json"
     taken = threading.Event()
@@ -105,8 +105,7 @@ def test_a_run_that_another_process_is_at_is_waited_for(built, tmp_path, capsys,
     assert "toy_methods:MeanColour on yard/streak-0, seed 0: kept" in told
 
 
-def test_rescoring_on_other_data_is_refused(built, tmp_path):
-    evaluate(request(built, tmp_path, "MeanColour"))
+def test_rescoring_on_other_data_is_refused(built, evaluated, tmp_path):
     manifest = tmp_path / "data/demo/manifest.json"
     content = json.loads(manifest.read_text())
     content["scenes"]["yard"]["files"]["clean/view-00.png"] = "another"
@@ -117,8 +116,7 @@ def test_rescoring_on_other_data_is_refused(built, tmp_path):
         score(dataclasses.replace(_runs(built, tmp_path)[0], seed=5))
 
 
-def test_renders_that_were_interrupted_are_made_again(built, tmp_path, monkeypatch):
-    record = evaluate(request(built, tmp_path, "MeanColour"))[-1]
+def test_renders_that_were_interrupted_are_made_again(built, evaluated, tmp_path, monkeypatch):
     run = next(r for r in _runs(built, tmp_path))
     (run.folder / "record.json").unlink()
     monkeypatch.setattr(predict_module, "render_views", lambda *_: sys.exit(130))
@@ -126,13 +124,12 @@ def test_renders_that_were_interrupted_are_made_again(built, tmp_path, monkeypat
         predict_module.train_and_render(run)
     with pytest.raises(InputError, match=r"not trained to its end[\s\S]*goes on where it stopped"):
         score(run)
-    assert as_row(evaluate(request(built, tmp_path, "MeanColour"))[-1])["psnr"] == record.scores["psnr"]
+    assert as_row(evaluate(request(built, tmp_path, "MeanColour"))[-1])["psnr"] == evaluated.scores["psnr"]
 
 
-def test_the_version_is_that_of_the_code_that_trained(built, tmp_path, monkeypatch):
-    record = evaluate(request(built, tmp_path, "MeanColour"))[-1]
+def test_the_version_is_that_of_the_code_that_trained(built, evaluated, tmp_path, monkeypatch):
     monkeypatch.setattr("leaderboard.score.code_version", lambda: "of another day")
-    assert score(next(r for r in _runs(built, tmp_path))).version == record.version
+    assert score(next(r for r in _runs(built, tmp_path))).version == evaluated.version
 
 
 def test_a_version_names_the_commit_of_our_own_checkout_alone(tmp_path, monkeypatch):
@@ -158,13 +155,12 @@ def test_a_version_names_the_commit_of_our_own_checkout_alone(tmp_path, monkeypa
     assert code_version().endswith("-dirty")
 
 
-def test_score_and_picture_take_the_folders_that_evaluate_takes(built, tmp_path):
-    record = evaluate(request(built, tmp_path, "MeanColour"))[-1]
+def test_score_and_picture_take_the_folders_that_evaluate_takes(evaluated, tmp_path):
     place = {"scene": "yard", "data": tmp_path / "data", "results": tmp_path / "results"}
     written = tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0/record.json"
     written.unlink()
     score_command("streak-0", method="toy_methods:MeanColour", **place)
-    assert json.loads(written.read_text())["psnr"] == record.scores["psnr"]
+    assert json.loads(written.read_text())["psnr"] == evaluated.scores["psnr"]
     picture = tmp_path / "overview.png"
     overview_command("view-00", ("streak-0",), method="toy_methods:MeanColour", **place, out=picture)
     assert read_image(picture).shape[1] == 3 * 48
@@ -186,9 +182,8 @@ def test_a_method_that_sees_clean_views_needs_no_rain(built, tmp_path):
     assert not (tmp_path / "data/demo/yard/streak-0").exists()
 
 
-def test_the_sparse_track_trains_on_a_third_and_keeps_apart(built, tmp_path, caplog):
-    for track in ("given-poses", "sparse-views"):
-        evaluate(request(built, tmp_path, "MeanColour", track=track))
+def test_the_sparse_track_trains_on_a_third_and_keeps_apart(built, evaluated, tmp_path):
+    record = evaluate(request(built, tmp_path, "MeanColour", track="sparse-views"))[-1]
     table = leaderboard(tmp_path)
     assert list(table.track) == ["given-poses"] * 2 + ["sparse-views"] * 2
     assert list(table.n_train) == [7, 7, 3, 3]
@@ -197,7 +192,7 @@ def test_the_sparse_track_trains_on_a_third_and_keeps_apart(built, tmp_path, cap
     names = json.loads((tmp_path / "data/demo/yard/split.json").read_text())["sparse"]
     seen = [read_image(tmp_path / "data/demo/yard/streak-0/images" / f"{n}.png").mean(axis=(0, 1)) for n in names]
     assert json.loads((run / "colour.json").read_text()) == pytest.approx(np.mean(seen, axis=0), abs=1e-6)
-    assert "yard (demo, sparse-views)" in caplog.text
+    assert "yard (demo, sparse-views)" in outcome(record, tmp_path / "results")
     tables_file = (tmp_path / "results/tables.md").read_text()
     assert "## yard (demo, given-poses)" in tables_file
     assert "## yard (demo, sparse-views)" in tables_file
@@ -214,7 +209,7 @@ def test_the_sparse_track_trains_on_a_third_and_keeps_apart(built, tmp_path, cap
         ("RendersNan", "finite values"),
     ],
 )
-def test_a_failed_run_is_a_row_without_numbers(built, tmp_path, method, reason):
+def test_a_failed_run_is_a_row_without_numbers(built, evaluated, tmp_path, method, reason):
     record = evaluate(request(built, tmp_path, method))[-1]
     assert record.status == "failed"
     row = leaderboard(tmp_path).set_index("method").loc[f"toy_methods:{method}"]
@@ -223,15 +218,14 @@ def test_a_failed_run_is_a_row_without_numbers(built, tmp_path, method, reason):
     assert (leaderboard(tmp_path).status == "done").sum() == 2
 
 
-def test_bad_input_ends_the_command(built, tmp_path):
+def test_bad_input_ends_the_command(built, evaluated, tmp_path):
     with pytest.raises(InputError, match="no scene for me"):
         evaluate(request(built, tmp_path, "Refuses"))
 
 
-def test_other_settings_are_refused_unless_overwritten(built, tmp_path, monkeypatch):
-    evaluate(request(built, tmp_path, "MeanColour"))
+def test_other_settings_are_refused_unless_overwritten(built, evaluated, tmp_path, monkeypatch):
     monkeypatch.setenv("TOY_SHIFT", "0.1")
-    sys.modules.pop("toy_methods")
+    sys.modules.pop("toy_methods", None)
     with pytest.raises(InputError, match=r"other settings[\s\S]*--overwrite"):
         evaluate(request(built, tmp_path, "MeanColour"))
     record = evaluate(request(built, tmp_path, "MeanColour", overwrite=True))[-1]

@@ -1,18 +1,27 @@
-"""The Gaussians that a view may show, in the colours that an appearance gives them there."""
+"""The Gaussians that a view may show, in the colours that an appearance gives them there.
+
+Every training imports this, and most have no appearance: torch, which takes longer to import than all else, is imported
+where it is used.
+"""
+
+from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
-from baselines.splatting.appearance.base import Appearance
-from baselines.splatting.backends.torch_ops import finite_rows
 from baselines.splatting.gaussians import SHAPE, Gaussians
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.constants import LOW_PASS
 from hydroviews.scene.cameras import Camera
+
+if TYPE_CHECKING:
+    import torch
+    from torch import Tensor
+
+    from baselines.splatting.appearance.base import Appearance
 
 REACH = 3.5  # standard deviations within which a Gaussian is seen at all
 WIDENED = LOW_PASS**0.5  # pixels of standard deviation that are at most added to every splat's
@@ -22,6 +31,8 @@ class AppearanceGaussians:
     """The Gaussians in sight and their colours in numpy, and the way back for gradients to all Gaussians."""
 
     def __init__(self, gaussians: Gaussians, appearance: Appearance, camera: Camera, view: int, degree: int) -> None:
+        import torch
+
         self._total, self._origin = len(gaussians), gaussians.origin
         local = moved(camera, self._origin)
         rows, self._leaves = in_sight(tensors(gaussians), local)
@@ -41,6 +52,8 @@ class AppearanceGaussians:
             by_sh_sets: of the loss by `sh`, [L, n, K, 3].
             buffers: the arrays returned are of them: the next call overwrites them.
         """
+        import torch
+
         by_shape = [(self._leaves[name], getattr(gradient, name)) for name in SHAPE]
         ends = [*by_shape, *zip(self._sh_sets, by_sh_sets, strict=True)]
         learning = [(end, torch.from_numpy(value)) for end, value in ends if end.requires_grad]
@@ -72,6 +85,8 @@ def gaussians_in_view(
     """What a view shows of the Gaussians, those in sight; themselves, without an appearance."""
     if appearance is None:
         return gaussians
+    import torch
+
     with torch.no_grad():
         return AppearanceGaussians(gaussians, appearance, camera, view, degree).gaussians
 
@@ -85,6 +100,8 @@ def moved(camera: Camera, origin: NDArray[np.float64]) -> Camera:
 
 def tensors(gaussians: Gaussians, device: torch.device | None = None) -> dict[str, Tensor]:
     """The parameters on a device; on the CPU, which is the default, they share the Gaussians' memory."""
+    import torch
+
     return {name: torch.from_numpy(value).to(device) for name, value in gaussians.state_dict().items()}
 
 
@@ -101,6 +118,10 @@ def in_sight(parameters: dict[str, Tensor], camera: Camera) -> tuple[Tensor, dic
     Returns:
         Their indices [n], ascending, and their parameters.
     """
+    import torch
+
+    from baselines.splatting.backends.torch_ops import finite_rows
+
     means = parameters["means"].detach()
     pose = torch.from_numpy(camera.world_to_camera).to(means)
     x, y, z = (means @ pose[:3, :3].T + pose[:3, 3]).unbind(dim=1)

@@ -180,6 +180,7 @@ def test_ctrl_c_that_workers_get_as_well_ends_the_training_after_its_step(left_a
         with pytest.raises(KeyboardInterrupt):
             of_enhancement(tmp_path, None, workers=2)
     assert iterations == [0, 1, 2]
+    assert not multiprocessing.active_children()  # none is left to be waited for
     for one, other in zip(expected, of_enhancement(tmp_path, None, workers=2), strict=True):
         assert one.tobytes() == other.tobytes()
 

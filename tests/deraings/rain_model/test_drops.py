@@ -3,7 +3,8 @@ import numpy as np
 import panorama
 import pytest
 
-from deraings.rain_model.drops import LensDrops, LensDropsConfig
+from baselines.splatting.kernels.buffer_pool import BufferPool
+from deraings.rain_model.drops import DropLayer, LensDrops, LensDropsConfig
 
 DISK = (slice(18, 30), slice(25, 37))  # of the lens, in pixels
 
@@ -76,12 +77,12 @@ def test_a_drop_that_covers_in_part_is_a_line(cover):
     inside = (slice(DISK[0].start + 2, DISK[0].stop - 2), slice(DISK[1].start + 2, DISK[1].stop - 2))
     assert layer.alpha[inside].mean() == pytest.approx(cover, abs=0.04)
     assert np.allclose(layer.light[inside].mean(axis=(0, 1)), cover * np.float32([0.5, 0.6, 0.7]), atol=0.04)
-    seen = layer.forward(scene[3])
+    seen, weights = layer.forward(scene[3], BufferPool())
     assert np.abs(seen - wet[3])[inside].mean() < 0.02
     outside = np.ones(layer.alpha.shape, bool)
     outside[DISK[0].start - 2 : DISK[0].stop + 2, DISK[1].start - 2 : DISK[1].stop + 2] = False
     assert layer.alpha[outside].max() < 0.1
-    assert (layer.weights[outside] == 1).all()
+    assert (weights[outside] == 1).all()
     assert (layer.light <= layer.alpha[..., None]).all()
 
 
@@ -132,10 +133,24 @@ def test_not_before_its_start_and_at_any_size():
     drops = watch(scene, behind_drops(scene), LensDropsConfig(long_side=40))
     assert drops.layer(0, (panorama.HEIGHT, panorama.WIDTH), 0) is None
     layer = drops.layer(0, (23, 31), 100)
-    assert layer.alpha.shape == layer.weights.shape == (23, 31)
+    assert layer.alpha.shape == (23, 31)
     assert layer.light.shape == (23, 31, 3)
-    assert layer.weights.min() == pytest.approx(0, abs=0.1)
-    assert layer.weights.max() == 1
+    _, weights = layer.forward(np.zeros((23, 31, 3), np.float32), BufferPool())
+    assert weights.min() == pytest.approx(0, abs=0.1)
+    assert weights.max() == 1
+
+
+def test_what_drops_show_and_what_is_left_of_a_gradient_are_the_plain_formulas():
+    rng = np.random.default_rng(0)
+    image, light, gradient = rng.uniform(0, 1, (3, 13, 17, 3)).astype(np.float32)
+    alpha = rng.uniform(0, 1, (13, 17)).astype(np.float32)
+    layer, buffers = DropLayer(alpha, light, 0.3, 0.75), BufferPool()
+    seen, weights = layer.forward(image, buffers)
+    left = (1 - alpha)[..., None]
+    fall = np.clip((0.75 - alpha) / (0.75 - 0.3), 0, 1)
+    assert np.allclose(seen, left * image + light, atol=1e-6)
+    assert np.allclose(weights, fall * fall * (3 - 2 * fall), atol=1e-5)
+    assert np.allclose(layer.backward(gradient, buffers), left * gradient, atol=1e-6)
 
 
 def test_lines_are_those_of_least_squares_over_the_views():

@@ -19,9 +19,10 @@ def learn(scene, photographs, config=None, steps=STEPS):
     targets = [prepare_target(picture) for picture in pictures]
     for step in range(steps):
         view = step % len(scene)
-        seen = mist.forward(scene[view], view, buffers.array("misted", scene[view].shape))
+        root = mist.root(view, scene[view].shape[:2])
+        seen = mist.forward(scene[view], root, buffers.array("misted", scene[view].shape))
         _, gradient = photometric_loss(seen, targets[view], buffers=buffers)
-        _, by_mist = mist.backward(scene[view], view, gradient, buffers)
+        _, by_mist = mist.backward(scene[view], seen, root, view, gradient, buffers)
         mist.update(by_mist, step)
     return mist
 

@@ -102,6 +102,16 @@ def test_only_update_learns(model, views):
         assert not same(*({n: v for n, v in state.items() if n.startswith(part)} for state in (before, after)))
 
 
+def test_drops_are_told_from_every_second_view(model, views):
+    photographs, scene = views
+    for iteration, learns in ((60, True), (61, False), (62, True)):
+        before, buffers = model.drops.sums.copy(), BufferPool()
+        seen = model.forward(scene[3], 3, iteration, buffers)
+        _, by_mist = model.backward(seen, np.ones((*SIZE, 3), np.float32), buffers)
+        model.update(seen, Observation(photographs[3], None, None, None), by_mist, buffers)
+        assert np.array_equal(before, model.drops.sums) != learns
+
+
 def test_an_update_leaves_what_was_seen_as_it_was(model, views):
     """Views without their single streaks are rendered for it, in the same buffers."""
     photographs, scene = views
@@ -110,7 +120,7 @@ def test_an_update_leaves_what_was_seen_as_it_was(model, views):
     kept = seen.image.copy(), seen.without_drops.copy(), seen.rained.copy()
     _, by_mist = model.backward(seen, np.ones((*SIZE, 3), np.float32), buffers)
     model.update(seen, Observation(photographs[3], None, None, None), by_mist, buffers)
-    assert seen.rain_alpha.ndim == 3
+    assert seen.single
     assert all(np.array_equal(a, b) for a, b in zip(kept, (seen.image, seen.without_drops, seen.rained), strict=True))
 
 

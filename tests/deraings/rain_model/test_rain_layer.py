@@ -81,6 +81,29 @@ def test_more_light_in_one_direction_is_skew():
     assert wet > 0.3
 
 
+def test_powers_along_lines_are_the_plain_moments():
+    rng = np.random.default_rng(1)
+    picture = rng.standard_normal((31, 45)).astype(np.float32) ** 3  # with outliers
+    clear = rng.uniform(size=picture.shape) > 0.2
+    for counted in (None, clear):
+        shown = picture if counted is None else np.where(counted, picture, 0)
+        for row, angle in zip(line_powers(picture, 5 / 45, counted), ANGLES, strict=True):
+            lines = cv2.filter2D(shown, -1, line_kernel(5, angle)) - cv2.blur(shown, (5, 5))
+            x = lines.astype(np.float64)[slice(None) if counted is None else counted]
+            x = np.clip(x, -4 * x.std(), 4 * x.std())
+            assert row == pytest.approx([1, (x**2).mean(), (x**3).mean()], rel=1e-4, abs=1e-5)
+    assert not line_powers(picture, 5 / 45, np.zeros(picture.shape, bool)).any()
+
+
+def test_a_view_behind_rain_and_its_gradient_are_the_plain_formulas(scene):
+    layer, image = RainLayer(100, RainLayerConfig()), scene[0].astype(np.float32)
+    alpha = np.random.default_rng(0).uniform(0, 1, image.shape[:2]).astype(np.float32)
+    left = (1 - alpha)[..., None]
+    expected = left * image + alpha[..., None] * np.float32(layer.brightness)
+    assert np.allclose(layer.forward(image, alpha, np.empty_like(image)), expected, atol=1e-6)
+    assert np.allclose(layer.backward(image, alpha, np.empty_like(image)), left * image, atol=1e-6)
+
+
 def test_drops_that_ran_a_little_are_no_rain():
     rng = np.random.default_rng(0)
     seeds = (rng.uniform(size=(240, 240)) > 0.998).astype(np.float32)

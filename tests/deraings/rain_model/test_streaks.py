@@ -10,7 +10,14 @@ from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.training.images import TrainingImages
 from deraings.rain_model.objective import RainConfig, RainObjective
 from deraings.rain_model.rain_layer import RainLayerConfig
-from deraings.rain_model.streaks import SingleStreaks, SingleStreaksConfig, along_rain, alpha_between, wiener_gain
+from deraings.rain_model.streaks import (
+    MIN_CONTRAST,
+    SingleStreaks,
+    SingleStreaksConfig,
+    along_rain,
+    alpha_between,
+    wiener_gain,
+)
 from hydroviews.rain.streaks.recipe import StreakPattern, composite, streak_layer
 from hydroviews.scene.images import to_uint8
 
@@ -90,6 +97,19 @@ def test_a_dry_picture_tells_alpha(scene):
     assert not alpha_between(dark, dark, BETA).any()
     white = np.ones_like(dark)
     assert not alpha_between(white, white, BETA).any()
+
+
+def test_how_far_a_photograph_is_towards_rain_is_the_plain_formula():
+    rng = np.random.default_rng(0)
+    photograph, seen = rng.uniform(0, 1, (2, 9, 14, 3)).astype(np.float32)
+    contrast = np.maximum(BETA - seen, 0) / (1 - 0.1)
+    length = np.sqrt((contrast**2).sum(axis=2))
+    along, reach = along_rain(photograph, seen, 0.1, BETA)
+    assert np.allclose(reach, length, atol=1e-5)
+    assert np.allclose(along, ((photograph - seen) * contrast).sum(axis=2) / np.maximum(length, 1e-3), atol=1e-5)
+    contrast = np.maximum(BETA - seen, 0)
+    expected = ((photograph - seen) * contrast).sum(axis=2) / ((contrast**2).sum(axis=2) + MIN_CONTRAST**2)
+    assert np.allclose(alpha_between(photograph, seen, BETA), expected, atol=1e-5)
 
 
 def test_a_prior_counts_as_much_as_the_differences(scene):
@@ -197,9 +217,9 @@ class Prior:
     digest = "of a test"
 
     def __init__(self, scene):
-        self.pictures, self.asked = [to_uint8(view) for view in learned(scene, seed=9)], []
+        self.pictures, self.asked = [to_uint8(view).astype(np.float32) / 255 for view in learned(scene, seed=9)], []
 
-    def pixels(self, index):
+    def image(self, index):
         self.asked.append(index)
         return self.pictures[index]
 

@@ -1,3 +1,5 @@
+import importlib
+
 import numpy as np
 import pytest
 import torch
@@ -113,3 +115,45 @@ def test_weights_reader_refuses_anything_but_arrays():
     array = np.arange(6.0).reshape(2, 3)
     read = _ArrayUnpickler(io.BytesIO(pickle.dumps({"a": array}, protocol=4))).load()
     assert np.array_equal(read["a"], array)
+
+
+def test_a_target_is_looked_at_once(monkeypatch):
+    """By as many images as are compared with it, and with other pixels, masks and networks anew."""
+    module = importlib.import_module("hydroviews.metrics.lpips")
+    monkeypatch.setattr(module, "_kept", module._Kept())
+    looked_at, levels_of = [], module.levels_of
+
+    def counted(net, x):
+        looked_at.append(net)
+        return levels_of(net, x)
+
+    monkeypatch.setattr(module, "levels_of", counted)
+    a, b = waves(40, 40)
+    first = lpips(b, a)
+    assert len(looked_at) == 2
+    assert lpips(b, a) == first
+    assert len(looked_at) == 3  # the image alone
+    assert lpips(a, a) == 0
+    assert len(looked_at) == 4
+    hidden = np.zeros((40, 40), bool)
+    hidden[:20] = True
+    assert lpips(b, a, ignored=hidden) != first
+    assert len(looked_at) == 6
+    lpips(b, a, "vgg")
+    assert len(looked_at) == 8
+
+
+def test_no_more_targets_are_kept_than_there_is_room_for(monkeypatch):
+    module = importlib.import_module("hydroviews.metrics.lpips")
+    kept = module._Kept()
+    monkeypatch.setattr(module, "_kept", kept)
+    a, b = waves(40, 40)
+    lpips(b, a)
+    ((_, size),) = kept._levels.values()
+    monkeypatch.setattr(module, "KEPT_BYTES", 2 * size)
+    scores = [lpips(b, a * share) for share in (1.0, 0.9, 0.8)]
+    assert len(kept._levels) == 2
+    assert [lpips(b, a * share) for share in (1.0, 0.9, 0.8)] == scores
+    monkeypatch.setattr(module, "KEPT_BYTES", size - 1)
+    assert lpips(b, a * 0.7) == lpips(b, a * 0.7)
+    assert len(kept._levels) == 2

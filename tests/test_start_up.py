@@ -1,0 +1,21 @@
+"""What takes long to import is imported where it is used."""
+
+import subprocess
+import sys
+
+import pytest
+
+
+@pytest.mark.parametrize(
+    ("modules", "unwanted"),
+    [
+        # what a run of 3dgs imports before it trains
+        ("leaderboard.predict, baselines.gaussian_splatting", {"torch", "pandas", "viser"}),
+        # every command, before it is known which
+        ("hydroviews.__main__, leaderboard.__main__, deraings.__main__", {"torch", "viser", "bpy"}),
+    ],
+)
+def test_it_is_not_imported_before(modules, unwanted):
+    code = f"import sys, {modules}; print(*sorted({unwanted} & set(sys.modules)))"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.split() == []
