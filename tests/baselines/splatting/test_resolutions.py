@@ -49,8 +49,8 @@ def test_targets_are_averages_over_areas():
     expected = pixels.reshape(4, 2, 6, 2, 3).mean(axis=(1, 3))
     assert np.abs(images.pixels(0, (4, 6)) - expected).max() <= 0.5
     objective = Objective(images)
-    assert objective.target(0, (4, 6)) is objective.target(0, (4, 6))
-    assert objective.target(0, (8, 12)) is objective.target(0)
+    assert objective.target(0, (4, 6)).pixels is images.pixels(0, (4, 6))
+    assert objective.target(0, (8, 12)).pixels is objective.target(0).pixels is pixels
     assert images.ignored(0, (4, 6)) is None
 
 
