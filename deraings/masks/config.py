@@ -13,8 +13,8 @@ class MaskConfig:
     Attributes:
         start: share of the iterations, (0, 1], after which the masks weigh the loss.
         warm_up: share of the iterations, [0, start], for which the network learns before that.
-        every: iterations, at least 1, to a step of the network. With 12, an iteration is 2 ms longer on average at 320x240
-            (one thread), with 4 more than 5 ms, and scenes are no better.
+        every: iterations, at least 1, to a step of the network. With 12, an iteration is 2 ms longer on average at
+            320x240 (one thread), with 4 more than 5 ms, and scenes are no better.
         regularisation: lambda_reg in typical losses, positive; the paper does not say.
         penalty: losses up to this many typical ones, from 0, are not worth masking; the paper has 0.
         min_typical: least that the typical loss is taken to be, positive, so that well-fitted scenes stay unmasked.
