@@ -60,7 +60,7 @@ def test_make_hands_the_folder_of_captures_on():
 
 
 TARGETS = {  # what each runs
-    "setup": ("pip install --constraint constraints.txt  --editable '.[blender,viewer,compression,dev]'",),
+    "setup": ("pip install --constraint constraints.txt  --editable '.[blender,viewer,compression,cuda,dev]'",),
     "dataset": ("-m hydroviews build --scene 'courtyard' --profile demo --out 'data/demo' --seed 0",),
     "eval": (
         "-m leaderboard evaluate --method '3dgs' --scene 'courtyard' --profile demo --seed 0 --track given-poses",
@@ -79,6 +79,7 @@ TARGETS = {  # what each runs
     "film": ("-m leaderboard film 'a run' --data 'data' --out 'film.mp4'",),
     "bench": ("-m benchmarks.splatting",),
     "test": ("-m pytest -n auto",),
+    "test-simd": ("HYDROVIEWS_SIMD=$simd", "test_rasterizer.py", "test_hard_cases.py", "test_photometric.py"),
     "lint": ("ruff check .", "ruff format --check .", "mypy"),
 }
 
