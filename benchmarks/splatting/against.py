@@ -7,6 +7,7 @@ Wall-clock times want an idle machine; the ratio is between medians of steps tha
 """
 
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -78,18 +79,26 @@ def alternate(
             assert server.stdout is not None
             if server.stdout.readline().strip() != "ready":
                 raise RuntimeError(f"{' '.join(map(str, server.args))}: ended before its first step")
+            server.send_signal(signal.SIGSTOP)
         for _ in range(repeats + WARM):
             for server, times in zip(servers, steps, strict=True):
-                assert server.stdin is not None
-                assert server.stdout is not None
-                print(file=server.stdin, flush=True)
-                cpu, wall = map(float, server.stdout.readline().split())
-                times.append((cpu, wall))
+                times.append(one_step(server))
     finally:
         for server in servers:
             server.kill()
             server.wait()
     return [times[WARM:] for times in steps]
+
+
+def one_step(server: subprocess.Popen) -> tuple[float, float]:
+    """Processor and wall seconds of a step; else the server stands still, as its threads wait in busy loops."""
+    assert server.stdin is not None
+    assert server.stdout is not None
+    server.send_signal(signal.SIGCONT)
+    print(file=server.stdin, flush=True)
+    cpu, wall = map(float, server.stdout.readline().split())
+    server.send_signal(signal.SIGSTOP)
+    return cpu, wall
 
 
 if __name__ == "__main__":

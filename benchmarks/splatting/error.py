@@ -16,8 +16,8 @@ from tqdm import tqdm
 
 from baselines.splatting.backends import torch_rasterizer as reference
 from baselines.splatting.gaussians import FIELDS, Gaussians
-from baselines.splatting.kernels import constants, rasterizer, tiles
-from baselines.splatting.kernels.vectors import CONSTANTS, EXP2
+from baselines.splatting.kernels import constants, rasterizer
+from baselines.splatting.kernels.simd import SIMD
 from benchmarks.splatting.scenes import room, view
 
 CAMERA = view(96, 72)
@@ -39,20 +39,16 @@ Gradients = dict[str, NDArray]
 
 
 def precision() -> pd.DataFrame:
-    """The kernels against float64 with the same cut-offs: degrees of view dependence, tile sizes, polynomials."""
-    cases = [(degree, 4, 5) for degree in range(4)] + [(3, 5, 5), (3, 4, 4), (3, 4, 3)]
-    return pd.DataFrame([_precision(*case) for case in tqdm(cases, desc="precision", leave=False)])
+    """The kernels against float64 with the same cut-offs, for all degrees of view dependence."""
+    return pd.DataFrame([_precision(degree) for degree in tqdm(range(4), desc="precision", leave=False)])
 
 
-def _precision(degree: int, tile_shift: int, polynomial: int) -> dict[str, Any]:
+def _precision(degree: int) -> dict[str, Any]:
     gaussians, weights = _scene(degree)
-    with _tiles_of(tile_shift), _exponential_of(polynomial):
-        image, state = rasterizer.render(gaussians, CAMERA, sh_degree=degree)
-        ours = {k: v.copy() for k, v in rasterizer.backward(state, weights).parameters.state_dict().items()}
-        image = image.copy()
+    image, state = rasterizer.render(gaussians, CAMERA, sh_degree=degree)
+    ours = rasterizer.backward(state, weights).parameters.state_dict()
     exact, theirs, _ = _exact(gaussians, weights, degree)
-    about = {"sh degree": degree, "tile": 1 << tile_shift, "2^x polynomial": polynomial}
-    return about | _image_error(image, exact) | _gradient_errors(ours, theirs)
+    return {"simd": SIMD, "sh degree": degree} | _image_error(image, exact) | _gradient_errors(ours, theirs)
 
 
 def cutoffs() -> pd.DataFrame:
@@ -125,26 +121,3 @@ def _constants(values: dict[str, float]) -> Iterator[None]:
     finally:
         for name, value in before.items():
             setattr(constants, name, value)
-
-
-@contextmanager
-def _tiles_of(shift: int) -> Iterator[None]:
-    before = tiles.LARGE_IMAGE
-    tiles.LARGE_IMAGE = 0 if shift == 5 else 1 << 62
-    try:
-        yield
-    finally:
-        tiles.LARGE_IMAGE = before
-
-
-@contextmanager
-def _exponential_of(degree: int) -> Iterator[None]:
-    """A polynomial of this degree in the kernels, whose coefficients lie in a table in memory."""
-    nodes = np.cos((np.arange(64) + 0.5) * np.pi / 64) / 2
-    before = CONSTANTS[: len(EXP2)].copy()
-    CONSTANTS[: len(EXP2)] = 0
-    CONSTANTS[: degree + 1] = np.polynomial.polynomial.polyfit(nodes, 2.0**nodes, degree)
-    try:
-        yield
-    finally:
-        CONSTANTS[: len(EXP2)] = before
