@@ -53,6 +53,8 @@ SHORT_RATES = LearningRates(
 SHORT_GROWTH = DefaultStrategy(
     start=300, every=100, growth=0.3, grow_grad2d=2e-4, absolute=True, reset_every=None, prune_scale3d=0.5
 )
+# More steps want smaller ones that fall further.
+LONGER_RATES = replace(SHORT_RATES, sh=1.1e-2, sh_rest=5.6e-4, opacity=0.15, quaternions=6e-3, final=0.3)
 SHORT_RESOLUTIONS = ((0.3, 2),)
 PROFILES = {
     "demo": TrainerConfig(
@@ -64,11 +66,11 @@ PROFILES = {
         resolutions=SHORT_RESOLUTIONS,
     ),
     "quick": TrainerConfig(
-        iterations=6000,
-        sh_degree_interval=500,
-        learning_rates=SHORT_RATES,
+        iterations=8000,
+        sh_degree_interval=668,
+        learning_rates=LONGER_RATES,
         near=0.05,
-        strategy=replace(SHORT_GROWTH, stop=4500, budget=60_000),
+        strategy=replace(SHORT_GROWTH, stop=6000, budget=60_000),
         resolutions=SHORT_RESOLUTIONS,
     ),
     "paper": TrainerConfig(),
