@@ -27,6 +27,7 @@ ABLATION := deraings.method:Masks 3dgs+enhance deraings.method:WithoutAttention 
 METHODS  ?= 3dgs nerf-w derain-nerf wild-gaussians gs-w deraings deraings-plus
 SCENES   ?= $(SCENE)
 BIN      := $(VENV)/bin
+KERNEL_TESTS := $(addprefix tests/baselines/splatting/test_,rasterizer.py hard_cases.py photometric.py)
 READY    := $(VENV)/.ready
 DOCS     := $(VENV)/.ready-docs
 comma    := ,
@@ -55,7 +56,7 @@ $(error RUN= is missing: name the folder of a finished run, such as RUN=$(RESULT
 endif
 endif
 
-.PHONY: setup dataset eval compare check severity enhancer drop-finder ablation leaderboard view film bench docs test lint
+.PHONY: setup dataset eval compare check severity enhancer drop-finder ablation leaderboard view film bench docs test test-simd lint
 
 setup: $(READY)  ## everything into .venv, at the versions of constraints.txt
 
@@ -116,6 +117,10 @@ docs: $(DOCS)  ## the site into build/site: open build/site/index.html
 # A file's tests share what they build, so they stay in one process.
 test: $(READY)  ## all tests, shared out to up to four processes
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
+
+test-simd: $(READY)  ## the kernels' tests with all instructions that the processor has
+	for simd in $$($(BIN)/python -c "from baselines.splatting.kernels.simd import available; print(*available())"); do \
+	  HYDROVIEWS_SIMD=$$simd $(BIN)/python -m pytest -q -n auto --maxprocesses 4 $(KERNEL_TESTS) || exit 1; done
 
 lint: $(READY)  ## ruff and mypy
 	$(BIN)/ruff check .

@@ -14,6 +14,7 @@ import numpy as np
 from tqdm import tqdm
 
 from baselines.method import Method, find_method
+from baselines.splatting.kernels.simd import SIMD
 from baselines.training.devices import warn_of_slow_profile
 from hydroviews.cli.commands import run_command
 from hydroviews.errors import InputError
@@ -53,6 +54,7 @@ def train_and_render(run: Run) -> None:
             "model_mb": statistics.model_mb,
             "device": statistics.device,
             "render_device": statistics.render_device or statistics.device,
+            "simd": SIMD,
             "used": statistics.used,
             "version": code_version(),
         },

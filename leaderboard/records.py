@@ -50,6 +50,7 @@ class Record:
     model_mb: float | None = None
     device: str = ""  # that trained: "cpu" or the GPU's name
     render_device: str = ""  # that rendered, to which `render_fps` belongs
+    simd: str = ""  # the processor's instructions that the kernels of the CPU use, see `kernels/simd.py`
     used: str = ""  # what the method found that the photographs call for, if it looks
     profile: str = ""
     version: str = ""

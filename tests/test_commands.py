@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ def make(*arguments: str) -> str:
     return subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, check=True).stdout
 
 
+@cache
 def python(*arguments: str) -> subprocess.CompletedProcess:
     return subprocess.run([sys.executable, *arguments], cwd=REPOSITORY, capture_output=True, text=True)
 
@@ -58,7 +60,7 @@ def test_make_hands_the_folder_of_captures_on():
 
 
 TARGETS = {  # what each runs
-    "setup": ("pip install --constraint constraints.txt  --editable '.[blender,viewer,compression,dev]'",),
+    "setup": ("pip install --constraint constraints.txt  --editable '.[blender,viewer,compression,cuda,dev]'",),
     "dataset": ("-m hydroviews build --scene 'courtyard' --profile demo --out 'data/demo' --seed 0",),
     "eval": (
         "-m leaderboard evaluate --method '3dgs' --scene 'courtyard' --profile demo --seed 0 --track given-poses",
@@ -77,6 +79,7 @@ TARGETS = {  # what each runs
     "film": ("-m leaderboard film 'a run' --data 'data' --out 'film.mp4'",),
     "bench": ("-m benchmarks.splatting",),
     "test": ("-m pytest -n auto",),
+    "test-simd": ("HYDROVIEWS_SIMD=$simd", "test_rasterizer.py", "test_hard_cases.py", "test_photometric.py"),
     "lint": ("ruff check .", "ruff format --check .", "mypy"),
 }
 

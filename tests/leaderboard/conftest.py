@@ -28,7 +28,7 @@ def use_toys(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(module, "FLOOR", "toy_methods:MeanColour")
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def evaluated_once(tmp_path_factory):
     """A capture, and what `evaluate` leaves of MeanColour and the reference rows on it: data, results, records."""
     folder = tmp_path_factory.mktemp("evaluated")
@@ -38,7 +38,9 @@ def evaluated_once(tmp_path_factory):
     with pytest.MonkeyPatch.context() as monkeypatch:
         use_toys(monkeypatch)
         request = evaluate.EvaluateRequest("toy_methods:MeanColour", str(capture), patterns=("streak-0",), **where)
-        return folder, evaluate.evaluate(request)
+        records = evaluate.evaluate(request)
+    sys.modules.pop("toy_methods", None)
+    return folder, records
 
 
 @pytest.fixture

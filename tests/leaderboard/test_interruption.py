@@ -7,9 +7,6 @@ from pathlib import Path
 
 import pytest
 from processes import PATIENCE, wait_until
-from synthetic import capture_in
-
-from hydroviews.formats.writers import write_colmap
 
 REPOSITORY = Path(__file__).parents[2]
 
@@ -24,9 +21,9 @@ REPOSITORY = Path(__file__).parents[2]
         ("command twice", signal.SIGINT, 130),
     ],
 )
-def test_an_interruption_ends_quietly_and_the_same_command_goes_on(tmp_path, to, number, status):
-    capture = tmp_path / "yard"
-    write_colmap(capture_in(capture), capture / "sparse" / "0")
+@pytest.mark.usefixtures("evaluated")  # the reference rows are there
+def test_an_interruption_ends_quietly_and_the_same_command_goes_on(evaluated_once, tmp_path, to, number, status):
+    capture = evaluated_once[0] / "yard"
     command = [sys.executable, "-m", "leaderboard", "evaluate", "--method", "toy_methods:WaitsOnce"]
     command += ["--scene", str(capture), "--patterns", "streak-0"]
     command += ["--data", str(tmp_path / "data"), "--results", str(tmp_path / "results")]

@@ -8,6 +8,7 @@ import torch
 from finished_runs import finished_run
 
 from baselines.method import TrainingSummary
+from baselines.splatting.kernels.simd import SIMD
 from hydroviews.files.atomic import read_json
 from leaderboard import predict
 from leaderboard.predict import PREDICTION, train_and_render
@@ -31,6 +32,7 @@ def test_a_record_tells_the_gpus_memory_and_where_was_rendered(tmp_path, monkeyp
     on_the_cpu = read_json(run.folder / PREDICTION)
     assert on_the_cpu["peak_gpu_mem_mb"] is None
     assert on_the_cpu["device"] == on_the_cpu["render_device"] == "cpu"
+    assert on_the_cpu["simd"] == SIMD
 
     monkeypatch.setattr(torch.cuda, "max_memory_allocated", lambda: 3_250_000_000)
     told, profiles = TrainingSummary(0.1, None, None, device="a card"), []
@@ -41,7 +43,7 @@ def test_a_record_tells_the_gpus_memory_and_where_was_rendered(tmp_path, monkeyp
         prediction = read_json(run.folder / PREDICTION)
         assert (prediction["device"], prediction["render_device"]) == ("a card", rendered)
     record = score(run)
-    assert (record.device, record.render_device) == ("a card", "cpu")
+    assert (record.device, record.render_device, record.simd) == ("a card", "cpu", SIMD)
     assert record.peak_gpu_mem_mb == 3250 > record.peak_mem_mb
     assert profiles == ["demo", "demo"]
     assert {"peak_gpu_mem_mb", "render_device"} < set(columns())

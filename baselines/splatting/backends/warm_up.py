@@ -40,8 +40,8 @@ def warm_up(sh_degree: int) -> float:
 def compile_apart(code: str, sources: Iterable[Path]) -> None:
     """Have kernels that were never compiled compiled by a process of their own.
 
-    Code fresh from the compiler rounds differently from the same code read back from the cache, and a run must not
-    depend on being the first.
+    Numba compiles the body of a parallel loop alone, and again within its kernel. Fresh from the compiler the first
+    runs, and from the cache the second, which may round differently; a run must not depend on being the first.
 
     Args:
         code: calls them all.

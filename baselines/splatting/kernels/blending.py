@@ -44,38 +44,51 @@ HALF = np.float32(0.5)
 BRIGHTEST, DIMMEST = np.float32(MAX_ALPHA), np.float32(MIN_TRANSMITTANCE)
 FAINTEST = np.float32(LOG2_MIN_ALPHA)
 
-# x and y of the pixels of a tile, block by block
-_COLUMNS = np.tile(np.arange(BLOCK, dtype=np.float32), BLOCK)
-_ROWS = np.repeat(np.arange(BLOCK, dtype=np.float32), BLOCK)
-PIXEL_X, PIXEL_Y = (aligned_empty(TILE_PIXELS) for _ in range(2))
-PIXEL_X[:] = np.concatenate([_COLUMNS + BLOCK * (block % ACROSS) for block in range(TILE_BLOCKS)])
-PIXEL_Y[:] = np.concatenate([_ROWS + BLOCK * (block // ACROSS) for block in range(TILE_BLOCKS)])
+# Of a tile: x and y of the pixels of its first block, then of its blocks' first pixels
+PIXEL_X, PIXEL_Y, BLOCK_X, BLOCK_Y = (PIXELS * part for part in range(4))
+_STEPS = np.arange(BLOCK, dtype=np.float32)
+GRID = aligned_empty(4 * PIXELS)
+GRID[:] = np.concatenate([np.tile(_STEPS, 4), np.repeat(_STEPS, 4), np.tile(4 * _STEPS, 4), np.repeat(4 * _STEPS, 4)])
+# Where a state begins with what `place` says of a splat: u and v at the pixels of the first block, and how much more
+# they are at the other blocks.
+U, V, MORE_U, MORE_V, STATE = (PIXELS * part for part in range(5))
 
 
 @inlined
-def power(l11, l21, l22, u, v, log2_opacity, pixel_x, pixel_y, place):
-    """u and v at LANES pixels of a tile, and log2 of what the splat covers of them.
-
-    The u and v given are those of the tile's first pixel.
-    """
-    y = load(pixel_y, place)
-    u = l11 * load(pixel_x, place) + (l21 * y + u)
-    v = l22 * y + v
-    return u, v, log2_opacity - v * v - u * u
+def place(flat, splat, x0, y0, grid, state):
+    """Write u and v of one splat over the pixels of a tile, at (x0, y0), into the state."""
+    left, top = x0 + HALF - get(flat, splat + X), y0 + HALF - get(flat, splat + Y)
+    l11, l21, l22 = spread(get(flat, splat + L11)), spread(get(flat, splat + L21)), spread(get(flat, splat + L22))
+    first_u, first_v = l11 * left + l21 * top, l22 * top
+    for part in range(0, PIXELS, LANES):
+        y, block_y = load(grid, PIXEL_Y + part), load(grid, BLOCK_Y + part)
+        store(l11 * load(grid, PIXEL_X + part) + (l21 * y + first_u), state, U + part)
+        store(l22 * y + first_v, state, V + part)
+        store(l11 * load(grid, BLOCK_X + part) + l21 * block_y, state, MORE_U + part)
+        store(l22 * block_y, state, MORE_V + part)
 
 
 @inlined
-def clear(state, planes, columns, rows, pixel_x, pixel_y):
+def placed(state, block, part):
+    """What `place` wrote: u and v at LANES pixels of a block."""
+    u = load(state, U + part) + spread(get(state, MORE_U + block))
+    return u, load(state, V + part) + spread(get(state, MORE_V + block))
+
+
+@inlined
+def clear(state, planes, columns, rows, grid):
     """Start a tile: nothing in front of the pixels inside the image, the others finished. Returns the blocks inside."""
     state[:] = np.float32(0)
     blocks = 0
     for block in range(TILE_BLOCKS):
         any_inside = 0
         for part in range(0, PIXELS, LANES):
-            place = block * PIXELS + part
-            inside = (load(pixel_x, place) < columns) & (load(pixel_y, place) < rows)
+            x = load(grid, PIXEL_X + part) + get(grid, BLOCK_X + block)
+            y = load(grid, PIXEL_Y + part) + get(grid, BLOCK_Y + block)
+            inside = (x < columns) & (y < rows)
             any_inside |= bits(inside)
-            store(select(inside, np.float32(1), np.float32(-1)), state, block * planes + TRANSMITTANCE + part)
+            at = STATE + block * planes + TRANSMITTANCE + part
+            store(select(inside, np.float32(1), np.float32(-1)), state, at)
         if any_inside:
             blocks |= 1 << block
     return blocks
@@ -87,18 +100,17 @@ def live_blocks(state, planes, blocks):
     for block in range(TILE_BLOCKS):
         unfinished = 0
         for part in range(0, PIXELS, LANES):
-            unfinished |= bits(load(state, block * planes + TRANSMITTANCE + part) > np.float32(0))
+            transmittance = load(state, STATE + block * planes + TRANSMITTANCE + part)
+            unfinished |= bits(transmittance > np.float32(0))
         if not unfinished:
             blocks &= ~(1 << block)
     return blocks
 
 
 @inlined
-def blend_splat(flat, splat, x0, y0, number, mask, state, lasts, planes, sets, pixel_x, pixel_y):
+def blend_splat(flat, splat, x0, y0, number, mask, state, lasts, planes, sets, grid):
     """Blend one splat into the blocks of a tile; returns the mask of those that took it."""
-    left, top = x0 + HALF - get(flat, splat + X), y0 + HALF - get(flat, splat + Y)
-    l11, l21, l22 = spread(get(flat, splat + L11)), spread(get(flat, splat + L21)), spread(get(flat, splat + L22))
-    first_u, first_v = l11 * left + l21 * top, l22 * top
+    place(flat, splat, x0, y0, grid, state)
     log2_opacity, number = spread(get(flat, splat + LOG2_OPACITY)), spread(number)
     colours = spread_colours(sets, flat, splat + COLOURS)
     taken_by = 0
@@ -106,10 +118,9 @@ def blend_splat(flat, splat, x0, y0, number, mask, state, lasts, planes, sets, p
         block = lowest_bit(mask)
         mask &= mask - 1
         for part in range(0, PIXELS, LANES):
-            at = block * planes + part
-            _, _, exponent = power(
-                l11, l21, l22, first_u, first_v, log2_opacity, pixel_x, pixel_y, block * PIXELS + part
-            )
+            at = STATE + block * planes + part
+            u, v = placed(state, block, part)
+            exponent = log2_opacity - v * v - u * u
             transmittance = load(state, at + TRANSMITTANCE)
             touched = (exponent >= FAINTEST) & (transmittance > np.float32(0))
             weight = select(touched, minimum(exp2(exponent), BRIGHTEST) * transmittance, np.float32(0))
@@ -131,13 +142,13 @@ def write_tile(state, lasts, planes, channels, tile, x0, y0, width, height, back
     """Add the background and copy a finished tile to the images."""
     for block in range(TILE_BLOCKS):
         for part in range(0, PIXELS, LANES):
-            at, to = block * planes + part, tile * TILE_PIXELS + block * PIXELS + part
+            at, to = STATE + block * planes + part, tile * TILE_PIXELS + block * PIXELS + part
             store(absolute(load(state, at + TRANSMITTANCE)), transmittance, to)
             store(load(lasts, at + LAST), last, to)
         x, y = x0 + BLOCK * (block % ACROSS), y0 + BLOCK * (block // ACROSS)
         columns, rows = min(BLOCK, width - x), min(BLOCK, height - y)
         for row in range(rows):
-            at = block * planes + BLOCK * row
+            at = STATE + block * planes + BLOCK * row
             for channel in range(channels):
                 to = ((channel // 3 * height + y + row) * width + x) * 3 + channel % 3
                 behind = background[channel % 3]
@@ -147,9 +158,7 @@ def write_tile(state, lasts, planes, channels, tile, x0, y0, width, height, back
 
 
 @kernel
-def blend(
-    splats, tile_start, records, tile_order, pixel_x, pixel_y, background, workers, sets, transmittance, last, images
-):
+def blend(splats, tile_start, records, tile_order, grid, background, workers, sets, transmittance, last, images):
     """Fill the images [L, H, W, 3] of all sets of colours and what their gradients need.
 
     Args:
@@ -157,7 +166,7 @@ def blend(
         tile_start, records: every tile's list, from `deal`; of every record, the mask of blocks becomes that of the
             blocks which took something of the splat.
         tile_order: tiles, heaviest first.
-        pixel_x, pixel_y: PIXEL_X and PIXEL_Y.
+        grid: GRID.
         background: [3].
         workers: threads to share the tiles between; changes nothing in the result.
         sets: a tuple of L numbers, whatever they are: each L has machine code of its own.
@@ -170,12 +179,12 @@ def blend(
     for worker in prange(workers):
         channels = channels_of(sets)
         planes = SUMS + PIXELS * channels
-        state = aligned(TILE_BLOCKS * planes)
+        state = aligned(STATE + TILE_BLOCKS * planes)
         lasts = state.view(np.int32)
         for turn in range(worker, tile_order.shape[0], workers):
             tile = tile_order[turn]
             x0, y0 = (tile % tiles_x) * TILE, (tile // tiles_x) * TILE
-            live = clear(state, planes, np.float32(width - x0), np.float32(height - y0), pixel_x, pixel_y)
+            live = clear(state, planes, np.float32(width - x0), np.float32(height - y0), grid)
             start, end = np.int64(tile_start[tile]), np.int64(tile_start[tile + 1])
             for position in range(start, end):
                 if (position - start) % CHECK_EVERY == CHECK_EVERY - 1:
@@ -189,7 +198,7 @@ def blend(
                 if mask:
                     mask = blend_splat(
                         flat, np.int64(flat_records[record + SLOT]) * stride, np.float32(x0), np.float32(y0),
-                        np.int32(position - start + 1), mask, state, lasts, planes, sets, pixel_x, pixel_y,
+                        np.int32(position - start + 1), mask, state, lasts, planes, sets, grid,
                     )  # fmt: skip
                 flat_records[record + BLOCKS] = mask
             write_tile(

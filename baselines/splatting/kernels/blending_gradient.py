@@ -21,14 +21,15 @@ from baselines.splatting.kernels.blending import (
     AHEAD,
     BRIGHTEST,
     FAINTEST,
-    HALF,
     PIXELS,
+    STATE,
     TILE_BLOCKS,
     TILE_PIXELS,
-    power,
+    place,
+    placed,
 )
 from baselines.splatting.kernels.jit import inlined, kernel
-from baselines.splatting.kernels.projection import COLOURS, L11, L21, L22, LOG2_OPACITY, X, Y
+from baselines.splatting.kernels.projection import COLOURS, L21, L22, LOG2_OPACITY
 from baselines.splatting.kernels.vector_memory import (
     add_scaled,
     aligned,
@@ -68,26 +69,24 @@ def load_tile(state, lasts, planes, channels, tile, x0, y0, width, height, backg
         for row in range(rows):
             for channel in range(channels):
                 at = ((channel // 3 * height + y + row) * width + x) * 3 + channel % 3
-                to = block * planes + GRADS + PIXELS * channel + BLOCK * row
+                to = STATE + block * planes + GRADS + PIXELS * channel + BLOCK * row
                 for column in range(columns):
                     state[to + column] = pixels[at + 3 * column]
         for part in range(0, PIXELS, LANES):
-            at, place = block * planes + part, tile * TILE_PIXELS + block * PIXELS + part
+            at, pixel = STATE + block * planes + part, tile * TILE_PIXELS + block * PIXELS + part
             behind = spread(NOTHING)
             for channel in range(channels):
                 behind = load(state, at + GRADS + PIXELS * channel) * background[channel % 3] + behind
-            left = load(transmittance, place)
+            left = load(transmittance, pixel)
             store(left, state, at + TRANSMITTANCE)
             store(behind * left, state, at + SUFFIX)
-            store(load(last, place), lasts, at + LAST)
+            store(load(last, pixel), lasts, at + LAST)
 
 
 @inlined
-def take_off(flat, splat, x0, y0, number, mask, state, lasts, planes, pixel_x, pixel_y, sets, moments, row):
+def take_off(flat, splat, x0, y0, number, mask, state, lasts, planes, grid, sets, moments, row):
     """Take one splat off the blocks of a tile that took it, and write its moments."""
-    left, top = x0 + HALF - get(flat, splat + X), y0 + HALF - get(flat, splat + Y)
-    l11, l21, l22 = spread(get(flat, splat + L11)), spread(get(flat, splat + L21)), spread(get(flat, splat + L22))
-    first_u, first_v = l11 * left + l21 * top, l22 * top
+    place(flat, splat, x0, y0, grid, state)
     log2_opacity, number = spread(get(flat, splat + LOG2_OPACITY)), spread(number)
     ratio = spread(get(flat, splat + L21) / get(flat, splat + L22))
     colours = spread_colours(sets, flat, splat + COLOURS)
@@ -97,10 +96,9 @@ def take_off(flat, splat, x0, y0, number, mask, state, lasts, planes, pixel_x, p
         block = lowest_bit(mask)
         mask &= mask - 1
         for part in range(0, PIXELS, LANES):
-            at = block * planes + part
-            u, v, exponent = power(
-                l11, l21, l22, first_u, first_v, log2_opacity, pixel_x, pixel_y, block * PIXELS + part
-            )
+            at = STATE + block * planes + part
+            u, v = placed(state, block, part)
+            exponent = log2_opacity - v * v - u * u
             taken = (exponent >= FAINTEST) & (load(lasts, at + LAST) >= number)
             raw = exp2(exponent)
             alpha = select(taken, minimum(raw, BRIGHTEST), NOTHING)
@@ -125,7 +123,7 @@ def take_off(flat, splat, x0, y0, number, mask, state, lasts, planes, pixel_x, p
 
 @kernel
 def blend_gradient(
-    splats, tile_start, records, tile_order, pixel_x, pixel_y, background, workers, sets, transmittance, last,
+    splats, tile_start, records, tile_order, grid, background, workers, sets, transmittance, last,
     grad_images, moments,
 ):  # fmt: skip
     """Fill the moments [pairs, moments_of(L)] of every pair; the other arguments are those of `blend`."""
@@ -136,7 +134,7 @@ def blend_gradient(
     for worker in prange(workers):
         channels = channels_of(sets)
         planes = GRADS + PIXELS * channels
-        state = aligned(TILE_BLOCKS * planes)
+        state = aligned(STATE + TILE_BLOCKS * planes)
         lasts = state.view(np.int32)
         for turn in range(worker, tile_order.shape[0], workers):
             tile = tile_order[turn]
@@ -156,5 +154,5 @@ def blend_gradient(
                 take_off(
                     flat, np.int64(flat_records[record + SLOT]) * stride, np.float32(x0), np.float32(y0),
                     np.int32(position - start + 1), np.int64(flat_records[record + BLOCKS]), state, lasts, planes,
-                    pixel_x, pixel_y, sets, flat_moments, np.int64(flat_records[record + PAIR]) * row_size,
+                    grid, sets, flat_moments, np.int64(flat_records[record + PAIR]) * row_size,
                 )  # fmt: skip

@@ -1,9 +1,9 @@
 """How the kernels are compiled: to machine code on first use, kept on disk for every later process.
 
 Numba re-compiles a cached kernel when the file that defines it changes, but not when a function it calls changes in
-another file, nor when other instructions are chosen. So the cache lives in a folder named after the content of all
-files beside this one, and after the instructions. A kernel defined elsewhere calls what is defined in its own file or
-beside this one, and nothing else: a test goes through all kernels.
+another file. So the cache lives in a folder named after the content of all files beside this one, and after the
+processor and its instructions in use. A kernel defined elsewhere calls what is defined in its own file or beside this
+one, and nothing else: a test goes through all kernels.
 """
 
 import hashlib
@@ -15,7 +15,7 @@ from typing import Any
 import numba
 import platformdirs
 
-from baselines.splatting.kernels.simd import SIMD
+from baselines.splatting.kernels.simd import SIMD, machine
 
 HERE = Path(__file__).parent
 CONFIG: Any = numba.config  # its settings are made at run time
@@ -26,8 +26,9 @@ EXACT = {"contract"}
 
 
 def digest(sources: Iterable[Path]) -> str:
-    """Twelve hexadecimal digits of the content of files, whatever their order."""
-    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(sources))).hexdigest()[:12]
+    """Twelve hexadecimal digits of the content of files, whatever their order, and of what machine runs them."""
+    content = b"".join(path.read_bytes() for path in sorted(sources))
+    return hashlib.sha256(content + machine().encode()).hexdigest()[:12]
 
 
 def _cache_folder() -> str:
@@ -37,7 +38,7 @@ def _cache_folder() -> str:
         parent = HERE / "__pycache__"
     else:
         parent = platformdirs.user_cache_path("hydroviews", appauthor=False)
-    return str(parent / f"kernels-{digest(HERE.glob('*.py'))}-{SIMD}")
+    return str(parent / f"kernels-{SIMD}-{digest(HERE.glob('*.py'))}")
 
 
 FOLDER = _cache_folder()

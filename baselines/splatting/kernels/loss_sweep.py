@@ -20,7 +20,7 @@ from numba import prange
 from numba.core import cgutils, types
 
 from baselines.splatting.kernels.jit import exact_kernel, inlined
-from baselines.splatting.kernels.vector_memory import address, load, store
+from baselines.splatting.kernels.vector_memory import address, aligned, load, store
 from baselines.splatting.kernels.vectors import FLOATS, LANES, absolute, intrinsic, llvm_type, select
 
 RADIUS = 5
@@ -189,9 +189,9 @@ def sweep(x, y, full, ignored, weights, share, sums, losses, gradient):
         first, last = band * height // bands, (band + 1) * height // bands
         columns = min(STRIP, n - start)
         left, end = start - 2 * MARGIN, 2 * MARGIN + (columns + MARGIN - 1) // MARGIN * MARGIN
-        ring, slopes = np.empty(RING * PLANES * WIDE, np.float32), np.zeros(RING * 3 * WIDE, np.float32)
-        means = np.empty(GROUP * 4 * WIDE, np.float32)
-        row_losses, factors = np.empty(WIDE, np.float32), np.zeros(WIDE + 3, np.float32)
+        ring, slopes = aligned(RING * PLANES * WIDE), aligned(RING * 3 * WIDE)
+        means, row_losses = aligned(GROUP * 4 * WIDE), aligned(WIDE)
+        factors = np.zeros(WIDE + 3, np.float32)
         shares = np.float32(1 - share), np.float32(share)
         averaged = np.float32((1 - share) / (height * n)), np.float32(share / (height * n))
         varying = weights.shape[0] > 0 or ignored.shape[0] > 0

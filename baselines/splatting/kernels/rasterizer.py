@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from baselines.splatting.gaussians import SHAPE, Gaussians
 from baselines.splatting.kernels import adam, blending, blending_gradient, projection, projection_gradient
-from baselines.splatting.kernels.blending import PIXEL_X, PIXEL_Y, TILE_PIXELS
+from baselines.splatting.kernels.blending import GRID, TILE_PIXELS
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.chunks import CHUNKS
 from baselines.splatting.kernels.constants import NEAR
@@ -284,8 +284,7 @@ def _blending_arguments(state: RenderState) -> tuple[Any, ...]:
         tiles.start,
         tiles.records,
         tiles.heaviest,
-        PIXEL_X,
-        PIXEL_Y,
+        GRID,
         state.background,
         numba.get_num_threads(),
         (0,) * ((values.shape[1] - projection.COLOURS) // 3),

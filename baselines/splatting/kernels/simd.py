@@ -69,3 +69,10 @@ SIMD = chosen()
 # Otherwise LLVM uses AVX-512 registers wherever it sees fit, and AVX2 could be tested on older processors alone.
 if SIMD == "avx2" and "avx512" in available():
     CONFIG.CPU_NAME, CONFIG.CPU_FEATURES = HASWELL, ""
+
+
+def machine() -> str:
+    """What compiled code is for: it runs nowhere else, or calculates in other ways there."""
+    name = CONFIG.CPU_NAME or binding.get_host_cpu_name()
+    features = binding.get_host_cpu_features().flatten() if CONFIG.CPU_FEATURES is None else CONFIG.CPU_FEATURES
+    return f"{SIMD} {name} {features}"

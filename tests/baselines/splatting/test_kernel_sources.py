@@ -13,7 +13,7 @@ from numba.core.dispatcher import Dispatcher
 import baselines
 import deraings
 from baselines.splatting.backends.warm_up import compile_apart
-from baselines.splatting.kernels import jit
+from baselines.splatting.kernels import jit, simd
 
 SHARED = "from kernels.jit import inlined\n\n@inlined\ndef shift(x):\n    return x + {}\n"
 CALLER = """from kernels.jit import serial_kernel, inlined
@@ -69,6 +69,18 @@ def test_edited_sources_are_compiled_apart_once(tmp_path, monkeypatch, caplog):
         compile_apart(code, [source])
     assert (tmp_path / "runs").read_text() == ".."
     assert len([message for message in caplog.messages if "compiling the kernels" in message]) == 2
+
+
+def test_machine_code_is_not_shared_by_instructions_or_processors():
+    """Another processor is one that Numba is told to compile for."""
+    code = "from baselines.splatting.kernels.jit import FOLDER; print(FOLDER)"
+    folders = [
+        subprocess.run(
+            [sys.executable, "-c", code], env={**os.environ, **settings}, capture_output=True, text=True, check=True
+        ).stdout
+        for settings in (*({simd.VARIABLE: name} for name in simd.available()), {"NUMBA_CPU_NAME": "nocona"})
+    ]
+    assert len(set(folders)) == len(simd.available()) + 1
 
 
 def compiled() -> list[Dispatcher]:

@@ -48,8 +48,9 @@ def test_targets_are_averages_over_areas():
     images = TrainingImages([pixels])
     expected = pixels.reshape(4, 2, 6, 2, 3).mean(axis=(1, 3))
     assert np.abs(images.pixels(0, (4, 6)) - expected).max() <= 0.5
-    target = Objective(images).target(0, (4, 6))
-    assert np.array_equal(target.pixels, images.pixels(0, (4, 6)))
+    objective = Objective(images)
+    assert objective.target(0, (4, 6)).pixels is images.pixels(0, (4, 6))
+    assert objective.target(0, (8, 12)).pixels is objective.target(0).pixels is pixels
     assert images.ignored(0, (4, 6)) is None
 
 
