@@ -51,7 +51,7 @@ def cases(profile: TrainerConfig) -> Iterator[tuple[str, TrainerConfig]]:
         yield f"{share:.0%} pruned by contribution", pruned
     for degree in range(profile.sh_degree):
         yield f"spherical harmonics to degree {degree}", replace(profile, sh_degree=degree)
-    yield "half the size for a third of the time", replace(profile, resolutions=((0.33, 2),))
+    yield "full size from the start", replace(profile, resolutions=())
     yield "anti-aliased", replace(profile, antialiased=True)
     yield "early stop", replace(profile, early_stop=EarlyStop(every=max(1, profile.iterations // 24)))
 

@@ -25,6 +25,7 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import sha256
 from hydroviews.scene.scenes import Scene
 
+SHORT = 10_000  # iterations below which a training is short
 NO_RAIN = RainConfig(mist=None, drops=None, rain_layer=None, streaks=None)
 
 
@@ -62,6 +63,11 @@ class DeRainGSConfig:
         return self.enhancement or self.prior
 
 
+def masks_for(splatting: TrainerConfig, **changed: Any) -> MaskConfig:
+    """Masks whose network learns in every fourth iteration, in short trainings in every second."""
+    return MaskConfig(every=2 if splatting.iterations < SHORT else 4, **changed)
+
+
 def profiles(configure: Callable[[TrainerConfig], DeRainGSConfig]) -> dict[str, DeRainGSConfig]:
     """A configuration for every profile of plain splatting, which trains the same Gaussians for as long."""
     return {name: configure(splatting) for name, splatting in PROFILES.items()}
@@ -71,7 +77,7 @@ class DeRainGS(GaussianSplatting):
     """DeRainGS (the paper): enhanced photographs, and masks with spectral channel attention."""
 
     profiles: ClassVar[Mapping[str, Any]] = profiles(
-        lambda splatting: DeRainGSConfig(splatting, enhancement=DEFAULT, masks=MaskConfig())
+        lambda splatting: DeRainGSConfig(splatting, enhancement=DEFAULT, masks=masks_for(splatting))
     )
 
     def __init__(self, config: DeRainGSConfig, seed: int) -> None:
@@ -163,14 +169,16 @@ class RainModelOnly(DeRainGS):
 class Masks(DeRainGS):
     """Ablation (c): masks on the photographs as they are."""
 
-    profiles: ClassVar[Mapping[str, Any]] = profiles(lambda splatting: DeRainGSConfig(splatting, masks=MaskConfig()))
+    profiles: ClassVar[Mapping[str, Any]] = profiles(
+        lambda splatting: DeRainGSConfig(splatting, masks=masks_for(splatting))
+    )
 
 
 class WithoutAttention(DeRainGS):
     """Ablation (e): all of the paper's method but the attention in the mask network."""
 
     profiles: ClassVar[Mapping[str, Any]] = profiles(
-        lambda splatting: DeRainGSConfig(splatting, enhancement=DEFAULT, masks=MaskConfig(attention=False))
+        lambda splatting: DeRainGSConfig(splatting, enhancement=DEFAULT, masks=masks_for(splatting, attention=False))
     )
 
 
@@ -179,6 +187,6 @@ class Everything(DeRainGS):
 
     profiles: ClassVar[Mapping[str, Any]] = profiles(
         lambda splatting: DeRainGSConfig(
-            splatting, enhancement=DEFAULT, masks=MaskConfig(), rain=RainConfig(rain_layer=None)
+            splatting, enhancement=DEFAULT, masks=masks_for(splatting), rain=RainConfig(rain_layer=None)
         )
     )

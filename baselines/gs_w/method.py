@@ -61,7 +61,8 @@ class GaussianInTheWild(GaussianSplatting):
     """GS-W (Zhang et al. 2024): splatting with colours by view, and what comes and goes left out."""
 
     profiles: ClassVar[Mapping[str, Any]] = {
-        "demo": GSWConfig(PROFILES["demo"], SHORT),
+        # more iterations than plain splatting: the networks need them
+        "demo": GSWConfig(with_iterations(3000, PROFILES["demo"]), SHORT),
         "quick": GSWConfig(with_iterations(6500, PROFILES["quick"]), SHORT),
         "paper": GSWConfig(
             TrainerConfig(

@@ -43,6 +43,8 @@ class LearningRates:
     scales: float = 5e-3
     quaternions: float = 1e-3
     final: float = 1.0  # what all but the means' rates have fallen to at the end, as a factor
+    cooldown: float = 0.0  # the last share of the iterations, in which all rates fall faster
+    cooled: float = 1.0  # what they have fallen to besides at the end, as a factor
 
 
 def random_stream(seed: int, purpose: Stream, index: int) -> np.random.Generator:
@@ -94,16 +96,29 @@ def shrunk(camera: Camera, factor: int) -> Camera:
     return camera.resized(*(max(1, (side + factor // 2) // factor) for side in (camera.width, camera.height)))
 
 
+def cooling_at(progress: float, rates: LearningRates) -> float:
+    """Factor on all rates, at a share of the iterations: 1, then down to `cooled` in the last `cooldown` of them.
+
+    Rates may stay high for longer, as what single steps add to the parameters is gone in the end: a warm-up, stable,
+    decay schedule (Hu et al. 2024, MiniCPM, section 4) without the warm-up. Here as good as a mean of the parameters.
+    """
+    if not rates.cooldown:
+        return 1.0
+    return float(rates.cooled ** max(0.0, 1 - (1 - progress) / rates.cooldown))
+
+
 def rates_at(
     iteration: int, iterations: int, rates: LearningRates, extent: float, sh_degree: int
 ) -> dict[str, float | NDArray[np.float32]]:
     """Learning rates by parameter; for sh one for each coefficient [K, 3]."""
     progress = iteration / max(iterations, 1)
-    decay = math.exp(progress * math.log(rates.final))
+    cooling = cooling_at(progress, rates)
+    decay = cooling * math.exp(progress * math.log(rates.final))
     sh = np.full((coefficients(sh_degree), 3), rates.sh_rest * decay, np.float32)
     sh[0] = rates.sh * decay
+    means = math.exp((1 - progress) * math.log(rates.means) + progress * math.log(rates.means_final))
     return {
-        "means": extent * math.exp((1 - progress) * math.log(rates.means) + progress * math.log(rates.means_final)),
+        "means": cooling * extent * means,
         "quaternions": rates.quaternions * decay,
         "log_scales": rates.scales * decay,
         "opacity_logits": rates.opacity * decay,

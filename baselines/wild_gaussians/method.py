@@ -79,9 +79,9 @@ PAPER = TrainerConfig(
     strategy=DefaultStrategy(start=1800, stop=35_000, every=1500, absolute=True, reset_every=5000),
     antialiased=True,
 )
-PROFILES = {
-    "demo": short(PLAIN["demo"]),
-    "quick": short(with_iterations(8000, PLAIN["quick"])),  # a step costs almost twice as much
+PROFILES = {  # more iterations than plain splatting: the networks need them
+    "demo": short(with_iterations(3000, PLAIN["demo"])),
+    "quick": short(with_iterations(8000, PLAIN["quick"])),
     "paper": WildConfig(PAPER, sky=50_000),
 }
 

@@ -44,6 +44,13 @@ def weights(tmp_path_factory):
     return path
 
 
+def test_networks_learn_as_often_in_short_trainings():
+    every = {name: config.masks.every for name, config in DeRainGS.profiles.items()}
+    assert every == {"demo": 2, "quick": 2, "paper": 4}
+    without = WithoutAttention.profiles["demo"].masks
+    assert (without.every, without.attention) == (2, False)
+
+
 def test_photographs_are_enhanced_once(scene, weights, tmp_path):
     images, enhancer = read_images(scene.train_views), load_enhancer(weights)
     names = [view.name for view in scene.train_views]

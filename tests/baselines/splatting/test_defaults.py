@@ -56,7 +56,7 @@ OURS = {
         "device": "auto",
         "checkpoint_seconds": 30.0,
     },
-    LearningRates: {"final": 1.0},
+    LearningRates: {"final": 1.0, "cooldown": 0.0, "cooled": 1.0},
     DefaultStrategy: {"budget": 5_000_000, "growth": 10.0, "absolute": False},
 }
 

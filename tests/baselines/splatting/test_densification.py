@@ -161,3 +161,14 @@ def test_schedule():
     assert rates[1]["means"] == pytest.approx(5 * 1.6e-6)
     assert rates[1]["opacity_logits"] == pytest.approx(0.005)
     assert rates[0]["sh"][0, 0] == pytest.approx(20 * rates[0]["sh"][1, 0])
+
+
+def test_all_rates_fall_faster_in_the_end():
+    usual = LearningRates(final=0.5)
+    cooling = replace(usual, cooldown=0.2, cooled=0.01)
+    factors = {0: 1, 40: 1, 80: 1, 90: 0.1, 100: 0.01}
+    for iteration, factor in factors.items():
+        expected, found = (rates_at(iteration, 100, rates, 5.0, 1) for rates in (usual, cooling))
+        assert expected.keys() == found.keys()
+        for name, value in found.items():
+            assert np.allclose(value, factor * np.asarray(expected[name]), rtol=1e-5, atol=0), name
