@@ -64,8 +64,8 @@ class DeRainGSConfig:
 
 
 def masks_for(splatting: TrainerConfig, **changed: Any) -> MaskConfig:
-    """Masks whose network learns in every fourth iteration, in short trainings in every second."""
-    return MaskConfig(every=2 if splatting.iterations < SHORT else 4, **changed)
+    """Masks whose network learns in every twelfth iteration, in short trainings in every sixth."""
+    return MaskConfig(every=6 if splatting.iterations < SHORT else 12, **changed)
 
 
 def profiles(configure: Callable[[TrainerConfig], DeRainGSConfig]) -> dict[str, DeRainGSConfig]:

@@ -46,9 +46,9 @@ def weights(tmp_path_factory):
 
 def test_networks_learn_as_often_in_short_trainings():
     every = {name: config.masks.every for name, config in DeRainGS.profiles.items()}
-    assert every == {"demo": 2, "quick": 2, "paper": 4}
+    assert every == {"demo": 6, "quick": 6, "paper": 12}
     without = WithoutAttention.profiles["demo"].masks
-    assert (without.every, without.attention) == (2, False)
+    assert (without.every, without.attention) == (6, False)
 
 
 def test_photographs_are_enhanced_once(scene, weights, tmp_path):
