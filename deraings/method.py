@@ -25,7 +25,7 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import sha256
 from hydroviews.scene.scenes import Scene
 
-SHORT = 10_000  # iterations below which a training is short
+SHORT = 2000  # iterations below which a training is short
 NO_RAIN = RainConfig(mist=None, drops=None, rain_layer=None, streaks=None)
 
 
@@ -64,7 +64,7 @@ class DeRainGSConfig:
 
 
 def masks_for(splatting: TrainerConfig, **changed: Any) -> MaskConfig:
-    """Masks whose network learns in every twelfth iteration, in short trainings in every sixth."""
+    """Masks whose network learns in every twelfth iteration, in the shortest trainings in every sixth."""
     return MaskConfig(every=6 if splatting.iterations < SHORT else 12, **changed)
 
 

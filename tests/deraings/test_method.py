@@ -46,7 +46,7 @@ def weights(tmp_path_factory):
 
 def test_networks_learn_as_often_in_short_trainings():
     every = {name: config.masks.every for name, config in DeRainGS.profiles.items()}
-    assert every == {"demo": 6, "quick": 6, "paper": 12}
+    assert every == {"demo": 6, "quick": 12, "paper": 12}
     without = WithoutAttention.profiles["demo"].masks
     assert (without.every, without.attention) == (6, False)
 
