@@ -49,7 +49,7 @@ class Course:
         scene = self.clean if method.trains_on == "clean" else self.rainy
         started = time.monotonic()
         method.fit(only_training(scene), folder)
-        took = {"train s": round(method.summary().train_seconds, 1), "fit s": round(time.monotonic() - started, 1)}
+        took = {"train s": round(method.summary().train_seconds, 3), "fit s": round(time.monotonic() - started, 3)}
         return method, {"method": name, "steps": steps, **took}
 
     def row(self, name: str, seconds: float, speed: float) -> dict[str, Any]:

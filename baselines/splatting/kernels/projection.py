@@ -15,6 +15,7 @@ import math
 import numpy as np
 from numba import prange
 
+from baselines.splatting.kernels.chunks import CHUNKS
 from baselines.splatting.kernels.constants import CONIC_SCALE, FAR, LOG2_MIN_ALPHA, MIN_ALPHA
 from baselines.splatting.kernels.geometry import (
     axes_on_screen,
@@ -34,7 +35,6 @@ from baselines.splatting.kernels.vectors import LANES64, absolute, bits, lowest_
 
 X, Y, L11, L21, L22, LOG2_OPACITY, CUTOFF, HALF_HEIGHT, HALF_WIDTH, COLOURS = range(10)
 
-CHUNKS = 64
 AHEAD = 16  # how many Gaussians ahead coefficients are asked for
 LINE = 16  # floats in a line of the cache
 MAX_COEFFICIENTS = 16
