@@ -20,14 +20,13 @@ from baselines.splatting.backends.base import CpuBackend
 from baselines.splatting.backends.warm_up import warm_up
 from baselines.splatting.files.checkpoints import read_model
 from baselines.splatting.objective import Objective
-from baselines.splatting.schedule import LearningRates, rates_at
+from baselines.splatting.schedule import rates_at
 from baselines.splatting.state import fresh_state
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.training.images import TrainingImages
 from benchmarks.splatting.scenes import picture, room, view
+from benchmarks.splatting.speed import STILL
 from hydroviews.scene.cameras import Camera
-
-STILL = LearningRates(means=1e-12, means_final=1e-12, sh=0, sh_rest=0, opacity=0, scales=0, quaternions=0)
 
 
 def made_up(gaussians: int, width: int, height: int) -> tuple[Any, Camera, TrainingImages, float]:

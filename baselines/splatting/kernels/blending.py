@@ -69,10 +69,11 @@ def place(flat, splat, x0, y0, grid, state):
 
 
 @inlined
-def placed(state, block, part):
-    """What `place` wrote: u and v at LANES pixels of a block."""
+def placed(state, block, part, log2_opacity):
+    """What `place` wrote, u and v at LANES pixels of a block, and log2 of what the splat covers of them."""
     u = load(state, U + part) + spread(get(state, MORE_U + block))
-    return u, load(state, V + part) + spread(get(state, MORE_V + block))
+    v = load(state, V + part) + spread(get(state, MORE_V + block))
+    return u, v, log2_opacity - v * v - u * u
 
 
 @inlined
@@ -119,8 +120,7 @@ def blend_splat(flat, splat, x0, y0, number, mask, state, lasts, planes, sets, g
         mask &= mask - 1
         for part in range(0, PIXELS, LANES):
             at = STATE + block * planes + part
-            u, v = placed(state, block, part)
-            exponent = log2_opacity - v * v - u * u
+            _, _, exponent = placed(state, block, part, log2_opacity)
             transmittance = load(state, at + TRANSMITTANCE)
             touched = (exponent >= FAINTEST) & (transmittance > np.float32(0))
             weight = select(touched, minimum(exp2(exponent), BRIGHTEST) * transmittance, np.float32(0))

@@ -97,8 +97,7 @@ def take_off(flat, splat, x0, y0, number, mask, state, lasts, planes, grid, sets
         mask &= mask - 1
         for part in range(0, PIXELS, LANES):
             at = STATE + block * planes + part
-            u, v = placed(state, block, part)
-            exponent = log2_opacity - v * v - u * u
+            u, v, exponent = placed(state, block, part, log2_opacity)
             taken = (exponent >= FAINTEST) & (load(lasts, at + LAST) >= number)
             raw = exp2(exponent)
             alpha = select(taken, minimum(raw, BRIGHTEST), NOTHING)
