@@ -35,18 +35,11 @@ FOUND = "found.json"  # where methods look for more than the scene in their phot
 # Of a training, in the model.
 RECORDED = ("near", "seconds", "device", "extent", "iterations", "residuals", "non_finite")
 
-# Short runs: larger steps that shrink towards the end, no opacity resets, fast growth by absolute gradients up to a
-# budget that two cores can afford. On Mip-NeRF 360 bonsai at 400x266, 4,000 iterations and 60,000 Gaussians, held-out
-# PSNR: 24.8 dB with the usual rates of scales and quaternions, 26.3 with twice, 27.2 with four times these rates
-# and fast growth by absolute gradients; with twice, the usual rates of the colours cost 0.5 dB.
-# The quick profile as it stands: 28.6 dB.
-SHORT_RATES = LearningRates(sh=7.5e-3, sh_rest=3.75e-4, opacity=0.1, scales=2e-2, quaternions=4e-3, final=0.1)
-SHORT_GROWTH = DefaultStrategy(
-    start=300, every=100, growth=0.3, grow_grad2d=2e-4, absolute=True, reset_every=None, prune_scale3d=0.5
-)
-# The shortest runs: twice these rates until a fall at the end, half the size at first. Chosen on clean views of
-# courtyard, LLFF flower and Mip-NeRF 360 bonsai: docs/experiments/2026-11-faster-training.md has what was tried.
-SHORTEST_RATES = LearningRates(
+# Short runs: large steps that cool down at the end, the first third at half the size, no opacity resets, fast growth by
+# absolute gradients up to a budget that two cores can afford; what is nearly transparent makes room.
+# Chosen on clean views of courtyard, LLFF flower and Mip-NeRF 360 bonsai: docs/experiments/2026-11-faster-training.md
+# has what was tried.
+SHORT_RATES = LearningRates(
     means=5e-4,
     means_final=1e-5,
     sh=1.5e-2,
@@ -58,31 +51,43 @@ SHORTEST_RATES = LearningRates(
     cooldown=0.15,
     cooled=0.1,
 )
-# Of `demo` for methods with networks of their own, which need more lessons.
-LONGER_DEMO = TrainerConfig(
-    iterations=3000,
-    sh_degree_interval=500,
-    learning_rates=SHORT_RATES,
-    near=0.05,
-    strategy=replace(SHORT_GROWTH, stop=2200, budget=30_000),
-)
+LONGER_RATES = replace(SHORT_RATES, sh=1.125e-2, sh_rest=5.625e-4, opacity=0.15, quaternions=6e-3, final=0.3)
+GROWTH = DefaultStrategy(growth=0.3, grow_grad2d=2e-4, absolute=True, reset_every=None, prune_scale3d=0.5)
 PROFILES = {
-    "demo": replace(
-        LONGER_DEMO,
-        iterations=1800,
-        sh_degree_interval=300,
-        learning_rates=SHORTEST_RATES,
-        strategy=replace(SHORT_GROWTH, start=150, every=50, stop=1300, budget=30_000),
+    "demo": TrainerConfig(
+        iterations=1600,
+        sh_degree_interval=270,
+        learning_rates=SHORT_RATES,
+        near=0.05,
+        strategy=replace(GROWTH, start=150, stop=1200, every=50, budget=30_000, prune_opacity=0.02),
         resolutions=((0.3, 2),),
     ),
     "quick": TrainerConfig(
-        iterations=12_000,
-        sh_degree_interval=1000,
-        learning_rates=SHORT_RATES,
+        iterations=7500,
+        sh_degree_interval=750,
+        learning_rates=LONGER_RATES,
         near=0.05,
-        strategy=replace(SHORT_GROWTH, stop=9000, budget=60_000),
+        strategy=replace(GROWTH, start=200, stop=5400, every=100, budget=60_000, prune_opacity=0.015),
+        resolutions=((0.3, 2),),
     ),
     "paper": TrainerConfig(),
+}
+# For methods that train networks of their own, which want more lessons: with the steps above gs-w loses 0.5 dB.
+WITH_NETWORKS = TrainerConfig(
+    iterations=3000,
+    sh_degree_interval=500,
+    learning_rates=LearningRates(sh=7.5e-3, sh_rest=3.75e-4, opacity=0.1, scales=2e-2, quaternions=4e-3, final=0.1),
+    near=0.05,
+    strategy=replace(GROWTH, start=300, stop=2200, every=100, budget=30_000),
+)
+PROFILES_WITH_NETWORKS = {
+    "demo": WITH_NETWORKS,
+    "quick": replace(
+        WITH_NETWORKS,
+        iterations=8000,
+        sh_degree_interval=667,
+        strategy=replace(WITH_NETWORKS.strategy, stop=6000, budget=60_000),
+    ),
 }
 
 

@@ -24,7 +24,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from baselines.gaussian_splatting import LONGER_DEMO, MODEL, PROFILES, GaussianSplatting, with_iterations
+from baselines.gaussian_splatting import MODEL, PROFILES_WITH_NETWORKS, GaussianSplatting, with_iterations
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT, ReferenceConfig
 from baselines.gs_w.encoder import load_resnet
@@ -61,8 +61,8 @@ class GaussianInTheWild(GaussianSplatting):
     """GS-W (Zhang et al. 2024): splatting with colours by view, and what comes and goes left out."""
 
     profiles: ClassVar[Mapping[str, Any]] = {
-        "demo": GSWConfig(LONGER_DEMO, SHORT),
-        "quick": GSWConfig(with_iterations(6500, PROFILES["quick"]), SHORT),
+        "demo": GSWConfig(PROFILES_WITH_NETWORKS["demo"], SHORT),
+        "quick": GSWConfig(with_iterations(6500, PROFILES_WITH_NETWORKS["quick"]), SHORT),
         "paper": GSWConfig(
             TrainerConfig(
                 iterations=70_000,

@@ -18,8 +18,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.gaussian_splatting import LONGER_DEMO, GaussianSplatting, with_iterations
-from baselines.gaussian_splatting import PROFILES as PLAIN
+from baselines.gaussian_splatting import PROFILES_WITH_NETWORKS, GaussianSplatting
 from baselines.method import TrainingSummary
 from baselines.splatting.backends.base import GSPLAT
 from baselines.splatting.config import TrainerConfig
@@ -80,8 +79,7 @@ PAPER = TrainerConfig(
     antialiased=True,
 )
 PROFILES = {
-    "demo": short(LONGER_DEMO),
-    "quick": short(with_iterations(8000, PLAIN["quick"])),  # a step costs almost twice as much
+    **{name: short(splatting) for name, splatting in PROFILES_WITH_NETWORKS.items()},
     "paper": WildConfig(PAPER, sky=50_000),
 }
 

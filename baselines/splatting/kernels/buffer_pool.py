@@ -1,5 +1,7 @@
 """Memory that a training loop uses again and again."""
 
+import math
+
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
@@ -22,7 +24,7 @@ class BufferPool:
 
     def array(self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32) -> NDArray:
         """A contiguous array with undefined content; asking for the same name and type again overwrites it."""
-        size = int(np.prod(shape))
+        size = math.prod(shape)
         key = name, np.dtype(dtype)
         buffer = self._buffers.get(key)
         if buffer is None or buffer.size < size:
