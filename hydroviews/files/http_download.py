@@ -28,6 +28,7 @@ TIMEOUT = 30.0  # seconds without data
 ATTEMPTS = 4  # at one server in a row, each without new data
 PAUSE = 1.0  # seconds before the second attempt, doubled before each later one
 RETRIED = (408, 425, 429, 500, 502, 503, 504)  # HTTP statuses that may pass
+SHOWN = 60  # characters of what a server says that are told
 NETWORK = (urllib.error.URLError, http.client.HTTPException, TimeoutError, ConnectionError, ssl.SSLError)
 
 
@@ -166,10 +167,17 @@ def _connect_once(url: str, target: Path, joinable: bool) -> None:
         if error.code == http.client.REQUESTED_RANGE_NOT_SATISFIABLE:
             _part(target).unlink(missing_ok=True)
             raise ConnectionEnded("the part that is here does not fit the server's file") from None
-        answer = f"the server answered {error.code} {error.reason}"
+        answer = f"the server answered {error.code} {str(error.reason)[:SHOWN]}"
         raise (ConnectionEnded(answer) if error.code in RETRIED else Refused(answer)) from None
     except NETWORK as error:
-        raise ConnectionEnded(f"no connection ({getattr(error, 'reason', None) or error})") from None
+        raise ConnectionEnded(_failure(error)) from None
+
+
+def _failure(error: Exception) -> str:
+    """What went wrong with a connection; of an answer that is not HTTP, no more than its beginning."""
+    if isinstance(error, http.client.BadStatusLine) and not isinstance(error, http.client.RemoteDisconnected):
+        return f"the answer is not HTTP (it begins with {error.line[:SHOWN]!a})"
+    return f"no connection ({getattr(error, 'reason', None) or error})"
 
 
 def _read_record(target: Path) -> PartialDownload | None:
@@ -185,9 +193,12 @@ def _open(url: str, have: int, known: PartialDownload | None) -> http.client.HTT
         headers["Range"] = f"bytes={have}-"
         if known and known.tag and known.url == url:
             headers["If-Range"] = known.tag
-    response: http.client.HTTPResponse = urllib.request.urlopen(
-        urllib.request.Request(url, headers=headers), timeout=TIMEOUT
-    )
+    try:
+        response: http.client.HTTPResponse = urllib.request.urlopen(
+            urllib.request.Request(url, headers=headers), timeout=TIMEOUT
+        )
+    except (ValueError, OverflowError) as error:  # no host name, no port: this address, or one that it leads to
+        raise Refused(f"not an address to download from ({error})") from None
     return response
 
 
