@@ -21,7 +21,7 @@ from tqdm import tqdm
 import hydroviews
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, write_json
-from hydroviews.files.full_disk import plain_full_disk
+from hydroviews.files.full_disk import plain_write_errors
 
 BLOCK = 1 << 20  # bytes
 TIMEOUT = 30.0  # seconds without data
@@ -50,7 +50,11 @@ class PartialDownload:
 
 
 def fetch(
-    urls: Sequence[str], target: Path, sha256: str | None = None, refuse: Callable[[Path], str] = lambda path: ""
+    urls: Sequence[str],
+    target: Path,
+    sha256: str | None = None,
+    refuse: Callable[[Path], str] = lambda path: "",
+    known_from: str = "as published",
 ) -> str:
     """Download a file; `target` exists only once the download is complete and checked.
 
@@ -62,17 +66,18 @@ def fetch(
         target: where to write it.
         sha256: the expected hash in hexadecimal; None if it is not known.
         refuse: what is wrong with a complete file, "" if nothing is.
+        known_from: where the expected hash is from, for the error.
 
     Returns:
         Its SHA-256 in hexadecimal.
 
     Raises:
-        InputError: no server delivers it, or the disk is full.
+        InputError: no server delivers it, the disk is full, or the folder may not be written.
     """
     reasons = []
     for url in urls:
         try:
-            return _fetch_from(url, target, sha256, refuse)
+            return _fetch_from(url, target, sha256, refuse, known_from)
         except Refused as reason:
             reasons.append(f"{url}: {reason}")
     raise InputError(
@@ -83,13 +88,14 @@ def fetch(
     )
 
 
-def _fetch_from(url: str, target: Path, sha256: str | None, refuse: Callable[[Path], str]) -> str:
+def _fetch_from(url: str, target: Path, sha256: str | None, refuse: Callable[[Path], str], known_from: str) -> str:
     part, record = _part(target), _record_path(target)
-    with plain_full_disk(part):
+    with plain_write_errors(part):
         part.parent.mkdir(parents=True, exist_ok=True)
         _download_part(url, target, joinable=sha256 is not None)
         found = digest(part)
-        wrong = f"wrong checksum {found}, expected {sha256}" if sha256 not in (None, found) else refuse(part)
+        other = sha256 not in (None, found)
+        wrong = f"wrong checksum {found}, expected {sha256}, {known_from}" if other else refuse(part)
         if wrong:
             part.unlink()
             record.unlink(missing_ok=True)
