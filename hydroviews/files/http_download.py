@@ -182,7 +182,7 @@ def _connect_once(url: str, target: Path, joinable: bool) -> None:
 def _failure(error: Exception) -> str:
     """What went wrong with a connection; of an answer that is not HTTP, no more than its beginning."""
     if isinstance(error, http.client.BadStatusLine) and not isinstance(error, http.client.RemoteDisconnected):
-        return f"the answer is not HTTP (it begins with {error.line[:SHOWN]!a})"
+        return f"the answer is not HTTP (it begins with {str(error)[:SHOWN]!a})"
     return f"no connection ({getattr(error, 'reason', None) or error})"
 
 
