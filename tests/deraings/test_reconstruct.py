@@ -163,7 +163,9 @@ def test_the_scene_goes_beside_the_photographs(tmp_path):
     assert Reconstruction(tmp_path / "2024.05.01").folder == tmp_path / "2024.05.01-scene"
 
 
-@pytest.mark.parametrize("wrong", [{"profile": "dmeo"}, {"long_side": 0}, {"long_side": 5}, {"rate": 0.0}, {"seed": -1}])
+@pytest.mark.parametrize(
+    "wrong", [{"profile": "dmeo"}, {"long_side": 0}, {"long_side": 5}, {"rate": 0.0}, {"seed": -1}]
+)
 def test_settings_that_cannot_be_do_not_take_the_folder(request_of, tmp_path, wrong):
     with pytest.raises(InputError, match=str(next(iter(wrong.values())))):
         reconstruct(request_of(out=tmp_path / "scene", **wrong))
