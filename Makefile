@@ -123,7 +123,7 @@ view: $(READY)  ## a trained scene in a browser: RUN=results/... [PORT=8080]
 film: $(READY)  ## a film of a trained scene: RUN=results/... [OUT=film.mp4] [FILM_ARGS="--seconds 8 --fps 30 --size 800"]
 	$(BIN)/python -m leaderboard film $(call quote,$(RUN)) --data $(data) --out $(call quote,$(OUT)) $(call quoted,$(FILM_ARGS))
 
-bench: $(READY)  ## speed against error: BENCH=splatting, quality, volumetric, enhancement, masking, methods, hard_rain, raindrops, streaks or dataset
+bench: $(READY)  ## speed against error: BENCH=splatting, quality, volumetric, enhancement, masking, methods, hard_rain, raindrops, streaks or dataset; interruptions for kills and full disks
 	$(BIN)/python -m $(call quote,benchmarks.$(BENCH)) $(call quoted,$(BENCH_ARGS))
 
 $(DOCS): $(READY)
