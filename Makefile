@@ -25,35 +25,54 @@ FILM_ARGS ?=
 ABLATION := deraings.method:Masks 3dgs+enhance deraings.method:WithoutAttention deraings \
             deraings.method:RainModelOnly deraings-plus deraings.method:Everything
 METHODS  ?= 3dgs nerf-w derain-nerf wild-gaussians gs-w deraings deraings-plus
-SCENES   ?= $(SCENE)
+SCENES   ?=
 BIN      := $(VENV)/bin
 KERNEL_TESTS := $(addprefix tests/baselines/splatting/test_,rasterizer.py hard_cases.py photometric.py)
 READY    := $(VENV)/.ready
 DOCS     := $(VENV)/.ready-docs
-comma    := ,
-names    := $(subst $(comma), ,$(PATTERNS))
-patterns := $(if $(strip $(names)),--patterns $(names))
-overwrite := $(if $(OVERWRITE),--overwrite)
-sweep     = trap 'exit 130' INT TERM; bad=; \
-            for seed in $(SEEDS); do for scene in $(SCENES); do for method in $(1); do \
-            $(MAKE) eval METHOD=$$method SCENE="$$scene" SEED=$$seed || bad="$$bad $$method,$$scene,$$seed"; \
-            done; done; done; test -z "$$bad" || { echo "not finished:$$bad" >&2; exit 1; }
-enhance   = $(BIN)/python -m deraings.enhancement train --photographs '$(PHOTOGRAPHS)' \
-            --cache '$(RESULTS)/enhancement/rain'
-what     := $(if $(SUITE),--suite '$(SUITE)',--scene '$(SCENE)')
 
-ifneq ($(strip $(CAPTURES)),)
+# Settings reach the programs as they were given: make does not expand what is in them, and no shell reads it.
+GIVEN    := METHOD SCENE PROFILE SEED TRACK DATA RESULTS SEEDS METHODS BENCH PORT OUT EXTRAS
+OPTIONAL := SUITE CAPTURES PATTERNS PHOTOGRAPHS RUN SCENES OVERWRITE BENCH_ARGS PIP_ARGS FILM_ARGS
+$(foreach name,$(GIVEN) $(OPTIONAL),$(eval override $(name) := $$(value $(name))))
+define newline
+
+
+endef
+comma    := ,
+quote     = '$(subst ','\'',$(1))'
+quoted    = $(foreach one,$(1),$(call quote,$(one)))
+names    := $(call quoted,$(subst $(comma), ,$(PATTERNS)))
+patterns := $(if $(names),--patterns $(names))
+overwrite := $(if $(filter 1,$(OVERWRITE)),--overwrite)
+scenes   := $(if $(SCENES),$(call quoted,$(SCENES)),$(call quote,$(SCENE)))
+what     := $(if $(SUITE),--suite $(call quote,$(SUITE)),--scene $(call quote,$(SCENE)))
+profile  := $(call quote,$(PROFILE))
+data     := $(call quote,$(DATA))
+results  := $(call quote,$(RESULTS))
+sweep     = trap 'exit 130' INT TERM; bad=; \
+            for seed in $(call quoted,$(SEEDS)); do for scene in $(scenes); do for method in $(call quoted,$(1)); do \
+            $(MAKE) eval METHOD="$$method" SCENE="$$scene" SEED="$$seed" || bad="$$bad $$method,$$scene,$$seed"; \
+            done; done; done; test -z "$$bad" || { echo "not finished:$$bad" >&2; exit 1; }
+enhance   = $(BIN)/python -m deraings.enhancement train --photographs $(call quote,$(PHOTOGRAPHS)) \
+            --cache $(results)/enhancement/rain
+
+ifneq ($(CAPTURES),)
 export HYDROVIEWS_CAPTURES := $(CAPTURES)
 endif
 
-ifneq ($(and $(strip $(SUITE)),$(filter eval,$(MAKECMDGOALS))),)
+required  = $(if $(filter $(2),$(MAKECMDGOALS)),$(if $(strip $($(1))),,$(error $(1)= is missing: $(3))))
+$(foreach name,$(GIVEN),$(if $(strip $($(name))),,$(error $(name)= is empty)))
+$(foreach name,$(GIVEN) $(OPTIONAL),$(if $(findstring $(newline),$($(name))),$(error $(name)= has a line break in it)))
+$(call required,RUN,view film,name the folder of a finished run such as RUN=$(RESULTS)/demo/3dgs/courtyard/raindrop-1/seed-0)
+$(call required,PHOTOGRAPHS,enhancer drop-finder,name a folder of clean photographs)
+
+ifneq ($(and $(SUITE),$(filter eval,$(MAKECMDGOALS))),)
 $(error SUITE=$(SUITE): make eval takes one SCENE= at a time; SUITE= is for make dataset)
 endif
 
-ifneq ($(filter view film,$(MAKECMDGOALS)),)
-ifeq ($(strip $(RUN)),)
-$(error RUN= is missing: name the folder of a finished run, such as RUN=$(RESULTS)/demo/3dgs/courtyard/raindrop-1/seed-0)
-endif
+ifneq ($(filter-out 0 1,$(OVERWRITE)),)
+$(error OVERWRITE=$(OVERWRITE): 1 to build and run anew what is there with other settings; 0 or nothing to keep it)
 endif
 
 .PHONY: setup dataset eval compare check severity enhancer drop-finder ablation leaderboard view film bench docs test test-simd lint
@@ -63,31 +82,31 @@ setup: $(READY)  ## everything into .venv, at the versions of constraints.txt
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --upgrade --constraint constraints.txt pip setuptools
-	$(BIN)/python -m pip install --constraint constraints.txt $(PIP_ARGS) --editable '.[$(EXTRAS)]'
+	$(BIN)/python -m pip install --constraint constraints.txt $(call quoted,$(PIP_ARGS)) --editable $(call quote,.[$(EXTRAS)])
 	touch $(READY)
 
 dataset: $(READY)  ## a capture, its clean views, cameras and rainy variants; with SUITE= all of a suite's
-	$(BIN)/python -m hydroviews build $(what) --profile $(PROFILE) --out '$(DATA)/$(PROFILE)' --seed $(SEED) $(patterns) $(overwrite)
+	$(BIN)/python -m hydroviews build $(what) --profile $(profile) --out $(data)/$(profile) --seed $(call quote,$(SEED)) $(patterns) $(overwrite)
 
 eval: $(READY)  ## build what is missing, run the method and the reference rows, print the table
-	$(BIN)/python -m leaderboard evaluate --method '$(METHOD)' --scene '$(SCENE)' --profile $(PROFILE) --seed $(SEED) --track $(TRACK) --data '$(DATA)' --results '$(RESULTS)' $(patterns) $(overwrite)
+	$(BIN)/python -m leaderboard evaluate --method $(call quote,$(METHOD)) --scene $(call quote,$(SCENE)) --profile $(profile) --seed $(call quote,$(SEED)) --track $(call quote,$(TRACK)) --data $(data) --results $(results) $(patterns) $(overwrite)
 
 check: $(READY)  ## whether METHOD= keeps the contract of a method, on a room that is learned in seconds
-	$(BIN)/python -m leaderboard check '$(METHOD)' --profile $(PROFILE)
+	$(BIN)/python -m leaderboard check $(call quote,$(METHOD)) --profile $(profile)
 
 severity: $(READY)  ## what plain 3DGS loses to each of a scene's six patterns, entered into its data card
 	$(MAKE) eval METHOD=3dgs PATTERNS=raindrop-0,raindrop-1,raindrop-2,streak-0,streak-1,streak-2
-	$(BIN)/python -m leaderboard card '$(DATA)/$(PROFILE)' --results '$(RESULTS)'
+	$(BIN)/python -m leaderboard card $(data)/$(profile) --results $(results)
 
 enhancer: $(READY)  ## train the enhancement network: PHOTOGRAPHS=a folder of clean photographs
-	$(enhance) --out '$(RESULTS)/enhancement/first'
-	$(enhance) --out '$(RESULTS)/enhancement/second' --start '$(RESULTS)/enhancement/first/weights.safetensors' \
+	$(enhance) --out $(results)/enhancement/first
+	$(enhance) --out $(results)/enhancement/second --start $(results)/enhancement/first/weights.safetensors \
 		--seed 1 --steps 8000
-	$(enhance) --out '$(RESULTS)/enhancement/small' --start '$(RESULTS)/enhancement/second/weights.safetensors' \
+	$(enhance) --out $(results)/enhancement/small --start $(results)/enhancement/second/weights.safetensors \
 		--seed 2 --steps 6000 --sides 480 384 288 --lenses 20
 
 drop-finder: $(READY)  ## train the network that finds drops for derain-nerf: PHOTOGRAPHS=a folder of clean photographs
-	$(BIN)/python -m baselines.derain_nerf.raindrop_attention train --photographs '$(PHOTOGRAPHS)' --cache '$(RESULTS)/enhancement/rain' --out '$(RESULTS)/raindrop-attention/small'
+	$(BIN)/python -m baselines.derain_nerf.raindrop_attention train --photographs $(call quote,$(PHOTOGRAPHS)) --cache $(results)/enhancement/rain --out $(results)/raindrop-attention/small
 
 compare: $(READY)  ## METHODS="..." or all of them, on SCENES="..." or SCENE=, for every seed of SEEDS="0 1 2"
 	+$(call sweep,$(METHODS))
@@ -96,16 +115,16 @@ ablation: $(READY)  ## the same for DeRainGS with parts left out and with the ra
 	+$(call sweep,$(ABLATION))
 
 leaderboard: $(READY)  ## gather all records into results/leaderboard.csv and tables.md
-	$(BIN)/python -m leaderboard table --results '$(RESULTS)'
+	$(BIN)/python -m leaderboard table --results $(results)
 
 view: $(READY)  ## a trained scene in a browser: RUN=results/... [PORT=8080]
-	$(BIN)/python -m leaderboard view '$(RUN)' --data '$(DATA)' --port $(PORT)
+	$(BIN)/python -m leaderboard view $(call quote,$(RUN)) --data $(data) --port $(call quote,$(PORT))
 
 film: $(READY)  ## a film of a trained scene: RUN=results/... [OUT=film.mp4] [FILM_ARGS="--seconds 8 --fps 30 --size 800"]
-	$(BIN)/python -m leaderboard film '$(RUN)' --data '$(DATA)' --out '$(OUT)' $(FILM_ARGS)
+	$(BIN)/python -m leaderboard film $(call quote,$(RUN)) --data $(data) --out $(call quote,$(OUT)) $(call quoted,$(FILM_ARGS))
 
-bench: $(READY)  ## speed against error: BENCH=splatting, quality, volumetric, enhancement, masking, methods, hard_rain, raindrops, streaks or dataset
-	$(BIN)/python -m benchmarks.$(BENCH) $(BENCH_ARGS)
+bench: $(READY)  ## speed against error: BENCH=splatting, quality, volumetric, enhancement, masking, methods, hard_rain, raindrops, streaks or dataset; interruptions for kills and full disks
+	$(BIN)/python -m $(call quote,benchmarks.$(BENCH)) $(call quoted,$(BENCH_ARGS))
 
 $(DOCS): $(READY)
 	$(BIN)/python -m pip install --constraint constraints.txt --editable '.[docs]'
@@ -119,7 +138,8 @@ test: $(READY)  ## all tests, shared out to up to four processes
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
 test-simd: $(READY)  ## the kernels' tests with all instructions that the processor has
-	for simd in $$($(BIN)/python -c "from baselines.splatting.kernels.simd import available; print(*available())"); do \
+	simds=$$($(BIN)/python -c "from baselines.splatting.kernels.simd import available; print(*available())") || exit 1; \
+	for simd in $$simds; do \
 	  HYDROVIEWS_SIMD=$$simd $(BIN)/python -m pytest -q -n auto --maxprocesses 4 $(KERNEL_TESTS) || exit 1; done
 
 lint: $(READY)  ## ruff and mypy

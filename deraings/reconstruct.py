@@ -13,13 +13,14 @@ from baselines.rendering.film import FilmChoice, draw_film
 from baselines.training.devices import warn_of_slow_profile
 from hydroviews.captures.sfm.poses import estimate_poses
 from hydroviews.captures.video.capture import capture_video
+from hydroviews.captures.video.decoding import open_video
 from hydroviews.captures.video.frames import FrameChoice
 from hydroviews.dataset.contact_sheet import spread
 from hydroviews.errors import InputError
 from hydroviews.files.settings_guard import claim_folder
 from hydroviews.formats.photographs import photographs_below, unreadable_photographs
 from hydroviews.formats.read import has_cameras, read_scene
-from hydroviews.profiles import find_profile
+from hydroviews.profiles import find_profile, require_seed
 from hydroviews.scene.images import SUFFIXES, write_png
 from hydroviews.scene.picture_grid import Canvas, Row, Tile, draw_sheet
 from hydroviews.scene.scenes import Scene, Split
@@ -74,8 +75,7 @@ def reconstruct(request: Reconstruction) -> Path:
     # Settings are checked before hours of work, and before the folder is claimed for them.
     config, long_side = kind.configuration(request.profile), find_profile(request.profile).long_side
     FrameChoice(request.rate, request.long_side)
-    if request.seed < 0:
-        raise InputError(f"--seed {request.seed}: no seed", expected="a whole number from 0 on")
+    require_seed(request.seed)
     settings = settings_of(request)
     claim_folder(
         folder / SETTINGS,
@@ -115,9 +115,12 @@ def require_photographs(path: Path) -> None:
     """Refuse a path without photographs before a folder is made for it; log which photographs cannot be read.
 
     Raises:
-        InputError: the path is neither a film, nor a capture with cameras, nor a folder of photographs.
+        InputError: the path is neither a film that opens, nor a capture with cameras, nor a folder of photographs.
     """
-    if path.is_file() or (path.is_dir() and has_cameras(path)):
+    if path.is_file():
+        with open_video(path):
+            return
+    if path.is_dir() and has_cameras(path):
         return
     other = unreadable_photographs(path) if path.is_dir() else ""
     if path.is_dir() and photographs_below(path):

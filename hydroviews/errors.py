@@ -7,7 +7,8 @@ from difflib import get_close_matches
 class InputError(Exception):
     """Bad input: what is wrong, what was found, what was expected, what to do.
 
-    Command lines print it without a traceback and exit with status 2.
+    Command lines print it without a traceback and exit with status 2. Characters that a terminal would not show, or
+    would obey, stand in it as escapes: servers, archives and file names may have any.
 
     Args:
         what: the problem in one sentence, naming the file or setting.
@@ -21,7 +22,12 @@ class InputError(Exception):
         for label, value in (("found", found), ("expected", expected), ("what to do", fix)):
             if value is not None:
                 lines.append(f"  {label}: {value}")
-        super().__init__("\n".join(lines))
+        super().__init__(printable("\n".join(lines)))
+
+
+def printable(text: str) -> str:
+    """The text with everything but printable characters and line ends written as Python's escapes."""
+    return "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)
 
 
 def unknown_name(where: str, name: str, kind: str, known: Iterable[str], otherwise: str = "") -> InputError:

@@ -2,7 +2,9 @@
 
 from dataclasses import dataclass
 
-from hydroviews.errors import unknown_name
+from hydroviews.errors import InputError, unknown_name
+
+LEAST_SIDE = 16  # pixels: smaller pictures have no room for SSIM's window of 11
 
 
 @dataclass(frozen=True)
@@ -34,3 +36,23 @@ def find_profile(name: str) -> Profile:
     if name not in PROFILES:
         raise unknown_name(f"PROFILE={name}", name, "profile", PROFILES)
     return PROFILES[name]
+
+
+def require_long_side(pixels: int | None) -> None:
+    """Refuse a size of pictures that nothing can be learned from; None leaves it to the profile.
+
+    Raises:
+        InputError: it is too small.
+    """
+    if pixels is not None and pixels < LEAST_SIDE:
+        raise InputError(f"--long-side {pixels}: too small", expected=f"at least {LEAST_SIDE} pixels")
+
+
+def require_seed(seed: int | None) -> None:
+    """Refuse a seed that is none; None leaves it to what is there.
+
+    Raises:
+        InputError: it is negative.
+    """
+    if seed is not None and seed < 0:
+        raise InputError(f"--seed {seed}: no seed", expected="a whole number from 0 on")

@@ -1,6 +1,8 @@
 """The commands people and scripts rely on: make targets, their settings, exit codes."""
 
+import ast
 import re
+import shutil
 import subprocess
 import sys
 from functools import cache
@@ -27,24 +29,24 @@ def test_make_eval_passes_every_setting_on():
     assert "-m leaderboard evaluate" in line
     assert "--method 'a.b:C'" in line
     assert "--scene 'my capture'" in line
-    assert "--profile quick" in line
-    assert "--seed 7" in line
-    assert "--patterns raindrop-0 streak-2" in line
-    assert "--overwrite" not in line
+    assert "--profile 'quick'" in line
+    assert "--seed '7'" in line
+    assert "--patterns 'raindrop-0' 'streak-2'" in line
+    assert "--overwrite" not in line + make("eval", "OVERWRITE=0")
     assert "--overwrite" in make("eval", "OVERWRITE=1")
 
 
 def test_make_dataset_builds_a_scene_or_a_suite():
-    assert "build --scene 'courtyard' --profile demo" in make("dataset")
+    assert "build --scene 'courtyard' --profile 'demo'" in make("dataset")
     line = make("dataset", "SUITE=paper", "PROFILE=quick", "SCENE=ignored")
-    assert "build --suite 'paper' --profile quick" in line
+    assert "build --suite 'paper' --profile 'quick'" in line
     assert "ignored" not in line
 
 
 def test_make_view_and_film_pass_the_run_on():
     line = make("view", "RUN=a b", "PORT=9")
     assert "leaderboard view 'a b'" in line
-    assert "--port 9" in line
+    assert "--port '9'" in line
     assert "leaderboard film 'a b'" in make("film", "RUN=a b")
 
 
@@ -59,25 +61,123 @@ def test_make_hands_the_folder_of_captures_on():
     assert "HYDROVIEWS_CAPTURES :=" not in make("--print-data-base", "dataset")
 
 
+STRANGE = """it's *; touch evil # $(shell touch evil) `touch evil` $HOME $$ \\ "q" a,b & 'x' """
+
+
+@pytest.fixture
+def recorded(tmp_path):
+    """Runs make with a Python that only writes down its arguments, and fails where one of them is `bad`."""
+    python = tmp_path / "python"
+    python.write_text(f"#!{sys.executable}\nimport sys\nprint(sys.argv[1:])\nsys.exit('bad' in sys.argv)\n")
+    python.chmod(0o755)
+    shutil.copy(REPOSITORY / "Makefile", tmp_path)
+    for name in ("pyproject.toml", "constraints.txt", "ready"):
+        (tmp_path / name).touch()
+
+    def run(*arguments):
+        command = ["make", "--silent", f"BIN={tmp_path}", "READY=ready", *arguments]
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("target", "name", "expected"),
+    [
+        ("dataset", "SCENE", {"--scene": STRANGE}),
+        ("dataset", "SUITE", {"--suite": STRANGE}),
+        ("dataset", "DATA", {"--out": f"{STRANGE}/demo"}),
+        *[
+            ("eval", name, {f"--{name.lower()}": STRANGE})
+            for name in ("METHOD", "SCENE", "PROFILE", "SEED", "TRACK", "DATA", "RESULTS")
+        ],
+        ("eval", "PATTERNS", {"--patterns": STRANGE.replace(",", " ").split()}),
+        ("compare", "SCENE", {"--scene": STRANGE}),
+        ("compare", "SCENES", {"--scene": STRANGE.split()}),
+        ("compare", "METHODS", {"--method": STRANGE.split()}),
+        ("compare", "SEEDS", {"--seed": STRANGE.split()}),
+        ("ablation", "DATA", {"--data": STRANGE}),
+        ("check", "METHOD", {"check": STRANGE}),
+        ("severity", "RESULTS", {"--results": STRANGE}),
+        ("enhancer", "PHOTOGRAPHS", {"--photographs": STRANGE}),
+        ("enhancer", "RESULTS", {"--cache": f"{STRANGE}/enhancement/rain"}),
+        ("drop-finder", "PHOTOGRAPHS", {"--photographs": STRANGE}),
+        ("leaderboard", "RESULTS", {"--results": STRANGE}),
+        ("view", "RUN", {"view": STRANGE}),
+        ("view", "PORT", {"--port": STRANGE}),
+        ("film", "OUT", {"--out": STRANGE}),
+        ("film", "FILM_ARGS", {"film.mp4": STRANGE.split()}),
+        ("bench", "BENCH", {"-m": f"benchmarks.{STRANGE}"}),
+        ("bench", "BENCH_ARGS", {"benchmarks.splatting": STRANGE.split()}),
+    ],
+)
+def test_settings_reach_python_as_they_are(recorded, tmp_path, target, name, expected):
+    """No shell runs what is in them, and make expands nothing."""
+    needed = [f"{other}=here" for other in ("RUN", "PHOTOGRAPHS", "METHODS") if other != name]
+    done = recorded(target, *needed, f"{name}={STRANGE}")
+    assert done.returncode == 0, done.stderr
+    (before, values), *_ = expected.items()
+    calls = [ast.literal_eval(line) for line in done.stdout.splitlines()]
+    if isinstance(values, str):
+        assert all(call[call.index(before) + 1] == values for call in calls)
+    elif target == "compare":  # a call for each, METHODS foremost
+        assert set(values) == {call[call.index(before) + 1] for call in calls}
+    else:
+        assert all(call[call.index(before) + 1 :][: len(values)] == values for call in calls)
+    assert not list(tmp_path.glob("*evil*"))
+
+
+def test_captures_reach_python_as_they_are(tmp_path, recorded):
+    (tmp_path / "python").write_text(f"#!{sys.executable}\nimport os\nprint(os.environ['HYDROVIEWS_CAPTURES'])\n")
+    assert recorded("dataset", f"CAPTURES={STRANGE}").stdout == f"{STRANGE}\n"
+
+
+@pytest.mark.parametrize("target", ["eval", "dataset", "check", "severity", "compare", "ablation", "view", "enhancer"])
+def test_what_fails_fails_make(recorded, target):
+    bad = ("METHOD", "SCENE", "RUN", "PHOTOGRAPHS")
+    done = recorded(target, *[f"{name}=bad" for name in bad], "PATTERNS=raindrop-0;true")
+    assert done.returncode != 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("dataset", "DATA="), "DATA= is empty"),  # which would be the root of the disk
+        (("eval", "SCENE= "), "SCENE= is empty"),
+        (("compare", "SEEDS="), "SEEDS= is empty"),
+        (("eval", "SCENE=a\ntouch evil"), "SCENE= has a line break in it"),
+        (("eval", "OVERWRITE=no"), "OVERWRITE=no: 1 to build"),
+        (("enhancer",), "PHOTOGRAPHS= is missing"),
+        (("film",), "RUN= is missing"),
+    ],
+)
+def test_settings_that_cannot_be_are_refused_by_make(recorded, arguments, told):
+    done = recorded(*arguments)
+    assert done.returncode != 0
+    assert told in done.stderr
+    assert not done.stdout
+
+
 TARGETS = {  # what each runs
     "setup": ("pip install --constraint constraints.txt  --editable '.[blender,viewer,compression,cuda,dev]'",),
-    "dataset": ("-m hydroviews build --scene 'courtyard' --profile demo --out 'data/demo' --seed 0",),
+    "dataset": ("-m hydroviews build --scene 'courtyard' --profile 'demo' --out 'data'/'demo' --seed '0'",),
     "eval": (
-        "-m leaderboard evaluate --method '3dgs' --scene 'courtyard' --profile demo --seed 0 --track given-poses",
+        "-m leaderboard evaluate --method '3dgs' --scene 'courtyard' --profile 'demo' --seed '0'",
+        "--track 'given-poses'",
     ),
     "compare": (
         "-m leaderboard evaluate --method 'wild-gaussians'",
         "-m leaderboard evaluate --method 'deraings-plus'",
     ),
-    "check": ("-m leaderboard check '3dgs' --profile demo",),
-    "severity": ("raindrop-2 streak-0", "-m leaderboard card 'data/demo' --results 'results'"),
-    "enhancer": ("-m deraings.enhancement train", "--start 'results/enhancement/second/weights.safetensors'"),
+    "check": ("-m leaderboard check '3dgs' --profile 'demo'",),
+    "severity": ("'raindrop-2' 'streak-0'", "-m leaderboard card 'data'/'demo' --results 'results'"),
+    "enhancer": ("-m deraings.enhancement train", "--start 'results'/enhancement/second/weights.safetensors"),
     "drop-finder": ("-m baselines.derain_nerf.raindrop_attention train",),
     "ablation": ("-m leaderboard evaluate --method 'deraings.method:RainModelOnly'",),
     "leaderboard": ("-m leaderboard table --results 'results'",),
-    "view": ("-m leaderboard view 'a run' --data 'data' --port 8080",),
+    "view": ("-m leaderboard view 'a run' --data 'data' --port '8080'",),
     "film": ("-m leaderboard film 'a run' --data 'data' --out 'film.mp4'",),
-    "bench": ("-m benchmarks.splatting",),
+    "bench": ("-m 'benchmarks.splatting'",),
     "test": ("-m pytest -n auto",),
     "test-simd": ("HYDROVIEWS_SIMD=$simd", "test_rasterizer.py", "test_hard_cases.py", "test_photometric.py"),
     "lint": ("ruff check .", "ruff format --check .", "mypy"),
@@ -86,7 +186,7 @@ TARGETS = {  # what each runs
 
 @pytest.mark.parametrize("target", TARGETS)
 def test_make_targets(target):
-    lines = make(target, "RUN=a run", "VENV=/nowhere")
+    lines = make(target, "RUN=a run", "PHOTOGRAPHS=here", "VENV=/nowhere")
     assert "-m venv /nowhere" in lines  # what is not set up yet is
     assert all(command in lines for command in TARGETS[target])
 
@@ -98,7 +198,7 @@ def test_every_make_target_is_tested():
 
 @pytest.mark.parametrize("package", ["hydroviews", "leaderboard"])
 def test_what_make_runs_is_a_command(package):
-    lines = "".join(make(target, "RUN=a run") for target in TARGETS if target != "setup")
+    lines = "".join(make(target, "RUN=a run", "PHOTOGRAPHS=here") for target in TARGETS if target != "setup")
     commands = set(re.findall(rf"-m {package} (\S+)", lines))
     assert commands
     text = python("-m", package, "--help").stdout
@@ -176,7 +276,7 @@ def test_compare_runs_every_method_on_every_scene_with_every_seed():
     asked = [(method, scene, seed) for seed in "01" for scene in ("courtyard", "room") for method in ("3dgs", "gs-w")]
     assert len(runs) == len(asked)
     for line, (method, scene, seed) in zip(runs, asked, strict=True):
-        assert f"--method '{method}' --scene '{scene}' --profile demo --seed {seed} " in line
+        assert f"--method '{method}' --scene '{scene}' --profile 'demo' --seed '{seed}' " in line
 
 
 def test_compare_goes_on_after_a_run_that_failed(tmp_path):

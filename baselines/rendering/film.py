@@ -1,6 +1,7 @@
 """A film of a trained scene: a camera on a smooth path, rendered with the method itself."""
 
 import logging
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,7 +39,7 @@ class FilmChoice:
     def __post_init__(self) -> None:
         if not 1 <= self.fps <= 240:
             raise InputError(f"--fps {self.fps}: impossible", expected="1 to 240")
-        if not 2 <= self.n_frames <= MOST_FRAMES:
+        if not math.isfinite(self.seconds) or not 2 <= self.n_frames <= MOST_FRAMES:
             raise InputError(f"--seconds {self.seconds:g}: impossible", expected=f"2 to {MOST_FRAMES} frames")
         if not SIZES[0] <= self.size <= SIZES[1]:
             raise InputError(f"--size {self.size}: impossible", expected=f"{SIZES[0]} to {SIZES[1]} pixels")

@@ -15,7 +15,13 @@ from hydroviews.files.atomic import listing
 
 
 def use_threads(count: int) -> None:
-    """Calculate with so many threads; 0 leaves it to torch."""
+    """Calculate with so many threads; 0 leaves it to torch.
+
+    Raises:
+        InputError: a negative number.
+    """
+    if count < 0:
+        raise InputError(f"--threads {count}: impossible", expected="0 or more")
     if count:
         torch.set_num_threads(count)
 

@@ -21,6 +21,7 @@ from torch.utils.data import DataLoader, Dataset
 
 from baselines.training import loop
 from baselines.training.checkpoints import CHECKPOINT, Tree
+from baselines.training.numbers import require_numbers
 from baselines.training.torch_state import module_arrays, restore_module
 from hydroviews.files.atomic import write_bytes
 
@@ -60,6 +61,9 @@ class Intervals:
 
     checkpoint_seconds: float = 30.0  # between two checkpoints while training; 0: one after every step
     validate_every: int = 500  # steps between two validations
+
+    def __post_init__(self) -> None:
+        require_numbers(self)
 
 
 class Learner(NamedTuple):

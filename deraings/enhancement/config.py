@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from baselines.training.numbers import require_numbers
 from deraings.enhancement.network import SMALL, NetworkConfig
 
 Precision = Literal["float32", "bfloat16"]
@@ -29,3 +30,6 @@ class TrainingConfig:
     averaging: float = 0.999  # what an average of the weights keeps of itself in a step
     precision: Precision = "bfloat16"  # of convolutions and attention in training; weights are float32 in both
     seed: int = 0
+
+    def __post_init__(self) -> None:
+        require_numbers(self)

@@ -22,8 +22,8 @@ def orientation(path: Path) -> int:
         with PIL.Image.open(path) as image:
             tag = int(image.getexif().get(Base.Orientation, AS_STORED))
             return tag if tag in TURNS else AS_STORED
-    except OSError:  # reading the pixels will raise what is wrong
-        return AS_STORED
+    except (OSError, ValueError, TypeError, PIL.Image.DecompressionBombError):
+        return AS_STORED  # reading the pixels will raise what is wrong; a tag that is no number is none
 
 
 def common_turn(paths: Iterable[Path]) -> bool:

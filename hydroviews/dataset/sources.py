@@ -24,7 +24,7 @@ from hydroviews.files.locks import BUSY, locked
 from hydroviews.files.temporary import remove_leftovers
 from hydroviews.formats.photographs import FOLDERS, photographs_below
 from hydroviews.formats.read import read_scene
-from hydroviews.profiles import Profile
+from hydroviews.profiles import Profile, require_long_side, require_seed
 from hydroviews.rain.registry import choose_patterns
 from hydroviews.rain.scene_statistics import LensRenderer
 from hydroviews.scene.images import image_size
@@ -143,6 +143,8 @@ def build_source(
     Returns:
         The built scene's folder.
     """
+    require_long_side(long_side)
+    require_seed(seed)
     long_side = profile.long_side if long_side is None else long_side
     named = choose_patterns(patterns, ())  # refuses a wrong name before anything is rendered
     scene = find_capture(source, out / RENDERED, profile.embedded_views, long_side, captures)

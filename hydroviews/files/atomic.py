@@ -1,6 +1,5 @@
 """Files that are either whole or not there: write to a temporary name, then rename."""
 
-import errno
 import hashlib
 import json
 import os
@@ -10,10 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from hydroviews.errors import InputError
-from hydroviews.files.full_disk import plain_full_disk
+from hydroviews.files.full_disk import plain_write_errors
 from hydroviews.files.temporary import temporary_beside
-
-CLOSED = (errno.EACCES, errno.EPERM, errno.EROFS)
 
 
 @contextmanager
@@ -26,15 +23,9 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises:
         InputError: the disk is full, or nothing may be written there.
     """
-    with plain_full_disk(path):
-        try:
-            with temporary_beside(path) as temporary:
-                yield temporary
-                os.replace(temporary, path)
-        except OSError as error:
-            if error.errno not in CLOSED:
-                raise
-            raise InputError(f"{path}: cannot be written", found=error.strerror, fix="choose another folder") from error
+    with plain_write_errors(path), temporary_beside(path) as temporary:
+        yield temporary
+        os.replace(temporary, path)
 
 
 def write_bytes(path: Path, content: bytes) -> None:

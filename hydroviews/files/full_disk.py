@@ -1,4 +1,4 @@
-"""One error for a full disk, whichever library meets it."""
+"""One error for a full disk, whichever library meets it, and one for a disk that may not be written."""
 
 import errno
 import os
@@ -9,6 +9,7 @@ from pathlib import Path
 from hydroviews.errors import InputError
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
+CLOSED = (errno.EACCES, errno.EPERM, errno.EROFS)
 
 
 @contextmanager
@@ -34,3 +35,19 @@ def plain_full_disk(path: Path) -> Iterator[None]:
                 fix="free some space and run the same command again; finished files are kept",
             ) from error
         raise
+
+
+@contextmanager
+def plain_write_errors(path: Path) -> Iterator[None]:
+    """Turn the errors of writing a file or folder that a user can mend into ones that say what to do.
+
+    Raises:
+        InputError: as `plain_full_disk`, or nothing may be written there.
+    """
+    with plain_full_disk(path):
+        try:
+            yield
+        except OSError as error:
+            if error.errno not in CLOSED:
+                raise
+            raise InputError(f"{path}: cannot be written", found=error.strerror, fix="choose another folder") from error

@@ -21,13 +21,14 @@ from tqdm import tqdm
 import hydroviews
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, write_json
-from hydroviews.files.full_disk import plain_full_disk
+from hydroviews.files.full_disk import plain_write_errors
 
 BLOCK = 1 << 20  # bytes
 TIMEOUT = 30.0  # seconds without data
 ATTEMPTS = 4  # at one server in a row, each without new data
 PAUSE = 1.0  # seconds before the second attempt, doubled before each later one
 RETRIED = (408, 425, 429, 500, 502, 503, 504)  # HTTP statuses that may pass
+SHOWN = 60  # characters of what a server says that are told
 NETWORK = (urllib.error.URLError, http.client.HTTPException, TimeoutError, ConnectionError, ssl.SSLError)
 
 
@@ -49,7 +50,11 @@ class PartialDownload:
 
 
 def fetch(
-    urls: Sequence[str], target: Path, sha256: str | None = None, refuse: Callable[[Path], str] = lambda path: ""
+    urls: Sequence[str],
+    target: Path,
+    sha256: str | None = None,
+    refuse: Callable[[Path], str] = lambda path: "",
+    known_from: str = "as published",
 ) -> str:
     """Download a file; `target` exists only once the download is complete and checked.
 
@@ -61,17 +66,18 @@ def fetch(
         target: where to write it.
         sha256: the expected hash in hexadecimal; None if it is not known.
         refuse: what is wrong with a complete file, "" if nothing is.
+        known_from: where the expected hash is from, for the error.
 
     Returns:
         Its SHA-256 in hexadecimal.
 
     Raises:
-        InputError: no server delivers it, or the disk is full.
+        InputError: no server delivers it, the disk is full, or the folder may not be written.
     """
     reasons = []
     for url in urls:
         try:
-            return _fetch_from(url, target, sha256, refuse)
+            return _fetch_from(url, target, sha256, refuse, known_from)
         except Refused as reason:
             reasons.append(f"{url}: {reason}")
     raise InputError(
@@ -82,13 +88,14 @@ def fetch(
     )
 
 
-def _fetch_from(url: str, target: Path, sha256: str | None, refuse: Callable[[Path], str]) -> str:
+def _fetch_from(url: str, target: Path, sha256: str | None, refuse: Callable[[Path], str], known_from: str) -> str:
     part, record = _part(target), _record_path(target)
-    with plain_full_disk(part):
+    with plain_write_errors(part):
         part.parent.mkdir(parents=True, exist_ok=True)
         _download_part(url, target, joinable=sha256 is not None)
         found = digest(part)
-        wrong = f"wrong checksum {found}, expected {sha256}" if sha256 not in (None, found) else refuse(part)
+        other = sha256 not in (None, found)
+        wrong = f"wrong checksum {found}, expected {sha256}, {known_from}" if other else refuse(part)
         if wrong:
             part.unlink()
             record.unlink(missing_ok=True)
@@ -166,10 +173,17 @@ def _connect_once(url: str, target: Path, joinable: bool) -> None:
         if error.code == http.client.REQUESTED_RANGE_NOT_SATISFIABLE:
             _part(target).unlink(missing_ok=True)
             raise ConnectionEnded("the part that is here does not fit the server's file") from None
-        answer = f"the server answered {error.code} {error.reason}"
+        answer = f"the server answered {error.code} {str(error.reason)[:SHOWN]}"
         raise (ConnectionEnded(answer) if error.code in RETRIED else Refused(answer)) from None
     except NETWORK as error:
-        raise ConnectionEnded(f"no connection ({getattr(error, 'reason', None) or error})") from None
+        raise ConnectionEnded(_failure(error)) from None
+
+
+def _failure(error: Exception) -> str:
+    """What went wrong with a connection; of an answer that is not HTTP, no more than its beginning."""
+    if isinstance(error, http.client.BadStatusLine) and not isinstance(error, http.client.RemoteDisconnected):
+        return f"the answer is not HTTP (it begins with {str(error)[:SHOWN]!a})"
+    return f"no connection ({getattr(error, 'reason', None) or error})"
 
 
 def _read_record(target: Path) -> PartialDownload | None:
@@ -185,9 +199,12 @@ def _open(url: str, have: int, known: PartialDownload | None) -> http.client.HTT
         headers["Range"] = f"bytes={have}-"
         if known and known.tag and known.url == url:
             headers["If-Range"] = known.tag
-    response: http.client.HTTPResponse = urllib.request.urlopen(
-        urllib.request.Request(url, headers=headers), timeout=TIMEOUT
-    )
+    try:
+        response: http.client.HTTPResponse = urllib.request.urlopen(
+            urllib.request.Request(url, headers=headers), timeout=TIMEOUT
+        )
+    except (ValueError, OverflowError) as error:  # no host name, no port: this address, or one that it leads to
+        raise Refused(f"not an address to download from ({error})") from None
     return response
 
 

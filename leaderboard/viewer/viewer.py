@@ -32,6 +32,8 @@ from leaderboard.viewer.normalise import (
     vertical_fov,
     window_fov,
 )
+from leaderboard.viewer.origins import own_pages_only
+from leaderboard.viewer.ports import free_port
 
 if TYPE_CHECKING:
     import viser
@@ -67,11 +69,12 @@ def view(folder: Path, data: Path, host: str = HOST, port: int = PORT) -> None:
     """Show a run until Ctrl-C.
 
     Raises:
-        InputError: no finished run, other data than it was trained on, or no viser.
+        InputError: no finished run, other data than it was trained on, nowhere to serve at, or no viser.
     """
     viewer = open_viewer(folder, data, host, port)
     try:
-        logger.info("%s: open http://%s:%d in a browser; Ctrl-C ends it", folder, host, viewer.server.get_port())
+        address = f"[{host}]" if ":" in host else host
+        logger.info("%s: open http://%s:%d in a browser; Ctrl-C ends it", folder, address, viewer.server.get_port())
         viewer.server.sleep_forever()
     finally:
         viewer.server.stop()
@@ -84,13 +87,15 @@ def open_viewer(folder: Path, data: Path, host: str = HOST, port: int = PORT) ->
         InputError: see `view`.
     """
     viser = _import_viser()
+    free_port(host, port)  # before anything that takes long
     run = open_run(folder, data)
     method, gaussians, shots = load_method(run), find_splats(folder), list_shots(run)
     cameras = [shot.view.camera for shot in shots]
     normalisation = normalise_scene(cameras, gaussians)
     first = next(shot for shot in shots if shot.held_out)
     comparison = compare(method, first)  # before a port is taken: kernels may have to be compiled
-    server = viser.ViserServer(host, port, label=str(run), verbose=False)
+    with own_pages_only(host):
+        server = viser.ViserServer(host, free_port(host, port), label=str(run), verbose=False)
     server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, control_width="large")
     server.gui.main_panel.dock_right()
     server.scene.set_up_direction(normalisation.up)

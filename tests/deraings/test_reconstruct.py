@@ -163,7 +163,9 @@ def test_the_scene_goes_beside_the_photographs(tmp_path):
     assert Reconstruction(tmp_path / "2024.05.01").folder == tmp_path / "2024.05.01-scene"
 
 
-@pytest.mark.parametrize("wrong", [{"profile": "dmeo"}, {"long_side": 0}, {"rate": 0.0}, {"seed": -1}])
+@pytest.mark.parametrize(
+    "wrong", [{"profile": "dmeo"}, {"long_side": 0}, {"long_side": 5}, {"rate": 0.0}, {"seed": -1}]
+)
 def test_settings_that_cannot_be_do_not_take_the_folder(request_of, tmp_path, wrong):
     with pytest.raises(InputError, match=str(next(iter(wrong.values())))):
         reconstruct(request_of(out=tmp_path / "scene", **wrong))
@@ -180,6 +182,31 @@ def test_a_scene_that_was_moved_is_the_same_scene(request_of, capture, tmp_path)
     (tmp_path / "walk.mp4").write_bytes(b"film")
     film = request_of(photographs=tmp_path / "walk.mp4")
     assert settings_of(film) != settings_of(replace(film, rate=2.0))
+
+
+def test_a_photograph_that_was_mended_and_more_of_them_are_gone_on_with(request_of, tmp_path):
+    photographs = [tmp_path / "walk" / f"{i}.png" for i in range(4)]
+    random = np.random.default_rng(0)
+    for photograph in photographs[:3]:
+        write_png(photograph, random.random((64, 64, 3)).astype(np.float32))
+    good = photographs[1].read_bytes()
+    photographs[1].write_bytes(b"")
+    request = request_of(photographs=tmp_path / "walk", out=tmp_path / "scene")
+    with pytest.raises(InputError, match=f"{photographs[1]}: cannot be read"):
+        reconstruct(request)
+    photographs[1].write_bytes(good)
+    with pytest.raises(InputError, match="0 of 3 photographs could be registered"):
+        reconstruct(request)
+    write_png(photographs[3], random.random((64, 64, 3)).astype(np.float32))
+    with pytest.raises(InputError, match="0 of 4 photographs could be registered"):
+        reconstruct(request)
+
+
+def test_a_picture_is_not_taken_for_a_film(request_of, capture, tmp_path):
+    picture = next((capture / "images").iterdir())
+    with pytest.raises(InputError, match=f"{picture.name}: a picture, not a film"):
+        reconstruct(request_of(photographs=picture, out=tmp_path / "scene"))
+    assert not (tmp_path / "scene").exists()
 
 
 def test_formats_that_are_not_read_are_named(tmp_path, caplog):

@@ -1,6 +1,7 @@
 """A web server in a thread, with the failings that servers have."""
 
 import re
+import socketserver
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -69,3 +70,20 @@ def answer(request: BaseHTTPRequestHandler, server: Server) -> None:
     count = server.cut_after.pop(0) if server.cut_after else len(content)
     with suppress(ConnectionError):  # it may have hung up
         request.wfile.write(content[start : start + count])
+
+
+@contextmanager
+def answering(content: bytes) -> Iterator[str]:
+    """Answer every request with these bytes, HTTP or not; yields the address."""
+
+    class Handler(socketserver.BaseRequestHandler):
+        def handle(self) -> None:
+            self.request.recv(65536)
+            self.request.sendall(content)
+
+    with socketserver.ThreadingTCPServer(("127.0.0.1", 0), Handler) as listener:
+        thread = threading.Thread(target=listener.serve_forever, args=(0.01,), daemon=True)
+        thread.start()
+        yield f"http://127.0.0.1:{listener.server_address[1]}"
+        listener.shutdown()
+        thread.join()

@@ -28,3 +28,9 @@ def test_a_misspelt_name_suggests_the_nearest(find, name, meant):
     with pytest.raises(InputError, match=f"{name}: no such") as error:
         find(name)
     assert f"what to do: did you mean {meant}?" in str(error.value)
+
+
+def test_an_error_is_printable_whatever_it_is_about():
+    error = InputError("a\x1b[2J.png", found="one\n\ttwo", fix="\ud800")
+    assert str(error) == "a\\x1b[2J.png\n  found: one\n\\ttwo\n  what to do: \\ud800"
+    assert str(InputError("Brücke.png: naïve")) == "Brücke.png: naïve"

@@ -3,6 +3,8 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
+from baselines.training.numbers import require_numbers
+
 Precision = Literal["float32", "bfloat16"]
 Perceptual = Literal["alex", "vgg"]
 
@@ -61,6 +63,9 @@ class TrainingConfig:
     averaging: float = 0.999  # what the average of the generator's weights keeps of itself in a step
     precision: Precision = "float32"  # of convolutions in training; weights are float32 in both
     seed: int = 0
+
+    def __post_init__(self) -> None:
+        require_numbers(self)
 
 
 SMALL_GENERATOR = GeneratorConfig(attention_width=32, attention_blocks=3, attention_stride=2, width=24, residual=True)

@@ -1,6 +1,7 @@
 """One scene's files out of a zip or tar archive: nothing else, nothing outside its folder, whole or not there."""
 
 import copy
+import errno
 import gzip
 import lzma
 import os
@@ -18,10 +19,12 @@ from tqdm import tqdm
 
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import replacing
-from hydroviews.files.full_disk import plain_full_disk
+from hydroviews.files.full_disk import plain_write_errors
 
 UNFINISHED = ".unpacked-"  # folder that an interrupted call resumes
 DEPTH = 3  # how far down an archive the scene's folder may be
+LONGEST = 255  # bytes of a name, on every common file system
+ENCRYPTED = 1  # zip's flag
 BLOCK = 1 << 20  # bytes
 DAMAGE = (
     zipfile.BadZipFile,
@@ -31,7 +34,13 @@ DAMAGE = (
     zlib.error,
     EOFError,
     NotImplementedError,
+    UnicodeDecodeError,  # of a name
 )
+DAMAGED = (None, errno.EINVAL)  # errors of bz2 and gzip, and of a zip whose table points before its beginning
+
+
+class BadArchive(InputError):
+    """An archive that no scene can be taken from."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +50,7 @@ class Member:
     name: str
     size: int
     link: bool
+    encrypted: bool
     entry: zipfile.ZipInfo | tarfile.TarInfo
 
 
@@ -48,8 +58,11 @@ Opened = zipfile.ZipFile | tarfile.TarFile
 
 
 def is_archive(path: Path) -> bool:
-    """Whether a file is a zip or tar archive."""
-    return zipfile.is_zipfile(path) or tarfile.is_tarfile(path)
+    """Whether a file is a zip or tar archive, as far as its beginning tells."""
+    try:
+        return zipfile.is_zipfile(path) or tarfile.is_tarfile(path)
+    except DAMAGE:
+        return False
 
 
 def unpack(archive: Path, scene: str, folder: Path, label: str = "") -> None:
@@ -64,8 +77,8 @@ def unpack(archive: Path, scene: str, folder: Path, label: str = "") -> None:
         label: identifies the archive's version; files of an interrupted call are kept for the same one only.
 
     Raises:
-        InputError: the archive is damaged, lacks the scene, or has links or names that lead outside; or the disk is
-            full.
+        BadArchive: it is damaged or encrypted, lacks the scene, or has links or names that lead outside.
+        InputError: the disk is full, or the folder may not be written.
     """
     staging = folder.with_name(f"{UNFINISHED}{label}-{folder.name}")
     with _opened(archive) as opened:
@@ -82,7 +95,7 @@ def unpack(archive: Path, scene: str, folder: Path, label: str = "") -> None:
             for path, member in missing.items():
                 _write(opened, member, staging / path)
                 bar.update(member.size)
-    with plain_full_disk(folder):
+    with plain_write_errors(folder):
         os.replace(staging, folder)
 
 
@@ -96,8 +109,10 @@ def _opened(archive: Path) -> Iterator[Opened]:
         else:
             with tarfile.open(archive) as opened_tar:
                 yield opened_tar
-    except DAMAGE as error:
-        raise InputError(
+    except (*DAMAGE, OSError) as error:
+        if isinstance(error, OSError) and error.errno not in DAMAGED:
+            raise
+        raise BadArchive(
             f"{archive}: damaged, or neither a zip nor a tar archive",
             found=f"{archive.stat().st_size} bytes; {error}",
             fix="delete it and run the same command again",
@@ -107,14 +122,21 @@ def _opened(archive: Path) -> Iterator[Opened]:
 def _members(opened: Opened) -> list[Member]:
     if isinstance(opened, zipfile.ZipFile):
         return [
-            Member(info.filename, info.file_size, stat.S_ISLNK(info.external_attr >> 16), info)
+            Member(
+                info.filename,
+                info.file_size,
+                link=stat.S_ISLNK(info.external_attr >> 16),
+                encrypted=bool(info.flag_bits & ENCRYPTED),
+                entry=info,
+            )
             for info in opened.infolist()
             if not info.is_dir()
         ]
     members = opened.getmembers()
     while opened.fileobj and opened.fileobj.read(BLOCK):  # a compressed file's checksum stands at its end
         pass
-    return [Member(info.name, info.size, not info.isfile(), info) for info in members if not info.isdir()]
+    files = [info for info in members if not info.isdir()]
+    return [Member(info.name, info.size, link=not info.isfile(), encrypted=False, entry=info) for info in files]
 
 
 def _scene_files(archive: Path, members: list[Member], scene: str) -> dict[PurePosixPath, Member]:
@@ -127,13 +149,16 @@ def _scene_files(archive: Path, members: list[Member], scene: str) -> dict[PureP
         inside = parts.index(scene) + 1
         if inside == len(parts) or any(part.startswith((".", "__MACOSX")) for part in parts):
             continue
-        if member.link:
-            raise _unsafe(archive, member.name, "a link")
+        if member.link or member.encrypted:
+            raise _refused(archive, member.name, "a link" if member.link else "an encrypted file")
         found.setdefault(PurePosixPath(*parts[:inside]), {})[PurePosixPath(*parts[inside:])] = member
     if not found:
         folders = sorted({PurePosixPath(member.name).parts[0] for member in members if member.name})
-        raise InputError(f"{archive}: no folder {scene} in it", found=", ".join(folders[:12]) or "nothing")
-    return found[min(found, key=lambda prefix: (len(prefix.parts), str(prefix)))]
+        raise BadArchive(f"{archive}: no folder {scene} in it", found=", ".join(folders[:12]) or "nothing")
+    files = found[min(found, key=lambda prefix: (len(prefix.parts), str(prefix)))]
+    for folder in {parent for path in files for parent in path.parents} & files.keys():
+        raise _refused(archive, files[folder].name, "a file and a folder of one name")
+    return files
 
 
 def _safe_parts(archive: Path, name: str) -> tuple[str, ...]:
@@ -144,13 +169,17 @@ def _safe_parts(archive: Path, name: str) -> tuple[str, ...]:
     """
     parts = PurePosixPath(name).parts
     if not parts or ".." in parts or parts[0] == "/" or "\\" in name or "\0" in name or ":" in parts[0]:
-        raise _unsafe(archive, name, "a name that leads outside")
+        raise _refused(archive, name, "a name that leads outside")
+    if any(len(os.fsencode(part)) > LONGEST for part in parts):
+        raise _refused(archive, name[:LONGEST], "a name too long for a file")
     return parts
 
 
-def _unsafe(archive: Path, name: str, what: str) -> InputError:
-    return InputError(
-        f"{archive}: not safe to unpack", found=f"{what}: {name!r}", fix="get the archive from its authors again"
+def _refused(archive: Path, name: str, what: str) -> BadArchive:
+    return BadArchive(
+        f"{archive}: cannot be unpacked safely",
+        found=f"{what}: {name!r}",
+        fix="delete it and run the same command again, or ask its authors",
     )
 
 
@@ -159,7 +188,8 @@ def _is_there(path: Path, member: Member) -> bool:
 
 
 def _refuse_if_too_large(folder: Path, needed: int) -> None:
-    folder.parent.mkdir(parents=True, exist_ok=True)
+    with plain_write_errors(folder):
+        folder.parent.mkdir(parents=True, exist_ok=True)
     free = shutil.disk_usage(folder.parent).free
     if needed > free:
         raise InputError(

@@ -19,7 +19,7 @@ from hydroviews.captures.catalogue.catalogue import (
     find_captures,
     locate,
 )
-from hydroviews.captures.download.archives import is_archive, unpack
+from hydroviews.captures.download.archives import BadArchive, is_archive, unpack
 from hydroviews.errors import InputError, unknown_name
 from hydroviews.files.atomic import write_bytes
 from hydroviews.files.http_download import digest, fetch
@@ -65,7 +65,11 @@ def _get(capture: Capture, root: Path, mirror: str | None, checked: dict[Archive
         if capture.archive not in checked:
             checked[capture.archive] = get_archive(capture.archive, path, mirror)
         if locate(capture, root) is None:
-            unpack(path, capture.scene, folder, checked[capture.archive][:12])
+            try:
+                unpack(path, capture.scene, folder, checked[capture.archive][:12])
+            except BadArchive:
+                _lock(path).unlink(missing_ok=True)  # the next download is not to be as bad as this one
+                raise
     if not (folder / SOURCE).exists():
         write_bytes(folder / SOURCE, _origin(capture, capture.archive, checked[capture.archive]).encode())
     return folder
@@ -82,12 +86,13 @@ def _origin(capture: Capture, archive: Archive, sha256: str) -> str:
 def get_archive(archive: Archive, path: Path, mirror: str | None = None) -> str:
     """Download an archive, or check the one on disk; returns its SHA-256.
 
-    Where the catalogue has no checksum, that of the first download is written beside the archive and required later.
+    Where the catalogue has no checksum, that of the first download is written beside the archive and required later,
+    until the archive turns out to be bad.
 
     Raises:
         InputError: see `http_download.fetch`; the archive on disk has another checksum; the mirror is not an address.
     """
-    lock = path.with_name(path.name + ".sha256")
+    lock = _lock(path)
     expected = archive.sha256 or _read_lock(lock)
     if path.is_file():
         found = digest(path)
@@ -95,13 +100,13 @@ def get_archive(archive: Archive, path: Path, mirror: str | None = None) -> str:
             raise InputError(
                 f"{path}: wrong checksum",
                 found=found,
-                expected=f"{expected}, from {'the catalogue' if archive.sha256 else lock}",
-                fix="delete it and download it again" + ("" if archive.sha256 else f"; if it is right, delete {lock}"),
+                expected=f"{expected}, {_origin_of(archive, lock)}",
+                fix="delete it and download it again",
             )
     else:
         size = f"about {archive.gigabytes:g} GB"
         logger.info("%s: %s, kept for the other scenes in it; remove it when you need none", path, size)
-        found = fetch(addresses(archive, mirror), path, expected, _not_an_archive)
+        found = fetch(addresses(archive, mirror), path, expected, _not_an_archive, _origin_of(archive, lock))
     if expected is None:
         write_bytes(lock, f"{found}  {path.name}\n".encode())
     return found
@@ -116,7 +121,10 @@ def addresses(archive: Archive, mirror: str | None = None) -> list[str]:
     mirror = mirror or os.environ.get(VARIABLE)
     if not mirror:
         return list(archive.urls)
-    parsed = urlparse(mirror)
+    try:
+        parsed = urlparse(mirror)
+    except ValueError:  # a bracket that is not closed
+        parsed = urlparse("")
     if parsed.scheme not in ("http", "https") or not parsed.netloc:
         raise InputError(
             f"--mirror {mirror}: not an address",
@@ -125,6 +133,16 @@ def addresses(archive: Archive, mirror: str | None = None) -> list[str]:
         )
     whole = parsed.path.lower().endswith(SUFFIXES)
     return [mirror if whole else f"{mirror.rstrip('/')}/{archive.name}", *archive.urls]
+
+
+def _lock(path: Path) -> Path:
+    """The file with the checksum of an archive."""
+    return path.with_name(path.name + ".sha256")
+
+
+def _origin_of(archive: Archive, lock: Path) -> str:
+    """Where the expected checksum is from, for errors."""
+    return "from the catalogue" if archive.sha256 else f"from {lock}: delete that if another archive is right"
 
 
 def _read_lock(lock: Path) -> str | None:

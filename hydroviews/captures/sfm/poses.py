@@ -10,8 +10,9 @@ import numpy as np
 import pycolmap
 from tqdm import tqdm
 
-from hydroviews.captures.exif_orientation import common_turn, write_upright
+from hydroviews.captures.exif_orientation import common_turn
 from hydroviews.captures.sfm import matching
+from hydroviews.captures.sfm.sources import forget_other_photographs, link_names, link_photographs
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import listing
 from hydroviews.files.full_disk import plain_full_disk
@@ -19,7 +20,7 @@ from hydroviews.files.settings_guard import claim_folder
 from hydroviews.files.temporary import temporary_beside
 from hydroviews.formats.colmap import reliable
 from hydroviews.formats.colmap_format import SparsePoints, read_images
-from hydroviews.formats.photographs import photographs_below, some, unreadable_photographs, view_names
+from hydroviews.formats.photographs import photographs_below, unreadable_photographs
 from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import check_whole, to_colmap_camera
 from hydroviews.scene.images import SUFFIXES, write_png
@@ -59,7 +60,8 @@ def estimate_poses(
     """Estimate a camera for each photograph in `images` and write the capture `out`.
 
     Features, matches, then incremental mapping, all on the CPU. Finished work is kept in `out`: the same call resumes
-    after an interruption, and returns at once when all is done.
+    after an interruption, and returns at once when all is done. Photographs may be mended and added until cameras are
+    found.
 
     Args:
         images: folder of the photographs and of folders with more.
@@ -81,8 +83,8 @@ def estimate_poses(
         The scene that `read_scene(out)` gives, with the number of registered photographs in its notes.
 
     Raises:
-        InputError: fewer than three photographs, fewer than three registered, or `out` was made otherwise or lies
-            among the photographs.
+        InputError: fewer than three photographs, fewer than three registered, one that cannot be read, or `out` was
+            made otherwise or lies among the photographs.
     """
     sources = photographs_below(images) if images.is_dir() else []
     if len(sources) < MINIMUM:
@@ -95,11 +97,15 @@ def estimate_poses(
         )
     if out.resolve().is_relative_to(images.resolve()):  # copies of photographs would be photographs the next time
         raise InputError(f"{out}: among the photographs", expected="a folder beside them", fix="choose another --out")
-    links = _link_names(images, sources)
+    links = link_names(images, sources)
     exhaustive = matcher == "exhaustive" or (matcher == "auto" and len(sources) <= matching.EXHAUSTIVE_LIMIT)
     settings = {"camera_model": camera_model, "exhaustive": exhaustive, "seed": seed, "images": sorted(links)}
     settings |= {"masks": mask_digest(masks) if masks else None, "rainy": rainy or None}  # None as where it lacks
     settings |= {"files": listing(sources)}
+    finished, pictures = (out / "sparse").is_dir(), out / "images"
+    copied = [] if images.resolve() == pictures.resolve() else [pictures]  # frames of a video lie there themselves
+    unfinished = [*out.glob(f"{DATABASE}*"), out / COPIES, out / MAPPING, *copied]
+    forget_other_photographs(out / SETTINGS, settings, unfinished, finished)
     claim_folder(
         out / SETTINGS,
         settings,
@@ -107,9 +113,9 @@ def estimate_poses(
         foreign=None,
         fix="choose another folder, or remove this one",
     )
-    if not (out / "sparse").is_dir():
-        database, pictures, names = out / DATABASE, out / "images", sorted(links)
-        _link(links, pictures, turned=masks is None and common_turn(sources))
+    if not finished:
+        database, names = out / DATABASE, sorted(links)
+        link_photographs(links, pictures, turned=masks is None and common_turn(sources))
         matching.register(database, pictures, names, camera_model, shared=True, masks=masks)
         if rainy:
             pictures = matching.copy_without_streaks(pictures, out / COPIES, names)
@@ -119,32 +125,6 @@ def estimate_poses(
         _map(out, len(names), seed, advice)
         shutil.rmtree(out / COPIES, ignore_errors=True)
     return read_scene(out)
-
-
-def _link_names(images: Path, sources: list[Path]) -> dict[str, Path]:
-    """Flat file names without blanks, unique without their suffixes, and the photographs they stand for."""
-    relative = [path.relative_to(images).as_posix() for path in sources]
-    stems = [stem.replace(" ", "_") for stem in view_names(relative)]
-    if len(set(stems)) < len(stems):
-        twice = sorted({stem for stem in stems if stems.count(stem) > 1})
-        raise InputError(f"{images}: several images share a name", found=some(twice), fix="rename them")
-    return {stem + path.suffix: path for stem, path in zip(stems, sources, strict=True)}
-
-
-def _link(links: dict[str, Path], folder: Path, turned: bool) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, source in links.items():
-        target = folder / name
-        if target.exists():
-            continue
-        target.unlink(missing_ok=True)  # a link to where the photographs were before they were moved
-        if turned:
-            write_upright(source, target)
-            continue
-        try:
-            target.symlink_to(source.resolve())
-        except OSError:  # no links on this file system
-            shutil.copy2(source, target)
 
 
 def _map(out: Path, count: int, seed: int, advice: str) -> None:

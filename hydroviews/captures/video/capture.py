@@ -12,6 +12,7 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, write_json
 from hydroviews.formats.capture_json import FILE as CAPTURE
 from hydroviews.formats.capture_json import RAINY
+from hydroviews.profiles import require_seed
 from hydroviews.scene.masks import MASKS
 from hydroviews.scene.scenes import Scene
 
@@ -52,6 +53,7 @@ def capture_video(
     Raises:
         InputError: see `take_frames`, `put_masks` and `estimate_poses`.
     """
+    require_seed(seed)
     if inpaint and not masks:
         raise InputError("--inpaint: nothing to fill in", fix="say what to hide with --masks")
     for note in take_frames(path, out, choice):

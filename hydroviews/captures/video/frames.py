@@ -7,9 +7,7 @@
 A call resumes where an interrupted one ended; other settings or another video in the same folder are refused.
 """
 
-import os
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,9 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from hydroviews.captures.video.decoding import Video, frame_times, is_cut_short, open_video
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, sha256, write_json
 from hydroviews.files.settings_guard import claim_folder
+from hydroviews.profiles import require_long_side
 from hydroviews.scene.images import without_streaks, write_png
 from hydroviews.scene.masks import MASKS, mask_name
 
@@ -29,7 +29,6 @@ SETTINGS, FILE, IMAGES = "video.json", "frames.json", "images"
 NEAR = 0.25  # seconds before and after an instant in which the sharpest frame is chosen, but at most
 SHARE = 0.45  # of the time between two instants
 ANALYSED_SIDE = 480  # pixels: sharpness is measured at this size
-WHOLE = 0.98  # share of readable frames below which a video counts as cut short
 FEWEST = 3  # frames that a scene needs
 
 Pixels = NDArray[np.uint8]
@@ -45,17 +44,7 @@ class FrameChoice:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.rate) and self.rate > 0):
             raise InputError(f"--rate {self.rate}: no rate", expected="frames a second, more than 0")
-        if self.long_side is not None and self.long_side < 1:
-            raise InputError(f"--long-side {self.long_side}: no size", expected="at least 1 pixel")
-
-
-class Video(NamedTuple):
-    """An open video."""
-
-    capture: cv2.VideoCapture
-    path: Path
-    rate: float  # frames a second by its header; 0 if it does not say
-    length: int  # frames by its header; 0 if it does not say
+        require_long_side(self.long_side)
 
 
 @dataclass
@@ -73,52 +62,6 @@ class Candidate(NamedTuple):
     time: float  # seconds from the video's beginning
     sharpness: float
     pixels: Pixels  # [H, W, 3], RGB
-
-
-@contextmanager
-def open_video(path: Path) -> Iterator[Video]:
-    """Open a video; its frames are turned upright by the orientation in its header.
-
-    Raises:
-        InputError: no such file, or not a video.
-    """
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # InputError below replaces its messages
-    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
-    try:
-        if not capture.isOpened():
-            raise InputError(
-                f"{path}: cannot be read as a video",
-                found=f"{path.stat().st_size} bytes",
-                expected="a video file, such as .mp4, .mov, .mkv or .avi",
-                fix="copy it again if it may be cut short; convert it with ffmpeg if it is of a rare kind",
-            )
-        capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)
-        rate, count = capture.get(cv2.CAP_PROP_FPS), capture.get(cv2.CAP_PROP_FRAME_COUNT)
-        yield Video(capture, path, rate if 0 < rate < 1e4 else 0.0, int(count) if 0 < count < 1e9 else 0)
-    finally:
-        capture.release()
-
-
-def frame_times(video: Video) -> Iterator[float]:
-    """Step through a video's frames, yielding seconds from the first one, by the video's time stamps where it has any.
-
-    Raises:
-        InputError: it has neither time stamps nor a frame rate.
-    """
-    first = last = None
-    while video.capture.grab():
-        stamp = video.capture.get(cv2.CAP_PROP_POS_MSEC) / 1000
-        if first is None or last is None:
-            first, last = stamp, 0.0
-        elif stamp - first > last:
-            last = stamp - first
-        elif video.rate:
-            last += 1 / video.rate
-        else:
-            raise InputError(f"{video.path}: neither time stamps nor a frame rate", fix="convert it with ffmpeg")
-        yield last
 
 
 def sharpness(pixels: Pixels) -> float:
@@ -152,7 +95,7 @@ def take_frames(path: Path, out: Path, choice: FrameChoice) -> list[str]:
         Warnings about the video; none where all is well.
 
     Raises:
-        InputError: not a video, too short, no frame can be read, or `out` holds frames of another one.
+        InputError: not a video, damaged or too short, no frame can be read, or `out` holds frames of another one.
     """
     with open_video(path) as video:
         source = {"video": path.name, "bytes": path.stat().st_size, "sha256": sha256(path)}
@@ -167,8 +110,8 @@ def take_frames(path: Path, out: Path, choice: FrameChoice) -> list[str]:
         state: dict[str, Any] = read_json(out / FILE) if (out / FILE).is_file() else {}
         if not state or not all((out / IMAGES / frame["name"]).is_file() for frame in state["frames"]):
             state = _take(video, out, choice)
-    if state["seconds"] * choice.rate < FEWEST or len(state["frames"]) < FEWEST:
-        raise _too_short(path, choice, state)
+        if state["seconds"] * choice.rate < FEWEST or len(state["frames"]) < FEWEST:
+            raise _too_few_frames(video, choice, state)
     return list(state["notes"])
 
 
@@ -231,7 +174,7 @@ def _fitted(pixels: Pixels, long_side: int | None) -> Pixels:
 
 def _notes(video: Video, choice: FrameChoice, seen: Progress, taken: int) -> list[str]:
     notes = []
-    if video.length and seen.frames < WHOLE * video.length:
+    if is_cut_short(video, seen.frames):
         notes.append(f"{video.path.name} is cut short: {seen.frames} of its {video.length} frames could be read")
     wanted = int(seen.seconds * choice.rate) + 1
     if taken < wanted:
@@ -239,12 +182,20 @@ def _notes(video: Video, choice: FrameChoice, seen: Progress, taken: int) -> lis
     return notes
 
 
-def _too_short(path: Path, choice: FrameChoice, state: dict[str, Any]) -> InputError:
-    seconds = state["seconds"]
+def _too_few_frames(video: Video, choice: FrameChoice, state: dict[str, Any]) -> InputError:
+    seconds, taken = state["seconds"], len(state["frames"])
+    expected = f"at least {FEWEST} frames, better 20 or more"
+    if is_cut_short(video, state["frames_in_video"]):
+        return InputError(
+            f"{video.path}: damaged after {seconds:.1f} s",
+            found=f"{state['frames_in_video']} of its {video.length} frames can be read, which gives {taken}",
+            expected=expected,
+            fix="copy the video again; ffmpeg may be able to mend it",
+        )
     rate = 20 / seconds if seconds else 0.0
     return InputError(
-        f"{path}: too short at a rate of {choice.rate:g} a second",
-        found=f"{seconds:.1f} s, which gives {len(state['frames'])} frames",
-        expected=f"at least {FEWEST} frames, better 20 or more",
+        f"{video.path}: too short at a rate of {choice.rate:g} a second",
+        found=f"{seconds:.1f} s, which gives {taken} frames",
+        expected=expected,
         fix=f"take more a second, such as --rate {rate:.1f}, into another folder; or film for longer",
     )

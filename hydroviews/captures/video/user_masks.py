@@ -11,7 +11,8 @@ import cv2
 import numpy as np
 from tqdm import tqdm
 
-from hydroviews.captures.video.frames import IMAGES, frame_times, open_video
+from hydroviews.captures.video.decoding import frame_times, open_video
+from hydroviews.captures.video.frames import IMAGES
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import sha256
 from hydroviews.files.settings_guard import claim_folder

@@ -1,5 +1,7 @@
 """Films of finished runs: the frames asked for, gone on with after an interruption, playable."""
 
+import math
+
 import cv2
 import numpy as np
 import pytest
@@ -80,7 +82,10 @@ def test_cameras_are_enlarged_to_even_sides(run):
     assert large.fx / large.width == pytest.approx(camera.fx / camera.width)
 
 
-@pytest.mark.parametrize("changes", [{"seconds": 0.05}, {"fps": 0}, {"size": 5}, {"seconds": 1e6}])
+@pytest.mark.parametrize(
+    "changes",
+    [{"seconds": 0.05}, {"fps": 0}, {"size": 5}, {"seconds": 1e6}, {"seconds": math.nan}, {"seconds": math.inf}],
+)
 def test_impossible_films_are_refused(changes):
     with pytest.raises(InputError, match="impossible"):
         FilmChoice(**{"seconds": 1.0, "fps": 10, "size": 64, **changes})

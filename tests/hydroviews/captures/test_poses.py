@@ -165,7 +165,7 @@ def test_settings_are_kept(tmp_path):
     assert Path(os.readlink(tmp_path / "out" / "images" / "view-01.png")) == scene.views[1].path.resolve()
 
 
-def test_other_photographs_of_the_same_names_and_photographs_that_moved(tmp_path):
+def test_photographs_that_moved_are_the_same(tmp_path):
     scene = capture_in(tmp_path / "flat", n_views=3)
     images = scene.views[0].path.parent
     with pytest.raises(InputError, match="could be registered"):
@@ -174,9 +174,61 @@ def test_other_photographs_of_the_same_names_and_photographs_that_moved(tmp_path
     with pytest.raises(InputError, match="could be registered"):
         estimate_poses(moved, tmp_path / "out")
     assert (tmp_path / "out" / "images" / "view-01.png").is_file()
-    write_png(moved / "view-01.png", np.zeros((99, 99, 3), np.float32))
-    with pytest.raises(InputError, match=r"estimated otherwise[\s\S]*files"):
-        estimate_poses(moved, tmp_path / "out")
+
+
+@pytest.fixture
+def noise(tmp_path):
+    """Three photographs that share nothing, and a call that cannot register them: the features that it found."""
+    random = np.random.default_rng(0)
+    for i in range(3):
+        write_png(tmp_path / "noise" / f"{i}.png", random.random((64, 64, 3)).astype(np.float32))
+
+    def find():
+        with pytest.raises(InputError, match="could be registered"):
+            estimate_poses(tmp_path / "noise", tmp_path / "out", rainy=True)
+        with pycolmap.Database.open(tmp_path / "out" / poses.DATABASE) as opened:
+            images = {image.name: image.image_id for image in opened.read_all_images()}
+            return {name: opened.read_keypoints(image) for name, image in images.items()}
+
+    return find
+
+
+def test_a_photograph_that_cannot_be_read_is_named_and_can_be_mended(noise, tmp_path):
+    photograph = tmp_path / "noise" / "1.png"
+    good = photograph.read_bytes()
+    photograph.write_bytes(b"")
+    with pytest.raises(InputError, match=f"{photograph}: cannot be read"):
+        estimate_poses(tmp_path / "noise", tmp_path / "out", rainy=True)
+    photograph.write_bytes(good)
+    assert len(noise()) == 3
+
+
+def test_work_on_other_photographs_is_begun_anew_until_cameras_are_found(noise, tmp_path):
+    before = noise()
+    write_png(tmp_path / "noise" / "1.png", np.zeros((99, 99, 3), np.float32))
+    write_png(tmp_path / "noise" / "more" / "3.png", np.zeros((64, 64, 3), np.float32))
+    after = noise()
+    assert set(after) == {"0.png", "1.png", "2.png", "3.png"}
+    assert np.array_equal(before["0.png"], after["0.png"])
+    assert len(after["1.png"]) == 0 < len(before["1.png"])
+    (tmp_path / "noise" / "2.png").unlink()
+    noise()
+    assert {path.name for path in (tmp_path / "out" / "images").iterdir()} == {"0.png", "1.png", "3.png"}
+    with pytest.raises(InputError, match=r"estimated otherwise[\s\S]*seed"):
+        estimate_poses(tmp_path / "noise", tmp_path / "out", seed=1, rainy=True)
+
+
+def test_cameras_of_other_photographs_are_kept(noise, tmp_path):
+    noise()
+    (tmp_path / "out" / "sparse").mkdir()
+    (tmp_path / "noise" / "1.png").rename(tmp_path / "noise" / "5.png")
+    with pytest.raises(InputError, match=r"cameras of other photographs\n.*5\.png added; 1\.png gone"):
+        estimate_poses(tmp_path / "noise", tmp_path / "out", rainy=True)
+    (tmp_path / "noise" / "5.png").rename(tmp_path / "noise" / "1.png")
+    write_png(tmp_path / "noise" / "1.png", np.zeros((99, 99, 3), np.float32))
+    with pytest.raises(InputError, match="of the same names and other sizes"):
+        estimate_poses(tmp_path / "noise", tmp_path / "out", rainy=True)
+    assert (tmp_path / "out" / poses.DATABASE).is_file()
 
 
 def test_sequence_pairs_join_neighbours_and_close_loops():

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import PIL.Image
 import pytest
 from captures import capture, flower_walk, rained_on
 
@@ -147,7 +148,10 @@ def test_no_videos(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("settings", [{"rate": 0}, {"rate": -1}, {"rate": float("nan")}, {"long_side": 0}])
+@pytest.mark.parametrize(
+    "settings",
+    [{"rate": 0}, {"rate": -1}, {"rate": float("nan")}, {"rate": float("inf")}, {"long_side": 0}, {"long_side": 5}],
+)
 def test_choices_that_are_none(settings):
     with pytest.raises(InputError, match="--"):
         FrameChoice(**settings)
@@ -169,6 +173,35 @@ def test_a_video_cut_short_gives_what_can_be_read(tmp_path):
     assert "cut.avi is cut short" in notes[0]
     assert 5 <= len(taken(tmp_path / "out")) <= 7
     assert take_frames(cut, tmp_path / "out", FrameChoice()) == notes  # told again
+
+
+def test_a_damaged_video_is_not_called_short(tmp_path):
+    whole = write_video(tmp_path / "whole.avi", [picture(i, 160, 120) for i in range(100)], codec="MJPG")
+    content = bytearray(whole.read_bytes())
+    size = len(content)
+    content[size // 20 : -size // 20] = np.random.default_rng(0).bytes(len(content[size // 20 : -size // 20]))
+    (tmp_path / "noisy.avi").write_bytes(content)
+    with pytest.raises(InputError, match=r"noisy\.avi: damaged after 0\.\d s\n.*\d of its 100 frames"):
+        take_frames(tmp_path / "noisy.avi", tmp_path / "out", FrameChoice())
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.webp", "a.heic"])
+def test_a_picture_is_no_film(tmp_path, name):
+    write_png(tmp_path / "a.png", picture(0))
+    PIL.Image.open(tmp_path / "a.png").save(tmp_path / name, "png" if name == "a.heic" else None)
+    with pytest.raises(InputError, match=f"{name}: a picture, not a film"):
+        take_frames(tmp_path / name, tmp_path / "out", FrameChoice())
+    (tmp_path / "a.heic").write_bytes(b"what Pillow cannot read")
+    with pytest.raises(InputError, match="a picture, not a film"):
+        take_frames(tmp_path / "a.heic", tmp_path / "out", FrameChoice())
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_moving_picture_is_a_film(tmp_path):
+    pictures = [PIL.Image.fromarray(picture(i)) for i in range(40)]
+    pictures[0].save(tmp_path / "a.gif", save_all=True, append_images=pictures[1:], duration=100)
+    take_frames(tmp_path / "a.gif", tmp_path / "out", FrameChoice())
+    assert len(taken(tmp_path / "out")) == 4
 
 
 def test_frames_stand_upright(tmp_path):

@@ -3,7 +3,7 @@ import json
 
 import numpy as np
 import pytest
-from servers import serving
+from servers import answering, serving
 
 from hydroviews.errors import InputError
 from hydroviews.files import http_download
@@ -158,3 +158,28 @@ def test_a_full_disk_is_told_before_anything_is_written(server, tmp_path, monkey
     with pytest.raises(InputError, match="no space left on the disk"):
         fetch([f"{server.address}/a.bin"], tmp_path / "a.bin")
     assert "a.bin.part" not in leftovers(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("answer", "told"),
+    [
+        (bytes(range(128, 256)) * 500, "the answer is not HTTP"),
+        (b"\x1b[2J\x1b]0;owned\x07\r\n\r\n", "the answer is not HTTP"),
+        (b"HTTP/1.1 404 \x1b[31m" + b"no" * 9000 + b"\r\n\r\n", r"the server answered 404 \\x1b"),
+        (b"HTTP/1.1 302 Found\r\nLocation: http://[elsewhere\r\n\r\n", "not an address to download from"),
+        (b"", "no connection"),
+    ],
+)
+def test_what_a_server_says_is_told_briefly_and_in_print(tmp_path, answer, told):
+    with answering(answer) as address, pytest.raises(InputError, match=told) as error:
+        fetch([f"{address}/a.bin"], tmp_path / "a.bin")
+    text = str(error.value)
+    assert all(line.isprintable() for line in text.splitlines())
+    assert len(text) < 1000 + len(str(tmp_path))
+    assert leftovers(tmp_path) == []
+
+
+@pytest.mark.parametrize("url", ["http://127.0.0.1:99999/a", "http://[127/a", "http://a..b/a", "http://127.0.0.1:x/a"])
+def test_addresses_that_are_none(tmp_path, url):
+    with pytest.raises(InputError, match="no server delivers it"):
+        fetch([url], tmp_path / "a.bin")

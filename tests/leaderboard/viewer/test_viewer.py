@@ -1,9 +1,11 @@
 """The viewer: what it puts into the scene, and what choosing a view shows."""
 
+import socket
 import sys
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
+from urllib.request import urlopen
 
 import numpy as np
 import pytest
@@ -27,6 +29,8 @@ from leaderboard.viewer.normalise import (
     vertical_fov,
     window_fov,
 )
+from leaderboard.viewer.origins import is_own, own_names, own_pages_only
+from leaderboard.viewer.ports import free_port
 from leaderboard.viewer.viewer import HELD_OUT, TRAINING, open_viewer
 
 
@@ -185,6 +189,76 @@ class TestServer:
             assert viewer.server.scene.get_handle_by_name("/splats") is None
             assert len(viewer.frustums) == 9
             assert (viewer.pictures["render"].image == 128).all()
+
+
+class TestOrigins:
+    @pytest.mark.parametrize(
+        ("origin", "host", "own"),
+        [
+            ("http://127.0.0.1:8080", "127.0.0.1:8080", True),
+            ("http://localhost:9090", "LOCALHOST:9090", True),  # through a tunnel from another port
+            ("http://[::1]:8080", "[::1]:8080", True),
+            ("http://192.168.1.5:8080", "192.168.1.5:8080", True),  # another machine looks
+            ("http://Workshop:8080", "workshop:8080", True),
+            ("http://evil.example", "127.0.0.1:8080", False),
+            ("http://evil.example:8080", "evil.example:8080", False),  # its name leads to this machine
+            ("http://localhost.evil.example:8080", "localhost.evil.example:8080", False),
+            ("http://localhost:3000", "localhost:8080", False),  # another server's page
+            ("http://localhost:8080", "127.0.0.1:8080", False),
+            ("http://localhost:8080@evil.example", "localhost:8080", False),
+            ("http://[half", "[half", False),
+            ("null", "127.0.0.1:8080", False),
+            ("", "", False),
+        ],
+    )
+    def test_pages_are_own_where_they_were_loaded_from_here(self, origin, host, own):
+        assert is_own(origin, host, own_names("Workshop")) == own
+
+    def test_only_own_pages_are_answered(self, viser, run, caplog):
+        from websockets.exceptions import InvalidStatus
+        from websockets.sync.client import connect
+
+        with viewing(run) as viewer:
+            port = viewer.server.get_port()
+
+            def first_message(origin):
+                protocol = f"viser-v{viser.__version__}"
+                with connect(f"ws://127.0.0.1:{port}", origin=origin, subprotocols=[protocol]) as connection:
+                    return connection.recv(60)
+
+            for origin in ("http://evil.example", f"http://evil.example:{port}", "null", None):
+                with pytest.raises(InvalidStatus) as refusal:
+                    first_message(origin)
+                assert refusal.value.response.status_code == 403
+                assert b"answers its own pages only" in refusal.value.response.body
+            assert "a page of http://evil.example was refused" in caplog.text
+            assert first_message(f"http://127.0.0.1:{port}")
+            page = urlopen(f"http://127.0.0.1:{port}")
+            assert b"<html" in page.read()
+
+    def test_a_viser_that_cannot_be_guarded_is_not_used(self, viser):
+        with pytest.raises(InputError, match="cannot refuse other pages"), own_pages_only("127.0.0.1"):
+            pass
+
+
+class TestPorts:
+    def test_the_next_free_port_is_taken(self):
+        with socket.create_server(("127.0.0.1", 0)) as taken:
+            port = taken.getsockname()[1]
+            assert port < free_port("127.0.0.1", port) <= port + 100
+
+    @pytest.mark.parametrize(
+        ("host", "port", "told"),
+        [
+            ("127.0.0.1", -1, "--port -1: no port"),
+            ("127.0.0.1", 65536, "--port 65536: no port"),
+            ("no such host", 8080, "--host no such host: no such address"),
+            ("192.0.2.1", 8080, "192.0.2.1: nothing can be served"),  # of documentation: nobody's
+        ],
+    )
+    def test_where_nothing_can_be_served(self, viser, host, port, told):
+        with pytest.raises(InputError, match=told):
+            open_viewer(Path("nowhere"), Path("data"), host, port)
 
 
 class TestRuns:

@@ -1,10 +1,13 @@
+import errno
 import os
+import tarfile
 
+import numpy as np
 import pytest
 from archived import FILES, SCENE, contents, write_tar, write_zip
 
 from hydroviews.captures.download import archives
-from hydroviews.captures.download.archives import is_archive, unpack
+from hydroviews.captures.download.archives import BadArchive, is_archive, unpack
 from hydroviews.errors import InputError
 
 WRITERS = {"a.zip": write_zip, "a.tar.gz": write_tar}
@@ -66,16 +69,71 @@ def _refuses_folders(real):
     "name", ["../../outside.txt", "/outside.txt", "tandt/train/../../../outside.txt", "tandt\\train\\a", "C:/train/a"]
 )
 def test_names_that_lead_outside_are_refused(kind, tmp_path, name):
-    with pytest.raises(InputError, match=r"not safe to unpack\n.*leads outside"):
+    with pytest.raises(InputError, match=r"cannot be unpacked safely\n.*leads outside"):
         unpack(kind({**FILES, name: b"evil"}), "train", tmp_path / "captures" / "train")
     assert not (tmp_path / "captures" / "train").exists()
     assert not (tmp_path / "outside.txt").exists()
 
 
 def test_links_are_refused(kind, tmp_path):
-    with pytest.raises(InputError, match=r"not safe to unpack\n.*a link: 'tandt/train/images/c.jpg'"):
+    with pytest.raises(InputError, match=r"cannot be unpacked safely\n.*a link: 'tandt/train/images/c.jpg'"):
         unpack(kind(FILES, ["tandt/train/images/c.jpg"]), "train", tmp_path / "train")
     assert not (tmp_path / "train").exists()
+
+
+def test_an_encrypted_file_is_refused(tmp_path):
+    archive = write_zip(tmp_path / "a.zip", FILES)
+    content = bytearray(archive.read_bytes())
+    start = 0
+    while (start := content.find(b"PK\1\2", start) + 1) > 0:
+        content[start - 1 + 8] |= 1  # the flag in the table at the end
+    archive.write_bytes(content)
+    with pytest.raises(BadArchive, match=r"an encrypted file: 'tandt/train/images/a\.jpg'"):
+        unpack(archive, "train", tmp_path / "train")
+
+
+@pytest.mark.parametrize("names", [("train/a", "train/a/b"), ("train/a/b/c", "train/a")])
+def test_a_file_and_a_folder_of_one_name_are_refused(kind, tmp_path, names):
+    with pytest.raises(BadArchive, match="a file and a folder of one name: 'train/a'"):
+        unpack(kind(dict.fromkeys(names, b"content")), "train", tmp_path / "train")
+
+
+def test_a_name_too_long_for_a_file_is_refused(kind, tmp_path):
+    with pytest.raises(BadArchive, match="a name too long for a file: 'train/nnn"):
+        unpack(kind({"train/" + 256 * "n": b"content"}), "train", tmp_path / "train")
+
+
+@pytest.mark.parametrize("suffix", ["zip", "tar", "tar.gz", "tar.bz2", "tar.xz"])
+def test_damage_anywhere_is_told_plainly(tmp_path, suffix):
+    random = np.random.default_rng(0)
+    archive, file = tmp_path / f"a.{suffix}", tmp_path / "file"
+    file.write_bytes(random.bytes(400))
+    if suffix == "zip":
+        write_zip(archive, {"train/a": file.read_bytes()})
+    else:
+        with tarfile.open(archive, f"w:{suffix.partition('.')[2]}") as opened:
+            opened.add(file, "train/a")
+    whole, refused = archive.read_bytes(), 0
+    for place in random.permutation(min(len(whole), 600))[:60]:
+        damaged = bytearray(whole)
+        damaged[place : place + 4] = random.bytes(4)
+        archive.write_bytes(damaged)
+        is_archive(archive)
+        try:
+            unpack(archive, "train", tmp_path / f"train-{place}")
+        except BadArchive:
+            refused += 1
+    assert refused > 5
+
+
+def test_a_disk_that_may_not_be_written(kind, tmp_path, monkeypatch):
+    def closed(*_, **__):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    archive = kind(FILES)
+    monkeypatch.setattr(archives.Path, "mkdir", closed)
+    with pytest.raises(InputError, match=r"train: cannot be written\n.*Read-only"):
+        unpack(archive, "train", tmp_path / "captures" / "train")
 
 
 def test_an_archive_without_the_scene(kind, tmp_path):

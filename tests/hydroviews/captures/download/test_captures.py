@@ -1,4 +1,6 @@
+import errno
 import hashlib
+import os
 from dataclasses import replace
 
 import pytest
@@ -76,6 +78,36 @@ def test_the_first_checksum_holds(mirror, content, tmp_path):
         get_archive(archive, path)
 
 
+def test_after_a_bad_download_the_same_command_succeeds(mirror, content, tmp_path):
+    bad = bytearray(content)
+    bad[content.index(b"images/a.jpg") + 14] ^= 1  # in what is packed: the table at the end is whole
+    mirror.files["/data/tandt_db.zip"] = bytes(bad)
+    with pytest.raises(InputError, match=r"damaged[\s\S]*delete it and run the same command again"):
+        list(download_captures("train", tmp_path, f"{mirror.address}/data"))
+    (tmp_path / "downloads" / "tandt_db.zip").unlink()
+    mirror.files["/data/tandt_db.zip"] = content
+    (folder,) = download_captures("train", tmp_path, f"{mirror.address}/data")
+    assert contents(folder).items() >= SCENE.items()
+
+
+def test_a_checksum_that_nothing_has_is_named(mirror, tmp_path):
+    (tmp_path / "a.zip.sha256").write_text("0" * 64)
+    archive = Archive("a.zip", (f"{mirror.address}/data/tandt_db.zip",), 1)
+    with pytest.raises(InputError, match=r"expected 0{64}, from .*a\.zip\.sha256: delete that if"):
+        get_archive(archive, tmp_path / "a.zip")
+    (tmp_path / "a.zip.sha256").unlink()
+    get_archive(archive, tmp_path / "a.zip")
+
+
+def test_captures_on_a_disk_that_may_not_be_written(mirror, tmp_path, monkeypatch):
+    def closed(*_, **__):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    monkeypatch.setattr(http_download.Path, "mkdir", closed)
+    with pytest.raises(InputError, match="cannot be written"):
+        list(download_captures("train", tmp_path, f"{mirror.address}/data"))
+
+
 def test_the_catalogues_checksum_comes_first(mirror, content, tmp_path):
     archive = Archive("tandt_db.zip", (f"{mirror.address}/data/tandt_db.zip",), 1, sha256="0" * 64)
     with pytest.raises(InputError, match="wrong checksum"):
@@ -101,6 +133,8 @@ def test_a_mirror_comes_before_the_catalogue():
     assert addresses(archive, "https://here/y.tar") == ["https://here/y.tar", *archive.urls]
     with pytest.raises(InputError, match="not an address"):
         addresses(archive, "/mnt/data")
+    with pytest.raises(InputError, match="not an address"):
+        addresses(archive, "http://[half")
 
 
 def test_what_has_to_be_fetched_by_hand_is_told(tmp_path):

@@ -1,0 +1,66 @@
+"""The benchmark of interruptions tells a command that goes on rightly from one that does not."""
+
+import multiprocessing
+import shutil
+
+import pytest
+
+from benchmarks import interruptions
+from benchmarks.interruptions import Stage, disks, files_below, kills, undisturbed
+from hydroviews.errors import InputError
+
+WORKER = """
+import pathlib, sys, time
+folder, right = pathlib.Path(sys.argv[1]), sys.argv[2] == "right"
+for name in "abcd":
+    path = folder / name
+    if right and path.exists():
+        continue
+    again = path.exists()
+    part = folder / ".part"
+    try:
+        part.write_bytes((name + again * "again").encode() * 10_000)
+    except OSError:
+        print("no space left on the disk", file=sys.stderr)
+        sys.exit(2 if right else 1)
+    part.rename(path)
+    time.sleep(0.1)
+"""
+
+
+@pytest.fixture
+def stage(tmp_path, monkeypatch):
+    """Makes a stage of a worker that goes on rightly, or writes twice what is there."""
+    (tmp_path / "kill_worker.py").write_text(WORKER)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setattr(interruptions, "SERVER", multiprocessing.get_context("fork"))
+    return lambda how: Stage("work", "whole", lambda folder: ["kill_worker", str(folder), how])
+
+
+@pytest.mark.parametrize(("how", "end"), [("right", "same bytes"), ("wrong", "other bytes")])
+def test_kills(stage, tmp_path, how, end):
+    alone = undisturbed(stage(how), tmp_path / "whole")
+    assert set(alone.files) == set("abcd")
+    assert 0.3 < alone.writing <= alone.seconds
+    row = kills(stage(how), tmp_path / "trial", alone, 2, seed=0)
+    assert (row["kills"], row[end]) == (2, 2)
+
+
+@pytest.mark.parametrize(("how", "told"), [("right", "yes"), ("wrong", "no")])
+def test_small_disks(stage, tmp_path, how, told):
+    alone = undisturbed(stage(how), tmp_path / "whole")
+    shutil.copytree(tmp_path / "whole", tmp_path / "trial")
+    try:
+        (row,) = disks(stage(how), tmp_path / "trial", alone, 1)
+    except InputError as error:
+        pytest.skip(str(error))
+    assert row["told plainly"] == told
+    assert row["then"] == "same bytes"
+
+
+def test_locks_and_times_are_left_out(tmp_path):
+    for name in ("a", ".lock-a", "prediction.json", "deep/.partial-b"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(name)
+    assert set(files_below(tmp_path, ("prediction.json",))) == {"a", "deep/.partial-b"}
