@@ -16,6 +16,10 @@ from hydroviews.files.temporary import temporary_beside
 CLOSED = (errno.EACCES, errno.EPERM, errno.EROFS)
 
 
+class ReadOnly(InputError):
+    """Nothing may be written there."""
+
+
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """A temporary path beside `path`, renamed to `path` when the block ends without an exception.
@@ -24,7 +28,8 @@ def replacing(path: Path) -> Iterator[Path]:
     removed and `path` stays as it was.
 
     Raises:
-        InputError: the disk is full, or nothing may be written there.
+        InputError: the disk is full.
+        ReadOnly: nothing may be written there.
     """
     with plain_full_disk(path):
         try:
@@ -34,7 +39,7 @@ def replacing(path: Path) -> Iterator[Path]:
         except OSError as error:
             if error.errno not in CLOSED:
                 raise
-            raise InputError(f"{path}: cannot be written", found=error.strerror, fix="choose another folder") from error
+            raise ReadOnly(f"{path}: cannot be written", found=error.strerror, fix="choose another folder") from error
 
 
 def write_bytes(path: Path, content: bytes) -> None:
@@ -48,8 +53,12 @@ def write_json(path: Path, value: Any) -> None:
     write_bytes(path, (json.dumps(value, indent=2) + "\n").encode())
 
 
-def read_json(path: Path) -> Any:
+def read_json(path: Path, fix: str = "restore the file or write it again") -> Any:
     """Read a JSON file.
+
+    Args:
+        path: the file.
+        fix: what the user should do about one that is damaged.
 
     Raises:
         InputError: the file is missing or is not JSON.
@@ -58,8 +67,8 @@ def read_json(path: Path) -> Any:
         return json.loads(path.read_text())
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not valid JSON", found=error, fix="restore the file or write it again") from None
+    except (ValueError, RecursionError) as error:  # also numbers too long, and lists too deep, to be read
+        raise InputError(f"{path}: not valid JSON", found=error, fix=fix) from None
 
 
 def listing(files: Iterable[Path]) -> str:

@@ -19,7 +19,8 @@ def plain_full_disk(path: Path) -> Iterator[None]:
         path: the file or folder that is written in the block.
 
     Raises:
-        InputError: the disk or the user's quota is full, or a file is in the way of the folder of `path`.
+        InputError: the disk or the user's quota is full, or a file is in the way of the folder of `path`, or it cannot
+            be made.
     """
     try:
         yield
@@ -28,6 +29,8 @@ def plain_full_disk(path: Path) -> Iterator[None]:
             raise InputError(
                 f"{path.parent}: not a folder", found="a file of that name", fix="choose another"
             ) from error
+        if isinstance(error, FileNotFoundError) and not path.parent.is_dir():  # as under /proc
+            raise InputError(f"{path.parent}: no folder can be made there", fix="choose another folder") from error
         if (isinstance(error, OSError) and error.errno in FULL) or os.strerror(errno.ENOSPC) in str(error):
             raise InputError(
                 f"{path}: no space left on the disk",

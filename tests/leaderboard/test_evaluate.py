@@ -206,7 +206,8 @@ def test_the_sparse_track_trains_on_a_third_and_keeps_apart(built, evaluated, tm
     [
         ("Raises", "ArithmeticError: diverged at step 7"),
         ("Killed", "ended by SIGKILL"),
-        ("RendersNan", "finite values"),
+        ("RendersNan", "view-00: rendered NaN in 1,728 of 1,728 pixels"),
+        ("NothingLeft", "training has left no Gaussians"),
     ],
 )
 def test_a_failed_run_is_a_row_without_numbers(built, evaluated, tmp_path, method, reason):
@@ -216,6 +217,37 @@ def test_a_failed_run_is_a_row_without_numbers(built, evaluated, tmp_path, metho
     assert reason in row.reason
     assert row[["psnr", "ssim", "lpips_alex", "train_s", "model_mb"]].isna().all()
     assert (leaderboard(tmp_path).status == "done").sum() == 2
+
+
+def test_trouble_of_one_kind_or_another_is_a_row_and_the_next_pattern_runs(built, evaluated, tmp_path):
+    patterns = ("streak-0", "streak-1", "streak-2")
+    records = evaluate(request(built, tmp_path, "Troubles", patterns=patterns))
+    of_it = [record for record in records if record.method.endswith("Troubles")]
+    assert [(record.pattern, record.status) for record in of_it] == [
+        ("streak-0", "failed"),
+        ("streak-1", "failed"),
+        ("streak-2", "done"),
+    ]
+    assert "removed or changed the config.json" in of_it[0].reason
+    assert "ended its process, with exit status 130" in of_it[1].reason
+    again = evaluate(request(built, tmp_path, "Troubles", patterns=patterns[:1]))[-1]
+    assert again == of_it[0]
+
+
+def test_what_an_error_says_is_cut_and_printable(built, evaluated, tmp_path):
+    reason = evaluate(request(built, tmp_path, "Rambles"))[-1].reason
+    assert reason.startswith(r"ValueError: \ud800\x1b[31mxxx")
+    assert reason.endswith(" characters)")
+    assert len(reason) == 500
+    assert list(leaderboard(tmp_path).status) == ["done", "done", "failed"]
+
+
+def test_a_configuration_that_raises_is_a_clear_error(built, tmp_path):
+    with pytest.raises(
+        InputError, match=r"OddConfiguration: no configuration for PROFILE=demo[\s\S]*no settings today"
+    ):
+        evaluate(request(built, tmp_path, "OddConfiguration"))
+    assert not (tmp_path / "data").exists()
 
 
 def test_bad_input_ends_the_command(built, evaluated, tmp_path):
