@@ -25,6 +25,7 @@ from hydroviews.profiles import PROFILES, Profile, find_profile
 from hydroviews.rain.registry import choose_patterns, pattern_names
 from leaderboard.gather import collect, trusted_record, write_leaderboard
 from leaderboard.predict import PREDICTION
+from leaderboard.probe import probe
 from leaderboard.records import (
     DONE,
     FAILED,
@@ -36,7 +37,7 @@ from leaderboard.records import (
     check_track,
     write_record,
 )
-from leaderboard.runs import CONFIG, Run, claim_folder, recorded_configuration
+from leaderboard.runs import CONFIG, Run, claim_folder
 from leaderboard.score import UnusableRun, describe, score
 from leaderboard.supervision import Limits, Watch, end_gently, run_tethered
 from leaderboard.tables import CEILING, FLOOR, scene_text
@@ -85,7 +86,7 @@ def evaluate(request: EvaluateRequest) -> list[Record]:
     check_track(request.track)
     limits = Limits(request.time_limit, request.stall_limit, request.memory_limit)
     profile = find_profile(request.profile)
-    recorded_configuration(request.method, profile.name)  # refused before anything is built
+    probe(request.method, profile.name)
     names = [pattern.name for pattern in choose_patterns(request.patterns, profile.patterns)]
     data = request.data / profile.name
     rainy = [name for name in needed_patterns(request.method, names) if name != CLEAN]

@@ -173,7 +173,7 @@ class Watch:
         """Whether it is; says why in `reason`."""
         now, limits = time.monotonic(), self._limits
         if now - self._looked > min(LOOK, limits.stall * HOUR / 4):
-            self._looked, newest = now, max(map(newest_change, self._folders))
+            self._looked, newest = now, max(map(newest_change, self._folders), default=0)
             if newest != self._newest:
                 self._newest, self._alive = newest, now
         if now - self._start > limits.time * HOUR:

@@ -8,6 +8,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import finished_runs
 import numpy as np
 import pandas as pd
 import pytest
@@ -273,6 +274,12 @@ def test_other_settings_are_refused_unless_overwritten(built, evaluated, tmp_pat
     assert record.status == "done"
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="a folder that takes no folders")
+def test_a_data_folder_that_cannot_be_made_is_refused(built, tmp_path):
+    with pytest.raises(InputError, match="no folder can be made there"):
+        evaluate(request(built, tmp_path, "MeanColour", data=Path("/proc")))
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -289,8 +296,15 @@ def test_unknown_names(built, tmp_path, changes, message):
 
 @pytest.mark.parametrize(
     ("method", "message"),
-    [("nerf-x", "no such method"), ("json:JSONDecoder", "is not a method"), ("no.module:Class", "cannot import")],
+    [
+        ("nerf-x", "no such method"),
+        ("json:JSONDecoder", "is not a method"),
+        ("no.module:Class", "cannot import"),
+        ("exiting_module:Any", r"cannot import[\s\S]*SystemExit: 0"),
+        ("leaving_module:Any", r"cannot be imported[\s\S]*ended its process, with exit status 0"),
+    ],
 )
-def test_unknown_methods(method, message, tmp_path):
+def test_unknown_methods(method, message, tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(finished_runs.__file__).parent))
     with pytest.raises(InputError, match=message):
         evaluate(EvaluateRequest(method=method, data=tmp_path, results=tmp_path))
