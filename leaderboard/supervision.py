@@ -155,7 +155,7 @@ def limit_memory(limit: float) -> None:
 def in_words(status: int) -> str:
     """How a process ended that has left no word."""
     if status >= 0:
-        return f"the method ended its process, with exit status {status}"
+        return f"its process ended before the work was done, with exit status {status}"
     return f"ended by {signal.Signals(-status).name}" + (" (out of memory?)" if status == -signal.SIGKILL else "")
 
 

@@ -36,8 +36,8 @@ def why(tmp_path, monkeypatch):
     ("deed", "reason"),
     [
         ("works", ""),
-        ("exits with 0", "the method ended its process, with exit status 0"),
-        ("exits with 130", "the method ended its process, with exit status 130"),
+        ("exits with 0", "its process ended before the work was done, with exit status 0"),
+        ("exits with 130", "its process ended before the work was done, with exit status 130"),
         ("calls sys.exit", "SystemExit: 0"),
         ("interrupts itself", "KeyboardInterrupt"),
         ("is killed", "ended by SIGKILL (out of memory?)"),

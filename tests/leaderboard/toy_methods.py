@@ -84,6 +84,11 @@ class WaitsOnce(MeanColour):
         super().fit(scene, folder)
 
 
+class Hangs(MeanColour):
+    def fit(self, scene: Scene, folder: Path) -> None:
+        time.sleep(600)
+
+
 class Troubles(MeanColour):
     """Makes trouble of another kind on every pattern but heavy streaks."""
 

@@ -162,7 +162,7 @@ def test_nothing_is_checked_without_the_basics(only, toy, basic):
 @pytest.mark.parametrize(
     ("toy", "reason"),
     [
-        ("ExitsWhenRendering", "the method ended its process, with exit status 0"),
+        ("ExitsWhenRendering", "its process ended before the work was done, with exit status 0"),
         ("CrashesWhenRendering", "ended by SIGSEGV"),
     ],
 )
