@@ -1,10 +1,13 @@
 """The contract every method meets, and how a method is found by name."""
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self, cast
+
+import numpy as np
 
 from hydroviews.cli.plugins import load_plugin
 from hydroviews.errors import InputError, unknown_name
@@ -18,7 +21,11 @@ WRAPPERS = "hydroviews.wrappers"  # entry points: functions that make a method o
 
 @dataclass(frozen=True)
 class TrainingSummary:
-    """What a trained model is and what it cost, as runs record it; None where a number could not be had."""
+    """What a trained model is and what it cost, as runs record it; None where a number could not be had.
+
+    Raises:
+        ValueError: a number that is negative or not finite, or something else than a number; no device.
+    """
 
     train_seconds: float  # training alone, summed over resumed sessions
     n_primitives: int | None  # Gaussians, for methods that have them
@@ -26,6 +33,19 @@ class TrainingSummary:
     device: str  # "cpu" or the GPU's name
     used: str = ""  # in words, the parts that it switched on for these photographs; empty if it always uses all
     render_device: str | None = None  # as `device`, of what `render` calculates on; None where it is the same
+
+    def __post_init__(self) -> None:
+        for name in ("train_seconds", "n_primitives", "model_mb"):
+            value, kind = getattr(self, name), int if name == "n_primitives" else int | float
+            if value is None and name != "train_seconds":
+                continue
+            if not isinstance(value, kind) or not math.isfinite(value) or value < 0:
+                raise ValueError(f"summary: {name} is {value!r}, expected a finite number, not below 0")
+        for name in ("device", "used"):
+            if not isinstance(getattr(self, name), str):
+                raise ValueError(f"summary: {name} is {getattr(self, name)!r}, expected words")
+        if not self.device:
+            raise ValueError('summary: no device, expected "cpu" or the GPU\'s name')
 
 
 class Method(ABC):
@@ -90,6 +110,25 @@ class Method(ABC):
     @abstractmethod
     def summary(self) -> TrainingSummary:
         """Time and size of the trained model."""
+
+
+def check_render(image: Any, camera: Camera) -> None:
+    """Refuse a render that is not what `Method.render` promises.
+
+    Raises:
+        ValueError: it is something else than float32 [H, W, 3], finite, in [0, 1]; says what was found.
+    """
+    expected = camera.height, camera.width, 3
+    if not isinstance(image, np.ndarray) or image.shape != expected or image.dtype != np.float32:
+        found = f"{getattr(image, 'dtype', type(image).__name__)} {np.shape(image)}"
+        raise ValueError(f"rendered {found}, expected float32 {expected}")
+    with np.errstate(invalid="ignore"):  # comparisons with NaN
+        faults = {"NaN": np.isnan(image), "infinite": np.isinf(image), "below 0": image < 0, "above 1": image > 1}
+    counts = {fault: int(where.any(axis=2).sum()) for fault, where in faults.items()}
+    if any(counts.values()):
+        found = ", ".join(f"{fault} in {count:,}" for fault, count in counts.items() if count)
+        pixels = f"{image.shape[0] * image.shape[1]:,} pixels"
+        raise ValueError(f"rendered {found} of {pixels}, expected finite values in [0, 1]")
 
 
 def settings_of(profile: str, profiles: Mapping[str, Any]) -> Any:

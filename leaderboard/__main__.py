@@ -14,7 +14,8 @@ from hydroviews.dataset.manifest import built_scenes
 from hydroviews.errors import InputError
 from hydroviews.profiles import find_profile
 from hydroviews.rain.registry import choose_patterns
-from leaderboard.contract.check import Result, check
+from leaderboard.contract.check import MINUTES, check
+from leaderboard.contract.trials import Result
 from leaderboard.evaluate import (
     EvaluateRequest,
     MethodName,
@@ -25,12 +26,13 @@ from leaderboard.evaluate import (
     outcome,
 )
 from leaderboard.film import film
+from leaderboard.gather import write_leaderboard
 from leaderboard.previews import write_overview
-from leaderboard.records import GIVEN_POSES, LEADERBOARD, write_leaderboard
+from leaderboard.records import GIVEN_POSES, LEADERBOARD
 from leaderboard.runs import Run
 from leaderboard.score import score
 from leaderboard.severity import record_losses
-from leaderboard.tables import legend, scene_keys, scene_text, write_tables
+from leaderboard.tables import legend, scene_keys, scene_text
 from leaderboard.viewer.export import Format, export
 from leaderboard.viewer.viewer import HOST, PORT, view
 
@@ -46,7 +48,11 @@ def evaluate_command(request: tyro.conf.OmitArgPrefixes[EvaluateRequest]) -> Non
 
 
 def check_command(
-    method: tyro.conf.Positional[MethodName], profile: ProfileName = "demo", steps: int = 30, json: Path | None = None
+    method: tyro.conf.Positional[MethodName],
+    profile: ProfileName = "demo",
+    steps: int = 30,
+    minutes: float = MINUTES,
+    json: Path | None = None,
 ) -> None:
     """Try a method on a small room and say whether it keeps its contract, a line a promise; exit status 1 if not.
 
@@ -54,9 +60,10 @@ def check_command(
         method: a registered name, or package.module:Class.
         profile: whose configuration is shortened.
         steps: of training, where the configuration counts them; trainings that are interrupted take some seconds.
+        minutes: that a check may take.
         json: a file to write the outcome to.
     """
-    if any(outcome.result == Result.FAILED for outcome in check(method, profile, steps, json)):
+    if any(outcome.result == Result.FAILED for outcome in check(method, profile, steps, json, minutes)):
         sys.exit(1)
 
 
@@ -80,7 +87,6 @@ def table_command(results: Path = Path("results")) -> None:
         results: the results folder.
     """
     table = write_leaderboard(results)
-    write_tables(table, results)
     for keys in scene_keys(table):
         print(f"\n{scene_text(table, *keys)}", end="")
     print(f"\n{legend()}\nall runs: {results / LEADERBOARD}")

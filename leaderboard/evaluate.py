@@ -5,9 +5,7 @@ build what is missing -> for every variant: train, render to disk, score -> reco
 
 import dataclasses
 import logging
-import signal
-import subprocess
-import sys
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -15,37 +13,38 @@ from typing import Annotated
 from baselines.method import METHODS, find_method
 from hydroviews.cli.commands import choices
 from hydroviews.cli.plugins import registered
-from hydroviews.cli.processes import run_child
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import is_captured
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import read_json
+from hydroviews.files.atomic import write_bytes
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.metrics import find_metrics
 from hydroviews.profiles import PROFILES, Profile, find_profile
 from hydroviews.rain.registry import choose_patterns, pattern_names
-from leaderboard.predict import FAILURE, PREDICTION
+from leaderboard.gather import collect, trusted_record, write_leaderboard
+from leaderboard.predict import PREDICTION
+from leaderboard.probe import probe
 from leaderboard.records import (
+    DONE,
+    FAILED,
     GIVEN_POSES,
     LEADERBOARD,
     RECORD,
     TRACKS,
     Record,
     check_track,
-    collect,
-    read_record,
-    write_leaderboard,
     write_record,
 )
-from leaderboard.runs import Run, claim_folder
-from leaderboard.score import describe, score
-from leaderboard.tables import CEILING, FLOOR, scene_text, write_tables
+from leaderboard.runs import CONFIG, Run, claim_folder
+from leaderboard.score import UnusableRun, describe, score
+from leaderboard.supervision import Limits, Watch, end_gently, run_tethered
+from leaderboard.tables import CEILING, FLOOR, scene_text
 
 logger = logging.getLogger(__name__)
 
-GRACE, PATIENCE = 3.0, 30.0  # seconds until an interrupted run gets SIGTERM, and until it is killed
+WEEK = 168.0  # hours
 
 
 MethodName = Annotated[str, choices(registered(METHODS), "package.module:Class")]
@@ -68,6 +67,9 @@ class EvaluateRequest:
     results: Path = Path("results")
     captures: Path | None = None  # the folder with published captures; $HYDROVIEWS_CAPTURES if not given
     overwrite: bool = False  # build and run anew what is there with other settings
+    time_limit: float = WEEK  # hours that a run may take in all, each time it is tried
+    stall_limit: float = 1.0  # hours that a run may take without a line printed or a file written
+    memory_limit: float | None = None  # 10^9 bytes that a run's process may have to itself; what there is if not given
 
 
 def evaluate(request: EvaluateRequest) -> list[Record]:
@@ -82,7 +84,9 @@ def evaluate(request: EvaluateRequest) -> list[Record]:
     if request.seed < 0:
         raise InputError(f"SEED={request.seed}: negative", expected="0 or more")
     check_track(request.track)
+    limits = Limits(request.time_limit, request.stall_limit, request.memory_limit)
     profile = find_profile(request.profile)
+    probe(request.method, profile.name)
     names = [pattern.name for pattern in choose_patterns(request.patterns, profile.patterns)]
     data = request.data / profile.name
     rainy = [name for name in needed_patterns(request.method, names) if name != CLEAN]
@@ -102,10 +106,10 @@ def evaluate(request: EvaluateRequest) -> list[Record]:
     records = {}
     try:
         for run in plan(request, profile, data, scene, names):
-            records[run] = carry_out(run, request.overwrite)
+            records[run] = carry_out(run, limits, request.overwrite)
     finally:  # whatever ended stands in the table, also if the rest was interrupted
         if records:
-            write_tables(write_leaderboard(request.results), request.results)
+            write_leaderboard(request.results)
     return list(records.values())
 
 
@@ -135,34 +139,47 @@ def plan(request: EvaluateRequest, profile: Profile, data: Path, scene: str, rai
     ]
 
 
-def carry_out(run: Run, overwrite: bool = False) -> Record:
+def carry_out(run: Run, limits: Limits, overwrite: bool = False) -> Record:
     """Train, render and score one run, or keep the record it already has; a failed run is tried again.
 
     While another process is at it, wait: evaluations side by side share the reference rows.
     """
     with locked(run.folder, BUSY):
-        return _carry_out(run, overwrite)
+        claim_folder(run, overwrite)
+        return _kept_record(run) or _carry_out(run, limits)
 
 
-def _carry_out(run: Run, overwrite: bool) -> Record:
-    claim_folder(run, overwrite)
-    if (run.folder / RECORD).is_file():
-        record = read_record(run.folder / RECORD)
-        if record.status == "done":
-            kept = "%s: kept, %s (version %s; remove %s to run it again)"
-            logger.info(kept, run, _figures(record), record.version, run.folder)
-            return record
+def _kept_record(run: Run) -> Record | None:
+    """The record of a run that is done; None where there is none, or one that cannot be trusted."""
+    if not (run.folder / RECORD).is_file():
+        return None
+    try:
+        record = trusted_record(run.folder)
+    except InputError as error:
+        logger.warning("%s: not kept: %s", run, error)
+        return None
+    if record.status != DONE:
+        return None
+    kept = "%s: kept, %s (version %s; remove %s to run it again)"
+    logger.info(kept, run, _figures(record), record.version, run.folder)
+    return record
+
+
+def _carry_out(run: Run, limits: Limits) -> Record:
     logger.info("%s: training", run)
     if not (run.folder / PREDICTION).is_file() or not (run.folder / "renders").is_dir():
-        reason = _train_in_process(run)
+        reason = _train_in_process(run, limits)
         if reason:
             return _record_failure(run, reason)
-    record = score(run)
+    try:
+        record = score(run)
+    except UnusableRun as error:
+        return _record_failure(run, str(error))
     logger.info("%s: %s", run, _figures(record))
     return record
 
 
-def _train_in_process(run: Run) -> str:
+def _train_in_process(run: Run, limits: Limits) -> str:
     """Run `train_and_render` in a process of its own, so that memory is its own and a crash is only its own.
 
     Returns:
@@ -170,36 +187,25 @@ def _train_in_process(run: Run) -> str:
 
     Raises:
         InputError: the run met something the user can mend.
-        KeyboardInterrupt: the run was interrupted; it left a checkpoint.
+        KeyboardInterrupt, SystemExit: this process was interrupted; the run left a checkpoint.
     """
-    (run.folder / FAILURE).unlink(missing_ok=True)
-    settings = [f"--run.{field.name}={getattr(run, field.name)}" for field in dataclasses.fields(run)]
-    code = run_child([sys.executable, "-m", "leaderboard.predict", *settings], _end)
-    if code == 0:
-        return ""
-    failure = read_json(run.folder / FAILURE) if (run.folder / FAILURE).is_file() else {}
-    if failure.get("kind") == "input":
-        raise InputError(failure["reason"])
-    if code in (130, 143, -signal.SIGINT, -signal.SIGTERM):
-        raise KeyboardInterrupt
-    if code < 0:
-        return f"ended by {signal.Signals(-code).name}" + (" (out of memory?)" if code == -signal.SIGKILL else "")
-    return failure.get("reason", f"exit status {code}")
-
-
-def _end(process: subprocess.Popen) -> None:
-    """Wait until a run has saved and stopped: a terminal has sent it the same Ctrl-C; otherwise it gets SIGTERM."""
-    for patience, stop in ((GRACE, process.terminate), (PATIENCE, process.kill)):
-        try:
-            process.wait(patience)
-        except subprocess.TimeoutExpired:
-            stop()
+    config = run.folder / CONFIG
+    settings = config.read_bytes()
+    options = [f"--run.{field.name}={getattr(run, field.name)}" for field in dataclasses.fields(run)]
+    with tempfile.TemporaryDirectory(prefix="hydroviews-run-") as notes:
+        watch = Watch(limits, [Path(notes), run.folder])
+        reason = run_tethered("leaderboard.predict", options, Path(notes), watch, end_gently, limits.memory)
+    if not config.is_file() or config.read_bytes() != settings:
+        write_bytes(config, settings)
+        (run.folder / PREDICTION).unlink(missing_ok=True)
+        return reason or f"the method removed or changed the {CONFIG} of its run"
+    return reason
 
 
 def _record_failure(run: Run, reason: str) -> Record:
-    record = describe(run, run.training_scene(), status="failed", reason=reason, numbers={})
+    record = describe(run, run.training_scene(), status=FAILED, reason=reason, numbers={})
     write_record(run.folder, record)
-    logger.warning("%s: failed: %s", run, reason)
+    logger.warning("%s: failed: %s", run, record.reason)
     return record
 
 

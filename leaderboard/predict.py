@@ -13,19 +13,18 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from baselines.method import Method, find_method
+from baselines.method import Method, check_render, find_method
 from baselines.splatting.kernels.simd import SIMD
 from baselines.training.devices import warn_of_slow_profile
 from hydroviews.cli.commands import run_command
-from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.scene.images import write_png
 from hydroviews.scene.scenes import Scene, Split
 from leaderboard.records import code_version
 from leaderboard.runs import Run
+from leaderboard.supervision import Tether, tethered
 
 PREDICTION = "prediction.json"
-FAILURE = "failure.json"
 
 
 def train_and_render(run: Run) -> None:
@@ -41,8 +40,10 @@ def train_and_render(run: Run) -> None:
     method = kind(kind.configuration(run.profile), run.seed)
     method.fit(only_training(scene), run.folder)
     method.save(run.folder)
-    seconds = render_views(method, scene, run.folder / "renders")
     statistics = method.summary()
+    if statistics.n_primitives == 0:
+        raise ValueError("training has left no Gaussians or other primitives: there is nothing to render")
+    seconds = render_views(method, scene, run.folder / "renders")
     write_json(
         run.folder / PREDICTION,
         {
@@ -67,15 +68,20 @@ def only_training(scene: Scene) -> Scene:
 
 
 def render_views(method: Method, scene: Scene, folder: Path) -> list[float]:
-    """Render the held-out views as 8-bit PNGs; returns the seconds each took."""
+    """Render the held-out views as 8-bit PNGs; returns the seconds each took.
+
+    Raises:
+        ValueError: a render is not what the contract promises.
+    """
     seconds = []
     for view in tqdm(scene.test_views, desc="rendering", unit="view"):
         start = time.perf_counter()
         image = method.render(view.camera)
         seconds.append(time.perf_counter() - start)
-        expected = (view.camera.height, view.camera.width, 3)
-        if image.shape != expected or not np.isfinite(image).all():
-            raise ValueError(f"{view.name}: rendered {image.shape}, expected finite values of shape {expected}")
+        try:
+            check_render(image, view.camera)
+        except ValueError as error:
+            raise ValueError(f"{view.name}: {error}") from None
         write_png(folder / f"{view.name}.png", image)
     return seconds
 
@@ -102,17 +108,10 @@ def peak_gpu_memory_mb() -> float | None:
     return round(peak / 1e6, 1) if peak else None
 
 
-def main(run: Run) -> None:
+def main(run: Run, tether: Tether) -> None:
     """Train one run and render its held-out views; `evaluate` starts this for every run."""
-    try:
+    with tethered(tether):
         train_and_render(run)
-    except Exception as error:
-        kind = "input" if isinstance(error, InputError) else "method"
-        reason = str(error) if kind == "input" else f"{type(error).__name__}: {error}"
-        write_json(run.folder / FAILURE, {"kind": kind, "reason": reason})
-        if kind == "input":
-            sys.exit(2)  # the parent tells the reason
-        raise
 
 
 if __name__ == "__main__":

@@ -1,25 +1,25 @@
 """The one schema of a result: a record a run, a row a record."""
 
 import dataclasses
-import logging
 import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, get_args, get_type_hints
 
 import hydroviews
 from hydroviews.errors import InputError, unknown_name
-from hydroviews.files.atomic import read_json, replacing, write_json
+from hydroviews.files.atomic import read_json, write_json
 from hydroviews.metrics import find_metrics
 
-if TYPE_CHECKING:  # every run imports this file, and none but those that gather records needs it
-    import pandas as pd
-
-logger = logging.getLogger(__name__)
-
-RECORD = "record.json"
+RECORD, PER_VIEW = "record.json", "per_view.csv"
 LEADERBOARD = "leaderboard.csv"  # in a results folder
+
+DONE, FAILED = "done", "failed"
+UNREADABLE = "unreadable"  # stands in tables for a record that cannot be used, and is never written to one
+LONGEST = 500  # characters of a reason
+LARGEST = 1e300  # what a number may be
+RESCORE = "evaluate the run again: its renders are scored anew"
 
 GIVEN_POSES, SPARSE_VIEWS = "given-poses", "sparse-views"
 TRACKS = (GIVEN_POSES, SPARSE_VIEWS)  # cameras of the clean capture; the same, with a third of the training views
@@ -35,12 +35,12 @@ class Record:
     pattern: str
     seed: int
     track: str  # one of TRACKS
-    status: str  # done or failed
+    status: str  # done or failed; in tables unreadable as well
     reason: str  # why a number is missing
-    n_train: int
-    n_test: int
-    width: int
-    height: int
+    n_train: int | None  # None where the record cannot be read, as are the three below
+    n_test: int | None
+    width: int | None
+    height: int | None
     scores: Mapping[str, float] = field(default_factory=dict)  # by metric, means over held-out views, where it has one
     train_s: float | None = None
     render_fps: float | None = None
@@ -57,8 +57,27 @@ class Record:
     data_sha256: str = ""
     drawing_code: str = ""  # digest of the code that drew the rain, or the clean views; empty for photographs
 
+    def __post_init__(self) -> None:
+        for name in FREE:
+            object.__setattr__(self, name, printable(getattr(self, name)))
 
+
+FREE = ("reason", "used", "device", "render_device", "version")  # text that a method or an error had a hand in
 FIELDS = [field.name for field in dataclasses.fields(Record)]
+NEEDED = [field.name for field in dataclasses.fields(Record) if field.default is dataclasses.MISSING]
+NEEDED.remove("scores")
+NOTED = [*FIELDS[FIELDS.index("train_s") : FIELDS.index("profile")], "version"]  # when it was trained and rendered
+KINDS = get_type_hints(Record)
+
+
+def printable(text: str, longest: int = LONGEST) -> str:
+    """Text that any file and terminal can hold: what is cut off is counted, what cannot be printed is escaped."""
+    kept = text[:longest]
+    shown = "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in kept)
+    if len(text) <= longest and len(shown) <= longest:
+        return shown
+    end = f" ... ({len(text):,} characters)"
+    return shown[: longest - len(end)] + end
 
 
 def columns() -> list[str]:
@@ -76,17 +95,57 @@ def from_row(row: Mapping[str, Any]) -> Record:
     """The record that was written as a row; scores of metrics that are not registered here are dropped.
 
     Raises:
-        TypeError: fields are missing, or there are others that are no scores.
+        ValueError: fields are missing, hold what they cannot, or are others that are no scores; it names them all.
     """
-    scores = {name: value for name, value in row.items() if name not in FIELDS}
-    unknown = [name for name, value in scores.items() if not isinstance(value, float | int | None)]
-    if unknown:
-        raise TypeError(f"unknown fields: {', '.join(unknown)}")
+    if not isinstance(row, dict):
+        raise ValueError(f"a {type(row).__name__}, expected fields by name")
+    fields = {name: value for name, value in row.items() if name in FIELDS and name != "scores"}
+    scores = {name: value for name, value in row.items() if name not in fields}
+    wrong = [f"no {name}" for name in NEEDED if name not in row]
+    wrong += misfits(fields)
+    wrong += [f"unknown or odd {_shown(name, value)}" for name, value in scores.items() if not _is_score(value)]
+    if row.get("status") not in (DONE, FAILED):
+        wrong.append(f"status is none of {DONE}, {FAILED}")
+    if wrong:
+        raise ValueError("; ".join(wrong))
     known = {metric.name for metric in find_metrics()}
-    fields = {name: value for name, value in row.items() if name in FIELDS}
     return Record(
         **fields, scores={name: value for name, value in scores.items() if name in known and value is not None}
     )
+
+
+def misfits(fields: Mapping[str, Any]) -> list[str]:
+    """Those of a record's fields that hold something else than the record's text or finite number, with what they hold.
+
+    Args:
+        fields: some of a record's, without scores.
+    """
+    odd = {name: value for name, value in fields.items() if not _fits(name, value)}
+    return [f"{_shown(name, value)}, expected {_kind(name)}" for name, value in odd.items()]
+
+
+def _fits(name: str, value: Any) -> bool:
+    kinds = get_args(KINDS[name]) or (KINDS[name],)
+    if _is_number(value):
+        return (float in kinds or (int in kinds and isinstance(value, int))) and value >= 0
+    return isinstance(value, kinds) and not isinstance(value, int | float)
+
+
+def _is_score(value: Any) -> bool:
+    return value is None or _is_number(value)
+
+
+def _is_number(value: Any) -> bool:
+    """Whether it is a number that every reader takes; NaN and the infinities are none."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and -LARGEST < value < LARGEST
+
+
+def _kind(name: str) -> str:
+    return str(KINDS[name]).removeprefix("<class '").removesuffix("'>")
+
+
+def _shown(name: str, value: Any) -> str:
+    return f"{printable(name, 40)} {printable(repr(value), 60)}"
 
 
 def check_track(name: str) -> None:
@@ -105,11 +164,6 @@ def run_folder(results: Path, profile: str, method: str, scene: str, pattern: st
     return results / profile / method.replace(":", ".") / scene / pattern / last
 
 
-def _record_folder(results: Path, record: Record) -> Path:
-    names = ("profile", "method", "scene", "pattern", "seed", "track")
-    return run_folder(results, **{name: getattr(record, name) for name in names})
-
-
 def write_record(folder: Path, record: Record) -> None:
     """Write a run's record."""
     write_json(folder / RECORD, as_row(record))
@@ -119,50 +173,12 @@ def read_record(path: Path) -> Record:
     """Read a record.
 
     Raises:
-        InputError: missing fields or unknown ones.
+        InputError: no JSON, missing or unknown fields, or values that they cannot hold.
     """
-    value = read_json(path)
     try:
-        return from_row(value)
-    except TypeError as error:
-        raise InputError(
-            f"{path}: not a record of this version", found=error, fix="delete the run and evaluate again"
-        ) from None
-
-
-def collect(results: Path) -> "pd.DataFrame":
-    """All records of a results folder, one row each, in the order of `columns`.
-
-    Only records that lie where their run belongs count, so that copies kept beside them do not count twice. An
-    unreadable one is left out with a warning.
-    """
-    import pandas as pd
-
-    records = []
-    for path in sorted(results.glob(f"*/*/*/*/*/{RECORD}")):
-        try:
-            record = read_record(path)
-        except InputError as error:
-            logger.warning("left out: %s", error)
-            continue
-        if path.parent == _record_folder(results, record):
-            records.append(as_row(record))
-    table = pd.DataFrame(records, columns=columns())
-    return table.sort_values(["profile", "scene", "track", "effect", "pattern", "method", "seed"], ignore_index=True)
-
-
-def write_leaderboard(results: Path) -> "pd.DataFrame":
-    """Gather every record into `results/leaderboard.csv`; numbers that are missing stay empty.
-
-    Raises:
-        InputError: there is no record.
-    """
-    table = collect(results)
-    if table.empty:
-        raise InputError(f"{results}: no finished run", fix="run `make eval METHOD=3dgs` first")
-    with replacing(results / LEADERBOARD) as temporary:
-        table.to_csv(temporary, index=False)
-    return table
+        return from_row(read_json(path, RESCORE))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: not a record of this version", found=error, fix=RESCORE) from None
 
 
 def code_version() -> str:

@@ -79,7 +79,6 @@ class Run:
 
     def settings(self) -> dict[str, Any]:
         """Everything that fixes the result; a run with other settings is another run."""
-        method = find_method(self.method)
         return {
             "method": self.method,
             "scene": self.scene,
@@ -88,7 +87,7 @@ class Run:
             "profile": self.profile,
             "track": self.track,
             "data_sha256": data_hash(self.data, self.scene, self.pattern),
-            "config": as_json(self.method, method.configuration(self.profile)),
+            "config": recorded_configuration(self.method, self.profile),
         }
 
 
@@ -124,6 +123,23 @@ def claim_folder(run: Run, overwrite: bool) -> None:
         fix="add --overwrite (make eval OVERWRITE=1) to run it anew, or choose another results folder",
         overwrite=overwrite,
     )
+
+
+def recorded_configuration(method: str, profile: str) -> Any:
+    """A method's settings for a profile, as a run's `config.json` has them.
+
+    Raises:
+        InputError: there is no such method or profile, or what the method gives for it cannot be recorded.
+    """
+    kind = find_method(method)
+    try:
+        config = kind.configuration(profile)
+    except InputError:
+        raise
+    except Exception as error:  # whatever a method does
+        found = f"{type(error).__name__}: {error}"
+        raise InputError(f"METHOD={method}: no configuration for PROFILE={profile}", found=found) from error
+    return as_json(method, config)
 
 
 def as_json(method: str, config: Any) -> Any:

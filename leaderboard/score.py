@@ -25,13 +25,17 @@ from hydroviews.scene.masks import Ignored
 from hydroviews.scene.scenes import Scene, View
 from leaderboard.predict import PREDICTION
 from leaderboard.previews import write_preview
-from leaderboard.records import Record, code_version, write_record
+from leaderboard.records import DONE, NOTED, PER_VIEW, Record, code_version, misfits, printable, write_record
 from leaderboard.runs import CONFIG, Run, refuse_other_data
 
-PER_VIEW = "per_view.csv"
+AGAIN = f"remove its {PREDICTION}: the same command renders it again"
 NO_TRUTH = "captured in rain: no clean ground truth"
 
 Scores = dict[str, float | None]  # by metric
+
+
+class UnusableRun(InputError):
+    """Files that a run has left cannot be scored."""
 
 
 def score(run: Run) -> Record:
@@ -40,8 +44,9 @@ def score(run: Run) -> Record:
     A metric that cannot be had (images too small for it, no network weights) stays empty, with the reason.
 
     Raises:
-        InputError: a render is missing, or of another size than its clean view; there is no such run, it has
-            not ended, or the data changed since.
+        InputError: there is no such run, it has not ended, or the data changed since.
+        UnusableRun: a render is missing, damaged, or of another size than its clean view; what was noted of the run
+            cannot be.
     """
     if not (run.folder / CONFIG).is_file():
         raise InputError(
@@ -54,8 +59,9 @@ def score(run: Run) -> Record:
             found=f"no {run.folder / PREDICTION}",
             fix=f"make eval METHOD={run.method} goes on where it stopped",
         )
+    numbers = read_prediction(run.folder)
     if run.pattern == CAPTURED:
-        return _record_unscored(run)
+        return _record_unscored(run, numbers)
     clean = run.clean_scene()
     reasons: dict[str, str] = {}
     rows = score_views(run.folder / "renders", clean.test_views, reasons)
@@ -65,17 +71,37 @@ def score(run: Run) -> Record:
     write_preview(run, clean)
     scores = mean_scores(rows, reasons)
     reason = "; ".join(f"{name}: {why}" for name, why in reasons.items())
-    numbers = {"scores": scores, **read_json(run.folder / PREDICTION)}
-    record = describe(run, clean, status="done", reason=reason, numbers=numbers)
+    record = describe(run, clean, status=DONE, reason=reason, numbers={"scores": scores, **numbers})
     write_record(run.folder, record)
     return record
 
 
-def _record_unscored(run: Run) -> Record:
+def read_prediction(folder: Path) -> dict[str, Any]:
+    """What was noted of a run when it was trained and rendered: fields of its record.
+
+    Raises:
+        UnusableRun: fields are missing, are others, or hold what they cannot.
+    """
+    path = folder / PREDICTION
+    try:
+        numbers = read_json(path)
+    except InputError as error:
+        raise UnusableRun(f"{path}: cannot be read", found=str(error).splitlines()[0], fix=AGAIN) from None
+    if not isinstance(numbers, dict):
+        raise UnusableRun(f"{path}: a {type(numbers).__name__}", expected="fields by name", fix=AGAIN)
+    wrong = [f"no {name}" for name in NOTED if name not in numbers]
+    wrong += [f"unknown {printable(name, 40)}" for name in numbers if name not in NOTED]
+    wrong += misfits({name: value for name, value in numbers.items() if name in NOTED})
+    if wrong:
+        raise UnusableRun(f"{path}: not what a run leaves", found="; ".join(wrong), fix=AGAIN)
+    return numbers
+
+
+def _record_unscored(run: Run, numbers: Mapping[str, Any]) -> Record:
     """Write the preview and the record of a run that has no ground truth."""
     scene = run.training_scene()
     write_preview(run, scene)
-    record = describe(run, scene, status="done", reason=NO_TRUTH, numbers=read_json(run.folder / PREDICTION))
+    record = describe(run, scene, status=DONE, reason=NO_TRUTH, numbers=numbers)
     write_record(run.folder, record)
     return record
 
@@ -108,13 +134,17 @@ def score_views(renders: Path, views: Sequence[View], reasons: dict[str, str]) -
 
 def score_view(render: Path, clean: View, reasons: dict[str, str]) -> Scores:
     """All metrics of one view, from pictures on disk; what cannot be had goes to `reasons`."""
-    image, target = read_image(render), clean.image()
+    try:
+        image = read_image(render)
+    except InputError as error:
+        raise UnusableRun(f"{render}: not a render", found=str(error).splitlines()[0], fix=AGAIN) from None
+    target = clean.image()
     if image.shape != target.shape:
-        raise InputError(
+        raise UnusableRun(
             f"{render}: another size than the clean view",
             found=f"{image.shape[1]}x{image.shape[0]}",
             expected=f"{target.shape[1]}x{target.shape[0]}",
-            fix="delete the run and evaluate again",
+            fix=AGAIN,
         )
     return _scores(image, target, clean.ignored(), reasons, find_metrics())
 

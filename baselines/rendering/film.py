@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 from tqdm import tqdm
 
-from baselines.method import Method
+from baselines.method import Method, check_render
 from baselines.rendering.camera_paths import camera_path
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import replacing
@@ -26,6 +26,7 @@ CODECS = {".mp4": "vp09", ".webm": "VP90"}  # VP9, which browsers play and every
 FRAMES, SETTINGS = "-frames", "film.json"
 SIZES = (16, 4096)  # pixels
 MOST_FRAMES = 100_000
+CHECK = "make check says whether the method keeps its contract; train it again"
 
 
 @dataclass(frozen=True)
@@ -88,10 +89,19 @@ def fitted(camera: Camera, size: int) -> Camera:
 
 
 def render_frames(method: Method, path: list[Camera], folder: Path) -> None:
-    """Render what is missing of a path into numbered PNGs."""
+    """Render what is missing of a path into numbered PNGs.
+
+    Raises:
+        InputError: a render is not what the contract of methods promises.
+    """
     for index, camera in enumerate(tqdm(path, desc="rendering", unit="frame")):
         if not _frame(folder, index).is_file():
-            write_png(_frame(folder, index), method.render(camera))
+            image = method.render(camera)
+            try:
+                check_render(image, camera)
+            except ValueError as error:
+                raise InputError(f"{type(method).__name__}, frame {index}: {error}", fix=CHECK) from error
+            write_png(_frame(folder, index), image)
 
 
 def write_film(out: Path, frames: Path, n: int, fps: int) -> None:

@@ -38,11 +38,11 @@ def load_plugin(where: str, name: str, group: str, kind: str, own: str) -> Any:
         if os.getcwd() not in sys.path:  # one's own module, however the command was started
             sys.path.append(os.getcwd())
         return getattr(importlib.import_module(module), member)
-    except Exception as error:  # whatever stands in a user's module
+    except (Exception, SystemExit) as error:  # whatever stands in a user's module, such as a script that runs
         raise InputError(f"{where}: cannot import {target}", found=_why(error)) from error
 
 
-def _why(error: Exception) -> str:
+def _why(error: BaseException) -> str:
     """What went wrong, with the lines of the user's modules that led there; none for a module that is not there."""
     told = traceback.TracebackException.from_exception(error)
     told.stack[:] = [frame for frame in told.stack if not _is_machinery(frame.filename)]

@@ -1,13 +1,19 @@
 """Processes that a command starts: none outlives it, whatever signals come."""
 
+import ctypes
+import os
 import signal
 import subprocess
+import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from typing import Any
+from typing import IO, Any
 
 ENDING = (signal.SIGINT, signal.SIGTERM)
+PR_SET_PDEATHSIG = 1  # of Linux' prctl
+LOOK = 1.0  # seconds between two looks whether a parent is still there
 
 
 @contextmanager
@@ -46,7 +52,11 @@ def held_signals() -> Iterator[list[int]]:
 
 
 def run_child(
-    command: Sequence[str], end: Callable[[subprocess.Popen], None], environment: Mapping[str, str] | None = None
+    command: Sequence[str],
+    end: Callable[[subprocess.Popen], None],
+    environment: Mapping[str, str] | None = None,
+    overdue: Callable[[], bool] = lambda: False,
+    output: IO[bytes] | None = None,
 ) -> int:
     """Run a command as a process that never outlives this one: on Ctrl-C or SIGTERM it is ended first.
 
@@ -54,23 +64,44 @@ def run_child(
         command: the program and its arguments.
         end: asks the process to stop; whatever it leaves running is killed. Signals wait until it returns.
         environment: of the process; this one's if not given.
+        overdue: asked several times a second; where it says yes the process is ended as by a signal.
+        output: takes what the process writes; the terminal if not given.
 
     Returns:
         Its exit status; negative where a signal ended it.
     """
     with held_signals() as received:
         with deferred_interrupts():
-            process = subprocess.Popen(command, env=environment)
+            process = subprocess.Popen(command, env=environment, stdout=output, stderr=output)
         try:
-            while process.poll() is None and not received:
+            while process.poll() is None and not received and not overdue():
                 with suppress(subprocess.TimeoutExpired):
                     process.wait(0.2)
-            if received:
+            if process.poll() is None:
                 end(process)
         finally:
             process.kill()
             process.wait()
     return process.returncode
+
+
+def end_with_parent(parent: int) -> None:
+    """Let this process be killed as soon as its parent is gone, even if that was killed and could not end it.
+
+    Linux does it at once, also while Python's lock is held; elsewhere a thread finds out within a second.
+
+    Args:
+        parent: the parent's number, as it may be gone already.
+    """
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    threading.Thread(target=_follow, args=(parent,), daemon=True).start()
+
+
+def _follow(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(LOOK)
+    os.kill(os.getpid(), signal.SIGKILL)
 
 
 def run_process(command: Sequence[str], environment: Mapping[str, str] | None = None) -> None:

@@ -21,7 +21,8 @@ def replacing(path: Path) -> Iterator[Path]:
     removed and `path` stays as it was.
 
     Raises:
-        InputError: the disk is full, or nothing may be written there.
+        InputError: the disk is full.
+        ReadOnly: nothing may be written there.
     """
     with plain_write_errors(path), temporary_beside(path) as temporary:
         yield temporary
@@ -39,8 +40,12 @@ def write_json(path: Path, value: Any) -> None:
     write_bytes(path, (json.dumps(value, indent=2) + "\n").encode())
 
 
-def read_json(path: Path) -> Any:
+def read_json(path: Path, fix: str = "restore the file or write it again") -> Any:
     """Read a JSON file.
+
+    Args:
+        path: the file.
+        fix: what the user should do about one that is damaged.
 
     Raises:
         InputError: the file is missing or is not JSON.
@@ -49,8 +54,8 @@ def read_json(path: Path) -> Any:
         return json.loads(path.read_text())
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not valid JSON", found=error, fix="restore the file or write it again") from None
+    except (ValueError, RecursionError) as error:  # also numbers too long, and lists too deep, to be read
+        raise InputError(f"{path}: not valid JSON", found=error, fix=fix) from None
 
 
 def listing(files: Iterable[Path]) -> str:

@@ -12,6 +12,10 @@ FULL = (errno.ENOSPC, errno.EDQUOT)
 CLOSED = (errno.EACCES, errno.EPERM, errno.EROFS)
 
 
+class ReadOnly(InputError):
+    """Nothing may be written there."""
+
+
 @contextmanager
 def plain_full_disk(path: Path) -> Iterator[None]:
     """Turn the error of a full disk, in whatever form a library raises it, into one that says what to do.
@@ -20,7 +24,8 @@ def plain_full_disk(path: Path) -> Iterator[None]:
         path: the file or folder that is written in the block.
 
     Raises:
-        InputError: the disk or the user's quota is full, or a file is in the way of the folder of `path`.
+        InputError: the disk or the user's quota is full, or a file is in the way of the folder of `path`, or it cannot
+            be made.
     """
     try:
         yield
@@ -29,6 +34,8 @@ def plain_full_disk(path: Path) -> Iterator[None]:
             raise InputError(
                 f"{path.parent}: not a folder", found="a file of that name", fix="choose another"
             ) from error
+        if isinstance(error, FileNotFoundError) and not path.parent.is_dir():  # as under /proc
+            raise InputError(f"{path.parent}: no folder can be made there", fix="choose another folder") from error
         if (isinstance(error, OSError) and error.errno in FULL) or os.strerror(errno.ENOSPC) in str(error):
             raise InputError(
                 f"{path}: no space left on the disk",
@@ -42,7 +49,8 @@ def plain_write_errors(path: Path) -> Iterator[None]:
     """Turn the errors of writing a file or folder that a user can mend into ones that say what to do.
 
     Raises:
-        InputError: as `plain_full_disk`, or nothing may be written there.
+        InputError: as `plain_full_disk`.
+        ReadOnly: nothing may be written there.
     """
     with plain_full_disk(path):
         try:
@@ -50,4 +58,4 @@ def plain_write_errors(path: Path) -> Iterator[None]:
         except OSError as error:
             if error.errno not in CLOSED:
                 raise
-            raise InputError(f"{path}: cannot be written", found=error.strerror, fix="choose another folder") from error
+            raise ReadOnly(f"{path}: cannot be written", found=error.strerror, fix="choose another folder") from error

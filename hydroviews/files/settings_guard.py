@@ -47,8 +47,7 @@ def claim_folder(
         _refuse_foreign(folder, foreign, path.name)
         write_json(path, dict(settings))
         return
-    earlier = read_json(path)
-    earlier = earlier if isinstance(earlier, dict) else {}
+    earlier = _earlier(path, fix, overwrite)
     changed = [key for key in settings if key not in ignored and earlier.get(key) != settings[key]]
     if not changed:
         return
@@ -62,6 +61,17 @@ def claim_folder(
     forget()
     remove_tree(folder)
     write_json(path, dict(settings))
+
+
+def _earlier(path: Path, fix: str, overwrite: bool) -> dict[str, Any]:
+    """The settings recorded; none where the file cannot be read and will be overwritten."""
+    try:
+        earlier = read_json(path, fix)
+    except InputError:
+        if not overwrite:
+            raise
+        earlier = {}
+    return earlier if isinstance(earlier, dict) else {}
 
 
 def _refuse_foreign(folder: Path, foreign: str | None, name: str) -> None:

@@ -83,10 +83,10 @@ class Case:
             Failed: they did not; with `otherwise` and the largest difference.
             NotTestable: they did not, on a GPU.
         """
-        device = self.trained.summary().device
         try:
             must_equal(found, expected, otherwise)
         except Failed as why:
+            device = self.trained.summary().device
             if device == "cpu":
                 raise
             raise NotTestable(f"{why}; it trains on {device}, where no two trainings are the same") from None

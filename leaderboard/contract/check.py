@@ -1,69 +1,41 @@
-"""Does a method keep its contract? A short training or two on a small room, and a line a promise."""
+"""Does a method keep its contract? A short training or two on a small room, and a line a promise.
+
+The checks run in a process of their own. One that ends it, or takes too long, has failed, and a new process goes on
+with those after it.
+"""
 
 import contextlib
 import dataclasses
+import json
 import logging
 import os
+import subprocess
 import tempfile
 import time
-import traceback
 from collections import Counter
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from enum import StrEnum
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from tqdm import tqdm
 
-from baselines.method import find_method
 from baselines.training.devices import VARIABLE, missing_for_cuda
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.profiles import find_profile
-from leaderboard.contract import checks, interruptions
-from leaderboard.contract.case import Case, Failed, NotTestable
+from leaderboard.contract.trials import CHECKS, Outcome, Result
+from leaderboard.records import printable
+from leaderboard.supervision import run_tethered
 
 logger = logging.getLogger(__name__)
 
-CHECKS: dict[str, Callable[[Case], str]] = {
-    "found by its name": checks.found,
-    "configurations": checks.configurations,
-    "trains": checks.training,
-    "renders any camera": checks.rendering,
-    "saved and loaded": checks.saving,
-    "summary": checks.summary,
-    "same seed, same result": checks.same_seed,
-    "held-out views unseen": checks.held_out,
-    "masks respected": checks.masks,
-    "bad photographs refused": checks.unreadable,
-    "fitted twice": checks.fitted_twice,
-    "other checkpoints refused": checks.foreign,
-    "Ctrl-C and on": interruptions.ctrl_c,
-    "SIGTERM and on": interruptions.termination,
-}
-BASIC = ("configurations", "trains")  # without these there is nothing to check the others on
+TRIALS = "leaderboard.contract.trials"  # the process' module
+MINUTES = 10.0
+LAST_WORDS = 100  # lines of what a process printed before it ended
 
 
-class Result(StrEnum):
-    """What a check can end with."""
-
-    PASSED = "passed"
-    FAILED = "failed"
-    NOT_TESTABLE = "not testable"
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """Of one check."""
-
-    check: str
-    result: Result
-    reason: str  # what was seen, or why it failed or could not be tested
-    seconds: float = 0.0
-    trace: str = ""  # of an exception that is no verdict
-
-
-def check(method: str, profile: str = "demo", steps: int = 30, report: Path | None = None) -> list[Outcome]:
+def check(
+    method: str, profile: str = "demo", steps: int = 30, report: Path | None = None, minutes: float = MINUTES
+) -> list[Outcome]:
     """Check a method, print a line a check, and write them all as JSON if asked to.
 
     Args:
@@ -71,15 +43,17 @@ def check(method: str, profile: str = "demo", steps: int = 30, report: Path | No
         profile: whose configuration is shortened.
         steps: of training, where the configuration counts them; the interrupted ones take some seconds.
         report: the JSON file.
+        minutes: that a check may take.
 
     Raises:
-        InputError: no such method or profile, or no steps.
+        InputError: no such method or profile, or no steps or time.
     """
     if steps < 1:
         raise InputError(f"--steps {steps}: too few", expected="1 or more")
-    kind = find_method(method)
-    with on_the_cpu(), tempfile.TemporaryDirectory(prefix="hydroviews-check-") as folder:
-        outcomes = run_checks(Case(method, kind, find_profile(profile).name, steps, Path(folder)))
+    if not minutes > 0:
+        raise InputError(f"--minutes {minutes:g}: too few", expected="more than 0")
+    with on_the_cpu():
+        outcomes = run_checks(method, find_profile(profile).name, steps, minutes)
     counts = Counter(outcome.result for outcome in outcomes)
     logger.info("\n%s: %s", method, ", ".join(f"{counts[result]} {result}" for result in Result))
     for outcome in outcomes:
@@ -107,34 +81,65 @@ def on_the_cpu() -> Iterator[None]:
         del os.environ[VARIABLE]
 
 
-def run_checks(case: Case) -> list[Outcome]:
+def run_checks(method: str, profile: str, steps: int, minutes: float) -> list[Outcome]:
     """All checks in order, each printed when it is done; the rest cannot be tested once a basic one has failed."""
     outcomes: list[Outcome] = []
-    reason, width = "", max(map(len, CHECKS))
-    with tqdm(CHECKS.items(), desc=case.name, unit="check", leave=False, disable=None) as bar:
-        for name, function in bar:
-            outcome = Outcome(name, Result.NOT_TESTABLE, reason) if reason else try_check(case, name, function)
-            logger.info("%s", f"{outcome.result:12}  {name:{width}}  {outcome.reason}")
+    options = [f"--method={method}", f"--profile={profile}", f"--steps={steps}"]
+    with tqdm(total=len(CHECKS), desc=method, unit="check", leave=False, disable=None) as bar:
+
+        def tell(outcome: Outcome) -> None:
+            logger.info("%s", f"{outcome.result:12}  {outcome.check:{max(map(len, CHECKS))}}  {outcome.reason}")
             outcomes.append(outcome)
-            if name in BASIC and outcome.result == Result.FAILED:
-                reason = f"failed already: {name}"
+            bar.update()
+
+        while (left := list(CHECKS)[len(outcomes) :]) and not any(outcome.ends_all for outcome in outcomes):
+            _run_some(options, left, minutes, tell)
+        reason = f"failed already: {outcomes[-1].check}"
+        for name in left:
+            tell(Outcome(name, Result.NOT_TESTABLE, reason))
     return outcomes
 
 
-def try_check(case: Case, name: str, function: Callable[[Case], str]) -> Outcome:
-    """One check; what the method prints meanwhile goes to a file."""
-    start, trace = time.perf_counter(), ""
-    try:
-        with (
-            (case.folder / "output.txt").open("a") as output,
-            contextlib.redirect_stdout(output),
-            contextlib.redirect_stderr(output),
-        ):
-            result, reason = Result.PASSED, function(case)
-    except NotTestable as why:
-        result, reason = Result.NOT_TESTABLE, str(why)
-    except Failed as why:
-        result, reason = Result.FAILED, str(why)
-    except Exception as error:  # whatever a method does
-        result, reason, trace = Result.FAILED, f"{type(error).__name__}: {error}", traceback.format_exc()
-    return Outcome(name, result, " ".join(reason.split()), round(time.perf_counter() - start, 2), trace)
+def _run_some(options: Sequence[str], names: Sequence[str], minutes: float, tell: Callable[[Outcome], None]) -> None:
+    """Run checks in a process, as far as it comes; that in which it ends has failed."""
+    with tempfile.TemporaryDirectory(prefix="hydroviews-check-") as temporary:
+        folder = Path(temporary)
+        told, work, output = folder / "told", folder / "work", folder / "output"
+        options = [*options, f"--folder={work}", f"--told={told}", "--names", *names]
+        follower = Follower(told, minutes, tell)
+        with output.open("wb") as file:
+            reason = run_tethered(TRIALS, options, folder, follower, subprocess.Popen.kill, output=file)
+        follower.read()
+        if reason and follower.n < len(names):
+            trace = "\n".join(output.read_text(errors="replace").splitlines()[-LAST_WORDS:])
+            tell(Outcome(names[follower.n], Result.FAILED, printable(reason), round(follower.seconds, 2), trace))
+
+
+class Follower:
+    """Tells outcomes as a process writes them, and watches that none takes too long."""
+
+    def __init__(self, path: Path, minutes: float, tell: Callable[[Outcome], None]) -> None:
+        self._path, self._minutes, self._tell = path, minutes, tell
+        self._since = time.monotonic()
+        self.n, self.reason = 0, ""
+
+    @property
+    def seconds(self) -> float:
+        """Since the last outcome."""
+        return time.monotonic() - self._since
+
+    def overdue(self) -> bool:
+        """Whether the check that is being made has taken too long; says so in `reason`."""
+        self.read()
+        if self.seconds > 60 * self._minutes:
+            self.reason = f"not done after {self._minutes:g} minutes (--minutes allows more)"
+        return bool(self.reason)
+
+    def read(self) -> None:
+        """Tell what is new."""
+        lines = self._path.read_text().splitlines(keepends=True) if self._path.is_file() else []
+        for line in lines[self.n :]:
+            if line.endswith("\n"):
+                outcome = json.loads(line)
+                self._tell(Outcome(**{**outcome, "result": Result(outcome["result"])}))
+                self.n, self._since = self.n + 1, time.monotonic()

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from baselines.method import find_method
+from hydroviews.cli.processes import end_with_parent
 from hydroviews.files.atomic import read_json, write_json
 from hydroviews.scene.images import Image
 from hydroviews.scene.scenes import Scene
@@ -100,7 +101,7 @@ def _run(case: Case, steps: int, folder: Path, number: signal.Signals | None = N
     shutil.rmtree(notes, ignore_errors=True)
     for new in (folder, notes):
         new.mkdir(parents=True, exist_ok=True)
-    arguments = case.name, case.profile, steps, only_training(case.scene), folder, notes
+    arguments = case.name, case.profile, steps, only_training(case.scene), folder, notes, os.getpid()
     process = multiprocessing.get_context("spawn").Process(target=_train, args=arguments)
     process.start()
     try:
@@ -125,8 +126,9 @@ def _interrupt(process: BaseProcess, number: signal.Signals, begun: Path, moment
             raise Failed(f"{number.name} has not ended it after {PATIENCE:.0f} s")
 
 
-def _train(name: str, profile: str, steps: int, scene: Scene, folder: Path, notes: Path) -> None:
+def _train(name: str, profile: str, steps: int, scene: Scene, folder: Path, notes: Path, parent: int) -> None:
     """What the process does: as in a run of the benchmark, SIGINT is KeyboardInterrupt and SIGTERM ends it."""
+    end_with_parent(parent)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGTERM, lambda received, _: sys.exit(128 + received))
     with (notes / OUTPUT).open("wb") as output:

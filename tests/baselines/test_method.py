@@ -1,9 +1,11 @@
-"""How methods are found: the errors for an unknown name and for a module that fails."""
+"""How methods are found: the errors for an unknown name and for a module that fails; what their results must be."""
 
+import numpy as np
 import pytest
 
-from baselines.method import find_method
+from baselines.method import TrainingSummary, check_render, find_method
 from hydroviews.errors import InputError
+from hydroviews.scene.cameras import Camera
 
 
 @pytest.fixture
@@ -58,3 +60,55 @@ def test_a_misspelt_name_suggests_the_nearest(name, meant):
 
 def test_a_name_like_no_other_suggests_nothing():
     assert "did you mean" not in refusal("zzz")
+
+
+GREY = np.full((2, 5, 3), 0.5, np.float32)
+
+
+def with_value(value: float) -> np.ndarray:
+    image = GREY.copy()
+    image[0, :3, 1] = value
+    return image
+
+
+@pytest.mark.parametrize(
+    ("image", "found"),
+    [
+        (None, r"rendered NoneType \(\), expected float32 \(2, 5, 3\)"),
+        (GREY[:, :4], r"rendered float32 \(2, 4, 3\)"),
+        (GREY[..., 0], r"rendered float32 \(2, 5\)"),
+        ((255 * GREY).astype(np.uint8), "rendered uint8"),
+        (GREY.astype(np.float64), "rendered float64"),
+        (GREY.astype(np.complex64), "rendered complex64"),
+        (GREY > 0, "rendered bool"),
+        (255 * GREY, "rendered above 1 in 10 of 10 pixels"),
+        (with_value(-0.1), "rendered below 0 in 3 of 10 pixels"),
+        (with_value(np.nan), r"rendered NaN in 3 of 10 pixels, expected finite values in \[0, 1\]"),
+        (with_value(np.inf), "rendered infinite in 3, above 1 in 3 of 10 pixels"),
+    ],
+)
+def test_a_render_that_is_not_what_was_promised_is_refused(image, found):
+    camera = Camera(5, 2, 4.0, 4.0, 2.5, 1.0, np.eye(4))
+    check_render(GREY, camera)
+    with pytest.raises(ValueError, match=found):
+        check_render(image, camera)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"train_seconds": float("nan")},
+        {"train_seconds": None},
+        {"train_seconds": -1.0},
+        {"n_primitives": 2.5},
+        {"n_primitives": "many"},
+        {"model_mb": float("inf")},
+        {"device": ""},
+        {"used": None},
+    ],
+)
+def test_a_summary_holds_finite_numbers_and_words(changes):
+    fields = {"train_seconds": 1.5, "n_primitives": 0, "model_mb": None, "device": "cpu"}
+    TrainingSummary(**fields)
+    with pytest.raises(ValueError, match=f"summary: .*{next(iter(changes))}|no device"):
+        TrainingSummary(**{**fields, **changes})

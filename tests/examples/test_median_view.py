@@ -12,8 +12,8 @@ from hydroviews.metrics import psnr
 from hydroviews.scene.images import write_png
 from hydroviews.scene.scenes import no_points
 from leaderboard.contract.case import Case
-from leaderboard.contract.check import CHECKS, Result, try_check
 from leaderboard.contract.toy_scene import draw_room
+from leaderboard.contract.trials import CHECKS, Result, try_check
 from leaderboard.predict import only_training
 
 REPOSITORY = Path(__file__).parents[2]

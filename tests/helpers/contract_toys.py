@@ -2,6 +2,8 @@
 
 import hashlib
 import json
+import os
+import signal
 import time
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -152,6 +154,28 @@ class Rounds(Good):
 class NoTime(Good):
     def summary(self) -> TrainingSummary:
         return TrainingSummary(float("nan"), None, None, "cpu")
+
+
+class TellsDevice(Good):
+    def summary(self) -> TrainingSummary:
+        return replace(super().summary(), device=os.environ["HYDROVIEWS_DEVICE"])
+
+
+class ExitsWhenRendering(Good):
+    def render(self, camera: Camera) -> Image:
+        os._exit(0)
+
+
+class CrashesWhenRendering(Good):
+    def render(self, camera: Camera) -> Image:
+        os.kill(os.getpid(), signal.SIGSEGV)
+        return super().render(camera)
+
+
+class HangsWhenRendering(Good):
+    def render(self, camera: Camera) -> Image:
+        time.sleep(600)
+        return super().render(camera)
 
 
 class Unseeded(Good):

@@ -9,6 +9,7 @@ from synthetic import capture_in
 
 from hydroviews.formats.writers import write_colmap
 from leaderboard import evaluate, tables
+from leaderboard.runs import recorded_configuration
 
 
 @pytest.fixture
@@ -21,6 +22,7 @@ def toys(monkeypatch):
 
 def use_toys(monkeypatch: pytest.MonkeyPatch) -> None:
     folder = str(Path(__file__).parent)
+    monkeypatch.setattr(evaluate, "probe", recorded_configuration)  # they can be imported: that process costs a second
     monkeypatch.setenv("PYTHONPATH", folder)
     monkeypatch.syspath_prepend(folder)
     for module in (evaluate, tables):

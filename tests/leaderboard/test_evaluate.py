@@ -8,9 +8,11 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import finished_runs
 import numpy as np
 import pandas as pd
 import pytest
+from processes import PATIENCE
 
 import hydroviews
 from hydroviews import metrics
@@ -21,6 +23,7 @@ from leaderboard import evaluate as evaluate_module
 from leaderboard import predict as predict_module
 from leaderboard.__main__ import evaluate_command, overview_command, score_command
 from leaderboard.evaluate import EvaluateRequest, evaluate, outcome
+from leaderboard.probe import probe
 from leaderboard.records import as_row, code_version, columns
 from leaderboard.score import score
 
@@ -82,7 +85,7 @@ def test_second_call_keeps_records_and_rescoring_gives_the_same(built, evaluated
     assert score(run) == evaluated
 
 
-def test_a_run_that_another_process_is_at_is_waited_for(built, evaluated, tmp_path, capsys, caplog):
+def test_a_run_that_another_process_is_at_is_waited_for(built, evaluated, tmp_path, caplog):
     run = tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0"
     record, away = run / "record.json", tmp_path / "record.json"
     taken = threading.Event()
@@ -91,18 +94,18 @@ def test_a_run_that_another_process_is_at_is_waited_for(built, evaluated, tmp_pa
         with locked(run):
             record.rename(away)
             taken.set()
-            time.sleep(2)
+            deadline = time.monotonic() + PATIENCE
+            while BUSY not in caplog.text and time.monotonic() < deadline:
+                time.sleep(0.05)
             away.rename(record)
 
     with ThreadPoolExecutor(1) as pool:
         finishing = pool.submit(finish)
         taken.wait()
-        caplog.clear()
         evaluate(request(built, tmp_path, "MeanColour"))
         finishing.result()
-    told = caplog.text + capsys.readouterr().err
-    assert f"{run}: {BUSY}" in told
-    assert "toy_methods:MeanColour on yard/streak-0, seed 0: kept" in told
+    assert f"{run}: {BUSY}" in caplog.text
+    assert "toy_methods:MeanColour on yard/streak-0, seed 0: kept" in caplog.text
 
 
 def test_rescoring_on_other_data_is_refused(built, evaluated, tmp_path):
@@ -206,7 +209,8 @@ def test_the_sparse_track_trains_on_a_third_and_keeps_apart(built, evaluated, tm
     [
         ("Raises", "ArithmeticError: diverged at step 7"),
         ("Killed", "ended by SIGKILL"),
-        ("RendersNan", "finite values"),
+        ("RendersNan", "view-00: rendered NaN in 1,728 of 1,728 pixels"),
+        ("NothingLeft", "training has left no Gaussians"),
     ],
 )
 def test_a_failed_run_is_a_row_without_numbers(built, evaluated, tmp_path, method, reason):
@@ -216,6 +220,45 @@ def test_a_failed_run_is_a_row_without_numbers(built, evaluated, tmp_path, metho
     assert reason in row.reason
     assert row[["psnr", "ssim", "lpips_alex", "train_s", "model_mb"]].isna().all()
     assert (leaderboard(tmp_path).status == "done").sum() == 2
+
+
+def test_trouble_of_one_kind_or_another_is_a_row_and_the_next_pattern_runs(built, evaluated, tmp_path):
+    patterns = ("streak-0", "streak-1", "streak-2")
+    records = evaluate(request(built, tmp_path, "Troubles", patterns=patterns))
+    of_it = [record for record in records if record.method.endswith("Troubles")]
+    assert [(record.pattern, record.status) for record in of_it] == [
+        ("streak-0", "failed"),
+        ("streak-1", "failed"),
+        ("streak-2", "done"),
+    ]
+    assert "removed or changed the config.json" in of_it[0].reason
+    assert "its process ended before the work was done, with exit status 130" in of_it[1].reason
+    again = evaluate(request(built, tmp_path, "Troubles", patterns=patterns[:1]))[-1]
+    assert again == of_it[0]
+
+
+def test_a_run_that_hangs_is_a_failed_row(built, evaluated, tmp_path):
+    record = evaluate(request(built, tmp_path, "Hangs", stall_limit=2 / 3600))[-1]
+    assert record.status == "failed"
+    assert "no line printed and no file written" in record.reason
+    with pytest.raises(InputError, match="--memory-limit 0"):
+        evaluate(request(built, tmp_path, "Hangs", memory_limit=0.0))
+
+
+def test_what_an_error_says_is_cut_and_printable(built, evaluated, tmp_path):
+    reason = evaluate(request(built, tmp_path, "Rambles"))[-1].reason
+    assert reason.startswith(r"ValueError: \ud800\x1b[31mxxx")
+    assert reason.endswith(" characters)")
+    assert len(reason) == 500
+    assert list(leaderboard(tmp_path).status) == ["done", "done", "failed"]
+
+
+def test_a_configuration_that_raises_is_a_clear_error(built, tmp_path):
+    with pytest.raises(
+        InputError, match=r"OddConfiguration: no configuration for PROFILE=demo[\s\S]*no settings today"
+    ):
+        evaluate(request(built, tmp_path, "OddConfiguration"))
+    assert not (tmp_path / "data").exists()
 
 
 def test_bad_input_ends_the_command(built, evaluated, tmp_path):
@@ -241,6 +284,12 @@ def test_other_settings_are_refused_unless_overwritten(built, evaluated, tmp_pat
     assert record.status == "done"
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="a folder that takes no folders")
+def test_a_data_folder_that_cannot_be_made_is_refused(built, tmp_path):
+    with pytest.raises(InputError, match="no folder can be made there"):
+        evaluate(request(built, tmp_path, "MeanColour", data=Path("/proc")))
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -257,8 +306,19 @@ def test_unknown_names(built, tmp_path, changes, message):
 
 @pytest.mark.parametrize(
     ("method", "message"),
-    [("nerf-x", "no such method"), ("json:JSONDecoder", "is not a method"), ("no.module:Class", "cannot import")],
+    [
+        ("nerf-x", "no such method"),
+        ("json:JSONDecoder", "is not a method"),
+        ("no.module:Class", "cannot import"),
+        ("exiting_module:Any", r"cannot import[\s\S]*SystemExit: 0"),
+        (
+            "leaving_module:Any",
+            r"cannot be imported[\s\S]*its process ended before the work was done, with exit status 0",
+        ),
+    ],
 )
-def test_unknown_methods(method, message, tmp_path):
+def test_unknown_methods(method, message, tmp_path, monkeypatch):
+    monkeypatch.setattr(evaluate_module, "probe", probe)
+    monkeypatch.setenv("PYTHONPATH", str(Path(finished_runs.__file__).parent))
     with pytest.raises(InputError, match=message):
         evaluate(EvaluateRequest(method=method, data=tmp_path, results=tmp_path))

@@ -1,9 +1,10 @@
 """Methods that train in no time, to test the harness with."""
 
 import os
+import shutil
 import signal
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -81,3 +82,37 @@ class WaitsOnce(MeanColour):
             (folder / "begun").touch()
             time.sleep(600)
         super().fit(scene, folder)
+
+
+class Hangs(MeanColour):
+    def fit(self, scene: Scene, folder: Path) -> None:
+        time.sleep(600)
+
+
+class Troubles(MeanColour):
+    """Makes trouble of another kind on every pattern but heavy streaks."""
+
+    def fit(self, scene: Scene, folder: Path) -> None:
+        super().fit(scene, folder)
+        if folder.parent.name == "streak-0":
+            shutil.rmtree(folder)
+        if folder.parent.name == "streak-1":
+            os._exit(130)
+
+
+class NothingLeft(MeanColour):
+    def summary(self) -> TrainingSummary:
+        return replace(super().summary(), n_primitives=0)
+
+
+class Rambles(MeanColour):
+    """An error as long as a book, with what is no character; and so is what it used."""
+
+    def fit(self, scene: Scene, folder: Path) -> None:
+        raise ValueError("\ud800\x1b[31m" + 1_000_000 * "x")
+
+
+class OddConfiguration(MeanColour):
+    @classmethod
+    def configuration(cls, profile: str) -> Config:
+        raise ArithmeticError("no settings today")

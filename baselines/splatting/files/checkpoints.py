@@ -3,11 +3,13 @@
 from pathlib import Path
 from typing import Any
 
+from baselines.splatting.files.finite import require_finite
 from baselines.splatting.gaussians import FEATURES, FIELDS, Gaussians
 from baselines.splatting.state import TrainingState
 from baselines.training.checkpoints import Tree, read_arrays, write_arrays
 from hydroviews.errors import InputError
 
+FIX = "train the method again"
 PARTS = ("gaussians", "first", "second")
 OTHERS = ("gradient_sum", "seen", "iteration", "seconds", "residuals", "non_finite")
 
@@ -41,10 +43,14 @@ def read_model(path: Path) -> tuple[Gaussians, dict[str, Any]]:
     """What `write_model` wrote.
 
     Raises:
-        InputError: missing or damaged, or not a model.
+        InputError: missing or damaged, not a model, or Gaussians that are not finite.
     """
     arrays, about = read_arrays(path)
     missing = [name for name in (*FIELDS, "origin") if name not in arrays]
     if missing:
-        raise InputError(f"{path}: not a model", found=f"no {', '.join(missing)}", fix="train the method again")
-    return Gaussians(**arrays), about
+        raise InputError(f"{path}: not a model", found=f"no {', '.join(missing)}", fix=FIX)
+    try:
+        gaussians = Gaussians(**arrays)
+    except (TypeError, ValueError) as error:  # an array of another name, shape or kind
+        raise InputError(f"{path}: not a model", found=error, fix=FIX) from error
+    return require_finite(path, gaussians, FIX), about

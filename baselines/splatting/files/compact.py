@@ -13,6 +13,7 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.splatting.files.finite import require_finite
 from baselines.splatting.files.ply import origin_comment, rest_coefficients
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.constants import MIN_ALPHA
@@ -55,8 +56,7 @@ def write_compressed_ply(path: Path, gaussians: Gaussians) -> None:
     gsply = _import_gsply()
     if not len(gaussians):
         raise InputError(f"{path}: no Gaussians to write")
-    if not all(np.isfinite(value).all() for value in gaussians.state_dict().values()):
-        raise InputError(f"{path}: Gaussians that are not finite", fix="train the model again")
+    require_finite(path, gaussians, "train the model again")
     near = gaussians.select(neighbouring_order(gaussians.means))
     content = gsply.compress_to_bytes(
         near.means,

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from plyfile import PlyData, PlyElement, PlyHeaderParseError, PlyParseError
 
+from baselines.splatting.files.finite import require_finite
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.spherical_harmonics import degree_of
 from hydroviews.errors import InputError
@@ -63,7 +64,8 @@ def read_ply(path: Path) -> Gaussians:
     """Read what `write_ply` or another 3DGS program wrote; what `write_ply` wrote comes back exactly.
 
     Raises:
-        InputError: missing, cut short, not a .ply, or a .ply without a 3DGS program's properties.
+        InputError: missing, cut short, not a .ply, a .ply without a 3DGS program's properties, or with values that are
+            not finite.
     """
     try:
         data = PlyData.read(str(path))
@@ -90,7 +92,7 @@ def read_ply(path: Path) -> Gaussians:
             f"{path}: cannot make spherical harmonics", found=f"{len(rest_names)} f_rest properties",
             expected="f_rest_0 to f_rest_(n - 1) with n = 0, 9, 24 or 45", fix=FIX,
         ) from None  # fmt: skip
-    return Gaussians(
+    gaussians = Gaussians(
         means=_take(vertices, MEANS),
         quaternions=_take(vertices, QUATERNION),
         log_scales=_take(vertices, SCALES),
@@ -98,6 +100,7 @@ def read_ply(path: Path) -> Gaussians:
         sh=np.ascontiguousarray(np.concatenate([_take(vertices, DC)[:, None], rest], axis=1)),
         origin=_origin(path, data),
     )
+    return require_finite(path, gaussians, FIX)
 
 
 def _put(table: NDArray, names: tuple[str, ...], values: NDArray) -> None:

@@ -94,3 +94,9 @@ def test_impossible_films_are_refused(changes):
 def test_other_suffixes_are_refused(run, tmp_path):
     with pytest.raises(InputError, match=r"film\.avi"):
         film(run.folder, run.data.parent, tmp_path / "film.avi", CHOICE)
+
+
+def test_a_render_that_breaks_the_contract_is_refused(run, tmp_path, monkeypatch):
+    monkeypatch.setattr(Cloud, "render", lambda self, camera, render=Cloud.render: 255 * render(self, camera))
+    with pytest.raises(InputError, match=r"Cloud, frame 0: rendered above 1 in"):
+        film(run.folder, run.data.parent, tmp_path / "film.mp4", CHOICE)

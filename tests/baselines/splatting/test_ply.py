@@ -1,6 +1,7 @@
 """Splat files: exact there and back, and what other programs' files must have."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -8,8 +9,10 @@ from numpy.lib.recfunctions import repack_fields
 from plyfile import PlyData, PlyElement
 from splats import cloud
 
+from baselines.splatting.files.checkpoints import read_model, write_model
 from baselines.splatting.files.ply import read_ply, write_ply
 from baselines.splatting.gaussians import FIELDS
+from baselines.training.checkpoints import write_arrays
 from hydroviews.errors import InputError
 
 
@@ -63,6 +66,32 @@ def test_files_that_are_not_splats_are_refused(tmp_path):
     PlyData([PlyElement.describe(points, "vertex")]).write(str(path))
     with pytest.raises(InputError, match="f_dc_0"):
         read_ply(path)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize(("write", "read"), [(write_ply, read_ply), (partial(write_model, about={}), read_model)])
+def test_gaussians_that_are_not_finite_are_refused(tmp_path, write, read, value):
+    gaussians = cloud(20, 1)
+    gaussians.opacity_logits[3:5] = value
+    write(tmp_path / "splats.ply", gaussians)
+    with pytest.raises(InputError, match=r"not finite[\s\S]*in 2 of 20"):
+        read(tmp_path / "splats.ply")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"log_scales": np.zeros((5, 3), np.float32)}, r"log_scales: float32 of shape \(5, 3\)"),
+        ({"sh": np.zeros((20, 5, 3), np.float32)}, "not a model"),
+        ({"means": np.zeros((20, 3))}, "means: float64"),
+        ({"hack": np.zeros(3)}, "hack"),
+    ],
+)
+def test_a_model_with_other_arrays_is_refused(tmp_path, changes, message):
+    gaussians = cloud(20, 1)
+    write_arrays(tmp_path / "model", {**gaussians.state_dict(), "origin": gaussians.origin, **changes}, {})
+    with pytest.raises(InputError, match=message):
+        read_model(tmp_path / "model")
 
 
 def test_an_odd_number_of_coefficients_is_refused(tmp_path):

@@ -18,8 +18,9 @@ from leaderboard.__main__ import check_command
 from leaderboard.contract import check as check_module
 from leaderboard.contract import interruptions
 from leaderboard.contract.case import Case
-from leaderboard.contract.check import BASIC, CHECKS, Result, check, run_checks, try_check
+from leaderboard.contract.check import check
 from leaderboard.contract.toy_scene import N_VIEWS, draw_room
+from leaderboard.contract.trials import BASIC, CHECKS, Result, try_check, try_checks
 
 REPOSITORY = Path(__file__).parents[3]
 INTERRUPTED = ("Ctrl-C and on", "SIGTERM and on")
@@ -41,15 +42,14 @@ def results(case: Case, names=QUICK) -> dict[str, Result]:
     return {name: try_check(case, name, CHECKS[name]).result for name in names}
 
 
-def test_a_method_that_keeps_the_contract_passes(case, caplog):
-    outcomes = run_checks(case("Good"))
+def test_a_method_that_keeps_the_contract_passes(case):
+    outcomes = list(try_checks(case("Good"), CHECKS))
     reasons = {outcome.check: outcome.reason for outcome in outcomes}
     assert {outcome.result for outcome in outcomes} == {Result.PASSED}, reasons
     assert list(reasons) == list(CHECKS)
     assert reasons["configurations"] == "demo, quick"
     assert "with seed 1 others" in reasons["same seed, same result"]
     assert reasons["Ctrl-C and on"].endswith("goes on from checkpoint.json: the same pixels")
-    assert caplog.text.count("passed") == len(CHECKS)
 
 
 @pytest.mark.parametrize(
@@ -110,18 +110,22 @@ def test_on_a_gpu_the_same_bits_pass(case):
     assert set(results(case("ExactOnACard")).values()) == {Result.PASSED}
 
 
-def test_it_is_the_cpu_that_is_checked(monkeypatch, caplog):
-    def device(_: Case) -> str:
-        return os.environ["HYDROVIEWS_DEVICE"]
+@pytest.fixture
+def only(monkeypatch):
+    """Lets `check` make some checks alone, in a process that can import the toys."""
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(Path(contract_toys.__file__).parent), str(REPOSITORY)]))
+    return lambda *names: monkeypatch.setattr(check_module, "CHECKS", {name: CHECKS[name] for name in names})
 
-    monkeypatch.setattr(check_module, "CHECKS", {"device": device})
+
+def test_it_is_the_cpu_that_is_checked(only, monkeypatch, caplog):
+    only("summary")
     monkeypatch.setattr(check_module, "missing_for_cuda", lambda: None)
     monkeypatch.delenv("HYDROVIEWS_DEVICE", raising=False)
-    assert check("contract_toys:Good")[0].reason == "cpu"
+    assert check("contract_toys:TellsDevice", steps=1)[0].reason.endswith(", cpu")
     assert "on the CPU, where the same training gives the same pixels" in caplog.text
     assert "HYDROVIEWS_DEVICE" not in os.environ
     monkeypatch.setenv("HYDROVIEWS_DEVICE", "cuda")
-    assert check("contract_toys:Good")[0].reason == "cuda"
+    assert check("contract_toys:TellsDevice", steps=1)[0].reason.endswith(", cuda")
 
 
 def test_without_a_checkpoint_some_checks_cannot_be_made(case, monkeypatch):
@@ -142,16 +146,43 @@ def test_a_training_that_does_not_go_on_as_it_was_fails(case, toy, message):
 
 
 @pytest.mark.parametrize(("toy", "basic"), [("Unrecordable", "configurations"), ("Crashes", "trains")])
-def test_nothing_is_checked_without_the_basics(case, toy, basic):
-    outcomes = run_checks(case(toy))
+def test_nothing_is_checked_without_the_basics(only, toy, basic):
+    only("found by its name", *BASIC, "masks respected", "summary")
+    outcomes = check(f"contract_toys:{toy}", steps=3)
     failed = [outcome for outcome in outcomes if outcome.result == Result.FAILED]
     assert [outcome.check for outcome in failed] == [basic]
-    assert basic in BASIC
     later = outcomes[outcomes.index(failed[0]) + 1 :]
+    assert later
     assert {(o.result, o.reason) for o in later} == {(Result.NOT_TESTABLE, f"failed already: {basic}")}
     if toy == "Crashes":
         assert failed[0].reason == "ArithmeticError: diverged at step 7"
         assert "contract_toys.py" in failed[0].trace
+
+
+@pytest.mark.parametrize(
+    ("toy", "reason"),
+    [
+        ("ExitsWhenRendering", "its process ended before the work was done, with exit status 0"),
+        ("CrashesWhenRendering", "ended by SIGSEGV"),
+    ],
+)
+def test_a_check_that_ends_its_process_has_failed_and_the_next_is_made(only, toy, reason):
+    only("renders any camera", "summary")
+    rendering, summary = check(f"contract_toys:{toy}", steps=1)
+    assert rendering.result == Result.FAILED
+    assert reason in rendering.reason
+    assert summary.result == Result.PASSED
+    if toy == "CrashesWhenRendering":
+        assert "in render" in rendering.trace
+
+
+def test_a_check_that_never_ends_has_failed(only):
+    only("renders any camera")
+    (rendering,) = check("contract_toys:HangsWhenRendering", steps=1, minutes=0.05)
+    assert (rendering.result, rendering.reason) == (
+        Result.FAILED,
+        "not done after 0.05 minutes (--minutes allows more)",
+    )
 
 
 def test_the_check_itself_can_be_ended(case):
@@ -162,8 +193,8 @@ def test_the_check_itself_can_be_ended(case):
         try_check(case("Good"), "trains", ended)
 
 
-def test_it_is_told_in_words_in_json_and_by_the_exit_status(tmp_path, monkeypatch, caplog):
-    monkeypatch.setattr(check_module, "CHECKS", {name: CHECKS[name] for name in ("found by its name", "trains")})
+def test_it_is_told_in_words_in_json_and_by_the_exit_status(only, tmp_path, caplog):
+    only("found by its name", "trains")
     report = tmp_path / "report.json"
     check_command("contract_toys:Good", steps=3, json=report)
     assert "contract_toys:Good: 2 passed, 0 failed, 0 not testable" in caplog.text
@@ -185,8 +216,11 @@ def test_it_is_told_in_words_in_json_and_by_the_exit_status(tmp_path, monkeypatc
         ({"method": "nothing"}, "no such method"),
         ({"method": "contract_toys:Good", "profile": "huge"}, "PROFILE=huge"),
         ({"method": "contract_toys:Good", "steps": 0}, "--steps 0"),
+        ({"method": "contract_toys:Good", "minutes": float("nan")}, "--minutes nan"),
+        ({"method": "exiting_module:Any"}, "cannot import exiting_module:Any[\\s\\S]*SystemExit: 0"),
     ],
 )
+@pytest.mark.usefixtures("only")
 def test_what_cannot_be_checked_is_refused(arguments, message):
     with pytest.raises(InputError, match=message):
         check(**arguments)

@@ -1,0 +1,139 @@
+"""All records of a results folder as one table, in which an odd one is a row with a reason."""
+
+import csv
+import logging
+import math
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import replacing
+from hydroviews.files.full_disk import ReadOnly
+from leaderboard.records import (
+    GIVEN_POSES,
+    LEADERBOARD,
+    PER_VIEW,
+    RECORD,
+    RESCORE,
+    TRACKS,
+    UNREADABLE,
+    Record,
+    as_row,
+    columns,
+    read_record,
+    run_folder,
+)
+from leaderboard.tables import write_tables
+
+logger = logging.getLogger(__name__)
+
+LEVELS = 5  # profile, method, scene, pattern, seed: see `leaderboard.runs`
+LAST = re.compile(rf"seed-[0-9]{{1,9}}(-({'|'.join(TRACKS)}))?")  # folder of a seed, with its track
+COUNTS = ("n_train", "n_test", "width", "height", "n_primitives")
+ROUNDED = 1e-5  # what a score of a record may differ from the mean of its views: it is rounded to five digits
+
+
+def collect(results: Path) -> pd.DataFrame:
+    """All records of a results folder, one row each, in the order of `columns`.
+
+    A record that cannot be used is a row too: with the names of its folder, status unreadable, the reason, and
+    without numbers. Only where the folder is none of a run's, such as a copy kept beside it, there is just a warning.
+    """
+    rows = []
+    for path in sorted(results.glob("*/" * LEVELS + RECORD)):
+        try:
+            rows.append(as_row(trusted_record(path.parent)))
+        except InputError as error:
+            logger.warning("not counted: %s", error)
+            if LAST.fullmatch(path.parent.name):
+                rows.append(as_row(_unreadable(path.parent, str(error))))
+    table = pd.DataFrame(rows, columns=columns()).astype(dict.fromkeys(COUNTS, "Int64"))  # whole, where one is missing
+    return table.sort_values(["profile", "scene", "track", "effect", "pattern", "method", "seed"], ignore_index=True)
+
+
+def trusted_record(folder: Path) -> Record:
+    """The record of a run, if it belongs there and its scores are those of its views.
+
+    Raises:
+        InputError: there is none or an odd one, it is another run's, or `per_view.csv` says otherwise.
+    """
+    record = read_record(folder / RECORD)
+    names = ("profile", "method", "scene", "pattern", "seed", "track")
+    belongs = run_folder(folder.parents[LEVELS - 1], **{name: getattr(record, name) for name in names})
+    if belongs != folder:
+        raise InputError(
+            f"{folder / RECORD}: the record of another run", found=belongs, fix="move the run back, or remove it"
+        )
+    if record.scores:
+        _check_scores(folder / PER_VIEW, record)
+    return record
+
+
+def _check_scores(path: Path, record: Record) -> None:
+    """Refuse scores that are not the means of what `per_view.csv` holds.
+
+    Raises:
+        InputError: they differ, or there is no such file.
+    """
+    try:
+        with path.open(newline="") as file:
+            views = list(csv.DictReader(file))
+        means = {name: math.fsum(float(view[name]) for view in views) / len(views) for name in record.scores}
+    except (OSError, ValueError, KeyError, TypeError, ZeroDivisionError, csv.Error) as error:
+        raise InputError(f"{path}: does not hold the record's scores", found=repr(error), fix=RESCORE) from None
+    differ = [name for name, value in record.scores.items() if not abs(means[name] - value) <= ROUNDED]
+    if differ or len(views) != record.n_test:
+        raise InputError(
+            f"{path.with_name(RECORD)}: its scores are not those of its views",
+            found=_in_words(record.scores, differ, record.n_test),
+            expected=_in_words(means, differ, len(views)),
+            fix=RESCORE,
+        )
+
+
+def _in_words(scores: Mapping[str, float], names: Sequence[str], n_views: int | None) -> str:
+    return ", ".join([*(f"{name} {scores[name]:.5g}" for name in names), f"{n_views} views"])
+
+
+def _unreadable(folder: Path, reason: str) -> Record:
+    """A row for a run whose record cannot be used, with the names of its folder."""
+    profile, method, scene, pattern, last = folder.parts[-LEVELS:]
+    seed, _, track = last.removeprefix("seed-").partition("-")
+    return Record(
+        method=method,
+        scene=scene,
+        effect=pattern.rpartition("-")[0] or pattern,
+        pattern=pattern,
+        seed=int(seed),
+        track=track or GIVEN_POSES,
+        status=UNREADABLE,
+        reason=reason,
+        n_train=None,
+        n_test=None,
+        width=None,
+        height=None,
+        profile=profile,
+    )
+
+
+def write_leaderboard(results: Path) -> pd.DataFrame:
+    """Gather every record into `leaderboard.csv` and `tables.md`; numbers that are missing stay empty.
+
+    Where nothing may be written there is a warning: the table is there to be printed.
+
+    Raises:
+        InputError: there is no record.
+    """
+    table = collect(results)
+    if table.empty:
+        raise InputError(f"{results}: no finished run", fix="run `make eval METHOD=3dgs` first")
+    try:
+        with replacing(results / LEADERBOARD) as temporary:
+            table.to_csv(temporary, index=False)
+        write_tables(table, results)
+    except ReadOnly as error:
+        logger.warning("%s", error)
+    return table

@@ -1,0 +1,212 @@
+"""Records and predictions that were edited, cut or moved: a row with a reason, and never the end of a table."""
+
+import json
+import logging
+import shutil
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from hydroviews.errors import InputError
+from leaderboard.__main__ import table_command
+from leaderboard.evaluate import EvaluateRequest, evaluate
+from leaderboard.gather import collect, write_leaderboard
+from leaderboard.records import LONGEST, columns, printable
+
+RUN = "demo/toy_methods.MeanColour/yard/streak-0/seed-0"
+pytestmark = pytest.mark.usefixtures("toys")
+
+
+@pytest.fixture
+def results(evaluated, tmp_path) -> Path:
+    return tmp_path / "results"
+
+
+def edit(path: Path, **changes) -> None:
+    path.write_text(json.dumps({**json.loads(path.read_text()), **changes}))
+
+
+def row(results: Path) -> pd.Series:
+    """Of the edited run; the other one is as it was, and all of them are in the CSV."""
+    table = write_leaderboard(results)
+    assert len(table) == len(pd.read_csv(results / "leaderboard.csv")) == 2
+    assert table.status[0] == "done"
+    assert list(table.columns) == columns()
+    return table.iloc[1]
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"psnr": 99}, "its scores are not those of its views"),
+        ({"psnr": "a string"}, "psnr 'a string'"),
+        ({"psnr": [1, 2]}, r"psnr \[1, 2\]"),
+        ({"psnr": float("nan")}, "psnr nan"),
+        ({"psnr": True}, "psnr True"),
+        ({"psnr": 10**400}, r"psnr 1000+ \.\.\. \(401 characters\)"),
+        ({"method": "../../x"}, "the record of another run"),
+        ({"method": None}, "method None, expected str"),
+        ({"seed": "a string"}, "seed 'a string', expected int"),
+        ({"seed": -1}, "seed -1"),
+        ({"scene": "a|b\nc"}, "the record of another run"),
+        ({"n_test": 3}, "its scores are not those of its views"),
+        ({"n_test": 2.5}, "n_test 2.5"),
+        ({"train_s": float("inf")}, "train_s inf"),
+        ({"train_s": -3.0}, "train_s -3.0"),
+        ({"status": "excellent"}, "status is none of done, failed"),
+        ({"reason": None}, "reason None, expected str"),
+        ({"colour": "red"}, "unknown or odd colour 'red'"),
+    ],
+)
+def test_an_edited_record_is_a_row_with_a_reason(results, changes, reason, caplog):
+    edit(results / RUN / "record.json", **changes)
+    found = row(results)
+    assert (found.status, found.method, found.scene, found.pattern, found.seed) == (
+        "unreadable",
+        "toy_methods.MeanColour",
+        "yard",
+        "streak-0",
+        0,
+    )
+    assert pd.Series([found.reason]).str.contains(reason).all(), found.reason
+    assert found[["psnr", "n_test", "train_s"]].isna().all()
+    assert "not counted" in caplog.text
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"[]", b'{"psnr"', b"null", b"\xff", b"{}", b"[" * 100_000, b'{"seed": ' + b"1" * 5000 + b"}"]
+)
+def test_a_damaged_record_is_a_row_with_a_reason(results, content):
+    (results / RUN / "record.json").write_bytes(content)
+    assert row(results).status == "unreadable"
+
+
+@pytest.mark.parametrize("content", [None, b"", b"view,psnr\nview-00,1\nview-08,1\n", b"\xff", b"view,psnr\nview-00\n"])
+def test_scores_without_their_views_do_not_count(results, content):
+    views = results / RUN / "per_view.csv"
+    views.unlink()
+    if content is not None:
+        views.write_bytes(content)
+    assert row(results).status == "unreadable"
+
+
+def test_a_run_that_was_moved_is_a_row_and_a_copy_beside_it_is_told(results, caplog):
+    run = results / RUN
+    shutil.copytree(run, run.with_name("seed-0 of before"))
+    shutil.copytree(run.parents[1], run.parents[1].with_name("garden"))
+    table = write_leaderboard(results)
+    assert list(zip(table.scene, table.status, strict=True)) == [
+        ("garden", "unreadable"),
+        ("yard", "done"),
+        ("yard", "done"),
+    ]
+    assert "move the run back, or remove it" in table.reason[0]
+    assert "seed-0 of before/record.json: the record of another run" in caplog.text
+
+
+def test_tables_are_printed_whatever_the_records(results, capsys):
+    edit(results / RUN / "record.json", psnr="a string")
+    table_command(results)
+    printed = capsys.readouterr().out
+    assert "| toy_methods.MeanColour |  |  |  |  |  |  | 0/1 |" in printed
+    assert "| toy_methods:MeanColourClean |" in printed
+
+
+@pytest.fixture
+def again(evaluated_once, tmp_path):
+    """Evaluates once more; the record."""
+    request = EvaluateRequest(
+        "toy_methods:MeanColour",
+        str(evaluated_once[0] / "yard"),
+        patterns=("streak-0",),
+        data=tmp_path / "data",
+        results=tmp_path / "results",
+    )
+    return lambda: evaluate(request)[-1]
+
+
+@pytest.mark.parametrize("content", ['{"psnr"', '{"psnr": 99}', None])
+def test_evaluated_again_an_odd_record_is_scored_anew(results, again, evaluated, caplog, content):
+    record = results / RUN / "record.json"
+    if content is None:
+        edit(record, psnr=99)
+    else:
+        record.write_text(content)
+    assert again() == evaluated
+    assert "not kept" in caplog.text
+    assert list(collect(results).status) == ["done", "done"]
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        ("{}", "no train_s; no render_fps"),
+        ({"hack": 1}, "unknown hack"),
+        ({"train_s": "fast"}, "train_s 'fast'"),
+        ({"model_mb": float("nan")}, "model_mb nan"),
+        ("[]", "a list"),
+        ('{"train_s"', "cannot be read"),
+    ],
+)
+def test_evaluated_again_an_odd_prediction_is_a_failed_row(results, again, content, reason):
+    run = results / RUN
+    (run / "record.json").unlink()
+    if isinstance(content, str):
+        (run / "prediction.json").write_text(content)
+    else:
+        edit(run / "prediction.json", **content)
+    record = again()
+    assert record.status == "failed"
+    assert reason in record.reason
+    assert "remove its prediction.json: the same command renders it again" in record.reason
+
+
+def test_a_render_that_is_damaged_is_a_failed_row_that_says_how_to_render_again(results, again, evaluated):
+    run = results / RUN
+    (run / "record.json").unlink()
+    (run / "renders" / "view-00.png").write_bytes(b"")
+    record = again()
+    assert record.status == "failed"
+    assert "view-00.png: not a render" in record.reason
+    (run / "prediction.json").unlink()
+    assert again().scores == evaluated.scores
+
+
+def test_settings_that_were_cut_are_refused_with_a_way_out(results, again, evaluated_once):
+    config = results / RUN / "config.json"
+    config.write_text(config.read_text()[:20])
+    with pytest.raises(InputError, match=r"config.json: not valid JSON[\s\S]*add --overwrite"):
+        again()
+
+
+def test_where_nothing_may_be_written_the_table_is_there(results, again, monkeypatch, capsys, caplog):
+    def refused(*_):
+        raise OSError(30, "Read-only file system")
+
+    monkeypatch.setattr("hydroviews.files.atomic.os.replace", refused)
+    assert again().status == "done"
+    assert "leaderboard.csv: cannot be written" in caplog.text
+    caplog.set_level(logging.ERROR)
+    table_command(results)
+    assert "| toy_methods:MeanColour |" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("as it is\nin lines, with ü", "as it is\nin lines, with ü"),
+        ("\ud800 \x1b[0m \x00", r"\ud800 \x1b[0m \x00"),
+        ("x" * LONGEST, "x" * LONGEST),
+    ],
+)
+def test_text_is_made_printable(text, shown):
+    assert printable(text) == shown
+    assert printable(shown) == shown
+
+
+@pytest.mark.parametrize("character", ["x", "\ud800"])
+def test_text_is_cut(character):
+    long = printable(character * 1_000_000)
+    assert len(long) == LONGEST
+    assert long.endswith(" ... (1,000,000 characters)")
