@@ -114,7 +114,8 @@ def write_captured(scene: Scene, folder: Path) -> None:
     link_shared(variant)
     write_nerfstudio(scene, variant / "transforms.json", "images")
     effect, _, index = CAPTURED.rpartition("-")
-    write_json(variant / "pattern.json", {"effect": effect, "index": int(index), "generator": VERSION})
+    if not (variant / "pattern.json").is_file():
+        write_json(variant / "pattern.json", {"effect": effect, "index": int(index), "generator": VERSION})
 
 
 def link_shared(variant: Path) -> None:
