@@ -23,6 +23,7 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.photographs import some
 from hydroviews.metrics import find_metrics
 from hydroviews.profiles import PROFILES, Profile, find_profile
 from hydroviews.rain.registry import choose_patterns, pattern_names
@@ -45,6 +46,7 @@ from leaderboard.tables import CEILING, FLOOR, scene_text, write_tables
 
 logger = logging.getLogger(__name__)
 
+INPUT = 2  # exit status of a run that met bad input, see `predict`
 GRACE, PATIENCE = 3.0, 30.0  # seconds until an interrupted run gets SIGTERM, and until it is killed
 
 
@@ -165,6 +167,8 @@ def _carry_out(run: Run, overwrite: bool) -> Record:
 def _train_in_process(run: Run) -> str:
     """Run `train_and_render` in a process of its own, so that memory is its own and a crash is only its own.
 
+    It gets copies of the training views alone; held-out pictures are opened when it has ended.
+
     Returns:
         Why it failed, or "".
 
@@ -173,8 +177,12 @@ def _train_in_process(run: Run) -> str:
         KeyboardInterrupt: the run was interrupted; it left a checkpoint.
     """
     (run.folder / FAILURE).unlink(missing_ok=True)
-    settings = [f"--run.{field.name}={getattr(run, field.name)}" for field in dataclasses.fields(run)]
-    code = run_child([sys.executable, "-m", "leaderboard.predict", *settings], _end)
+    with run.lent() as (lent, loan):
+        settings = [f"--run.{field.name}={getattr(lent, field.name)}" for field in dataclasses.fields(lent)]
+        code = run_child([sys.executable, "-m", "leaderboard.predict", *settings], _end)
+        spoilt = loan.spoilt() if code in (0, INPUT) else []
+    if spoilt:
+        return f"wrote into the data that it was lent: {some(spoilt)}"
     if code == 0:
         return ""
     failure = read_json(run.folder / FAILURE) if (run.folder / FAILURE).is_file() else {}

@@ -7,6 +7,7 @@ import stat
 
 import numpy as np
 import pytest
+from damage import contents, damage, paint
 from synthetic import capture_in
 
 from hydroviews.dataset.build import build
@@ -19,7 +20,7 @@ from hydroviews.files.atomic import sha256, write_bytes
 from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap
 from hydroviews.rain.patterns import Pattern
-from hydroviews.scene.images import read_image, write_png
+from hydroviews.scene.images import write_png
 from hydroviews.scene.masks import mask_name, write_ignored
 
 STREAK, HEAVY = Pattern("streak", 0), Pattern("streak", 2)
@@ -47,20 +48,6 @@ def built(finished, tmp_path):
 def again(built, **changes):
     scene, folder = built
     return build(scene, folder.parent, **{"patterns": [STREAK], **changes})
-
-
-def contents(folder):
-    return {str(path.relative_to(folder)): path.read_bytes() for path in scene_files(folder)}
-
-
-def damage(path):
-    """Change a file's last bytes, as a method or a bad disk would."""
-    content = path.read_bytes()
-    write_bytes(path, content[:-4] + bytes(255 - byte for byte in content[-4:]))
-
-
-def paint(path):
-    write_png(path, 1 - read_image(path))
 
 
 @pytest.mark.parametrize(
