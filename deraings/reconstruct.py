@@ -21,6 +21,7 @@ from hydroviews.formats.photographs import photographs_below, unreadable_photogr
 from hydroviews.formats.read import has_cameras, read_scene
 from hydroviews.profiles import find_profile
 from hydroviews.scene.images import SUFFIXES, write_png
+from hydroviews.scene.jpeg_damage import require_whole
 from hydroviews.scene.picture_grid import Canvas, Row, Tile, draw_sheet
 from hydroviews.scene.scenes import Scene, Split
 
@@ -115,8 +116,11 @@ def require_photographs(path: Path) -> None:
     """Refuse a path without photographs before a folder is made for it; log which photographs cannot be read.
 
     Raises:
-        InputError: the path is neither a film, nor a capture with cameras, nor a folder of photographs.
+        InputError: the path is neither a film, nor a capture with cameras, nor a folder of photographs, or one of
+            these is a damaged JPEG.
     """
+    if path.is_dir():
+        require_whole(photographs_below(path), "looking for damage")
     if path.is_file() or (path.is_dir() and has_cameras(path)):
         return
     other = unreadable_photographs(path) if path.is_dir() else ""
