@@ -18,7 +18,7 @@ from hydroviews.dataset.rainy_variant import FOCAL_STEP
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import write_json
+from hydroviews.files.atomic import write_bytes, write_json
 from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap
 from hydroviews.rain.lens.raindrops import Raindrops
@@ -276,7 +276,7 @@ def test_verify_names_what_changed(scene, tmp_path):
     (folder / "clean" / "view-05.png").unlink()
     (folder / "stray.txt").write_text("")
     layer = folder / "streak-0" / "layers" / "view-01.exr"
-    layer.write_bytes(layer.read_bytes()[:100])
+    write_bytes(layer, layer.read_bytes()[:100])
     problems = "\n".join(verify(tmp_path / "data", every_view=True))
     assert "view-00.png: changed" in problems
     assert "view-00.png: differs by" in problems

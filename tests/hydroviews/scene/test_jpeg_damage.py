@@ -30,23 +30,28 @@ def sector_of_zeros(content):
     content[8192 : 8192 + 4096] = 0
 
 
-@pytest.mark.parametrize("damage", [random_bytes, sector_of_zeros])
-@pytest.mark.parametrize("settings", [PLAIN, PROGRESSIVE, RESTARTS])
-def test_damage_in_the_middle_is_told_and_whole_pictures_are_not(tmp_path, settings, damage):
-    content = jpeg(settings)
-    assert len(content) > 14_000
-    (tmp_path / "whole.jpg").write_bytes(content.tobytes())
-    (tmp_path / "padded.jpg").write_bytes(content.tobytes()[:-2] + b"\0\0" + b"\xff\xd9")  # as some cameras do
-    (tmp_path / "picture.png").write_bytes(b"no JPEG")
-    paths = [tmp_path / name for name in ("whole.jpg", "padded.jpg", "picture.png", "missing.jpg")]
-    require_whole(paths, "")
-    damage(content)
-    (tmp_path / "bad.jpg").write_bytes(content.tobytes())
-    (tmp_path / "worse.JPEG").write_bytes(content.tobytes())
-    if damage is sector_of_zeros:
-        assert read_image(tmp_path / "bad.jpg").shape == (240, 320, 3)  # OpenCV sees a picture
-    with pytest.raises(InputError, match=r"bad\.jpg: a damaged JPEG, and 1 more photographs\n  found: Corrupt JPEG"):
-        require_whole([*paths, tmp_path / "bad.jpg", tmp_path / "worse.JPEG"], "")
+def test_damage_in_the_middle_is_told_and_whole_pictures_are_not(tmp_path):
+    whole, damaged = [tmp_path / "picture.png", tmp_path / "missing.jpg"], []
+    whole[0].write_bytes(b"no JPEG")
+    for name, settings in (("plain", PLAIN), ("progressive", PROGRESSIVE), ("restarts", RESTARTS)):
+        content = jpeg(settings).tobytes()
+        assert len(content) > 14_000
+        whole += [write(tmp_path / f"{name}.jpg", content)]
+        whole += [write(tmp_path / f"{name}-padded.jpg", content[:-2] + b"\0\0" + content[-2:])]  # as some cameras do
+        for damage in (random_bytes, sector_of_zeros):
+            content = jpeg(settings)
+            damage(content)
+            damaged += [write(tmp_path / f"{name}-{damage.__name__}.JPEG", content.tobytes())]
+    assert read_image(damaged[1]).shape == (240, 320, 3)  # OpenCV sees a picture
+    require_whole(whole, "")
+    expected = r"plain-random_bytes\.JPEG: a damaged JPEG, and 5 more photographs\n  found: Corrupt JPEG data"
+    with pytest.raises(InputError, match=expected):
+        require_whole([*whole, *damaged], "")
+
+
+def write(path, content):
+    path.write_bytes(content)
+    return path
 
 
 def test_a_ground_truth_is_not_made_of_a_damaged_photograph(tmp_path):
