@@ -1,6 +1,7 @@
 """A score is of the data that the manifest lists, whatever a method or a disk does to files."""
 
 import dataclasses
+import errno
 import stat
 
 import numpy as np
@@ -86,6 +87,26 @@ def test_what_is_lent_is_the_scene_without_what_is_held_back(place, track):
         assert pictures == {f"{name}.png" for name in whole.split.train}
         assert loan.spoilt() == []
     assert not lent.data.exists()
+
+
+def test_a_full_disk_while_lending_is_told_and_leaves_nothing(place, evaluated, monkeypatch):
+    def full(source, target):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    run = run_of(place)
+    with monkeypatch.context() as disk:
+        disk.setattr("hydroviews.dataset.lending.shutil.copyfile", full)
+        with pytest.raises(InputError, match="no space left on the disk"), run.lent():
+            pass
+    assert not list(run.folder.glob(".*"))
+
+
+def test_what_a_killed_run_was_lent_goes_with_the_next(place):
+    left = run_of(place).folder / ".partial-host-0123456789ab-data"
+    (left / "yard").mkdir(parents=True)
+    (run_of(place).folder / "record.json").unlink()
+    assert evaluate(EvaluateRequest("toy_methods:MeanColour", **place))[-1].status == "done"
+    assert not left.exists()
 
 
 def test_depth_and_masks_are_lent_of_training_views_alone(tmp_path):
