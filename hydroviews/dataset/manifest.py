@@ -32,7 +32,7 @@ def read_manifest(data: Path) -> dict[str, Any]:
     path = data / MANIFEST
     if not path.is_file():
         return {"scenes": {}}
-    fix = "delete it and build again: finished files are kept"
+    fix = "restore it, or delete it and build again: finished files are kept, as they are now"
     try:
         manifest = json.loads(path.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:

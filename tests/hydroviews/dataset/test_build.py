@@ -425,7 +425,7 @@ def test_an_unfinished_scene_does_not_verify(scene, tmp_path):
     assert verify(tmp_path / "data") == [f"{folder}: not finished; run its build again"]
 
 
-@pytest.mark.parametrize("content", ["{", "{}", "[]", '{"scenes": {"yard": {}}}'])
+@pytest.mark.parametrize("content", ["{", "{}", "[]", '{"scenes": {"yard": {}}}', "[" * 100_000, "1" * 5000])
 def test_a_broken_manifest_is_told(tmp_path, content):
     (tmp_path / "manifest.json").write_text(content)
     with pytest.raises(InputError, match="delete it and build again"):

@@ -155,6 +155,25 @@ def test_repair_makes_the_same_bytes_again(built, names, caplog):
     assert verify(folder.parent, every_view=True) == []
 
 
+def test_a_repair_that_was_interrupted_is_ended_by_the_next_build(built, monkeypatch):
+    _, folder = built
+    whole = contents(folder)
+    for name in ("clean/view-05.png", "sparse/0/cameras.bin", "streak-0/images/view-04.png"):
+        damage(folder / name)
+    with monkeypatch.context() as disk:
+        disk.setattr("hydroviews.dataset.clean_views.write_colmap", full_disk)
+        with pytest.raises(InputError, match="no space left"):
+            again(built, repair=True)
+    assert not (folder / "sparse" / "0").exists()
+    again(built)
+    assert contents(folder) == whole
+    assert verify(folder.parent) == []
+
+
+def full_disk(scene, folder):
+    raise InputError(f"{folder}: no space left on the disk")
+
+
 def test_what_cannot_be_repaired_is_refused(built, monkeypatch):
     _, folder = built
     damage(folder / "request.json")
