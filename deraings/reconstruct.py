@@ -88,6 +88,7 @@ def reconstruct(request: Reconstruction) -> Path:
     )
     warn_of_slow_profile(request.profile)
     scene = find_scene(request, folder / CAPTURE)
+    require_whole([view.path for view in scene.views], "looking for damage")
     for note in scene.notes:
         logger.info(note)
     scene = all_views(scene.resized(long_side if request.long_side is None else request.long_side))
@@ -119,12 +120,11 @@ def require_photographs(path: Path) -> None:
         InputError: the path is neither a film, nor a capture with cameras, nor a folder of photographs, or one of
             these is a damaged JPEG.
     """
-    if path.is_dir():
-        require_whole(photographs_below(path), "looking for damage")
     if path.is_file() or (path.is_dir() and has_cameras(path)):
         return
     other = unreadable_photographs(path) if path.is_dir() else ""
     if path.is_dir() and photographs_below(path):
+        require_whole(photographs_below(path), "looking for damage")
         if other:
             logger.info(f"{path}: {other} left out, as only {', '.join(SUFFIXES)} are read")
         return

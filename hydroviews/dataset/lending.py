@@ -21,8 +21,8 @@ from tqdm import tqdm
 from hydroviews.cli.threads import side_by_side
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.drop_masks import BUILT as DROPS
-from hydroviews.dataset.manifest import MANIFEST, changed_files, listed_files, scene_entry
-from hydroviews.dataset.variants import HELD_BACK, SPLIT
+from hydroviews.dataset.manifest import HELD_BACK, MANIFEST, changed_files, listed_files, scene_entry
+from hydroviews.dataset.variants import SPLIT
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.files.full_disk import plain_full_disk

@@ -18,6 +18,7 @@ from hydroviews.files.locks import locked
 from hydroviews.formats.capture_json import CAPTURED
 
 MANIFEST = "manifest.json"
+HELD_BACK = "held_back"  # names of views whose pictures are not in this data folder (see `lending`)
 SHAPE = '{"scenes": {name: {"files": {path in the scene: SHA-256}, "patterns": [names], ...}}}'
 
 
@@ -56,6 +57,8 @@ def _odd_entry(name: str, entry: Any) -> str:
     patterns = entry.get("patterns")
     if not (isinstance(patterns, list) and all(isinstance(one, str) and _is_folder(one) for one in patterns)):
         return f"patterns {patterns!r}"
+    if not isinstance(entry.get(HELD_BACK, []), list):
+        return f"{HELD_BACK} {entry[HELD_BACK]!r}"
     odd = [file for file, digest in entry["files"].items() if not (_below(file) and isinstance(digest, str))]
     return f"file {odd[0]!r}" if odd else ""
 

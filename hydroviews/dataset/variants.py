@@ -11,7 +11,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from hydroviews.dataset.clean_views import CLEAN
-from hydroviews.dataset.manifest import listed_files, scene_entry
+from hydroviews.dataset.manifest import HELD_BACK, listed_files, scene_entry
 from hydroviews.errors import InputError
 from hydroviews.files.known_bytes import require_bytes
 from hydroviews.formats.capture_json import CAPTURED
@@ -25,7 +25,6 @@ from hydroviews.scene.masks import MASKS, mask_name
 from hydroviews.scene.scenes import Scene, View, make_scene
 
 SPLIT = "split.json"
-HELD_BACK = "held_back"  # in a manifest's entry: views whose pictures are not in this folder (see `lending`)
 
 
 def open_clean(folder: Path) -> Scene:

@@ -33,9 +33,10 @@ def verify(data: Path, every_view: bool = False) -> list[str]:
     Raises:
         InputError: there is no manifest, or it is none.
     """
-    if not (data / MANIFEST).is_file():
+    if not (data / MANIFEST).is_file() or (data / MANIFEST).is_symlink():
         raise InputError(
             f"{data}: no {MANIFEST}",
+            found="a link" if (data / MANIFEST).is_symlink() else None,
             expected="a folder that `hydroviews build` has finished",
             fix="run the build again",
         )

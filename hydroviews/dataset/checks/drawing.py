@@ -90,7 +90,7 @@ def _check_variant(variant: Path, name: str, known: SceneStatistics, every_view:
     path = variant / "pattern.json"
     facts, pattern = read_facts(path), parse_pattern(name)
     effect, seed = find_effect(pattern.effect), facts.get("seed")
-    if type(seed) is not int or (facts["effect"], facts.get("index")) != (pattern.effect, pattern.index):
+    if type(seed) is not int or seed < 0 or (facts["effect"], facts.get("index")) != (pattern.effect, pattern.index):
         found = {key: facts.get(key) for key in ("effect", "index", "seed")}
         raise InputError(f"{path}: not the pattern {name}", found=found, fix="run the build again")
     known = replace(known, seed=seed)

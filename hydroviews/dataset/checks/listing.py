@@ -14,6 +14,7 @@ from hydroviews.files.locks import LOCK
 from hydroviews.files.temporary import PARTIAL
 from hydroviews.formats.capture_json import CAPTURED
 
+_COPIED = [(name,) for name in SHARED]  # of a variant, where links cannot be made
 Entry = Mapping[str, Any]  # what a manifest says of a scene
 
 
@@ -55,14 +56,12 @@ def _unlisted(folder: Path, entry: Entry) -> Iterator[tuple[Path, str]]:
         for name in sorted(below + files):
             path = Path(here, name)
             relative = path.relative_to(folder)
-            variant = relative.parts[0] in entry["patterns"] or relative.parts[0] == CAPTURED
-            shared = variant and len(relative.parts) == 2 and name in SHARED
-            working = variant and len(relative.parts) == 2 and name == LENS
-            known = relative.as_posix() in (folders if name in below else names)
+            part = relative.parts[1:2] if relative.parts[0] in (*entry["patterns"], CAPTURED) else ()  # of a variant
+            known = relative.as_posix() in (folders if name in below else names) or part in _COPIED
             if path.is_symlink():
-                if not (shared and os.readlink(path) == os.path.join("..", name)):
+                if not (part in _COPIED and (len(relative.parts), os.readlink(path)) == (2, os.path.join("..", name))):
                     yield path, _link(path)
-            elif not known and not (_is_at_work(path) or shared or working):
+            elif not known and not (_is_at_work(path) or part == (LENS,)):
                 yield path, _stray(path)
             if name in below and not known:
                 below.remove(name)

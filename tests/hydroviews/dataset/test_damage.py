@@ -212,6 +212,7 @@ def test_finished_files_are_read_only_and_can_be_replaced(built):
         (lambda entry: entry["files"].update({"a": 5}), "file 'a'"),
         (lambda entry: entry.update(files=["a"]), "no files"),
         (lambda entry: entry.update(patterns=None), "patterns None"),
+        (lambda entry: entry.update(held_back=5), "held_back 5"),
         (lambda entry: entry.update(patterns=[["streak-0"]]), "patterns"),
         (lambda entry: entry.update(patterns=["../streak-0"]), "patterns"),
     ],

@@ -12,6 +12,7 @@ from hydroviews.dataset.build import build
 from hydroviews.dataset.checks import rain
 from hydroviews.dataset.manifest import read_manifest, record_files
 from hydroviews.dataset.verify import verify
+from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, write_bytes, write_json
 from hydroviews.rain.layers import read_layers, write_layers
 from hydroviews.rain.patterns import Pattern
@@ -165,6 +166,20 @@ def test_links_are_told_and_not_followed(built, tmp_path, name, monkeypatch):
     assert not [path for path in read if target in path.resolve().parents or target == path.resolve()]
 
 
+def test_links_in_a_copy_of_the_cameras_and_a_linked_manifest(built, tmp_path):
+    (built / "streak-1/sparse").unlink()
+    shutil.copytree(built / "sparse", built / "streak-1/sparse")
+    assert told(built) == ""
+    copied = built / "streak-1/sparse/0/cameras.bin"
+    shutil.move(copied, tmp_path / "cameras.bin")
+    copied.symlink_to(tmp_path / "cameras.bin")
+    assert verify(built.parent) == [f"{copied}: a link, which may lead out of the data set"]
+    shutil.move(built.parent / "manifest.json", tmp_path / "manifest.json")
+    (built.parent / "manifest.json").symlink_to(tmp_path / "manifest.json")
+    with pytest.raises(InputError, match=r"no manifest\.json\n  found: a link"):
+        verify(built.parent)
+
+
 @pytest.mark.parametrize(
     "change",
     [
@@ -178,6 +193,7 @@ def test_links_are_told_and_not_followed(built, tmp_path, name, monkeypatch):
         lambda facts: facts.update(index="1"),
         lambda facts: facts.update(seed="0"),
         lambda facts: facts.update(seed=True),
+        lambda facts: facts.update(seed=-1),
         lambda facts: [],
     ],
 )

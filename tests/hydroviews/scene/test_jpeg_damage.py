@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from synthetic import capture_in
 
+from deraings.reconstruct import require_photographs
 from hydroviews.dataset.build import build
 from hydroviews.errors import InputError
 from hydroviews.formats.read import read_scene
@@ -47,6 +48,14 @@ def test_damage_in_the_middle_is_told_and_whole_pictures_are_not(tmp_path):
     expected = r"plain-random_bytes\.JPEG: a damaged JPEG, and 5 more photographs\n  found: Corrupt JPEG data"
     with pytest.raises(InputError, match=expected):
         require_whole([*whole, *damaged], "")
+
+
+def test_a_reconstruction_names_the_damaged_photograph(tmp_path):
+    content = jpeg(PLAIN)
+    sector_of_zeros(content)
+    path = write(tmp_path / "IMG_1.JPG", content.tobytes())
+    with pytest.raises(InputError, match=rf"{path}: a damaged JPEG\n"):
+        require_photographs(tmp_path)
 
 
 def write(path, content):
