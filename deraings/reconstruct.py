@@ -22,6 +22,7 @@ from hydroviews.formats.photographs import photographs_below, unreadable_photogr
 from hydroviews.formats.read import has_cameras, read_scene
 from hydroviews.profiles import find_profile, require_seed
 from hydroviews.scene.images import SUFFIXES, write_png
+from hydroviews.scene.jpeg_damage import require_whole
 from hydroviews.scene.picture_grid import Canvas, Row, Tile, draw_sheet
 from hydroviews.scene.scenes import Scene, Split
 
@@ -87,6 +88,7 @@ def reconstruct(request: Reconstruction) -> Path:
     )
     warn_of_slow_profile(request.profile)
     scene = find_scene(request, folder / CAPTURE)
+    require_whole([view.path for view in scene.views], "looking for damage")
     for note in scene.notes:
         logger.info(note)
     scene = all_views(scene.resized(long_side if request.long_side is None else request.long_side))
@@ -115,7 +117,8 @@ def require_photographs(path: Path) -> None:
     """Refuse a path without photographs before a folder is made for it; log which photographs cannot be read.
 
     Raises:
-        InputError: the path is neither a film that opens, nor a capture with cameras, nor a folder of photographs.
+        InputError: the path is neither a film that opens, nor a capture with cameras, nor a folder of photographs, or
+            one of these is a damaged JPEG.
     """
     if path.is_file():
         with open_video(path):
@@ -124,6 +127,7 @@ def require_photographs(path: Path) -> None:
         return
     other = unreadable_photographs(path) if path.is_dir() else ""
     if path.is_dir() and photographs_below(path):
+        require_whole(photographs_below(path), "looking for damage")
         if other:
             logger.info(f"{path}: {other} left out, as only {', '.join(SUFFIXES)} are read")
         return

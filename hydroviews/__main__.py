@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
@@ -35,6 +35,7 @@ def build_command(
     patterns: Annotated[tuple[str, ...], choices(pattern_names(), "package.module:Class-0")] = (),
     captures: Path | None = None,
     overwrite: bool = False,
+    repair: bool = False,
 ) -> None:
     """Build a capture's clean views, cameras and rainy variants, or those of every scene of a suite.
 
@@ -49,6 +50,7 @@ def build_command(
         patterns: 0 is light, 1 medium, 2 heavy; instead of the profile's.
         captures: the folder with published captures; $HYDROVIEWS_CAPTURES or `captures` if not given.
         overwrite: drop a scene that was built with other settings.
+        repair: make files of a finished scene again that are no longer what the manifest says.
     """
     sizes, data = find_profile(profile), out or Path("data") / profile
     if suite is not None:
@@ -56,7 +58,8 @@ def build_command(
             raise InputError(
                 "--suite with --patterns, --long-side or --lens-renderer", fix="name patterns in a suite of your own"
             )
-        _build_suite(suite, data, sizes, captures, seed, overwrite)
+        settings = {"captures": captures, "seed": seed, "overwrite": overwrite, "repair": repair}
+        _build_suite(suite, data, sizes, settings)
         return
     folder = build_source(
         scene,
@@ -68,16 +71,15 @@ def build_command(
         seed=seed,
         lens_renderer=lens_renderer,
         overwrite=overwrite,
+        repair=repair,
         captures=captures,
     )
     print(f"built: {folder}")
 
 
-def _build_suite(
-    name: str, data: Path, profile: Profile, captures: Path | None, seed: int | None, overwrite: bool
-) -> None:
+def _build_suite(name: str, data: Path, profile: Profile, settings: dict[str, Any]) -> None:
     suite = read_suite(name)
-    failures = build_suite(suite, data, profile, captures=captures, seed=seed, overwrite=overwrite)
+    failures = build_suite(suite, data, profile, **settings)
     print(f"\n{suite.title}: {len(suite.scenes) - len(failures)} of {len(suite.scenes)} scenes are built in {data}")
     for error in failures.values():
         print(f"\n{error}")

@@ -20,6 +20,7 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_bytes
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.photographs import some
 from hydroviews.metrics import find_metrics
 from hydroviews.profiles import PROFILES, Profile, find_profile
 from hydroviews.rain.registry import choose_patterns, pattern_names
@@ -191,15 +192,27 @@ def _train_in_process(run: Run, limits: Limits) -> str:
     """
     config = run.folder / CONFIG
     settings = config.read_bytes()
-    options = [f"--run.{field.name}={getattr(run, field.name)}" for field in dataclasses.fields(run)]
-    with tempfile.TemporaryDirectory(prefix="hydroviews-run-") as notes:
-        watch = Watch(limits, [Path(notes), run.folder])
-        reason = run_tethered("leaderboard.predict", options, Path(notes), watch, end_gently, limits.memory)
+    reason = _train_on_loan(run, limits)
     if not config.is_file() or config.read_bytes() != settings:
         write_bytes(config, settings)
         (run.folder / PREDICTION).unlink(missing_ok=True)
         return reason or f"the method removed or changed the {CONFIG} of its run"
     return reason
+
+
+def _train_on_loan(run: Run, limits: Limits) -> str:
+    """The process gets copies of the training views alone; held-out pictures are opened when it has ended."""
+    with run.lent() as (lent, loan), tempfile.TemporaryDirectory(prefix="hydroviews-run-") as notes:
+        options = [f"--run.{field.name}={getattr(lent, field.name)}" for field in dataclasses.fields(lent)]
+        watch = Watch(limits, [Path(notes), run.folder])
+        try:
+            reason = run_tethered("leaderboard.predict", options, Path(notes), watch, end_gently, limits.memory)
+            spoilt = loan.spoilt()
+        except InputError:  # of the method's making, if it wrote into what it read
+            spoilt = loan.spoilt()
+            if not spoilt:
+                raise
+    return f"wrote into the data that it was lent: {some(spoilt)}" if spoilt else reason
 
 
 def _record_failure(run: Run, reason: str) -> Record:

@@ -60,14 +60,20 @@ def write_overview(runs: Sequence[Run], view: str, path: Path) -> None:
         raise InputError("no pattern to picture", expected="at least one, such as --patterns raindrop-0")
     rows = []
     for run in runs:
-        folder = run.data / run.scene
         panels = {
-            "clean view": folder / CLEAN / f"{view}.png",
-            f"{run.effect}": folder / run.pattern / "images" / f"{view}.png",
-            f"{run.method} on {run.effect}": run.folder / "renders" / f"{view}.png",
+            "clean view": _picture(run.clean_scene(), view),
+            f"{run.effect}": _picture(run.training_scene(), view),
+            f"{run.method} on {run.effect}": read_image(run.folder / "renders" / f"{view}.png"),
         }
-        rows.append(np.concatenate([_captioned(read_image(file), text) for text, file in panels.items()], axis=1))
+        rows.append(np.concatenate([_captioned(image, text) for text, image in panels.items()], axis=1))
     write_png(path, np.concatenate(rows))
+
+
+def _picture(scene: Scene, name: str) -> Image:
+    for view in scene.views:
+        if view.name == name:
+            return view.image()
+    raise InputError(f"{scene.name}: no view {name}", expected=f"one of {', '.join(scene.split.test)}")
 
 
 def error_map(image: Image, target: Image, ignored: Ignored | None = None) -> Image:

@@ -10,13 +10,16 @@
 
 import dataclasses
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from baselines.method import find_method
 from hydroviews.dataset.clean_views import CLEAN
-from hydroviews.dataset.manifest import data_hash, read_manifest
+from hydroviews.dataset.lending import Loan, lend
+from hydroviews.dataset.manifest import data_hash, known_file, read_manifest
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.errors import InputError
 from hydroviews.files import settings_guard
@@ -66,15 +69,32 @@ class Run:
         """The clean views, with what this run's track trains on and holds out."""
         return self.on_track(open_clean(self.data / self.scene))
 
+    @contextmanager
+    def lent(self) -> "Iterator[tuple[Run, Loan]]":
+        """The run on a data folder with no more in it than its method may see, until the block ends.
+
+        Raises:
+            InputError: the scene is not finished, or a file is not what the manifest says.
+        """
+        scene = self.training_scene()
+        train = set(scene.split.train)
+        held_back = [view.name for view in scene.views if view.name not in train]
+        with lend(self.data / self.scene, self.pattern, train, held_back, self.folder / "data") as loan:
+            yield dataclasses.replace(self, data=loan.data), loan
+
     def on_track(self, scene: Scene) -> Scene:
         """The scene with the training views of this run's track."""
         return scene.sparse() if self.track == SPARSE_VIEWS else scene
 
     def drawing_code(self) -> str:
-        """Digest of the code that drew what the method is shown; empty where it was photographed, or never recorded."""
+        """Digest of the code that drew what the method is shown; empty where it was photographed, or never recorded.
+
+        Raises:
+            InputError: `pattern.json` is not what the manifest says.
+        """
         made = read_manifest(self.data)["scenes"][self.scene]
         if self.pattern != CLEAN:
-            made = read_json(self.data / self.scene / self.pattern / "pattern.json")
+            made = read_json(known_file(self.data / self.scene, f"{self.pattern}/pattern.json"))
         return str(made.get("drawing_code", ""))
 
     def settings(self) -> dict[str, Any]:

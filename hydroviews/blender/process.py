@@ -23,6 +23,10 @@ LAST_LINES = 12
 PATIENCE = 5.0  # seconds a process is given to end before it is killed
 
 
+class NoBlender(InputError):
+    """Blender's module bpy is not installed, or cannot be loaded."""
+
+
 def run_blender(module: str, request: dict[str, Any], log: Path, label: str) -> None:
     """Run `hydroviews.blender.<module>.main(request, report)` in a Blender process and wait for it.
 
@@ -33,7 +37,8 @@ def run_blender(module: str, request: dict[str, Any], log: Path, label: str) -> 
         label: the progress bar's text.
 
     Raises:
-        InputError: no bpy, no system library for it, bad input found by the module, or the process failed.
+        NoBlender: no bpy, or no system library for it.
+        InputError: bad input found by the module, or the process failed.
     """
     log.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="hydroviews-") as folder, log.open("wb") as log_file:
@@ -84,14 +89,14 @@ def _raise_failure(failure: dict[str, str]) -> NoReturn:
     kind, text = failure["failure"], failure["text"]
     if kind == "no bpy":
         python = f"{sys.version_info.major}.{sys.version_info.minor}"
-        raise InputError(
+        raise NoBlender(
             "Blender's Python module bpy is not installed",
             found=f"Python {python} at {sys.executable}",
             expected="Python 3.11 (or 3.13) with bpy",
             fix="run `make setup`, or `pip install 'hydroviews[blender]'` in a Python 3.11",
         )
     if kind == "bpy import":
-        raise InputError(
+        raise NoBlender(
             "Blender's Python module bpy cannot be loaded",
             found=text,
             fix=f"install the system libraries it needs, on Debian or Ubuntu: apt-get install {SYSTEM_PACKAGES}",

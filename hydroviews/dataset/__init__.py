@@ -8,9 +8,12 @@ drawing_code.py   which code drew it
 clean_views.py    views, masks, depth, cameras and points that all variants share
 rainy_variant.py  the views of one pattern
 drop_masks.py     where drops are, for captures taken through drops
-variants.py       opens what was built
+variants.py       opens what was built, comparing bytes with the manifest
+lending.py        what a method may see of it, in a folder of its own
 manifest.py       a SHA-256 of every file
-verify.py         checks hashes, and derives rainy views again
+repair.py         files of a finished scene that changed: refused, or made again
+verify.py         checks all of it: files, cameras, rain
+checks/           what it looks at
 statistics.py     what rain did to every view
 contact_sheet.py  pictures of a scene and its layers
 card/             a page that describes a scene

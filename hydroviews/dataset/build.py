@@ -13,6 +13,7 @@ A capture that was taken in rain has no clean views: its own photographs are the
 Every file is written whole or not at all, so a file that exists is finished. What a scene was asked to be is
 kept in its `request.json`: another request for the same folder is refused. So is adding to a scene that other code drew
 (see `drawing_code`), since its variants would differ by more than their rain; a scene with all that is wanted stays.
+A finished scene is compared with the manifest before it is kept or added to (see `repair`), and made read-only.
 """
 
 import logging
@@ -23,9 +24,11 @@ from typing import Any
 from hydroviews.dataset.card.card import keep_licence, write_card
 from hydroviews.dataset.clean_views import CLEAN, write_cameras, write_views
 from hydroviews.dataset.drawing_code import VERSION, drawing_code
-from hydroviews.dataset.manifest import read_manifest, record_scene
+from hydroviews.dataset.manifest import forget_scene, read_manifest, record_scene
 from hydroviews.dataset.rainy_variant import link_shared, write_captured, write_variant
+from hydroviews.dataset.repair import damaged_files, drop_or_refuse, require_request, unchanged
 from hydroviews.dataset.request import (
+    REQUEST,
     WHOLE,
     BuildRequest,
     drawn_otherwise,
@@ -44,6 +47,8 @@ from hydroviews.scene.scenes import Scene
 
 logger = logging.getLogger(__name__)
 
+SAID = ("metres_per_unit", "clean_error", "drops_cost")  # by a capture of itself: rain is drawn with it
+
 
 def build(
     scene: Scene,
@@ -55,6 +60,7 @@ def build(
     lens_renderer: LensRenderer = "disk",
     source: str = "",
     overwrite: bool = False,
+    repair: bool = False,
 ) -> Path:
     """Build a scene's clean views and rainy variants under `out`; what is finished is kept.
 
@@ -67,13 +73,14 @@ def build(
         lens_renderer: how water on the lens is drawn, fast ("disk"), accurate ("aperture") or traced.
         source: what the user called the capture.
         overwrite: drop what was built from another request or drawn by other code.
+        repair: make files again that are no longer what the manifest says, instead of refusing the scene.
 
     Returns:
         The scene's folder.
 
     Raises:
-        InputError: the folder holds a scene built otherwise, something is missing in a scene that other code drew, an
-            image is unreadable, or the disk is full.
+        InputError: the folder holds a scene built otherwise, something is missing in a scene that other code drew, a
+            file has changed since it was built, an image is unreadable, or the disk is full.
     """
     if long_side is not None and long_side < 1:
         raise InputError(f"long side of {long_side} pixels", expected="at least 1")
@@ -85,12 +92,16 @@ def build(
             fix="build it without patterns (leave PATTERNS out)",
         )
     request = make_request(scene, source, long_side, seed, lens_renderer)
-    take_folder(out, folder, request, overwrite)
-    entry = read_manifest(out)["scenes"].get(scene.name, {"patterns": [], "files": {}})
+    entry = _take_over(out, folder, request, overwrite)
+    wanted = {pattern.name for pattern in patterns}
     for name in filter(lambda name: (folder / name).is_dir(), entry["patterns"]):
         link_shared(folder / name)
-    outdated = drawn_otherwise(folder, entry["patterns"])
-    finished = {p.name for p in patterns} <= set(entry["patterns"]) and _are_there(folder, entry["files"])
+    damaged = damaged_files(folder, entry, wanted, described=repair)
+    outdated = drawn_otherwise(folder, [n for n in entry["patterns"] if folder / n / "pattern.json" not in damaged])
+    redrawn = outdated if overwrite else []
+    damaged = [path for path in damaged if path.relative_to(folder).parts[0] not in redrawn]
+    drop_or_refuse(folder, damaged, repair, repairable=not outdated)
+    finished = wanted <= set(entry["patterns"]) and _are_there(folder, entry["files"])
     if outdated and not overwrite:
         _keep_or_refuse(folder, outdated, finished)
     if finished and not (outdated and overwrite):
@@ -105,10 +116,23 @@ def build(
     names = [pattern.name for pattern in rains]
     keep_licence(scene, folder)
     write_card(folder, [CAPTURED] if scene.captured_rainy else names, clean.notes)
-    facts = {"seed": seed, "long_side": long_side, "source": request.source, "views": len(clean.views)}
+    facts: dict[str, Any] = {"seed": seed, "long_side": long_side, "source": request.source, "views": len(clean.views)}
     made = {"generator": request.generator, "drawing_code": request.drawing_code}
-    record_scene(out, scene.name, {**facts, **made, "notes": list(clean.notes), "patterns": names})
+    said = {name: getattr(scene, name) for name in SAID}
+    facts |= {**made, "capture": said, "notes": list(clean.notes), "patterns": names}
+    record_scene(out, scene.name, facts, unchanged(folder, entry, redrawn))
     return folder
+
+
+def _take_over(out: Path, folder: Path, request: BuildRequest, overwrite: bool) -> Mapping[str, Any]:
+    """Take the scene's folder, and return what the manifest says of what is finished there."""
+    begun = (folder / REQUEST).is_file()
+    if not overwrite:
+        require_request(folder)
+    take_folder(out, folder, request, overwrite)
+    if not begun:  # it was removed, to build it again
+        forget_scene(out, folder.name)
+    return read_manifest(out)["scenes"].get(folder.name, {"patterns": [], "files": {}})
 
 
 def _write_rain(
@@ -137,7 +161,7 @@ def _keep_or_refuse(folder: Path, outdated: Sequence[str], finished: bool) -> No
     if finished:
         logger.warning("%s: %s: drawn by another generator, kept; --overwrite builds anew", folder, what)
         return
-    drawn = read_json(folder / ("request.json" if WHOLE in outdated else f"{outdated[0]}/pattern.json"))
+    drawn = read_json(folder / (REQUEST if WHOLE in outdated else f"{outdated[0]}/pattern.json"))
     raise InputError(
         f"{folder}: {what}: drawn by another generator, and not all that is wanted is there",
         found=f"{drawn.get('generator')}, drawing code {drawn.get('drawing_code', 'not recorded')}",

@@ -16,6 +16,7 @@ from hydroviews.formats.writers import write_colmap, write_nerfstudio
 from hydroviews.scene.depth import FOLDER as DEPTH
 from hydroviews.scene.depth import depth_path, fitted_depth, write_depth
 from hydroviews.scene.images import write_png
+from hydroviews.scene.jpeg_damage import require_whole
 from hydroviews.scene.masks import MASKS, mask_name, write_ignored
 from hydroviews.scene.scenes import Scene, View
 
@@ -26,7 +27,13 @@ FEW_POINTS = 100  # of a capture whose poses may be wrong
 
 
 def write_views(scene: Scene, folder: Path, images: str) -> Scene:
-    """Write the views, and what masks hide of them, at their final size; returns the scene that reads from them."""
+    """Write the views, and what masks hide of them, at their final size; returns the scene that reads from them.
+
+    Raises:
+        InputError: a photograph or a mask is unreadable, damaged, or of another shape than its camera.
+    """
+    missing = [view.path for view in scene.views if not (folder / images / f"{view.name}.png").is_file()]
+    require_whole(missing, f"{scene.name}: looking for damage")
     views, masked = [], any(view.mask for view in scene.views)
     for view in tqdm(scene.views, desc=f"{scene.name}: {images.partition('/')[0]} views", unit="view"):
         path = folder / images / f"{view.name}.png"

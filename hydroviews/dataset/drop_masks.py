@@ -15,6 +15,7 @@ from tqdm import tqdm
 
 from hydroviews.dataset.manifest import read_manifest, record_files
 from hydroviews.errors import InputError
+from hydroviews.files.known_bytes import require_bytes
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.photographs import photographs_below
 from hydroviews.scene.images import write_png
@@ -36,7 +37,7 @@ def write_drop_masks(scene: Scene, built: Path, views: Sequence[View]) -> None:
         views: the capture's at the built size.
 
     Raises:
-        InputError: masks for other photographs, or unreadable ones.
+        InputError: masks for other photographs, or unreadable ones; or one is not what the manifest says.
     """
     masks = _DropMasks([view.path for view in scene.views])
     if not masks.folder:
@@ -47,9 +48,12 @@ def write_drop_masks(scene: Scene, built: Path, views: Sequence[View]) -> None:
         drops = None if path.is_file() else masks.read(view)
         if drops is not None:
             write_png(path, np.repeat(drops[..., None], 3, axis=2).astype(np.uint8) * 255)
-    written = [name for name in names.values() if (built / name).is_file()]
-    if not set(written) <= set(read_manifest(built.parent)["scenes"][built.name]["files"]):
-        record_files(built.parent, built.name, written)
+    listed = read_manifest(built.parent)["scenes"][built.name]["files"]
+    new = [name for name in names.values() if (built / name).is_file() and name not in listed]
+    if new:
+        record_files(built.parent, built.name, new)
+    for name in set(names.values()) & set(listed):
+        require_bytes(built / name, listed[name])
 
 
 class _DropMasks:

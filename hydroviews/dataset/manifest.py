@@ -2,23 +2,30 @@
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from pathlib import Path
+import os
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from tqdm import tqdm
 
+from hydroviews.cli.threads import side_by_side
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import sha256, write_json
+from hydroviews.files.atomic import write_json
+from hydroviews.files.known_bytes import current_sha256, read_only, require_bytes
 from hydroviews.files.locks import locked
 from hydroviews.formats.capture_json import CAPTURED
 
 MANIFEST = "manifest.json"
+HELD_BACK = "held_back"  # names of views whose pictures are not in this data folder (see `lending`)
+SHAPE = '{"scenes": {name: {"files": {path in the scene: SHA-256}, "patterns": [names], ...}}}'
 
 
 def read_manifest(data: Path) -> dict[str, Any]:
     """The manifest of a data folder; an empty one where nothing has been finished yet.
+
+    Every name in it is one of a file or folder below the data folder.
 
     Raises:
         InputError: the file is not a manifest.
@@ -26,31 +33,123 @@ def read_manifest(data: Path) -> dict[str, Any]:
     path = data / MANIFEST
     if not path.is_file():
         return {"scenes": {}}
-    fix = "delete it and build again: finished files are kept"
+    fix = "restore it, or delete it and build again: finished files are kept, as they are now"
     try:
-        manifest = json.loads(path.read_text())
-    except ValueError as error:
+        manifest = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not valid JSON", found=error, fix=fix) from None
     scenes = manifest.get("scenes") if isinstance(manifest, dict) else None
-    if not isinstance(scenes, dict) or not all({"files", "patterns"} <= set(entry) for entry in scenes.values()):
-        raise InputError(f"{path}: not a manifest", expected='{"scenes": {name: {"files", "patterns", ...}}}', fix=fix)
+    if not isinstance(scenes, dict):
+        raise InputError(f"{path}: not a manifest", expected=SHAPE, fix=fix)
+    for name, entry in scenes.items():
+        odd = _odd_entry(name, entry)
+        if odd:
+            raise InputError(f"{path}: not a manifest, scene {name[:80]!r}", found=odd[:200], expected=SHAPE, fix=fix)
     return manifest
 
 
-def record_scene(data: Path, scene: str, facts: Mapping[str, Any]) -> None:
-    """Hash every file of a finished scene and enter it in the manifest, but those of rain that is not in the facts.
+def _odd_entry(name: str, entry: Any) -> str:
+    """What is wrong with a scene of a manifest; empty if nothing is."""
+    if not _is_folder(name):
+        return "a name that is no folder's"
+    if not (isinstance(entry, dict) and isinstance(entry.get("files"), dict)):
+        return "no files"
+    patterns = entry.get("patterns")
+    if not (isinstance(patterns, list) and all(isinstance(one, str) and _is_folder(one) for one in patterns)):
+        return f"patterns {patterns!r}"
+    if not isinstance(entry.get(HELD_BACK, []), list):
+        return f"{HELD_BACK} {entry[HELD_BACK]!r}"
+    odd = [file for file, digest in entry["files"].items() if not (_below(file) and isinstance(digest, str))]
+    return f"file {odd[0]!r}" if odd else ""
 
-    Such a variant was begun and not ended; `verify` finds it beside what is listed.
+
+def _below(name: str) -> bool:
+    """Whether a name with forward slashes leads from a folder to something below it."""
+    path = PurePosixPath(name)
+    plain = path.as_posix() == name and not path.is_absolute() and "\0" not in name
+    return plain and name != "." and ".." not in path.parts
+
+
+def _is_folder(name: str) -> bool:
+    return _below(name) and "/" not in name
+
+
+def scene_entry(scene: Path) -> dict[str, Any] | None:
+    """What the manifest beside a built scene says of it; None where no manifest lists it.
+
+    Raises:
+        InputError: the manifest is none.
     """
-    folder = data / scene
+    for folder in (Path(os.path.abspath(scene)), scene.resolve()):  # as it is called, then what a link leads to
+        entry: dict[str, Any] | None = read_manifest(folder.parent)["scenes"].get(folder.name)
+        if entry is not None:
+            return entry
+    return None
+
+
+def listed_files(scene: Path, entry: Mapping[str, Any]) -> dict[Path, str]:
+    """The files of a scene's entry, with the SHA-256 that each must have."""
+    return {scene / name: digest for name, digest in entry["files"].items()}
+
+
+def known_file(scene: Path, name: str) -> Path:
+    """A file of a finished scene, to be read.
+
+    Raises:
+        InputError: the manifest does not list it, or it is missing or changed.
+    """
+    entry = scene_entry(scene)
+    if entry is None or name not in entry["files"]:
+        raise InputError(f"{scene / name}: not in the manifest", fix="build the scene first")
+    return require_bytes(scene / name, entry["files"][name])
+
+
+def changed_files(listed: Mapping[Path, str], title: str) -> list[Path]:
+    """Those of some files that are there and do not have the SHA-256 they must, in order; two are hashed at a time."""
+    there = [path for path in listed if path.is_file()]
+    digests = side_by_side(current_sha256, there)
+    return [
+        path for path, digest in zip(there, _shown(digests, title, len(there)), strict=True) if digest != listed[path]
+    ]
+
+
+def _shown(digests: Iterable[str], title: str, total: int) -> Iterable[str]:
+    return tqdm(digests, desc=f"{title}: checksums", total=total, unit="file", leave=False, disable=not total)
+
+
+def record_scene(data: Path, scene: str, facts: Mapping[str, Any], kept: Mapping[str, str] | None = None) -> None:
+    """Enter a finished scene in the manifest, but rain that is not in the facts, and let nobody write into its files.
+
+    Rain that is not in the facts was begun and not ended; `verify` finds it beside what is listed.
+
+    Args:
+        data: the data folder.
+        scene: its name.
+        facts: what the manifest says of it beside its files.
+        kept: SHA-256 by name of files that were listed before and are not hashed again.
+    """
+    folder, kept = data / scene, kept or {}
     ended = {folder / name for name in (*facts["patterns"], CAPTURED)}
     begun = {path.parent for path in folder.glob("*/pattern.json")} - ended
     finished = [path for path in scene_files(folder) if not begun.intersection(path.parents)]
-    files = {}
-    for path in tqdm(finished, desc=f"{scene}: checksums", unit="file", leave=False):
-        files[path.relative_to(folder).as_posix()] = sha256(path)
+    new = [name for path in finished if (name := path.relative_to(folder).as_posix()) not in kept]
+    files = {**kept, **_sealed(folder, new)}
     with _changed(data) as manifest:
-        manifest["scenes"][scene] = {**facts, "files": files}
+        manifest["scenes"][scene] = {**facts, "files": _in_order(files)}
+
+
+def _sealed(folder: Path, names: Collection[str]) -> dict[str, str]:
+    """Make files read-only and hash them, two at a time: SHA-256 by name."""
+    paths = [folder / name for name in names]
+    for path in paths:
+        with suppress(PermissionError):  # somebody else's
+            read_only(path)
+    digests = _shown(side_by_side(current_sha256, paths), folder.name, len(paths))
+    return dict(zip(names, digests, strict=True))
+
+
+def _in_order(files: Mapping[str, str]) -> dict[str, str]:
+    return dict(sorted(files.items(), key=lambda item: Path(item[0])))
 
 
 def forget_scene(data: Path, scene: str) -> None:
@@ -62,10 +161,9 @@ def forget_scene(data: Path, scene: str) -> None:
 
 def record_files(data: Path, scene: str, names: Sequence[str]) -> None:
     """Hash a few files of a scene that is in the manifest again, such as a card that was written anew."""
-    hashes = {name: sha256(data / scene / name) for name in names}
+    hashes = _sealed(data / scene, names)
     with _changed(data) as manifest:
-        files = manifest["scenes"][scene]["files"] | hashes
-        manifest["scenes"][scene]["files"] = dict(sorted(files.items(), key=lambda item: Path(item[0])))
+        manifest["scenes"][scene]["files"] = _in_order(manifest["scenes"][scene]["files"] | hashes)
 
 
 @contextmanager

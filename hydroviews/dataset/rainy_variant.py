@@ -4,7 +4,7 @@ import json
 import math
 import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -51,17 +51,22 @@ def write_variant(scene: Scene, folder: Path, pattern: Pattern, statistics: Scen
 
 def _write_views(scene: Scene, variant: Path, effect: Effect, rain: Rain) -> None:
     """Write the views, those of one size and focal length after those of another: what is prepared may be large."""
-    groups: dict[Optics, list[View]] = {}
-    for view in scene.views:
-        groups.setdefault(_optics(view.camera) if effect.needs_optics else None, []).append(view)
     with tqdm(total=len(scene.views), desc=f"{scene.name}: {variant.name}", unit="view") as bar:
-        for views in groups.values():
+        for views in by_optics(scene.views, effect):
             camera = views[0].camera
             lens = variant / LENS / f"{camera.width}x{camera.height}-{_focal(camera):.0f}px"
             prepared = rain.prepare(camera, lens)
             for view in views:
                 _write_rainy(view, variant, effect, rain, prepared)
                 bar.update()
+
+
+def by_optics(views: Sequence[View], effect: Effect) -> list[list[View]]:
+    """The views in groups for which rain is prepared once, with the camera of the first in each."""
+    groups: dict[Optics, list[View]] = {}
+    for view in views:
+        groups.setdefault(_optics(view.camera) if effect.needs_optics else None, []).append(view)
+    return list(groups.values())
 
 
 def _optics(camera: Camera) -> Optics:
@@ -79,7 +84,7 @@ def _take_variant(variant: Path, facts: Mapping[str, Any]) -> None:
         earlier = read_json(path) if path.is_file() else None
     except InputError:
         earlier = None
-    if _same(earlier, json.loads(json.dumps(facts))):
+    if same_values(earlier, json.loads(json.dumps(facts))):
         return
     for name in ("images", "layers", LENS):
         remove_tree(variant / name)
@@ -87,12 +92,12 @@ def _take_variant(variant: Path, facts: Mapping[str, Any]) -> None:
     write_json(path, facts)
 
 
-def _same(one: Any, other: Any) -> bool:
-    """Whether two JSON values are the same but for what another machine's arithmetic rounds otherwise."""
+def same_values(one: Any, other: Any) -> bool:
+    """Whether two JSON values are the same, but for what another machine's arithmetic rounds otherwise."""
     if isinstance(one, dict) and isinstance(other, dict):
-        return one.keys() == other.keys() and all(_same(one[key], other[key]) for key in one)
+        return one.keys() == other.keys() and all(same_values(one[key], other[key]) for key in one)
     if isinstance(one, list) and isinstance(other, list):
-        return len(one) == len(other) and all(map(_same, one, other))
+        return len(one) == len(other) and all(map(same_values, one, other))
     if isinstance(one, float) and isinstance(other, float):
         return math.isclose(one, other, rel_tol=1e-6, abs_tol=1e-9)
     return bool(one == other)
@@ -114,7 +119,8 @@ def write_captured(scene: Scene, folder: Path) -> None:
     link_shared(variant)
     write_nerfstudio(scene, variant / "transforms.json", "images")
     effect, _, index = CAPTURED.rpartition("-")
-    write_json(variant / "pattern.json", {"effect": effect, "index": int(index), "generator": VERSION})
+    if not (variant / "pattern.json").is_file():
+        write_json(variant / "pattern.json", {"effect": effect, "index": int(index), "generator": VERSION})
 
 
 def link_shared(variant: Path) -> None:

@@ -21,6 +21,7 @@ from hydroviews.scene.scenes import Scene
 UNCOMPRESSED = (".bmp", ".tif", ".tiff")
 GLIMPSE = 65536  # bytes
 WHOLE = "this scene"
+REQUEST = "request.json"
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ def take_folder(out: Path, folder: Path, request: BuildRequest, overwrite: bool)
     Raises:
         InputError: another request's scene is there, or files that no build wrote.
     """
-    path = folder / "request.json"
+    path = folder / REQUEST
     earlier = read_json(path) if path.is_file() and not overwrite else None
     unknown = set(vars(request)) - set(earlier) if isinstance(earlier, dict) else set()
     claim_folder(
@@ -78,7 +79,7 @@ def drawn_otherwise(folder: Path, patterns: Collection[str]) -> list[str]:
     Raises:
         InputError: an effect of one's own that is no more.
     """
-    if _recorded_code(folder / "request.json") != drawing_code():
+    if _recorded_code(folder / REQUEST) != drawing_code():
         return [WHOLE]
     kept = [name for name in patterns if (folder / name / "pattern.json").is_file()]
     return [

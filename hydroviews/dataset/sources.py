@@ -18,6 +18,7 @@ from hydroviews.captures.catalogue.catalogue import (
 from hydroviews.dataset.build import build
 from hydroviews.dataset.drop_masks import write_drop_masks
 from hydroviews.dataset.manifest import MANIFEST
+from hydroviews.dataset.request import REQUEST
 from hydroviews.errors import InputError, unknown_name
 from hydroviews.files.atomic import read_json
 from hydroviews.files.locks import BUSY, locked
@@ -124,6 +125,7 @@ def build_source(
     seed: int | None = None,
     lens_renderer: LensRenderer | None = None,
     overwrite: bool = False,
+    repair: bool = False,
     captures: Path | None = None,
 ) -> Path:
     """Build a capture and the named patterns under `out`; keeps what is there.
@@ -138,6 +140,7 @@ def build_source(
         seed: of the rain; a scene that is already there keeps its own if None.
         lens_renderer: "disk", "aperture" or "traced"; a scene that is already there keeps its own.
         overwrite: drop what was built from another request or drawn by other code.
+        repair: make changed files of a finished scene again.
         captures: the folder with published captures.
 
     Returns:
@@ -163,6 +166,7 @@ def build_source(
             lens_renderer=lens_renderer or built.get("lens_renderer", "disk"),
             source=source,
             overwrite=overwrite,
+            repair=repair,
         )
         if scene.captured_rainy:
             write_drop_masks(scene, folder, scene.resized(long_side).views)
@@ -171,5 +175,5 @@ def build_source(
 
 def _built_request(folder: Path) -> dict[str, Any]:
     """What a scene that is already there was asked to be; empty where there is none."""
-    request = folder / "request.json"
+    request = folder / REQUEST
     return dict(read_json(request)) if request.is_file() else {}

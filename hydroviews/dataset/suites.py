@@ -82,6 +82,7 @@ def build_suite(
     captures: Path | None = None,
     seed: int | None = None,
     overwrite: bool = False,
+    repair: bool = False,
 ) -> dict[str, InputError]:
     """Build every scene of a suite; one that cannot be built does not hold up the others.
 
@@ -92,6 +93,7 @@ def build_suite(
         captures: see `sources.find_capture`.
         seed: of the rain; a scene that is already there keeps its own if None.
         overwrite: drop scenes that were built from other requests.
+        repair: make changed files of finished scenes again.
 
     Returns:
         What kept scenes from being built, by their names: empty when all is there.
@@ -102,7 +104,16 @@ def build_suite(
         logger.info("[%d/%d] %s", i, len(suite.scenes), scene)
         patterns = [pattern.name for pattern in choose_patterns((), numbers, effects)]
         try:
-            build_source(scene, out, profile, patterns=patterns, captures=captures, seed=seed, overwrite=overwrite)
+            build_source(
+                scene,
+                out,
+                profile,
+                patterns=patterns,
+                captures=captures,
+                seed=seed,
+                overwrite=overwrite,
+                repair=repair,
+            )
         except InputError as error:
             logger.info("  not built: %s", str(error).splitlines()[0])
             failures[scene] = error

@@ -1,20 +1,38 @@
-"""Opens what `build` wrote: the clean views of a scene, or one of its rainy variants."""
+"""Opens what `build` wrote: the clean views of a scene, or one of its rainy variants.
 
+Of a scene that a manifest lists, only what is listed is read, and only with the bytes that are listed: cameras,
+points and split when it is opened, pictures, masks and depth when a view is asked for them. A folder that no manifest
+lists, or a scene that is still being built, is read as it lies there.
+"""
+
+from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
+from typing import Any
 
 from hydroviews.dataset.clean_views import CLEAN
+from hydroviews.dataset.manifest import HELD_BACK, listed_files, scene_entry
 from hydroviews.errors import InputError
+from hydroviews.files.known_bytes import require_bytes
 from hydroviews.formats.capture_json import CAPTURED
-from hydroviews.formats.colmap import read_colmap
-from hydroviews.scene.scenes import Scene
+from hydroviews.formats.colmap import read_colmap, reliable
+from hydroviews.formats.colmap_format import RegisteredImage, read_cameras, read_images, read_points
+from hydroviews.formats.photographs import read_split, some
+from hydroviews.formats.writers import MODEL
+from hydroviews.scene.depth import depth_path
+from hydroviews.scene.lenses import Lens
+from hydroviews.scene.masks import MASKS, mask_name
+from hydroviews.scene.scenes import Scene, View, make_scene
+
+SPLIT = "split.json"
 
 
 def open_clean(folder: Path) -> Scene:
     """The clean views of a built scene, with its split.
 
     Raises:
-        InputError: there are none, since it rained when the scene was captured; or it was not built.
+        InputError: there are none, since it rained when the scene was captured; it was not built; or cameras, points or
+            split are not what the manifest says, or a picture is not in it.
     """
     if is_captured(folder):
         raise InputError(
@@ -25,7 +43,11 @@ def open_clean(folder: Path) -> Scene:
 
 
 def open_variant(folder: Path, pattern: str) -> Scene:
-    """The rainy views of a built scene; cameras, points, split and masks are the clean ones."""
+    """The rainy views of a built scene; cameras, points, split and masks are the clean ones.
+
+    Raises:
+        InputError: see `open_clean`.
+    """
     return _open(folder, folder / pattern, "images")
 
 
@@ -37,4 +59,41 @@ def is_captured(folder: Path) -> bool:
 def _open(scene: Path, project: Path, images: str) -> Scene:
     if not (project / images).is_dir():
         raise InputError(f"{project / images}: no such views", fix="build the scene with this pattern first")
-    return replace(read_colmap(project, scene.name, images), captured_rainy=is_captured(scene))
+    entry = scene_entry(scene)
+    found = _open_listed(scene, project / images, entry) if entry else read_colmap(project, scene.name, images)
+    return replace(found, captured_rainy=is_captured(scene))
+
+
+def _open_listed(scene: Path, images: Path, entry: Mapping[str, Any]) -> Scene:
+    """The scene with the pictures in a folder, from listed files alone."""
+    listed, model = listed_files(scene, entry), scene / MODEL
+    used = [scene / SPLIT, *(path for path in listed if path.parent == model)]
+    for path in used:
+        require_bytes(_must_be_listed(path, listed), listed[path])
+    lenses = read_cameras(model)
+    registered = read_images(model)
+    strange = {image.camera_id for image in registered} - set(lenses)
+    if strange:
+        raise InputError(f"{model}: images.bin names cameras that cameras.bin lacks", found=f"camera {min(strange)}")
+    views = [_listed_view(scene, images, image, lenses[image.camera_id], listed) for image in registered]
+    absent = [view.name for view in views if view.path not in listed and view.name not in entry.get(HELD_BACK, ())]
+    if absent:
+        raise InputError(
+            f"{images}: views that are not in the manifest", found=some(absent), fix="build the scene with this pattern"
+        )
+    return make_scene(scene.name, views, reliable(read_points(model)), read_split(scene))
+
+
+def _must_be_listed(path: Path, listed: Mapping[Path, str]) -> Path:
+    if path not in listed:
+        raise InputError(f"{path}: not in the manifest", fix="build the scene again")
+    return path
+
+
+def _listed_view(scene: Path, images: Path, image: RegisteredImage, lens: Lens, listed: Mapping[Path, str]) -> View:
+    path, mask = images / image.name, scene / MASKS / mask_name(image.name)
+    camera = lens.pinhole((lens.width, lens.height)).camera(image.world_to_camera)
+    view = View(PurePosixPath(image.name).stem, camera, path, mask=mask if mask in listed else None, listed=listed)
+    if depth_path(view).is_file():
+        _must_be_listed(depth_path(view), listed)
+    return view

@@ -41,11 +41,11 @@ def view_depth(view: View, points: Points, guide: Image | None = None) -> Depth:
         guide: the view's picture [H, W, 3]; depth from points is smoothed, but less over the picture's edges.
 
     Raises:
-        InputError: an unreadable depth map.
+        InputError: an unreadable depth map, or one that changed since it was listed.
     """
     path = depth_path(view)
     if path.is_file():
-        return fitted_depth(path, view.camera)
+        return fitted_depth(view.known(path), view.camera)
     return sparse_depth(view.camera, points.positions, guide)
 
 

@@ -79,7 +79,7 @@ def _visible(
     inside = (depths > 0) & (pixels >= 1).all(axis=1) & (pixels < (camera.width - 1, camera.height - 1)).all(axis=1)
     pixels = np.where(inside[:, None], pixels, 1.0)
     if depth_path(view).is_file():
-        front = cv2.erode(fitted_depth(depth_path(view), camera), np.ones((3, 3)))
+        front = cv2.erode(fitted_depth(view.known(depth_path(view)), camera), np.ones((3, 3)))
         cell, behind = 1.0, BEHIND
     else:
         front, cell = _front_of_points(camera, pixels[inside], depths[inside])

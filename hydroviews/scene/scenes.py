@@ -1,6 +1,6 @@
 """A scene: named views with cameras and images, sparse points, and a split. Every method gets one."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.errors import InputError
+from hydroviews.files.known_bytes import require_bytes
 from hydroviews.scene.cameras import Camera, fitted_size, same_shape
 from hydroviews.scene.images import Image, read_image, resize_area
 from hydroviews.scene.lenses import Lens
@@ -27,6 +28,8 @@ class View:
         path: the photograph.
         lens: the photograph's own camera; None where it is a pinhole camera.
         mask: file that hides part of the photograph (see `hydroviews.scene.masks`).
+        listed: SHA-256 by path, of files of a data set, whose bytes are compared when they are read; any other file
+            is read as it is.
     """
 
     name: str
@@ -34,14 +37,23 @@ class View:
     path: Path
     lens: Lens | None = None
     mask: Path | None = None
+    listed: Mapping[Path, str] = field(default_factory=dict, repr=False, compare=False)
+
+    def known(self, path: Path) -> Path:
+        """A file of the view, to be read: unchanged since it was listed, if it was.
+
+        Raises:
+            InputError: it is listed, and missing or changed.
+        """
+        return require_bytes(path, self.listed[path]) if path in self.listed else path
 
     def image(self) -> Image:
         """Read the picture, undistorted: float32 [H, W, 3], sRGB-encoded, [0, 1], at the camera's size.
 
         Raises:
-            InputError: missing, unreadable, smaller than the camera, or of another shape.
+            InputError: missing, changed since it was listed, unreadable, smaller than the camera, or of another shape.
         """
-        image = read_image(self.path)
+        image = read_image(self.known(self.path))
         height, width = image.shape[:2]
         if self.lens is not None:
             if not same_shape((width, height), (self.lens.width, self.lens.height)):
@@ -58,11 +70,11 @@ class View:
         A pixel that a hidden one touches is ignored. None where the view has no mask, or one that hides nothing.
 
         Raises:
-            InputError: the mask is unreadable, or of another shape than the photograph.
+            InputError: the mask is unreadable, changed since it was listed, or of another shape than the photograph.
         """
         if self.mask is None:
             return None
-        ignored = read_ignored(self.mask)
+        ignored = read_ignored(self.known(self.mask))
         fitted = self.fit_mask(ignored, self.mask)
         return fitted if ignored.any() else None
 

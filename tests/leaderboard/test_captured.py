@@ -9,6 +9,7 @@ import pytest
 from synthetic import capture_in
 
 from hydroviews import metrics
+from hydroviews.dataset.manifest import data_hash
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.formats.read import read_scene
@@ -87,5 +88,7 @@ def test_hidden_pixels_are_not_scored(tmp_path):
     content = json.loads(manifest.read_text())
     content["scenes"]["yard"]["files"]["masks/view-00.png.png"] = "another"
     manifest.write_text(json.dumps(content))
-    with pytest.raises(InputError, match=r"other settings\n.*data_sha256"):
+    record = json.loads((results / "record.json").read_text())
+    assert data_hash(tmp_path / "data/demo", "yard", "streak-0") != record["data_sha256"]
+    with pytest.raises(InputError, match=r"masks/view-00\.png\.png: changed"):
         run(tmp_path, folder, patterns=("streak-0",))

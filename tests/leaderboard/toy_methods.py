@@ -116,3 +116,33 @@ class OddConfiguration(MeanColour):
     @classmethod
     def configuration(cls, profile: str) -> Config:
         raise ArithmeticError("no settings today")
+
+
+class Vandal(MeanColour):
+    """Writes over the photographs it is shown."""
+
+    def fit(self, scene: Scene, folder: Path) -> None:
+        super().fit(scene, folder)
+        for view in scene.train_views:
+            view.path.chmod(0o644)
+            view.path.write_bytes(b"mine now")
+
+
+class VandalAtOnce(Vandal):
+    """And looks at them afterwards."""
+
+    def fit(self, scene: Scene, folder: Path) -> None:
+        super().fit(scene, folder)
+        scene.train_views[0].image()
+
+
+class Forger(MeanColour):
+    """Looks for the ground truth around the photographs it is shown, and for all other pictures that it is not."""
+
+    def fit(self, scene: Scene, folder: Path) -> None:
+        super().fit(scene, folder)
+        shown = {view.path for view in scene.train_views}
+        data = scene.train_views[0].path.parents[2 if scene.train_views[0].path.parent.name == "clean" else 3]
+        for path in set(data.rglob("*.png")) - shown:
+            path.write_bytes(b"forged")
+            raise AssertionError(f"{path} is in reach")

@@ -13,11 +13,12 @@ from synthetic import capture_in
 from hydroviews.dataset import build as build_module
 from hydroviews.dataset.build import build
 from hydroviews.dataset.drawing_code import drawing_code
-from hydroviews.dataset.manifest import read_manifest, scene_files
+from hydroviews.dataset.manifest import read_manifest, record_files, scene_files
 from hydroviews.dataset.rainy_variant import FOCAL_STEP
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import write_bytes, write_json
 from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap
 from hydroviews.rain.lens.raindrops import Raindrops
@@ -234,7 +235,8 @@ def test_a_scene_from_before_code_was_recorded_is_kept_too(scene, tmp_path, capl
     folder = build(scene, tmp_path / "data", patterns=[STREAK])
     request = json.loads((folder / "request.json").read_text())
     of_then = {k: v for k, v in request.items() if k not in ("drawing_code", "lens_renderer")} | {"technique": "disk"}
-    (folder / "request.json").write_text(json.dumps(of_then))
+    write_json(folder / "request.json", of_then)
+    record_files(tmp_path / "data", "yard", ["request.json"])
     with pytest.raises(InputError, match="another request"):
         build(scene, tmp_path / "data", patterns=[STREAK], seed=5)
     assert build(scene, tmp_path / "data", patterns=[STREAK]) == folder
@@ -274,7 +276,7 @@ def test_verify_names_what_changed(scene, tmp_path):
     (folder / "clean" / "view-05.png").unlink()
     (folder / "stray.txt").write_text("")
     layer = folder / "streak-0" / "layers" / "view-01.exr"
-    layer.write_bytes(layer.read_bytes()[:100])
+    write_bytes(layer, layer.read_bytes()[:100])
     problems = "\n".join(verify(tmp_path / "data", every_view=True))
     assert "view-00.png: changed" in problems
     assert "view-00.png: differs by" in problems
@@ -423,7 +425,7 @@ def test_an_unfinished_scene_does_not_verify(scene, tmp_path):
     assert verify(tmp_path / "data") == [f"{folder}: not finished; run its build again"]
 
 
-@pytest.mark.parametrize("content", ["{", "{}", "[]", '{"scenes": {"yard": {}}}'])
+@pytest.mark.parametrize("content", ["{", "{}", "[]", '{"scenes": {"yard": {}}}', "[" * 100_000, "1" * 5000])
 def test_a_broken_manifest_is_told(tmp_path, content):
     (tmp_path / "manifest.json").write_text(content)
     with pytest.raises(InputError, match="delete it and build again"):

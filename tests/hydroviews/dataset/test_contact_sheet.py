@@ -11,6 +11,7 @@ from hydroviews.dataset.build import build
 from hydroviews.dataset.contact_sheet import spread, write_sheets
 from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import write_bytes
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap
@@ -67,7 +68,7 @@ def test_a_scene_captured_in_rain_has_its_own_row(tmp_path):
 
 def test_statistics_that_lack_a_view_are_told(built):
     path = built / "streak-1" / "statistics.csv"
-    path.write_text("".join(path.read_text().splitlines(keepends=True)[:3]))
+    write_bytes(path, b"".join(path.read_bytes().splitlines(keepends=True)[:3]))
     with pytest.raises(InputError, match=r"statistics\.csv: no row for view-03\n.*2 rows"):
         write_sheets(built)
 

@@ -71,6 +71,7 @@ HARMLESS = {
     "hydroviews.errors",
     "hydroviews.files.atomic",
     "hydroviews.files.full_disk",
+    "hydroviews.files.known_bytes",
     "hydroviews.files.settings_guard",
     "hydroviews.files.temporary",
     "hydroviews.formats.capture_json",

@@ -8,7 +8,7 @@ import pytest
 from hydroviews import metrics
 from hydroviews.dataset.statistics import measure_view, read_statistics, write_statistics
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import write_json
+from hydroviews.files.atomic import write_bytes, write_json
 from hydroviews.rain.layers import read_layers, write_layers
 from hydroviews.rain.streaks.measures import mean_angle, seed_density, streak_angle
 from hydroviews.rain.streaks.recipe import StreakPattern, composite, streak_layer
@@ -110,7 +110,7 @@ def test_a_table_that_is_none_or_is_cut_short_is_told(built, length):
     path = write_statistics(built, "streak-1")
     content = path.read_bytes()
     for damaged in (content[:length], b"a,b\n1,2\n", b"view,psnr\n000,1\n", b"\xff\xfe"):
-        path.write_bytes(damaged)
+        write_bytes(path, damaged)
         with pytest.raises(InputError, match=r"not a table of statistics|cut short"):
             read_statistics(path)
 

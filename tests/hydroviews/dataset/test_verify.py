@@ -7,9 +7,11 @@ import pytest
 from synthetic import capture_in
 
 from hydroviews.dataset.build import build
+from hydroviews.dataset.checks.rain import expected_view
 from hydroviews.dataset.contact_sheet import write_sheets
 from hydroviews.dataset.manifest import read_manifest, record_files, record_scene
-from hydroviews.dataset.verify import expected_view, verify
+from hydroviews.dataset.verify import verify
+from hydroviews.files.atomic import write_bytes
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap
@@ -75,7 +77,7 @@ def test_statistics_are_there_and_true(built):
     lines = path.read_text().splitlines()
     cells = lines[1].split(",")
     cells[3] = "0.9"  # streaks of view-00
-    path.write_text("\n".join([lines[0], ",".join(cells), *lines[3:]]) + "\n")
+    write_bytes(path, ("\n".join([lines[0], ",".join(cells), *lines[3:]]) + "\n").encode())
     problems = problems_after_signing(built)
     assert "streaks of view-00 is 0." in problems
     assert "no row for view-01" in problems
@@ -94,7 +96,7 @@ def test_views_may_be_called_by_numbers(tmp_path):
 
 @pytest.mark.parametrize("content", ["", "[]", "{}", '{"effect": "streak", "parameters": {"n": 100}}'])
 def test_a_damaged_pattern_is_a_problem_like_others(built, content):
-    (built / "streak-1" / "pattern.json").write_text(content)
+    write_bytes(built / "streak-1" / "pattern.json", content.encode())
     problems = "\n".join(verify(built.parent))
     assert "pattern.json: changed since it was built" in problems
     assert "pattern.json: not " in problems
@@ -138,5 +140,5 @@ def test_cameras_of_a_variant_are_the_scenes(built):
     assert any("not the scene's sparse" in problem for problem in verify(built.parent))
     shutil.copytree(built / "sparse", link)  # as where links cannot be made, or after a copy that follows them
     assert verify(built.parent) == []
-    (link / "0" / "cameras.bin").write_bytes(b"")
+    write_bytes(link / "0" / "cameras.bin", b"")
     assert any("not the scene's sparse" in problem for problem in verify(built.parent))

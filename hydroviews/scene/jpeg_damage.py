@@ -1,0 +1,100 @@
+"""JPEGs with damage inside: a decoder warns and goes on with grey or shifted blocks, which is no photograph.
+
+libjpeg writes its warnings to standard error, where OpenCV leaves them, and Pillow keeps some of them to itself. So the
+photographs are decoded once in a process of its own, small and grey, which takes a fraction of the time, and what it
+writes there is read.
+"""
+
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+from tqdm import tqdm
+
+from hydroviews.cli.processes import deferred_interrupts
+from hydroviews.errors import InputError
+
+START = b"\xff\xd8\xff"  # of every JPEG
+DAMAGE = ("Corrupt JPEG data", "Premature end of JPEG")  # libjpeg's other warnings are of no consequence
+PADDING = re.compile(r"Corrupt JPEG data: [123] extraneous bytes before marker 0xd9")  # some cameras' whole pictures
+
+
+def require_whole(paths: Sequence[Path], title: str) -> None:
+    """Refuse JPEGs that are damaged; files of other formats, and missing ones, are left to their reader.
+
+    Args:
+        paths: of photographs.
+        title: of the progress bar.
+
+    Raises:
+        InputError: it names the first damaged one, and how many there are.
+    """
+    jpegs = [path for path in paths if path.is_file() and _begins(path) == START]
+    if not jpegs:
+        return
+    answers = tqdm(_warnings(jpegs), desc=title, unit="view", total=len(jpegs), leave=False)
+    damaged = [(path, found) for path, found in zip(jpegs, answers, strict=True) if found]
+    if damaged:
+        path, found = damaged[0]
+        more = f", and {len(damaged) - 1} more photographs" if len(damaged) > 1 else ""
+        raise InputError(
+            f"{path}: a damaged JPEG{more}",
+            found=found,
+            expected="a photograph that decodes without a warning",
+            fix="copy it again, or remove the view from the cameras",
+        )
+
+
+def _begins(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(len(START))
+
+
+def _warnings(paths: Sequence[Path]) -> Iterator[str]:
+    """The first warning that tells of damage, for each JPEG; "" where there is none."""
+    with deferred_interrupts():  # it is killed below
+        command = [sys.executable, "-m", __name__]
+        process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert process.stdin is not None
+    assert process.stdout is not None
+    answered = 0
+    try:
+        with process.stdin:
+            json.dump([str(path) for path in paths], process.stdin)
+        for line in process.stdout:
+            answered += 1
+            yield next((said for said in json.loads(line) if _tells_damage(said)), "")
+    finally:
+        process.kill()
+        process.stdout.close()
+        process.wait()
+    if answered < len(paths):
+        raise InputError(f"{paths[answered]}: a damaged JPEG", found="its decoder crashed", fix="copy it again")
+
+
+def _tells_damage(said: str) -> bool:
+    return said.startswith(DAMAGE) and not PADDING.fullmatch(said)
+
+
+def main() -> None:
+    """Decode the JPEGs that standard input lists; a line for each, with what libjpeg wrote."""
+    paths = json.load(sys.stdin)
+    with tempfile.TemporaryFile() as written:
+        os.dup2(written.fileno(), sys.stderr.fileno())
+        for path in paths:
+            written.truncate(0)
+            written.seek(0)
+            cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_REDUCED_GRAYSCALE_8)
+            written.seek(0)
+            print(json.dumps(written.read().decode(errors="replace").splitlines()), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,22 @@
+"""Finished data sets, compared and damaged."""
+
+from pathlib import Path
+
+from hydroviews.dataset.manifest import scene_files
+from hydroviews.files.atomic import write_bytes
+from hydroviews.scene.images import read_image, write_png
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in scene_files(folder)}
+
+
+def damage(path: Path) -> None:
+    """Change a file's last bytes, as a bad disk would."""
+    content = path.read_bytes()
+    write_bytes(path, content[:-4] + bytes(255 - byte for byte in content[-4:]))
+
+
+def paint(path: Path) -> None:
+    """Make another picture of a picture."""
+    write_png(path, 1 - read_image(path))

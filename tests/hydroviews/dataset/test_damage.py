@@ -1,0 +1,236 @@
+"""Files of a finished scene that changed: never opened, never taken for good ones, made again if asked to."""
+
+import json
+import os
+import shutil
+import stat
+
+import numpy as np
+import pytest
+from damage import contents, damage, paint
+from synthetic import capture_in
+
+from hydroviews.dataset.build import build
+from hydroviews.dataset.manifest import changed_files, read_manifest, record_files, scene_files
+from hydroviews.dataset.variants import open_clean, open_variant
+from hydroviews.dataset.verify import verify
+from hydroviews.errors import InputError
+from hydroviews.files import known_bytes
+from hydroviews.files.atomic import sha256, write_bytes
+from hydroviews.formats.read import read_scene
+from hydroviews.formats.writers import write_colmap
+from hydroviews.rain.patterns import Pattern
+from hydroviews.scene.images import write_png
+from hydroviews.scene.masks import mask_name, write_ignored
+
+STREAK, HEAVY = Pattern("streak", 0), Pattern("streak", 2)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A capture with a mask, and its scene in streaks."""
+    folder = tmp_path_factory.mktemp("finished")
+    capture = folder / "capture" / "yard"
+    write_colmap(capture_in(capture), capture / "sparse" / "0")
+    write_ignored(capture / "masks" / mask_name("view-03.png"), np.eye(36, 48, dtype=bool))
+    build(read_scene(capture), folder / "data", patterns=[STREAK])
+    return folder
+
+
+@pytest.fixture
+def built(finished, tmp_path):
+    """The capture's scene object and the built scene, for the test to change."""
+    for name in ("capture", "data"):
+        shutil.copytree(finished / name, tmp_path / name, symlinks=True)
+    return read_scene(tmp_path / "capture" / "yard"), tmp_path / "data" / "yard"
+
+
+def again(built, **changes):
+    scene, folder = built
+    return build(scene, folder.parent, **{"patterns": [STREAK], **changes})
+
+
+@pytest.mark.parametrize(
+    ("name", "read"),
+    [
+        ("clean/view-00.png", lambda folder: [view.image() for view in open_clean(folder).test_views]),
+        ("streak-0/images/view-01.png", lambda folder: open_variant(folder, "streak-0").train_views[0].image()),
+        ("masks/view-03.png.png", lambda folder: [view.ignored() for view in open_clean(folder).views]),
+        ("sparse/0/images.bin", open_clean),
+        ("sparse/0/points3D.bin", lambda folder: open_variant(folder, "streak-0")),
+        ("split.json", open_clean),
+    ],
+)
+def test_a_file_that_changed_is_named_and_not_read(built, name, read):
+    _, folder = built
+    read(folder)
+    damage(folder / name)
+    with pytest.raises(InputError, match=f"{name}: changed since it was built"):
+        read(folder)
+
+
+def test_what_is_not_listed_is_not_read(built):
+    _, folder = built
+    shutil.copytree(folder / "sparse" / "0", folder / "sparse" / "1")
+    (folder / "streak-0" / "split.json").write_text('{"train": ["view-00", "view-08"], "test": ["view-01"]}')
+    write_ignored(folder / "masks" / "smuggled.png.png", np.ones((36, 48), bool))
+    opened = open_variant(folder, "streak-0")
+    assert opened.split.test == ("view-00", "view-08")
+    shutil.copytree(folder / "streak-0", folder / "streak-1", symlinks=True)
+    with pytest.raises(InputError, match="streak-1/images: views that are not in the manifest"):
+        open_variant(folder, "streak-1")
+    (folder / "depth").mkdir()
+    (folder / "depth" / "view-02.exr").touch()
+    with pytest.raises(InputError, match=r"depth/view-02\.exr: not in the manifest"):
+        open_clean(folder)
+
+
+def test_a_folder_that_no_manifest_lists_is_read_as_it_is(built):
+    _, folder = built
+    (folder.parent / "manifest.json").unlink()
+    paint(folder / "clean" / "view-00.png")
+    assert open_clean(folder).test_views[0].image().shape == (36, 48, 3)
+
+
+def test_a_file_is_hashed_once_until_it_is_touched(built, monkeypatch):
+    _, folder = built
+    path, hashed = folder / "clean" / "view-00.png", []
+    monkeypatch.setattr(known_bytes, "sha256", lambda file: hashed.append(file) or sha256(file))
+    monkeypatch.setattr(known_bytes, "SETTLED", 0)
+    view = open_clean(folder).test_views[0]
+    del hashed[:]
+    for _ in range(3):
+        view.image()
+    assert hashed == [path]
+    content, times = path.read_bytes(), path.stat()
+    write_bytes(path, content[:-1] + b"x")
+    os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))  # as large and as old as it was
+    with pytest.raises(InputError, match="changed"):
+        view.image()
+    write_bytes(path, content)
+    assert view.image().shape == (36, 48, 3)
+    monkeypatch.setattr(known_bytes, "SETTLED", 1e18)  # it could be touched again before a clock ticks
+    del hashed[:]
+    write_bytes(path, content)
+    view.image(), view.image()
+    assert hashed == [path, path]
+
+
+def test_a_painted_view_is_not_taken_for_a_good_one(built):
+    _, folder = built
+    before = read_manifest(folder.parent)
+    paint(folder / "clean" / "view-05.png")
+    for patterns in ([STREAK], [STREAK, HEAVY], []):
+        with pytest.raises(InputError, match=r"clean/view-05\.png: changed or missing[\s\S]*--repair"):
+            again(built, patterns=patterns)
+    assert read_manifest(folder.parent) == before
+    assert not (folder / "streak-2").exists()
+
+
+def test_other_rain_that_changed_holds_up_what_is_added_alone(built):
+    again(built, patterns=[HEAVY])
+    _, folder = built
+    paint(folder / "streak-2" / "images" / "view-05.png")
+    again(built)
+    with pytest.raises(InputError, match="streak-2/images/view-05"):
+        again(built, patterns=[Pattern("streak", 1)])
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ["clean/view-05.png", "streak-0/layers/view-04.exr", "README.md"],
+        ["sparse/0/cameras.bin", "transforms.json", "streak-0/transforms.json", "split.json"],
+        ["streak-0/pattern.json", "statistics.csv", "streak-0/statistics.csv", "masks/view-00.png.png"],
+    ],
+)
+def test_repair_makes_the_same_bytes_again(built, names, caplog):
+    _, folder = built
+    whole = contents(folder)
+    for name in names:
+        damage(folder / name)
+    again(built, repair=True)
+    assert f"{len(names)} changed files are made again" in caplog.text
+    assert contents(folder) == whole
+    assert verify(folder.parent, every_view=True) == []
+
+
+def test_a_repair_that_was_interrupted_is_ended_by_the_next_build(built, monkeypatch):
+    _, folder = built
+    whole = contents(folder)
+    for name in ("clean/view-05.png", "sparse/0/cameras.bin", "streak-0/images/view-04.png"):
+        damage(folder / name)
+    with monkeypatch.context() as disk:
+        disk.setattr("hydroviews.dataset.clean_views.write_colmap", full_disk)
+        with pytest.raises(InputError, match="no space left"):
+            again(built, repair=True)
+    assert not (folder / "sparse" / "0").exists()
+    again(built)
+    assert contents(folder) == whole
+    assert verify(folder.parent) == []
+
+
+def full_disk(scene, folder):
+    raise InputError(f"{folder}: no space left on the disk")
+
+
+def test_what_cannot_be_repaired_is_refused(built, monkeypatch):
+    _, folder = built
+    damage(folder / "request.json")
+    with pytest.raises(InputError, match=r"request\.json: changed[\s\S]*or remove .*yard and build it again"):
+        again(built, repair=True)
+    shutil.rmtree(folder)
+    assert again(built) == folder
+    damage(folder / "clean" / "view-02.png")
+    with monkeypatch.context() as other:
+        other.setattr("hydroviews.dataset.drawing_code._digest_of_ours", lambda: "another")
+        with pytest.raises(InputError, match=r"view-02\.png: changed[\s\S]*or remove .*yard and build it again"):
+            again(built, repair=True)
+        assert (folder / "clean" / "view-02.png").is_file()
+    monkeypatch.setattr("hydroviews.dataset.clean_views.write_png", lambda path, image: write_png(path, image * 0.9))
+    with pytest.raises(InputError, match=r"view-02\.png: changed or missing"):  # another machine's bytes
+        again(built, repair=True)
+    assert changed_files({folder / "clean/view-02.png": "of before"}, "") == [folder / "clean/view-02.png"]
+
+
+def test_finished_files_are_read_only_and_can_be_replaced(built):
+    _, folder = built
+    modes = {stat.S_IMODE(path.stat().st_mode) for path in scene_files(folder)}
+    assert modes == {0o444}
+    write_bytes(folder / "README.md", b"annotated")
+    record_files(folder.parent, "yard", ["README.md"])
+    assert stat.S_IMODE((folder / "README.md").stat().st_mode) == 0o444
+    shutil.rmtree(folder)
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (lambda entry: entry["files"].update({"../../../etc/passwd": "0"}), "file '../../../etc/passwd'"),
+        (lambda entry: entry["files"].update({"/etc/passwd": "0"}), "file '/etc/passwd'"),
+        (lambda entry: entry["files"].update({"a//b": "0"}), "file 'a//b'"),
+        (lambda entry: entry["files"].update({"a": 5}), "file 'a'"),
+        (lambda entry: entry.update(files=["a"]), "no files"),
+        (lambda entry: entry.update(patterns=None), "patterns None"),
+        (lambda entry: entry.update(held_back=5), "held_back 5"),
+        (lambda entry: entry.update(patterns=[["streak-0"]]), "patterns"),
+        (lambda entry: entry.update(patterns=["../streak-0"]), "patterns"),
+    ],
+)
+def test_odd_manifests_are_refused_by_all_who_read_them(built, change, expected):
+    _, folder = built
+    path = folder.parent / "manifest.json"
+    manifest = json.loads(path.read_text())
+    change(manifest["scenes"]["yard"])
+    path.write_text(json.dumps(manifest))
+    for read in (lambda: verify(folder.parent), lambda: open_clean(folder), lambda: again(built)):
+        with pytest.raises(InputError, match="not a manifest, scene 'yard'") as refusal:
+            read()
+        assert expected in str(refusal.value)
+
+
+@pytest.mark.parametrize("name", ["../../../../etc", "/etc", "..", ".", "", "a/b"])
+def test_scenes_that_lie_elsewhere_are_refused(tmp_path, name):
+    (tmp_path / "manifest.json").write_text(json.dumps({"scenes": {name: {"files": {}, "patterns": []}}}))
+    with pytest.raises(InputError, match=r"not a manifest[\s\S]*a name that is no folder's"):
+        verify(tmp_path)

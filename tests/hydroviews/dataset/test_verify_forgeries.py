@@ -1,0 +1,246 @@
+"""Data sets whose files were changed and their hashes renewed, or to which something was added: `verify` tells."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from synthetic import capture_in
+
+from hydroviews.blender.process import NoBlender
+from hydroviews.dataset.build import build
+from hydroviews.dataset.checks import rain
+from hydroviews.dataset.manifest import read_manifest, record_files
+from hydroviews.dataset.verify import verify
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import read_json, write_bytes, write_json
+from hydroviews.rain.layers import read_layers, write_layers
+from hydroviews.rain.patterns import Pattern
+from hydroviews.rain.streaks.effect import Streaks
+from hydroviews.scene.images import read_image, write_png
+
+PATTERN = "streak-1/pattern.json"
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A scene in streaks."""
+    folder = tmp_path_factory.mktemp("finished")
+    patterns = [Pattern("streak", 1), Pattern("streak", 2)]
+    return build(capture_in(folder / "capture" / "yard", n_views=4), folder / "data", patterns=patterns).parent
+
+
+@pytest.fixture
+def built(finished, tmp_path):
+    """The scene, for the test to change."""
+    shutil.copytree(finished, tmp_path / "data", symlinks=True)
+    return tmp_path / "data" / "yard"
+
+
+def sign(built, *names):
+    record_files(built.parent, "yard", names)
+
+
+def edit(built, name, change):
+    """Change the value in a JSON file and renew its hash."""
+    value = read_json(built / name)
+    changed = change(value)
+    write_json(built / name, value if changed is None else changed)
+    sign(built, name)
+
+
+def edit_manifest(built, change):
+    path = built.parent / "manifest.json"
+    manifest = json.loads(path.read_text())
+    change(manifest["scenes"]["yard"])
+    write_json(path, manifest)
+
+
+def told(built, every_view=False):
+    return "\n".join(verify(built.parent, every_view))
+
+
+def test_layers_are_drawn_again_from_their_seed(built):
+    assert told(built, every_view=True) == ""
+    edit(built, PATTERN, lambda facts: facts.update(seed=5))
+    assert f"{PATTERN}: not what seed 5 gives: angle" in told(built)
+
+
+def test_layers_that_another_seed_drew(built):
+    facts = read_json(built / PATTERN)
+    for index, every_view in ((0, False), (3, True)):
+        name = f"view-{index:02d}"
+        layer, image = built / f"streak-1/layers/{name}.exr", built / f"streak-1/images/{name}.png"
+        layers = {"S": np.ascontiguousarray(read_layers(layer)["S"][::-1, ::-1])}
+        write_layers(layer, layers)
+        write_png(image, rain.expected_view(facts, read_image(built / f"clean/{name}.png"), layers))
+        sign(built, f"streak-1/layers/{name}.exr", f"streak-1/images/{name}.png")
+        assert f"layers/{name}.exr: not what seed and parameters give: S" in told(built, every_view)
+        shutil.copy(built / "streak-1/layers/view-01.exr", built.parents[1])
+    assert "view-03" not in told(built)  # one view a variant
+
+
+@pytest.mark.parametrize("name", [".evil", "yard/.evil", "yard/clean/.evil", "yard/streak-1/extra.png", "notes.txt"])
+def test_stray_files(built, name):
+    (built.parent / name).touch()
+    assert f"{built.parent / name}: not in the manifest" in told(built)
+
+
+def test_a_stray_folder_is_named_once(built):
+    shutil.copytree(built / "clean", built.parent / "garden" / "clean")
+    shutil.copytree(built / "clean", built / "other" / "clean")
+    assert verify(built.parent) == [
+        f"{built.parent / 'garden'}: not in the manifest",
+        f"{built / 'other'}: not in the manifest",
+    ]
+
+
+def test_what_commands_leave_beside_is_no_stray(built):
+    for name in ("sheets/yard.png", "captures/courtyard/images/a.png", ".lock-yard", "yard/streak-1/.lens/a.npz"):
+        (built.parent / name).parent.mkdir(parents=True, exist_ok=True)
+        (built.parent / name).touch()
+    assert told(built) == ""
+
+
+def test_a_variant_that_is_not_listed(built):
+    edit_manifest(built, lambda entry: entry.update(patterns=["streak-2"]))
+    assert f"{built / 'streak-1'}: a variant that the manifest does not list" in told(built)
+
+
+@pytest.mark.parametrize("project", ["", "streak-1/"])
+@pytest.mark.parametrize(
+    ("change", "where"),
+    [
+        (lambda content: content["frames"][2].update(fl_x=5.0), ": .*view-02.png"),
+        (lambda content: content["frames"][1]["transform_matrix"][0].__setitem__(3, 9.0), ": .*view-01.png"),
+        (lambda content: content["frames"].pop(), ""),
+        (lambda content: content.update(ply_file_path="../../elsewhere.ply"), ""),
+        (lambda content: {"frames": 5}, ""),
+        (lambda content: [], ""),
+    ],
+)
+def test_transforms_are_the_cameras_once_more(built, project, change, where):
+    edit(built, f"{project}transforms.json", change)
+    (problem,) = verify(built.parent)
+    assert problem.startswith(f"{built}/{project}transforms.json: not the cameras of sparse/0")
+    assert ("view-" in problem) == bool(where)
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (lambda split: split["train"].append(split["test"][0]), "lists views twice"),
+        (lambda split: split["train"].remove("view-02"), "neither to train on nor held out: view-02"),
+        (lambda split: split["test"].append("view-77"), "names views that are not there"),
+        (lambda split: split.update(sparse=["view-00", "view-01"]), "no choice of its training views"),
+        (lambda split: split.update(train=5), "not a split"),
+    ],
+)
+def test_the_split_is_disjoint_and_complete(built, change, expected):
+    edit(built, "split.json", change)
+    assert expected in told(built)
+
+
+def test_a_view_without_a_picture(built):
+    for name in ("images/view-03.png", "layers/view-03.exr"):
+        (built / "streak-1" / name).unlink()
+        edit_manifest(built, lambda entry, name=name: entry["files"].pop(f"streak-1/{name}"))
+    assert f"{built / 'streak-1/images'}: no picture of view-03" in told(built)
+
+
+@pytest.mark.parametrize("name", ["clean/view-01.png", "clean", "streak-1", "streak-1/sparse", ""])
+def test_links_are_told_and_not_followed(built, tmp_path, name, monkeypatch):
+    place, away = built / name, tmp_path / "away"
+    target = away / place.name
+    away.mkdir()
+    if place.is_symlink():
+        shutil.copytree(built / "sparse", target)
+        place.unlink()
+    else:
+        shutil.move(place, target)
+    place.symlink_to(target)
+    read = []
+    for reader in ("manifest.current_sha256", "checks.cameras.sha256", "checks.rain.read_image"):
+        monkeypatch.setattr(f"hydroviews.dataset.{reader}", lambda path: read.append(path) or "0")
+    assert f"{place}: a link, which may lead out of the data set" in verify(built.parent)
+    assert not [path for path in read if target in path.resolve().parents or target == path.resolve()]
+
+
+def test_links_in_a_copy_of_the_cameras_and_a_linked_manifest(built, tmp_path):
+    (built / "streak-1/sparse").unlink()
+    shutil.copytree(built / "sparse", built / "streak-1/sparse")
+    assert told(built) == ""
+    copied = built / "streak-1/sparse/0/cameras.bin"
+    shutil.move(copied, tmp_path / "cameras.bin")
+    copied.symlink_to(tmp_path / "cameras.bin")
+    assert verify(built.parent) == [f"{copied}: a link, which may lead out of the data set"]
+    shutil.move(built.parent / "manifest.json", tmp_path / "manifest.json")
+    (built.parent / "manifest.json").symlink_to(tmp_path / "manifest.json")
+    with pytest.raises(InputError, match=r"no manifest\.json\n  found: a link"):
+        verify(built.parent)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda facts: facts["parameters"].update(brightness="x"),
+        lambda facts: facts["parameters"].update(brightness=None),
+        lambda facts: facts["parameters"].update(n=[1]),
+        lambda facts: facts["parameters"].update(length={"a": 1}),
+        lambda facts: facts.update(parameters=5),
+        lambda facts: facts.update(effect=["streak"]),
+        lambda facts: facts.update(effect="no-such-effect"),
+        lambda facts: facts.update(index="1"),
+        lambda facts: facts.update(seed="0"),
+        lambda facts: facts.update(seed=True),
+        lambda facts: facts.update(seed=-1),
+        lambda facts: [],
+    ],
+)
+def test_odd_values_in_a_pattern(built, change):
+    edit(built, PATTERN, change)
+    assert told(built).strip()
+
+
+@pytest.mark.parametrize("name", ["split.json", "transforms.json", "streak-1/transforms.json", PATTERN, "request.json"])
+@pytest.mark.parametrize("content", [b"\xff", b"5", b"[" * 100_000, b'{"a": 1}'])
+def test_odd_json_is_told(built, name, content, caplog):
+    write_bytes(built / name, content)
+    sign(built, name)
+    assert name.partition(".")[0] in told(built) + caplog.text or "another generator" in caplog.text
+
+
+@pytest.mark.parametrize("name", ["sparse/0/cameras.bin", "sparse/0/images.bin", "sparse/0/points3D.bin"])
+@pytest.mark.parametrize("content", [b"", b"\x01" * 64])
+def test_an_odd_model_is_told(built, name, content):
+    write_bytes(built / name, content)
+    sign(built, name)
+    assert "damaged or cut short" in told(built)
+
+
+def test_text_among_the_statistics(built):
+    path = built / "streak-1" / "statistics.csv"
+    lines = path.read_text().splitlines()
+    write_bytes(path, "\n".join([lines[0], lines[1].replace(",", ",x", 4), *lines[2:], ""]).encode())
+    sign(built, "streak-1/statistics.csv")
+    assert "statistics.csv: not a table of statistics" in told(built)
+
+
+@pytest.mark.parametrize("said", [5, {}, {"metres_per_unit": "x", "clean_error": None, "drops_cost": 1.0}])
+def test_odd_words_on_the_capture(built, said):
+    edit_manifest(built, lambda entry: entry.update(capture=said))
+    assert "the manifest's word on its capture" in told(built)
+
+
+def test_what_was_not_drawn_again_is_said(built, monkeypatch, caplog):
+    def bakes(self, camera, folder):
+        raise NoBlender("Blender's Python module bpy is not installed", fix="install it")
+
+    with monkeypatch.context() as without:
+        without.setattr(Streaks, "prepare", bakes)
+        assert told(built) == ""
+    assert "streak-1: layers were not drawn again: Blender's Python module bpy is not installed\n" in caplog.text
+    edit_manifest(built, lambda entry: entry.pop("capture"))
+    assert told(built) == ""
+    assert "built by an older version: layers were not drawn again" in caplog.text
+    assert "capture" not in read_manifest(built.parent)["scenes"]["yard"]

@@ -1,0 +1,82 @@
+"""JPEGs whose middle is damaged decode, with a warning that nobody sees: they are refused."""
+
+import cv2
+import numpy as np
+import pytest
+from synthetic import capture_in
+
+from deraings.reconstruct import require_photographs
+from hydroviews.dataset.build import build
+from hydroviews.errors import InputError
+from hydroviews.formats.read import read_scene
+from hydroviews.formats.writers import write_colmap
+from hydroviews.scene.images import read_image
+from hydroviews.scene.jpeg_damage import require_whole
+
+PLAIN, PROGRESSIVE = [], [cv2.IMWRITE_JPEG_PROGRESSIVE, 1]
+RESTARTS = [cv2.IMWRITE_JPEG_RST_INTERVAL, 4]
+
+
+def jpeg(settings, width=320, height=240):
+    rng = np.random.default_rng(0)
+    picture = cv2.resize(rng.integers(0, 256, (height // 4, width // 4, 3)).astype(np.uint8), (width, height))
+    return cv2.imencode(".jpg", picture, settings)[1]
+
+
+def random_bytes(content):
+    content[len(content) // 2 :][:6000] = np.random.default_rng(1).integers(0, 256, 6000)
+
+
+def sector_of_zeros(content):
+    content[8192 : 8192 + 4096] = 0
+
+
+def test_damage_in_the_middle_is_told_and_whole_pictures_are_not(tmp_path):
+    whole, damaged = [tmp_path / "picture.png", tmp_path / "missing.jpg"], []
+    whole[0].write_bytes(b"no JPEG")
+    for name, settings in (("plain", PLAIN), ("progressive", PROGRESSIVE), ("restarts", RESTARTS)):
+        content = jpeg(settings).tobytes()
+        assert len(content) > 14_000
+        whole += [write(tmp_path / f"{name}.jpg", content)]
+        whole += [write(tmp_path / f"{name}-padded.jpg", content[:-2] + b"\0\0" + content[-2:])]  # as some cameras do
+        for damage in (random_bytes, sector_of_zeros):
+            content = jpeg(settings)
+            damage(content)
+            damaged += [write(tmp_path / f"{name}-{damage.__name__}.JPEG", content.tobytes())]
+    assert read_image(damaged[1]).shape == (240, 320, 3)  # OpenCV sees a picture
+    require_whole(whole, "")
+    expected = r"plain-random_bytes\.JPEG: a damaged JPEG, and 5 more photographs\n  found: Corrupt JPEG data"
+    with pytest.raises(InputError, match=expected):
+        require_whole([*whole, *damaged], "")
+
+
+def test_a_reconstruction_names_the_damaged_photograph(tmp_path):
+    content = jpeg(PLAIN)
+    sector_of_zeros(content)
+    path = write(tmp_path / "IMG_1.JPG", content.tobytes())
+    with pytest.raises(InputError, match=rf"{path}: a damaged JPEG\n"):
+        require_photographs(tmp_path)
+
+
+def write(path, content):
+    path.write_bytes(content)
+    return path
+
+
+def test_a_ground_truth_is_not_made_of_a_damaged_photograph(tmp_path):
+    capture = tmp_path / "capture" / "yard"
+    scene = capture_in(capture, width=320, height=240)
+    write_colmap(scene, capture / "sparse" / "0")
+    content = jpeg(PLAIN)
+    for view in scene.views:
+        view.path.unlink()
+        view.path.with_suffix(".jpg").write_bytes(content.tobytes())
+    sector_of_zeros(content)
+    bad = capture / "images" / "view-05.jpg"
+    whole = bad.read_bytes()
+    bad.write_bytes(content.tobytes())
+    with pytest.raises(InputError, match=r"view-05\.jpg: a damaged JPEG\n"):
+        build(read_scene(capture), tmp_path / "data", patterns=[])
+    assert not list((tmp_path / "data").rglob("*.png"))
+    bad.write_bytes(whole)
+    assert build(read_scene(capture), tmp_path / "other", patterns=[]) == tmp_path / "other" / "yard"
