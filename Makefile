@@ -33,7 +33,7 @@ DOCS     := $(VENV)/.ready-docs
 
 # Settings reach the programs as they were given: make does not expand what is in them, and no shell reads it.
 GIVEN    := METHOD SCENE PROFILE SEED TRACK DATA RESULTS SEEDS METHODS BENCH PORT OUT EXTRAS
-OPTIONAL := SUITE CAPTURES PATTERNS PHOTOGRAPHS RUN SCENES OVERWRITE BENCH_ARGS PIP_ARGS FILM_ARGS
+OPTIONAL := SUITE CAPTURES PATTERNS PHOTOGRAPHS RUN SCENES OVERWRITE REPAIR BENCH_ARGS PIP_ARGS FILM_ARGS
 $(foreach name,$(GIVEN) $(OPTIONAL),$(eval override $(name) := $$(value $(name))))
 define newline
 
@@ -45,6 +45,7 @@ quoted    = $(foreach one,$(1),$(call quote,$(one)))
 names    := $(call quoted,$(subst $(comma), ,$(PATTERNS)))
 patterns := $(if $(names),--patterns $(names))
 overwrite := $(if $(filter 1,$(OVERWRITE)),--overwrite)
+repair   := $(if $(filter 1,$(REPAIR)),--repair)
 scenes   := $(if $(SCENES),$(call quoted,$(SCENES)),$(call quote,$(SCENE)))
 what     := $(if $(SUITE),--suite $(call quote,$(SUITE)),--scene $(call quote,$(SCENE)))
 profile  := $(call quote,$(PROFILE))
@@ -74,6 +75,9 @@ endif
 ifneq ($(filter-out 0 1,$(OVERWRITE)),)
 $(error OVERWRITE=$(OVERWRITE): 1 to build and run anew what is there with other settings; 0 or nothing to keep it)
 endif
+ifneq ($(filter-out 0 1,$(REPAIR)),)
+$(error REPAIR=$(REPAIR): 1 to make changed files of a finished scene again; 0 or nothing to refuse it)
+endif
 
 .PHONY: setup dataset eval compare check severity enhancer drop-finder ablation leaderboard view film bench docs test test-simd lint
 
@@ -86,7 +90,7 @@ $(READY): pyproject.toml constraints.txt
 	touch $(READY)
 
 dataset: $(READY)  ## a capture, its clean views, cameras and rainy variants; with SUITE= all of a suite's
-	$(BIN)/python -m hydroviews build $(what) --profile $(profile) --out $(data)/$(profile) --seed $(call quote,$(SEED)) $(patterns) $(overwrite)
+	$(BIN)/python -m hydroviews build $(what) --profile $(profile) --out $(data)/$(profile) --seed $(call quote,$(SEED)) $(patterns) $(overwrite) $(repair)
 
 eval: $(READY)  ## build what is missing, run the method and the reference rows, print the table
 	$(BIN)/python -m leaderboard evaluate --method $(call quote,$(METHOD)) --scene $(call quote,$(SCENE)) --profile $(profile) --seed $(call quote,$(SEED)) --track $(call quote,$(TRACK)) --data $(data) --results $(results) $(patterns) $(overwrite)

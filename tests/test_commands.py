@@ -34,6 +34,7 @@ def test_make_eval_passes_every_setting_on():
     assert "--patterns 'raindrop-0' 'streak-2'" in line
     assert "--overwrite" not in line + make("eval", "OVERWRITE=0")
     assert "--overwrite" in make("eval", "OVERWRITE=1")
+    assert "--repair" in make("dataset", "REPAIR=1")
 
 
 def test_make_dataset_builds_a_scene_or_a_suite():
@@ -147,6 +148,7 @@ def test_what_fails_fails_make(recorded, target):
         (("compare", "SEEDS="), "SEEDS= is empty"),
         (("eval", "SCENE=a\ntouch evil"), "SCENE= has a line break in it"),
         (("eval", "OVERWRITE=no"), "OVERWRITE=no: 1 to build"),
+        (("dataset", "REPAIR=yes"), "REPAIR=yes: 1 to make"),
         (("enhancer",), "PHOTOGRAPHS= is missing"),
         (("film",), "RUN= is missing"),
     ],
