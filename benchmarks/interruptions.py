@@ -42,6 +42,7 @@ from leaderboard.runs import Run, claim_folder
 METHOD, PROFILE = "benchmarks.interruptions:Brief", "demo"
 ITERATIONS, CHECKPOINT_SECONDS = 200, 0.2
 POLL = 0.005  # seconds
+PARENT = "PARENT"  # in a command: the number of the process that starts it
 IMPORTED = [
     "torch",
     "baselines.gaussian_splatting",
@@ -81,7 +82,8 @@ class Undisturbed:
 
 def stages(out: Path, patterns: Sequence[str]) -> Iterator[Stage]:
     """Building the room, training on it, scoring what was trained: each on what the one before left undisturbed."""
-    built, trained = out / "built", out / "trained"
+    built, trained, notes = out / "built", out / "trained", out / "notes"
+    notes.mkdir(parents=True, exist_ok=True)
 
     def build(folder: Path) -> list[str]:
         target = ["--scene", str(out / "room"), "--out", str(folder / PROFILE), "--profile", PROFILE]
@@ -91,7 +93,7 @@ def stages(out: Path, patterns: Sequence[str]) -> Iterator[Stage]:
         run = Run(METHOD, PROFILE, 0, built / PROFILE, "room", patterns[0], folder)
         claim_folder(run, overwrite=False)
         settings = [f"--run.{field.name}={getattr(run, field.name)}" for field in fields(run)]
-        return ["leaderboard.predict", *settings]
+        return ["leaderboard.predict", f"--tether.notes={notes}", f"--tether.parent={PARENT}", *settings]
 
     def score(folder: Path) -> list[str]:
         shutil.copytree(trained, folder, dirs_exist_ok=True)
@@ -126,7 +128,7 @@ def _run(command: Sequence[str], output: Path) -> None:
     with output.open("wb") as file:
         for stream in (1, 2):
             os.dup2(file.fileno(), stream)
-    sys.argv = list(command)
+    sys.argv = [argument.replace(PARENT, str(os.getppid())) for argument in command]
     runpy.run_module(command[0], run_name="__main__", alter_sys=True)
 
 
