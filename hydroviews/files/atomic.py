@@ -4,6 +4,7 @@ import errno
 import hashlib
 import json
 import os
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -48,18 +49,39 @@ def write_json(path: Path, value: Any) -> None:
     write_bytes(path, (json.dumps(value, indent=2) + "\n").encode())
 
 
-def read_json(path: Path) -> Any:
-    """Read a JSON file.
+def read_json(path: Path, fix: str = "restore the file or write it again") -> Any:
+    """Read a JSON file, whoever wrote it.
+
+    Args:
+        path: the file.
+        fix: what to do about a damaged one, for the error.
+
+    Returns:
+        JSON values whose integers fit a float and whose texts can be encoded as UTF-8.
 
     Raises:
-        InputError: the file is missing or is not JSON.
+        InputError: the file is missing, is not JSON, or is nested too deeply.
     """
     try:
-        return json.loads(path.read_text())
-    except FileNotFoundError:
+        text = path.read_text("utf-8")
+        value = json.loads(text, parse_int=_integer)
+        if _SURROGATE.search(text):
+            json.dumps(value, ensure_ascii=False).encode()
+        return value
+    except (FileNotFoundError, IsADirectoryError):
         raise InputError(f"{path}: no such file") from None
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not valid JSON", found=error, fix="restore the file or write it again") from None
+    except (RecursionError, ValueError) as error:  # the latter for syntax, encoding and integers
+        raise InputError(f"{path}: not valid JSON", found=error, fix=fix) from None
+
+
+LARGEST_INTEGER = 300  # digits: floats end at 1.8e308
+_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
+
+
+def _integer(digits: str) -> int:
+    if len(digits) > LARGEST_INTEGER:
+        raise ValueError(f"an integer of {len(digits)} digits")
+    return int(digits)
 
 
 def listing(files: Iterable[Path]) -> str:

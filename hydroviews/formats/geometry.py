@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hydroviews.errors import InputError
+from hydroviews.scene.checks import check_position
 
 RIGID_TOLERANCE = 0.02  # largest deviation of a singular value from 1 that counts as rounding
 JUMP = 10.0  # distance from its neighbours, in median steps, from which a camera is doubtful
@@ -23,17 +24,19 @@ def rigid_pose(pose: ArrayLike, where: str) -> NDArray[np.float64]:
         where: file and view, for errors.
 
     Raises:
-        InputError: another size, not finite, mirrored, or scaled or sheared by more than RIGID_TOLERANCE.
+        InputError: another size, not finite, mirrored, scaled or sheared by more than RIGID_TOLERANCE, or too far away
+            (see `scene.checks`).
     """
     try:
         matrix = np.asarray(pose, np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         matrix = np.zeros(0)
     if matrix.shape not in ((3, 4), (4, 4)):
         raise InputError(f"{where}: the pose is not a matrix of numbers", found=pose, expected="4 rows of 4 numbers")
     fix = "write the camera file again, or remove this view from it"
     if not np.isfinite(matrix).all():
         raise InputError(f"{where}: the pose has numbers that are not finite", found=matrix.tolist(), fix=fix)
+    check_position(where, matrix[:3, 3])
     left, stretch, right = np.linalg.svd(matrix[:3, :3])
     if np.abs(stretch - 1).max() > RIGID_TOLERANCE or np.linalg.det(matrix[:3, :3]) < 0:
         raise InputError(
