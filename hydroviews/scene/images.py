@@ -18,7 +18,7 @@ Image = NDArray[np.float32]
 
 STREAK_WIDTH, STREAK_SIDE = 5, 480  # pixels: upright streaks are narrower, in a picture of this longer side
 
-ROWS_AT_ONCE = 64  # of a picture: bounds the memory that large ones take
+ROWS_AT_ONCE = 16  # of a picture: bounds the memory that large ones take
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp")
 

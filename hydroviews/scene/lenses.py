@@ -253,8 +253,10 @@ def _sampled_places(
     across = (np.arange(target.width) + 0.5 - target.cx) / target.fx
     down = (np.arange(rows.start, rows.stop) + 0.5 - target.cy) / target.fy
     y, x = np.meshgrid(down, across, indexing="ij")
-    pixels = camera.img_from_cam(np.stack([x, y, np.ones_like(x)], axis=-1).reshape(-1, 3))
-    sampled = (pixels * scale - 0.5).astype(np.float32).reshape(*x.shape, 2)
+    pixels = np.asarray(camera.img_from_cam(np.stack([x, y, np.ones_like(x)], axis=-1).reshape(-1, 3)))
+    pixels *= scale
+    pixels -= 0.5
+    sampled = pixels.astype(np.float32).reshape(*x.shape, 2)
     if not np.isfinite(sampled).all():
         raise InputError(
             f"{lens.called}: its distortion is undefined inside the picture",

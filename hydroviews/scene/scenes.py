@@ -50,7 +50,7 @@ class View:
     def rounded(self) -> NDArray[np.uint8]:
         """`image` rounded to 8 bits: uint8 [H, W, 3].
 
-        Takes at most 16 bytes for each pixel of an 8-bit photograph, beside the maps that `lenses` keeps.
+        Takes at most 16 bytes for each pixel of an undistorted 8-bit photograph, beside the maps that `lenses` keeps.
 
         Raises:
             InputError: see `image`.
