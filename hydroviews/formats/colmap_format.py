@@ -6,6 +6,7 @@ pycolmap reads them too, but takes a file cut short for a shorter model, or ends
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -73,7 +74,8 @@ def read_images(folder: Path) -> list[RegisteredImage]:
     for number, quaternion, translation, camera_id, name in _records(path, _binary_images, _text_images):
         check_file_name(path, name)
         ids.append(number)
-        pose = np.c_[_rotation(np.array(quaternion), f"{path}: {name}"), translation]
+        pose = np.empty((3, 4))
+        pose[:, :3], pose[:, 3] = _rotation(np.array(quaternion), f"{path}: {name}"), translation
         images.append(RegisteredImage(name, camera_id, rigid_pose(pose, f"{path}: {name}")))
     check_once(path, "image", ids)
     return images
@@ -133,8 +135,9 @@ class _Cursor:
         self.content, self.offset = content, 0
 
     def take(self, layout: str) -> tuple:
-        values = struct.unpack_from("<" + layout, self.content, self.offset)
-        self.offset += struct.calcsize("<" + layout)
+        record = _record(layout)
+        values = record.unpack_from(self.content, self.offset)
+        self.offset += record.size
         return values
 
     def name(self) -> str:
@@ -149,6 +152,11 @@ class _Cursor:
     def finish(self) -> None:
         if self.offset != len(self.content):
             raise ValueError(f"the records end at byte {self.offset}")
+
+
+@cache
+def _record(layout: str) -> struct.Struct:
+    return struct.Struct("<" + layout)
 
 
 def _binary_cameras(cursor: _Cursor) -> Iterator[tuple]:

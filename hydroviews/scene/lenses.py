@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache, cached_property, lru_cache
 from typing import NamedTuple
 
 import cv2
@@ -73,7 +73,7 @@ class Lens:
         """What errors call it."""
         return f"{self.model} camera of {self.width}x{self.height}"
 
-    @property
+    @cached_property
     def is_pinhole(self) -> bool:
         """Whether it has no distortion, so that photographs are used as they are."""
         camera = self.colmap()
