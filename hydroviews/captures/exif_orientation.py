@@ -22,7 +22,7 @@ def orientation(path: Path) -> int:
         with PIL.Image.open(path) as image:
             tag = int(image.getexif().get(Base.Orientation, AS_STORED))
             return tag if tag in TURNS else AS_STORED
-    except OSError:  # reading the pixels will raise what is wrong
+    except (OSError, PIL.Image.DecompressionBombError):  # reading the pixels will raise what is wrong
         return AS_STORED
 
 

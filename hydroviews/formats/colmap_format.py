@@ -119,7 +119,7 @@ def _records(path: Path, binary: Any, text: Any) -> Iterator[tuple]:
             found=error.object[max(0, error.start - 20) : error.end + 20],
             fix="rename the photograph, and estimate the poses again",
         ) from error
-    except (struct.error, ValueError, IndexError) as error:
+    except (struct.error, ValueError, IndexError, OverflowError) as error:
         raise InputError(
             f"{path}: damaged or cut short",
             found=f"{path.stat().st_size} bytes ({error})",

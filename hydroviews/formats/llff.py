@@ -1,6 +1,7 @@
 """LLFF captures: `poses_bounds.npy` beside photographs, matched in sorted order."""
 
 from pathlib import Path
+from tokenize import TokenError
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,7 +61,7 @@ def _read_table(path: Path) -> NDArray[np.float64]:
     """Rows of 17 numbers, with finite sizes and focal lengths."""
     try:
         table = np.load(path, mmap_mode="r", allow_pickle=False)  # reserves no memory for what the file does not hold
-    except (OSError, ValueError, EOFError) as error:
+    except (OSError, ValueError, TypeError, EOFError, SyntaxError, TokenError) as error:  # headers are Python code
         raise InputError(f"{path}: not a NumPy array", found=error, fix="copy the file again") from error
     if not isinstance(table, np.ndarray):
         table.close()

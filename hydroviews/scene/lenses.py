@@ -14,13 +14,11 @@ from numpy.typing import NDArray
 from hydroviews.errors import InputError
 from hydroviews.scene.cameras import Camera, same_shape
 from hydroviews.scene.checks import check_intrinsics, check_size
+from hydroviews.scene.distortion import misuse
 from hydroviews.scene.images import Image, row_blocks
 
 # Undistorted pictures have no blank pixels: the field of view shrinks until the photograph covers all of it.
 BLANK_PIXELS = 0.0
-
-GRID = 17  # places along each side of a picture at which its distortion is checked
-SLACK = 0.05  # of the longer side: how far beyond the photograph a place may lie, for rounding
 
 KEPT_MAP = 24_000_000  # pixels up to which a lens's sampling map, 8 bytes each, is kept; two of them at a time
 
@@ -194,7 +192,7 @@ def _pinhole(lens: Lens) -> Pinhole:
             ) from error
     matrix = camera.calibration_matrix()
     pinhole = Pinhole(camera.width, camera.height, matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2])
-    wrong = "" if lens.is_pinhole else _misuse(lens, pinhole)
+    wrong = "" if lens.is_pinhole else misuse(lens.colmap(), camera)
     if wrong:
         raise InputError(
             f"{lens.called}: its distortion {wrong} the picture",
@@ -203,29 +201,6 @@ def _pinhole(lens: Lens) -> Pinhole:
             fix="calibrate the camera again, with a model of fewer parameters",
         )
     return pinhole
-
-
-def _misuse(lens: Lens, pinhole: Pinhole) -> str:
-    """How the undistorted picture would show a photograph wrongly, "folds inside" or "leads outside"; empty if not.
-
-    The map from there to the photograph is one to one where its Jacobian determinant stays positive, and upright where
-    its diagonal does. Both are taken by central differences at GRID places a side, corners and edges among them:
-    distortion that grows with the distance from the middle turns there first.
-    """
-    ends = _PLACES * (pinhole.width, pinhole.height) + _STEPS - (pinhole.cx, pinhole.cy)
-    rays = np.ones((ends.size // 2, 3))
-    rays[:, :2] = ends.reshape(-1, 2) / (pinhole.fx, pinhole.fy)
-    sampled: NDArray[np.float64] = np.asarray(lens.colmap().img_from_cam(rays))
-    left, right, above, below = sampled.reshape(4, -1, 2)
-    (xx, xy), (yx, yy) = (right - left).T, (below - above).T
-    if not ((xx * yy > xy * yx) & (xx > 0) & (yy > 0)).all():  # NaN is neither
-        return "folds inside"
-    size, slack = np.array([lens.width, lens.height]), SLACK * max(lens.width, lens.height)
-    return "" if (np.abs(sampled - size / 2) <= size / 2 + slack).all() else "leads outside"
-
-
-_PLACES = np.stack(np.meshgrid(*2 * [np.linspace(0, 1, GRID)]), axis=-1).reshape(1, -1, 2)  # of the picture
-_STEPS = np.array([[-0.5, 0], [0.5, 0], [0, -0.5], [0, 0.5]]).reshape(4, 1, 2)  # pixels
 
 
 def _sampling_map(lens: Lens, width: int, height: int, rows: slice) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
