@@ -38,16 +38,18 @@ def rigid_pose(pose: ArrayLike, where: str) -> NDArray[np.float64]:
         raise InputError(f"{where}: the pose has numbers that are not finite", found=matrix.tolist(), fix=fix)
     check_position(where, matrix[:3, 3])
     left, stretch, right = np.linalg.svd(matrix[:3, :3])
-    if np.abs(stretch - 1).max() > RIGID_TOLERANCE or np.linalg.det(matrix[:3, :3]) < 0:
+    rotation = left @ right
+    mirrored = np.linalg.det(rotation) < 0
+    if mirrored or not np.abs(stretch - 1).max() <= RIGID_TOLERANCE:
         raise InputError(
             f"{where}: the pose is not rigid",
-            found=f"rotation part with singular values {np.round(stretch, 4)}, "
-            f"determinant {np.linalg.det(matrix[:3, :3]):.4f}",
-            expected=f"1 within {RIGID_TOLERANCE:.0%}, determinant +1",
+            found=f"rotation part with singular values {', '.join(f'{s:.4g}' for s in stretch)}"
+            + (", mirrored" if mirrored else ""),
+            expected=f"1 within {RIGID_TOLERANCE:.0%}, not mirrored",
             fix=fix,
         )
     rigid = np.eye(4)
-    rigid[:3, :3] = left @ right
+    rigid[:3, :3] = rotation
     rigid[:3, 3] = matrix[:3, 3]
     return rigid
 

@@ -23,7 +23,7 @@ from hydroviews.scene.images import image_size, read_image
 from hydroviews.scene.masks import read_ignored
 from hydroviews.scene.scenes import Scene
 
-EXAMPLES = int(os.environ.get("FUZZ_EXAMPLES", 40))
+EXAMPLES = int(os.environ.get("FUZZ_EXAMPLES", 25))
 fuzzed = settings(
     max_examples=EXAMPLES,
     derandomize="FUZZ_EXAMPLES" not in os.environ,

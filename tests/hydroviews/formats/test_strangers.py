@@ -59,6 +59,7 @@ def test_cameras_that_are_impossibly_far_away(tmp_path, kind, distance):
         ("colmap binary", "OPENCV", (-5000.0, 0.0, 0.0, 0.0)),  # turned over beyond the fold: upright nowhere
         ("colmap text", "THIN_PRISM_FISHEYE", (-0.5, *[0.0] * 7)),
         ("colmap text", "OPENCV", (5e5, 0.0, 0.0, 0.0)),
+        ("colmap text", "OPENCV", (1e308, 0.0, 0.0, 0.0)),
     ],
 )
 def test_distortion_that_folds_inside_the_picture(tmp_path, kind, model, distortion):
@@ -199,6 +200,7 @@ def test_odd_values_of_transforms_json(tmp_path, values, message):
         ({"mask_path": ["a"]}, "mask_path: not a file name"),
         ({"mask_path": "../mask.png"}, "mask_path: a name that leads out of the capture"),
         ({"transform_matrix": [[10**299, i, 0, 0] for i in range(4)]}, "1: the pose is not rigid"),
+        ({"transform_matrix": [[1e308, 1e308, 1e308, 0.0]] * 4}, "1: the pose is not rigid"),
         ({"transform_matrix": {"a": 1}}, "1: the pose is not a matrix of numbers"),
     ],
 )
@@ -235,6 +237,26 @@ def test_arrays_that_announce_more_than_there_is(tmp_path, header, message):
         np.lib.format.write_array_header_1_0(file, {"descr": "<f8", "fortran_order": False, "shape": header})
         file.write(bytes(4 * 17 * 8))
     with pytest.raises(InputError, match=message):
+        read_scene(folder)
+
+
+@pytest.mark.parametrize(
+    "header", [b"{-1escr': '<f8', 'fortran_order': False, 'shape': -1, 17), }", b"{9: 0}", b"  {\n1", b"(" * 100]
+)
+def test_headers_of_arrays_that_are_no_python(tmp_path, header):
+    folder = write("llff", tmp_path, Stranger())
+    content = b"\x93NUMPY\x01\x00\x80\x00" + header.ljust(127) + b"\n"
+    (folder / "poses_bounds.npy").write_bytes(content + bytes(4 * 17 * 8))
+    with pytest.raises(InputError, match="not a NumPy array"):
+        read_scene(folder)
+
+
+def test_a_count_that_leads_beyond_all_files(tmp_path):
+    folder = write("colmap binary", tmp_path, Stranger())
+    path = folder / "sparse" / "0" / "images.bin"
+    content = path.read_bytes()
+    path.write_bytes(content.replace(b"1.png\0" + bytes(8), b"1.png\0" + b"\xff" * 8))
+    with pytest.raises(InputError, match=r"images\.bin: damaged or cut short"):
         read_scene(folder)
 
 
