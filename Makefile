@@ -20,6 +20,7 @@ PIP_ARGS ?=
 RUN     ?=
 PORT    ?= 8080
 OUT     ?= film.mp4
+EXAMPLES ?= 1000
 FILM_ARGS ?=
 
 ABLATION := deraings.method:Masks 3dgs+enhance deraings.method:WithoutAttention deraings \
@@ -79,7 +80,7 @@ ifneq ($(filter-out 0 1,$(REPAIR)),)
 $(error REPAIR=$(REPAIR): 1 to make changed files of a finished scene again; 0 or nothing to refuse it)
 endif
 
-.PHONY: setup dataset eval compare check severity enhancer drop-finder ablation leaderboard view film bench docs test test-simd lint
+.PHONY: setup dataset eval compare check severity enhancer drop-finder ablation leaderboard view film bench docs test fuzz test-simd lint
 
 setup: $(READY)  ## everything into .venv, at the versions of constraints.txt
 
@@ -140,6 +141,9 @@ docs: $(DOCS)  ## the site into build/site: open build/site/index.html
 # A file's tests share what they build, so they stay in one process.
 test: $(READY)  ## all tests, shared out to up to four processes
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
+
+fuzz: $(READY)  ## damaged captures and pictures, other ones than in the tests: EXAMPLES=1000 a reader
+	FUZZ_EXAMPLES=$(EXAMPLES) $(BIN)/python -m pytest tests/hydroviews/formats/test_fuzzed_readers.py
 
 test-simd: $(READY)  ## the kernels' tests with all instructions that the processor has
 	simds=$$($(BIN)/python -c "from baselines.splatting.kernels.simd import available; print(*available())") || exit 1; \

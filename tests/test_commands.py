@@ -181,6 +181,7 @@ TARGETS = {  # what each runs
     "film": ("-m leaderboard film 'a run' --data 'data' --out 'film.mp4'",),
     "bench": ("-m 'benchmarks.splatting'",),
     "test": ("-m pytest -n auto",),
+    "fuzz": ("FUZZ_EXAMPLES=1000 /nowhere/bin/python -m pytest tests/hydroviews/formats/test_fuzzed_readers.py",),
     "test-simd": ("HYDROVIEWS_SIMD=$simd", "test_rasterizer.py", "test_hard_cases.py", "test_photometric.py"),
     "lint": ("ruff check .", "ruff format --check .", "mypy"),
 }

@@ -1,5 +1,6 @@
 """The Gaussians that training starts from."""
 
+import logging
 from collections.abc import Sequence
 
 import numpy as np
@@ -8,7 +9,10 @@ from numpy.typing import NDArray
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.spherical_harmonics import coefficients, from_colour
 from hydroviews.scene.cameras import Camera
+from hydroviews.scene.checks import usable
 from hydroviews.scene.scenes import Points
+
+logger = logging.getLogger(__name__)
 
 INITIAL_OPACITY = 0.1
 NEIGHBOURS = 3
@@ -35,14 +39,17 @@ def scene_extent(cameras: Sequence[Camera]) -> tuple[NDArray[np.float64], float]
 def initialise(points: Points, cameras: Sequence[Camera], sh_degree: int, seed: int) -> Gaussians:
     """One Gaussian a scene point: round, as large as the distance to its neighbours, its colour the point's.
 
-    Where the capture has fewer than 100 points, 10,000 grey ones are drawn in the cube around the cameras.
+    Points that are not finite or impossibly far away are left out. Where the capture has fewer than 100 others, 10,000
+    grey ones are drawn in the cube around the cameras. The log says both.
     """
     middle, extent = scene_extent(cameras)
     origin = middle if float(np.linalg.norm(middle)) > FAR_ORIGIN * extent else np.zeros(3)
     positions, colours = np.asarray(points.positions, np.float64), np.asarray(points.colours) / 255.0
-    finite = np.isfinite(positions).all(axis=1)
-    positions, colours = positions[finite], colours[finite]
+    kept = usable("training", positions)
+    positions, colours = positions[kept], colours[kept]
     if len(positions) < FEWEST_POINTS:
+        if len(points):
+            logger.warning("training: %d points are few: %d random ones are added", len(positions), RANDOM_POINTS)
         generator = np.random.default_rng(seed)
         random = middle + extent * generator.uniform(-1, 1, (RANDOM_POINTS, 3))
         positions = np.concatenate([positions, random])

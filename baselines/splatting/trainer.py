@@ -56,7 +56,7 @@ def train(
 
     Raises:
         InputError: an image that cannot be read; a checkpoint of another configuration, seed or scene; no such device.
-        FloatingPointError: a loss is NaN or infinite.
+        FloatingPointError: a loss is NaN or infinite, or no Gaussian is left.
         KeyboardInterrupt, SystemExit: on Ctrl-C and SIGTERM, after a checkpoint was written.
     """
     cameras = tuple(view.camera for view in scene.train_views)
@@ -77,6 +77,8 @@ def train(
     trainer = SplattingTrainer(config, seed, cameras, validation_views, extent, backend, objective, start)
     run(trainer, folder / CHECKPOINT, fingerprint, config.checkpoint_seconds)
     state = trainer.state
+    if not len(state.gaussians):
+        raise FloatingPointError(f"no Gaussian is left after {state.iteration} iterations: the model would be empty")
     return TrainedScene(
         gaussians=state.gaussians,
         near=near,

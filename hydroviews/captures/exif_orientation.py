@@ -9,6 +9,7 @@ import PIL.ImageOps
 from PIL.ExifTags import Base
 
 from hydroviews.files.atomic import replacing
+from hydroviews.scene.images import image_size
 
 logger = logging.getLogger(__name__)
 
@@ -39,7 +40,12 @@ def common_turn(paths: Iterable[Path]) -> bool:
 
 
 def write_upright(source: Path, target: Path) -> None:
-    """Write a copy with its pixels turned upright, in the same format and with all other Exif tags."""
+    """Write a copy with its pixels turned upright, in the same format and with all other Exif tags.
+
+    Raises:
+        InputError: unreadable, or too large (see `scene.checks`).
+    """
+    image_size(source)
     with PIL.Image.open(source) as image:
         turned = PIL.ImageOps.exif_transpose(image)
         with replacing(target) as temporary, temporary.open("wb") as file:

@@ -38,7 +38,7 @@ def write_views(scene: Scene, folder: Path, images: str) -> Scene:
     for view in tqdm(scene.views, desc=f"{scene.name}: {images.partition('/')[0]} views", unit="view"):
         path = folder / images / f"{view.name}.png"
         if not path.is_file():
-            write_png(path, view.image())
+            write_png(path, view.rounded())
         built = View(view.name, view.camera, path, mask=_write_mask(view, folder) if masked else None)
         _write_depth(view, built, folder)
         views.append(built)

@@ -2,9 +2,10 @@
 
 import hashlib
 import json
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -55,18 +56,26 @@ def take_folder(out: Path, folder: Path, request: BuildRequest, overwrite: bool)
         InputError: another request's scene is there, or files that no build wrote.
     """
     path = folder / REQUEST
-    earlier = read_json(path) if path.is_file() and not overwrite else None
-    unknown = set(vars(request)) - set(earlier) if isinstance(earlier, dict) else set()
+    earlier = read_json(path) if path.is_file() and not overwrite else {}
+    earlier = earlier if isinstance(earlier, dict) else {}
+    unknown = set(vars(request)) - set(earlier) if earlier else set()
     claim_folder(
         path,
         vars(request),
-        taken="this scene was built from another request",
+        taken="this scene was built from another request" + _other_source(earlier, request),
         foreign="holds files that no build wrote",
         fix="choose another --out, or add --overwrite to build it anew",
         ignored=("source", "generator") if overwrite else ("source", "generator", "drawing_code", *unknown),
         overwrite=overwrite,
         forget=lambda: forget_scene(out, folder.name),
     )
+
+
+def _other_source(earlier: Mapping[str, Any], request: BuildRequest) -> str:
+    """Both captures where they have different ones, as the end of a sentence; two folders may have one name."""
+    if earlier.get("capture") == request.capture or earlier.get("source") == request.source:
+        return ""
+    return f": of {earlier.get('source')}, another capture than {request.source}"
 
 
 def drawn_otherwise(folder: Path, patterns: Collection[str]) -> list[str]:

@@ -34,6 +34,7 @@ from hydroviews.scene.scenes import Scene
 logger = logging.getLogger(__name__)
 
 RENDERED = "captures"  # embedded scenes as rendered, beside the built ones
+RESERVED = (MANIFEST, RENDERED)  # what a data folder holds beside its scenes
 
 
 def find_capture(source: str, rendered: Path, views: int, long_side: int, captures: Path | None = None) -> Scene:
@@ -150,7 +151,7 @@ def build_source(
     require_seed(seed)
     long_side = profile.long_side if long_side is None else long_side
     named = choose_patterns(patterns, ())  # refuses a wrong name before anything is rendered
-    scene = find_capture(source, out / RENDERED, profile.embedded_views, long_side, captures)
+    scene = _beside(RESERVED, find_capture(source, out / RENDERED, profile.embedded_views, long_side, captures))
     for note in scene.notes:
         logger.info("%s: %s", scene.name, note)
     default = profile.patterns if all_patterns and not scene.captured_rainy else ()
@@ -171,6 +172,15 @@ def build_source(
         if scene.captured_rainy:
             write_drop_masks(scene, folder, scene.resized(long_side).views)
     return folder
+
+
+def _beside(reserved: Sequence[str], scene: Scene) -> Scene:
+    """The scene, under another name and with a note where its own is one of those reserved."""
+    if scene.name not in reserved:
+        return scene
+    name = f"{scene.name}-scene"
+    note = f"built as {name}: a data folder has another thing called {scene.name}"
+    return replace(scene, name=name, notes=(*scene.notes, note))
 
 
 def _built_request(folder: Path) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -41,21 +42,38 @@ def write_json(path: Path, value: Any) -> None:
 
 
 def read_json(path: Path, fix: str = "restore the file or write it again") -> Any:
-    """Read a JSON file.
+    """Read a JSON file, whoever wrote it.
 
     Args:
         path: the file.
         fix: what the user should do about one that is damaged.
 
+    Returns:
+        JSON values whose integers fit a float and whose texts can be encoded as UTF-8.
+
     Raises:
-        InputError: the file is missing or is not JSON.
+        InputError: the file is missing, is not JSON, or is nested too deeply.
     """
     try:
-        return json.loads(path.read_text())
-    except FileNotFoundError:
+        text = path.read_text("utf-8")
+        value = json.loads(text, parse_int=_integer)
+        if _SURROGATE.search(text):
+            json.dumps(value, ensure_ascii=False).encode()
+        return value
+    except (FileNotFoundError, IsADirectoryError):
         raise InputError(f"{path}: no such file") from None
-    except (ValueError, RecursionError) as error:  # also numbers too long, and lists too deep, to be read
+    except (RecursionError, ValueError) as error:  # the latter for syntax, encoding and integers
         raise InputError(f"{path}: not valid JSON", found=error, fix=fix) from None
+
+
+LARGEST_INTEGER = 300  # digits: floats end at 1.8e308
+_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
+
+
+def _integer(digits: str) -> int:
+    if len(digits) > LARGEST_INTEGER:
+        raise ValueError(f"an integer of {len(digits)} digits")
+    return int(digits)
 
 
 def listing(files: Iterable[Path]) -> str:

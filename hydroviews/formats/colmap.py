@@ -5,6 +5,7 @@ from pathlib import Path
 
 from hydroviews.errors import InputError
 from hydroviews.formats.colmap_format import (
+    FORMS,
     RegisteredImage,
     SparsePoints,
     model_suffix,
@@ -34,11 +35,33 @@ ENOUGH_POINTS = 1000
 
 def find_models(folder: Path) -> list[Path]:
     """Folders with a COLMAP model: `folder` itself, `sparse`, `sparse/*`, and the same below `colmap`."""
+    return [path for path in _candidates(folder) if model_suffix(path)]
+
+
+def _candidates(folder: Path) -> list[Path]:
     candidates = [folder]
     for name in MODEL_FOLDERS:
         if (folder / name).is_dir():
             candidates += [folder / name, *sorted(p for p in (folder / name).glob("[!.]*") if p.is_dir())]
-    return [path for path in candidates if model_suffix(path)]
+    return candidates
+
+
+def refuse_mixed(folder: Path) -> None:
+    """Refuse a model of one binary and one text file, which need not belong together.
+
+    Raises:
+        InputError: there is one, and no whole model.
+    """
+    for path in _candidates(folder):
+        files = [path / f"{kind}{form}" for kind in ("cameras", "images") for form in FORMS]
+        files = [file for file in files if file.is_file()]
+        if {file.stem for file in files} == {"cameras", "images"}:
+            raise InputError(
+                f"{path}: a model of which one file is binary and one is text",
+                found=" and ".join(file.name for file in files),
+                expected="cameras.bin and images.bin, or cameras.txt and images.txt",
+                fix="copy both files from the same model",
+            )
 
 
 def read_colmap(folder: Path, name: str, images: str | None = None) -> Scene:

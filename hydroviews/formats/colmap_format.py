@@ -6,6 +6,7 @@ pycolmap reads them too, but takes a file cut short for a shorter model, or ends
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,8 +16,11 @@ from numpy.typing import NDArray
 
 from hydroviews.errors import InputError
 from hydroviews.formats.geometry import rigid_pose
-from hydroviews.scene.lenses import Lens
+from hydroviews.scene.checks import check_colours, check_file_name, check_once, usable
+from hydroviews.scene.lenses import Lens, named_lens
 from hydroviews.scene.quaternions import rotation_entries
+
+FORMS = (".bin", ".txt")
 
 
 class RegisteredImage(NamedTuple):
@@ -39,7 +43,7 @@ class SparsePoints:
 
 def model_suffix(folder: Path) -> str | None:
     """Either ".bin" or ".txt" where `folder` holds a model, else None."""
-    for suffix in (".bin", ".txt"):
+    for suffix in FORMS:
         if (folder / f"cameras{suffix}").is_file() and (folder / f"images{suffix}").is_file():
             return suffix
     return None
@@ -49,42 +53,47 @@ def read_cameras(folder: Path) -> dict[int, Lens]:
     """The cameras of the model in `folder` by their ids.
 
     Raises:
-        InputError: damaged, cut short, or of an unknown camera model.
+        InputError: damaged, cut short, of an unknown camera model, or against the rules of `scene.checks`.
     """
     path = folder / f"cameras{model_suffix(folder)}"
-    cameras = {}
+    cameras = []
     for number, model, width, height, params in _records(path, _binary_cameras, _text_cameras):
-        try:
-            cameras[number] = Lens(model, width, height, params)
-        except InputError as error:
-            raise InputError(f"{path}: camera {number}: {error}") from error
-    return cameras
+        cameras.append((number, named_lens(f"{path}: camera {number}", model, width, height, params)))
+    check_once(path, "camera", [number for number, _ in cameras])
+    return dict(cameras)
 
 
 def read_images(folder: Path) -> list[RegisteredImage]:
     """The registered images of the model in `folder`.
 
     Raises:
-        InputError: damaged, cut short, or with a pose that is none.
+        InputError: damaged, cut short, with a pose that is none, or against the rules of `scene.checks`.
     """
     path = folder / f"images{model_suffix(folder)}"
-    images = []
-    for quaternion, translation, camera_id, name in _records(path, _binary_images, _text_images):
-        pose = np.c_[_rotation(np.array(quaternion), f"{path}: {name}"), translation]
+    images, ids = [], []
+    for number, quaternion, translation, camera_id, name in _records(path, _binary_images, _text_images):
+        check_file_name(path, name)
+        ids.append(number)
+        pose = np.empty((3, 4))
+        pose[:, :3], pose[:, 3] = _rotation(np.array(quaternion), f"{path}: {name}"), translation
         images.append(RegisteredImage(name, camera_id, rigid_pose(pose, f"{path}: {name}")))
+    check_once(path, "image", ids)
     return images
 
 
 def read_points(folder: Path) -> SparsePoints:
-    """The points of the model in `folder` in order of their ids; none where the file is missing.
+    """The usable points of the model in `folder` in order of their ids; none where the file is missing.
 
     Raises:
-        InputError: damaged or cut short.
+        InputError: damaged, cut short, or against the rules of `scene.checks`.
     """
     path = folder / f"points3D{model_suffix(folder)}"
-    rows = list(_records(path, _binary_points, _text_points)) if path.is_file() else []
-    table = np.array(sorted(rows), np.float64).reshape(-1, 9)[:, 1:]
-    return SparsePoints(table[:, :3], table[:, 3:6].astype(np.uint8), table[:, 6], table[:, 7].astype(np.int64))
+    rows = sorted(_records(path, _binary_points, _text_points)) if path.is_file() else []
+    check_once(path, "point", [row[0] for row in rows])
+    table = np.array(rows, np.float64).reshape(-1, 9)[:, 1:]
+    table = table[usable(path, table[:, :3])]
+    colours = check_colours(path, table[:, 3:6])
+    return SparsePoints(table[:, :3], colours, table[:, 6], table[:, 7].astype(np.int64))
 
 
 def _rotation(quaternion: NDArray[np.float64], where: str) -> NDArray[np.float64]:
@@ -103,8 +112,14 @@ def _records(path: Path, binary: Any, text: Any) -> Iterator[tuple]:
             yield from binary(cursor)
             cursor.finish()
         else:
-            yield from text(path.read_text().splitlines())
-    except (struct.error, ValueError, IndexError, StopIteration, UnicodeDecodeError) as error:
+            yield from text(path.read_text("utf-8").splitlines())
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{path}: a name that is not UTF-8",
+            found=error.object[max(0, error.start - 20) : error.end + 20],
+            fix="rename the photograph, and estimate the poses again",
+        ) from error
+    except (struct.error, ValueError, IndexError, OverflowError) as error:
         raise InputError(
             f"{path}: damaged or cut short",
             found=f"{path.stat().st_size} bytes ({error})",
@@ -120,8 +135,9 @@ class _Cursor:
         self.content, self.offset = content, 0
 
     def take(self, layout: str) -> tuple:
-        values = struct.unpack_from("<" + layout, self.content, self.offset)
-        self.offset += struct.calcsize("<" + layout)
+        record = _record(layout)
+        values = record.unpack_from(self.content, self.offset)
+        self.offset += record.size
         return values
 
     def name(self) -> str:
@@ -138,6 +154,11 @@ class _Cursor:
             raise ValueError(f"the records end at byte {self.offset}")
 
 
+@cache
+def _record(layout: str) -> struct.Struct:
+    return struct.Struct("<" + layout)
+
+
 def _binary_cameras(cursor: _Cursor) -> Iterator[tuple]:
     for _ in range(cursor.take("Q")[0]):
         number, model_id, width, height = cursor.take("IiQQ")
@@ -151,7 +172,7 @@ def _binary_images(cursor: _Cursor) -> Iterator[tuple]:
         values = cursor.take("I7dI")
         name = cursor.name()
         cursor.skip(24 * cursor.take("Q")[0])  # keypoints
-        yield values[1:5], values[5:8], values[8], name
+        yield values[0], values[1:5], values[5:8], values[8], name
 
 
 def _binary_points(cursor: _Cursor) -> Iterator[tuple]:
@@ -167,7 +188,7 @@ def _data_lines(lines: list[str]) -> Iterator[list[str]]:
 
 def _text_cameras(lines: list[str]) -> Iterator[tuple]:
     for number, model, width, height, *params in _data_lines(lines):
-        yield int(number), model, int(width), int(height), tuple(map(float, params))
+        yield _whole(number), model, _whole(width), _whole(height), tuple(map(float, params))
 
 
 def _text_images(lines: list[str]) -> Iterator[tuple]:
@@ -178,7 +199,8 @@ def _text_images(lines: list[str]) -> Iterator[tuple]:
         values = row.split(maxsplit=9)
         if len(values) != 10:
             raise ValueError(f"not an image: {row[:80]!r}")
-        yield tuple(map(float, values[1:5])), tuple(map(float, values[5:8])), int(values[8]), values[9].strip()
+        pose = tuple(map(float, values[1:8]))
+        yield _whole(values[0]), pose[:4], pose[4:], _whole(values[8]), values[9].strip()
         next(rows, None)  # the keypoints' line, which may be empty
 
 
@@ -186,4 +208,11 @@ def _text_points(lines: list[str]) -> Iterator[tuple]:
     for values in _data_lines(lines):
         if len(values) < 8 or len(values) % 2:
             raise ValueError(f"not a point: {' '.join(values)[:80]!r}")
-        yield int(values[0]), *map(float, values[1:8]), (len(values) - 8) // 2
+        yield _whole(values[0]), *map(float, values[1:8]), (len(values) - 8) // 2
+
+
+def _whole(digits: str) -> int:
+    number = int(digits)
+    if abs(number) >= 2**64:
+        raise ValueError(f"not a number of a COLMAP model: {digits[:80]}")
+    return number

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hydroviews.errors import InputError
+from hydroviews.scene.checks import check_position
 
 RIGID_TOLERANCE = 0.02  # largest deviation of a singular value from 1 that counts as rounding
 JUMP = 10.0  # distance from its neighbours, in median steps, from which a camera is doubtful
@@ -23,28 +24,32 @@ def rigid_pose(pose: ArrayLike, where: str) -> NDArray[np.float64]:
         where: file and view, for errors.
 
     Raises:
-        InputError: another size, not finite, mirrored, or scaled or sheared by more than RIGID_TOLERANCE.
+        InputError: another size, not finite, mirrored, scaled or sheared by more than RIGID_TOLERANCE, or too far away
+            (see `scene.checks`).
     """
     try:
         matrix = np.asarray(pose, np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         matrix = np.zeros(0)
     if matrix.shape not in ((3, 4), (4, 4)):
         raise InputError(f"{where}: the pose is not a matrix of numbers", found=pose, expected="4 rows of 4 numbers")
     fix = "write the camera file again, or remove this view from it"
     if not np.isfinite(matrix).all():
         raise InputError(f"{where}: the pose has numbers that are not finite", found=matrix.tolist(), fix=fix)
+    check_position(where, matrix[:3, 3])
     left, stretch, right = np.linalg.svd(matrix[:3, :3])
-    if np.abs(stretch - 1).max() > RIGID_TOLERANCE or np.linalg.det(matrix[:3, :3]) < 0:
+    rotation = left @ right
+    mirrored = np.linalg.det(rotation) < 0
+    if mirrored or not np.abs(stretch - 1).max() <= RIGID_TOLERANCE:
         raise InputError(
             f"{where}: the pose is not rigid",
-            found=f"rotation part with singular values {np.round(stretch, 4)}, "
-            f"determinant {np.linalg.det(matrix[:3, :3]):.4f}",
-            expected=f"1 within {RIGID_TOLERANCE:.0%}, determinant +1",
+            found=f"rotation part with singular values {', '.join(f'{s:.4g}' for s in stretch)}"
+            + (", mirrored" if mirrored else ""),
+            expected=f"1 within {RIGID_TOLERANCE:.0%}, not mirrored",
             fix=fix,
         )
     rigid = np.eye(4)
-    rigid[:3, :3] = left @ right
+    rigid[:3, :3] = rotation
     rigid[:3, 3] = matrix[:3, 3]
     return rigid
 

@@ -1,6 +1,7 @@
 """LLFF captures: `poses_bounds.npy` beside photographs, matched in sorted order."""
 
 from pathlib import Path
+from tokenize import TokenError
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from hydroviews.formats.photographs import (
     some,
     view_names,
 )
-from hydroviews.scene.lenses import Lens
+from hydroviews.scene.lenses import named_lens
 from hydroviews.scene.scenes import Scene, make_scene, no_points
 
 CAMERA_FILE = "poses_bounds.npy"
@@ -47,8 +48,9 @@ def read_llff(folder: Path, name: str, images: str | None = None) -> Scene:
     for view_name, file, row in zip(names, files, table, strict=True):
         matrix = row[:15].reshape(3, 5)
         height, width, focal = matrix[:, 4]
-        lens = Lens("SIMPLE_PINHOLE", round(width), round(height), (focal, width / 2, height / 2))
-        pose = _world_to_camera(matrix, f"{path}: {view_name}")
+        where = f"{path}: {view_name}"
+        lens = named_lens(where, "SIMPLE_PINHOLE", round(width), round(height), (focal, width / 2, height / 2))
+        pose = _world_to_camera(matrix, where)
         views.append(make_view(view_name, file, lens, pose, mask_beside(folder, photographs, file)))
     notes = [f"cameras from {CAMERA_FILE}: {len(views)} images", "the capture has no points"]
     notes += misplaced_note(names, [view.camera.centre for view in views])
@@ -56,11 +58,14 @@ def read_llff(folder: Path, name: str, images: str | None = None) -> Scene:
 
 
 def _read_table(path: Path) -> NDArray[np.float64]:
-    """Rows of 17 finite numbers, with positive sizes and focal lengths."""
+    """Rows of 17 numbers, with finite sizes and focal lengths."""
     try:
-        table = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
+        table = np.load(path, mmap_mode="r", allow_pickle=False)  # reserves no memory for what the file does not hold
+    except (OSError, ValueError, TypeError, EOFError, SyntaxError, TokenError) as error:  # headers are Python code
         raise InputError(f"{path}: not a NumPy array", found=error, fix="copy the file again") from error
+    if not isinstance(table, np.ndarray):
+        table.close()
+        raise InputError(f"{path}: not a NumPy array", found="an archive of arrays", expected="one array, a .npy file")
     if table.ndim != 2 or table.shape[1] != 17 or table.dtype.kind != "f":
         raise InputError(
             f"{path}: not an LLFF camera file",
@@ -68,7 +73,7 @@ def _read_table(path: Path) -> NDArray[np.float64]:
             expected="floating-point [images, 17]",
         )
     sizes = table[:, [4, 9, 14]]
-    if not (np.isfinite(sizes).all() and (sizes >= 1).all()):
+    if not np.isfinite(sizes).all():
         raise InputError(f"{path}: bad heights, widths or focal lengths", found=sizes.min(axis=0))
     return table.astype(np.float64)
 

@@ -5,15 +5,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from plyfile import PlyData, PlyParseError
-
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from hydroviews.formats.geometry import OPENGL_TO_OPENCV, inverse, misplaced_note, rigid_pose
 from hydroviews.formats.photographs import make_view, match_files, other_images, read_split, some, view_names
+from hydroviews.formats.ply import read_ply
+from hydroviews.scene.checks import check_file_name
 from hydroviews.scene.images import image_size
-from hydroviews.scene.lenses import Lens
+from hydroviews.scene.lenses import Lens, named_lens
 from hydroviews.scene.masks import MASKS, find_mask
 from hydroviews.scene.scenes import Points, Scene, View, make_scene, no_points
 
@@ -38,7 +37,7 @@ def read_nerfstudio(folder: Path, name: str) -> Scene:
     frames = content.get("frames") if isinstance(content, dict) else None
     if not isinstance(frames, list) or not frames or not all(isinstance(frame, dict) for frame in frames):
         raise InputError(f"{path}: no frames", expected='{"frames": [{"file_path", "transform_matrix"}, ...]}')
-    names = [_file_name(path, i, frame) for i, frame in enumerate(frames)]
+    names = [_file_name(path, f"frame {i}", frame) for i, frame in enumerate(frames)]
     files = match_files(folder, names)
     if not any(files):
         raise other_images(path, folder, names)
@@ -59,17 +58,17 @@ def read_nerfstudio(folder: Path, name: str) -> Scene:
     return make_scene(name, views, points, read_split(folder), notes)
 
 
-def _file_name(path: Path, index: int, frame: Mapping[str, Any]) -> str:
+def _file_name(path: Path, which: str, frame: Mapping[str, Any]) -> str:
     if not isinstance(frame.get("file_path"), str) or "transform_matrix" not in frame:
-        raise InputError(f"{path}: frame {index} is not complete", expected="file_path and transform_matrix")
-    return str(Path(frame["file_path"]))  # without a leading ./
+        raise InputError(f"{path}: {which} is not complete", expected="file_path and transform_matrix")
+    return str(Path(check_file_name(f"{path}: {which}", frame["file_path"])))  # without a leading ./
 
 
 def _mask(folder: Path, frame: Mapping[str, Any]) -> Path | None:
     """The mask a frame names, else the one of its image's name in `masks`."""
     if not frame.get("mask_path"):
         return find_mask(folder / MASKS, Path(frame["file_path"]).name)
-    path = folder / str(frame["mask_path"])
+    path = folder / check_file_name(f"{folder / CAMERA_FILE}: mask_path", frame["mask_path"])
     if not path.is_file():
         raise InputError(f"{path}: no such mask", fix="copy it back, or remove mask_path from the frame")
     return path
@@ -83,16 +82,15 @@ def _view(path: Path, name: str, file: Path, frame: Mapping[str, Any], mask: Pat
 def _lens(path: Path, name: str, file: Path, frame: Mapping[str, Any]) -> Lens:
     """The lens of a frame; what is not given is taken from the image and from the field of view."""
     where = f"{path}: {name}"
-    width, height = image_size(file)
+    width, height = image_size(file) if not {"w", "h"} <= frame.keys() else (0, 0)
     width, height = round(_number(where, frame, "w", width)), round(_number(where, frame, "h", height))
-    focal_x = _focal(where, frame, "x", width)
-    focal_y = _focal(where, frame, "y", height) or focal_x
-    focal_x = focal_x or focal_y
-    if not (focal_x and focal_x > 0 and focal_y and focal_y > 0):
-        raise InputError(f"{where}: no focal length", expected="a positive fl_x, or camera_angle_x")
+    given = [_focal(where, frame, "x", width), _focal(where, frame, "y", height)]
+    focal = [length for length in given if length is not None]
+    if not focal:
+        raise InputError(f"{where}: no focal length", expected="fl_x or camera_angle_x")
     centre = _number(where, frame, "cx", width / 2), _number(where, frame, "cy", height / 2)
     model, distortion = _distortion(where, frame)
-    return Lens(model, width, height, (focal_x, focal_y, *centre, *distortion))
+    return named_lens(where, model, width, height, (focal[0], focal[-1], *centre, *distortion))
 
 
 def _focal(where: str, frame: Mapping[str, Any], axis: str, extent: int) -> float | None:
@@ -100,7 +98,10 @@ def _focal(where: str, frame: Mapping[str, Any], axis: str, extent: int) -> floa
     if f"fl_{axis}" in frame:
         return _number(where, frame, f"fl_{axis}", 0)
     if f"camera_angle_{axis}" in frame:
-        return extent / 2 / math.tan(_number(where, frame, f"camera_angle_{axis}", 0) / 2 or math.inf)
+        angle = _number(where, frame, f"camera_angle_{axis}", 0)
+        if not 0 < angle < math.pi:
+            raise InputError(f"{where}: impossible camera_angle_{axis}", found=angle, expected="0 to pi, in radians")
+        return extent / 2 / math.tan(angle / 2)
     return None
 
 
@@ -138,15 +139,4 @@ def _points(folder: Path, content: Mapping[str, Any]) -> Points:
     """The point cloud of `ply_file_path`, grey where it has no colours; none where none is named."""
     if not content.get("ply_file_path"):
         return no_points()
-    path = folder / content["ply_file_path"]
-    try:
-        vertices = PlyData.read(path)["vertex"]
-        positions = np.stack([vertices[axis] for axis in "xyz"], axis=1).astype(np.float64)
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file", fix="copy it back, or remove ply_file_path") from None
-    except (PlyParseError, ValueError, KeyError) as error:
-        raise InputError(f"{path}: not a point cloud", found=error, fix="copy it again") from error
-    colours = np.full((len(positions), 3), 128, np.uint8)
-    if "red" in vertices.data.dtype.names:
-        colours = np.stack([vertices[channel] for channel in ("red", "green", "blue")], axis=1).astype(np.uint8)
-    return Points(positions, colours)
+    return read_ply(folder / check_file_name(f"{folder / CAMERA_FILE}: ply_file_path", content["ply_file_path"]))

@@ -9,7 +9,7 @@ from hydroviews.errors import InputError
 from hydroviews.formats.geometry import inverse, misplaced_note, rigid_pose
 from hydroviews.formats.photographs import make_view, mask_beside, photographs_below, read_split, some, view_names
 from hydroviews.scene.images import image_size
-from hydroviews.scene.lenses import Lens
+from hydroviews.scene.lenses import named_lens
 from hydroviews.scene.scenes import Scene, make_scene, no_points
 
 IMAGES, POSES, INTRINSICS = "rgb", "pose", "intrinsics.txt"
@@ -45,7 +45,7 @@ def read_nsvf(folder: Path, name: str) -> Scene:
     views = []
     for view_name, file, pose in zip(names, files, poses, strict=True):
         camera_to_world = rigid_pose(_read_numbers(pose), f"{pose}: {view_name}")
-        lens = Lens("PINHOLE", *image_size(file), intrinsics)
+        lens = named_lens(f"{folder / INTRINSICS}", "PINHOLE", *image_size(file), intrinsics)
         mask = mask_beside(folder, folder / IMAGES, file)
         views.append(make_view(view_name, file, lens, inverse(camera_to_world), mask))
     notes = [f"cameras from {POSES}: {len(views)} images", "the capture has no points"]
@@ -61,8 +61,6 @@ def _read_intrinsics(path: Path) -> tuple[float, float, float, float]:
     elif rows and len(rows[0]) >= 3:
         values = rows[0][0], rows[0][0], rows[0][1], rows[0][2]
     else:
-        values = (0.0, 0.0, 0.0, 0.0)
-    if not (np.isfinite(values).all() and min(values[:2]) > 0):
         raise InputError(f"{path}: no focal length", found=rows[:2], expected="a matrix of 4 by 4, or f cx cy")
     return values
 

@@ -11,6 +11,7 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.scene.cameras import same_shape
+from hydroviews.scene.checks import check_view_name
 from hydroviews.scene.images import SUFFIXES, image_size, list_images
 from hydroviews.scene.lenses import Lens
 from hydroviews.scene.masks import MASKS, find_mask
@@ -31,7 +32,7 @@ def image_folder(folder: Path, given: str | None = None) -> Path:
             return folder / name
     raise InputError(
         f"{folder}: no photographs beside the cameras",
-        found=", ".join(sorted(p.name for p in folder.iterdir())) or "an empty folder",
+        found=not_read(folder) or ", ".join(sorted(p.name for p in folder.iterdir())) or "an empty folder",
         expected=f"a folder {given or ', '.join(FOLDERS)} with {', '.join(SUFFIXES)} files",
     )
 
@@ -46,6 +47,12 @@ def unreadable_photographs(folder: Path) -> str:
     """How many files are photographs in formats that are not read here, such as "50 .heic"; empty if none are."""
     suffixes = [path.suffix.lower() for path in folder.rglob("*") if path.suffix.lower() in UNREAD]
     return ", ".join(f"{count} {suffix}" for suffix, count in sorted(Counter(suffixes).items()))
+
+
+def not_read(folder: Path) -> str:
+    """`unreadable_photographs` as a sentence; empty if there are none."""
+    count = unreadable_photographs(folder)
+    return f"{count}, which are not read: convert them to .png or .jpg" if count else ""
 
 
 def one_by_one(pictures: Path, out: Path) -> dict[Path, Path]:
@@ -102,9 +109,10 @@ def all_files(camera_file: Path, folder: Path, names: Sequence[str]) -> list[Pat
 
 def other_images(camera_file: Path, folder: Path, names: Sequence[str]) -> InputError:
     """The error for a camera file none of whose images is there."""
+    holds = some([path.name for path in photographs_below(folder)] or [not_read(folder) or "nothing"])
     return InputError(
         f"{camera_file}: a camera file for other images",
-        found=f"cameras for {some(names)}; {folder} holds {some([p.name for p in photographs_below(folder)])}",
+        found=f"cameras for {some(names)}; {folder} holds {holds}",
         expected="the same names",
         fix="put the camera file beside the images it was made from",
     )
@@ -131,12 +139,17 @@ def make_view(
     """A view of the photograph at its own size, which may be a multiple or fraction of the lens's.
 
     Raises:
-        InputError: the photograph has another shape than the lens, or cannot be read.
+        InputError: the photograph has another shape than the lens, or cannot be read, or its name or its lens are
+            against the rules of `scene.checks`.
     """
+    check_view_name(path, name)
     size = image_size(path)
     if not same_shape(size, (lens.width, lens.height)):
         raise wrong_size(path, size, (lens.width, lens.height))
-    camera = lens.pinhole(size).camera(world_to_camera)
+    try:
+        camera = lens.pinhole(size).camera(world_to_camera)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
     return View(name, camera, path, None if lens.is_pinhole else lens, mask)
 
 

@@ -7,11 +7,11 @@ from pathlib import Path
 from hydroviews.errors import InputError
 from hydroviews.formats import llff, nerfstudio
 from hydroviews.formats.capture_json import captured_rainy, described_number
-from hydroviews.formats.colmap import find_models, read_colmap
+from hydroviews.formats.colmap import find_models, read_colmap, refuse_mixed
 from hydroviews.formats.llff import read_llff
 from hydroviews.formats.nerfstudio import read_nerfstudio
 from hydroviews.formats.nsvf import is_nsvf, read_nsvf
-from hydroviews.formats.photographs import photographs_below
+from hydroviews.formats.photographs import not_read, photographs_below
 from hydroviews.scene.masks import MASKS, mask_name
 from hydroviews.scene.scenes import Scene
 
@@ -75,10 +75,12 @@ def _read_cameras(folder: Path, name: str, images: str | None) -> Scene:
     for is_one, read in READERS:
         if is_one(folder):
             return read(folder, name, images)
+    refuse_mixed(folder)
     count = len(photographs_below(folder))
+    nothing = not_read(folder) or "neither cameras nor photographs"
     raise InputError(
         f"{folder}: no cameras",
-        found=f"{count} photographs and no camera file" if count else "neither cameras nor photographs",
+        found=f"{count} photographs and no camera file" if count else nothing,
         expected=f"sparse/0, {nerfstudio.CAMERA_FILE} or {llff.CAMERA_FILE}",
         fix="estimate the poses: python -m hydroviews poses IMAGES" if count else "check the path",
     )

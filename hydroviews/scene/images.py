@@ -1,5 +1,6 @@
 """Reading, writing and resizing pictures: float32 [H, W, 3], sRGB-encoded, [0, 1], unless a name says linear."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -9,10 +10,15 @@ from numpy.typing import NDArray
 
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_bytes
+from hydroviews.scene.checks import MAX_PIXELS, check_size
+
+PIL.Image.MAX_IMAGE_PIXELS = MAX_PIXELS  # one limit: Pillow's own is below the largest cameras, and warns first
 
 Image = NDArray[np.float32]
 
 STREAK_WIDTH, STREAK_SIDE = 5, 480  # pixels: upright streaks are narrower, in a picture of this longer side
+
+ROWS_AT_ONCE = 16  # of a picture: bounds the memory that large ones take
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp")
 
@@ -29,48 +35,99 @@ def read_image(path: Path) -> Image:
         float32 [H, W, 3], RGB, sRGB-encoded, [0, 1].
 
     Raises:
-        InputError: the file is missing, or is not a picture.
+        InputError: see `read_pixels`.
+    """
+    return to_image(read_pixels(path))
+
+
+def read_pixels(path: Path, kind: str = "an image") -> NDArray[np.uint8 | np.uint16]:
+    """Decode a picture, once its header says that it is not too large.
+
+    Args:
+        path: the file.
+        kind: what it should be, for the error.
+
+    Returns:
+        uint8 or uint16 [H, W], or [H, W, C] with channels in OpenCV's order.
+
+    Raises:
+        InputError: the file is missing, is not a picture of 8 or 16 bits, or is too large (see `scene.checks`).
+    """
+    image_size(path, kind)
+    encoded = np.fromfile(path, np.uint8)
+    try:
+        pixels = cv2.imdecode(encoded, cv2.IMREAD_UNCHANGED)
+    except cv2.error:
+        pixels = None
+    if pixels is None:
+        raise _unreadable(path, kind)
+    if pixels.dtype not in (np.uint8, np.uint16):
+        raise InputError(f"{path}: unsupported pixel type", found=pixels.dtype, expected="8 or 16 bits a channel")
+    return np.asarray(pixels)
+
+
+def image_size(path: Path, kind: str = "an image") -> tuple[int, int]:
+    """Width and height in pixels from the picture's header: those of `read_image`.
+
+    Args:
+        path: the file.
+        kind: what it should be, for the error.
+
+    Raises:
+        InputError: the file is missing, is not a picture, or is too large (see `scene.checks`).
     """
     if not path.is_file():
         raise InputError(f"{path}: no such image", fix="check the folder, or remove the view from the cameras")
-    encoded = np.fromfile(path, np.uint8)
-    pixels = cv2.imdecode(encoded, cv2.IMREAD_UNCHANGED) if encoded.size else None
-    if pixels is None:
-        raise InputError(
-            f"{path}: cannot be read as an image",
-            found=f"{encoded.size} bytes",
-            expected=f"one of {', '.join(SUFFIXES)}",
-            fix="copy the file again; it may be cut short",
-        )
-    return _to_rgb(path, pixels)
-
-
-def image_size(path: Path) -> tuple[int, int]:
-    """Width and height in pixels of the picture that `read_image` gives, from the file's header where Pillow reads it.
-
-    Raises:
-        InputError: the file is missing, or is not a picture.
-    """
     try:
         with PIL.Image.open(path) as picture:
-            return picture.size
-    except (OSError, PIL.Image.DecompressionBombError):
-        pass  # read_image says what is wrong, or reads it all the same
-    height, width = read_image(path).shape[:2]
-    return width, height
+            size = picture.size
+    except PIL.Image.DecompressionBombError as error:
+        raise InputError(f"{path}: too large", found=error, fix="make the photographs smaller") from None
+    except OSError:
+        raise _unreadable(path, kind) from None
+    check_size(path, *size)
+    return size
 
 
-def _to_rgb(path: Path, pixels: NDArray) -> Image:
-    if pixels.dtype not in (np.uint8, np.uint16):
-        raise InputError(f"{path}: unsupported pixel type", found=pixels.dtype, expected="8 or 16 bits a channel")
-    image = pixels.astype(np.float32) / np.iinfo(pixels.dtype).max
-    if image.ndim == 2:
-        image = image[..., None]
+def _unreadable(path: Path, kind: str) -> InputError:
+    return InputError(
+        f"{path}: cannot be read as {kind}",
+        found=f"{path.stat().st_size} bytes",
+        expected=f"one of {', '.join(SUFFIXES)}",
+        fix="copy the file again; it may be cut short",
+    )
+
+
+def row_blocks(height: int) -> Iterator[slice]:
+    """The rows of a picture, ROWS_AT_ONCE at a time."""
+    return (slice(start, min(start + ROWS_AT_ONCE, height)) for start in range(0, height, ROWS_AT_ONCE))
+
+
+def to_image(pixels: NDArray[np.uint8 | np.uint16]) -> Image:
+    """What `read_pixels` gives as `read_image` has it."""
+    image = np.empty((*pixels.shape[:2], 3), np.float32)
+    for rows in row_blocks(len(pixels)):
+        image[rows] = to_rgb(pixels[rows])
+    return image
+
+
+def to_rgb(pixels: NDArray[np.uint8 | np.uint16]) -> Image:
+    """A few rows of what `read_pixels` gives as `read_image` has them: float32 [h, W, 3]."""
+    image: NDArray = pixels if pixels.ndim == 3 else pixels[..., None]
+    if image.shape[2] == 3:
+        image = cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+    elif image.shape[2] == 4:
+        image = cv2.cvtColor(image, cv2.COLOR_BGRA2RGBA)
+    if image.dtype == np.uint8:
+        image = cv2.LUT(image, _ENCODED).reshape(image.shape)
+    else:
+        image = image.astype(np.float32) / np.iinfo(image.dtype).max
     if image.shape[2] in (2, 4):  # premultiply: what is transparent is black
         image = image[..., :-1] * image[..., -1:]
-    if image.shape[2] == 1:
-        image = np.repeat(image, 3, axis=2)
-    return np.ascontiguousarray(image[..., ::-1])
+    return np.asarray(image if image.shape[2] == 3 else np.repeat(image, 3, axis=2))
+
+
+_ENCODED = np.arange(256, dtype=np.float32) / 255
 
 
 def to_uint8(image: NDArray) -> NDArray[np.uint8]:

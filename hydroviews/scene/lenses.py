@@ -1,7 +1,9 @@
 """Lenses with distortion, and the pinhole cameras their photographs are resampled to."""
 
+import math
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, cached_property, lru_cache
 from typing import NamedTuple
 
 import cv2
@@ -11,12 +13,14 @@ from numpy.typing import NDArray
 
 from hydroviews.errors import InputError
 from hydroviews.scene.cameras import Camera, same_shape
-from hydroviews.scene.images import Image
+from hydroviews.scene.checks import check_intrinsics, check_size
+from hydroviews.scene.distortion import misuse
+from hydroviews.scene.images import Image, row_blocks
 
 # Undistorted pictures have no blank pixels: the field of view shrinks until the photograph covers all of it.
 BLANK_PIXELS = 0.0
 
-ROWS_AT_ONCE = 64  # bounds the memory that preparing a large picture takes
+KEPT_MAP = 24_000_000  # pixels up to which a lens's sampling map, 8 bytes each, is kept; two of them at a time
 
 
 class Pinhole(NamedTuple):
@@ -51,15 +55,23 @@ class Lens:
     def __post_init__(self) -> None:
         if self.model not in pycolmap.CameraModelId.__members__ or self.model == "INVALID":
             raise InputError(f"{self.model}: unknown camera model", expected=f"one of {', '.join(_model_names())}")
-        names = pycolmap.Camera.create_from_model_name(1, self.model, 1.0, self.width, self.height).params_info
-        if len(self.params) != len(names.split(",")) or not np.isfinite(self.params).all():
+        check_size(f"{self.model} camera", self.width, self.height)
+        names, *places = _parameters(self.model)
+        if len(self.params) != len(names.split(",")) or not all(map(math.isfinite, self.params)):
             raise InputError(
-                f"{self.model} camera of {self.width}x{self.height}: bad parameters",
+                f"{self.called}: bad parameters",
                 found=f"{len(self.params)} numbers: {self.params}",
                 expected=f"finite numbers {names}",
             )
+        focal, centre = ([self.params[i] for i in indices] for indices in places)
+        check_intrinsics(self.called, (self.width, self.height), focal, centre)
 
     @property
+    def called(self) -> str:
+        """What errors call it."""
+        return f"{self.model} camera of {self.width}x{self.height}"
+
+    @cached_property
     def is_pinhole(self) -> bool:
         """Whether it has no distortion, so that photographs are used as they are."""
         camera = self.colmap()
@@ -82,7 +94,8 @@ class Lens:
             size: width and height of the photographs, where they are not what the lens was calibrated at.
 
         Raises:
-            InputError: the lens sees too far to the side for any flat picture, as a panorama does.
+            InputError: the lens sees too far to the side for any flat picture, as a panorama does, or its distortion
+                folds: the undistorted picture would show a place of the photograph twice, or what is outside it.
         """
         exact = _pinhole(self)
         if size is None or size == (self.width, self.height):
@@ -109,9 +122,56 @@ class Lens:
             )
         if self.is_pinhole:
             return image
-        x, y = _sampling_map(self, width, height)
-        resampled = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        return np.asarray(resampled, np.float32)
+        blocks = self.undistorted_rows(width, height, lambda rows: image[rows])
+        return np.concatenate([block for _, block in blocks])
+
+    def undistorted_rows(
+        self, width: int, height: int, read_rows: Callable[[slice], Image]
+    ) -> Iterator[tuple[slice, Image]]:
+        """`undistort` a few rows at a time, in the memory that those take.
+
+        Args:
+            width: of the photograph.
+            height: of the photograph.
+            read_rows: gives some of its rows, float32 [h, W] or [h, W, C].
+
+        Yields:
+            Which rows of the undistorted picture, and these: float32 [h', W'] or [h', W', C].
+        """
+        for rows in row_blocks(self.pinhole((width, height)).height):
+            x, y = _sampling_map(self, width, height, rows)
+            first = min(max(int(y.min()) - 1, 0), height - 1)
+            needed = slice(first, max(int(y.max()) + 3, first + 1))
+            block = cv2.remap(
+                read_rows(needed), x, y - np.float32(first), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+            )
+            yield rows, np.asarray(block, np.float32)
+
+
+def named_lens(where: str, model: str, width: int, height: int, params: Sequence[float]) -> Lens:
+    """A lens from a file.
+
+    Args:
+        where: file and photograph or camera, for errors.
+        model: see `Lens`, as the others.
+        width: in pixels.
+        height: in pixels.
+        params: of the model.
+
+    Raises:
+        InputError: an unknown model, or against the rules of `scene.checks`.
+    """
+    try:
+        return Lens(model, width, height, tuple(params))
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+
+
+@cache
+def _parameters(model: str) -> tuple[str, list[int], list[int]]:
+    """The names of a camera model's parameters, and which are focal lengths and the principal point."""
+    camera = pycolmap.Camera.create_from_model_name(1, model, 1.0, 1, 1)
+    return camera.params_info, list(camera.focal_length_idxs()), list(camera.principal_point_idxs())
 
 
 def _model_names() -> list[str]:
@@ -126,30 +186,55 @@ def _pinhole(lens: Lens) -> Pinhole:
             camera = pycolmap.undistort_camera(pycolmap.UndistortCameraOptions(blank_pixels=BLANK_PIXELS), camera)
         except ValueError as error:
             raise InputError(
-                f"{lens.model} camera of {lens.width}x{lens.height}: no pinhole camera can stand for it",
+                f"{lens.called}: no pinhole camera can stand for it",
                 found=error,
                 fix="cut perspective pictures out of the panoramas and estimate their poses",
             ) from error
     matrix = camera.calibration_matrix()
-    return Pinhole(camera.width, camera.height, matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2])
+    pinhole = Pinhole(camera.width, camera.height, matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2])
+    wrong = "" if lens.is_pinhole else misuse(lens.colmap(), camera)
+    if wrong:
+        raise InputError(
+            f"{lens.called}: its distortion {wrong} the picture",
+            found=f"parameters {lens.params}",
+            expected="a photograph that shows every direction once",
+            fix="calibrate the camera again, with a model of fewer parameters",
+        )
+    return pinhole
 
 
-@lru_cache(maxsize=2)  # two maps of 12 megapixels take 200 MB
-def _sampling_map(lens: Lens, width: int, height: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """For each pixel of the pinhole picture, the photograph's array position [H', W'] to sample."""
+def _sampling_map(lens: Lens, width: int, height: int, rows: slice) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """For each pixel of some rows of the pinhole picture, the photograph's array position [h', W'] to sample."""
+    if width * height > KEPT_MAP:
+        return _sampled_places(lens, width, height, rows)
+    x, y = _whole_map(lens, width, height)
+    return x[rows], y[rows]
+
+
+@lru_cache(maxsize=2)
+def _whole_map(lens: Lens, width: int, height: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """`_sampling_map` of all rows, kept for the other photographs of the same lens."""
+    blocks = row_blocks(lens.pinhole((width, height)).height)
+    x, y = zip(*(_sampled_places(lens, width, height, rows) for rows in blocks), strict=True)
+    return np.concatenate(x), np.concatenate(y)
+
+
+def _sampled_places(
+    lens: Lens, width: int, height: int, rows: slice
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """`_sampling_map`, computed."""
     target, camera = lens.pinhole((width, height)), lens.colmap()
     scale = np.array([width / lens.width, height / lens.height])
-    columns = (np.arange(target.width) + 0.5 - target.cx) / target.fx
-    rows = (np.arange(target.height) + 0.5 - target.cy) / target.fy
-    sampled = np.empty((target.height, target.width, 2), np.float32)
-    for start in range(0, target.height, ROWS_AT_ONCE):
-        block = slice(start, start + ROWS_AT_ONCE)
-        y, x = np.meshgrid(rows[block], columns, indexing="ij")
-        pixels = camera.img_from_cam(np.stack([x, y, np.ones_like(x)], axis=-1).reshape(-1, 3))
-        sampled[block] = (pixels * scale - 0.5).reshape(*x.shape, 2)
+    across = (np.arange(target.width) + 0.5 - target.cx) / target.fx
+    down = (np.arange(rows.start, rows.stop) + 0.5 - target.cy) / target.fy
+    y, x = np.meshgrid(down, across, indexing="ij")
+    pixels = np.asarray(camera.img_from_cam(np.stack([x, y, np.ones_like(x)], axis=-1).reshape(-1, 3)))
+    pixels *= scale
+    pixels -= 0.5
+    sampled = pixels.astype(np.float32).reshape(*x.shape, 2)
     if not np.isfinite(sampled).all():
         raise InputError(
-            f"{lens.model} camera of {lens.width}x{lens.height}: its distortion is undefined inside the picture",
+            f"{lens.called}: its distortion is undefined inside the picture",
             found=f"parameters {lens.params}",
             fix="calibrate the camera again, with a model of fewer parameters",
         )

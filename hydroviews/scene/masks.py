@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.errors import InputError
 from hydroviews.files.atomic import sha256, write_bytes
+from hydroviews.scene.images import read_pixels
 
 MASKS = "masks"
 TOUCHED = 1e-3  # share of hidden pixels in a resampled one from which it is hidden
@@ -52,10 +52,7 @@ def read_grey(path: Path) -> NDArray[np.uint8]:
     Raises:
         InputError: missing, or not an 8- or 16-bit picture.
     """
-    encoded = np.fromfile(path, np.uint8) if path.is_file() else np.zeros(0, np.uint8)
-    pixels = cv2.imdecode(encoded, cv2.IMREAD_UNCHANGED) if encoded.size else None
-    if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
-        raise InputError(f"{path}: cannot be read as a mask", expected="a grey picture", fix="write it again")
+    pixels: NDArray = read_pixels(path, "a mask")
     if pixels.ndim == 3:
         pixels = pixels[..., :3].max(axis=2) if pixels.shape[2] > 2 else pixels[..., 0]
     if pixels.dtype == np.uint16:

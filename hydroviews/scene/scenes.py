@@ -1,6 +1,6 @@
 """A scene: named views with cameras and images, sparse points, and a split. Every method gets one."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from hydroviews.errors import InputError
 from hydroviews.files.known_bytes import require_bytes
 from hydroviews.scene.cameras import Camera, fitted_size, same_shape
-from hydroviews.scene.images import Image, read_image, resize_area
+from hydroviews.scene.images import Image, read_pixels, resize_area, row_blocks, to_image, to_rgb, to_uint8
 from hydroviews.scene.lenses import Lens
 from hydroviews.scene.masks import TOUCHED, Ignored, fit_ignored, read_ignored
 
@@ -53,16 +53,51 @@ class View:
         Raises:
             InputError: missing, changed since it was listed, unreadable, smaller than the camera, or of another shape.
         """
-        image = read_image(self.known(self.path))
-        height, width = image.shape[:2]
-        if self.lens is not None:
-            if not same_shape((width, height), (self.lens.width, self.lens.height)):
-                raise wrong_size(self.path, (width, height), (self.lens.width, self.lens.height))
-            image = self.lens.undistort(image)
-        size, wanted = (image.shape[1], image.shape[0]), (self.camera.width, self.camera.height)
+        pixels = self._pixels()
+        if self.lens is None and pixels.shape[:2] == (self.camera.height, self.camera.width):
+            return to_image(pixels)
+        planes = self._planes(pixels)
+        return np.stack([resize_area(plane, self.camera.width, self.camera.height) for plane in planes], axis=-1)
+
+    def rounded(self) -> NDArray[np.uint8]:
+        """`image` rounded to 8 bits: uint8 [H, W, 3].
+
+        Takes at most 16 bytes for each pixel of an undistorted 8-bit photograph, beside the maps that `lenses` keeps.
+
+        Raises:
+            InputError: see `image`.
+        """
+        planes = self._planes(self._pixels())
+        rounded = np.empty((self.camera.height, self.camera.width, 3), np.uint8)
+        for channel in range(3):
+            plane = resize_area(planes.pop(0), self.camera.width, self.camera.height)
+            for rows in row_blocks(len(plane)):
+                rounded[rows, :, channel] = to_uint8(plane[rows])
+        return rounded
+
+    def _pixels(self) -> NDArray[np.uint8 | np.uint16]:
+        """The photograph, checked to have the camera's shape and at least its size."""
+        pixels = read_pixels(self.known(self.path))
+        found, wanted = (pixels.shape[1], pixels.shape[0]), (self.camera.width, self.camera.height)
+        if self.lens is not None and not same_shape(found, (self.lens.width, self.lens.height)):
+            raise wrong_size(self.path, found, (self.lens.width, self.lens.height))
+        size = self.lens.pinhole(found)[:2] if self.lens is not None else found
         if not same_shape(size, wanted) or size < wanted:
-            raise wrong_size(self.path, (width, height), wanted)
-        return resize_area(image, *wanted)
+            raise wrong_size(self.path, found, wanted)
+        return pixels
+
+    def _planes(self, pixels: NDArray[np.uint8 | np.uint16]) -> list[Image]:
+        """The red, green and blue of the undistorted photograph, each float32 [H, W] at its own size."""
+        height, width = pixels.shape[:2]
+        blocks: Iterator[tuple[slice, Image]] = ((rows, to_rgb(pixels[rows])) for rows in row_blocks(height))
+        if self.lens is not None and not self.lens.is_pinhole:
+            blocks = self.lens.undistorted_rows(width, height, lambda rows: to_rgb(pixels[rows]))
+            width, height = self.lens.pinhole((width, height))[:2]
+        planes = [np.empty((height, width), np.float32) for _ in range(3)]
+        for rows, block in blocks:
+            for plane, channel in zip(planes, np.moveaxis(block, 2, 0), strict=True):
+                plane[rows] = channel
+        return planes
 
     def ignored(self) -> Ignored | None:
         """The mask, undistorted and resized like the picture: bool [H, W], True where pixels are ignored.

@@ -199,7 +199,7 @@ def triangulate(scene: Scene, folder: Path, seed: int = 0) -> Points:
     masks = folder / MASKS if any(view.mask for view in scene.views) else None
     for name, view in zip(names, tqdm(scene.views, desc="photographs"), strict=True):
         if not (folder / "images" / name).is_file():
-            write_png(folder / "images" / name, view.image())
+            write_png(folder / "images" / name, view.rounded())
         if masks:
             ignored = view.ignored()
             nothing = np.zeros((view.camera.height, view.camera.width), bool)

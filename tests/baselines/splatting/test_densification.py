@@ -133,6 +133,17 @@ def test_without_points_gaussians_are_drawn_around_the_cameras():
     assert not np.array_equal(one.means, other.means)
 
 
+def test_impossible_points_are_left_out_and_told(caplog):
+    cameras = [camera(10, 10, a) for a in (0, 2, 4)]
+    positions = np.random.default_rng(0).uniform(-1, 1, (150, 3))
+    positions[:40, 1], positions[40:60, 2] = np.nan, 1e308
+    gaussians = initialise(Points(positions, np.zeros((150, 3), np.uint8)), cameras, 0, 0)
+    assert np.isfinite(gaussians.means).all()
+    assert len(gaussians) == 90 + 10_000
+    assert "60 of 150 points left out" in caplog.text
+    assert "90 points are few: 10000 random ones are added" in caplog.text
+
+
 def test_a_far_scene_is_recentred():
     offset = np.array([1e6, 2e6, -3e6])
     points = np.random.default_rng(0).uniform(-1, 1, (200, 3))

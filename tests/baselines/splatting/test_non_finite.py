@@ -90,6 +90,16 @@ def test_what_is_non_finite_at_the_end_is_not_in_the_model(tmp_path, injected):
     assert all(np.isfinite(value).all() for value in trained.gaussians.state_dict().values())
 
 
+def test_a_training_that_leaves_nothing_has_failed(tmp_path, monkeypatch):
+    def step(self, camera, view, iteration, *arguments):
+        self._state.gaussians.means[:] = np.nan
+        return 0.1
+
+    monkeypatch.setattr(CpuBackend, "step", step)
+    with pytest.raises(FloatingPointError, match="no Gaussian is left after 2 iterations"):
+        train(photographed(tmp_path), replace(CONFIG, iterations=2), 0, tmp_path / "run")
+
+
 def test_a_sound_state_stays_as_it_is():
     state = fresh_state(cloud(10, 1))
     assert without_non_finite(state) is state

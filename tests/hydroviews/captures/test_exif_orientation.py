@@ -10,10 +10,21 @@ import pytest
 
 from hydroviews.captures.exif_orientation import common_turn, orientation, write_upright
 from hydroviews.captures.sfm import matching
+from hydroviews.errors import InputError
 from hydroviews.scene.images import image_size, read_image, write_png
 
 ORIENTATION, EXIF, FOCAL_35 = 0x0112, 0x8769, 0xA405
 TURNS = {1: 0, 8: 1, 3: 2, 6: 3}  # quarter turns counter-clockwise to upright
+
+
+def test_a_photograph_too_large_to_turn(tmp_path):
+    photograph(tmp_path / "large.jpg", tag=6)
+    content = (tmp_path / "large.jpg").read_bytes()
+    frame = content.index(b"\xff\xc0")  # its header: length, bits, height, width
+    (tmp_path / "large.jpg").write_bytes(content[: frame + 5] + b"\xff\xff\xff\xff" + content[frame + 9 :])
+    assert orientation(tmp_path / "large.jpg") == 1
+    with pytest.raises(InputError, match="too large"):
+        write_upright(tmp_path / "large.jpg", tmp_path / "upright.jpg")
 
 
 def photograph(path, size=(64, 48), tag=None, focal=26, seed=0):

@@ -1,10 +1,11 @@
 from pathlib import Path
 
 import pytest
-from distorted import write_model, write_photographs
+from distorted import colmap_capture, write_model, write_photographs
 
 from hydroviews.dataset import sources
 from hydroviews.dataset.sources import build_source, choose_images, find_capture
+from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.profiles import find_profile
@@ -38,6 +39,22 @@ SIZES = {"images": (96, 72), "images_2": (48, 36), "images_4": (24, 18), "images
 def root(tmp_path):
     published(tmp_path / "root" / "360_v2" / "garden", SIZES)
     return tmp_path / "root"
+
+
+@pytest.mark.parametrize("name", ["manifest.json", "captures"])
+def test_a_capture_may_be_called_like_what_a_data_folder_holds(tmp_path, name):
+    capture = colmap_capture(tmp_path / "mine" / name)
+    folder = build_source(str(capture), tmp_path / "data", find_profile("demo"), long_side=24)
+    assert folder == tmp_path / "data" / f"{name}-scene"
+    assert f"built as {name}-scene" in (folder / "README.md").read_text()
+    assert verify(tmp_path / "data") == []
+
+
+def test_two_captures_of_one_name_are_told_apart(tmp_path):
+    first, second = colmap_capture(tmp_path / "a" / "room"), colmap_capture(tmp_path / "b" / "room", count=5)
+    build_source(str(first), tmp_path / "data", find_profile("demo"), long_side=24)
+    with pytest.raises(InputError, match=r"of .*/a/room, another capture than .*/b/room\n"):
+        build_source(str(second), tmp_path / "data", find_profile("demo"), long_side=24)
 
 
 def find(source, root=None, long_side=20):

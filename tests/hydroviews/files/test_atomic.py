@@ -47,3 +47,10 @@ def test_one_path_is_written_twice_at_once(tmp_path):
         second.write_text("second")
     assert (tmp_path / "a").read_text() == "first"
     assert [path.name for path in tmp_path.iterdir()] == ["a"]
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "9" * 5000, "9" * 400, '{"a": "\\ud800"}', "\xff", "NaN,"])
+def test_odd_json_is_told(tmp_path, text):
+    (tmp_path / "odd.json").write_bytes(text.encode("latin-1"))
+    with pytest.raises(InputError, match=r"odd\.json: not valid JSON"):
+        read_json(tmp_path / "odd.json")

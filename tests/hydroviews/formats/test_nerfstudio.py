@@ -161,7 +161,7 @@ def test_poses_that_are_none(tmp_path, row, column, value, message):
         ({"frames": [{"file_path": "images/00.png"}]}, "frame 0 is not complete"),
         ({"frames": frames()}, "no focal length"),
         ({"fl_x": "long", "frames": frames()}, "fl_x is not a number"),
-        ({"fl_x": -80.0, "frames": frames()}, "no focal length"),
+        ({"fl_x": -80.0, "frames": frames()}, "impossible focal length"),
         ({"fl_x": 80.0, "k4": 0.1, "frames": frames()}, "fourth radial coefficient"),
         ({"fl_x": 80.0, "camera_model": "EQUIRECTANGULAR", "frames": frames()}, "EQUIRECTANGULAR is not supported"),
         ({"fl_x": 80.0, "w": 100, "h": 72, "frames": frames()}, "image and camera differ in size"),

@@ -41,7 +41,7 @@ def test_cameras_are_the_ones_written(scene, tmp_path, short):
         ("pose/view-03.txt", "1 0 0 0\n0 1 0 0\n0 0 1", "not a pose"),
         ("pose/view-03.txt", "1 0 0 0\n0 1 0 0\n0 0 2 0\n0 0 0 1", "not rigid"),
         ("pose/view-03.txt", "nothing", "not numbers"),
-        ("intrinsics.txt", "0 0 0\n", "no focal length"),
+        ("intrinsics.txt", "0 0 0\n", "impossible focal length"),
         ("intrinsics.txt", "", "no focal length"),
     ],
 )

@@ -1,3 +1,6 @@
+import struct
+import zlib
+
 import cv2
 import numpy as np
 import PIL.Image
@@ -5,6 +8,7 @@ import pytest
 
 from hydroviews.errors import InputError
 from hydroviews.scene.images import image_size, read_image, resize_area, to_linear, to_srgb, to_uint8, write_png
+from hydroviews.scene.masks import read_grey
 
 
 def test_png_round_trip_and_equal_bytes(tmp_path):
@@ -65,6 +69,25 @@ def test_sizes_are_read_without_the_pixels(tmp_path):
     PIL.Image.effect_noise((500, 300), 50).save(tmp_path / "whole.jpg")
     (tmp_path / "cut.jpg").write_bytes((tmp_path / "whole.jpg").read_bytes()[:1000])
     assert image_size(tmp_path / "cut.jpg") == (500, 300)
+
+
+IDAT = struct.pack(">I", 1000) + b"IDAT" + bytes(1000)
+
+
+def png_header(width: int, height: int) -> bytes:
+    """A PNG that is cut short among its pixels."""
+    header = b"IHDR" + struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + header + struct.pack(">I", zlib.crc32(header)) + IDAT
+
+
+@pytest.mark.filterwarnings("ignore::PIL.Image.DecompressionBombWarning")
+@pytest.mark.parametrize("size", [(60000, 45000), (20000, 15000), (40000, 10), (2**31 - 1, 2**31 - 1)])
+@pytest.mark.parametrize("read", [image_size, read_image, read_grey])
+def test_too_large_pictures_are_refused_by_their_headers(tmp_path, monkeypatch, size, read):
+    monkeypatch.setattr(cv2, "imdecode", lambda *_: pytest.fail("decoded"))
+    (tmp_path / "bomb.png").write_bytes(png_header(*size))
+    with pytest.raises(InputError, match=r"bomb\.png: .*too large"):
+        read(tmp_path / "bomb.png")
 
 
 def test_pictures_without_a_size(tmp_path):

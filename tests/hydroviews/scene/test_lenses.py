@@ -1,3 +1,6 @@
+import tracemalloc
+
+import cv2
 import numpy as np
 import pycolmap
 import pytest
@@ -6,8 +9,10 @@ from distorted import LENS, colmap_capture, colours, photograph
 from hydroviews.dataset.build import build
 from hydroviews.errors import InputError
 from hydroviews.formats.read import read_scene
+from hydroviews.scene import lenses
+from hydroviews.scene.cameras import fitted_size
 from hydroviews.scene.depth import write_depth
-from hydroviews.scene.images import to_uint8, write_png
+from hydroviews.scene.images import read_image, resize_area, to_uint8, write_png
 from hydroviews.scene.lenses import Lens
 from hydroviews.scene.scenes import View
 
@@ -106,6 +111,37 @@ def test_view_undistorts_and_shrinks(tmp_path):
     x, y = np.meshgrid(np.arange(small.width) + 0.5, np.arange(small.height) + 0.5)
     expected = colours(np.stack([(x - small.cx) / small.fx, (y - small.cy) / small.fy], axis=-1))
     assert np.abs(view.image() - expected).max() < 0.03
+
+
+@pytest.mark.parametrize("long_side", [None, 1500, 400])
+@pytest.mark.parametrize("lens", [None, Lens("OPENCV", 2000, 1500, (1600.0, 1600.0, 1000.0, 750.0, -0.05, 0.01, 0, 0))])
+def test_a_photograph_takes_at_most_16_bytes_a_pixel(tmp_path, monkeypatch, long_side, lens):
+    monkeypatch.setattr(lenses, "KEPT_MAP", 0)
+    path = tmp_path / "photograph.jpg"
+    cv2.imwrite(str(path), np.zeros((1500, 2000, 3), np.uint8))
+    pinhole = (lens or Lens("PINHOLE", 2000, 1500, (1600.0, 1600.0, 1000.0, 750.0))).pinhole()
+    camera = pinhole.camera(np.eye(4)).resized(*fitted_size(pinhole.width, pinhole.height, long_side))
+    tracemalloc.start()
+    rounded = View("photograph", camera, path, lens).rounded()
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert rounded.shape == (camera.height, camera.width, 3)
+    assert 2000 * 1500 * 6 < peak < pinhole.width * pinhole.height * 16
+
+
+@pytest.mark.parametrize("long_side", [None, 45])
+@pytest.mark.parametrize("kept", [0, 10**9])
+@pytest.mark.parametrize("lens", [LENS, LENSES[5], LENSES[-2]], ids=lambda lens: lens.model)
+def test_a_rounded_view_is_its_image_rounded(tmp_path, monkeypatch, lens, kept, long_side):
+    monkeypatch.setattr(lenses, "KEPT_MAP", kept)
+    path = tmp_path / "photograph.png"
+    write_png(path, photograph(lens))
+    camera = lens.pinhole().camera(np.eye(4))
+    camera = camera.resized(*fitted_size(camera.width, camera.height, long_side))
+    view = View("photograph", camera, path, None if lens.is_pinhole else lens)
+    whole = resize_area(lens.undistort(read_image(path)), camera.width, camera.height)
+    assert np.array_equal(view.image(), whole)
+    assert np.array_equal(view.rounded(), to_uint8(whole))
 
 
 def test_photograph_of_another_shape_is_refused(tmp_path):

@@ -1,0 +1,270 @@
+"""Captures from strangers: what is impossible is refused by name or left out and told, in every format alike."""
+
+import json
+import math
+import zipfile
+
+import numpy as np
+import PIL.Image
+import pytest
+from strangers import FORMATS, WITH_NAMES, Stranger, write
+
+from hydroviews.errors import InputError
+from hydroviews.formats.read import read_scene
+from hydroviews.scene.checks import FARTHEST
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+every_format = pytest.mark.parametrize("kind", FORMATS)
+colmap_and_nerfstudio = pytest.mark.parametrize("kind", WITH_NAMES)
+
+
+@every_format
+def test_a_possible_capture_is_read(tmp_path, kind, caplog):
+    scene = read_scene(write(kind, tmp_path, Stranger(distance=5.0)))
+    assert [view.name for view in scene.views] == ["0", "1", "2", "3"]
+    assert scene.views[2].camera.centre == pytest.approx([5, 0, 0])
+    assert len(scene.points) == (2 if kind in WITH_NAMES else 0)
+    assert not caplog.records
+
+
+@every_format
+@pytest.mark.parametrize("focal", [0.0, -700.0, 1e-9, 1e308, math.inf, math.nan])
+def test_impossible_focal_lengths(tmp_path, kind, focal):
+    with pytest.raises(InputError, match=r"(cameras|transforms|poses_bounds|intrinsics)\..*(\n.*)*(focal|fl_x|finite)"):
+        read_scene(write(kind, tmp_path, Stranger(focal=focal)))
+
+
+@pytest.mark.parametrize("kind", FORMATS[:4])  # NSVF takes the photographs' sizes
+@pytest.mark.parametrize("size", [(0, 72), (-450, -800), (1e30, 1e30), (96, 40000), (30000, 30000)])
+def test_impossible_sizes(tmp_path, kind, size):
+    with pytest.raises(InputError, match=r"impossible size|damaged"):
+        read_scene(write(kind, tmp_path, Stranger(size=size)))
+
+
+@every_format
+@pytest.mark.parametrize("distance", [1e300, -2 * FARTHEST, math.inf, math.nan])
+def test_cameras_that_are_impossibly_far_away(tmp_path, kind, distance):
+    with pytest.raises(InputError, match=r"\b2(\.png|\.txt: 2)?: (the camera is impossibly far|the pose has numbers)"):
+        read_scene(write(kind, tmp_path, Stranger(distance=distance)))
+
+
+@pytest.mark.parametrize(
+    ("kind", "model", "distortion"),
+    [
+        ("nerfstudio", "OPENCV", (-5.0, 0.0, 0.0, 0.0)),
+        ("nerfstudio", "OPENCV_FISHEYE", (-0.5, 0.0, 0.0, 0.0)),
+        ("colmap text", "FULL_OPENCV", (-3.0, *[0.0] * 7)),
+        ("colmap binary", "OPENCV", (0.0, 0.0, 0.5, 0.5)),
+        ("colmap binary", "OPENCV", (-5000.0, 0.0, 0.0, 0.0)),  # turned over beyond the fold: upright nowhere
+        ("colmap text", "THIN_PRISM_FISHEYE", (-0.5, *[0.0] * 7)),
+        ("colmap text", "OPENCV", (5e5, 0.0, 0.0, 0.0)),
+        ("colmap text", "OPENCV", (1e308, 0.0, 0.0, 0.0)),
+    ],
+)
+def test_distortion_that_folds_inside_the_picture(tmp_path, kind, model, distortion):
+    with pytest.raises(InputError, match=r"0\.png: .* its distortion (folds inside|leads outside) the picture"):
+        read_scene(write(kind, tmp_path, Stranger(model=model, distortion=distortion)))
+
+
+@colmap_and_nerfstudio
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, 1e308, -2 * FARTHEST])
+def test_impossible_points_are_left_out_and_told(tmp_path, kind, wrong, caplog):
+    points = [(0.0, 0.0, 0.2, 1, 2, 3), (0.1, wrong, 0.2, 4, 5, 6)]
+    scene = read_scene(write(kind, tmp_path, Stranger(points=points)))
+    assert scene.points.positions.tolist() == [[0, 0, 0.2]]
+    assert scene.points.colours.tolist() == [[1, 2, 3]]
+    assert "1 of 2 points left out: NaN, infinite, or more than 1e+09 units" in caplog.text
+
+
+@pytest.mark.parametrize("kind", ["colmap text", "nerfstudio"])  # binary models have bytes
+def test_impossible_colours(tmp_path, kind):
+    points = [(0.0, 0.0, 0.2, 1, 2, 3), (0.1, 0.0, 0.2, 300, 5, 6)]
+    with pytest.raises(InputError, match=r"points.*: 1 of 2 points have impossible colours\n  found: \[300"):
+        read_scene(write(kind, tmp_path, Stranger(points=points)))
+
+
+@colmap_and_nerfstudio
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("../../secret.png", "leads out of the capture"),
+        ("a/../../../secret.png", "leads out of the capture"),
+        ("a" * 5000, "too long"),
+        ("b/" * 600, "too long"),
+        ("caf\udce9.png", "not UTF-8|not valid JSON"),  # a latin-1 byte; half a surrogate pair in JSON
+    ],
+)
+def test_names_that_are_none(tmp_path, kind, name, message):
+    write(kind, tmp_path / "capture", Stranger(name=name))
+    PIL.Image.new("RGB", (96, 72)).save(tmp_path / "secret.png")
+    with pytest.raises(InputError, match=message):
+        read_scene(tmp_path / "capture")
+
+
+@pytest.mark.parametrize("kind", ["colmap text", "colmap binary"])
+def test_absolute_names(tmp_path, kind):
+    outside = tmp_path / "secret.png"
+    PIL.Image.new("RGB", (96, 72)).save(outside)
+    with pytest.raises(InputError, match="leads out of the capture"):
+        read_scene(write(kind, tmp_path / "capture", Stranger(name=str(outside))))
+
+
+@every_format
+def test_a_name_that_leaves_no_room_for_suffixes(tmp_path, kind):
+    stem = "n" * 246
+    folder = write(kind, tmp_path, Stranger(name=f"{stem}.png"))
+    pictures = folder / ("rgb" if kind == "nsvf" else "images")
+    (pictures / "2.png").rename(pictures / f"{stem}.png")
+    if kind == "nsvf":
+        (folder / "pose" / "2.txt").rename(folder / "pose" / f"{stem}.txt")
+    with pytest.raises(InputError, match=r"a name that is too long\n  found: 246 bytes.*\n.*150\n.*rename"):
+        read_scene(folder)
+
+
+@pytest.mark.parametrize("kind", ["colmap text", "colmap binary"])
+@pytest.mark.parametrize(
+    ("twice", "message"),
+    [
+        ({"camera_ids": (1, 1)}, r"cameras\..*: camera 1 is listed twice"),
+        ({"image_ids": (1, 2, 2, 3)}, r"images\..*: image 2 is listed twice"),
+        ({"point_ids": (7, 7)}, r"points3D\..*: point 7 is listed twice"),
+    ],
+)
+def test_ids_are_listed_once(tmp_path, kind, twice, message):
+    with pytest.raises(InputError, match=message):
+        read_scene(write(kind, tmp_path, Stranger(**twice)))
+
+
+def test_a_model_of_two(tmp_path):
+    write("colmap text", tmp_path, Stranger())
+    write("colmap binary", tmp_path / "other", Stranger())
+    (tmp_path / "sparse/0/images.txt").unlink()
+    (tmp_path / "other/sparse/0/images.bin").rename(tmp_path / "sparse/0/images.bin")
+    with pytest.raises(InputError, match=r"one file is binary and one is text\n  found: cameras\.txt and images\.bin"):
+        read_scene(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "cameras", "message"),
+    [
+        ("a.gif", True, "no photographs beside the cameras\n  found: 2 .gif, which are not read"),
+        ("a.gif", False, "no cameras\n  found: 2 .gif, which are not read"),
+    ],
+)
+def test_photographs_that_are_not_read_are_named(tmp_path, name, cameras, message):
+    write("colmap text", tmp_path, Stranger())
+    for path in (tmp_path / "images").iterdir():
+        path.unlink()
+    for place in ("images", "images/more"):
+        (tmp_path / place).mkdir(exist_ok=True)
+        PIL.Image.new("P", (96, 72)).save(tmp_path / place / name)
+    if not cameras:
+        (tmp_path / "sparse" / "0" / "images.txt").unlink()
+    with pytest.raises(InputError, match=message):
+        read_scene(tmp_path)
+
+
+def change(folder, **values):
+    """Change values of a `transforms.json`."""
+    content = json.loads((folder / "transforms.json").read_text())
+    (folder / "transforms.json").write_text(json.dumps({**content, **values}))
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"ply_file_path": 7}, "ply_file_path: not a file name"),
+        ({"ply_file_path": "/etc/passwd"}, "leads out of the capture"),
+        ({"ply_file_path": "../points.ply"}, "leads out of the capture"),
+        ({"w": int("9" * 400)}, "not valid JSON\n  found: an integer of 400 digits"),
+        ({"w": 1e300}, "impossible size"),
+        ({"fl_x": [1]}, "fl_x is not a number"),
+        ({"frames": {"0": 1}}, "no frames"),
+        ({"frames": [3]}, "no frames"),
+    ],
+)
+def test_odd_values_of_transforms_json(tmp_path, values, message):
+    folder = write("nerfstudio", tmp_path, Stranger())
+    change(folder, **values)
+    with pytest.raises(InputError, match=message):
+        read_scene(folder)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"file_path": "/etc/passwd"}, "frame 1: a name that leads out of the capture"),
+        ({"file_path": "images/\0.png"}, "frame 1: not a file name"),
+        ({"file_path": 1}, "frame 1 is not complete"),
+        ({"mask_path": ["a"]}, "mask_path: not a file name"),
+        ({"mask_path": "../mask.png"}, "mask_path: a name that leads out of the capture"),
+        ({"transform_matrix": [[10**299, i, 0, 0] for i in range(4)]}, "1: the pose is not rigid"),
+        ({"transform_matrix": [[1e308, 1e308, 1e308, 0.0]] * 4}, "1: the pose is not rigid"),
+        ({"transform_matrix": {"a": 1}}, "1: the pose is not a matrix of numbers"),
+    ],
+)
+def test_odd_values_of_a_frame(tmp_path, values, message):
+    folder = write("nerfstudio", tmp_path, Stranger())
+    frames = json.loads((folder / "transforms.json").read_text())["frames"]
+    frames[1] |= values
+    change(folder, frames=frames)
+    with pytest.raises(InputError, match=message):
+        read_scene(folder)
+
+
+@pytest.mark.parametrize("angle", [0.0, -1.0, 4.0])
+def test_impossible_fields_of_view(tmp_path, angle):
+    folder = write("nerfstudio", tmp_path, Stranger())
+    content = json.loads((folder / "transforms.json").read_text())
+    kept = {key: value for key, value in content.items() if not key.startswith("fl_")}
+    (folder / "transforms.json").write_text(json.dumps({**kept, "camera_angle_x": angle}))
+    with pytest.raises(InputError, match="0: impossible camera_angle_x"):
+        read_scene(folder)
+
+
+@pytest.mark.parametrize(
+    ("header", "message"),
+    [
+        ((1_000_000_000_000, 17), "not a NumPy array"),
+        ((4, 17 * 10**11), "not a NumPy array"),
+    ],
+)
+def test_arrays_that_announce_more_than_there_is(tmp_path, header, message):
+    folder = write("llff", tmp_path, Stranger())
+    path = folder / "poses_bounds.npy"
+    with path.open("wb") as file:
+        np.lib.format.write_array_header_1_0(file, {"descr": "<f8", "fortran_order": False, "shape": header})
+        file.write(bytes(4 * 17 * 8))
+    with pytest.raises(InputError, match=message):
+        read_scene(folder)
+
+
+@pytest.mark.parametrize(
+    "header", [b"{-1escr': '<f8', 'fortran_order': False, 'shape': -1, 17), }", b"{9: 0}", b"  {\n1", b"(" * 100]
+)
+def test_headers_of_arrays_that_are_no_python(tmp_path, header):
+    folder = write("llff", tmp_path, Stranger())
+    content = b"\x93NUMPY\x01\x00\x80\x00" + header.ljust(127) + b"\n"
+    (folder / "poses_bounds.npy").write_bytes(content + bytes(4 * 17 * 8))
+    with pytest.raises(InputError, match="not a NumPy array"):
+        read_scene(folder)
+
+
+def test_a_count_that_leads_beyond_all_files(tmp_path):
+    folder = write("colmap binary", tmp_path, Stranger())
+    path = folder / "sparse" / "0" / "images.bin"
+    content = path.read_bytes()
+    path.write_bytes(content.replace(b"1.png\0" + bytes(8), b"1.png\0" + b"\xff" * 8))
+    with pytest.raises(InputError, match=r"images\.bin: damaged or cut short"):
+        read_scene(folder)
+
+
+@pytest.mark.parametrize("pickled", [False, True])
+def test_an_archive_of_arrays_is_no_array(tmp_path, pickled):
+    folder = write("llff", tmp_path, Stranger())
+    with (folder / "poses_bounds.npy").open("wb") as file:
+        np.savez(file, poses=np.array([print], object) if pickled else np.zeros((4, 17)))
+    assert zipfile.is_zipfile(folder / "poses_bounds.npy")
+    with pytest.raises(InputError, match=r"not a NumPy array\n  found: an archive"):
+        read_scene(folder)
