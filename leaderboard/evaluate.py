@@ -196,7 +196,7 @@ def _train_in_process(run: Run, limits: Limits) -> str:
     if not config.is_file() or config.read_bytes() != settings:
         write_bytes(config, settings)
         (run.folder / PREDICTION).unlink(missing_ok=True)
-        return reason or f"the method removed or changed the {CONFIG} of its run"
+        return f"the method removed or changed the {CONFIG} of its run"
     return reason
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 import hydroviews
+from hydroviews import errors
 from hydroviews.errors import InputError, unknown_name
 from hydroviews.files.atomic import read_json, write_json
 from hydroviews.metrics import find_metrics
@@ -72,8 +73,7 @@ KINDS = get_type_hints(Record)
 
 def printable(text: str, longest: int = LONGEST) -> str:
     """Text that any file and terminal can hold: what is cut off is counted, what cannot be printed is escaped."""
-    kept = text[:longest]
-    shown = "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in kept)
+    shown = errors.printable(text[:longest])
     if len(text) <= longest and len(shown) <= longest:
         return shown
     end = f" ... ({len(text):,} characters)"

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import IO, Any, Protocol, TextIO
 
 from hydroviews.cli.processes import end_with_parent, run_child
-from hydroviews.errors import InputError
+from hydroviews.errors import InputError, printable
 from hydroviews.files.atomic import read_json, write_json
 
 HOUR, GB = 3600, 10**9
@@ -216,4 +216,4 @@ class Telling:
 
 
 def _leave_word(tether: Tether, kind: str, reason: str) -> None:
-    write_json(tether.notes / WORD, {"kind": kind, "reason": reason})
+    write_json(tether.notes / WORD, {"kind": kind, "reason": printable(reason)})

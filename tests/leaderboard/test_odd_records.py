@@ -44,7 +44,7 @@ def row(results: Path) -> pd.Series:
         ({"psnr": [1, 2]}, r"psnr \[1, 2\]"),
         ({"psnr": float("nan")}, "psnr nan"),
         ({"psnr": True}, "psnr True"),
-        ({"psnr": 10**400}, r"psnr 1000+ \.\.\. \(401 characters\)"),
+        ({"psnr": 10**400}, "not valid JSON"),
         ({"method": "../../x"}, "the record of another run"),
         ({"method": None}, "method None, expected str"),
         ({"seed": "a string"}, "seed 'a string', expected int"),

@@ -229,7 +229,7 @@ def test_what_cannot_be_checked_is_refused(arguments, message):
 def test_make_check_names_the_method():
     command = ["make", "--dry-run", "--no-print-directory", f"VENV={sys.prefix}", "check", "METHOD=a.b:C"]
     lines = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, check=True).stdout
-    assert "-m leaderboard check 'a.b:C' --profile demo" in lines
+    assert "-m leaderboard check 'a.b:C' --profile 'demo'" in lines
 
 
 @dataclass(frozen=True)
