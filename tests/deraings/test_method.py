@@ -8,7 +8,7 @@ import torch
 from splats import photographed
 from trainings import CONFIG, assert_identical
 
-from baselines.gaussian_splatting import FOUND
+from baselines.gaussian_splatting import FOUND, GaussianSplatting
 from baselines.method import find_method
 from baselines.training.images import read_images
 from deraings import method as methods
@@ -171,6 +171,7 @@ def test_methods_are_found_and_differ_in_their_switches():
     assert paper.enhancement
     assert paper.masks
     assert paper.rain == methods.NO_RAIN
-    assert paper.splatting == plus.splatting
+    assert paper.splatting == GaussianSplatting.configuration("demo")
+    assert paper.splatting.iterations < plus.splatting.iterations  # in fewer steps rain is not found
     less = WithoutAttention.configuration("demo")
     assert replace(less, masks=replace(less.masks, attention=True)) == paper
