@@ -27,7 +27,9 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
+from baselines.gaussian_splatting import MODEL as MODEL_FILE
 from baselines.gaussian_splatting import PROFILES, GaussianSplatting
+from baselines.training.checkpoints import CHECKPOINT
 from benchmarks.small_disks import space_of, twice_on_a_disk
 from hydroviews.cli.commands import run_command
 from hydroviews.errors import InputError
@@ -101,7 +103,7 @@ def stages(out: Path, patterns: Sequence[str]) -> Iterator[Stage]:
         return ["leaderboard", "score", "--method", METHOD, "--pattern", patterns[0], *where]
 
     yield Stage("build", "built", build)
-    yield Stage("training", "trained", train, (PREDICTION,))
+    yield Stage("training", "trained", train, (PREDICTION, MODEL_FILE, CHECKPOINT))  # splats.ply has the same model
     yield Stage("scoring", "scored", score)
 
 
