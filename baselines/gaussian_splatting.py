@@ -51,24 +51,23 @@ SHORT_RATES = LearningRates(
     cooldown=0.15,
     cooled=0.1,
 )
-LONGER_RATES = replace(SHORT_RATES, sh=1.125e-2, sh_rest=5.625e-4, opacity=0.15, quaternions=6e-3, final=0.3)
 GROWTH = DefaultStrategy(growth=0.3, grow_grad2d=2e-4, absolute=True, reset_every=None, prune_scale3d=0.5)
+SHORT = TrainerConfig(
+    iterations=1600,
+    sh_degree_interval=270,
+    learning_rates=SHORT_RATES,
+    near=0.05,
+    strategy=replace(GROWTH, start=150, stop=1200, every=50, budget=30_000, prune_opacity=0.02),
+    resolutions=((0.3, 2),),
+)
 PROFILES = {
-    "demo": TrainerConfig(
-        iterations=1600,
-        sh_degree_interval=270,
-        learning_rates=SHORT_RATES,
-        near=0.05,
-        strategy=replace(GROWTH, start=150, stop=1200, every=50, budget=30_000, prune_opacity=0.02),
-        resolutions=((0.3, 2),),
-    ),
-    "quick": TrainerConfig(
+    "demo": SHORT,
+    "quick": replace(
+        SHORT,
         iterations=7500,
         sh_degree_interval=750,
-        learning_rates=LONGER_RATES,
-        near=0.05,
+        learning_rates=replace(SHORT_RATES, sh=1.125e-2, sh_rest=5.625e-4, opacity=0.15, quaternions=6e-3, final=0.3),
         strategy=replace(GROWTH, start=200, stop=5400, every=100, budget=60_000, prune_opacity=0.015),
-        resolutions=((0.3, 2),),
     ),
     "paper": TrainerConfig(),
 }

@@ -196,7 +196,7 @@ def _train_in_process(run: Run, limits: Limits) -> str:
     if not config.is_file() or config.read_bytes() != settings:
         write_bytes(config, settings)
         (run.folder / PREDICTION).unlink(missing_ok=True)
-        return f"the method removed or changed the {CONFIG} of its run"
+        return reason or f"the method removed or changed the {CONFIG} of its run"
     return reason
 
 
@@ -207,11 +207,11 @@ def _train_on_loan(run: Run, limits: Limits) -> str:
         watch = Watch(limits, [Path(notes), run.folder])
         try:
             reason = run_tethered("leaderboard.predict", options, Path(notes), watch, end_gently, limits.memory)
-            spoilt = loan.spoilt()
         except InputError:  # of the method's making, if it wrote into what it read
-            spoilt = loan.spoilt()
-            if not spoilt:
+            if not loan.spoilt():
                 raise
+            reason = ""
+        spoilt = [] if reason else loan.spoilt()
     return f"wrote into the data that it was lent: {some(spoilt)}" if spoilt else reason
 
 

@@ -23,6 +23,7 @@ from leaderboard.records import (
     Record,
     as_row,
     columns,
+    effect_of,
     read_record,
     run_folder,
 )
@@ -105,7 +106,7 @@ def _unreadable(folder: Path, reason: str) -> Record:
     return Record(
         method=method,
         scene=scene,
-        effect=pattern.rpartition("-")[0] or pattern,
+        effect=effect_of(pattern),
         pattern=pattern,
         seed=int(seed),
         track=track or GIVEN_POSES,

@@ -158,6 +158,11 @@ def check_track(name: str) -> None:
         raise unknown_name(f"TRACK={name}", name, "track", TRACKS)
 
 
+def effect_of(pattern: str) -> str:
+    """The effect of a pattern: raindrop, streak, storm, captured or clean."""
+    return pattern.rpartition("-")[0] or pattern
+
+
 def run_folder(results: Path, profile: str, method: str, scene: str, pattern: str, seed: int, track: str) -> Path:
     """Where a run's files go; `package.module:Class` becomes a plain folder name."""
     last = f"seed-{seed}" if track == GIVEN_POSES else f"seed-{seed}-{track}"

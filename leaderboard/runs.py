@@ -25,7 +25,7 @@ from hydroviews.errors import InputError
 from hydroviews.files import settings_guard
 from hydroviews.files.atomic import read_json
 from hydroviews.scene.scenes import Scene
-from leaderboard.records import GIVEN_POSES, SPARSE_VIEWS, check_track, run_folder
+from leaderboard.records import GIVEN_POSES, SPARSE_VIEWS, check_track, effect_of, run_folder
 
 CONFIG = "config.json"
 
@@ -54,7 +54,7 @@ class Run:
     @property
     def effect(self) -> str:
         """raindrop, streak, storm, captured or clean."""
-        return self.pattern.rpartition("-")[0] or self.pattern
+        return effect_of(self.pattern)
 
     def __str__(self) -> str:
         track = "" if self.track == GIVEN_POSES else f", {self.track}"
@@ -79,7 +79,7 @@ class Run:
         scene = self.training_scene()
         train = set(scene.split.train)
         held_back = [view.name for view in scene.views if view.name not in train]
-        with lend(self.data / self.scene, self.pattern, train, held_back, self.folder / "data") as loan:
+        with lend(self.data / self.scene, self.pattern, train, held_back, self.folder) as loan:
             yield dataclasses.replace(self, data=loan.data), loan
 
     def on_track(self, scene: Scene) -> Scene:

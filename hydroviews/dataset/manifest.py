@@ -1,7 +1,6 @@
 """The list of what a data set holds: a SHA-256 for every file of every scene, and what drew it."""
 
 import hashlib
-import json
 import os
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -12,7 +11,7 @@ from tqdm import tqdm
 
 from hydroviews.cli.threads import side_by_side
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import write_json
+from hydroviews.files.atomic import read_json, write_json
 from hydroviews.files.known_bytes import current_sha256, read_only, require_bytes
 from hydroviews.files.locks import locked
 from hydroviews.formats.capture_json import CAPTURED
@@ -34,10 +33,7 @@ def read_manifest(data: Path) -> dict[str, Any]:
     if not path.is_file():
         return {"scenes": {}}
     fix = "restore it, or delete it and build again: finished files are kept, as they are now"
-    try:
-        manifest = json.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: not valid JSON", found=error, fix=fix) from None
+    manifest = read_json(path, fix)
     scenes = manifest.get("scenes") if isinstance(manifest, dict) else None
     if not isinstance(scenes, dict):
         raise InputError(f"{path}: not a manifest", expected=SHAPE, fix=fix)
@@ -221,6 +217,10 @@ def scene_files(folder: Path) -> list[Path]:
 
 
 def _hidden_or_linked(path: Path, folder: Path) -> bool:
-    inside = [path, *path.parents]
-    inside = inside[: inside.index(folder)]
-    return any(part.name.startswith(".") or part.is_symlink() for part in inside)
+    return any(step.name.startswith(".") or step.is_symlink() for step in steps_below(folder, path))
+
+
+def steps_below(folder: Path, path: Path) -> list[Path]:
+    """A path below a folder, and the folders between the two."""
+    steps = [path, *path.parents]
+    return steps[: steps.index(folder)]

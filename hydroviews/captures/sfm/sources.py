@@ -11,7 +11,7 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from hydroviews.files.temporary import remove_tree
 from hydroviews.formats.photographs import some, view_names
-from hydroviews.scene.images import read_image
+from hydroviews.scene.images import read_pixels
 
 logger = logging.getLogger(__name__)
 
@@ -44,7 +44,7 @@ def link_photographs(links: Mapping[str, Path], folder: Path, turned: bool) -> N
         target = folder / name
         if target.exists():
             continue
-        read_image(source)
+        read_pixels(source)
         target.unlink(missing_ok=True)  # a link to where the photographs were before they were moved
         if turned:
             write_upright(source, target)

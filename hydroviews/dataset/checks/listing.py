@@ -6,7 +6,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from hydroviews.dataset.contact_sheet import SHEETS
-from hydroviews.dataset.manifest import MANIFEST, changed_files, listed_files
+from hydroviews.dataset.manifest import MANIFEST, changed_files, listed_files, steps_below
 from hydroviews.dataset.rainy_variant import LENS, SHARED
 from hydroviews.dataset.request import REQUEST
 from hydroviews.dataset.sources import RENDERED
@@ -33,7 +33,11 @@ def check_folder(data: Path, scenes: Mapping[str, Entry]) -> list[str]:
 
 def check_files(folder: Path, entry: Entry) -> list[str]:
     """Files of a scene that are missing, changed, links, or not listed, and variants that are not."""
-    listed = {path: digest for path, digest in listed_files(folder, entry).items() if not _linked(path, folder)}
+    listed = {
+        path: digest
+        for path, digest in listed_files(folder, entry).items()
+        if not any(step.is_symlink() for step in steps_below(folder, path))
+    }
     changed = changed_files(listed, folder.name)
     problems = [f"{path}: missing" for path in listed if not path.is_file()]
     problems += [f"{path}: changed since it was built" for path in changed]
@@ -70,12 +74,6 @@ def _unlisted(folder: Path, entry: Entry) -> Iterator[tuple[Path, str]]:
 def _is_at_work(path: Path) -> bool:
     """Locks, and what is being written or was left half written."""
     return path.name.startswith((LOCK, PARTIAL))
-
-
-def _linked(path: Path, folder: Path) -> bool:
-    """Whether a path below a folder is a link, or in a linked folder."""
-    steps = [path, *path.parents]
-    return any(step.is_symlink() for step in steps[: steps.index(folder)])
 
 
 def _link(path: Path) -> str:
