@@ -5,7 +5,7 @@
 
 | column | is |
 |---|---|
-| water, mist, streaks | mean of the layer planes M, V and S: shares of the picture |
+| water, mist, streaks | mean of the layer planes M, V and S: shares of the picture; of several in one, their union |
 | brightness_change | mean of rainy minus clean, encoded values, signed |
 | added_light | mean of what pixels gained, in linear light; 1 is white paper |
 | psnr | of the rainy view against the clean one, dB |
@@ -29,6 +29,7 @@ from tqdm import tqdm
 
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, replacing
+from hydroviews.rain.effect import Effect
 from hydroviews.rain.layers import read_layers
 from hydroviews.rain.registry import find_effect
 from hydroviews.rain.streaks.measures import mean_angle, streak_angle
@@ -123,7 +124,7 @@ def measure_view(
     squared = cv2.norm(rainy, clean, cv2.NORM_L2SQR) / (clean.size * 255**2)
     gained = np.maximum(cv2.LUT(rainy, LINEAR) - cv2.LUT(clean, LINEAR), 0)
     effect = find_effect(facts["effect"])
-    shares = {plane.share: float(layers[key].mean()) for key, plane in effect.planes.items() if plane.share}
+    shares = {share: float(cover.mean()) for share, cover in _covers(effect, layers).items()}
     return ViewStatistics(
         view=name,
         water=shares.get("water"),
@@ -135,6 +136,18 @@ def measure_view(
         angle=None if effect.falling is None else streak_angle(layers[effect.falling]),
         seed_density=effect.seed_density(facts["parameters"], layers),
     )
+
+
+def _covers(effect: Effect, layers: Mapping[str, NDArray[np.float32]]) -> dict[str, NDArray[np.float32]]:
+    """What is covered [H, W] by each kind of thing, by one or another of its planes."""
+    covers: dict[str, NDArray[np.float32]] = {}
+    for key, plane in effect.planes.items():
+        if plane.share:
+            cover = layers[key]
+            if plane.share in covers:
+                cover = np.float32(1) - (1 - covers[plane.share]) * (1 - cover)
+            covers[plane.share] = cover
+    return covers
 
 
 def read_statistics(path: Path) -> pd.DataFrame:

@@ -18,10 +18,11 @@ Layers = Mapping[str, NDArray[np.float32]]  # planes [H, W] by channel name
 
 @dataclass(frozen=True)
 class LayerPlane:
-    """One channel of an effect's layer files, [H, W], at least 0."""
+    """One channel of an effect's layer files, [H, W]."""
 
     title: str = ""  # on contact sheets; empty: not shown alone
-    share: str = ""  # water, mist or streaks: the column of the statistics that its mean is; empty: none
+    share: str = ""  # water, mist or streaks: the column of the statistics that it counts for; empty: none
+    least: float = 0.0  # the smallest value
     most: float = 1.0  # the largest value
 
 

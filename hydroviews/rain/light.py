@@ -79,8 +79,12 @@ def rain_light(linear: Linear) -> Linear:
     lamps = linear - recorded
     if not lamps.any():
         return around
-    glow = sum(_blurred(lamps, sides) for sides in LAMP_REACHES) / np.float32(len(LAMP_REACHES))
-    return np.asarray(around + glow, np.float32)
+    return np.asarray(around + glow(lamps), np.float32)
+
+
+def glow(lamps: Linear) -> Linear:
+    """The light [H, W, 3] of lamps [H, W, 3], spread around them as it falls off with distance; as much of it."""
+    return np.asarray(sum(_blurred(lamps, sides) for sides in LAMP_REACHES) / np.float32(len(LAMP_REACHES)))
 
 
 def _blurred(picture: Linear, sides: float) -> Linear:

@@ -1,6 +1,7 @@
 """What a pattern may know about the scene it rains on."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import cv2
@@ -50,6 +51,12 @@ class SceneStatistics:
     metres_per_unit: float | None = None  # of the capture, where it is known
     lens_renderer: LensRenderer = "disk"  # of water on the lens
 
+    @property
+    def sampled_views(self) -> tuple[View, ...]:
+        """The views that the samples show, with cameras of the samples' size."""
+        sized = zip(_spread(self.views), self.samples, strict=True)
+        return tuple(replace(view, camera=view.camera.resized(s.shape[1], s.shape[0])) for view, s in sized)
+
 
 def survey(scene: Scene, seed: int, lens_renderer: LensRenderer = "disk") -> SceneStatistics:
     """Look at some of a scene's clean views, and say what rain may know.
@@ -58,8 +65,7 @@ def survey(scene: Scene, seed: int, lens_renderer: LensRenderer = "disk") -> Sce
         InputError: an unreadable picture.
     """
     samples, details = [], []
-    chosen = scene.views[:: -(-len(scene.views) // SAMPLED_VIEWS)]
-    for view in tqdm(chosen, desc=f"{scene.name}: survey", unit="view", leave=False):
+    for view in tqdm(_spread(scene.views), desc=f"{scene.name}: survey", unit="view", leave=False):
         image = view.image()
         details.append(float(np.mean((image - cv2.GaussianBlur(image, (0, 0), FINE)) ** 2, dtype=np.float64)))
         samples.append(_small(image))
@@ -71,7 +77,7 @@ def survey(scene: Scene, seed: int, lens_renderer: LensRenderer = "disk") -> Sce
         mean_inverse_visibility=_mean_inverse_visibility(scene),
         samples=tuple(samples),
         detail=float(np.mean(details)),
-        light=_light(samples),
+        light=measure_light(samples),
         clean_error=scene.clean_error,
         drops_cost=scene.drops_cost,
         metres_per_unit=scene.metres_per_unit,
@@ -94,13 +100,18 @@ def _mean_inverse_visibility(scene: Scene) -> float:
     return float(np.mean(1 / seen[seen > 0])) if (seen > 0).any() else 1 / len(scene.split.train)
 
 
+def _spread(views: tuple[View, ...]) -> tuple[View, ...]:
+    return views[:: -(-len(views) // SAMPLED_VIEWS)]
+
+
 def _small(image: Image) -> Image:
     height, width = image.shape[:2]
     scale = max(1.0, max(width, height) / SAMPLED_SIDE)
     return resize_area(image, max(1, round(width / scale)), max(1, round(height / scale)))
 
 
-def _light(samples: list[Image]) -> Light:
+def measure_light(samples: Sequence[Image]) -> Light:
+    """How bright the scene is that some views of it show, each [h, w, 3], sRGB-encoded."""
     linear: NDArray[np.float32] = np.concatenate([to_linear(sample).reshape(-1, 3) for sample in samples])
     brightest = np.argsort(luminance(linear), kind="stable")[-max(1, round(AIR * len(linear))) :]
     mean, bright = linear.mean(axis=0, dtype=np.float64), linear[brightest].mean(axis=0, dtype=np.float64)

@@ -105,6 +105,13 @@ def resized_depth(depth: NDArray, width: int, height: int) -> Depth:
     return np.ascontiguousarray(depth[np.ix_(rows, columns)], np.float32)
 
 
+def ray_distance(camera: Camera, depth: Depth) -> NDArray[np.float64]:
+    """Distance [H, W] from the camera's centre to what lies at a depth [H, W], along the ray of each pixel."""
+    x = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
+    y = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
+    return np.asarray(depth * np.sqrt(1 + x**2 + y[:, None] ** 2))
+
+
 def sparse_depth(camera: Camera, positions: NDArray, guide: Image | None = None) -> Depth:
     """A coarse depth map [H, W] from scene points [N, 3].
 

@@ -174,10 +174,18 @@ def without_streaks(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
 def to_linear(image: NDArray) -> Image:
     """sRGB-encoded [0, 1] to linear light [0, 1] (IEC 61966-2-1)."""
     image = np.asarray(image, np.float32)
-    return np.where(image <= 0.04045, image / 12.92, ((np.maximum(image, 0) + 0.055) / 1.055) ** 2.4).astype(np.float32)
+    linear = np.asarray(np.maximum(image, 0) + np.float32(0.055), np.float32)
+    linear /= np.float32(1.055)
+    np.power(linear, np.float32(2.4), out=linear)
+    np.divide(image, np.float32(12.92), out=linear, where=image <= np.float32(0.04045))
+    return linear
 
 
 def to_srgb(linear: NDArray) -> Image:
     """Linear light to sRGB-encoded [0, 1]; brighter than 1 is clipped (IEC 61966-2-1)."""
-    x = np.clip(linear, 0, 1)
-    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055).astype(np.float32)
+    x = np.asarray(np.clip(linear, 0, 1))
+    encoded = np.asarray(x ** (1 / 2.4))
+    encoded *= 1.055
+    encoded -= 0.055
+    np.multiply(x, 12.92, out=encoded, where=x <= 0.0031308)
+    return np.asarray(encoded, np.float32)

@@ -85,11 +85,11 @@ def _odd_planes(effect: Effect, layers: Mapping[str, NDArray], shape: tuple[int,
         return [f"channels {', '.join(sorted(layers))}, expected {', '.join(sorted(effect.planes))}"]
     odd = []
     for name, plane in layers.items():
-        high = effect.planes[name].most
+        low, high = effect.planes[name].least, effect.planes[name].most
         if plane.shape != shape:
             odd.append(f"{name} has another size than the clean view")
-        elif not (np.isfinite(plane).all() and plane.min() >= 0 and plane.max() <= high):
-            odd.append(f"{name} is outside 0 to {high:g}")
+        elif not (np.isfinite(plane).all() and plane.min() >= low and plane.max() <= high):
+            odd.append(f"{name} is outside {low:g} to {high:g}")
     return odd
 
 

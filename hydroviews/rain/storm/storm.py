@@ -9,7 +9,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,13 +17,13 @@ from hydroviews.rain.scene_statistics import Light, SceneStatistics
 from hydroviews.rain.storm.drop_sizes import draw_cloud, optical_depth, reach
 from hydroviews.rain.storm.rasterise import Shutter, draw, project
 from hydroviews.rain.storm.world import horizontal, in_metres, metres_and_focus, up_direction
+from hydroviews.rain.veil import veil
 from hydroviews.scene.cameras import Camera
-from hydroviews.scene.depth import view_depth
+from hydroviews.scene.depth import ray_distance, view_depth
 from hydroviews.scene.images import Image, to_linear
 from hydroviews.scene.scenes import View
 
 THICKEST = 0.6  # the most that the veil hides: behind it a scene must stay visible
-MIXED = 2  # pixels around an edge over which the veil is mixed
 
 
 @dataclass(frozen=True)
@@ -145,15 +144,6 @@ class Storm:
         return draw(project(self.cloud, camera, shutter), depth)
 
     def veil(self, camera: Camera, depth: NDArray, clean: Image) -> NDArray[np.float32]:
-        """Cover [H, W] by the rain that is too fine or too far to be drawn: 1 - exp(-beta distance) at most.
-
-        A pixel on the edge of something near has a mixed colour but only one depth, so the veil is mixed as the
-        colours are: by a guided filter (He, Sun and Tang 2010) of a pixel or two.
-        """
-        x = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
-        y = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
-        distance = depth * np.sqrt(1 + x**2 + y[:, None] ** 2)
-        hidden = 1 - np.exp(-optical_depth(self._pattern.rate, self._pattern.density, distance))
-        hidden = np.minimum(hidden, THICKEST).astype(np.float32)
-        grey = np.ascontiguousarray(luminance(clean), np.float32)
-        return np.clip(cv2.ximgproc.guidedFilter(grey, hidden, MIXED, 1e-4), 0, np.float32(THICKEST))
+        """Cover [H, W] by the rain that is too fine or too far to be drawn, at most THICKEST."""
+        distance = ray_distance(camera, depth)
+        return veil(optical_depth(self._pattern.rate, self._pattern.density, distance), clean, THICKEST)
