@@ -116,8 +116,8 @@ def _layer_rows(folder: Path, patterns: Sequence[str], name: str) -> list[Row]:
         planes = find_effect(parse_pattern(pattern).effect).planes
         shown = {key: plane.title for key, plane in planes.items() if plane.title and key in layers}
         tiles += [_plane_tile(layers[key], f"{key}: {title}") for key, title in shown.items()]
-        if set(COLOURS) <= set(layers):
-            tiles.append(Tile(to_srgb(np.stack([layers[c] for c in "RGB"], axis=-1)), LIGHT))
+        for part in (key.removesuffix("R") for key in layers if key.rpartition(".")[2] == "R"):
+            tiles.append(Tile(to_srgb(np.stack([layers[part + c] for c in COLOURS], axis=-1)), part + LIGHT))
         rows.append(Row(pattern, read_json(folder / pattern / "pattern.json").get("grade", ""), tiles))
     return rows
 

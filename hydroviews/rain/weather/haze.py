@@ -55,7 +55,7 @@ def grade_haze(drawn: HazePattern, wanted: float, seen: SceneStatistics, clean: 
     metres, focus = metres_and_focus(seen.views, seen.points, seen.metres_per_unit)
     air = np.array(seen.light.air, np.float32) * np.array(drawn.air, np.float32)
     views = zip(seen.sampled_views, seen.samples, strict=True)
-    scenes = [(to_linear(s), distance(view, seen.points, metres, s).astype(np.float32)) for view, s in views]
+    scenes = [(to_linear(s), distance(view, seen.points, metres, s)) for view, s in views]
 
     def harm_of(extinction: float) -> float:
         clear = ((light, np.exp(-np.float32(extinction) * far)[..., None]) for light, far in scenes)
@@ -64,7 +64,7 @@ def grade_haze(drawn: HazePattern, wanted: float, seen: SceneStatistics, clean: 
     return replace(drawn, extinction=solve_ratio(harm_of, wanted, THINNEST / focus, THICKEST / focus))
 
 
-def distance(view: View, points: Points, metres_per_unit: float, picture: Image) -> NDArray[np.float64]:
+def distance(view: View, points: Points, metres_per_unit: float, picture: Image) -> NDArray[np.float32]:
     """Metres [H, W] from a camera to what its view [H, W, 3] shows, along the rays, at most DEEPEST.
 
     Raises:
@@ -78,7 +78,8 @@ def distance(view: View, points: Points, metres_per_unit: float, picture: Image)
             expected="a depth map or points",
             fix="add depth maps, or estimate the poses again with points",
         )
-    return np.minimum(ray_distance(view.camera, depth) * metres_per_unit, DEEPEST)
+    metres = ray_distance(view.camera, depth) * metres_per_unit
+    return np.minimum(metres, DEEPEST).astype(np.float32)
 
 
 class Haze(Effect):
@@ -104,8 +105,9 @@ class Haze(Effect):
 
     def composite(self, parameters: Mapping[str, Any], clean: Image, layers: Layers) -> Image:
         """B (1 - H) + A H in linear light."""
-        hidden = layers["H"][..., None]
-        return to_srgb(to_linear(clean) * (1 - hidden) + np.array(parameters["airlight"], np.float32) * hidden)
+        light, air = to_linear(clean), np.array(parameters["airlight"], np.float32)
+        light += layers["H"][..., None] * (air - light)
+        return to_srgb(light)
 
 
 class HazyAir:

@@ -3,8 +3,8 @@
     R = dark(B) + E B + D      linear light
 
 E is the light of lamps that hang in the scene, D the lamps themselves and the air that they light. What the
-photographs show clipped, and not in the sky, is taken for a lamp too (`light.expand_highlights`): it is not darkened,
-and has a halo.
+photographs show clipped is taken for a lamp too (`light.expand_highlights`), if it is white and not in the sky: the sun
+on a wall clips one colour or two. It is not darkened, and has a halo.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.rain.compositing import COLOURS, LayerPlane, Layers
-from hydroviews.rain.light import BRIGHTEST, expand_highlights, glow
+from hydroviews.rain.light import BRIGHTEST, CLIPPED, expand_highlights, glow
 from hydroviews.rain.patterns import Pattern, pattern_generator
 from hydroviews.rain.scene_statistics import Colour, SceneStatistics
 from hydroviews.rain.severity import wanted_harm
@@ -104,7 +104,8 @@ def lamplight(evening: Evening, camera: Camera, linear: Image, far: NDArray, met
         falling += evening.power * lamps.illumination(along, beside, far)
         shining += evening.power * evening.extinction / 4 * lamps.air_glow(along, beside, far)
         shining += BRIGHTEST * lamps.ball(along, beside, far, camera)
-    grounded = linear * (far < DEEPEST)[..., None]
+    white = (far < DEEPEST) & (linear.min(axis=-1) >= CLIPPED)
+    grounded = linear * white[..., None]
     photographed = expand_highlights(grounded) - grounded
     halo = float(1 - np.exp(-evening.extinction * focus))
     return Lamplight(falling.astype(np.float32), shining.astype(np.float32), photographed, halo)

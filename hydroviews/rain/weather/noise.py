@@ -49,9 +49,12 @@ _QUANTILES = ndtri((np.arange(LEVELS) + 0.5) / LEVELS).astype(np.float32)
 
 def add_noise(linear: Image, layers: Layers, pattern: NoisePattern) -> Image:
     """Linear light [H, W, 3] as the sensor counts it; planes NR, NG and NB are in standard deviations."""
-    chance = np.stack([layers[name] for name in PLANES], axis=-1)
-    deviation = np.sqrt(np.float32(pattern.shot) * linear + np.float32(pattern.read**2))
-    return linear + chance * deviation
+    noisy = linear * np.float32(pattern.shot)
+    noisy += np.float32(pattern.read**2)
+    np.sqrt(noisy, out=noisy)
+    noisy *= np.stack([layers[name] for name in PLANES], axis=-1)
+    noisy += linear
+    return noisy
 
 
 class SensorNoise:

@@ -19,7 +19,7 @@ LOSS = {  # dB that plain 3DGS should lose against clean views; there is no nigh
     "night": {"light": 1.5, "medium": 4.0, "heavy": 16.0},
     "shower": {"light": 1.5, "medium": 4.0, "heavy": 8.5},
 }
-SHARES = {"ambient": 0.2, "haze": 0.3, "storm": 0.1, "drops": 0.25, "mist": 0.15}  # of a shower's harm
+SHARES = {"ambient": 0.15, "haze": 0.25, "storm": 0.2, "drops": 0.25, "mist": 0.15}  # of a shower's harm
 DARKEST = 9.0  # stops
 
 
