@@ -1,0 +1,149 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hydroviews.errors import InputError
+from hydroviews.rain.effect import fall
+from hydroviews.rain.patterns import Pattern
+from hydroviews.rain.scene_statistics import Colour, SceneStatistics
+from hydroviews.rain.severity import wanted_harm
+from hydroviews.rain.weather import haze, reference
+from hydroviews.rain.weather.haze import DEEPEST, RANGE, Haze, HazePattern
+from hydroviews.scene.depth import depth_path, write_depth
+from hydroviews.scene.images import to_linear, to_uint8
+from hydroviews.scene.scenes import View, no_points
+
+PATTERN = Pattern("haze", 1)
+GREY_AIR = (0.9, 0.9, 0.9)
+
+
+def grey(view: View, value: float = 0.2) -> np.ndarray:
+    return np.full((view.camera.height, view.camera.width, 3), value, np.float32)
+
+
+def cover(extinction: float, view: View, statistics: SceneStatistics) -> np.ndarray:
+    rain = Haze().place(HazePattern(extinction, GREY_AIR), PATTERN, statistics)
+    return rain.prepare(view.camera, view.path.parent).layers(grey(view), view)["H"]
+
+
+def seen(
+    extinction: float, view: View, statistics: SceneStatistics, picture: np.ndarray, air: Colour = GREY_AIR
+) -> np.ndarray:
+    rain = Haze().place(HazePattern(extinction, air), PATTERN, statistics)
+    return Haze().composite(rain.parameters, picture, fall(rain.prepare(view.camera, view.path.parent), picture, view))
+
+
+def with_depth(view: View, depth) -> View:
+    write_depth(depth_path(view), np.broadcast_to(np.float32(depth), (view.camera.height, view.camera.width)))
+    return view
+
+
+def test_cover_follows_the_distance_along_the_ray(yard, ahead):
+    with_depth(ahead, 3.0)
+    camera = ahead.camera
+    y, x = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
+    far = 3.0 * np.sqrt(1 + ((x - camera.cx) / camera.fx) ** 2 + ((y - camera.cy) / camera.fy) ** 2)
+    expected = 1 - np.exp(-0.2 * far)
+    inner = (slice(3, -3), slice(3, -3))  # the filter that mixes edges reaches over the border
+    assert np.abs(cover(0.2, ahead, yard) - expected)[inner].max() < 0.002
+    halved = cover(0.2, ahead, replace(yard, metres_per_unit=0.5))
+    assert np.abs(halved - (1 - np.exp(-0.1 * far)))[inner].max() < 0.002
+
+
+def test_the_composite_is_koschmieders_law(yard):
+    clean, view = yard.samples[0], yard.sampled_views[0]
+    rain = Haze().place(HazePattern(0.1, (0.9, 0.95, 1.0)), PATTERN, yard)
+    layers = fall(rain.prepare(view.camera, view.path.parent), clean, view)
+    rainy = Haze().composite(rain.parameters, clean, layers)
+    assert np.abs(rainy - reference.hazy(clean, layers["H"], rain.parameters["airlight"])).max() < 1e-6
+    assert rain.parameters["airlight"] == pytest.approx(np.array(yard.light.air) * (0.9, 0.95, 1.0), abs=1e-6)
+
+
+def test_without_extinction_the_view_stays_to_the_byte(yard, ahead):
+    for depth in (2.0, np.inf):
+        with_depth(ahead, depth)
+        picture = np.random.default_rng(0).random((30, 40, 3)).astype(np.float32)
+        assert np.array_equal(to_uint8(seen(0.0, ahead, yard, picture)), to_uint8(picture))
+    parameters = Haze().place(HazePattern(0.0, GREY_AIR), PATTERN, yard).parameters
+    assert "visibility" not in parameters
+    assert "inf" not in json.dumps(parameters, allow_nan=False)
+
+
+@pytest.mark.parametrize("nothing", [np.inf, np.nan, 0.0, -1.0, 1e10])
+def test_what_has_no_depth_is_sky_behind_a_layer_of_haze(yard, ahead, nothing):
+    depth = np.full((30, 40), 2.0, np.float32)
+    depth[:, 20:] = nothing
+    with_depth(ahead, depth)
+    found = cover(0.01, ahead, yard)
+    assert np.isfinite(found).all()
+    assert found[:, 30:] == pytest.approx(1 - np.exp(-0.01 * DEEPEST), abs=1e-3)
+    assert found[:, :10].max() < 0.03
+    assert np.allclose(cover(10.0, ahead, yard)[:, 30:], 1)
+
+
+def test_points_tell_distances_where_there_is_no_depth_map(yard):
+    view = yard.views[0]  # the ring stands about four units from the points
+    middle = cover(0.1, view, yard)[15:21, 20:28]
+    assert 1 - np.exp(-0.1 * 2.8) < middle.mean() < 1 - np.exp(-0.1 * 5.2)
+
+
+def test_neither_depth_nor_points(yard, ahead):
+    blind = replace(yard, points=no_points())
+    with pytest.raises(InputError, match=r"(?s)how far away things are cannot be told.*0 points.*add depth maps"):
+        Haze().draw(PATTERN, blind)
+    with pytest.raises(InputError, match="ahead: how far away"):
+        away = replace(ahead, camera=replace(ahead.camera, world_to_camera=np.diag([1.0, 1, 1, 1])))
+        behind = replace(yard, points=replace(yard.points, positions=yard.points.positions - (0, 0, 50)))
+        cover(0.1, away, behind)
+    with pytest.raises(InputError, match=r"how large the scene is[\s\S]*capture\.json"):
+        Haze().draw(PATTERN, replace(blind, metres_per_unit=None))
+
+
+def test_an_unknown_scale_is_estimated_and_said_to_be(yard):
+    known, unknown = (
+        Haze().place(HazePattern(0.1, GREY_AIR), PATTERN, s).parameters
+        for s in (yard, replace(yard, metres_per_unit=None))
+    )
+    assert (known["metres_per_unit"], known["metres_estimated"]) == (1.0, False)
+    assert unknown["metres_per_unit"] == pytest.approx(1.0, rel=0.1)
+    assert unknown["metres_estimated"]
+    assert known["visibility"] == pytest.approx(RANGE / 0.1)
+
+
+@pytest.mark.parametrize("index", [0, 1, 2])
+def test_a_grade_does_its_harm(yard, index):
+    pattern = Pattern("haze", index)
+    drawn = Haze().draw(pattern, yard)
+    pairs = [
+        (seen(drawn.extinction, view, yard, sample, drawn.air), sample)
+        for view, sample in zip(yard.sampled_views, yard.samples, strict=True)
+    ]
+    found = np.mean([np.mean((rainy - sample) ** 2) for rainy, sample in pairs])
+    assert found == pytest.approx(wanted_harm(haze.LOSS["haze"][pattern.grade], yard), rel=0.05)
+
+
+def test_a_heavier_grade_has_more_haze_and_the_same_seed_the_same(yard):
+    drawn = [Haze().draw(Pattern("haze", i), yard).extinction for i in range(3)]
+    assert 0 < drawn[0] < drawn[1] < drawn[2]
+    assert Haze().draw(PATTERN, yard) == Haze().draw(PATTERN, yard)
+    assert Haze().draw(PATTERN, yard) != Haze().draw(PATTERN, replace(yard, seed=1))
+
+
+def test_one_view(yard):
+    alone = replace(yard, views=yard.views[:1], samples=yard.samples[:1])
+    assert Haze().draw(PATTERN, alone).extinction > 0
+
+
+@pytest.mark.parametrize("value", [0.0, 0.5, 1.0])
+def test_a_scene_of_one_colour(yard, value):
+    """There is no detail, so that no harm is wanted, and nothing may divide by it."""
+    flat = tuple(np.full_like(sample, value) for sample in yard.samples)
+    light = float(to_linear(np.float32([value]))[0])
+    even = replace(yard, samples=flat, detail=0.0, light=replace(yard.light, mean=(light,) * 3, air=(light,) * 3))
+    drawn = Haze().draw(PATTERN, even)
+    assert 0 < drawn.extinction < np.inf
+    rainy = seen(drawn.extinction, yard.views[0], even, grey(yard.views[0], value))
+    assert np.abs(rainy - value).max() <= 0.05
+    assert np.isfinite(rainy).all()

@@ -1,0 +1,181 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import integrate
+
+from hydroviews.errors import InputError
+from hydroviews.rain.effect import fall
+from hydroviews.rain.light import luminance
+from hydroviews.rain.patterns import Pattern, pattern_generator
+from hydroviews.rain.scene_statistics import Light
+from hydroviews.rain.severity import wanted_harm
+from hydroviews.rain.weather import lamps
+from hydroviews.rain.weather.dark import AmbientPattern
+from hydroviews.rain.weather.night import COLD, WARM, Evening, Lamps, Night, draw_evening
+from hydroviews.rain.weather.severity import LOSS
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.depth import depth_path, write_depth
+from hydroviews.scene.images import to_linear, to_srgb
+from hydroviews.scene.scenes import no_points
+
+PATTERN = Pattern("night", 2)
+EVENING = Evening(
+    ambient=AmbientPattern(3.0, 0.05, (1.0, 1.0, 1.0), 0.2),
+    lamps=((0.3, -0.2, 2.0),),
+    colour=(1.0, 1.0, 1.0),
+    power=0.4,
+    extinction=0.02,
+)
+
+
+def lit(evening, picture, view, statistics):
+    """A view at night and its layers."""
+    rain = Lamps().place(evening, PATTERN, statistics)
+    layers = fall(rain.prepare(view.camera, view.path.parent), picture, view)
+    return Lamps().composite(json.loads(json.dumps(rain.parameters)), picture, layers), layers
+
+
+def wall(view, metres: float):
+    write_depth(depth_path(view), np.full((view.camera.height, view.camera.width), metres))
+
+
+def pixel(camera: Camera, place) -> tuple[int, int]:
+    (u, v), _ = camera.project([place])[0][0], None
+    return int(v), int(u)
+
+
+def test_lit_air_against_the_integral_along_the_ray(ahead):
+    lamp, ways = np.array([0.3, -0.2, 2.0]), lamps.rays(ahead.camera)
+    along, beside = lamps.along_and_beside(lamp, ahead.camera, ways)
+    for row, column in ((0, 0), (11, 25), (15, 20), (29, 39)):
+        for far in (0.5, 2.0, 50.0):
+            way = ways[row, column]
+            assert np.linalg.norm(way) == pytest.approx(1)
+
+            def light(t, way=way):
+                return 1 / (np.sum((t * way - lamp) ** 2) + lamps.RADIUS**2)
+
+            exact, _ = integrate.quad(light, 0, far, points=[min(along[row, column], far)], limit=200)
+            found = lamps.air_glow(along, beside, np.full(along.shape, far))[row, column]
+            assert found == pytest.approx(exact, rel=1e-6)
+            assert lamps.illumination(along, beside, np.full(along.shape, far))[row, column] == pytest.approx(
+                light(far)
+            )
+
+
+def test_rays_pass_through_what_a_camera_projects(yard):
+    camera = yard.views[2].camera
+    ways = lamps.rays(camera)
+    pixels, depth = camera.project(camera.centre + 3.0 * ways.reshape(-1, 3))
+    assert (depth > 0).all()
+    y, x = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
+    assert np.allclose(pixels, np.stack([x, y], axis=-1).reshape(-1, 2))
+
+
+def test_a_lamp_has_its_place_in_the_world(yard, ahead):
+    """Every camera sees it where it hangs, and the wall behind it is lit around that place."""
+    picture = np.full((30, 40, 3), 0.5, np.float32)
+    beside = np.eye(4)
+    beside[0, 3] = -0.5
+    for view in (ahead, replace(ahead, camera=replace(ahead.camera, world_to_camera=beside))):
+        wall(view, 2.5)
+        _, layers = lit(EVENING, picture, view, yard)
+        at = pixel(view.camera, EVENING.lamps[0])
+        assert np.unravel_index(layers["G"].argmax(), layers["G"].shape) == at
+        assert layers["G"].max() > 1  # the lamp itself
+        row, column = np.unravel_index(layers["E"].argmax(), layers["E"].shape)
+        assert abs(row - at[0]) + abs(column - at[1]) <= 3
+
+
+def test_what_is_nearer_hides_lamps(yard, ahead):
+    picture = np.full((30, 40, 3), 0.5, np.float32)
+    glows = []
+    for metres in (1.0, 1.9, 5.0):
+        wall(ahead, metres)
+        glows.append(lit(EVENING, picture, ahead, yard)[1]["G"])
+    assert glows[0].max() < glows[1].max() < 0.05 < 1 < glows[2].max()
+    assert glows[0].mean() < glows[1].mean() < glows[2].mean()
+
+
+def test_photographed_lamps_stay_bright_and_the_sky_does_not(yard, ahead):
+    picture = np.full((30, 40, 3), 0.3, np.float32)
+    picture[20, 10], picture[3, 5], picture[20, 30] = 1.0, 1.0, (1.0, 0.9, 0.3)  # a lamp, a cloud, a sunlit wall
+    depth = np.full((30, 40), 3.0)
+    depth[:10] = np.inf
+    write_depth(depth_path(ahead), depth)
+    night, layers = lit(replace(EVENING, lamps=()), picture, ahead, yard)
+    assert night[20, 10].min() > 0.97
+    assert night[3, 5].max() < 0.5
+    assert night[20, 30].max() < 0.5
+    assert not layers["E"].any()
+    assert layers["G"][20, 11] > layers["G"][20, 16] > layers["G"][5, 38] >= 0  # its halo
+
+
+def test_the_equation_of_the_night(yard, ahead):
+    rng = np.random.default_rng(0)
+    picture = rng.random((30, 40, 3)).astype(np.float32)
+    wall(ahead, 2.5)
+    evening = replace(EVENING, colour=(1.2, 1.0, 0.5))
+    night, layers = lit(evening, picture, ahead, yard)
+    light = to_linear(picture).astype(np.float64)
+    ambient, contrast = evening.ambient, 1 / 1.15
+    dark = 0.5**ambient.stops * ambient.pivot * (light / ambient.pivot) ** contrast
+    added = np.stack([layers[c] for c in "RGB"], axis=-1)
+    expected = dark + layers["E"][..., None] * np.array(evening.colour) * light + added
+    assert np.abs(night - to_srgb(expected)).max() < 1e-5
+
+
+def test_by_day_lamps_do_nothing(yard, ahead):
+    picture = np.random.default_rng(0).random((30, 40, 3)).astype(np.float32)
+    picture[5, 5] = 1
+    wall(ahead, 2.5)
+    day, layers = lit(replace(EVENING, ambient=replace(EVENING.ambient, stops=0.0)), picture, ahead, yard)
+    assert not any(plane.any() for plane in layers.values())
+    assert np.abs(day - picture).max() < 1e-6
+
+
+def test_a_black_picture(yard, ahead):
+    wall(ahead, 2.5)
+    night, layers = lit(EVENING, np.zeros((30, 40, 3), np.float32), ahead, yard)
+    assert np.isfinite(night).all()
+    assert all(np.isfinite(plane).all() and plane.min() >= 0 for plane in layers.values())
+
+
+@pytest.mark.parametrize("index", [0, 1, 2])
+def test_a_grade_does_its_harm(yard, index):
+    pattern = Pattern("night", index)
+    drawn = Night().draw(pattern, yard)
+    assert Night().draw(pattern, yard) == drawn
+    wanted = wanted_harm(LOSS["night"][pattern.grade], yard)
+    pairs = [
+        (lit(drawn["night"], sample, view, yard)[0], sample)
+        for view, sample in zip(yard.sampled_views, yard.samples, strict=True)
+    ]
+    assert np.mean([np.mean((s - c) ** 2) for s, c in pairs]) == pytest.approx(wanted, rel=0.03)
+
+
+def test_lamps_hang_high_and_off_the_walls(yard):
+    points = yard.points.positions
+    for seed in range(5):
+        evening = draw_evening(pattern_generator(PATTERN, replace(yard, seed=seed)), yard)
+        assert 2 <= len(evening.lamps) <= 5
+        for lamp in evening.lamps:
+            assert 0 < np.linalg.norm(points - lamp, axis=1).min() < 0.31
+            assert lamp[1] < np.quantile(points[:, 1], 0.45)  # y is down
+        assert luminance(np.float32(evening.colour)) == pytest.approx(1, abs=0.01)
+    assert luminance(np.float32([WARM, COLD])) == pytest.approx(1, abs=0.01)
+
+
+def test_scenes_without_points(yard, ahead):
+    """Depth maps are enough for a night, which then has no lamps but those of the photographs."""
+    blind = replace(yard, points=no_points())
+    with pytest.raises(InputError, match="how far away things are"):
+        Night().draw(PATTERN, blind)
+    wall(ahead, 2.0)
+    sample = np.random.default_rng(0).random((30, 40, 3)).astype(np.float32)
+    mapped = replace(blind, views=(ahead,), samples=(sample,), light=Light((0.3,) * 3, (0.8,) * 3))
+    drawn = Night().draw(PATTERN, mapped)
+    assert drawn["night"].lamps == ()
+    assert "lamps: 0" in Night().describe(Night().place(drawn, PATTERN, mapped).parameters)
