@@ -12,6 +12,8 @@
     lens/                drops and mist on the lens       (`raindrop`)
     streaks/             the paper's recipe of streaks    (`streak`)
     storm/               drops in space, seen by all views (`storm`)
+    weather/             haze, darkness, night, and all together (`haze`, `dark`, `night`, `shower`)
+    veil.py              what grows with distance and hides what is far
 
-Each of the last three folders has its effect in `effect.py`; nothing outside knows an effect by name.
+The first three of these folders have their effect in `effect.py`; nothing outside knows an effect by name.
 """

@@ -145,6 +145,7 @@ def test_a_black_picture(yard, ahead):
 
 @pytest.mark.parametrize("index", [0, 1, 2])
 def test_a_grade_does_its_harm(yard, index):
+    yard = replace(yard, metres_per_unit=5.0)  # so small a scene is all lit by its lamps
     pattern = Pattern("night", index)
     drawn = Night().draw(pattern, yard)
     assert Night().draw(pattern, yard) == drawn
