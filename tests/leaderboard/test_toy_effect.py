@@ -63,7 +63,7 @@ def test_an_effect_of_ones_own_is_named_by_patterns_and_suites(tmp_path):
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("hail", "no such effect\n.*\n.*raindrop, storm, streak, or package.module:Class"),
+        ("hail", "no such effect\n.*\n.*raindrop.*streak.*, or package.module:Class"),
         ("toy_effect:Hail", "cannot import toy_effect:Hail\n.*AttributeError"),
         ("no_such_module:Hail", "cannot import no_such_module:Hail\n.*ModuleNotFoundError"),
         ("toy_effect:AshPattern", "not an effect"),
