@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hydroviews.blender.embedded_scenes.meshes import Array, Mesh, joined, lathe, lumpy, moved, pillow, rod
+from hydroviews.blender.embedded_scenes.meshes import Array, Mesh, joined, lathe, lumpy, moved, pillow, rod, sphere
 from hydroviews.blender.embedded_scenes.pieces import Piece, Rng, Vector
 
 Branch = tuple[Array, Array, float]  # from, to, radius
@@ -53,11 +53,11 @@ def tree(
     trunk = np.array([0.0, 0.0, 0.42 * height])
     below = [(0.045 * height, -0.1), (0.03 * height, 0.1 * height), (0.022 * height, 0.44 * height)]
     yield Piece(f"{name} trunk", lathe(below, 12), bark, place)
-    branches = list(_branches(rng, trunk, np.array([0.0, 0.0, 1.0]), 0.2 * height, 0.018 * height, 3 + bare))
+    branches = list(_branches(rng, trunk, np.array([0.0, 0.0, 1.0]), 0.2 * height, 0.018 * height, 4 if bare else 3))
     yield Piece(f"{name} branches", joined(*(rod(*branch, 6) for branch in branches)), bark, place)
     if not bare:
         twigs = [(start, end) for start, end, radius in branches if radius < 0.01 * height]
-        starts, ends = np.array([twig for twig in twigs for _ in range(30)]).transpose(1, 0, 2)
+        starts, ends = np.array([twig for twig in twigs for _ in range(45)]).transpose(1, 0, 2)
         along = starts + (ends - starts) * rng.uniform(0.1, 1.2, (len(starts), 1))
         around = along + rng.normal(0, 0.042 * height, along.shape)
         yield Piece(f"{name} leaves", leaves(rng, around, leaf), foliage, place)
@@ -69,23 +69,23 @@ def _branches(rng: Rng, start: Array, direction: Array, length: float, radius: f
     if orders == 0:
         return
     turn = rng.uniform(0, 2 * np.pi)
-    for k in range(4):
-        spread = rng.uniform(0.45, 0.95)
-        angle = turn + k * np.pi / 2 + rng.uniform(-0.4, 0.4)
+    for k in range(3):
+        spread = rng.uniform(0.4, 0.9)
+        angle = turn + k * 2 * np.pi / 3 + rng.uniform(-0.4, 0.4)
         bent = direction + spread * np.array([np.cos(angle), np.sin(angle), rng.uniform(-0.2, 0.4)])
         fork = start + (end - start) * rng.uniform(0.6, 1.0)
-        yield from _branches(rng, fork, bent / np.linalg.norm(bent), 0.8 * length, 0.62 * radius, orders - 1)
+        yield from _branches(rng, fork, bent / np.linalg.norm(bent), 0.86 * length, 0.62 * radius, orders - 1)
 
 
-def shrub(rng: Rng, name: str, place: Vector, size: float, foliage: str) -> Iterator[Piece]:
+def shrub(rng: Rng, name: str, place: Vector, size: float, foliage: str, leaf: float = 0.13) -> Iterator[Piece]:
     """A round shrub, `size` wide, of leaves around a dark core."""
-    core = moved(lumpy(pillow(0.8 * size, 0.8 * size, 0.7 * size), rng, 0.06 * size, 4.0 / size), (0, 0, 0.34 * size))
+    core = moved(lumpy(sphere(0.4 * size, 20, 28), rng, 0.05 * size, 4.0 / size), (0, 0, 0.32 * size))
     yield Piece(f"{name} core", core, "undergrowth", place)
-    direction = rng.standard_normal((int(420 * size), 3))
+    direction = rng.standard_normal((int(11 * (size / leaf) ** 2), 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     direction[:, 2] = np.abs(direction[:, 2]) * 0.9 - 0.1
-    shell = direction * rng.uniform(0.4, 0.54, (len(direction), 1)) * size + (0, 0, 0.32 * size)
-    yield Piece(f"{name} leaves", leaves(rng, shell, 0.13), foliage, place)
+    shell = direction * rng.uniform(0.38, 0.52, (len(direction), 1)) * size + (0, 0, 0.32 * size)
+    yield Piece(f"{name} leaves", leaves(rng, shell, leaf), foliage, place)
 
 
 def reeds(rng: Rng, name: str, place: Vector, height: float) -> Iterator[Piece]:
@@ -93,7 +93,9 @@ def reeds(rng: Rng, name: str, place: Vector, height: float) -> Iterator[Piece]:
     feet = np.column_stack([rng.normal(0, 0.16, (46, 2)), np.full(46, -0.15)])
     yield Piece(f"{name} reeds", blades(rng, feet, height, 0.045), "reed", place)
     stalks = [(x, y, height * rng.uniform(0.8, 1.05)) for x, y, _ in feet[:6]]
-    yield Piece(f"{name} stalks", joined(*(rod((x, y, -0.15), (x, y, z), 0.01, 6) for x, y, z in stalks)), "reed", place)
+    yield Piece(
+        f"{name} stalks", joined(*(rod((x, y, -0.15), (x, y, z), 0.01, 6) for x, y, z in stalks)), "reed", place
+    )
     heads = [moved(lathe([(0.01, 0), (0.03, 0.03), (0.03, 0.2), (0.01, 0.23)], 10), stalk) for stalk in stalks]
     yield Piece(f"{name} heads", joined(*heads), "bark", place)
 

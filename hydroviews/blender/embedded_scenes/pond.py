@@ -60,10 +60,11 @@ def _water(rng: Rng) -> Iterator[Piece]:
 
 def _bank(rng: Rng) -> Iterator[Piece]:
     """Stones along the water, and reeds between them."""
-    for i in range(34):
-        angle = 2 * np.pi * (i + rng.uniform(-0.3, 0.3)) / 34
-        x, y, z = _on_ring(angle, float(_shore(angle)) * rng.uniform(1.0, 1.1), -0.22)
-        yield from rock(rng, f"bank {i}", (x, y, z))
+    for i in range(44):
+        angle = 2 * np.pi * (i + rng.uniform(-0.3, 0.3)) / 44
+        size = rng.uniform(0.1, 0.3)
+        stone = lumpy(sphere(size, 20, 28), rng, 0.3 * size, 1.4 / size)
+        yield Piece(f"stone {i}", stone, "stone", _on_ring(angle, float(_shore(angle)) * rng.uniform(1.0, 1.12), -0.08))
     for i, angle in enumerate((0.25, 0.5, 1.5, 2.75, 3.0, 3.25, 4.4, 5.7)):
         yield from reeds(rng, f"reeds {i}", _on_ring(angle, 0.94 * float(_shore(angle)), -0.2), rng.uniform(0.9, 1.3))
 
@@ -84,7 +85,7 @@ def _island(rng: Rng) -> Iterator[Piece]:
     """What the cameras look at: an island with a bare tree, a shrub and a stone."""
     land = lumpy(lathe([(0.95, -0.6), (0.9, -0.1), (0.7, 0.08), (0.3, 0.16)], 40), rng, 0.06, 2.5)
     yield Piece("island", land, "meadow grass", (-0.3, 0.1, 0.0))
-    yield from tree(rng, "bare tree", (-0.45, 0.2, 0.1), 2.9, "foliage", "birch bark", leaf=0.0)
+    yield from tree(rng, "bare tree", (-0.45, 0.2, 0.1), 3.2, "foliage", "birch bark", leaf=0.0)
     yield from shrub(rng, "island shrub", (0.05, -0.3, 0.02), 0.6, "red leaf")
     yield from rock(rng, "island", (-0.8, -0.35, 0.0))
 
@@ -119,14 +120,16 @@ def _beds(rng: Rng) -> Iterator[Piece]:
     for i in range(22):
         angle = 2 * np.pi * (i + rng.uniform(-0.25, 0.25)) / 22
         place = _on_ring(angle, rng.uniform(8.5, 9.3), 0.05)
-        yield from shrub(rng, f"shrub {i}", place, rng.uniform(0.7, 1.25), kinds[i % len(kinds)])
+        yield from shrub(rng, f"shrub {i}", place, rng.uniform(0.9, 1.5), kinds[i % len(kinds)])
 
 
 def _hedges(rng: Rng) -> Iterator[Piece]:
     for i in range(14):
         angle = 2 * np.pi * (i + 0.5) / 14
         if i not in (3, 9):  # the ways in
-            yield from hedge(rng, f"hedge {i}", _on_ring(angle, 11.2, 0.1), angle + np.pi / 2, 4.6, rng.uniform(1.2, 1.7))
+            yield from hedge(
+                rng, f"hedge {i}", _on_ring(angle, 11.2, 0.1), angle + np.pi / 2, 4.6, rng.uniform(1.2, 1.7)
+            )
 
 
 def _trees(rng: Rng) -> Iterator[Piece]:
@@ -153,20 +156,19 @@ def _woods(rng: Rng) -> Iterator[Piece]:
     """What closes the view behind the garden."""
     yield Piece("land", annulus([20.0, 40.0, 70.0], np.outer([1.0, 3.0, 9.0], np.ones(48))), "hill")
     for i in range(30):
-        size = rng.uniform(2.2, 3.4)
-        crown = lumpy(sphere(size), rng, 0.15 * size, 2.4 / size)
-        place = _on_ring(2 * np.pi * (i + rng.uniform(-0.3, 0.3)) / 30, rng.uniform(19.0, 23.0), rng.uniform(2.0, 3.6))
-        yield Piece(f"wood {i}", crown, ("leaves", "leaves", "autumn leaves")[i % 3], place)
+        place = _on_ring(2 * np.pi * (i + rng.uniform(-0.3, 0.3)) / 30, rng.uniform(18.0, 22.0), rng.uniform(0.2, 0.8))
+        kind = ("foliage", "foliage", "yellow leaf", "foliage", "red leaf")[i % 5]
+        yield from shrub(rng, f"wood {i}", place, rng.uniform(5.0, 7.5), kind, leaf=0.5)
 
 
 AFTERNOON = Sky(
-    zenith=(0.26, 0.46, 0.9),
-    horizon=(0.92, 0.9, 0.86),
-    ground=(0.3, 0.32, 0.22),
+    zenith=(0.34, 0.54, 0.95),
+    horizon=(1.05, 1.02, 0.96),
+    ground=(0.36, 0.38, 0.28),
     glow=(0.5, 0.36, 0.18),
     clouds=(1.1, 1.06, 1.0),
     sun_direction=(-0.7, 0.3, 0.62),
-    sun_strength=4.2,
+    sun_strength=5.4,
     sun_colour=(1.0, 0.86, 0.66),
 )
 ON_THE_WALK = Path(
