@@ -105,8 +105,8 @@ LOOKS = {
     "undergrowth": Look(textures.stones(800, 0.35, 0.2), (0.16, 0.28, 0.08), (0.44, 0.54, 0.22), 1.1, bump=1.0),
     "birch bark": Look(textures.rough(1.1), (0.3, 0.28, 0.26), (0.92, 0.9, 0.86), 0.5, 0.4),
     "wet flags": Look(textures.bricks(5, 4, 0.02), (0.3, 0.29, 0.28), (0.56, 0.53, 0.5), 3.2, 0.25, roughness=0.16),
-    "daylight": Look(textures.rough(1.9), (0.84, 0.9, 0.96), (0.98, 0.99, 1.0), 3.0, emission=1.05),
-    "skin": Look(textures.rough(1.6), (0.62, 0.44, 0.34), (0.84, 0.64, 0.52), 0.6, 0.1),
+    "daylight": Look(textures.rough(1.9), (0.9, 0.94, 0.98), (0.98, 0.99, 1.0), 3.0, emission=1.3),
+    "skin": Look(textures.rough(1.6), (0.74, 0.54, 0.43), (0.94, 0.76, 0.64), 0.6, 0.1),
     "ice": Look(textures.stones(500, 0.3, 0.6), (0.78, 0.86, 0.9), (0.97, 0.99, 1.0), 0.7, 0.5, roughness=0.3),
     "fish skin": Look(textures.shingles(26, 26), (0.36, 0.42, 0.48), (0.84, 0.87, 0.9), 0.5, 0.2, roughness=0.25),
     "salmon skin": Look(textures.shingles(26, 26), (0.7, 0.34, 0.28), (0.94, 0.66, 0.56), 0.5, 0.2, roughness=0.25),
@@ -117,4 +117,6 @@ LOOKS = {
     "lemon peel": Look(textures.rough(1.0), (0.86, 0.72, 0.14), (0.98, 0.9, 0.4), 0.3, 0.1, roughness=0.45),
     "green glass": Look(textures.rough(1.9), (0.04, 0.18, 0.08), (0.12, 0.36, 0.18), 0.5, 0.0, roughness=0.08),
     "brown glass": Look(textures.rough(1.9), (0.16, 0.07, 0.02), (0.36, 0.18, 0.08), 0.5, 0.0, roughness=0.08),
+    "sailcloth": Look(textures.stripes(12), (0.74, 0.66, 0.52), (0.95, 0.9, 0.78), 1.2, 0.3),
+    "green cloth": Look(textures.stripes(4), (0.12, 0.36, 0.24), (0.93, 0.9, 0.8), 1.2, 0.3),
 }

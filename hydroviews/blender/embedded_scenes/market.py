@@ -7,13 +7,14 @@ import numpy as np
 from hydroviews.blender.embedded_scenes.camera_paths import Path
 from hydroviews.blender.embedded_scenes.furniture import picture
 from hydroviews.blender.embedded_scenes.market_things import GOODS, hanging_lamp, person, stall
-from hydroviews.blender.embedded_scenes.meshes import box, gable, joined, lathe, moved, rod
+from hydroviews.blender.embedded_scenes.meshes import Mesh, box, joined, lathe, moved, rod
 from hydroviews.blender.embedded_scenes.objects import barrel, crates, pot
 from hydroviews.blender.embedded_scenes.pieces import Design, Lamp, Piece, Rng, Sky, Vector
 
 LENGTH, WIDTH, EAVES = 22.0, 17.0, 5.2  # metres, along x, along y, and up to the roof
 STALLS = 9  # in a ring around the middle
 RING = 5.2  # its radius
+CANOPIES = ("striped cloth", "sailcloth", "blue cloth", "mustard cloth", "green cloth")
 
 
 def make_market(rng: Rng) -> list[Piece | Lamp]:
@@ -29,13 +30,11 @@ def _on_ring(angle: float, radius: float, height: float = 0.0) -> Vector:
 def _shell(rng: Rng) -> Iterator[Piece]:
     yield Piece("floor", moved(box(LENGTH, WIDTH, 0.2), (0, 0, -0.2)), "wet flags")
     for side in (-1, 1):
-        yield Piece(f"long wall {side}", box(LENGTH, 0.4, EAVES), "pale brick", (0.0, side * WIDTH / 2, 0.0))
-        yield Piece(f"end wall {side}", box(0.4, WIDTH, EAVES), "red brick", (side * LENGTH / 2, 0.0, 0.0))
-        base = joined(
-            moved(box(LENGTH, 0.5, 0.9), (0, side * WIDTH / 2, 0)),
-            moved(box(0.5, WIDTH, 0.9), (side * LENGTH / 2, 0, 0)),
-        )
-        yield Piece(f"dado {side}", base, "green tiles")
+        long, end = (0.0, side * WIDTH / 2, 0.0), (side * LENGTH / 2, 0.0, 0.0)
+        yield Piece(f"long wall {side}", box(LENGTH, 0.4, EAVES), "pale brick", long)
+        yield Piece(f"end wall {side}", box(0.4, WIDTH, EAVES), "red brick", end)
+        yield Piece(f"long dado {side}", box(LENGTH, 0.5, 0.9), "green tiles", long)
+        yield Piece(f"end dado {side}", box(0.5, WIDTH, 0.9), "green tiles", end)
     yield Piece("ceiling", moved(box(LENGTH, WIDTH, 0.2), (0, 0, EAVES)), "oak")
     lights = [moved(box(1.6, 4.6, 0.06), (x, y, EAVES - 0.04)) for x in np.arange(-9, 10, 3.0) for y in (-4.5, 4.5)]
     yield Piece("skylights", joined(*lights), "daylight")
@@ -43,24 +42,13 @@ def _shell(rng: Rng) -> Iterator[Piece]:
 
 def _windows(rng: Rng) -> Iterator[Piece]:
     """Tall windows above the stalls, in every wall."""
-    panes, bars = [], []
-    for side in (-1, 1):
-        for x in np.arange(-8.8, 9.0, 4.4):
-            panes.append(moved(box(1.7, 0.1, 1.9), (x, side * (WIDTH / 2 - 0.22), 2.9)))
-            bars += [
-                moved(box(0.07, 0.2, 1.9), (x + dx, side * (WIDTH / 2 - 0.22), 2.9))
-                for dx in (-0.85, -0.28, 0.28, 0.85)
-            ]
-            bars += [moved(box(1.8, 0.22, 0.08), (x, side * (WIDTH / 2 - 0.22), z)) for z in (2.86, 3.8, 4.76)]
-        for y in (-5.2, 0.0, 5.2):
-            panes.append(moved(box(0.1, 1.7, 1.9), (side * (LENGTH / 2 - 0.22), y, 2.9)))
-            bars += [
-                moved(box(0.2, 0.07, 1.9), (side * (LENGTH / 2 - 0.22), y + dy, 2.9))
-                for dy in (-0.85, -0.28, 0.28, 0.85)
-            ]
-            bars += [moved(box(0.22, 1.8, 0.08), (side * (LENGTH / 2 - 0.22), y, z)) for z in (2.86, 3.8, 4.76)]
-    yield Piece("panes", joined(*panes), "daylight")
-    yield Piece("window bars", joined(*bars), "iron")
+    pane = moved(box(1.7, 0.1, 1.9), (0, 0, 2.9))
+    bars = [moved(box(0.07, 0.2, 1.9), (x, 0, 2.9)) for x in (-0.85, -0.28, 0.28, 0.85)]
+    bars += [moved(box(1.8, 0.22, 0.08), (0, 0, z)) for z in (2.86, 3.8, 4.76)]
+    places = [((x, side * (WIDTH / 2 - 0.22), 0.0), 0.0) for side in (-1, 1) for x in np.arange(-8.8, 9.0, 4.4)]
+    places += [((side * (LENGTH / 2 - 0.22), y, 0.0), np.pi / 2) for side in (-1, 1) for y in (-5.2, 0.0, 5.2)]
+    yield Piece("panes", joined(*(moved(pane, *place) for place in places)), "daylight")
+    yield Piece("window bars", joined(*(moved(joined(*bars), *place) for place in places)), "iron")
 
 
 def _iron(rng: Rng) -> Iterator[Piece]:
@@ -81,7 +69,7 @@ def _stalls(rng: Rng) -> Iterator[Piece]:
         angle = 2 * np.pi * (i + rng.uniform(-0.06, 0.06)) / STALLS
         kind = tuple(GOODS)[i % len(GOODS)]
         place = _on_ring(angle, RING + rng.uniform(-0.2, 0.3))
-        yield from stall(rng, f"stall {i} {kind}", place, angle - np.pi / 2, kind)
+        yield from stall(rng, f"stall {i} {kind}", place, angle - np.pi / 2, kind, CANOPIES[i % len(CANOPIES)])
 
 
 def _second_row(rng: Rng) -> Iterator[Piece]:
@@ -90,7 +78,14 @@ def _second_row(rng: Rng) -> Iterator[Piece]:
         for k, x in enumerate((-8.6, -5.2, -1.6, 2.0, 5.4, 8.8)):
             kind = tuple(GOODS)[(k + side) % len(GOODS)]
             place = (x, side * (WIDTH / 2 - 1.0), 0.0)
-            yield from stall(rng, f"wall stall {side} {k} {kind}", place, 0.0 if side > 0 else np.pi, kind)
+            yield from stall(
+                rng,
+                f"wall stall {side} {k} {kind}",
+                place,
+                0.0 if side > 0 else np.pi,
+                kind,
+                CANOPIES[(k - side) % len(CANOPIES)],
+            )
 
 
 def _people(rng: Rng) -> Iterator[Piece]:
@@ -119,7 +114,8 @@ def _clutter(rng: Rng) -> Iterator[Piece]:
             yield from crates(rng, f"end {i} {k}", (x, y, 0.0))
 
 
-def _churn():
+def _churn() -> Mesh:
+    """A milk churn."""
     return lathe([(0.17, 0.0), (0.18, 0.03), (0.18, 0.42), (0.1, 0.52), (0.1, 0.6), (0.13, 0.64), (0.13, 0.68)], 28)
 
 
@@ -136,11 +132,11 @@ def _signs(rng: Rng) -> Iterator[Piece]:
 def _lamps(rng: Rng) -> Iterator[Piece | Lamp]:
     for i in range(STALLS):
         place = _on_ring(2 * np.pi * (i + 0.5) / STALLS, 4.2, 2.75 + 0.25 * (i % 2))
-        yield from hanging_lamp(f"lamp {i}", place, EAVES, 45.0)
+        yield from hanging_lamp(f"lamp {i}", place, EAVES, 70.0)
     for i, (x, y) in enumerate((x, y) for x in (-8.8, 8.8) for y in (-4.0, 0.0, 4.0)):
         yield from hanging_lamp(f"end lamp {i}", (x, y, 2.9), EAVES, 60.0)
     for i, y in enumerate((-4.5, 4.5)):
-        yield Lamp(f"skylight {i}", (0.0, y, EAVES - 0.1), 700.0, (0.9, 0.96, 1.0), size=(19.0, 4.6))
+        yield Lamp(f"skylight {i}", (0.0, y, EAVES - 0.1), 1050.0, (0.9, 0.96, 1.0), size=(19.0, 4.6))
 
 
 OUTSIDE = Sky(

@@ -50,10 +50,8 @@ def person(rng: Rng, name: str, place: Vector, turn: float) -> Iterator[Piece]:
             rod((0.31 * side, 0.3 * forward, 1.1), (0.27 * side, forward - 0.08, 0.9), 0.05),
         )
     ]
-    head = [
-        moved(_scaled(sphere(0.115, 16, 20), (0.85, 1.0, 1.15)), (0, -0.01, 1.62)),
-        rod((0, 0, 1.44), (0, 0, 1.55), 0.05),
-    ]
+    face = moved(_scaled(sphere(0.115, 16, 20), (0.85, 1.0, 1.15)), (0, -0.01, 1.62))
+    head = [face, rod((0, 0, 1.44), (0, 0, 1.55), 0.05)]
     hands = [moved(sphere(0.05, 8, 10), (0.27 * s, f - 0.09, 0.87)) for s, f in zip((-1, 1), reach, strict=True)]
     hair = moved(_scaled(sphere(0.125, 16, 20), (0.88, 0.95, 0.9)), (0, 0.03, 1.67))
     brim = lathe([(0.2, 1.7), (0.2, 1.715), (0.125, 1.72), (0.115, 1.8), (0.08, 1.84)], 24)
@@ -74,8 +72,8 @@ def _scaled(mesh: Mesh, factors: Vector) -> Mesh:
     return Mesh(mesh.vertices * factors, mesh.faces, mesh.smooth)
 
 
-def stall(rng: Rng, name: str, place: Vector, turn: float, goods: str) -> Iterator[Piece]:
-    """A table of 2.3 by 1 m below a canopy, laden with one of `GOODS`."""
+def stall(rng: Rng, name: str, place: Vector, turn: float, goods: str, cloth: str) -> Iterator[Piece]:
+    """A table of 2.3 by 1 m below a canopy of that cloth, laden with one of `GOODS`."""
     posts = [rod((x, y, 0), (x, y, h), 0.03) for x in (-1.15, 1.15) for y, h in ((-0.55, 2.15), (0.55, 2.5))]
     table = [moved(box(2.3, 1.0, 0.06), (0, 0, 0.78)), moved(box(2.2, 0.04, 0.6), (0, -0.46, 0.16))]
     legs = [moved(box(0.08, 0.08, 0.78), (x, y, 0)) for x in (-1.05, 1.05) for y in (-0.4, 0.4)]
@@ -84,7 +82,6 @@ def stall(rng: Rng, name: str, place: Vector, turn: float, goods: str) -> Iterat
     yield Piece(f"{name} table", joined(*table, *legs), wood, place, turn)
     slope = prism([(-0.75, 2.12), (0.6, 2.52), (0.6, 2.55), (-0.75, 2.15)], 2.6)
     fringe = moved(box(0.02, 2.6, 0.2), (-0.75, 0, 1.95))
-    cloth = ("striped cloth", "blue cloth", "mustard cloth")[int(rng.integers(3))]
     yield Piece(f"{name} canopy", moved(joined(slope, fringe), (0, 0, 0), np.pi / 2), cloth, place, turn)
     for piece in GOODS[goods](rng, name):
         yield _on(piece, place, turn)

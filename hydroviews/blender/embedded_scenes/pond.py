@@ -76,7 +76,7 @@ def _grass(rng: Rng) -> Iterator[Piece]:
     centres = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(420)])
     feet = np.repeat(centres, 14, axis=0) + rng.normal(0, 0.07, (420 * 14, 3)) * (1, 1, 0)
     yield Piece("grass", blades(rng, feet, 0.26, 0.026), "reed")
-    daisies = centres[::3] + (0.1, 0.0, 0.2)
+    daisies = centres[::3] + np.array([0.1, 0.0, 0.2])
     heads = [moved(lumpy(sphere(0.045, 7, 9), rng, 0.01, 20.0), place) for place in daisies]
     yield Piece("daisies", joined(*heads), "flowers")
 
