@@ -26,6 +26,7 @@ class Path:
     start: float = 0.0  # anticlockwise from +x
     span: float = RING
     waves: tuple[float, float] = (3.0, 5.0)  # of the radius and of the height, a ring
+    outward: bool = False  # cameras turn their backs to the target
     focal: float = 0.72  # focal length over image width: 70 degrees across
 
 
@@ -60,7 +61,8 @@ def _camera(path: Path, angle: float, offset: NDArray[np.float64], width: int, h
     x, y = path.centre
     eye = np.array([x + radius * np.cos(angle), y + radius * np.sin(angle), eye_height])
     target = np.array(path.target) + path.target_spread * np.array([offset[2], offset[3], 0.0])
-    forward = (target - eye) / np.linalg.norm(target - eye)
+    sight = eye - target if path.outward else target - eye
+    forward = sight / np.linalg.norm(sight)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
     pose = np.eye(4)

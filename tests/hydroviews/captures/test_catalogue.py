@@ -82,7 +82,18 @@ def test_there_are_suites():
 @pytest.mark.parametrize("name", known_suites())
 def test_suites_name_known_captures(name):
     for scene in read_suite(name).scenes:
-        assert scene in ("courtyard", "room", "street") or [c.name for c in find_captures(scene)] == [scene]
+        alone = (*EMBEDDED, "llff_flower", "ngp_fox")  # folders that no catalogue lists
+        assert scene in alone or [c.name for c in find_captures(scene)] == [scene]
+
+
+def test_no_embedded_scene_takes_the_name_of_a_capture_but_room():
+    assert [name for name in EMBEDDED if find_captures(name)] == ["room"]
+
+
+def test_no_scene_is_for_development_and_for_the_test():
+    development, test = (set(read_suite(name).scenes) for name in ("development", "test"))
+    assert not development & test
+    assert set(EMBEDDED) <= development | test
 
 
 @pytest.mark.parametrize(
