@@ -170,7 +170,7 @@ def build_source(
             repair=repair,
         )
         if scene.captured_rainy:
-            write_drop_masks(scene, folder, scene.resized(long_side).views)
+            write_drop_masks(scene, folder, scene.resized(long_side).own_views)
     return folder
 
 
