@@ -1,4 +1,4 @@
-"""Paired captures as scenes: trained on in rain, scored on clean photographs (see `paired_pictures` for their forms)."""
+"""Paired captures as scenes: trained on in rain, scored on clean photographs (see `paired_pictures`)."""
 
 import filecmp
 from collections.abc import Sequence
@@ -45,14 +45,9 @@ def paired_scene(scene: Scene, pictures: Pictures, split: Split | None) -> Scene
     pairs = _pairs(scene, pictures, merged=pictures.together and split is None)
     _refuse_without_cameras(scene.name, pictures, pairs)
     chosen = split or _choose_split(scene.name, pictures, pairs)
-    kept = {*chosen.train, *chosen.test}
-    left = sorted(pair.view.name for pair in pairs if pair.view.name not in kept)
-    pairs = [pair for pair in pairs if pair.view.name in kept or split is not None]
-    notes = [
-        *scene.notes,
-        *_unused(pictures, pairs),
-        *([f"left out, clean beside extra: {some(left)}"] if left else []),
-    ]
+    if split is None:
+        pairs = [pair for pair in pairs if pair.view.name in {*chosen.train, *chosen.test}]
+    notes = (*scene.notes, *_unused(scene, pictures, pairs))
     made = make_scene(scene.name, [pair.view for pair in pairs], scene.points, chosen, notes)
     ceiling = _check_split(made, {pair.view.name: pair for pair in pairs})
     clean = sorted((pair.clean for pair in pairs if pair.clean), key=lambda view: view.name)
@@ -86,9 +81,10 @@ def _below(path: Path, folders: Sequence[Path]) -> str:
 
 def _pair(view: View, rainy: Path | None, clean: Path | None) -> Pair:
     """Both photographs of a camera, at the size of the smaller one."""
-    shown = [path and _photographed(view, path) for path in (rainy, clean)]
+    shown = [_photographed(view, path) if path else None for path in (rainy, clean)]
     camera = min((one.camera for one in shown if one), key=lambda camera: camera.width)
-    return Pair(*(one and replace(one, camera=camera) for one in shown))
+    first, second = (replace(one, camera=camera) if one else None for one in shown)
+    return Pair(first, second)
 
 
 def _photographed(view: View, path: Path) -> View:
@@ -108,10 +104,11 @@ def _photographed(view: View, path: Path) -> View:
 
 def _refuse_without_cameras(name: str, pictures: Pictures, pairs: Sequence[Pair]) -> None:
     clean = {**pictures.clean, **pictures.extra}
-    for kind, files, there in (
+    kinds = (
         ("rainy", pictures.rainy, any(pair.rainy for pair in pairs)),
         ("clean", clean, any(pair.clean for pair in pairs)),
-    ):
+    )
+    for kind, files, there in kinds:
         if not there:
             raise InputError(
                 f"{name}: no {kind} photograph has a camera",
@@ -145,12 +142,17 @@ def _choose_split(name: str, pictures: Pictures, pairs: Sequence[Pair]) -> Split
     return Split(tuple(sorted(rainy - clean)), tuple(sorted(clean)))
 
 
-def _unused(pictures: Pictures, pairs: Sequence[Pair]) -> list[str]:
-    """Notes on the photographs that have no camera."""
+def _unused(scene: Scene, pictures: Pictures, pairs: Sequence[Pair]) -> list[str]:
+    """Notes on the cameras that are neither trained on nor held out, and on photographs without a camera."""
     used = {view.path for pair in pairs for view in (pair.rainy, pair.clean) if view}
+    seen = used | {view.path for view in scene.views}
     kinds = {"rainy": pictures.rainy, "clean": {**pictures.clean, **pictures.extra}}
-    left = {kind: sorted(path.name for path in files.values() if path not in used) for kind, files in kinds.items()}
-    return [f"{len(names)} {kind} photographs are not used: {some(names)}" for kind, names in left.items() if names]
+    left = {
+        f"{kind} photographs without a camera": [p.name for p in kinds[kind].values() if p not in seen]
+        for kind in kinds
+    }
+    left["views neither to train on nor held out"] = [view.name for view in scene.views if view.path not in used]
+    return [f"{len(names)} {what}: {some(sorted(names))}" for what, names in left.items() if names]
 
 
 def _check_split(scene: Scene, pairs: dict[str, Pair]) -> str:

@@ -15,9 +15,9 @@ NAMES = [f"view-{i:02d}" for i in range(9)]
 
 
 def wet(path: Path, source: Path) -> None:
-    """Write a photograph with a bright streak down its middle."""
+    """Write a photograph whose right half is white."""
     image = read_image(source)
-    image[:, image.shape[1] // 2] = 1
+    image[:, image.shape[1] // 2 :] = 1
     write_png(path, image)
 
 

@@ -135,8 +135,8 @@ def test_photographs_without_a_camera_are_named(tmp_path):
     wet(folder / "rainy" / "late.png", folder / "clean" / "view-00.png")
     shutil.copy(folder / "clean" / "view-01.png", folder / "clean" / "other.png")
     notes = read_scene(folder).notes
-    assert "1 rainy photographs are not used: late.png" in notes
-    assert "1 clean photographs are not used: other.png" in notes
+    assert "1 rainy photographs without a camera: late.png" in notes
+    assert "1 clean photographs without a camera: other.png" in notes
     for path in list((folder / "clean").iterdir()):
         path.rename(path.with_name(f"dry-{path.name}"))
     with pytest.raises(InputError, match=r"no clean photograph has a camera\n.*view-00[\s\S]*clean are dry-other"):
@@ -213,7 +213,7 @@ def test_both_are_undistorted_alike(tmp_path):
         assert rainy.lens is not None
         assert rainy.lens == clean.lens
         assert rainy.image().shape == clean.image().shape
-        assert (rainy.image() >= clean.image() - 1e-6).all()  # it is brighter at the streak and nowhere darker
+        assert (rainy.image() >= clean.image() - 1e-6).all()  # brighter in its right half, nowhere darker
         assert (rainy.image() > clean.image() + 0.1).any()
 
 
@@ -240,7 +240,7 @@ def test_clutter_is_trained_on_and_extra_held_out(tmp_path):
     assert scene.split.train == ("clutter00", "clutter01", "clutter02", "clutter03")
     assert scene.split.test == ("extra06", "extra07", "extra08")
     assert [view.name for view in scene.clean_views] == ["extra06", "extra07", "extra08"]
-    assert "neither to train on nor held out: clean04, clean05" in scene.notes
+    assert "2 views neither to train on nor held out: clean04, clean05" in scene.notes
     for path in (folder / "images").glob("extra*"):
         path.unlink()
     assert read_scene(folder).split.test == ("clean04", "clean05")
@@ -266,6 +266,7 @@ def test_a_split_of_numbers(tmp_path):
     assert scene.split.train == ("frame01", "frame03", "frame05", "frame07")
     assert scene.split.test == ("frame00", "frame02")
     assert [view.name for view in scene.clean_views] == ["frame00", "frame02"]
+    assert "3 views neither to train on nor held out: frame04, frame06, frame08" in scene.notes
     write_json(folder / "split.json", {"clutter": [1, 9], "extra": [0, 2]})
     with pytest.raises(InputError, match=r"split\.json: numbers of photographs that are not there\n.*clutter: 9"):
         read_scene(folder)
