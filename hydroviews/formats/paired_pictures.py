@@ -5,15 +5,17 @@ Three forms are known; `find_pictures` tells them apart:
 rainy/, clean/              two folders. Photographs of one name are of one camera, which did not move between them;
                             where both have a camera, the clean one's is taken. A name in one folder alone is a view
                             of its own.
-clutter*, clean*, extra*    names in one folder of photographs: clutter is trained on, extra held out (as the
-                            SpotLessSplats code reads RobustNeRF's scenes); without any extra, clean is held out. A
-                            clean* without a camera is the clean photograph of the clutter* of the same ending.
+clutter*, clean*, extra*    names in one folder of photographs, with or without a number before: clutter is trained on,
+                            extra held out (as the SpotLessSplats code reads RobustNeRF's scenes); without any extra,
+                            clean is held out. A clean* without a camera is the clean photograph of the clutter* of
+                            the same ending.
 split.json                  {"clutter": [numbers], "extra": [numbers]} of the photographs in order of their names, those
                             of `transforms.json` where there is one (NeRF On-the-go, as nerfbaselines reads it)
 
 "Rainy" stands for whatever the clean photographs are free of.
 """
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -25,6 +27,7 @@ from hydroviews.formats.photographs import FOLDERS, NUMBERED, SPLIT, not_read, p
 
 RAINY, CLEAN = "rainy", "clean"
 CLUTTER, EXTRA = "clutter", "extra"
+PREFIX = re.compile(rf"\d*({CLUTTER}|{CLEAN}|{EXTRA})(.*)")
 TRANSFORMS = "transforms.json"
 Files = Mapping[str, Path]
 
@@ -83,8 +86,8 @@ def find_pictures(folder: Path, images: str | None = None) -> Pictures | None:
     numbers = _numbered_split(folder)
     if numbers:
         return _by_number(folder / SPLIT, one, photographs, numbers)
-    kinds = [_kind(PurePosixPath(key).name) for key in photographs]
-    return None if "" in kinds or not {CLUTTER} < set(kinds) else _by_prefix(one, photographs, kinds)
+    parts = {key: PREFIX.fullmatch(PurePosixPath(key).name) for key in photographs}
+    return _by_prefix(one, photographs, parts)
 
 
 def _in_two_folders(rainy_folder: Path, clean_folder: Path) -> Pictures:
@@ -103,15 +106,15 @@ def _in_two_folders(rainy_folder: Path, clean_folder: Path) -> Pictures:
     return Pictures((rainy_folder, clean_folder), rainy, clean, named, together=True)
 
 
-def _kind(name: str) -> str:
-    return next((kind for kind in (CLUTTER, CLEAN, EXTRA) if name.startswith(kind)), "")
-
-
-def _by_prefix(folder: Path, photographs: Files, kinds: Sequence[str]) -> Pictures:
+def _by_prefix(folder: Path, photographs: Files, parts: Mapping[str, re.Match[str] | None]) -> Pictures | None:
+    """The photographs by what their names begin with; None unless all do, some with clutter, not all."""
     found: dict[str, dict[str, Path]] = {CLUTTER: {}, CLEAN: {}, EXTRA: {}}
-    for kind, (key, path) in zip(kinds, photographs.items(), strict=True):
-        whole = PurePosixPath(key)
-        found[kind][str(whole.with_name(whole.name.removeprefix(kind) or kind))] = path
+    for key, part in parts.items():
+        if part is None:
+            return None
+        found[part[1]][f"{PurePosixPath(key).parent}/{part[2]}"] = photographs[key]
+    if not found[CLUTTER] or not (found[CLEAN] or found[EXTRA]):
+        return None
     return Pictures((folder,), found[CLUTTER], found[CLEAN], photographs, found[EXTRA])
 
 

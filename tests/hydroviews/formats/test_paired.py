@@ -223,7 +223,7 @@ def renamed(folder: Path, kinds: dict[str, list[str]]) -> Path:
         for name in names:
             target = folder / "images" / f"{kind}{name[-2:]}.png"
             target.parent.mkdir(exist_ok=True)
-            if kind == "clutter":
+            if kind.endswith("clutter"):
                 wet(target, folder / "clean" / f"{name}.png")
             else:
                 shutil.copy(folder / "clean" / f"{name}.png", target)
@@ -232,12 +232,13 @@ def renamed(folder: Path, kinds: dict[str, list[str]]) -> Path:
     return folder
 
 
-def test_clutter_is_trained_on_and_extra_held_out(tmp_path):
-    kinds = {"clutter": NAMES[:4], "clean": NAMES[4:6], "extra": NAMES[6:]}
+@pytest.mark.parametrize("number", ["", "2"])
+def test_clutter_is_trained_on_and_extra_held_out(tmp_path, number):
+    kinds = {f"{number}clutter": NAMES[:4], "clean": NAMES[4:6], "extra": NAMES[6:]}
     folder = renamed(paired_capture(tmp_path / "statue"), kinds)
     name_cameras(folder, {name: [f"images/{kind}{name[-2:]}.png"] for kind, names in kinds.items() for name in names})
     scene = read_scene(folder)
-    assert scene.split.train == ("clutter00", "clutter01", "clutter02", "clutter03")
+    assert scene.split.train == tuple(f"{number}clutter0{i}" for i in range(4))
     assert scene.split.test == ("extra06", "extra07", "extra08")
     assert [view.name for view in scene.clean_views] == ["extra06", "extra07", "extra08"]
     assert "2 views neither to train on nor held out: clean04, clean05" in scene.notes
