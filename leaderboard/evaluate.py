@@ -15,7 +15,7 @@ from hydroviews.cli.commands import choices
 from hydroviews.cli.plugins import registered
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.sources import build_source
-from hydroviews.dataset.variants import is_captured
+from hydroviews.dataset.variants import has_ceiling, is_captured
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_bytes
 from hydroviews.files.locks import BUSY, locked
@@ -103,7 +103,9 @@ def evaluate(request: EvaluateRequest) -> list[Record]:
     scene = folder.name
     if is_captured(folder):
         names = [CAPTURED]
-        _refuse_clean(request.method, folder)
+        if not has_ceiling(folder):
+            _refuse_clean(request.method, folder)
+            logger.info("%s: its training views have no clean photographs: no row of %s", scene, CEILING)
     records = {}
     try:
         for run in plan(request, profile, data, scene, names):
@@ -128,10 +130,10 @@ def needed_patterns(method: str, rainy: list[str]) -> list[str]:
 def plan(request: EvaluateRequest, profile: Profile, data: Path, scene: str, rainy: list[str]) -> list[Run]:
     """The runs in order: ceiling, floor, then the method.
 
-    A method that sees clean views needs no floor; a scene that has none has no ceiling.
+    A method that sees clean views needs no floor; a scene that has none to train on has no ceiling.
     """
     methods = [CEILING, FLOOR] if find_method(request.method).trains_on == "rainy" else []
-    methods = [method for method in methods if method != CEILING or CAPTURED not in rainy]
+    methods = [method for method in methods if method != CEILING or CAPTURED not in rainy or has_ceiling(data / scene)]
     methods += [request.method] if request.method not in methods else []
     return [
         Run(method, profile.name, request.seed, data, scene, pattern, request.results, request.track)
@@ -225,13 +227,13 @@ def _record_failure(run: Run, reason: str) -> Record:
 def _refuse_clean(method: str, folder: Path) -> None:
     if find_method(method).trains_on == "clean":
         raise InputError(
-            f"METHOD={method}: learns from clean views, and {folder.name} was taken in rain",
+            f"METHOD={method}: learns from clean views, and {folder.name} was taken in rain, without them",
             fix=f"choose a method that learns from rainy views, such as {FLOOR}",
         )
 
 
 def _figures(record: Record) -> str:
-    if record.pattern == CAPTURED:
+    if record.pattern == CAPTURED and not record.scores:
         return f"not scored, {record.reason}"
     parts = []
     for metric in find_metrics():

@@ -30,7 +30,8 @@ def write_preview(run: Run, scene: Scene) -> None:
     names = scene.split.test
     chosen = [names[i] for i in np.unique(np.linspace(0, len(names) - 1, ROWS).round().astype(int))]
     views = {view.name: view for view in scene.test_views}
-    rainy = {} if run.pattern == CLEAN else {v.name: v for v in open_variant(run.data / run.scene, run.pattern).views}
+    shown = () if run.pattern == CLEAN else open_variant(run.data / run.scene, run.pattern).views
+    rainy = {view.name: view for view in shown if view.path.is_file()}
     rows = []
     for name in chosen:
         panels = {"render": read_image(run.folder / "renders" / f"{name}.png")}

@@ -4,7 +4,8 @@ Protocol `hydroviews`: held-out views, clean ground truth, both 8-bit, full imag
 SSIM 11x11, sigma 1.5, valid window; LPIPS v0.1 on [-1, 1] with AlexNet and VGG. What masks hide of the ground truth
 is left out: PSNR over the other pixels, SSIM over the windows without hidden ones, LPIPS with them grey in both.
 
-A scene that was captured in rain has no clean ground truth: its runs are pictured, not scored.
+A scene that was captured in rain, without clean photographs beside, has no ground truth: its runs are pictured, not
+scored.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,9 +17,9 @@ import pandas as pd
 from tqdm import tqdm
 
 from hydroviews.cli.threads import side_by_side
+from hydroviews.dataset.variants import has_clean
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, replacing
-from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.metrics import Metric, find_metrics
 from hydroviews.scene.images import Image, read_image, to_uint8
 from hydroviews.scene.masks import Ignored
@@ -60,7 +61,7 @@ def score(run: Run) -> Record:
             fix=f"make eval METHOD={run.method} goes on where it stopped",
         )
     numbers = read_prediction(run.folder)
-    if run.pattern == CAPTURED:
+    if not has_clean(run.data / run.scene):
         return _record_unscored(run, numbers)
     clean = run.clean_scene()
     reasons: dict[str, str] = {}

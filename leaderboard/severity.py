@@ -46,10 +46,15 @@ def record_losses(folder: Path, results: Path) -> pd.DataFrame:
 
 def rewrite_card(folder: Path) -> None:
     """Write the card of a finished scene anew, and its hash into the manifest."""
-    entry = read_manifest(folder.parent)["scenes"][folder.name]
-    captured = [CAPTURED] if is_captured(folder) else []
-    write_card(folder, entry["patterns"] or captured, entry.get("notes", ()))
+    notes = read_manifest(folder.parent)["scenes"][folder.name].get("notes", ())
+    write_card(folder, _patterns(folder), notes)
     record_files(folder.parent, folder.name, [name for name in (CARD, LOSSES) if (folder / name).is_file()])
+
+
+def _patterns(folder: Path) -> list[str]:
+    """Names of a finished scene's variants."""
+    listed: list[str] = read_manifest(folder.parent)["scenes"][folder.name]["patterns"]
+    return [CAPTURED] if is_captured(folder) else listed
 
 
 def _read_leaderboard(results: Path) -> pd.DataFrame:
@@ -67,7 +72,7 @@ def _read_leaderboard(results: Path) -> pd.DataFrame:
 def losses_of(folder: Path, leaderboard: pd.DataFrame) -> pd.DataFrame:
     """PSNR of plain 3DGS trained on clean and on rainy views, and the difference: a row a variant and track."""
     data, scene = folder.parent, folder.name
-    patterns = read_manifest(data)["scenes"][scene]["patterns"]
+    patterns = _patterns(folder)
     hashes = {pattern: data_hash(data, scene, pattern) for pattern in ("clean", *patterns)}
     runs = leaderboard[(leaderboard.scene == scene) & (leaderboard.status == "done")]
     runs = runs[runs.data_sha256 == runs.pattern.map(hashes)].dropna(subset=["psnr"])

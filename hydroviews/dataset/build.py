@@ -9,7 +9,8 @@
     <out>/<scene>/**/statistics.csv           what rain did to every view; README.md says it in words
     <out>/manifest.json                       SHA-256 of every file of the finished scenes
 
-A capture that was taken in rain has no clean views: its own photographs are the one variant, `captured-0`.
+Of a capture that was taken in rain its own photographs are the one variant, `captured-0`, and `clean` holds the clean
+photographs that it may have beside them.
 Every file is written whole or not at all, so a file that exists is finished. What a scene was asked to be is
 kept in its `request.json`: another request for the same folder is refused. So is adding to a scene that other code drew
 (see `drawing_code`), since its variants would differ by more than their rain; a scene with all that is wanted stays.
@@ -88,7 +89,7 @@ def build(
     refuse_own_capture(scene, folder)
     if scene.captured_rainy and patterns:
         raise InputError(
-            f"{scene.name}: taken in rain, there are no clean views to add {patterns[0].name} to",
+            f"{scene.name}: taken in rain, and {patterns[0].name} is not added to that",
             fix="build it without patterns (leave PATTERNS out)",
         )
     request = make_request(scene, source, long_side, seed, lens_renderer)

@@ -29,22 +29,27 @@ FEW_POINTS = 100  # of a capture whose poses may be wrong
 def write_views(scene: Scene, folder: Path, images: str) -> Scene:
     """Write the views, and what masks hide of them, at their final size; returns the scene that reads from them.
 
+    Clean photographs of a scene that was captured in rain go to `clean`.
+
     Raises:
         InputError: a photograph or a mask is unreadable, damaged, or of another shape than its camera.
     """
-    missing = [view.path for view in scene.views if not (folder / images / f"{view.name}.png").is_file()]
+    masked = any(view.mask for view in scene.views)
+    kept = [(CLEAN, view) for view in scene.clean_views] + [(images, view) for view in scene.own_views]
+    missing = [view.path for where, view in kept if not (folder / where / f"{view.name}.png").is_file()]
     require_whole(missing, f"{scene.name}: looking for damage")
-    views, masked = [], any(view.mask for view in scene.views)
-    for view in tqdm(scene.views, desc=f"{scene.name}: {images.partition('/')[0]} views", unit="view"):
-        path = folder / images / f"{view.name}.png"
+    built: dict[str, dict[str, View]] = {CLEAN: {}, images: {}}
+    for where, view in tqdm(kept, desc=f"{scene.name}: {images.partition('/')[0]} views", unit="view"):
+        path = folder / where / f"{view.name}.png"
         if not path.is_file():
             write_png(path, view.rounded())
-        built = View(view.name, view.camera, path, mask=_write_mask(view, folder) if masked else None)
-        _write_depth(view, built, folder)
-        views.append(built)
+        built[where][view.name] = View(view.name, view.camera, path, mask=_write_mask(view, folder) if masked else None)
+        _write_depth(view, built[where][view.name], folder)
+    views = tuple((built[CLEAN] | built[images])[view.name] for view in scene.views)
+    clean = tuple(built[CLEAN][view.name] for view in scene.clean_views)
     distorted = sum(view.lens is not None and depth_path(view).is_file() for view in scene.views)
     notes = [f"{distorted} depth maps left out: their photographs are distorted"] if distorted else []
-    return replace(scene, views=tuple(views), notes=(*scene.notes, *notes))
+    return replace(scene, views=views, clean_views=clean, notes=(*scene.notes, *notes))
 
 
 def _write_mask(view: View, folder: Path) -> Path:

@@ -12,7 +12,7 @@ import pandas as pd
 
 from hydroviews.dataset.manifest import read_manifest
 from hydroviews.dataset.statistics import STATISTICS, read_statistics
-from hydroviews.dataset.variants import is_captured
+from hydroviews.dataset.variants import has_clean, is_captured
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from hydroviews.formats.capture_json import CAPTURED
@@ -20,7 +20,7 @@ from hydroviews.rain.compositing import COLOURS
 from hydroviews.rain.layers import read_layers
 from hydroviews.rain.registry import find_effect, parse_pattern
 from hydroviews.rain.streaks.measures import mean_angle
-from hydroviews.scene.images import Image, read_image, to_srgb, write_png
+from hydroviews.scene.images import Image, list_images, read_image, to_srgb, write_png
 from hydroviews.scene.picture_grid import Row, Tile, draw_sheet
 
 SHEETS = "sheets"
@@ -72,11 +72,10 @@ def spread(names: Sequence[str], count: int) -> list[str]:
 
 def _rain_rows(folder: Path, patterns: Sequence[str], names: Sequence[str]) -> list[Row]:
     rows = []
-    if (folder / "clean").is_dir():
-        rows.append(Row("clean", "", [Tile(_picture(folder / "clean", name), name) for name in names]))
-    if is_captured(folder):
-        tiles = [Tile(_picture(folder / CAPTURED / "images", name), name) for name in names]
-        rows.append(Row(CAPTURED, "photographed in rain", tiles))
+    for title, remark in (("clean", ""), (f"{CAPTURED}/images", "photographed in rain")):
+        if (folder / title).is_dir():
+            shown = _names_in(folder, title, names)
+            rows.append(Row(title.partition("/")[0], remark, [Tile(_picture(folder / title, n), n) for n in shown]))
     for pattern in patterns:
         views = _statistics(folder / pattern / STATISTICS, names)
         tiles = [
@@ -85,6 +84,14 @@ def _rain_rows(folder: Path, patterns: Sequence[str], names: Sequence[str]) -> l
         ]
         rows.append(Row(pattern, _remark(folder / pattern, views), tiles))
     return rows
+
+
+def _names_in(folder: Path, images: str, names: Sequence[str]) -> Sequence[str]:
+    """The names, or as many others where rainy and clean photographs are of different views."""
+    if not (is_captured(folder) and has_clean(folder)):
+        return names
+    there = [path.stem for path in list_images(folder / images)]
+    return names if set(names) <= set(there) else spread(there, len(names))
 
 
 def _statistics(path: Path, names: Sequence[str]) -> pd.DataFrame:

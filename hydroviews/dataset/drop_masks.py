@@ -34,12 +34,12 @@ def write_drop_masks(scene: Scene, built: Path, views: Sequence[View]) -> None:
     Args:
         scene: the capture.
         built: the built scene's folder, which the manifest beside it lists.
-        views: the capture's at the built size.
+        views: the capture's own, but the clean ones beside rainy ones, at the built size.
 
     Raises:
         InputError: masks for other photographs, or unreadable ones; or one is not what the manifest says.
     """
-    masks = _DropMasks([view.path for view in scene.views])
+    masks = _DropMasks([view.path for view in scene.own_views])
     if not masks.folder:
         return
     names = {view.name: f"{CAPTURED}/{BUILT}/{view.name}.png" for view in views}

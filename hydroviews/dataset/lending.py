@@ -22,13 +22,13 @@ from hydroviews.cli.threads import side_by_side
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.drop_masks import BUILT as DROPS
 from hydroviews.dataset.manifest import HELD_BACK, MANIFEST, changed_files, listed_files, scene_entry
-from hydroviews.dataset.variants import SPLIT
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.files.full_disk import plain_full_disk
 from hydroviews.files.known_bytes import read_only, require_bytes
 from hydroviews.files.temporary import temporary_beside
 from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.photographs import SPLIT
 from hydroviews.formats.writers import MODEL
 from hydroviews.scene.depth import FOLDER as DEPTH
 from hydroviews.scene.masks import MASKS, mask_name

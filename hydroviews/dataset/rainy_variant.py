@@ -114,7 +114,7 @@ def _write_rainy(view: View, variant: Path, effect: Effect, rain: Rain, prepared
 
 
 def write_captured(scene: Scene, folder: Path) -> None:
-    """Make a project of the photographs on which it rained, beside which there are no clean ones."""
+    """Make a project of the photographs on which it rained."""
     variant = folder / CAPTURED
     link_shared(variant)
     write_nerfstudio(scene, variant / "transforms.json", "images")

@@ -127,6 +127,8 @@ def _fingerprint(scene: Scene) -> str:
         digest.update(json.dumps(facts).encode() + _glimpse(view.path))
         digest.update(_glimpse(view.mask) if view.mask else b"")
         digest.update(_glimpse(depth_path(view)))
+    for view in scene.clean_views:
+        digest.update(view.name.encode() + _glimpse(view.path))
     said = [scene.captured_rainy, scene.metres_per_unit, scene.clean_error, scene.drops_cost]
     digest.update(json.dumps(said).encode())
     return digest.hexdigest()[:16]

@@ -23,6 +23,7 @@ from hydroviews.errors import InputError, unknown_name
 from hydroviews.files.atomic import read_json
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.files.temporary import remove_leftovers
+from hydroviews.formats.paired_pictures import find_pictures
 from hydroviews.formats.photographs import FOLDERS, photographs_below
 from hydroviews.formats.read import read_scene
 from hydroviews.profiles import Profile, require_long_side, require_seed
@@ -81,7 +82,8 @@ def _read_published(capture: Capture, source: str, root: Path, long_side: int) -
     folder = locate(capture, root) or (Path(source) if Path(source).is_dir() else None)
     if folder is None:
         raise MissingCapture(capture, root)
-    images, notes = choose_images(folder, capture.images, long_side)
+    pictures = find_pictures(folder)
+    images, notes = (None, []) if pictures and pictures.together else choose_images(folder, capture.images, long_side)
     scene = read_scene(folder, capture.folder_name, images)
     if Path(source).is_dir():
         notes.append(f"read as the published {capture.name}, from {folder}; a folder of your own is ./{source}")
@@ -170,7 +172,7 @@ def build_source(
             repair=repair,
         )
         if scene.captured_rainy:
-            write_drop_masks(scene, folder, scene.resized(long_side).views)
+            write_drop_masks(scene, folder, scene.resized(long_side).own_views)
     return folder
 
 

@@ -17,14 +17,12 @@ from hydroviews.files.known_bytes import require_bytes
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.colmap import read_colmap, reliable
 from hydroviews.formats.colmap_format import RegisteredImage, read_cameras, read_images, read_points
-from hydroviews.formats.photographs import read_split, some
+from hydroviews.formats.photographs import SPLIT, read_split, some
 from hydroviews.formats.writers import MODEL
 from hydroviews.scene.depth import depth_path
 from hydroviews.scene.lenses import Lens
 from hydroviews.scene.masks import MASKS, mask_name
 from hydroviews.scene.scenes import Scene, View, make_scene
-
-SPLIT = "split.json"
 
 
 def open_clean(folder: Path) -> Scene:
@@ -34,7 +32,7 @@ def open_clean(folder: Path) -> Scene:
         InputError: there are none, since it rained when the scene was captured; it was not built; or cameras, points or
             split are not what the manifest says, or a picture is not in it.
     """
-    if is_captured(folder):
+    if is_captured(folder) and not has_clean(folder):
         raise InputError(
             f"{folder}: taken in rain, there are no clean views",
             fix=f"use what needs none, such as METHOD=3dgs, and open its photographs as the variant {CAPTURED}",
@@ -52,8 +50,29 @@ def open_variant(folder: Path, pattern: str) -> Scene:
 
 
 def is_captured(folder: Path) -> bool:
-    """Whether a built scene was captured in rain, so that CAPTURED is all there is to see of it."""
+    """Whether a built scene was captured in rain, so that CAPTURED is its one variant."""
     return (folder / CAPTURED).is_dir()
+
+
+def has_clean(folder: Path) -> bool:
+    """Whether a built scene has clean views, all of its own or those that a capture in rain had beside them."""
+    return (folder / CLEAN).is_dir()
+
+
+def shown_views(folder: Path, images: str, scene: Scene) -> tuple[View, ...]:
+    """The views that must have a picture in a folder of a built scene, `clean` or a variant's.
+
+    All of them; but where rainy and clean photographs were taken, there are only views to train on sure to be rainy,
+    and only held-out views sure to be clean.
+    """
+    if not (is_captured(folder) and has_clean(folder)):
+        return scene.views
+    return scene.test_views if images == CLEAN else scene.train_views
+
+
+def has_ceiling(folder: Path) -> bool:
+    """Whether all training views of a built scene are there as clean views."""
+    return has_clean(folder) and all(view.path.is_file() for view in open_clean(folder).train_views)
 
 
 def _open(scene: Path, project: Path, images: str) -> Scene:
@@ -61,7 +80,7 @@ def _open(scene: Path, project: Path, images: str) -> Scene:
         raise InputError(f"{project / images}: no such views", fix="build the scene with this pattern first")
     entry = scene_entry(scene)
     found = _open_listed(scene, project / images, entry) if entry else read_colmap(project, scene.name, images)
-    return replace(found, captured_rainy=is_captured(scene))
+    return replace(found, captured_rainy=project.name == CAPTURED)
 
 
 def _open_listed(scene: Path, images: Path, entry: Mapping[str, Any]) -> Scene:
@@ -76,12 +95,14 @@ def _open_listed(scene: Path, images: Path, entry: Mapping[str, Any]) -> Scene:
     if strange:
         raise InputError(f"{model}: images.bin names cameras that cameras.bin lacks", found=f"camera {min(strange)}")
     views = [_listed_view(scene, images, image, lenses[image.camera_id], listed) for image in registered]
-    absent = [view.name for view in views if view.path not in listed and view.name not in entry.get(HELD_BACK, ())]
+    found = make_scene(scene.name, views, reliable(read_points(model)), read_split(scene))
+    shown = shown_views(scene, images.relative_to(scene).as_posix(), found)
+    absent = [view.name for view in shown if view.path not in listed and view.name not in entry.get(HELD_BACK, ())]
     if absent:
         raise InputError(
             f"{images}: views that are not in the manifest", found=some(absent), fix="build the scene with this pattern"
         )
-    return make_scene(scene.name, views, reliable(read_points(model)), read_split(scene))
+    return found
 
 
 def _must_be_listed(path: Path, listed: Mapping[Path, str]) -> Path:

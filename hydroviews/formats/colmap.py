@@ -15,10 +15,12 @@ from hydroviews.formats.colmap_format import (
 )
 from hydroviews.formats.geometry import misplaced_note
 from hydroviews.formats.photographs import (
+    Match,
     all_files,
     image_folder,
     make_view,
     mask_beside,
+    match_files,
     photographs_below,
     read_split,
     view_names,
@@ -64,20 +66,21 @@ def refuse_mixed(folder: Path) -> None:
             )
 
 
-def read_colmap(folder: Path, name: str, images: str | None = None) -> Scene:
+def read_colmap(folder: Path, name: str, images: str | None = None, match: Match = match_files) -> Scene:
     """Read the largest model of a COLMAP project.
 
     Args:
         folder: the project, with `sparse/0` or the like and the photographs.
         name: of the scene.
         images: folder of the photographs inside `folder`, where it is not one of the usual ones.
+        match: finds the photographs.
 
     Raises:
         InputError: a damaged model, no registered image, images that are missing or of another shape.
     """
     model, registered, others = _largest_model(folder)
     photographs = image_folder(folder, images)
-    files = all_files(model, photographs, [image.name for image in registered])
+    files = all_files(model, photographs, [image.name for image in registered], match)
     masks = [mask_beside(folder, photographs, file) for file in files]
     views = _views(model, registered, files, masks)
     total = max(len(photographs_below(photographs)), len(views))

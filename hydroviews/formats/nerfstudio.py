@@ -8,7 +8,7 @@ from typing import Any
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from hydroviews.formats.geometry import OPENGL_TO_OPENCV, inverse, misplaced_note, rigid_pose
-from hydroviews.formats.photographs import make_view, match_files, other_images, read_split, some, view_names
+from hydroviews.formats.photographs import Match, make_view, match_files, other_images, read_split, some, view_names
 from hydroviews.formats.ply import read_ply
 from hydroviews.scene.checks import check_file_name
 from hydroviews.scene.images import image_size
@@ -22,12 +22,12 @@ PERSPECTIVE = ("", "OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE")
 FISHEYE = ("OPENCV_FISHEYE",)
 
 
-def read_nerfstudio(folder: Path, name: str) -> Scene:
+def read_nerfstudio(folder: Path, name: str, match: Match = match_files) -> Scene:
     """Read `transforms.json`; frames whose image is missing are left out and noted.
 
     Intrinsics may be shared or a frame's own (`fl_x, fl_y, cx, cy, w, h, k1..k4, p1, p2`, or `camera_angle_x`).
     `applied_transform` needs no handling: poses and points are both stored after it.
-    Black pixels of a frame's `mask_path` are hidden.
+    Black pixels of a frame's `mask_path` are hidden. `match` finds the photographs.
 
     Raises:
         InputError: not such a file, no frame with an image, or an invalid pose or intrinsic.
@@ -38,7 +38,7 @@ def read_nerfstudio(folder: Path, name: str) -> Scene:
     if not isinstance(frames, list) or not frames or not all(isinstance(frame, dict) for frame in frames):
         raise InputError(f"{path}: no frames", expected='{"frames": [{"file_path", "transform_matrix"}, ...]}')
     names = [_file_name(path, f"frame {i}", frame) for i, frame in enumerate(frames)]
-    files = match_files(folder, names)
+    files = match(folder, names)
     if not any(files):
         raise other_images(path, folder, names)
     views = [

@@ -1,7 +1,7 @@
 """Matching a camera file's image names to the files on disk, and making views of both."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -18,6 +18,9 @@ from hydroviews.scene.masks import MASKS, find_mask
 from hydroviews.scene.scenes import Split, View, wrong_size
 
 UNREAD = (".heic", ".heif", ".avif", ".jxl", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2", ".gif")
+SPLIT = "split.json"
+NUMBERED = ("clutter", "extra")  # parts of a split that numbers photographs (see `paired_pictures`)
+Match = Callable[[Path, Sequence[str]], list[Path | None]]  # of a folder and a camera file's names, as `match_files`
 FOLDERS = ("images", "clean", "input", "images_2", "images_4", "images_8")
 
 
@@ -79,22 +82,23 @@ def match_files(folder: Path, names: Sequence[str]) -> list[Path | None]:
 
     A file of the same name with another suffix counts: smaller copies are often stored in another format.
     """
-    by_stem = {_stem(path.relative_to(folder).as_posix()): path for path in photographs_below(folder)}
-    return [folder / name if (folder / name).is_file() else by_stem.get(_stem(name)) for name in names]
+    by_stem = {stem(path.relative_to(folder).as_posix()): path for path in photographs_below(folder)}
+    return [folder / name if (folder / name).is_file() else by_stem.get(stem(name)) for name in names]
 
 
-def _stem(name: str) -> str:
+def stem(name: str) -> str:
+    """A photograph's name without its suffix, with the folders before it."""
     path = PurePosixPath(name)
     return str(path.with_suffix("")) if path.suffix.lower() in SUFFIXES else str(path)
 
 
-def all_files(camera_file: Path, folder: Path, names: Sequence[str]) -> list[Path]:
-    """`match_files` where every photograph must be there.
+def all_files(camera_file: Path, folder: Path, names: Sequence[str], match: Match = match_files) -> list[Path]:
+    """`match` where every photograph must be there.
 
     Raises:
         InputError: some are missing, or the camera file is of another capture altogether.
     """
-    files = match_files(folder, names)
+    files = match(folder, names)
     missing = [name for name, file in zip(names, files, strict=True) if file is None]
     if missing and len(missing) == len(names):
         raise other_images(camera_file, folder, names)
@@ -126,7 +130,7 @@ def some(names: Sequence[str]) -> str:
 
 def view_names(names: Sequence[str]) -> list[str]:
     """File names without folder and suffix; with the folders, joined by underscores, where two would be the same."""
-    stems = [PurePosixPath(_stem(name)) for name in names]
+    stems = [PurePosixPath(stem(name)) for name in names]
     counts = Counter(stem.name for stem in stems)
     if max(counts.values(), default=1) == 1:
         return [stem.name for stem in stems]
@@ -154,22 +158,30 @@ def make_view(
 
 
 def mask_beside(folder: Path, photographs: Path, file: Path) -> Path | None:
-    """The mask of a photograph in a capture's `masks`, None where there is none."""
-    return find_mask(folder / MASKS, file.relative_to(photographs).as_posix())
+    """The mask of a photograph in a capture's `masks`, None where there is none.
+
+    One that does not lie among the other photographs has its mask by its name alone.
+    """
+    name = file.relative_to(photographs).as_posix() if file.is_relative_to(photographs) else file.name
+    return find_mask(folder / MASKS, name)
 
 
 def read_split(folder: Path) -> Split | None:
     """The split in `split.json`, of the folder itself or of the built scene it is a rainy variant of.
 
+    None where there is no file, or one that numbers photographs.
+
     Raises:
         InputError: the file is not {"train": [names], "test": [names]}, with or without "sparse": [names].
     """
-    path = folder / "split.json"
+    path = folder / SPLIT
     if not path.is_file() and (folder.name == CAPTURED or (folder.parent / "clean").is_dir()):
-        path = folder.parent / "split.json"
+        path = folder.parent / SPLIT
     if not path.is_file():
         return None
     content = read_json(path)
+    if isinstance(content, dict) and set(NUMBERED) <= set(content):
+        return None
     content = {"sparse": [], **content} if isinstance(content, dict) else {}
     parts = ("train", "test", "sparse")
     if not all(_is_names(content.get(part)) for part in parts):

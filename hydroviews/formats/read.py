@@ -11,18 +11,27 @@ from hydroviews.formats.colmap import find_models, read_colmap, refuse_mixed
 from hydroviews.formats.llff import read_llff
 from hydroviews.formats.nerfstudio import read_nerfstudio
 from hydroviews.formats.nsvf import is_nsvf, read_nsvf
-from hydroviews.formats.photographs import not_read, photographs_below
+from hydroviews.formats.paired import paired_scene
+from hydroviews.formats.paired_pictures import find_pictures
+from hydroviews.formats.photographs import Match, match_files, not_read, photographs_below, read_split
 from hydroviews.scene.masks import MASKS, mask_name
 from hydroviews.scene.scenes import Scene
 
-Read = Callable[[Path, str, str | None], Scene]  # a folder, the scene's name, and the photographs' folder inside it
+# Of a folder, the scene's name, the photographs' folder inside it, and what finds the photographs.
+Read = Callable[[Path, str, str | None, Match], Scene]
 
 # How each format is recognised and read; the first match is taken.
 READERS: tuple[tuple[Callable[[Path], bool], Read], ...] = (
     (lambda folder: bool(find_models(folder)), read_colmap),
-    (lambda folder: (folder / nerfstudio.CAMERA_FILE).is_file(), lambda folder, name, _: read_nerfstudio(folder, name)),
-    (lambda folder: (folder / llff.CAMERA_FILE).is_file(), read_llff),
-    (is_nsvf, lambda folder, name, _: read_nsvf(folder, name)),
+    (
+        lambda folder: (folder / nerfstudio.CAMERA_FILE).is_file(),
+        lambda folder, name, _, match: read_nerfstudio(folder, name, match),
+    ),
+    (
+        lambda folder: (folder / llff.CAMERA_FILE).is_file(),
+        lambda folder, name, images, _: read_llff(folder, name, images),
+    ),
+    (is_nsvf, lambda folder, name, *_: read_nsvf(folder, name)),
 )
 
 
@@ -32,7 +41,7 @@ def read_scene(folder: Path, name: str | None = None, images: str | None = None)
     The split is the folder's `split.json`, else every 8th view by name is held out. `Scene.notes` says which
     cameras were taken, how many images they cover, and which of them look wrong. Masks are the capture's `masks`
     (see `hydroviews.scene.masks`); whether it was taken in rain, and how large it is, stand in its
-    `capture.json`.
+    `capture.json`. A capture of rainy and clean photographs is read as `paired_pictures` and `paired` say.
 
     Args:
         folder: the capture, or a built scene or one of its rainy variants.
@@ -53,8 +62,8 @@ def read_scene(folder: Path, name: str | None = None, images: str | None = None)
         notes.append(
             f"no masks: of {len(pictures)} pictures in {MASKS} none is named as it should be, such as {wanted}"
         )
-    rainy = captured_rainy(folder)
-    if rainy:
+    rainy = captured_rainy(folder) or scene.captured_rainy
+    if rainy and not scene.clean_views:
         notes.append("taken in rain: there are no clean views to compare with")
     return replace(
         scene,
@@ -74,7 +83,11 @@ def has_cameras(folder: Path) -> bool:
 def _read_cameras(folder: Path, name: str, images: str | None) -> Scene:
     for is_one, read in READERS:
         if is_one(folder):
-            return read(folder, name, images)
+            pictures = find_pictures(folder, images)
+            if pictures is None:
+                return read(folder, name, images, match_files)
+            photographs = pictures.folders[0].relative_to(folder).as_posix()
+            return paired_scene(read(folder, name, photographs, pictures.match), pictures, read_split(folder))
     refuse_mixed(folder)
     count = len(photographs_below(folder))
     nothing = not_read(folder) or "neither cameras nor photographs"

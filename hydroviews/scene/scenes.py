@@ -188,7 +188,8 @@ class Scene:
     points: Points
     split: Split
     notes: tuple[str, ...] = field(default=())
-    captured_rainy: bool = False  # it rained when the photographs were taken: there is no clean ground truth
+    captured_rainy: bool = False  # it rained when the photographs were taken
+    clean_views: tuple[View, ...] = ()  # clean photographs beside those, of views of the same names and cameras
     metres_per_unit: float | None = None  # where it is known
     clean_error: float | None = None  # of plain 3DGS on clean views, see `formats.capture_json`; where it is known
     drops_cost: float = 1.0  # measured over predicted cost of sharp drops to plain 3DGS; 1 where it is not known
@@ -203,6 +204,12 @@ class Scene:
         """The held-out views."""
         return self._select(self.split.test)
 
+    @property
+    def own_views(self) -> tuple[View, ...]:
+        """The views but those that have a clean photograph alone, in a scene that was captured in rain."""
+        clean = {view.path for view in self.clean_views}
+        return tuple(view for view in self.views if view.path not in clean)
+
     def sparse(self) -> "Scene":
         """The same scene with only its sparse views to train on."""
         return replace(self, split=replace(self.split, train=self.split.sparse))
@@ -213,8 +220,11 @@ class Scene:
 
     def resized(self, long_side: int | None) -> "Scene":
         """The scene with cameras fitted to `long_side` pixels; images are area-averaged when they are read."""
-        views = tuple(replace(v, camera=v.camera.resized(*_fitted(v.camera, long_side))) for v in self.views)
-        return replace(self, views=views)
+        return replace(self, views=_resized(self.views, long_side), clean_views=_resized(self.clean_views, long_side))
+
+
+def _resized(views: Sequence[View], long_side: int | None) -> tuple[View, ...]:
+    return tuple(replace(view, camera=view.camera.resized(*_fitted(view.camera, long_side))) for view in views)
 
 
 def _fitted(camera: Camera, long_side: int | None) -> tuple[int, int]:

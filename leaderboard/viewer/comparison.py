@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from baselines.method import Method
+from hydroviews.dataset.variants import has_clean
 from hydroviews.metrics import METRICS
 from hydroviews.scene.images import Image, to_uint8
 from hydroviews.scene.scenes import View
@@ -40,7 +41,7 @@ class Comparison:
 def list_shots(run: Run) -> list[Shot]:
     """The photographs the run was trained on, then the held-out views."""
     training = run.training_scene()
-    scored = not training.captured_rainy
+    scored = has_clean(run.data / run.scene)
     held_out = run.clean_scene() if scored else training
     seen = [Shot(view, held_out=False, scored=False) for view in training.train_views]
     return seen + [Shot(view, held_out=True, scored=scored) for view in held_out.test_views]

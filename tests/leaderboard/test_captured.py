@@ -62,7 +62,7 @@ def test_what_needs_clean_views_is_refused(tmp_path):
     write_json(folder / "capture.json", {"rain": "captured"})
     with pytest.raises(InputError, match="learns from clean views, and walk was taken in rain"):
         run(tmp_path, folder, "MeanColourClean")
-    with pytest.raises(InputError, match="no clean views to add streak-0 to"):
+    with pytest.raises(InputError, match="taken in rain, and streak-0 is not added to that"):
         run(tmp_path, folder, patterns=("streak-0",))
     write_json(folder / "capture.json", {"rain": "some"})
     with pytest.raises(InputError, match=r"capture\.json: unknown rain"):

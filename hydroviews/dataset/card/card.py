@@ -18,6 +18,7 @@ from hydroviews.dataset.statistics import STATISTICS, read_statistics
 from hydroviews.files.atomic import read_json, replacing, write_bytes
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.markdown import markdown_table
+from hydroviews.formats.paired_pictures import RAINY
 from hydroviews.formats.photographs import FOLDERS
 from hydroviews.profiles import PROFILES
 from hydroviews.scene.images import image_size, list_images
@@ -52,7 +53,7 @@ def keep_licence(capture: Scene, folder: Path) -> None:
         folder: of the built scene.
     """
     images = capture.views[0].path.parent
-    for place in (images.parent, images) if images.name in FOLDERS else (images,):
+    for place in (images.parent, images) if images.name.lower() in (*FOLDERS, RAINY) else (images,):
         for file in sorted(path for pattern in LICENCE_FILES for path in place.glob(pattern) if path.is_file()):
             with replacing(folder / LICENCE / file.name) as temporary:
                 shutil.copyfile(file, temporary)

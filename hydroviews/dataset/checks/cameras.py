@@ -7,11 +7,11 @@ from typing import Any
 
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.rainy_variant import SHARED, same_values
-from hydroviews.dataset.variants import SPLIT, is_captured, open_clean, open_variant
+from hydroviews.dataset.variants import has_clean, is_captured, open_clean, open_variant, shown_views
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, sha256
 from hydroviews.formats.capture_json import CAPTURED
-from hydroviews.formats.photographs import some
+from hydroviews.formats.photographs import SPLIT, some
 from hydroviews.formats.writers import MODEL, POINT_CLOUD, write_nerfstudio
 from hydroviews.scene.images import list_images
 from hydroviews.scene.scenes import Scene
@@ -31,8 +31,9 @@ def check_cameras(folder: Path, entry: Mapping[str, Any]) -> list[str]:
     if neither:
         problems.append(f"{folder / SPLIT}: views that are neither to train on nor held out: {some(neither)}")
     variants = [CAPTURED] if is_captured(folder) else entry["patterns"]
-    for images in [*([] if is_captured(folder) else [CLEAN]), *(f"{variant}/images" for variant in variants)]:
-        problems += _check_names(folder / images, names)
+    pictures = [f"{variant}/images" for variant in variants]
+    for images in [CLEAN, *pictures] if has_clean(folder) or not is_captured(folder) else pictures:
+        problems += _check_names(folder / images, {view.name for view in shown_views(folder, images, scene)})
     problems += _check_transforms(folder, scene, f"{CAPTURED}/images" if is_captured(folder) else CLEAN)
     for variant in variants:
         problems += _check_transforms(folder / variant, scene, "images") + _check_shared(folder, folder / variant)
@@ -40,7 +41,7 @@ def check_cameras(folder: Path, entry: Mapping[str, Any]) -> list[str]:
 
 
 def _check_names(images: Path, names: set[str]) -> list[str]:
-    """Is there a picture of every view?"""
+    """Is there a picture of each of the views?"""
     absent = sorted(names - {path.stem for path in list_images(images)}) if images.is_dir() else []
     return [f"{images}: no picture of {some(absent)}"] if absent else []
 

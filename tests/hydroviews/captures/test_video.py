@@ -351,7 +351,7 @@ def test_a_rainy_video_becomes_a_scene_without_clean_views(tmp_path):
     assert verify(tmp_path / "data") == []
     with pytest.raises(InputError, match="taken in rain, there are no clean views"):
         open_clean(folder)
-    with pytest.raises(InputError, match="no clean views to add streak-0 to"):
+    with pytest.raises(InputError, match="taken in rain, and streak-0 is not added to that"):
         build(scene, tmp_path / "other", patterns=[Pattern("streak", 0)])
     assert read_scene(folder / CAPTURED).split == scene.split
 

@@ -3,6 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from distorted import colmap_capture
+from paired import wet
 from synthetic import capture_in
 
 from hydroviews.dataset.manifest import data_hash, record_files
@@ -73,6 +74,17 @@ def test_pictures_of_masks(church, tmp_path):
     write_png(folder / drops, np.zeros((18, 24, 3), np.uint8))
     record_files(folder.parent, folder.name, [drops])
     assert data_hash(folder.parent, folder.name, CAPTURED) != before  # methods may learn from them
+
+
+def test_masks_beside_rainy_and_clean_photographs(church, tmp_path):
+    (church / "images").rename(church / "clean")
+    for path in (church / "clean").iterdir():
+        wet(church / "rainy" / path.name, path)
+    np.save(church / "rainMask.npy", masks())
+    folder = built(tmp_path)
+    assert len(list((folder / CAPTURED / "drops").iterdir())) == len(list((folder / "clean").iterdir())) == 9
+    assert read_drops(folder, "view-01")[:, 2:4].all()
+    assert verify(tmp_path / "data") == []
 
 
 def test_a_capture_without_masks_has_none(church, tmp_path):

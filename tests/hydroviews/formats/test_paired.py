@@ -1,0 +1,285 @@
+"""Folders with rainy and clean photographs: what becomes of each form, and what is refused."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from distorted import colmap_capture
+from paired import NAMES, name_cameras, paired_capture, wet
+
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import write_json
+from hydroviews.formats.read import read_scene
+from hydroviews.scene.images import image_size, read_image, resize_area, write_png
+from hydroviews.scene.masks import write_ignored
+from hydroviews.scene.scenes import Scene
+
+
+def pictures(scene: Scene) -> dict[str, set[str]]:
+    """Names of the views by what they have a photograph of, and of those to train on and held out."""
+    rainy = {view.name for view in scene.own_views}
+    return {
+        "rainy": rainy,
+        "clean": {view.name for view in scene.clean_views},
+        "train": set(scene.split.train),
+        "test": set(scene.split.test),
+    }
+
+
+def test_of_the_same_names_every_eighth_is_held_out_and_all_have_both(tmp_path):
+    scene = read_scene(paired_capture(tmp_path / "walk"))
+    assert scene.captured_rainy
+    held_out = {NAMES[0], NAMES[8]}
+    assert pictures(scene) == {
+        "rainy": set(NAMES),
+        "clean": set(NAMES),
+        "train": set(NAMES) - held_out,
+        "test": held_out,
+    }
+    assert {view.path.parent.name for view in scene.views} == {"rainy"}
+    assert {view.path.parent.name for view in scene.clean_views} == {"clean"}
+    assert [view.camera.centre.tolist() for view in scene.clean_views] == [
+        view.camera.centre.tolist() for view in scene.views
+    ]
+    assert "paired: 9 rainy photographs, 9 clean; all views to train on are clean too" in scene.notes
+    assert not any("no clean views" in note for note in scene.notes)
+
+
+def test_of_other_names_the_clean_ones_are_held_out(tmp_path):
+    scene = read_scene(paired_capture(tmp_path / "walk", rainy=NAMES[:6], clean=NAMES[6:]))
+    parts = set(NAMES[:6]), set(NAMES[6:])
+    assert pictures(scene) == dict(zip(("rainy", "clean", "train", "test"), (*parts, *parts), strict=True))
+    assert any("no ceiling" in note for note in scene.notes)
+
+
+def test_clean_ones_of_a_part_are_held_out(tmp_path):
+    scene = read_scene(paired_capture(tmp_path / "walk", clean=NAMES[:3]))
+    assert pictures(scene) == {
+        "rainy": set(NAMES),
+        "clean": set(NAMES[:3]),
+        "train": set(NAMES[3:]),
+        "test": set(NAMES[:3]),
+    }
+
+
+@pytest.mark.parametrize(
+    ("rainy", "clean", "found"),
+    [
+        (NAMES[:7], NAMES[2:], "5 names in both; rainy alone: view-00, view-01; clean alone: view-07, view-08"),
+        (NAMES, NAMES[1:], "8 names in both; rainy alone: view-00; clean alone: nothing"),
+        (NAMES[1:], NAMES, "8 names in both; rainy alone: nothing; clean alone: view-00"),
+    ],
+)
+def test_names_that_match_in_part_are_listed_both_ways(tmp_path, rainy, clean, found):
+    folder = paired_capture(tmp_path / "walk", rainy, clean)
+    with pytest.raises(InputError, match=r"match in part[\s\S]*split\.json") as error:
+        read_scene(folder)
+    assert found in str(error.value)
+
+
+def test_a_split_of_ones_own_settles_it(tmp_path):
+    folder = paired_capture(tmp_path / "walk", NAMES[:7], NAMES[2:])
+    write_json(folder / "split.json", {"train": NAMES[:7], "test": NAMES[7:]})
+    assert read_scene(folder).split.test == tuple(NAMES[7:])
+    write_json(folder / "split.json", {"train": NAMES[2:], "test": NAMES[:2]})
+    with pytest.raises(InputError, match=r"to train on without a rainy photograph\n.*view-07, view-08"):
+        read_scene(folder)
+    write_json(folder / "split.json", {"train": NAMES[2:7], "test": NAMES[:2]})
+    with pytest.raises(InputError, match=r"held out without a clean photograph\n.*view-00, view-01"):
+        read_scene(folder)
+
+
+def test_one_rainy_view_is_too_few(tmp_path):
+    folder = paired_capture(tmp_path / "walk", NAMES[:1], NAMES[1:])
+    with pytest.raises(InputError, match=r"too few views\n.*1 to train on, 8 held out"):
+        read_scene(folder)
+
+
+@pytest.mark.parametrize("empty", ["rainy", "clean"])
+def test_an_empty_folder_is_named(tmp_path, empty):
+    folder = paired_capture(tmp_path / "walk")
+    shutil.rmtree(folder / empty)
+    (folder / empty).mkdir()
+    with pytest.raises(InputError, match=rf"walk/{empty}: no photographs"):
+        read_scene(folder)
+
+
+def test_the_same_file_in_both_folders_is_no_rain(tmp_path):
+    folder = paired_capture(tmp_path / "walk")
+    shutil.copy(folder / "clean" / "view-00.png", folder / "rainy" / "view-00.png")  # held out: it hurts nobody
+    assert read_scene(folder).captured_rainy
+    shutil.copy(folder / "clean" / "view-03.png", folder / "rainy" / "view-03.png")
+    with pytest.raises(InputError, match=r"the same file\n.*1 of 7 views to train on: view-03"):
+        read_scene(folder)
+
+
+def test_of_two_sizes_the_smaller_is_taken(tmp_path):
+    folder = paired_capture(tmp_path / "walk")
+    for name in NAMES[:4]:
+        path = folder / "clean" / f"{name}.png"
+        write_png(path, resize_area(read_image(path), 24, 18))
+    scene = read_scene(folder)
+    rainy, clean = scene.views[2], scene.clean_views[2]
+    assert (rainy.camera.width, rainy.camera.height, rainy.camera.fx) == (24, 18, 0.9 * 24)
+    assert rainy.image().shape == clean.image().shape == (18, 24, 3)
+    assert scene.views[5].camera.width == 48
+    write_png(folder / "clean" / "view-02.png", np.zeros((36, 36, 3), np.uint8))
+    with pytest.raises(InputError, match=r"clean/view-02\.png: image and camera differ in size\n.*36x36"):
+        read_scene(folder)
+
+
+def test_photographs_without_a_camera_are_named(tmp_path):
+    folder = paired_capture(tmp_path / "walk")
+    wet(folder / "rainy" / "late.png", folder / "clean" / "view-00.png")
+    shutil.copy(folder / "clean" / "view-01.png", folder / "clean" / "other.png")
+    notes = read_scene(folder).notes
+    assert "1 rainy photographs without a camera: late.png" in notes
+    assert "1 clean photographs without a camera: other.png" in notes
+    for path in list((folder / "clean").iterdir()):
+        path.rename(path.with_name(f"dry-{path.name}"))
+    with pytest.raises(InputError, match=r"no clean photograph has a camera\n.*view-00[\s\S]*clean are dry-other"):
+        read_scene(folder)
+
+
+def test_a_camera_without_a_photograph(tmp_path):
+    folder = paired_capture(tmp_path / "walk", NAMES[:6], NAMES[:6])
+    with pytest.raises(InputError, match=r"3 of its 9 images are not in .*\n.*view-06\.png, view-07\.png, view-08"):
+        read_scene(folder)  # as in every COLMAP capture
+    name_cameras(folder, {name: [f"rainy/{name}.png"] for name in NAMES})
+    assert "no image for rainy/view-06.png, rainy/view-07.png, rainy/view-08.png" in read_scene(folder).notes
+
+
+def test_suffixes_and_case_do_not_tell_photographs_apart(tmp_path):
+    folder = paired_capture(tmp_path / "walk")
+    for path in list((folder / "clean").iterdir()):
+        write_png(path.with_name("x.png"), read_image(path))
+        (folder / "clean" / "x.png").rename(path.with_name(path.stem.upper() + ".PNG"))
+        path.unlink()
+    for path in list((folder / "rainy").iterdir()):
+        path.rename(path.with_suffix(".bmp"))
+    (folder / "clean").rename(folder / "Clean")
+    (folder / "rainy").rename(folder / "RAINY")
+    scene = read_scene(folder)
+    assert len(scene.own_views) == len(scene.clean_views) == 9
+    shutil.copy(folder / "RAINY" / "view-00.bmp", folder / "RAINY" / "VIEW-00.png")
+    with pytest.raises(InputError, match=r"RAINY: several photographs of one name\n.*VIEW-00.png and view-00.bmp"):
+        read_scene(folder)
+
+
+def test_images_beside_them_are_not_read(tmp_path):
+    folder = paired_capture(tmp_path / "walk")
+    shutil.copytree(folder / "clean", folder / "images")
+    scene = read_scene(folder)
+    assert {view.path.parent.name for view in (*scene.views, *scene.clean_views)} == {"rainy", "clean"}
+
+
+def test_where_both_photographs_have_a_camera_the_clean_ones_is_taken(tmp_path):
+    folder = paired_capture(tmp_path / "walk")
+    name_cameras(folder, {name: [f"rainy/{name}.png", f"clean/{name}.png"] for name in NAMES})
+    scene = read_scene(folder)
+    assert [view.name for view in scene.views] == NAMES
+    assert {view.path.parent.name for view in scene.views} == {"rainy"}
+    alone = read_scene(paired_capture(tmp_path / "alone"))
+    moved = [view.camera.centre - other.camera.centre for view, other in zip(scene.views, alone.views, strict=True)]
+    assert np.allclose(moved, [0.1, 0, 0], atol=1e-6)
+
+
+def test_names_with_folders_in_the_camera_file(tmp_path):
+    folder = paired_capture(tmp_path / "walk", NAMES[:6], NAMES[6:])
+    files = {name: [f"{'rainy' if name in NAMES[:6] else 'clean'}/{name}.png"] for name in NAMES}
+    name_cameras(folder, files)
+    assert read_scene(folder).split.test == tuple(NAMES[6:])
+    name_cameras(folder, {name: [f"./images/{name}.jpg"] for name in NAMES})
+    assert read_scene(folder).split.test == tuple(NAMES[6:])
+
+
+def test_masks_hide_the_same_pixels_of_both(tmp_path):
+    folder = paired_capture(tmp_path / "walk", NAMES[:6], NAMES[6:])
+    for name in NAMES:
+        write_ignored(folder / "masks" / f"{name}.png.png", np.eye(36, 48) > 0)
+    scene = read_scene(folder)
+    assert [view.ignored().sum() for view in (*scene.views, *scene.clean_views)] == [36] * 12
+
+
+def test_both_are_undistorted_alike(tmp_path):
+    folder = colmap_capture(tmp_path / "walk", count=5)
+    (folder / "images").rename(folder / "clean")
+    for path in (folder / "clean").iterdir():
+        wet(folder / "rainy" / path.name, path)
+    scene = read_scene(folder).resized(24)
+    for rainy, clean in zip(scene.views, scene.clean_views, strict=True):
+        assert rainy.lens is not None
+        assert rainy.lens == clean.lens
+        assert rainy.image().shape == clean.image().shape
+        assert (rainy.image() >= clean.image() - 1e-6).all()  # brighter in its right half, nowhere darker
+        assert (rainy.image() > clean.image() + 0.1).any()
+
+
+def renamed(folder: Path, kinds: dict[str, list[str]]) -> Path:
+    """A paired capture's clean photographs in one folder, `clutter` ones wet, under prefixed names."""
+    for kind, names in kinds.items():
+        for name in names:
+            target = folder / "images" / f"{kind}{name[-2:]}.png"
+            target.parent.mkdir(exist_ok=True)
+            if kind.endswith("clutter"):
+                wet(target, folder / "clean" / f"{name}.png")
+            else:
+                shutil.copy(folder / "clean" / f"{name}.png", target)
+    shutil.rmtree(folder / "clean")
+    shutil.rmtree(folder / "rainy")
+    return folder
+
+
+@pytest.mark.parametrize("number", ["", "2"])
+def test_clutter_is_trained_on_and_extra_held_out(tmp_path, number):
+    kinds = {f"{number}clutter": NAMES[:4], "clean": NAMES[4:6], "extra": NAMES[6:]}
+    folder = renamed(paired_capture(tmp_path / "statue"), kinds)
+    name_cameras(folder, {name: [f"images/{kind}{name[-2:]}.png"] for kind, names in kinds.items() for name in names})
+    scene = read_scene(folder)
+    assert scene.split.train == tuple(f"{number}clutter0{i}" for i in range(4))
+    assert scene.split.test == ("extra06", "extra07", "extra08")
+    assert [view.name for view in scene.clean_views] == ["extra06", "extra07", "extra08"]
+    assert "2 views neither to train on nor held out: clean04, clean05" in scene.notes
+    for path in (folder / "images").glob("extra*"):
+        path.unlink()
+    assert read_scene(folder).split.test == ("clean04", "clean05")
+
+
+def test_clean_without_a_camera_is_the_clean_one_of_the_same_clutter(tmp_path):
+    kinds = {"clutter": NAMES[:5], "extra": NAMES[5:]}
+    folder = renamed(paired_capture(tmp_path / "statue"), {"clean": NAMES[:5], **kinds})
+    name_cameras(folder, {name: [f"images/{kind}{name[-2:]}.png"] for kind, names in kinds.items() for name in names})
+    scene = read_scene(folder)
+    assert len(scene.split.train) == 5
+    assert {view.name for view in scene.clean_views} == {*scene.split.train, *scene.split.test}
+    assert "all views to train on are clean too" in scene.notes[-1]
+
+
+def test_a_split_of_numbers(tmp_path):
+    folder = renamed(paired_capture(tmp_path / "corner"), {"frame": NAMES})
+    for name in NAMES:
+        wet(folder / "images" / f"frame{name[-2:]}.png", folder / "images" / f"frame{name[-2:]}.png")
+    name_cameras(folder, {name: [f"images/frame{name[-2:]}.png"] for name in reversed(NAMES)})
+    write_json(folder / "split.json", {"clutter": [1, 3, 5, 7], "extra": [0, 2]})
+    scene = read_scene(folder)
+    assert scene.split.train == ("frame01", "frame03", "frame05", "frame07")
+    assert scene.split.test == ("frame00", "frame02")
+    assert [view.name for view in scene.clean_views] == ["frame00", "frame02"]
+    assert "3 views neither to train on nor held out: frame04, frame06, frame08" in scene.notes
+    write_json(folder / "split.json", {"clutter": [1, 9], "extra": [0, 2]})
+    with pytest.raises(InputError, match=r"split\.json: numbers of photographs that are not there\n.*clutter: 9"):
+        read_scene(folder)
+    (folder / "split.json").write_text(json.dumps({"clutter": ["a"], "extra": [0]}))
+    with pytest.raises(InputError, match=r"split\.json: not a split"):
+        read_scene(folder)
+
+
+def test_other_names_are_an_ordinary_capture(tmp_path):
+    kinds = {"clutter": NAMES[:4], "view": NAMES[4:]}
+    folder = renamed(paired_capture(tmp_path / "statue"), kinds)
+    name_cameras(folder, {name: [f"images/{kind}{name[-2:]}.png"] for kind, names in kinds.items() for name in names})
+    scene = read_scene(folder)
+    assert not scene.captured_rainy
+    assert image_size(scene.views[0].path) == (48, 36)
