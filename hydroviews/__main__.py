@@ -236,8 +236,8 @@ def pack_command(
         i_have_the_rights: the licence of the photographs, if it is yours to give: an SPDX identifier or a text.
         layers_only: leave out pictures, which people with the same capture have or can make.
     """
-    settings = {"scene": scene, "patterns": patterns, "owner_says": i_have_the_rights, "layers_only": layers_only}
-    for path, digest in pack(data, out, **settings):
+    archives = pack(data, out, scene=scene, patterns=patterns, owner_says=i_have_the_rights, layers_only=layers_only)
+    for path, digest in archives:
         print(f"{digest}  {path}")
 
 

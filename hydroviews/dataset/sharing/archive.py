@@ -27,6 +27,7 @@ from hydroviews.captures.download.archives import BadArchive, opened_archive, re
 from hydroviews.dataset.manifest import MANIFEST, read_manifest
 from hydroviews.dataset.sharing.croissant import CROISSANT
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import sha256
 from hydroviews.files.known_bytes import changed
 
 LEFT_OUT = "left_out"  # key of the archive's manifest
@@ -119,7 +120,7 @@ def write_archive(path: Path, members: Mapping[str, Path | bytes], hashes: Mappi
                     target.write(block)
             if isinstance(content, Path) and digest.hexdigest() != hashes[name]:
                 raise changed(content, digest.hexdigest(), hashes[name])
-    return file_sha256(path)
+    return sha256(path)
 
 
 def _size(path: Path) -> int:
@@ -133,12 +134,6 @@ def _file_blocks(path: Path) -> Iterator[bytes]:
     with path.open("rb") as file:
         while block := file.read(BLOCK):
             yield block
-
-
-def file_sha256(path: Path) -> str:
-    """Hexadecimal SHA-256 of a file of any size."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def open_archive(path: Path) -> Packed:

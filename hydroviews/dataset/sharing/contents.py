@@ -41,7 +41,9 @@ class Contents:
 
 def variants_of(entry: Mapping[str, Any]) -> list[str]:
     """The variants of a finished scene: CLEAN and its patterns, or CAPTURED alone."""
-    return [CAPTURED] if any(name.startswith(f"{CAPTURED}/") for name in entry["files"]) else [CLEAN, *entry["patterns"]]
+    return (
+        [CAPTURED] if any(name.startswith(f"{CAPTURED}/") for name in entry["files"]) else [CLEAN, *entry["patterns"]]
+    )
 
 
 def contents(folder: Path, variant: str, entry: Mapping[str, Any], owner_says: str, layers_only: bool) -> Contents:

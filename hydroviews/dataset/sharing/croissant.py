@@ -11,11 +11,11 @@ from typing import Any
 CROISSANT = "croissant.json"
 FORMAT = "http://mlcommons.org/croissant/1.0"
 PREFIX = "cr:"
-TERMS = (  # of Croissant; what is not named here is schema.org's
-    "citeAs column containedIn equivalentProperty extract field fileProperty fileObject fileSet format includes "
-    "isLiveDataset jsonPath key md5 parentField path recordSet references regex repeated replace samplingRate "
-    "separator source subField transform"
-).split()
+TERMS = (  # of the format's usual context; others are schema.org's, such as containedIn, which 1.1 took over
+    "citeAs column equivalentProperty extract field fileProperty fileObject fileSet format includes isLiveDataset "
+    "jsonPath key md5 parentField path recordSet references regex repeated replace samplingRate separator source "
+    "subField transform"
+)
 CITE = (
     "@inproceedings{liu2025deraings, title={DeRainGS: Gaussian Splatting for Enhanced Scene Reconstruction in Rainy "
     "Environments}, author={Liu, Shuhong and Chen, Xiang and Chen, Hongming and Xu, Quanfeng and Li, Mingrui}, "
@@ -96,7 +96,7 @@ def _context() -> dict[str, Any]:
         "data": {"@id": "cr:data", "@type": "@json"},
         "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
         "examples": {"@id": "cr:examples", "@type": "@json"},
-        **{term: PREFIX + term for term in TERMS},
+        **{term: PREFIX + term for term in TERMS.split()},
     }
 
 

@@ -21,11 +21,11 @@ from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.manifest import changed_files, enter_scene, read_manifest, scene_files
 from hydroviews.dataset.rainy_variant import link_shared
 from hydroviews.dataset.request import REQUEST
-from hydroviews.dataset.sharing.archive import BLOCK, Packed, file_sha256, open_archive
+from hydroviews.dataset.sharing.archive import Packed, open_archive
 from hydroviews.dataset.sharing.contents import IMAGES, LAYERS, PATTERN
 from hydroviews.dataset.statistics import STATISTICS, write_statistics
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import read_json, replacing
+from hydroviews.files.atomic import replacing, sha256
 from hydroviews.files.full_disk import plain_write_errors
 from hydroviews.files.http_download import fetch as download
 from hydroviews.files.known_bytes import changed, current_sha256, read_only
@@ -72,7 +72,7 @@ def _archive(address: str, data: Path) -> Iterator[Path]:
     place, _, expected = address.partition(CHECKSUM)
     expected = expected.strip().lower()
     if not place.startswith(WEB):
-        if expected and Path(place).is_file() and (found := file_sha256(Path(place))) != expected:
+        if expected and Path(place).is_file() and (found := sha256(Path(place))) != expected:
             raise InputError(f"{place}: wrong checksum", found=found, expected=expected, fix="get the archive again")
         yield Path(place)
         return

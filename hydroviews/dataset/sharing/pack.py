@@ -1,7 +1,7 @@
 """Packs the variants of a data folder: an archive each, and beside it the metadata that describe the archive.
 
-    <out>/courtyard-raindrop-1.zip              clean and rainy views, cameras, split, layers, card, licence, manifest
-    <out>/courtyard-raindrop-1.croissant.json   Croissant metadata with the archive's SHA-256
+<out>/courtyard-raindrop-1.zip              clean and rainy views, cameras, split, layers, card, licence, manifest
+<out>/courtyard-raindrop-1.croissant.json   Croissant metadata with the archive's SHA-256
 """
 
 import hashlib
@@ -13,12 +13,12 @@ from typing import Any
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.manifest import MANIFEST, built_scenes, scene_entry
 from hydroviews.dataset.request import REQUEST
-from hydroviews.dataset.sharing.archive import LEFT_OUT, file_sha256, write_archive
+from hydroviews.dataset.sharing.archive import LEFT_OUT, write_archive
 from hydroviews.dataset.sharing.contents import IMAGES, LAYERS, Contents, contents, variants_of
 from hydroviews.dataset.sharing.croissant import CROISSANT, FileFacts, Pictures, croissant
 from hydroviews.dataset.variants import SPLIT
 from hydroviews.errors import InputError, unknown_name
-from hydroviews.files.atomic import read_json, replacing, write_json
+from hydroviews.files.atomic import read_json, replacing, sha256, write_json
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.formats.capture_json import CAPTURED
 
@@ -98,7 +98,7 @@ def _unfinished(folder: Path) -> InputError:
 def _write(packed: Contents, path: Path) -> str:
     """Write archive and metadata; what is there already stays if it is the same."""
     here = {name: content for name, content in packed.files.items() if name not in packed.left_out}
-    made = {name: _sha256(content) for name, content in here.items() if isinstance(content, bytes)}
+    made = {name: _sha256(content) for name, content in packed.files.items() if isinstance(content, bytes)}
     hashes = {name: made.get(name) or packed.hashes[name] for name in packed.files}
     entry = {**packed.facts, "files": dict(sorted(hashes.items()))}
     manifest = _json({"scenes": {packed.folder.name: entry}, LEFT_OUT: sorted(packed.left_out)})
@@ -107,7 +107,7 @@ def _write(packed: Contents, path: Path) -> str:
     members |= {f"{packed.folder.name}/{name}": here[name] for name in sorted(here)}
     with replacing(path) as temporary:
         digest = write_archive(temporary, members, {f"{packed.folder.name}/{name}": hashes[name] for name in here})
-        if path.is_file() and file_sha256(path) != digest:
+        if path.is_file() and sha256(path) != digest:
             raise InputError(
                 f"{path}: another archive is there", fix="choose another --out, or remove it: it may be published"
             )
