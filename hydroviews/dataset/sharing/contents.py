@@ -18,7 +18,7 @@ from hydroviews.rain.compositing import COLOURS
 from hydroviews.rain.registry import find_effect
 
 APACHE_TEXT = Path(__file__).with_name(APACHE)
-IMAGES, LAYERS, PATTERN = "images", "layers", "pattern.json"
+IMAGES, LAYERS, PATTERN, CAMERAS = "images", "layers", "pattern.json", "transforms.json"
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def _is_ours(folder: Path, name: str, rains: list[str], shareable: bool) -> bool
         return False
     if below.startswith(f"{LAYERS}/"):
         return shareable or not set(_planes(folder / top)) & set(COLOURS)
-    return below in (PATTERN, STATISTICS)
+    return below in (PATTERN, STATISTICS, CAMERAS)
 
 
 def _planes(variant: Path) -> Mapping[str, Any]:

@@ -97,14 +97,13 @@ def _unfinished(folder: Path) -> InputError:
 
 def _write(packed: Contents, path: Path) -> str:
     """Write archive and metadata; what is there already stays if it is the same."""
-    here = {name: content for name, content in packed.files.items() if name not in packed.left_out}
-    made = {name: _sha256(content) for name, content in packed.files.items() if isinstance(content, bytes)}
-    hashes = {name: made.get(name) or packed.hashes[name] for name in packed.files}
-    entry = {**packed.facts, "files": dict(sorted(hashes.items()))}
+    here: dict[str, Path | bytes] = {name: packed.files[name] for name in sorted(packed.files.keys() - packed.left_out)}
+    hashes = {name: _digest(packed, name) for name in sorted(packed.files)}
+    entry = {**packed.facts, "files": hashes}
     manifest = _json({"scenes": {packed.folder.name: entry}, LEFT_OUT: sorted(packed.left_out)})
     described = FileFacts(MANIFEST, "application/json", len(manifest), _sha256(manifest))
-    members = {MANIFEST: manifest, CROISSANT: _json(_metadata(packed, described, here))}
-    members |= {f"{packed.folder.name}/{name}": here[name] for name in sorted(here)}
+    members: dict[str, Path | bytes] = {MANIFEST: manifest, CROISSANT: _json(_metadata(packed, described, here))}
+    members |= {f"{packed.folder.name}/{name}": content for name, content in here.items()}
     with replacing(path) as temporary:
         digest = write_archive(temporary, members, {f"{packed.folder.name}/{name}": hashes[name] for name in here})
         if path.is_file() and sha256(path) != digest:
@@ -115,6 +114,11 @@ def _write(packed: Contents, path: Path) -> str:
     archive = FileFacts(path.name, "application/zip", size, digest)
     write_json(path.with_suffix(f".{CROISSANT}"), _metadata(packed, archive, here))
     return digest
+
+
+def _digest(packed: Contents, name: str) -> str:
+    content = packed.files[name]
+    return _sha256(content) if isinstance(content, bytes) else packed.hashes[name]
 
 
 def _metadata(packed: Contents, file: FileFacts, here: Mapping[str, Any]) -> dict[str, Any]:
