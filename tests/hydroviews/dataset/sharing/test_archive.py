@@ -16,7 +16,6 @@ from hydroviews.dataset.sharing.fetch import fetch
 from hydroviews.dataset.sharing.pack import pack
 from hydroviews.errors import InputError
 
-
 OUTSIDE = ("../x", "yard/../../x", "/etc/x", "yard\\..\\x", "c:/x", "elsewhere/x")
 MEETING = ("yard/clean/view-00.png", "YARD/clean/view-00.png", "yard/clean", "yard/new.png", "yard/clean/")
 
