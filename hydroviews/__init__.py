@@ -9,6 +9,7 @@ blender    rendering in Blender processes, and the embedded scenes
 dataset    building, verifying and describing a data set; `dataset.build` is the place to start
 pairs      rainy and clean pictures to train networks on
 metrics    PSNR, SSIM, LPIPS and the others
+torch      a built or packed variant as a PyTorch data set
 """
 
 __version__ = "0.2.0"

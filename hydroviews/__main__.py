@@ -1,4 +1,4 @@
-"""python -m hydroviews build | scenes | verify | sheet | poses | video | download."""
+"""python -m hydroviews build | scenes | verify | sheet | poses | video | download | pack | fetch."""
 
 import sys
 from pathlib import Path
@@ -15,6 +15,8 @@ from hydroviews.captures.video.frames import FrameChoice
 from hydroviews.cli.commands import choices, run_command
 from hydroviews.dataset.contact_sheet import COLUMNS, write_sheets
 from hydroviews.dataset.manifest import built_scenes
+from hydroviews.dataset.sharing.fetch import fetch
+from hydroviews.dataset.sharing.pack import pack
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.suites import build_suite, known_suites, read_suite
 from hydroviews.dataset.verify import verify
@@ -216,6 +218,39 @@ def video_command(
     print(f"capture: {out}; train it with `make eval METHOD=3dgs SCENE={out}`")
 
 
+def pack_command(
+    data: Annotated[Path, tyro.conf.Positional],
+    out: Path,
+    scene: str = "",
+    patterns: tuple[str, ...] = (),
+    i_have_the_rights: str = "",
+    layers_only: bool = False,
+) -> None:
+    """Pack a data set to hand it on: an archive for every variant, with licence and Croissant metadata.
+
+    Args:
+        data: a data folder, or a built scene in one.
+        out: the folder for the archives, or the archive itself (`*.zip`) where there is one to write.
+        scene: only the one of that name.
+        patterns: only these variants, such as raindrop-1; clean is the scene without rain.
+        i_have_the_rights: the licence of the photographs, if it is yours to give: an SPDX identifier or a text.
+        layers_only: leave out pictures, which people with the same capture have or can make.
+    """
+    archives = pack(data, out, scene=scene, patterns=patterns, owner_says=i_have_the_rights, layers_only=layers_only)
+    for path, digest in archives:
+        print(f"{digest}  {path}")
+
+
+def fetch_command(address: Annotated[str, tyro.conf.Positional], out: Path) -> None:
+    """Get a packed variant, check it, and add it to a data folder; what was interrupted goes on.
+
+    Args:
+        address: http(s)://... or a file; `#sha256=...` at its end is the checksum that it must have.
+        out: the data folder.
+    """
+    print(f"ready: {fetch(address, out)}")
+
+
 def main() -> None:
     """Entry point."""
     run_command(
@@ -227,6 +262,8 @@ def main() -> None:
             "poses": poses_command,
             "video": video_command,
             "download": download_command,
+            "pack": pack_command,
+            "fetch": fetch_command,
         },
         prog="hydroviews",
     )

@@ -17,4 +17,5 @@ checks/           what it looks at
 statistics.py     what rain did to every view
 contact_sheet.py  pictures of a scene and its layers
 card/             a page that describes a scene
+sharing/          handing it on: archives of variants
 """

@@ -130,6 +130,11 @@ def record_scene(data: Path, scene: str, facts: Mapping[str, Any], kept: Mapping
     finished = [path for path in scene_files(folder) if not begun.intersection(path.parents)]
     new = [name for path in finished if (name := path.relative_to(folder).as_posix()) not in kept]
     files = {**kept, **_sealed(folder, new)}
+    enter_scene(data, scene, facts, files)
+
+
+def enter_scene(data: Path, scene: str, facts: Mapping[str, Any], files: Mapping[str, str]) -> None:
+    """Enter a scene whose files are known by name with their SHA-256."""
     with _changed(data) as manifest:
         manifest["scenes"][scene] = {**facts, "files": _in_order(files)}
 

@@ -170,10 +170,15 @@ def read_statistics(path: Path) -> pd.DataFrame:
     return table
 
 
-def summarise(folder: Path) -> pd.DataFrame:
-    """A scene's variants, a row each: mean, least and most of every number over the views."""
+def summarise(folder: Path, patterns: str = "[!.]*") -> pd.DataFrame:
+    """A scene's variants, a row each: mean, least and most of every number over the views.
+
+    Args:
+        folder: of the built scene.
+        patterns: a shell pattern of the variants' names; all if not given.
+    """
     rows = []
-    for path in sorted(folder.glob(f"[!.]*/{STATISTICS}")):
+    for path in sorted(folder.glob(f"{patterns}/{STATISTICS}")):
         views, facts = read_statistics(path), read_json(path.parent / "pattern.json")
         about = {"pattern": path.parent.name, "effect": facts["effect"], "grade": facts.get("grade", "")}
         rows.append({**about, "views": len(views), **_summary(views)})

@@ -55,6 +55,7 @@ def fetch(
     sha256: str | None = None,
     refuse: Callable[[Path], str] = lambda path: "",
     known_from: str = "as published",
+    otherwise: str = "Or name another server (--mirror URL), or put the file there by hand: {target}",
 ) -> str:
     """Download a file; `target` exists only once the download is complete and checked.
 
@@ -67,6 +68,7 @@ def fetch(
         sha256: the expected hash in hexadecimal; None if it is not known.
         refuse: what is wrong with a complete file, "" if nothing is.
         known_from: where the expected hash is from, for the error.
+        otherwise: what else the user may do where no server delivers it; `{target}` is where the file goes.
 
     Returns:
         Its SHA-256 in hexadecimal.
@@ -83,8 +85,8 @@ def fetch(
     raise InputError(
         f"{target.name}: no server delivers it",
         found="\n    ".join(["", *reasons]),
-        fix="check the network and run the same command again: what has arrived is kept. Or name another server "
-        f"(--mirror URL), or put the file there by hand: {target}",
+        fix="check the network and run the same command again: what has arrived is kept. "
+        + otherwise.format(target=target),
     )
 
 

@@ -5,6 +5,8 @@ rain               "captured" if it was taken in rain, else "none". There is no 
 metres_per_unit    scale of the scene, for rain in space
 clean_error        mean squared error of plain 3DGS on held-out clean views over the views' mean squared fine
                    detail, for grades (see `rain.severity`)
+licence            of the photographs: an SPDX identifier such as "CC-BY-4.0", or a text
+shareable          true if the photographs may be handed on under that licence
 drops_cost         factor by which sharp drops cost more than predicted (see `rain.severity`)
 """
 
@@ -45,6 +47,25 @@ def captured_rainy(folder: Path) -> bool:
     if rain not in ("captured", "none"):
         raise InputError(f"{folder / FILE}: unknown rain", found=rain, expected='"captured" or "none"')
     return bool(rain == "captured") or folder.resolve().name == CAPTURED
+
+
+def described_licence(folder: Path) -> tuple[str, bool] | None:
+    """The licence of a capture's photographs, and whether they may be handed on; None where it states none.
+
+    Raises:
+        InputError: see `read_capture_json`; the licence is no text, or "shareable" is neither true nor false.
+    """
+    content = read_capture_json(folder)
+    licence, shareable = content.get("licence"), content.get("shareable", False)
+    if licence is None and not shareable:
+        return None
+    if not (isinstance(licence, str) and licence.strip() and isinstance(shareable, bool)):
+        raise InputError(
+            f"{folder / FILE}: licence",
+            found=f"licence {licence!r}, shareable {shareable!r}",
+            expected='{"licence": "CC-BY-4.0", "shareable": true}, or false',
+        )
+    return licence.strip(), shareable
 
 
 def described_number(folder: Path, name: str) -> float | None:

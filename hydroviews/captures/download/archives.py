@@ -81,10 +81,10 @@ def unpack(archive: Path, scene: str, folder: Path, label: str = "") -> None:
         InputError: the disk is full, or the folder may not be written.
     """
     staging = folder.with_name(f"{UNFINISHED}{label}-{folder.name}")
-    with _opened(archive) as opened:
+    with opened_archive(archive) as opened:
         files = _scene_files(archive, _members(opened), scene)
         missing = {path: member for path, member in files.items() if not _is_there(staging / path, member)}
-        _refuse_if_too_large(folder, sum(member.size for member in missing.values()))
+        refuse_if_too_large(folder, sum(member.size for member in missing.values()))
         with tqdm(
             total=sum(member.size for member in files.values()),
             initial=sum(member.size for path, member in files.items() if path not in missing),
@@ -100,7 +100,7 @@ def unpack(archive: Path, scene: str, folder: Path, label: str = "") -> None:
 
 
 @contextmanager
-def _opened(archive: Path) -> Iterator[Opened]:
+def opened_archive(archive: Path) -> Iterator[Opened]:
     """The open archive; damage found while it is read raises InputError."""
     try:
         if zipfile.is_zipfile(archive):
@@ -143,25 +143,25 @@ def _scene_files(archive: Path, members: list[Member], scene: str) -> dict[PureP
     """The scene's files by their paths below its folder; hidden ones are left out."""
     found: dict[PurePosixPath, dict[PurePosixPath, Member]] = {}
     for member in members:
-        parts = _safe_parts(archive, member.name)
+        parts = safe_parts(archive, member.name)
         if scene not in parts[:DEPTH]:
             continue
         inside = parts.index(scene) + 1
         if inside == len(parts) or any(part.startswith((".", "__MACOSX")) for part in parts):
             continue
         if member.link or member.encrypted:
-            raise _refused(archive, member.name, "a link" if member.link else "an encrypted file")
+            raise refused(archive, member.name, "a link" if member.link else "an encrypted file")
         found.setdefault(PurePosixPath(*parts[:inside]), {})[PurePosixPath(*parts[inside:])] = member
     if not found:
         folders = sorted({PurePosixPath(member.name).parts[0] for member in members if member.name})
         raise BadArchive(f"{archive}: no folder {scene} in it", found=", ".join(folders[:12]) or "nothing")
     files = found[min(found, key=lambda prefix: (len(prefix.parts), str(prefix)))]
     for folder in {parent for path in files for parent in path.parents} & files.keys():
-        raise _refused(archive, files[folder].name, "a file and a folder of one name")
+        raise refused(archive, files[folder].name, "a file and a folder of one name")
     return files
 
 
-def _safe_parts(archive: Path, name: str) -> tuple[str, ...]:
+def safe_parts(archive: Path, name: str) -> tuple[str, ...]:
     """The parts of a member's path.
 
     Checked here, because the libraries unpack where this refuses: zipfile drops `..` from a name without a word, and
@@ -169,13 +169,14 @@ def _safe_parts(archive: Path, name: str) -> tuple[str, ...]:
     """
     parts = PurePosixPath(name).parts
     if not parts or ".." in parts or parts[0] == "/" or "\\" in name or "\0" in name or ":" in parts[0]:
-        raise _refused(archive, name, "a name that leads outside")
+        raise refused(archive, name, "a name that leads outside")
     if any(len(os.fsencode(part)) > LONGEST for part in parts):
-        raise _refused(archive, name[:LONGEST], "a name too long for a file")
+        raise refused(archive, name[:LONGEST], "a name too long for a file")
     return parts
 
 
-def _refused(archive: Path, name: str, what: str) -> BadArchive:
+def refused(archive: Path, name: str, what: str) -> BadArchive:
+    """The error for a member that is no plain file with a name of its own."""
     return BadArchive(
         f"{archive}: cannot be unpacked safely",
         found=f"{what}: {name!r}",
@@ -187,7 +188,12 @@ def _is_there(path: Path, member: Member) -> bool:
     return path.is_file() and path.stat().st_size == member.size
 
 
-def _refuse_if_too_large(folder: Path, needed: int) -> None:
+def refuse_if_too_large(folder: Path, needed: int) -> None:
+    """Refuse to fill the disk.
+
+    Raises:
+        InputError: the disk that `folder` is on has fewer than `needed` bytes free.
+    """
     with plain_write_errors(folder):
         folder.parent.mkdir(parents=True, exist_ok=True)
     free = shutil.disk_usage(folder.parent).free

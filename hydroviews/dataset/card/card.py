@@ -7,6 +7,7 @@ like others, with their hashes in the manifest.
 
 import shutil
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,9 @@ import pandas as pd
 from hydroviews.blender.embedded_scenes.captures import EMBEDDED
 from hydroviews.dataset.card.markdown import describe_rain, how_to_open
 from hydroviews.dataset.statistics import STATISTICS, read_statistics
-from hydroviews.files.atomic import read_json, replacing, write_bytes
-from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import read_json, replacing, write_bytes, write_json
+from hydroviews.formats.capture_json import CAPTURED, described_licence
 from hydroviews.formats.markdown import markdown_table
 from hydroviews.formats.paired_pictures import RAINY
 from hydroviews.formats.photographs import FOLDERS
@@ -25,6 +27,8 @@ from hydroviews.scene.images import image_size, list_images
 from hydroviews.scene.scenes import Scene
 
 CARD, LOSSES, LICENCE = "README.md", "losses.csv", "licence"
+STATED, APACHE = "licence.json", "Apache-2.0.txt"  # in the folder LICENCE
+NOT_QUOTED = (STATED, APACHE)
 LICENCE_FILES = ("SOURCE*", "LICENSE*", "LICENCE*", "COPYING*")
 MODELLED = "Modelled and rendered by HydroViews with Blender; Apache-2.0, like its code."
 SHOWN = {  # heading: column of the statistics, its factor, format and unit
@@ -45,6 +49,15 @@ MEASURED = (
 )
 
 
+@dataclass(frozen=True)
+class Licence:
+    """Under which terms a scene's photographs are: an SPDX identifier or a text, who says so, and whether to share."""
+
+    text: str
+    shareable: bool  # whether they may be handed on
+    said_by: str  # "HydroViews", "the capture", or "who packed it"
+
+
 def keep_licence(capture: Scene, folder: Path) -> None:
     """Copy the capture's own word on its origin and licence, if it lies beside its photographs, to `licence/`.
 
@@ -57,15 +70,43 @@ def keep_licence(capture: Scene, folder: Path) -> None:
         for file in sorted(path for pattern in LICENCE_FILES for path in place.glob(pattern) if path.is_file()):
             with replacing(folder / LICENCE / file.name) as temporary:
                 shutil.copyfile(file, temporary)
+    stated = described_licence(images.parent if images.name in FOLDERS else images)
+    if stated:
+        write_json(folder / LICENCE / STATED, asdict(Licence(*stated, said_by="the capture")))
+
+
+def find_licence(folder: Path) -> Licence | None:
+    """The licence of a built scene's photographs; None where nobody has stated one.
+
+    Raises:
+        InputError: its file is not what `keep_licence` writes.
+    """
+    path = folder / LICENCE / STATED
+    if not path.is_file():
+        modelled = read_json(folder / "request.json").get("source") in EMBEDDED
+        return Licence("Apache-2.0", True, "HydroViews") if modelled else None
+    content = read_json(path)
+    try:
+        return Licence(**content)
+    except TypeError as error:
+        raise InputError(f"{path}: not a licence", found=error, fix="build the scene again") from None
 
 
 def write_card(folder: Path, patterns: Sequence[str], notes: Sequence[str] = ()) -> Path:
-    """Write the card of a scene whose other files are finished.
+    """Write the card of a scene whose other files are finished: see `card_text`."""
+    path = folder / CARD
+    write_bytes(path, card_text(folder, patterns, notes, find_licence(folder)).encode())
+    return path
+
+
+def card_text(folder: Path, patterns: Sequence[str], notes: Sequence[str], licence: Licence | None) -> str:
+    """The card of a scene, as far as it consists of these variants.
 
     Args:
         folder: of the built scene.
-        patterns: names of its variants.
+        patterns: names of variants.
         notes: what the reader of the capture found worth telling.
+        licence: of the photographs; None if it is not known.
 
     Raises:
         InputError: a file of the scene is missing or unreadable.
@@ -76,12 +117,10 @@ def write_card(folder: Path, patterns: Sequence[str], notes: Sequence[str] = ())
         _about(folder, request, facts, notes),
         _severity(folder, facts),
         _losses(folder),
-        _origin(folder, request, patterns),
+        _origin(folder, request, patterns, licence),
         how_to_open(folder.name, patterns),
     ]
-    path = folder / CARD
-    write_bytes(path, ("\n\n".join(part for part in parts if part) + "\n").encode())
-    return path
+    return "\n\n".join(part for part in parts if part) + "\n"
 
 
 def _about(folder: Path, request: Mapping[str, Any], facts: Mapping[str, Any], notes: Sequence[str]) -> str:
@@ -142,7 +181,7 @@ def _losses(folder: Path) -> str:
     return "\n".join(["## What it costs plain 3DGS", "", text, "", markdown_table(head, rows)])
 
 
-def _origin(folder: Path, request: Mapping[str, Any], patterns: Sequence[str]) -> str:
+def _origin(folder: Path, request: Mapping[str, Any], patterns: Sequence[str], licence: Licence | None) -> str:
     source, size = request["source"], request["long_side"]
     path = f"path/to/{_display_name(source)}" if _display_name(source) != source else source
     command = ["python -m hydroviews build", f"--scene {path}", *_profile(folder)]
@@ -151,11 +190,15 @@ def _origin(folder: Path, request: Mapping[str, Any], patterns: Sequence[str]) -
     added = [name for name in patterns if name != CAPTURED]
     command += [f"--seed {request['seed']}"] + ([f"--patterns {' '.join(added)}"] if added else [])
     kept = sorted((folder / LICENCE).iterdir()) if (folder / LICENCE).is_dir() else []
-    licence = [MODELLED if source in EMBEDDED else "The photographs' licence is unknown: none lay beside them."]
-    if kept:
-        licence = [f"From `{LICENCE}/{file.name}`:\n\n" + _quoted(file) for file in kept]
+    words = [f"From `{LICENCE}/{file.name}`:\n\n" + _quoted(file) for file in kept if file.name not in NOT_QUOTED]
+    if source in EMBEDDED:
+        words = [MODELLED]
+    elif licence:
+        words.insert(0, f"Licence of the photographs, as stated by {licence.said_by}: {licence.text}")
+    elif not words:
+        words = ["The photographs' licence is unknown: none lay beside them."]
     made = f"Made by {request['generator']} with\n\n```\n{' '.join(command)}\n```"
-    return "\n\n".join(["## Origin", made, *licence])
+    return "\n\n".join(["## Origin", made, *words])
 
 
 def _profile(folder: Path) -> list[str]:

@@ -9,6 +9,7 @@ from hydroviews.dataset.contact_sheet import SHEETS
 from hydroviews.dataset.manifest import MANIFEST, changed_files, listed_files, steps_below
 from hydroviews.dataset.rainy_variant import LENS, SHARED
 from hydroviews.dataset.request import REQUEST
+from hydroviews.dataset.sharing.croissant import CROISSANT
 from hydroviews.dataset.sources import RENDERED
 from hydroviews.files.locks import LOCK
 from hydroviews.files.temporary import PARTIAL
@@ -22,7 +23,7 @@ def check_folder(data: Path, scenes: Mapping[str, Entry]) -> list[str]:
     """What lies in a data folder beside the scenes of its manifest: unfinished scenes, and what nobody built."""
     problems = []
     for item in sorted(data.iterdir()):
-        if item.name in (MANIFEST, SHEETS, RENDERED) or _is_at_work(item) or item.name in scenes:
+        if item.name in (MANIFEST, SHEETS, RENDERED, CROISSANT) or _is_at_work(item) or item.name in scenes:
             problems += [_link(item)] if item.is_symlink() else []
         elif (item / REQUEST).is_file():
             problems.append(f"{item}: not finished; run its build again")

@@ -1,0 +1,241 @@
+"""Takes a packed variant, from a server or a disk, into a data folder, where it is then as if it had been built there.
+
+What arrives is kept in hidden files of the data folder, so that a later call goes on where an interrupted one ended. A
+scene appears when all of it is there and compared with the archive's manifest; a variant of a scene that is there
+already is added to it, if both have the same clean views, cameras and split.
+"""
+
+import hashlib
+import os
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from tqdm import tqdm
+
+from hydroviews.captures.download.archives import is_archive, refuse_if_too_large
+from hydroviews.dataset.card.card import CARD, LOSSES, write_card
+from hydroviews.dataset.checks.rain import read_facts
+from hydroviews.dataset.clean_views import CLEAN
+from hydroviews.dataset.manifest import changed_files, enter_scene, read_manifest, scene_files
+from hydroviews.dataset.rainy_variant import link_shared
+from hydroviews.dataset.request import REQUEST
+from hydroviews.dataset.sharing.archive import Packed, open_archive
+from hydroviews.dataset.sharing.contents import IMAGES, LAYERS, PATTERN
+from hydroviews.dataset.statistics import STATISTICS, write_statistics
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import replacing, sha256
+from hydroviews.files.full_disk import plain_write_errors
+from hydroviews.files.http_download import fetch as download
+from hydroviews.files.known_bytes import changed, current_sha256, read_only
+from hydroviews.files.locks import BUSY, locked
+from hydroviews.files.temporary import PARTIAL, remove_tree
+from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.photographs import some
+from hydroviews.rain.layers import read_layers
+from hydroviews.rain.registry import find_effect, parse_pattern
+from hydroviews.scene.images import read_image, write_png
+
+CHECKSUM = "#sha256="
+WEB = ("http://", "https://")
+SUMMARIES = (CARD, STATISTICS, LOSSES)  # of a scene with all its variants: made anew when one is added
+SAME = ("seed", "long_side", "views", "drawing_code", "capture")  # of all variants of a scene
+ELSEWHERE = "choose another --out"
+
+
+def fetch(address: str, data: Path) -> Path:
+    """Get an archive, compare all of it with its manifest, and add its variant to a data folder.
+
+    Args:
+        address: http(s)://... or a file; `#sha256=...` at its end is the checksum that the archive must have.
+        data: the data folder; it need not exist.
+
+    Returns:
+        The scene's folder. If the variant is there already, nothing is written.
+
+    Raises:
+        BadArchive: the archive is damaged, or could do harm.
+        InputError: it cannot be had, another scene of that name is there, or the disk is full.
+    """
+    with _archive(address, data) as path:
+        packed = open_archive(path)
+        folder = data / packed.scene
+        with locked(folder, BUSY):
+            _take_in(packed, data, folder)
+    return folder
+
+
+@contextmanager
+def _archive(address: str, data: Path) -> Iterator[Path]:
+    """The archive on disk; one that was downloaded is removed once the block has ended without an error."""
+    place, _, expected = address.partition(CHECKSUM)
+    expected = expected.strip().lower()
+    if not place.startswith(WEB):
+        if expected and Path(place).is_file() and (found := sha256(Path(place))) != expected:
+            raise InputError(f"{place}: wrong checksum", found=found, expected=expected, fix="get the archive again")
+        yield Path(place)
+        return
+    target = data / f"{PARTIAL}fetched-{hashlib.sha256(address.encode()).hexdigest()[:12]}.zip"
+    with locked(target, BUSY):
+        if not target.is_file():
+            download(
+                [place],
+                target,
+                expected or None,
+                refuse=lambda path: "" if is_archive(path) else "what arrived is no archive (a page of text?)",
+                known_from="as the address says",
+                otherwise="Or get the archive in another way, and fetch the file",
+            )
+        try:
+            yield target
+        except InputError:
+            _remove_if_damaged(target)
+            raise
+        target.unlink()
+
+
+def _remove_if_damaged(target: Path) -> None:
+    """Remove a download that no later call could use."""
+    try:
+        packed = open_archive(target)
+        for name in packed.places:
+            for _ in packed.blocks(name):
+                pass
+    except InputError:
+        target.unlink()
+
+
+def _take_in(packed: Packed, data: Path, folder: Path) -> None:
+    entry = read_manifest(data)["scenes"].get(packed.scene)
+    there = _compared(packed, folder, entry)
+    missing = [name for name in packed.entry["files"] if name not in there]
+    if entry and not set(missing) - set(SUMMARIES) and set(packed.entry["patterns"]) <= set(entry["patterns"]):
+        return
+    staged = data / f"{PARTIAL}fetched-{_digest(packed)}" / packed.scene
+    _stage(packed, staged, [name for name in missing if name in packed.places])
+    _composite(packed, folder, staged, [name for name in missing if name in packed.left_out])
+    with plain_write_errors(folder):
+        _move(staged, folder, missing)
+    _finish(packed, data, folder, entry)
+    remove_tree(staged.parent)
+
+
+def _digest(packed: Packed) -> str:
+    return hashlib.sha256(repr(sorted(packed.entry["files"].items())).encode()).hexdigest()[:12]
+
+
+def _compared(packed: Packed, folder: Path, entry: Mapping[str, Any] | None) -> set[str]:
+    """Names of the archive's files that the scene's folder has already.
+
+    Raises:
+        InputError: the folder holds another scene, or one that is not finished.
+    """
+    names = packed.entry["files"]
+    if not folder.exists():
+        return set()
+    if entry is None:
+        found = [path.relative_to(folder).as_posix() for path in scene_files(folder)]
+        if not set(found) <= set(names):
+            raise _other(folder, "a scene whose build is not finished", f"run its build again, or {ELSEWHERE}")
+    else:
+        differing = [key for key in SAME if entry.get(key) != packed.entry.get(key)]
+        if differing:
+            raise _other(folder, f"another {differing[0]}: {entry.get(differing[0])!r}", ELSEWHERE)
+    there = {name for name in names if (folder / name).is_file()}
+    kept = {folder / name: names[name] for name in there if name not in (*SUMMARIES, REQUEST)}
+    other = changed_files(kept, folder.name)
+    if other:
+        raise _other(folder, some([path.relative_to(folder).as_posix() for path in other]), ELSEWHERE)
+    return there
+
+
+def _other(folder: Path, found: str, fix: str) -> InputError:
+    return InputError(f"{folder}: not the scene of the archive", found=found, expected="the archive's files", fix=fix)
+
+
+def _stage(packed: Packed, staged: Path, names: Collection[str]) -> None:
+    """Unpack files beside where they go; those of an interrupted call are compared and kept."""
+    size = sum(packed.places[name][1] for name in names)
+    kept = [name for name in names if (staged / name).is_file() and _is(staged / name, packed.entry["files"][name])]
+    refuse_if_too_large(staged.parent, size - sum(packed.places[name][1] for name in kept))
+    with tqdm(total=size, desc=f"unpacking {packed.scene}", unit="B", unit_scale=True) as bar:
+        for name in names:
+            if name not in kept:
+                with replacing(staged / name) as temporary:
+                    packed.copy(name, temporary)
+            bar.update(packed.places[name][1])
+
+
+def _is(path: Path, digest: str) -> bool:
+    return current_sha256(path) == digest
+
+
+def _composite(packed: Packed, folder: Path, staged: Path, names: Collection[str]) -> None:
+    """Make rainy views from clean ones that are here and from the archive's layers; no other file can be made.
+
+    Raises:
+        InputError: something is missing, or a view comes out otherwise than it was.
+    """
+    if not names:
+        return
+    rest = [name for name in names if not _can_be_made(packed, folder, name)]
+    if rest:
+        raise InputError(
+            f"{folder}: the archive leaves out {len(rest)} files that are not here either",
+            found=f"no {some(sorted(rest))}",
+            expected="the scene, built from the same capture; the archive has no pictures",
+            fix=f"build it first: {_command(packed)}",
+        )
+    for name in tqdm(names, desc=f"{packed.scene}: rainy views", unit="view"):
+        path, variant = PurePosixPath(name), staged / PurePosixPath(name).parts[0]
+        facts = read_facts(variant / PATTERN)
+        clean, layers = read_image(folder / CLEAN / path.name), read_layers(variant / LAYERS / f"{path.stem}.exr")
+        write_png(staged / name, find_effect(facts["effect"]).composite(facts["parameters"], clean, layers))
+        if not _is(staged / name, packed.entry["files"][name]):
+            raise changed(staged / name, current_sha256(staged / name), packed.entry["files"][name])
+
+
+def _can_be_made(packed: Packed, folder: Path, name: str) -> bool:
+    path = PurePosixPath(name)
+    layer = f"{path.parts[0]}/{LAYERS}/{path.stem}.exr"
+    return path.match(f"*/{IMAGES}/*.png") and layer in packed.places and (folder / CLEAN / path.name).is_file()
+
+
+def _command(packed: Packed) -> str:
+    """The build that makes the scene again."""
+    entry = packed.entry
+    size = f" --long-side {entry['long_side']}" if entry["long_side"] else ""
+    patterns = f" --patterns {' '.join(entry['patterns'])}" if entry["patterns"] else ""
+    return f"python -m hydroviews build --scene {entry['source']}{size} --seed {entry['seed']}{patterns}"
+
+
+def _move(staged: Path, folder: Path, names: Collection[str]) -> None:
+    """Move staged files to where they belong: all at once where there is no such folder yet."""
+    for name in names:
+        read_only(staged / name)
+    if not folder.exists():
+        os.replace(staged, folder)
+        return
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        os.replace(staged / name, folder / name)
+
+
+def _finish(packed: Packed, data: Path, folder: Path, entry: Mapping[str, Any] | None) -> None:
+    """Link what variants share, describe the scene with all its variants, and enter it in the manifest."""
+    facts = {key: value for key, value in (entry or packed.entry).items() if key != "files"}
+    rains = {*facts["patterns"], *packed.entry["patterns"]}
+    facts["patterns"] = [pattern.name for pattern in sorted(map(parse_pattern, rains))]
+    files = {**packed.entry["files"], **(entry["files"] if entry else {})}
+    captured = [CAPTURED] if any(name.startswith(f"{CAPTURED}/") for name in files) else []
+    for name in captured or facts["patterns"]:
+        link_shared(folder / name)
+    for name in facts["patterns"]:
+        write_statistics(folder, name)
+    write_card(folder, captured or facts["patterns"], facts["notes"])
+    for name in SUMMARIES:
+        if (folder / name).is_file():
+            read_only(folder / name)
+            files[name] = current_sha256(folder / name)
+    enter_scene(data, packed.scene, facts, files)

@@ -1,0 +1,154 @@
+"""Archives that are damaged, or made to do harm, are refused; good ones have the same bytes everywhere."""
+
+import hashlib
+import json
+import os
+import pickle
+import stat
+import zipfile
+
+import pytest
+from shared import built_in, member, rewritten
+
+from hydroviews.captures.download.archives import BadArchive
+from hydroviews.dataset.sharing.archive import open_archive, write_archive
+from hydroviews.dataset.sharing.fetch import fetch
+from hydroviews.dataset.sharing.pack import pack
+from hydroviews.errors import InputError
+
+OUTSIDE = ("../x", "yard/../../x", "/etc/x", "yard\\..\\x", "c:/x", "elsewhere/x")
+MEETING = ("yard/clean/view-00.png", "YARD/clean/view-00.png", "yard/clean", "yard/new.png", "yard/clean/")
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("shared")
+    built = built_in(folder, patterns=("streak-1",))
+    [(path, _)] = pack(built, folder / "out", patterns=["streak-1"])
+    return path
+
+
+def refused(path, tmp_path, match):
+    with pytest.raises(InputError, match=match) as error:
+        fetch(str(path), tmp_path / "data")
+    scenes = list((tmp_path / "data").glob("[!.]*")) if (tmp_path / "data").is_dir() else []
+    assert scenes == [], "nothing may look finished"
+    return error.value
+
+
+def test_bytes_are_the_same_on_every_machine(tmp_path):
+    """The known answer: no time, mode, order or system of this machine is in it."""
+    file = tmp_path / "b.bin"
+    file.write_bytes(bytes(range(256)) * 9000)  # several blocks
+    os.chmod(file, 0o400)
+    digest = hashlib.sha256(file.read_bytes()).hexdigest()
+    found = write_archive(tmp_path / "x.zip", {"a.json": b"{}\n", "ä/b.bin": file}, {"ä/b.bin": digest})
+    assert found == "bf97e81fa0f4a2ada20dc677bee382715d7edf5ffe05dc022e45c101774e79b4"
+
+
+def test_every_file_is_compared_with_the_manifest_as_it_is_packed(tmp_path):
+    (tmp_path / "a").write_bytes(b"changed")
+    with pytest.raises(InputError, match="changed since it was built"):
+        write_archive(tmp_path / "x.zip", {"a": tmp_path / "a"}, {"a": hashlib.sha256(b"built").hexdigest()})
+
+
+def test_an_opened_archive_can_be_pickled_and_reads_where_files_lie(archive):
+    packed = pickle.loads(pickle.dumps(open_archive(archive)))
+    with zipfile.ZipFile(archive) as opened:
+        assert all(info.compress_type == zipfile.ZIP_STORED for info in opened.infolist())
+        for name in packed.places:
+            assert b"".join(packed.blocks(name)) == opened.read(f"yard/{name}")
+
+
+@pytest.mark.parametrize("share", [0.999, 0.5, 0.01, 0])
+def test_an_archive_cut_short(archive, tmp_path, share):
+    content = archive.read_bytes()
+    (tmp_path / "cut.zip").write_bytes(content[: int(share * len(content))])
+    refused(tmp_path / "cut.zip", tmp_path, "damaged")
+
+
+def test_a_changed_byte_anywhere_is_refused_or_does_no_harm(archive, tmp_path):
+    """In headers, members, the directory and the end: what is unpacked always is what was packed."""
+    content, whole = archive.read_bytes(), open_archive(archive)
+    directory = content.index(b"PK\x01\x02")
+    spots = [*range(0, directory, directory // 40), *range(directory, len(content), 89), len(content) - 22]
+    harmless = 0
+    for spot in spots:
+        spoilt = tmp_path / "spoilt.zip"
+        spoilt.write_bytes(content[:spot] + bytes([content[spot] ^ 0x55]) + content[spot + 1 :])
+        try:
+            packed = open_archive(spoilt)
+            assert packed.entry == whole.entry
+            for name in packed.places:
+                assert b"".join(packed.blocks(name)) == b"".join(whole.blocks(name))
+            harmless += 1
+        except InputError:
+            pass
+    assert harmless < len(spots) / 2
+
+
+def test_a_changed_byte_of_a_picture_is_named(archive, tmp_path):
+    start, size = open_archive(archive).places["streak-1/images/view-03.png"]
+    content = bytearray(archive.read_bytes())
+    content[start + size // 2] ^= 1
+    (tmp_path / "spoilt.zip").write_bytes(content)
+    refused(tmp_path / "spoilt.zip", tmp_path, r"streak-1/images/view-03\.png is not what the manifest says")
+
+
+@pytest.mark.parametrize("name", [*OUTSIDE, *MEETING])
+@pytest.mark.filterwarnings("ignore:Duplicate name")
+def test_names_that_lead_elsewhere_or_meet(archive, tmp_path, name):
+    path = rewritten(archive, tmp_path / "bad.zip", lambda members: [*members, (member(name), b"harm")])
+    with pytest.raises(BadArchive, match="cannot be unpacked safely"):
+        open_archive(path)
+    refused(path, tmp_path, "safely")
+
+
+def test_names_that_lead_elsewhere_are_refused_in_the_manifest_too(archive, tmp_path):
+    def change(members):
+        manifest = json.loads(members[0][1])
+        manifest["scenes"]["yard"]["files"]["../x"] = "0" * 64
+        return [(members[0][0], json.dumps(manifest).encode()), *members[1:]]
+
+    refused(rewritten(archive, tmp_path / "bad.zip", change), tmp_path, "not an archive that `hydroviews pack` wrote")
+
+
+@pytest.mark.parametrize("mode", [stat.S_IFLNK | 0o777, stat.S_IFIFO | 0o644, 0])
+def test_links_and_other_things_that_are_no_files(archive, tmp_path, mode):
+    def change(members):
+        return [(member(members[2][0].filename, mode), b"/etc/passwd"), *members[:2], *members[3:]]
+
+    refused(rewritten(archive, tmp_path / "bad.zip", change), tmp_path, "safely")
+
+
+def test_a_bomb_is_refused_before_anything_is_unpacked(archive, tmp_path):
+    def change(members):
+        info = member(members[2][0].filename)
+        info.compress_type = zipfile.ZIP_DEFLATED
+        return [*members[:2], (info, bytes(50_000_000)), *members[3:]]
+
+    bomb = rewritten(archive, tmp_path / "bomb.zip", change)
+    assert bomb.stat().st_size < 1_000_000
+    refused(bomb, tmp_path, "an encrypted or compressed file")
+
+
+def test_members_that_overlap_are_no_more_than_the_archive(archive, tmp_path):
+    content = bytearray(archive.read_bytes())
+    at = content.index(b"PK\x01\x02")
+    at = content.index(b"PK\x01\x02", at + 4)
+    content[at + 20 : at + 28] = (10**9).to_bytes(4, "little") * 2  # both of its sizes
+    (tmp_path / "bad.zip").write_bytes(content)
+    refused(tmp_path / "bad.zip", tmp_path, "more than the .* bytes of the archive")
+
+
+@pytest.mark.parametrize("drop", [0, 5])
+def test_an_archive_that_lacks_a_member(archive, tmp_path, drop):
+    path = rewritten(archive, tmp_path / "bad.zip", lambda members: members[:drop] + members[drop + 1 :])
+    refused(path, tmp_path, "not an archive|incomplete")
+
+
+def test_other_archives_and_no_archive(tmp_path):
+    with zipfile.ZipFile(tmp_path / "other.zip", "w") as other:
+        other.writestr(member("a.txt"), "hello")
+    refused(tmp_path / "other.zip", tmp_path, r"1 files and no manifest\.json")
+    refused(tmp_path / "absent.zip", tmp_path, "no such archive")

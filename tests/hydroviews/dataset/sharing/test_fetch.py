@@ -1,0 +1,253 @@
+"""What is fetched is what was built: to `verify`, to who opens it, and to the hash in a run's record."""
+
+from types import SimpleNamespace
+
+import pytest
+from servers import serving
+from shared import built_in
+
+from hydroviews.captures.download import archives
+from hydroviews.captures.download.archives import BadArchive
+from hydroviews.dataset.manifest import data_hash, forget_scene, read_manifest
+from hydroviews.dataset.sharing import archive as archive_module
+from hydroviews.dataset.sharing.fetch import fetch
+from hydroviews.dataset.sharing.pack import pack
+from hydroviews.dataset.variants import open_clean, open_variant
+from hydroviews.dataset.verify import verify
+from hydroviews.errors import InputError
+from hydroviews.files import http_download
+
+
+@pytest.fixture(autouse=True)
+def no_waiting(monkeypatch):
+    monkeypatch.setattr(http_download, "PAUSE", 0.0)
+    for name in ("http_proxy", "HTTP_PROXY"):
+        monkeypatch.delenv(name, raising=False)
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory):
+    """A built scene, and its archives by variant."""
+    folder = tmp_path_factory.mktemp("shared")
+    built = built_in(folder)
+    paths = {path.stem.removeprefix("yard-"): path for path, _ in pack(built, folder / "out")}
+    return SimpleNamespace(built=built, paths=paths, streaks=paths["streak-1"])
+
+
+def visible(data):
+    return sorted(path.name for path in data.glob("[!.]*"))
+
+
+def files_of(folder):
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def test_one_variant_in_an_empty_folder_is_a_data_set(shared, tmp_path):
+    data = tmp_path / "data"
+    folder = fetch(str(shared.streaks), data)
+    assert verify(data, every_view=True) == []
+    for pattern in ("streak-1", "clean"):
+        assert data_hash(data, "yard", pattern) == data_hash(shared.built.parent, "yard", pattern)
+    assert (
+        open_variant(folder, "streak-1").views[0].image() == open_variant(shared.built, "streak-1").views[0].image()
+    ).all()
+    assert len(open_clean(folder).test_views) == 2
+    with pytest.raises(InputError, match="no such views"):
+        open_variant(folder, "storm-1")
+    assert (folder / "clean" / "view-00.png").stat().st_mode & 0o222 == 0
+
+
+def test_variants_fetched_one_by_one_are_the_scene_that_was_built(shared, tmp_path):
+    data = tmp_path / "data"
+    for path in shared.paths.values():
+        fetch(str(path), data)
+    assert verify(data, every_view=True) == []
+    built, fetched = files_of(shared.built), files_of(data / "yard")
+    only_fetched = {"licence/licence.json"} & (fetched.keys() - built.keys())
+    assert fetched.keys() - only_fetched == {name for name in built if "/." not in f"/{name}"}
+    differing = {name for name in fetched.keys() & built.keys() if fetched[name] != built[name]}
+    assert differing <= {"request.json"}  # which names no local path any more
+    again = dict(pack(data, tmp_path / "again"))
+    for path in shared.paths.values():
+        assert (tmp_path / "again" / path.name).read_bytes() == path.read_bytes()
+    assert len(again) == 3
+
+
+def test_fetching_into_the_data_set_it_was_packed_from(shared, tmp_path):
+    """Another variant joins a scene that was built here."""
+    built = built_in(tmp_path, patterns=("streak-1",))
+    fetch(str(shared.paths["storm-1"]), built.parent)
+    assert read_manifest(built.parent)["scenes"]["yard"]["patterns"] == ["storm-1", "streak-1"]
+    assert verify(built.parent) == []
+
+
+def test_what_is_there_already_stays(shared, tmp_path):
+    data = tmp_path / "data"
+    fetch(str(shared.streaks), data)
+    before = {path: path.stat().st_mtime_ns for path in data.rglob("[!.]*")}
+    fetch(str(shared.streaks), data)
+    fetch(str(shared.paths["clean"]), data)
+    assert {path: path.stat().st_mtime_ns for path in data.rglob("[!.]*")} == before
+
+
+def test_another_scene_of_that_name_is_refused_and_stays(shared, tmp_path):
+    other = built_in(tmp_path, patterns=("streak-1",), seed=7)
+    before = files_of(other)
+    for path in shared.paths.values():
+        with pytest.raises(InputError, match="not the scene of the archive"):
+            fetch(str(path), other.parent)
+    assert files_of(other) == before
+
+
+def test_a_changed_file_here_is_not_covered_up(shared, tmp_path):
+    folder = fetch(str(shared.streaks), tmp_path / "data")
+    (folder / "clean" / "view-01.png").unlink()
+    (folder / "clean" / "view-01.png").write_bytes(b"other")
+    with pytest.raises(InputError, match=r"clean/view-01\.png"):
+        fetch(str(shared.paths["storm-1"]), tmp_path / "data")
+
+
+def test_a_missing_file_is_made_good(shared, tmp_path):
+    folder = fetch(str(shared.streaks), tmp_path / "data")
+    (folder / "clean" / "view-01.png").unlink()
+    fetch(str(shared.streaks), tmp_path / "data")
+    assert verify(tmp_path / "data") == []
+
+
+def test_a_build_that_is_not_finished_is_not_touched(shared, tmp_path):
+    built = built_in(tmp_path)
+    forget_scene(built.parent, "yard")
+    (built / "storm-1" / "images" / "view-08.png").unlink()
+    with pytest.raises(InputError, match="a scene whose build is not finished"):
+        fetch(str(shared.streaks), built.parent)
+
+
+@pytest.mark.parametrize("stop", [0, 3, 20])
+def test_an_interrupted_unpacking_goes_on(shared, tmp_path, monkeypatch, stop):
+    data, copies = tmp_path / "data", []
+    copy = archive_module.Packed.copy
+
+    def interrupted(self, name, target):
+        copies.append(name)
+        copy(self, name, target)
+        if len(copies) == stop + 1:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(archive_module.Packed, "copy", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        fetch(str(shared.streaks), data)
+    assert visible(data) == []
+    fetch(str(shared.streaks), data)
+    assert verify(data) == []
+    assert len(copies) == len(set(copies)) + 1  # the one that was interrupted, twice
+    assert not list(data.glob(".partial-fetched-*"))
+
+
+@pytest.mark.parametrize("stop", ["write_card", "enter_scene", "link_shared"])
+def test_an_interruption_after_unpacking_is_made_good(shared, tmp_path, monkeypatch, stop):
+    data = tmp_path / "data"
+    for path in (shared.streaks, shared.paths["storm-1"]):
+        with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+
+            def interrupt(*_):
+                raise KeyboardInterrupt
+
+            patch.setattr(f"hydroviews.dataset.sharing.fetch.{stop}", interrupt)
+            fetch(str(path), data)
+        fetch(str(path), data)
+        assert verify(data) == []
+
+
+def test_a_full_disk_is_told_first(shared, tmp_path, monkeypatch):
+    monkeypatch.setattr(archives.shutil, "disk_usage", lambda path: SimpleNamespace(free=10_000))
+    with pytest.raises(InputError, match="no space left on the disk"):
+        fetch(str(shared.streaks), tmp_path / "data")
+    assert visible(tmp_path / "data") == []
+
+
+def test_a_disk_that_fills_up_on_the_way(shared, tmp_path, monkeypatch):
+    def full(self, name, target):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(archive_module.Packed, "copy", full)
+        with pytest.raises(InputError, match="no space left on the disk"):
+            fetch(str(shared.streaks), tmp_path / "data")
+    fetch(str(shared.streaks), tmp_path / "data")
+    assert verify(tmp_path / "data") == []
+
+
+@pytest.mark.parametrize("ranges", [True, False])
+def test_from_a_server_that_hangs_up(shared, tmp_path, ranges):
+    """The same data set, whether the server can go on where it stopped or sends all of it again."""
+    content = shared.streaks.read_bytes()
+    with serving({"/a.zip": content}, ranges=ranges, cut_after=[len(content) // 3]) as server:
+        fetch(f"{server.address}/a.zip", tmp_path / "data")
+        assert [wanted for _, wanted in server.asked] == [None, f"bytes={len(content) // 3}-"]
+    assert verify(tmp_path / "data") == []
+    assert not list((tmp_path / "data").glob(".partial-fetched-*"))
+
+
+def test_a_later_call_goes_on_with_a_download(shared, tmp_path, monkeypatch):
+    content = shared.streaks.read_bytes()
+    with serving({"/a.zip": content}, cut_after=[50_000, 0, 0, 0]) as server:
+        with pytest.raises(InputError, match="no server delivers it"):
+            fetch(f"{server.address}/a.zip", tmp_path / "data")
+        server.asked.clear()
+        server.cut_after.clear()
+        fetch(f"{server.address}/a.zip", tmp_path / "data")
+        assert server.asked == [("/a.zip", "bytes=50000-")]
+    assert verify(tmp_path / "data") == []
+
+
+@pytest.mark.parametrize("tag", ['"two"', None])
+def test_a_server_that_has_another_file_by_now(shared, tmp_path, tag):
+    """It is noticed by its tag, or by its size, and fetched as a whole."""
+    first, second = shared.paths["storm-1"].read_bytes(), shared.streaks.read_bytes()
+    with serving({"/a.zip": first}, cut_after=[50_000, 0, 0, 0], tag='"one"' if tag else None) as server:
+        with pytest.raises(InputError, match="no server delivers it"):
+            fetch(f"{server.address}/a.zip", tmp_path / "data")
+        server.cut_after.clear()
+        server.files["/a.zip"], server.tag = second, tag
+        fetch(f"{server.address}/a.zip", tmp_path / "data")
+    assert read_manifest(tmp_path / "data")["scenes"]["yard"]["patterns"] == ["streak-1"]
+    assert verify(tmp_path / "data") == []
+
+
+def test_the_checksum_of_the_address_is_required(shared, tmp_path):
+    with serving({"/a.zip": shared.streaks.read_bytes()}) as server:
+        with pytest.raises(InputError, match=r"wrong checksum .* as the address says"):
+            fetch(f"{server.address}/a.zip#sha256={'0' * 64}", tmp_path / "data")
+        with pytest.raises(InputError, match="a page of text"):
+            server.files["/b.zip"] = b"<html>"
+            fetch(f"{server.address}/b.zip", tmp_path / "data")
+    assert visible(tmp_path / "data") == []
+
+
+def test_a_damaged_archive_is_not_kept_for_the_next_call(shared, tmp_path):
+    content = bytearray(shared.streaks.read_bytes())
+    content[len(content) // 2] ^= 1
+    with serving({"/a.zip": bytes(content)}) as server:
+        with pytest.raises(BadArchive, match="not what the manifest says"):
+            fetch(f"{server.address}/a.zip", tmp_path / "data")
+        server.files["/a.zip"] = shared.streaks.read_bytes()
+        fetch(f"{server.address}/a.zip", tmp_path / "data")
+    assert verify(tmp_path / "data") == []
+
+
+def test_layers_alone_make_the_rainy_views_where_the_clean_ones_are(tmp_path):
+    """Somebody else with the same capture gets the very same variant."""
+    built = built_in(tmp_path / "mine", says=None)
+    [(path, _)] = pack(built, tmp_path / "out", patterns=["streak-1"], layers_only=True)
+    theirs = built_in(tmp_path / "theirs", patterns=("storm-1",), says=None)
+    fetch(str(path), theirs.parent)
+    assert data_hash(theirs.parent, "yard", "streak-1") == data_hash(built.parent, "yard", "streak-1")
+    assert verify(theirs.parent, every_view=True) == []
+
+
+def test_layers_alone_need_the_capture(tmp_path):
+    built = built_in(tmp_path, says=None, patterns=("streak-1",))
+    [(path, _)] = pack(built, tmp_path / "out", layers_only=True)
+    with pytest.raises(InputError, match=r"leaves out .* files that are not here either(.|\n)*--patterns streak-1"):
+        fetch(str(path), tmp_path / "empty")
+    assert visible(tmp_path / "empty") == []

@@ -1,0 +1,176 @@
+"""What is packed, what the licence allows, and that builds at work are waited for."""
+
+import json
+import os
+import shutil
+import threading
+import time
+import zipfile
+from pathlib import Path
+
+import pytest
+from shared import built_in
+
+from hydroviews.__main__ import fetch_command, pack_command
+from hydroviews.dataset.manifest import read_manifest, record_scene
+from hydroviews.dataset.sharing.archive import open_archive
+from hydroviews.dataset.sharing.contents import APACHE_TEXT
+from hydroviews.dataset.sharing.pack import pack
+from hydroviews.errors import InputError
+from hydroviews.files.locks import locked
+
+ROOT = Path(__file__).parents[4]
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    return built_in(tmp_path_factory.mktemp("shared"))
+
+
+@pytest.fixture
+def silent(tmp_path):
+    """A scene whose capture states no licence."""
+    return built_in(tmp_path, says=None)
+
+
+def test_an_archive_for_every_variant_and_one_for_the_clean_views(built, tmp_path):
+    paths = [path for path, _ in pack(built.parent, tmp_path)]
+    assert sorted(path.name for path in paths) == ["yard-clean.zip", "yard-storm-1.zip", "yard-streak-1.zip"]
+    for path in paths:
+        names = {name.partition("/")[0] for name in open_archive(path).entry["files"]}
+        assert names & {"storm-1", "streak-1"} == {path.stem.removeprefix("yard-")} - {"clean"}
+        assert names >= {"clean", "sparse", "split.json", "README.md", "licence", "request.json"}
+
+
+def test_the_same_data_give_the_same_bytes(built, tmp_path):
+    """Whatever the folder, its times, the umask, and the variants beside it."""
+    other = built_in(tmp_path / "moved", patterns=("streak-1",))
+    for path in other.rglob("*"):
+        if not path.is_symlink():
+            os.utime(path, (1e9, 1e9))
+    before = os.umask(0o077)
+    try:
+        [(_, there)] = pack(other, tmp_path / "there", patterns=["streak-1"])
+    finally:
+        os.umask(before)
+    [(_, here)] = pack(built, tmp_path / "here", patterns=["streak-1"])
+    assert here == there
+
+
+def test_no_local_path_is_in_an_archive(built, tmp_path):
+    for path, _ in pack(built.parent, tmp_path):
+        assert str(built.parents[1]).encode() not in path.read_bytes()
+
+
+def test_what_is_there_is_left_if_it_is_the_same(built, tmp_path):
+    out = tmp_path / "one.zip"
+    list(pack(built, out, patterns=["streak-1"]))
+    list(pack(built, out, patterns=["streak-1"]))
+    with pytest.raises(InputError, match="another archive is there"):
+        list(pack(built, out, patterns=["storm-1"]))
+    with pytest.raises(InputError, match="one archive, for 3 variants"):
+        list(pack(built, tmp_path / "all.zip"))
+    with pytest.raises(InputError, match="no such variant"):
+        list(pack(built, tmp_path, patterns=["streak-2"]))
+
+
+@pytest.mark.parametrize("says", [None, {"licence": "my own"}, {"licence": "CC-BY-4.0", "shareable": False}])
+def test_what_may_not_be_handed_on_is_refused(tmp_path, says):
+    built = built_in(tmp_path, says=says)
+    with pytest.raises(InputError, match="does not allow to hand them on"):
+        list(pack(built, tmp_path / "out"))
+    assert not (tmp_path / "out").exists() or not list((tmp_path / "out").glob("*.zip"))
+
+
+def test_a_capture_with_an_odd_licence_is_refused(tmp_path):
+    with pytest.raises(InputError, match="licence"):
+        built_in(tmp_path, says={"shareable": True})
+
+
+def test_the_owner_states_the_licence(silent, tmp_path):
+    [(path, _)] = pack(silent, tmp_path / "out", patterns=["streak-1"], owner_says="CC-BY-SA-4.0")
+    with zipfile.ZipFile(path) as opened:
+        stated = json.loads(opened.read("yard/licence/licence.json"))
+        assert "as stated by who packed it: CC-BY-SA-4.0" in opened.read("yard/README.md").decode()
+    assert stated == {"text": "CC-BY-SA-4.0", "shareable": True, "said_by": "who packed it"}
+    metadata = json.loads(path.with_suffix(".croissant.json").read_text())
+    assert metadata["license"] == "https://spdx.org/licenses/CC-BY-SA-4.0"
+
+
+def test_our_own_licence_text_is_the_one_of_the_repository():
+    assert APACHE_TEXT.read_bytes() == (ROOT / "LICENSE").read_bytes()
+
+
+def test_layers_alone_hold_no_picture_of_the_capture(silent, tmp_path):
+    """Planes R, G and B of a storm are made from the photographs; streaks are not."""
+    archives = {path.stem: open_archive(path) for path, _ in pack(silent, tmp_path / "out", layers_only=True)}
+    streak, storm = archives["yard-streak-1-layers"], archives["yard-storm-1-layers"]
+    assert {Path(name).suffix for name in storm.places} == {".json", ".csv", ".md"}
+    assert sum(name.startswith("streak-1/layers/") for name in streak.places) == 9
+    assert not any(name.endswith(".png") or "sparse" in name for name in (*streak.places, *storm.places))
+
+
+def test_a_build_at_work_is_waited_for(built, tmp_path):
+    held, done = threading.Event(), []
+
+    def work():
+        with locked(built):
+            held.set()
+            time.sleep(0.5)
+            done.append("built")
+
+    builder = threading.Thread(target=work)
+    builder.start()
+    held.wait()
+    list(pack(built, tmp_path, patterns=["clean"]))
+    assert done == ["built"]
+    builder.join()
+
+
+def test_what_is_not_finished_is_refused(tmp_path):
+    built = built_in(tmp_path)
+    entry = read_manifest(built.parent)["scenes"]["yard"]
+    facts = {key: value for key, value in entry.items() if key != "files"}
+    record_scene(built.parent, "yard", facts | {"patterns": ["streak-1"]})  # as if the storm were being drawn
+    with pytest.raises(InputError, match="storm-1: its build is not finished"):
+        list(pack(built, tmp_path / "out", patterns=["storm-1"]))
+    shutil.copytree(built, built.with_name("begun"))
+    with pytest.raises(InputError, match="begun: its build is not finished"):
+        list(pack(built.parent, tmp_path / "out"))
+
+
+def test_a_damaged_scene_is_not_packed(tmp_path):
+    built = built_in(tmp_path, patterns=("streak-1",))
+    path = built / "clean" / "view-02.png"
+    path.chmod(0o644)
+    path.write_bytes(path.read_bytes() + b"x")
+    with pytest.raises(InputError, match=r"view-02\.png: changed since it was built"):
+        list(pack(built, tmp_path / "out"))
+    assert not list((tmp_path / "out").iterdir())
+
+
+@pytest.mark.parametrize("place", ["beside", "inside"])
+def test_other_software_reads_the_metadata(built, tmp_path, place):
+    """mlcroissant validates them, and finds every view in the files that they point to."""
+    mlcroissant = pytest.importorskip("mlcroissant", reason="the extra `sharing` is not installed")
+    [(path, _)] = pack(built, tmp_path / "out", patterns=["streak-1"])
+    metadata = path.with_suffix(".croissant.json")
+    if place == "inside":
+        with zipfile.ZipFile(path) as opened:
+            opened.extractall(tmp_path / "unpacked")
+        metadata = tmp_path / "unpacked" / "croissant.json"
+    dataset = mlcroissant.Dataset(str(metadata))
+    assert not dataset.metadata.ctx.issues.errors
+    views = {record["views/name"]: record["views/split"] for record in dataset.records("views")}
+    assert list(views.values()).count(b"test" if b"test" in views.values() else "test") == 2
+    for kind in ("rainy", "clean", "layers"):
+        assert len(list(dataset.records(kind))) == 9
+
+
+def test_the_commands(built, tmp_path, capsys):
+    pack_command(built, tmp_path / "out", patterns=("streak-1",))
+    digest, path = capsys.readouterr().out.split()
+    fetch_command(f"{path}#sha256={digest}", tmp_path / "data")
+    assert capsys.readouterr().out == f"ready: {tmp_path / 'data' / 'yard'}\n"
+    with pytest.raises(InputError, match="wrong checksum"):
+        fetch_command(f"{path}#sha256={'0' * 64}", tmp_path / "data")
