@@ -12,6 +12,8 @@
     lens/                drops and mist on the lens       (`raindrop`)
     streaks/             the paper's recipe of streaks    (`streak`)
     storm/               drops in space, seen by all views (`storm`)
+    other_make/          drops and streaks by other choices (`raindrop-b`, `streak-b`)
 
-Each of the last three folders has its effect in `effect.py`; nothing outside knows an effect by name.
+The last folders have their effects in `effect.py`, or in a file of the effect's name; nothing outside knows an effect
+by name.
 """
