@@ -83,7 +83,7 @@ def draw_pattern(rng: np.random.Generator, level: int) -> LensPattern:
         glint_direction=(float(np.cos(glint)), float(np.sin(glint))),
         aperture_blades=int(rng.choice([0, 5, 6, 7, 8])),
         aperture_turn=float(rng.uniform(0, np.pi)),
-        focus_blur=float(rng.uniform(0.006, 0.016)),
+        focus_blur=float(rng.uniform(0.008, 0.02)),
         key_frames=int(rng.choice(KEY_FRAMES)),
         drift=(float(far * np.cos(drift)), float(far * np.sin(drift))),
         growth=float(rng.uniform(0.0, 0.15)),
@@ -119,18 +119,18 @@ def drops_on(pattern: LensPattern, width: int, height: int, moment: float) -> Dr
     count = int(np.searchsorted(np.cumsum(np.pi * radii**2), needed))
     places += moment * np.array(pattern.drift) * rng.uniform(0.3, 1, (MOST, 1))
     radii *= 1 + moment * pattern.growth * rng.uniform(size=MOST)
-    parts = (bodies.stretch, bodies.lean, bodies.contact, bodies.meniscus)
+    parts = (bodies.inverse, bodies.lean, bodies.contact, bodies.meniscus)
     return Drops(places[:count], radii[:count], Bodies(*(part[:count] for part in parts)))
 
 
 def _draw_bodies(pattern: LensPattern, rng: np.random.Generator) -> Bodies:
     """Shapes of MOST drops: most are stretched downwards, some anyhow."""
-    long = np.exp(np.minimum(rng.exponential(pattern.stretched, MOST), 0.8) / 2)
+    long = np.exp(np.minimum(rng.exponential(pattern.stretched, MOST), 0.8) / 2)[:, None, None]
     turn = np.pi / 2 + rng.normal(0, 0.5, MOST)
-    axis, across = (np.stack([np.cos(turn + more), np.sin(turn + more)], axis=1) for more in (0, np.pi / 2))
-    stretch = long[:, None, None] * axis[:, :, None] * axis[:, None] + across[:, :, None] * across[:, None] / (
-        long[:, None, None]
-    )
+    along = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    across = np.stack([-np.sin(turn), np.cos(turn)], axis=1)
+    inverse = along[:, :, None] * along[:, None] / long + across[:, :, None] * across[:, None] * long
     lean = np.stack([rng.normal(0, 0.1, MOST), pattern.hanging * rng.uniform(size=MOST)], axis=1)
     contact = np.radians(rng.uniform(pattern.contact_angle_min, pattern.contact_angle_max, MOST))
-    return Bodies(stretch, lean, contact, rng.uniform(size=MOST) < pattern.menisci)
+    parts = (part.astype(np.float32) for part in (inverse, lean, contact))  # rays by the hundred thousand follow
+    return Bodies(*parts, rng.uniform(size=MOST) < pattern.menisci)

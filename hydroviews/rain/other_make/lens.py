@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.rain.other_make.drops import Drops, LensPattern
-from hydroviews.rain.other_make.refraction import Bodies, leave_drop
+from hydroviews.rain.other_make.refraction import Bodies, dot, leave_drop, times
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 
@@ -37,23 +37,24 @@ def map_lens(pattern: LensPattern, drops: Drops, camera: Camera) -> LensMap:
     width, height = FINER * camera.width, FINER * camera.height
     fine = camera.resized(width, height)
     which, rows, columns = _boxes(drops, width, height)
-    side = np.sqrt(width * height)
-    pixel = np.stack([columns + 0.5, rows + 0.5], axis=1)
-    offset = (pixel - (width / 2, height / 2)) / side - drops.places[which]
-    shape = drops.bodies
-    place = np.einsum("nij,nj->ni", np.linalg.inv(shape.stretch)[which], offset) / drops.radii[which, None]
-    rho = np.linalg.norm(place, axis=1)
-    edge = np.clip(0.5 + (1 - rho) * drops.radii[which] * side, 0, 1)
+    side, shape = np.sqrt(width * height), drops.bodies
+    pixel = np.stack([columns, rows], axis=1).astype(np.float32) + np.float32(0.5)
+    middle, radii = (drops.places * side + (width / 2, height / 2)).astype(np.float32), drops.radii * side
+    place = times(shape.inverse[which], pixel - middle[which]) / radii.astype(np.float32)[which, None]
+    rho = np.sqrt(dot(place, place))
+    edge = np.clip(0.5 + (1 - rho) * radii[which], 0, 1)
     wet = edge > 0
-    which, place, edge, flat = which[wet], place[wet], edge[wet], (rows * width + columns)[wet]
-    ray = (pixel[wet] - (fine.cx, fine.cy)) / (fine.fx, fine.fy)
-    bodies = Bodies(shape.stretch[which], shape.lean[which], shape.contact[which], shape.meniscus[which])
-    out = leave_drop(place / np.maximum(np.linalg.norm(place, axis=1, keepdims=True), 1), ray, bodies)
+    which, place, rho, edge, pixel = which[wet], place[wet], rho[wet], edge[wet], pixel[wet]
+    flat = (rows * width + columns)[wet]
+    ray = ((pixel - (fine.cx, fine.cy)) / (fine.fx, fine.fy)).astype(np.float32)
+    bodies = Bodies(shape.inverse[which], shape.lean[which], shape.contact[which], shape.meniscus[which])
+    out = leave_drop(place / np.maximum(rho, 1)[:, None], ray, bodies)
     seen = np.nan_to_num(out.direction[:, :2] / np.maximum(out.direction[:, 2:], 1 / FARTHEST))
     seen = np.clip(seen, -FARTHEST, FARTHEST) * (camera.fx, camera.fy) + (camera.cx - 0.5, camera.cy - 0.5)
     aim = GLINT_TILT * np.array(pattern.glint_direction)
-    glint = np.exp(-((out.normal[:, :2] - aim) ** 2).sum(axis=1) / (2 * GLINT**2))
-    order = np.argsort(np.where(edge > 0.5, out.height * drops.radii[which], -1), kind="stable")
+    off = out.normal[:, :2] - aim
+    glint = np.exp(-dot(off, off) / (2 * GLINT**2))
+    order = np.argsort(np.where(edge > 0.5, out.height * radii[which], -1), kind="stable")
     values = (seen[:, 0], seen[:, 1], out.passing, glint)
     planes = [_scatter(np.zeros(width * height, np.float32), flat[order], value[order]) for value in values]
     cover = np.zeros(width * height, np.float32)
@@ -70,7 +71,9 @@ def _scatter(plane: Plane, places: NDArray, values: NDArray) -> Plane:
 def _boxes(drops: Drops, width: int, height: int) -> tuple[NDArray[np.int64], ...]:
     """Drop, row and column of every pixel in the box around each drop."""
     side = np.sqrt(width * height)
-    reach = drops.radii[:, None] * np.linalg.norm(drops.bodies.stretch, axis=2) * side + 1  # half widths and heights
+    reach = (
+        drops.radii[:, None] * np.linalg.norm(np.linalg.inv(drops.bodies.inverse), axis=2) * side + 1
+    )  # half widths and heights
     centre = drops.places * side + (width / 2, height / 2)
     low = np.clip(np.floor(centre - reach), 0, (width, height)).astype(np.int64)
     size = np.clip(np.ceil(centre + reach), 0, (width, height)).astype(np.int64) - low

@@ -106,7 +106,9 @@ def _strokes(pattern: RainfallPattern, camera: Camera, fall: NDArray, rng: np.ra
     heading = fall + pattern.swirl * normal[:, 1:4]
     heading /= np.linalg.norm(heading, axis=1, keepdims=True)
     depth = distance * focal.mean()
-    position = np.concatenate([(start - (camera.cx, camera.cy)) / side / focal * depth[:, None], depth[:, None]], axis=1)
+    position = np.concatenate(
+        [(start - (camera.cx, camera.cy)) / side / focal * depth[:, None], depth[:, None]], axis=1
+    )
     moved = position + length[:, None] * heading
     near = np.maximum(moved[:, 2], NEAREST * depth)
     end = moved[:, :2] / near[:, None] * focal * side + (camera.cx, camera.cy)

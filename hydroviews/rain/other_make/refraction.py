@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 WATER = 1.333  # refractive index
-MENISCUS = 6  # p: the share of a puddle's radius that its rim takes is about 1 / p
-STEPS = 6  # Newton's, to a meniscus; the error is below 1e-6 radii
+MENISCUS = 6  # p, even: the share of a puddle's radius that its rim takes is about 1 / p
+STEPS = 5  # Newton's, to a meniscus
 
 Array = NDArray[np.floating]
 
@@ -37,7 +37,7 @@ class Exit:
 class Bodies:
     """The shape of the drop that each of N rays goes through."""
 
-    stretch: Array  # [N, 2, 2], from the unit disk to the base, in mean radii
+    inverse: Array  # [N, 2, 2], from the base, in mean radii, to the unit disk
     lean: Array  # [N, 2], by how much the body leans over in the pane's plane, a unit of height
     contact: Array  # [N], contact angle, radians, below pi / 2
     meniscus: NDArray[np.bool_]  # [N], not a cap
@@ -45,9 +45,9 @@ class Bodies:
 
 def enter_water(ray: Array) -> Array:
     """Unit directions [N, 3] behind a pane of parallel sides, of camera rays [N, 2]: x / z and y / z in air."""
-    across = ray / (WATER * np.sqrt(1 + (ray**2).sum(axis=1, keepdims=True)))
-    along = np.sqrt(1 - (across**2).sum(axis=1, keepdims=True))
-    return np.concatenate([across, along], axis=1)
+    across = ray / (WATER * np.sqrt(1 + dot(ray, ray))[:, None])
+    along = np.sqrt(1 - dot(across, across))
+    return np.concatenate([across, along[:, None]], axis=1)
 
 
 def leave_drop(place: Array, ray: Array, bodies: Bodies) -> Exit:
@@ -59,24 +59,33 @@ def leave_drop(place: Array, ray: Array, bodies: Bodies) -> Exit:
         bodies: of the N drops.
     """
     water = enter_water(ray)
-    inverse = np.linalg.inv(bodies.stretch)
-    straight = np.einsum("nij,nj->ni", inverse, water[:, :2] - bodies.lean * water[:, 2:])
+    straight = times(bodies.inverse, water[:, :2] - bodies.lean * water[:, 2:])
     way = np.concatenate([straight, water[:, 2:]], axis=1)
     height, slope = np.empty_like(place[:, 0]), np.empty_like(way)
     for kind, hit in ((bodies.meniscus, hit_meniscus), (~bodies.meniscus, hit_cap)):
         height[kind], slope[kind] = hit(place[kind], way[kind], bodies.contact[kind])
-    across = np.einsum("nji,nj->ni", inverse, slope[:, :2])
-    normal = np.concatenate([across, slope[:, 2:] - (bodies.lean * across).sum(axis=1, keepdims=True)], axis=1)
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    across = times(bodies.inverse.transpose(0, 2, 1), slope[:, :2])
+    normal = np.concatenate([across, slope[:, 2:] - dot(bodies.lean, across)[:, None]], axis=1)
+    normal /= np.sqrt(dot(normal, normal))[:, None]
     return Exit(*refract(water, normal), normal, height)
+
+
+def dot(one: Array, other: Array) -> Array:
+    """Scalar products [N] of vectors [N, d]."""
+    return np.asarray(np.einsum("ni,ni->n", one, other))
+
+
+def times(matrices: Array, vectors: Array) -> Array:
+    """Products [N, 2] of matrices [N, 2, 2] and vectors [N, 2]."""
+    return matrices[:, :, 0] * vectors[:, :1] + matrices[:, :, 1] * vectors[:, 1:]
 
 
 def hit_cap(place: Array, way: Array, contact: Array) -> tuple[Array, Array]:
     """Height [N] and normal [N, 3], not of unit length, where ways [N, 3] leave caps on the unit disk."""
     depth = 1 / np.tan(contact)  # of the sphere's centre below the pane
-    a = (way**2).sum(axis=1)
-    b = (place * way[:, :2]).sum(axis=1) + depth * way[:, 2]
-    inside = np.minimum((place**2).sum(axis=1) - 1, 0)
+    a = dot(way, way)
+    b = dot(place, way[:, :2]) + depth * way[:, 2]
+    inside = np.minimum(dot(place, place) - 1, 0)
     distance = (np.sqrt(b**2 - a * inside) - b) / a
     height = distance * way[:, 2]
     across = place + distance[:, None] * way[:, :2]
@@ -86,16 +95,18 @@ def hit_cap(place: Array, way: Array, contact: Array) -> tuple[Array, Array]:
 def hit_meniscus(place: Array, way: Array, contact: Array) -> tuple[Array, Array]:
     """The same for menisci, by Newton's method from the height above the place of entry."""
     rim = np.tan(contact)
-    height = rim / MENISCUS * (1 - np.minimum((place**2).sum(axis=1), 1) ** (MENISCUS / 2))
     drift = way[:, :2] / way[:, 2:]
+
+    def surface(across: Array) -> tuple[Array, Array]:
+        inner = dot(across, across) ** (MENISCUS // 2 - 1)  # rho^(p - 2)
+        return rim / MENISCUS * (1 - inner * dot(across, across)), (rim * inner)[:, None] * across
+
+    height, _ = surface(place)
     for _ in range(STEPS):
         across = place + height[:, None] * drift
-        square = (across**2).sum(axis=1)
-        slope = rim[:, None] * square[:, None] ** (MENISCUS / 2 - 1) * across
-        error = height - rim / MENISCUS * (1 - square ** (MENISCUS / 2))
-        height = height - error / (1 + (slope * drift).sum(axis=1))
-    across = place + height[:, None] * drift
-    slope = rim[:, None] * ((across**2).sum(axis=1) ** (MENISCUS / 2 - 1))[:, None] * across
+        top, slope = surface(across)
+        height = height - (height - top) / (1 + dot(slope, drift))
+    _, slope = surface(place + height[:, None] * drift)
     return height, np.concatenate([slope, np.ones_like(height)[:, None]], axis=1)
 
 
@@ -106,7 +117,7 @@ def refract(incident: Array, normal: Array) -> tuple[Array, Array]:
         incident: [N, 3], unit, in water.
         normal: [N, 3], unit, into the air.
     """
-    cosine = (incident * normal).sum(axis=1)
+    cosine = dot(incident, normal)
     square = 1 - WATER**2 * (1 - cosine**2)  # of the cosine in air
     total = (square < 0) | (cosine <= 0)
     out = np.sqrt(np.where(total, 0, square))
