@@ -119,8 +119,7 @@ def drops_on(pattern: LensPattern, width: int, height: int, moment: float) -> Dr
     count = int(np.searchsorted(np.cumsum(np.pi * radii**2), needed))
     places += moment * np.array(pattern.drift) * rng.uniform(0.3, 1, (MOST, 1))
     radii *= 1 + moment * pattern.growth * rng.uniform(size=MOST)
-    parts = (bodies.inverse, bodies.lean, bodies.contact, bodies.meniscus)
-    return Drops(places[:count], radii[:count], Bodies(*(part[:count] for part in parts)))
+    return Drops(places[:count], radii[:count], bodies.take(slice(count)))
 
 
 def _draw_bodies(pattern: LensPattern, rng: np.random.Generator) -> Bodies:
@@ -132,5 +131,6 @@ def _draw_bodies(pattern: LensPattern, rng: np.random.Generator) -> Bodies:
     inverse = along[:, :, None] * along[:, None] / long + across[:, :, None] * across[:, None] * long
     lean = np.stack([rng.normal(0, 0.1, MOST), pattern.hanging * rng.uniform(size=MOST)], axis=1)
     contact = np.radians(rng.uniform(pattern.contact_angle_min, pattern.contact_angle_max, MOST))
-    parts = (part.astype(np.float32) for part in (inverse, lean, contact))  # rays by the hundred thousand follow
-    return Bodies(*parts, rng.uniform(size=MOST) < pattern.menisci)
+    menisci = rng.uniform(size=MOST) < pattern.menisci
+    single = np.float32  # many rays go through each
+    return Bodies(inverse.astype(single), lean.astype(single), contact.astype(single), menisci)

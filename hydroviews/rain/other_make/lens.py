@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.rain.other_make.drops import Drops, LensPattern
-from hydroviews.rain.other_make.refraction import Bodies, dot, leave_drop, times
+from hydroviews.rain.other_make.refraction import dot, leave_drop, times
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 
@@ -47,8 +47,7 @@ def map_lens(pattern: LensPattern, drops: Drops, camera: Camera) -> LensMap:
     which, place, rho, edge, pixel = which[wet], place[wet], rho[wet], edge[wet], pixel[wet]
     flat = (rows * width + columns)[wet]
     ray = ((pixel - (fine.cx, fine.cy)) / (fine.fx, fine.fy)).astype(np.float32)
-    bodies = Bodies(shape.inverse[which], shape.lean[which], shape.contact[which], shape.meniscus[which])
-    out = leave_drop(place / np.maximum(rho, 1)[:, None], ray, bodies)
+    out = leave_drop(place / np.maximum(rho, 1)[:, None], ray, shape.take(which))
     seen = np.nan_to_num(out.direction[:, :2] / np.maximum(out.direction[:, 2:], 1 / FARTHEST))
     seen = np.clip(seen, -FARTHEST, FARTHEST) * (camera.fx, camera.fy) + (camera.cx - 0.5, camera.cy - 0.5)
     aim = GLINT_TILT * np.array(pattern.glint_direction)
@@ -71,9 +70,8 @@ def _scatter(plane: Plane, places: NDArray, values: NDArray) -> Plane:
 def _boxes(drops: Drops, width: int, height: int) -> tuple[NDArray[np.int64], ...]:
     """Drop, row and column of every pixel in the box around each drop."""
     side = np.sqrt(width * height)
-    reach = (
-        drops.radii[:, None] * np.linalg.norm(np.linalg.inv(drops.bodies.inverse), axis=2) * side + 1
-    )  # half widths and heights
+    stretch = np.linalg.norm(np.linalg.inv(drops.bodies.inverse), axis=2)
+    reach = drops.radii[:, None] * stretch * side + 1  # half widths and heights
     centre = drops.places * side + (width / 2, height / 2)
     low = np.clip(np.floor(centre - reach), 0, (width, height)).astype(np.int64)
     size = np.clip(np.ceil(centre + reach), 0, (width, height)).astype(np.int64) - low
@@ -96,8 +94,9 @@ def see_through(lens: LensMap, clean: Image, pattern: LensPattern) -> tuple[Plan
     shown += (np.float32(pattern.glint) * lens.highlight)[..., None] * (1 - shown)
     drawn = np.concatenate([lens.cover[..., None] * shown, lens.cover[..., None]], axis=2)
     small = cv2.resize(drawn, (width, height), interpolation=cv2.INTER_AREA)
-    blurred = np.clip(cv2.filter2D(small, -1, aperture(pattern, side), borderType=cv2.BORDER_REFLECT), 0, 1)
-    return blurred[..., 3], blurred[..., :3]
+    blurred: Image = np.clip(cv2.filter2D(small, -1, aperture(pattern, side), borderType=cv2.BORDER_REFLECT), 0, 1)
+    light: Image = blurred[..., :3]
+    return blurred[..., 3], light
 
 
 def aperture(pattern: LensPattern, side: float) -> Plane:

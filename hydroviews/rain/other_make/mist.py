@@ -15,7 +15,7 @@ DRIFT = 0.1  # sides that it moves from the first view to the last
 def mist_cover(pattern: LensPattern, width: int, height: int, moment: float) -> NDArray[np.float32]:
     """Cover by mist [H, W], at most `pattern.mist`; at every size of picture the same form.
 
-    A wave is a product of one along rows and one along columns, exp(i (a x + b y)): all of them take one matrix product.
+    A wave exp(i (a x + b y)) is one along rows times one along columns: all of them take one matrix product.
     """
     if pattern.mist <= 0:
         return np.zeros((height, width), np.float32)

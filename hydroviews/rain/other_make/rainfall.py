@@ -106,9 +106,8 @@ def _strokes(pattern: RainfallPattern, camera: Camera, fall: NDArray, rng: np.ra
     heading = fall + pattern.swirl * normal[:, 1:4]
     heading /= np.linalg.norm(heading, axis=1, keepdims=True)
     depth = distance * focal.mean()
-    position = np.concatenate(
-        [(start - (camera.cx, camera.cy)) / side / focal * depth[:, None], depth[:, None]], axis=1
-    )
+    slope = (start - (camera.cx, camera.cy)) / side / focal
+    position = np.column_stack([slope * depth[:, None], depth])
     moved = position + length[:, None] * heading
     near = np.maximum(moved[:, 2], NEAREST * depth)
     end = moved[:, :2] / near[:, None] * focal * side + (camera.cx, camera.cy)

@@ -42,6 +42,10 @@ class Bodies:
     contact: Array  # [N], contact angle, radians, below pi / 2
     meniscus: NDArray[np.bool_]  # [N], not a cap
 
+    def take(self, which: NDArray | slice) -> "Bodies":
+        """Those of an index or a slice."""
+        return Bodies(self.inverse[which], self.lean[which], self.contact[which], self.meniscus[which])
+
 
 def enter_water(ray: Array) -> Array:
     """Unit directions [N, 3] behind a pane of parallel sides, of camera rays [N, 2]: x / z and y / z in air."""
@@ -77,7 +81,7 @@ def dot(one: Array, other: Array) -> Array:
 
 def times(matrices: Array, vectors: Array) -> Array:
     """Products [N, 2] of matrices [N, 2, 2] and vectors [N, 2]."""
-    return matrices[:, :, 0] * vectors[:, :1] + matrices[:, :, 1] * vectors[:, 1:]
+    return np.asarray(matrices[:, :, 0] * vectors[:, :1] + matrices[:, :, 1] * vectors[:, 1:])
 
 
 def hit_cap(place: Array, way: Array, contact: Array) -> tuple[Array, Array]:

@@ -1,8 +1,8 @@
 """How strong the other make's rain must be for a grade: harm as `rain.severity` has it, of what is really drawn.
 
 Mist and a veil stay where they are and are learned as part of the scene: their harm is mean((k (c - B))^2). Drops and
-streaks lie elsewhere in every view; of their squared error a share is left that is the mean inverse number of views that
-see a place, times a constant.
+streaks lie elsewhere in every view: of their squared error a share is left, which is the mean inverse number of views
+that see a place, times a constant.
 """
 
 from collections.abc import Sequence

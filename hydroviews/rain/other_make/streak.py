@@ -1,4 +1,4 @@
-"""Falling rain of another make, as an effect: A is cover by streaks, H by the veil, in the colour of each view's sky."""
+"""Falling rain of another make, as an effect: A is cover by streaks, H by a veil, both in the colour of the sky."""
 
 import logging
 from collections.abc import Mapping

@@ -50,7 +50,7 @@ def _dim_steep(
     wide = math.sqrt(sigma * sigma + FINEST * FINEST)
     alpha *= sigma / wide
     half = (REACH * wide + abs(bend)) * length / abs(dy) + 1
-    for row in range(max(0, int(math.floor(min(y, y + dy) - half))), min(height, int(max(y, y + dy) + half) + 1)):
+    for row in range(max(0, math.floor(min(y, y + dy) - half)), min(height, int(max(y, y + dy) + half) + 1)):
         down = row + 0.5 - y
         middle = x + down * dx / dy
         for column in range(max(0, int(middle - half)), min(width, int(middle + half) + 1)):
