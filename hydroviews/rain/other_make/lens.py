@@ -18,6 +18,7 @@ SOFTER = 0.01  # standard deviation in sides: drops show the scene small, and so
 INNER = 0.35  # of the picture's mean: how bright a drop is where it reflects its own inside
 GLINT = 0.12  # standard deviation of a normal around the brightest of a highlight
 GLINT_TILT = 0.35  # of that normal, across over unit length
+POINTS = 7  # along a pixel, odd, at which the aperture is looked at
 FARTHEST = 3.0  # tangent of a ray, beyond which the scene is taken to look the same
 
 
@@ -103,11 +104,13 @@ def aperture(pattern: LensPattern, side: float) -> Plane:
     """The picture [k, k] of a point that is out of focus, of sum 1: a polygon with soft edges, or a Gaussian."""
     radius = pattern.focus_blur * side / 2
     reach = int(np.ceil(radius * (1.5 if pattern.aperture_blades == 0 else 1))) + 1
-    y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1].astype(np.float64)
+    places = (np.arange((2 * reach + 1) * POINTS) + 0.5) / POINTS - reach - 0.5
+    x, y = np.meshgrid(places, places)
     if pattern.aperture_blades == 0:
         kernel = np.exp(-(x**2 + y**2) / (2 * max(radius / 2, 0.2) ** 2))
     else:
         angles = pattern.aperture_turn + 2 * np.pi * np.arange(pattern.aperture_blades) / pattern.aperture_blades
         outermost = np.max([x * np.cos(angle) + y * np.sin(angle) for angle in angles], axis=0)
-        kernel = np.clip(radius * np.cos(np.pi / pattern.aperture_blades) - outermost + 0.5, 0, 1)
+        kernel = np.clip(POINTS * (radius * np.cos(np.pi / pattern.aperture_blades) - outermost) + 0.5, 0, 1)
+    kernel = kernel.reshape(2 * reach + 1, POINTS, 2 * reach + 1, POINTS).mean(axis=(1, 3))
     return np.asarray(kernel / kernel.sum(), np.float32)

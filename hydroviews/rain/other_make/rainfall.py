@@ -95,10 +95,11 @@ def _strokes(pattern: RainfallPattern, camera: Camera, fall: NDArray, rng: np.ra
     side = np.sqrt(size.prod())
     area = float((1 + 2 * MARGIN * side / size).prod())
     gust = float(np.exp(GUST * rng.normal() - GUST**2 / 2))
-    wanted = pattern.strokes * gust * area
-    draws = [_draw_distance(rng, round(MOST * SHARES[i] * area), round(wanted * SHARES[i])) for i in range(3)]
-    layer = np.repeat(np.arange(3), [len(d) for d in draws])
-    uniform, normal = np.split(np.concatenate(draws), [3], axis=1)
+    counts = [round(pattern.strokes * gust * area * share) for share in SHARES]
+    layer = np.repeat(np.arange(len(counts)), counts)
+    streams = [child.spawn(2) for child in rng.spawn(len(counts))]  # so that more strokes change none that there are
+    uniform = np.concatenate([one.random((count, 3)) for count, (one, _) in zip(counts, streams, strict=True)])
+    normal = np.concatenate([two.normal(size=(count, 6)) for count, (_, two) in zip(counts, streams, strict=True)])
     start = (uniform[:, :2] * (1 + 2 * MARGIN * side / size) - MARGIN * side / size) * size
     distance = DISTANCES[layer]
     focal = np.array([camera.fx, camera.fy]) / side
@@ -118,12 +119,6 @@ def _strokes(pattern: RainfallPattern, camera: Camera, fall: NDArray, rng: np.ra
     end = start + (end - start) * np.maximum(1, 2 * sigma / np.maximum(run, 1e-6))[:, None]  # drops seen head on
     bend = pattern.bend * normal[:, 5] * run
     return np.column_stack([start, end, bend, sigma, alpha])
-
-
-def _draw_distance(rng: np.random.Generator, most: int, wanted: int) -> NDArray[np.float64]:
-    """Chance of the strokes at one distance [N, 9]: three uniform numbers and six normal ones each."""
-    drawn = np.concatenate([rng.random((most, 3), np.float32), rng.standard_normal((most, 6), np.float32)], axis=1)
-    return drawn[:wanted].astype(np.float64)
 
 
 def veil_cover(pattern: RainfallPattern, width: int, height: int) -> NDArray[np.float32]:

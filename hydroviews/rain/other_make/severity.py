@@ -30,6 +30,7 @@ STREAKS_LEFT = 1.0  # the same of streaks
 MOST_BY_DROPS = 0.7  # share of a grade's harm that drops may do; the rest is mist's
 THICKEST_MIST = 0.95
 VEIL = {"light": 0.04, "medium": 0.1, "heavy": 0.2}  # cover by the veil when there are MOST strokes
+TRIALS = 8  # of the samples, at most, that it rains on to find how many strokes a grade takes
 OPAQUE = 0.9  # a stroke's mean cover, where their number alone cannot reach the grade
 
 
@@ -89,7 +90,8 @@ def grade_rainfall(
 def rainfall_harm(pattern: RainfallPattern, statistics: SceneStatistics, falls: Sequence[NDArray]) -> float:
     """Mean squared error that streaks and veil leave in what is learned: their mean shift, and what is left of each."""
     camera, shifts, singles = statistics.views[0].camera, [], []
-    for i, (sample, fall) in enumerate(zip(statistics.samples, falls, strict=True)):
+    pairs = list(zip(statistics.samples, falls, strict=True))
+    for i, (sample, fall) in enumerate(pairs[:: -(-len(pairs) // TRIALS)]):
         small: Camera = camera.resized(*_size(sample))
         rng = generator(statistics.seed, statistics.scene, "trial", i)
         streaks = draw_rainfall(pattern, small, fall, rng)

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-FINEST = 0.35  # standard deviation in pixels: narrower strokes are drawn this wide, and paler
+FINEST = 0.45  # standard deviation in pixels: narrower strokes are drawn this wide, and paler
 REACH = 3.0  # standard deviations that are drawn
 
 COLUMNS = ("x", "y", "to_x", "to_y", "bend", "sigma", "alpha")  # of a stroke
