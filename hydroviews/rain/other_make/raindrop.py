@@ -73,7 +73,7 @@ class PreparedLens:
     """Water in front of one camera. The key frame that was asked for last is held."""
 
     def __init__(self, pattern: LensPattern, names: list[str], camera: Camera) -> None:
-        self._pattern, self._camera = pattern, camera
+        self._pattern, self.camera = pattern, camera
         self._order = {name: i for i, name in enumerate(names)}
         self._held: tuple[int, LensMap, Plane] | None = None
 
@@ -90,7 +90,7 @@ class PreparedLens:
 
     def _key_frame(self, frame: int) -> tuple[LensMap, Plane]:
         if self._held is None or self._held[0] != frame:
-            pattern, camera = self._pattern, self._camera
+            pattern, camera = self._pattern, self.camera
             moment = frame / max(1, self._frames - 1)
             lens = map_lens(pattern, drops_on(pattern, camera.width, camera.height, moment), camera)
             self._held = frame, lens, mist_cover(pattern, camera.width, camera.height, moment)
