@@ -123,6 +123,35 @@ def test_parts_of_hydroviews_import_only_those_before_them():
     assert against == []
 
 
+OTHER_MAKE = "hydroviews.rain.other_make"  # rain that no method may know of: it tells a result from an adaptation
+
+
+def all_imported(folders) -> set[str]:
+    """Modules of some packages and all that they import, directly or through others; an import runs parents too."""
+    graph = imports()
+    reached = {name for name in graph if name.startswith(tuple(f"{folder}." for folder in folders))}
+    while more := {found for name in reached for found in graph.get(name, ())} & graph.keys() - reached:
+        reached |= more
+    return reached
+
+
+def test_no_method_and_no_training_knows_the_other_make():
+    """Neither by imports nor by name, nor by raining with whatever effects there are."""
+    known = all_imported(("deraings", "baselines", "hydroviews.pairs"))
+    assert "hydroviews.rain.lens.pattern" in known
+    assert {name for name in known if name.startswith(OTHER_MAKE)} == set()
+    telling = ("raindrop-b", "streak-b", "registered_effects", "pattern_names", "other_make")
+    own = [name for name in modules() if name.startswith(("deraings.", "baselines.", "hydroviews.pairs."))]
+    assert {name: word for name in own for word in telling if word in modules()[name].read_text()} == {}
+
+
+def test_the_other_make_shares_no_drawing_with_the_first():
+    own = [names for module, names in imports().items() if module.startswith(OTHER_MAKE)]
+    assert own
+    first = ("hydroviews.rain.lens", "hydroviews.rain.streaks", "hydroviews.rain.light", "hydroviews.blender")
+    assert {name for names in own for name in names if name.startswith(first)} == set()
+
+
 def test_only_processes_of_blender_import_bpy():
     """Directly or through another module: everything else works without Blender."""
     graph = imports()

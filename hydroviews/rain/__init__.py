@@ -13,7 +13,9 @@
     streaks/             the paper's recipe of streaks    (`streak`)
     storm/               drops in space, seen by all views (`storm`)
     weather/             haze, darkness, night, and all together (`haze`, `dark`, `night`, `shower`)
+    other_make/          drops and streaks by other choices (`raindrop-b`, `streak-b`)
     veil.py              what grows with distance and hides what is far
 
-The first three of these folders have their effect in `effect.py`; nothing outside knows an effect by name.
+The folders have their effects in `effect.py`, or in files of the effects' names; nothing outside knows an effect by
+name.
 """

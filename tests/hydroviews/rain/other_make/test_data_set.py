@@ -1,0 +1,72 @@
+"""Both effects through everything that a data set goes through."""
+
+import numpy as np
+import pytest
+from synthetic import capture_in
+
+from hydroviews.dataset.build import build
+from hydroviews.dataset.contact_sheet import write_sheets
+from hydroviews.dataset.manifest import record_files, scene_files
+from hydroviews.dataset.statistics import read_statistics
+from hydroviews.dataset.verify import verify
+from hydroviews.rain.layers import read_layers, write_layers
+from hydroviews.rain.patterns import Pattern
+from hydroviews.rain.registry import choose_patterns, find_effect
+from hydroviews.scene.images import read_image
+
+PATTERNS = (Pattern("raindrop-b", 1), Pattern("streak-b", 1))
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("built")
+    return build(capture_in(folder / "capture" / "yard"), folder / "data", patterns=PATTERNS)
+
+
+def test_a_data_set_is_built_verified_described_and_shown(built):
+    assert verify(built.parent, every_view=True) == []
+    drops, streaks = (read_statistics(built / pattern.name / "statistics.csv") for pattern in PATTERNS)
+    assert (drops["water"] > 0).all()
+    assert (drops["mist"] > 0).all()
+    assert drops["streaks"].isna().all()
+    assert (streaks["streaks"] > 0).all()
+    assert streaks["angle"].notna().all()
+    assert len(write_sheets(built, columns=2)) == 2
+    assert "key frames" in (built / "README.md").read_text()
+    assert "strokes a picture" in (built / "README.md").read_text()
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_masks_of_drops_and_streaks_are_the_planes_that_share_names(built, pattern):
+    """Wherever the plane of water or streaks, mist and light are nought, the rainy view is the clean one."""
+    effect = find_effect(pattern.effect)
+    covers = [name for name, plane in effect.planes.items() if plane.share]
+    assert {effect.planes[name].share for name in covers} & {"water", "streaks"}
+    layers = read_layers(built / pattern.name / "layers" / "view-03.exr")
+    rainy, clean = (read_image(built / part / "view-03.png") for part in (f"{pattern.name}/images", "clean"))
+    dry = np.all([layers[name] == 0 for name in covers], axis=0)
+    assert np.abs(rainy - clean).max() > 0.05
+    np.testing.assert_array_equal(rainy[dry], clean[dry])
+
+
+def test_two_builds_have_the_same_bytes(built, tmp_path):
+    again = build(capture_in(tmp_path / "capture" / "yard"), tmp_path / "again", patterns=PATTERNS)
+    first, second = ({p.relative_to(f): p.read_bytes() for p in scene_files(f)} for f in (built, again))
+    assert first == second
+
+
+@pytest.mark.parametrize("plane", ["D", "A"])
+def test_a_changed_layer_is_found(tmp_path, plane):
+    pattern = next(pattern for pattern in PATTERNS if plane in find_effect(pattern.effect).planes)
+    folder = build(capture_in(tmp_path / "capture" / "yard"), tmp_path / "data", patterns=[pattern])
+    path = folder / pattern.name / "layers" / "view-00.exr"
+    layers = read_layers(path)
+    write_layers(path, layers | {plane: np.clip(layers[plane] + 0.2, 0, 1)})
+    record_files(folder.parent, folder.name, [str(path.relative_to(folder))])
+    problems = " ".join(verify(folder.parent))
+    assert "differs by" in problems
+    assert f"not what seed and parameters give: {plane}" in problems
+
+
+def test_neither_is_a_default():
+    assert {pattern.effect for pattern in choose_patterns((), (0, 1, 2))} == {"raindrop", "streak"}

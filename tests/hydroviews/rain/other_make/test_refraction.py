@@ -1,0 +1,106 @@
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from hydroviews.rain.other_make.refraction import MENISCUS, WATER, Bodies, enter_water, leave_drop, refract
+
+
+def bodies(n, meniscus, rng):
+    """Stretched, leaning drops of all contact angles, float64."""
+    turn, long = rng.uniform(0, np.pi, n), rng.uniform(1, 1.4, n)[:, None, None]
+    along = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    across = np.stack([-np.sin(turn), np.cos(turn)], axis=1)
+    inverse = along[:, :, None] * along[:, None] / long + across[:, :, None] * across[:, None] * long
+    contact = np.radians(rng.uniform(15, 75, n))
+    return Bodies(inverse, rng.uniform(-0.3, 0.3, (n, 2)), contact, np.full(n, meniscus))
+
+
+def traced(place, ray, inverse, lean, contact, meniscus):
+    """One ray, by root finding on the surface in the world, a numerical normal, and angles instead of vectors."""
+
+    def outside(p):
+        x, y = inverse @ (p[:2] - lean * p[2])
+        rho = math.hypot(x, y)
+        if meniscus:
+            return p[2] - math.tan(contact) / MENISCUS * (1 - rho**MENISCUS)
+        depth = 1 / math.tan(contact)
+        return math.hypot(rho, p[2] + depth) - 1 / math.sin(contact)
+
+    tilt = math.asin(math.sin(math.atan(math.hypot(*ray))) / WATER)
+    turn = math.atan2(ray[1], ray[0])
+    way = np.array([math.sin(tilt) * math.cos(turn), math.sin(tilt) * math.sin(turn), math.cos(tilt)])
+    start = np.array([*(np.linalg.inv(inverse) @ place), 0.0])
+    hit = start + brentq(lambda s: outside(start + s * way), 0, 3, xtol=1e-14) * way
+    normal = np.array([outside(hit + 1e-6 * e) - outside(hit - 1e-6 * e) for e in np.eye(3)])
+    normal /= np.linalg.norm(normal)
+    inner = math.acos(min(1.0, way @ normal))
+    if WATER * math.sin(inner) >= 1:
+        return None, 0.0
+    outer = math.asin(WATER * math.sin(inner))
+    sideways = way - (way @ normal) * normal
+    sideways /= max(np.linalg.norm(sideways), 1e-12)
+    total, less = outer + inner, outer - inner
+    reflected = (math.sin(less) / math.sin(total)) ** 2 / 2 + (math.tan(less) / math.tan(total)) ** 2 / 2
+    return math.cos(outer) * normal + math.sin(outer) * sideways, 1 - reflected
+
+
+@pytest.mark.parametrize("meniscus", [False, True])
+def test_rays_leave_drops_as_traced_one_by_one_in_double_precision(meniscus):
+    rng = np.random.default_rng(4)
+    n = 300
+    radius, angle = np.sqrt(rng.uniform(0, 0.95, n)), rng.uniform(0, 2 * np.pi, n)
+    place = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    ray, drops = rng.uniform(-0.5, 0.5, (n, 2)), bodies(n, meniscus, rng)
+    out = leave_drop(place, ray, drops)
+    lost = 0
+    for i in range(n):
+        direction, passing = traced(place[i], ray[i], drops.inverse[i], drops.lean[i], drops.contact[i], meniscus)
+        assert out.passing[i] == pytest.approx(passing, abs=2e-4 if passing else 0)
+        if direction is None:
+            lost += 1
+            assert np.isnan(out.direction[i]).all()
+        else:
+            np.testing.assert_allclose(out.direction[i], direction, atol=2e-5)
+    assert 0 < lost < n / 2  # steep rims reflect everything
+
+
+@pytest.mark.parametrize("meniscus", [False, True])
+def test_single_precision_is_enough(meniscus):
+    rng = np.random.default_rng(5)
+    place, ray, exact = rng.uniform(-0.6, 0.6, (500, 2)), rng.uniform(-0.4, 0.4, (500, 2)), bodies(500, meniscus, rng)
+    single = Bodies(*(part.astype(np.float32) for part in (exact.inverse, exact.lean, exact.contact)), exact.meniscus)
+    ours = leave_drop(place.astype(np.float32), ray.astype(np.float32), single)
+    assert ours.direction.dtype == np.float32
+    theirs = leave_drop(place, ray, exact)
+    clear = theirs.passing > 0.3
+    np.testing.assert_allclose(ours.direction[clear], theirs.direction[clear], atol=1e-4)
+
+
+def test_the_middle_of_a_flat_drop_shows_what_is_behind_it():
+    """Two parallel surfaces only shift a ray."""
+    flat = Bodies(np.eye(2)[None], np.zeros((1, 2)), np.array([1.0]), np.array([True]))
+    out = leave_drop(np.zeros((1, 2)), np.array([[0.02, -0.01]]), flat)
+    np.testing.assert_allclose(out.direction[0, :2] / out.direction[0, 2], [0.02, -0.01], atol=1e-5)
+
+
+def test_a_cap_turns_the_picture_over():
+    """Rays through its right side go left, and those through its foot up."""
+    cap = Bodies(np.eye(2)[None].repeat(2, 0), np.zeros((2, 2)), np.full(2, 0.8), np.zeros(2, bool))
+    out = leave_drop(np.array([[0.4, 0.0], [0.0, 0.4]]), np.zeros((2, 2)), cap)
+    assert out.direction[0, 0] < -0.05
+    assert out.direction[1, 1] < -0.05
+    near_axis = leave_drop(np.array([[1e-3, 0.0]]), np.zeros((1, 2)), cap.take(slice(1)))
+    power = (WATER - 1) * math.sin(0.8)  # of a plano-convex lens of radius 1 / sin(contact angle)
+    assert near_axis.direction[0, 0] == pytest.approx(-1e-3 * power, rel=1e-4)
+
+
+def test_light_that_passes_upright_is_what_fresnel_says():
+    _, passing = refract(np.array([[0.0, 0, 1]]), np.array([[0.0, 0, 1]]))
+    assert passing[0] == pytest.approx(1 - ((WATER - 1) / (WATER + 1)) ** 2)
+
+
+def test_water_bends_rays_towards_the_axis():
+    ray = np.array([[1.0, 0.0]])
+    assert enter_water(ray)[0, 0] == pytest.approx(math.sin(math.pi / 4) / WATER)
