@@ -25,7 +25,7 @@ from hydroviews.dataset.sharing.archive import Packed, open_archive
 from hydroviews.dataset.sharing.contents import IMAGES, LAYERS, PATTERN
 from hydroviews.dataset.statistics import STATISTICS, write_statistics
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import replacing, sha256
+from hydroviews.files.atomic import sha256
 from hydroviews.files.full_disk import plain_write_errors
 from hydroviews.files.http_download import fetch as download
 from hydroviews.files.known_bytes import changed, current_sha256, read_only
@@ -157,13 +157,14 @@ def _other(folder: Path, found: str, fix: str) -> InputError:
 def _stage(packed: Packed, staged: Path, names: Collection[str]) -> None:
     """Unpack files beside where they go; those of an interrupted call are compared and kept."""
     size = sum(packed.places[name][1] for name in names)
-    kept = [name for name in names if (staged / name).is_file() and _is(staged / name, packed.entry["files"][name])]
+    kept = {name for name in names if (staged / name).is_file() and _is(staged / name, packed.entry["files"][name])}
     refuse_if_too_large(staged.parent, size - sum(packed.places[name][1] for name in kept))
-    with tqdm(total=size, desc=f"unpacking {packed.scene}", unit="B", unit_scale=True) as bar:
+    bar = tqdm(total=size, desc=f"unpacking {packed.scene}", unit="B", unit_scale=True)
+    with bar, plain_write_errors(staged):
         for name in names:
             if name not in kept:
-                with replacing(staged / name) as temporary:
-                    packed.copy(name, temporary)
+                (staged / name).parent.mkdir(parents=True, exist_ok=True)
+                packed.copy(name, staged / name)
             bar.update(packed.places[name][1])
 
 
