@@ -8,12 +8,13 @@ import numpy as np
 
 from hydroviews.rain.compositing import WATER, Layers, add_water, water_over
 from hydroviews.rain.effect import Effect
+from hydroviews.rain.lens.path_matte import defocus
 from hydroviews.rain.lens.pattern import Focus, RaindropPattern, draw_pattern
-from hydroviews.rain.lens.raindrops import Raindrops, scene_light
+from hydroviews.rain.lens.raindrops import Raindrops
 from hydroviews.rain.lens.severity import grade_raindrops
 from hydroviews.rain.patterns import Pattern, pattern_generator
 from hydroviews.rain.scene_statistics import SceneStatistics
-from hydroviews.scene.images import Image, to_srgb
+from hydroviews.scene.images import Image, to_linear, to_srgb
 
 
 class RaindropEffect(Effect):
@@ -51,11 +52,14 @@ class RaindropEffect(Effect):
         return Raindrops(drawn, statistics)
 
     def composite(self, parameters: Mapping[str, Any], clean: Image, layers: Layers) -> Image:
-        """See `compositing.add_water`; behind drops in focus the view is blurred, R = (1 - M) (1 - V) blur(B) + D."""
+        """See `compositing.add_water`; behind drops in focus the view is blurred, R = (1 - M) (1 - V) blur(B) + D.
+
+        Lamps are blurred as bright as the camera recorded them: given back their light, petals would turn white.
+        """
         if parameters.get("focus", "scene") == "scene":
             return add_water(clean, layers)
         disk = parameters["focus_blur"] * float(np.sqrt(clean.shape[0] * clean.shape[1]))
-        return to_srgb(water_over(scene_light(clean, disk), layers))
+        return to_srgb(water_over(defocus(to_linear(clean), disk), layers))
 
 
 class RenewedRaindropEffect(RaindropEffect):

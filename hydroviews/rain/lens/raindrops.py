@@ -37,14 +37,6 @@ class Raindrops:
         return PreparedLens(self._pattern, air, [view.name for view in self._views], camera, folder)
 
 
-def scene_light(clean: Image, disk: float) -> Image:
-    """A view [H, W, 3] behind a lens focused on its drops, in linear light: every point a disk of so many pixels.
-
-    Lamps are as bright as before the camera clipped them, and so their disks.
-    """
-    return defocus(expand_highlights(to_linear(clean)), disk)
-
-
 class PreparedLens:
     """Water in front of one camera, as it slowly changes from view to view.
 
@@ -81,8 +73,8 @@ class PreparedLens:
 
         Returns:
             Planes [H, W]: M, cover by drops; V, by mist; R, G, B, the linear radiance of both, so that the rainy
-            view is (1 - M) (1 - V) B + (R, G, B) in linear light, B blurred where the lens is focused on the drops (see
-            `scene_light`). It may exceed 1 where lamps shine through drops.
+            view is (1 - M) (1 - V) B + (R, G, B) in linear light, B blurred where the lens is focused on the drops. It
+            may exceed 1 where lamps shine through drops.
 
         Raises:
             InputError: Blender failed (see `process.run_blender`).

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.rain.lens.mist import mist_veil
+from hydroviews.rain.lens.path_matte import defocus
 from hydroviews.rain.lens.pattern import RaindropPattern
-from hydroviews.rain.lens.raindrops import scene_light
 from hydroviews.rain.scene_statistics import SceneStatistics, fine_detail
 from hydroviews.rain.severity import CLEAN_ERROR, solve, wanted_harm
 from hydroviews.scene.images import to_linear, to_srgb
@@ -115,21 +115,21 @@ def overlaps(pattern: RaindropPattern, statistics: SceneStatistics) -> NDArray[n
 def blur_harm(statistics: SceneStatistics) -> Callable[[float], float]:
     """For an aperture, as the diameter in sides of its disk, what blur adds to the mean squared error of the scene.
 
-    That is the difference of blurred and clean views, in encoded values, less what is learned better: clean views
-    leave an error in proportion to their fine detail, of which blurred ones have less.
+    That is the difference of blurred and clean views, in encoded values, less the fine detail that is not learned from
+    clean views either.
     """
     views = statistics.views[:: -(-len(statistics.views) // BLURRED_VIEWS)]
     pictures = [view.image() for view in views]
-    learned = statistics.clean_error or CLEAN_ERROR
+    lost = min(statistics.clean_error or CLEAN_ERROR, 1.0)
 
     def harm(aperture: float) -> float:
         if aperture == 0:
             return 0.0
         changes = []
         for clean in pictures:
-            seen = to_srgb(scene_light(clean, aperture * float(np.sqrt(clean.shape[0] * clean.shape[1]))))
+            seen = to_srgb(defocus(to_linear(clean), aperture * float(np.sqrt(clean.shape[0] * clean.shape[1]))))
             error = np.mean((seen - clean) ** 2, dtype=np.float64)
-            changes.append(error + learned * (fine_detail(seen) - fine_detail(clean)))
+            changes.append(error + lost * (fine_detail(seen) - fine_detail(clean)))
         return max(float(np.mean(changes)), 0.0)
 
     return harm
