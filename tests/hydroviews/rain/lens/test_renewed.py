@@ -116,7 +116,8 @@ def test_views_are_the_same_in_any_order_and_after_an_interruption(tmp_path, mon
 
 @pytest.mark.blender
 @needs_bpy
-def test_one_view_and_two_sizes_of_picture(tmp_path):
+def test_one_view_and_two_sizes_of_picture(tmp_path, monkeypatch):
+    monkeypatch.setattr("hydroviews.rain.lens.renewed.LENSES", 1)
     grey = np.full((120, 160, 3), 0.5, np.float32)
     masks = []
     for k in (2, 4):
