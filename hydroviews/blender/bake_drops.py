@@ -26,9 +26,9 @@ def main(request: dict[str, Any], report: Report) -> None:
     Args:
         request: "input": an npz file with the fields of `WaterMesh`; "camera": the fields of `Camera`; "paths": k,
             for k x k paths a pixel; "passes": how often; "aperture": its radius in lens distances, 0 for a
-            pinhole; "output": an npz file. It gets `cover` [H, W], and for each path that ends on the picture's
-            plane `pixel` (flat index of the lens pixel), `place` (x, y in the camera's pixels, borders not yet
-            mirrored) and `throughput` (already divided by the number of paths a pixel).
+            pinhole; "focus" as for `lens_scene`; "output": an npz file. It gets `cover` [H, W], and for each path that
+            ends on the picture's plane `pixel` (flat index of the lens pixel), `place` (x, y in the camera's pixels,
+            borders not yet mirrored) and `throughput` (already divided by the number of paths a pixel).
         report: told of every pass.
     """
     passes = request["passes"]
@@ -36,7 +36,7 @@ def main(request: dict[str, Any], report: Report) -> None:
     camera, k = Camera(**request["camera"]), request["paths"]
     with np.load(request["input"]) as water:
         fine = camera.resized(k * camera.width, k * camera.height)
-        scene = lens_scene(dict(water), fine, ambient=(0, 0, 0), aperture=request["aperture"])
+        scene = lens_scene(dict(water), fine, ambient=(0, 0, 0), aperture=request["aperture"], focus=request["focus"])
     add_ramp(scene, camera)
     scene.cycles.filter_width = 0.01
     scene.cycles.samples = passes

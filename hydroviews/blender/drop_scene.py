@@ -16,7 +16,9 @@ FRAMES = 9.0  # the picture's plane is this many frames wide and high, the camer
 Colour = tuple[float, float, float]
 
 
-def lens_scene(water: Mapping[str, NDArray], camera: Camera, ambient: Colour, aperture: float) -> bpy.types.Scene:
+def lens_scene(
+    water: Mapping[str, NDArray], camera: Camera, ambient: Colour, aperture: float, focus: str
+) -> bpy.types.Scene:
     """Drops in front of a camera at the origin; all around is light of the colour `ambient`.
 
     What the camera sees beside the drops is left out: alpha is the drops' cover.
@@ -25,7 +27,8 @@ def lens_scene(water: Mapping[str, NDArray], camera: Camera, ambient: Colour, ap
         water: the fields of `WaterMesh`.
         camera: with OpenCV axes.
         ambient: linear light.
-        aperture: radius in units of the lens's distance, focused on the picture; 0 is a pinhole.
+        aperture: radius in units of the lens's distance; 0 is a pinhole.
+        focus: on the "scene", the picture, or on the "drops".
     """
     scene = empty_scene(seed=0)
     scene.cycles.max_bounces = scene.cycles.transmission_bounces = scene.cycles.glossy_bounces = 10
@@ -40,7 +43,7 @@ def lens_scene(water: Mapping[str, NDArray], camera: Camera, ambient: Colour, ap
     for name, smooth in (("caps", True), ("bases", False)):
         _add_water(scene, name, water["vertices"], water[name], smooth, material)
     place_camera(scene, camera)
-    _open_aperture(scene, aperture)
+    _open_aperture(scene, aperture, DISTANCE if focus == "scene" else 1.0)
     return scene
 
 
@@ -61,12 +64,13 @@ def _add_water(
     scene.collection.objects.link(bpy.data.objects.new(name, mesh))
 
 
-def _open_aperture(scene: bpy.types.Scene, radius: float) -> None:
+def _open_aperture(scene: bpy.types.Scene, radius: float, distance: float) -> None:
     lens = scene.camera.data
     lens.dof.use_dof = radius > 0
     if radius > 0:
-        lens.dof.focus_distance = DISTANCE
-        # A point of the lens is drawn by the rays through it: their cone is wider at the camera than at the lens.
+        lens.dof.focus_distance = distance
+        # Rays that meet on the picture are farther apart at the camera than at the lens. Those that meet on the lens
+        # part by the same angle, so that both are this wide.
         lens.dof.aperture_fstop = 1e-3 * lens.lens / (2 * radius / (1 - 1 / DISTANCE))
 
 

@@ -18,8 +18,9 @@ def main(request: dict[str, Any], report: Report) -> None:
 
     Args:
         request: "input": an npz file with the fields of `WaterMesh` and "picture", [H, W, 3] of linear light;
-            "camera" and "aperture" as for `bake_drops`; "samples" a pixel; "seed" of the paths; "output": an npz
-            file, which gets "light" [H, W, 4], linear radiance and cover, and "seconds", the CPU time of rendering.
+            "camera", "aperture" and "focus" as for `bake_drops`; "samples" a pixel; "seed" of the paths; "output":
+            an npz file, which gets "light" [H, W, 4], linear radiance and cover, and "seconds", the CPU time of
+            rendering.
         report: told of the start and the end.
     """
     report(0, 1)
@@ -28,7 +29,7 @@ def main(request: dict[str, Any], report: Report) -> None:
         water = dict(file)
     picture = water.pop("picture")
     red, green, blue = picture.mean(axis=(0, 1)).tolist()
-    scene = lens_scene(water, camera, ambient=(red, green, blue), aperture=request["aperture"])
+    scene = lens_scene(water, camera, ambient=(red, green, blue), aperture=request["aperture"], focus=request["focus"])
     add_picture(scene, camera, picture)
     scene.cycles.samples = request["samples"]
     scene.cycles.seed = request["seed"]

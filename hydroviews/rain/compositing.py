@@ -43,6 +43,11 @@ def add_water(clean: Image, layers: Layers) -> Image:
     Returns:
         [H, W, 3], sRGB-encoded, [0, 1].
     """
+    return to_srgb(water_over(to_linear(clean), layers))
+
+
+def water_over(light: Image, layers: Layers) -> Image:
+    """The same over linear light [H, W, 3]: linear, not clipped."""
     added = np.stack([layers[channel] for channel in "RGB"], axis=-1)
     passing = (1 - layers["M"]) * (1 - layers["V"])
-    return to_srgb(to_linear(clean) * passing[..., None] + added)
+    return light * passing[..., None] + added

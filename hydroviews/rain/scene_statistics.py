@@ -67,7 +67,7 @@ def survey(scene: Scene, seed: int, lens_renderer: LensRenderer = "disk") -> Sce
     samples, details = [], []
     for view in tqdm(_spread(scene.views), desc=f"{scene.name}: survey", unit="view", leave=False):
         image = view.image()
-        details.append(float(np.mean((image - cv2.GaussianBlur(image, (0, 0), FINE)) ** 2, dtype=np.float64)))
+        details.append(fine_detail(image))
         samples.append(_small(image))
     return SceneStatistics(
         scene=scene.name,
@@ -83,6 +83,11 @@ def survey(scene: Scene, seed: int, lens_renderer: LensRenderer = "disk") -> Sce
         metres_per_unit=scene.metres_per_unit,
         lens_renderer=lens_renderer,
     )
+
+
+def fine_detail(image: Image) -> float:
+    """Mean square of what a picture loses to a blur of about a pixel, in encoded values."""
+    return float(np.mean((image - cv2.GaussianBlur(image, (0, 0), FINE)) ** 2, dtype=np.float64))
 
 
 def _mean_inverse_visibility(scene: Scene) -> float:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hydroviews.blender.process import run_blender
 from hydroviews.rain.lens.mesh import WaterMesh, lens_side, water_mesh
 from hydroviews.rain.lens.path_matte import PathMatte, assemble, dry
-from hydroviews.rain.lens.pattern import RaindropPattern
+from hydroviews.rain.lens.pattern import Focus, RaindropPattern
 from hydroviews.rain.lens.water import Water, water_at
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
@@ -22,7 +22,7 @@ FINE_PIXELS = 3_000_000  # about as many light paths as a pass follows
 MOST_PATHS = 8  # along a side of a pixel
 ACCURATE_PATHS = 576  # a pixel, that the accurate matte wants
 MOST_PASSES = 24  # so many bakes it may take: large pictures get fewer paths, for memory's sake
-COMPOSITED = ("mist", "air")  # what a pattern says that no matte depends on
+COMPOSITED = ("mist", "air", "renewed")  # what a pattern says that no matte depends on
 
 
 def bake_matte(
@@ -64,7 +64,8 @@ def bake_matte(
     else:
         disk = focus_disk(pattern, camera)
         opening = aperture_radius(disk, camera) if aperture else 0.0
-        matte = bake(mesh, camera, folder, paths, passes, opening, 0.0 if aperture else disk)
+        blurred = 0.0 if aperture or pattern.focus == "drops" else disk
+        matte = bake(mesh, camera, folder, paths, passes, opening, blurred, pattern.focus)
     matte.save(kept, key)
     return matte
 
@@ -77,15 +78,32 @@ def bake(
     passes: int = 1,
     aperture: float = 0.0,
     disk: float = 0.0,
+    focus: Focus = "scene",
 ) -> PathMatte:
-    """The matte of any water: k x k paths a pixel, so many times; `aperture` as a radius in lens distances.
+    """The matte of any water, from the paths of `bake_paths`, its drops blurred by a disk of so many pixels."""
+    traced = bake_paths(mesh, camera, folder, paths, passes, aperture, focus)
+    return assemble(traced["cover"], traced["pixel"], traced["place"], traced["throughput"], disk)
+
+
+def bake_paths(
+    mesh: WaterMesh,
+    camera: Camera,
+    folder: Path,
+    paths: int,
+    passes: int = 1,
+    aperture: float = 0.0,
+    focus: Focus = "scene",
+) -> dict[str, Any]:
+    """Light paths through any water: k x k a pixel, so many times; `aperture` as a radius in lens distances.
+
+    Returns:
+        `cover`, `pixel`, `place` and `throughput`, as `path_matte.assemble` takes them.
 
     Raises:
         InputError: Blender failed (see `process.run_blender`).
     """
-    task = {"paths": paths, "passes": passes, "aperture": aperture}
-    traced = _run("bake_drops", mesh, camera, task, folder, "raindrops")
-    return assemble(traced["cover"], traced["pixel"], traced["place"], traced["throughput"], disk)
+    task = {"paths": paths, "passes": passes, "aperture": aperture, "focus": focus}
+    return _run("bake_drops", mesh, camera, task, folder, "raindrops")
 
 
 def trace(
@@ -96,6 +114,7 @@ def trace(
     folder: Path,
     aperture: float = 0.0,
     seed: int = 0,
+    focus: Focus = "scene",
 ) -> tuple[NDArray[np.float32], float]:
     """What mattes approximate, by full path tracing with depth of field.
 
@@ -105,8 +124,9 @@ def trace(
         picture: [H, W, 3], linear light.
         samples: paths a pixel.
         folder: gets Blender's log.
-        aperture: its radius in lens distances, focused on the picture.
+        aperture: its radius in lens distances.
         seed: of the paths.
+        focus: on the picture or on the lens.
 
     Returns:
         [H, W, 4]: linear radiance of the drops, and their cover; and the CPU seconds of rendering alone.
@@ -114,7 +134,8 @@ def trace(
     Raises:
         InputError: Blender failed (see `process.run_blender`).
     """
-    task = {"samples": samples, "picture": np.asarray(picture, np.float32), "aperture": aperture, "seed": seed}
+    light = np.asarray(picture, np.float32)
+    task = {"samples": samples, "picture": light, "aperture": aperture, "seed": seed, "focus": focus}
     traced = _run("trace_drops", mesh, camera, task, folder, "tracing drops")
     return traced["light"], float(traced["seconds"])
 
@@ -175,5 +196,9 @@ def focus_disk(pattern: RaindropPattern, camera: Camera) -> float:
 
 
 def aperture_radius(disk: float, camera: Camera) -> float:
-    """Radius of the aperture, in lens distances, that draws a point of the lens as a disk of this many pixels."""
+    """Radius of the aperture, in lens distances, that draws a point out of focus as a disk of this many pixels.
+
+    A thin lens of diameter A, focused far away, draws a point of a pane at distance d as a disk of the angle A / d;
+    focused on the pane, it draws a point far away as a disk of the angle A (1 / d - 1 / infinity), which is the same.
+    """
     return disk / (2 * float(np.sqrt(camera.fx * camera.fy)))

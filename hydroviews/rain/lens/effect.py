@@ -4,14 +4,17 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
-from hydroviews.rain.compositing import WATER, Layers, add_water
+import numpy as np
+
+from hydroviews.rain.compositing import WATER, Layers, add_water, water_over
 from hydroviews.rain.effect import Effect
-from hydroviews.rain.lens.pattern import RaindropPattern, draw_pattern
+from hydroviews.rain.lens.path_matte import defocus
+from hydroviews.rain.lens.pattern import Focus, RaindropPattern, draw_pattern
 from hydroviews.rain.lens.raindrops import Raindrops
 from hydroviews.rain.lens.severity import grade_raindrops
 from hydroviews.rain.patterns import Pattern, pattern_generator
 from hydroviews.rain.scene_statistics import SceneStatistics
-from hydroviews.scene.images import Image
+from hydroviews.scene.images import Image, to_linear, to_srgb
 
 
 class RaindropEffect(Effect):
@@ -19,7 +22,9 @@ class RaindropEffect(Effect):
 
     planes = WATER
     needs_optics = True
-    words: ClassVar = {
+    renewed: ClassVar[float] = 0.0  # share of the drops that are new in every view, 0 to 1
+    focus: ClassVar[Focus] = "scene"  # what is sharp
+    words: ClassVar[Mapping[str, str]] = {
         "coverage": "large drops over {:.0%} of the picture",
         "radius_median": "of a median radius of {:.3f} picture sides",
         "droplets": "{} droplets between them",
@@ -33,7 +38,13 @@ class RaindropEffect(Effect):
         """A lens in rain of the grade, mist and if need be coverage set by it; one photograph has one key frame."""
         drawn = draw_pattern(pattern_generator(pattern, statistics), pattern.level)
         key_frames = drawn.key_frames if len(statistics.views) > 1 else 1
-        lens = replace(drawn, lens_renderer=statistics.lens_renderer, key_frames=key_frames)
+        lens = replace(
+            drawn,
+            lens_renderer=statistics.lens_renderer,
+            key_frames=key_frames,
+            renewed=self.renewed,
+            focus=self.focus,
+        )
         return grade_raindrops(lens, pattern.grade, statistics)
 
     def place(self, drawn: RaindropPattern, pattern: Pattern, statistics: SceneStatistics) -> Raindrops:
@@ -41,5 +52,26 @@ class RaindropEffect(Effect):
         return Raindrops(drawn, statistics)
 
     def composite(self, parameters: Mapping[str, Any], clean: Image, layers: Layers) -> Image:
-        """See `compositing.add_water`."""
-        return add_water(clean, layers)
+        """See `compositing.add_water`; behind drops in focus the view is blurred, R = (1 - M) (1 - V) blur(B) + D.
+
+        Lamps are blurred as bright as the camera recorded them: given back their light, petals would turn white.
+        """
+        if parameters.get("focus", "scene") == "scene":
+            return add_water(clean, layers)
+        disk = parameters["focus_blur"] * float(np.sqrt(clean.shape[0] * clean.shape[1]))
+        return to_srgb(water_over(defocus(to_linear(clean), disk), layers))
+
+
+class RenewedRaindropEffect(RaindropEffect):
+    """`raindrop-renewed`: half of the drops are new in every view."""
+
+    renewed = 0.5
+    words: ClassVar = {**RaindropEffect.words, "renewed": "{:.0%} of the drops new in every view"}
+
+
+class SharpRaindropEffect(RaindropEffect):
+    """`raindrop-sharp`: the lens is focused on the drops, the scene behind them is blurred."""
+
+    focus = "drops"
+    needed = ("focus", "focus_blur")
+    words: ClassVar = {**RaindropEffect.words, "focus_blur": "a scene blurred by a disk of {:.3f} picture sides"}

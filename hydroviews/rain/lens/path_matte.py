@@ -2,9 +2,10 @@
 
 import zipfile
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import cv2
 import numpy as np
@@ -15,6 +16,7 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import replacing
 
 Plane = NDArray[np.float32]
+UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error)  # by numpy
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,16 +69,24 @@ class PathMatte:
             InputError: the file is missing or damaged.
         """
         try:
-            with np.load(path) as file:
-                parts: dict[str, Any] = dict(file)
+            parts = load_arrays(path)
             shape = (len(parts["pixels"]), parts["mask"].size)
             paths = csr_array((parts["weights"], parts["columns"], parts["row_starts"]), shape=shape)
             matte = cls(parts["mask"], parts["ambient"], parts["pixels"], paths, float(parts["disk"]))
             return matte, str(parts["key"])
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-            raise InputError(
-                f"{path}: cannot be read as a path matte", found=error, fix="remove the file; it is baked again"
-            ) from error
+        except UNREADABLE as error:
+            raise damaged(path, error) from error
+
+
+def load_arrays(path: Path) -> dict[str, NDArray]:
+    """All arrays of an npz file; errors are among UNREADABLE."""
+    with np.load(path) as file:
+        return dict(file)
+
+
+def damaged(path: Path, error: Exception) -> InputError:
+    """What to tell of a file of baked drops that cannot be read."""
+    return InputError(f"{path}: cannot be read as baked drops", found=error, fix="remove the file; it is baked again")
 
 
 def dry(height: int, width: int) -> PathMatte:
@@ -97,14 +107,10 @@ def assemble(cover: NDArray, pixel: NDArray, place: NDArray, throughput: NDArray
     """
     height, width = cover.shape
     pixels, row = np.unique(pixel, return_inverse=True)
-    corners = place - 0.5
-    low = np.floor(corners).astype(np.int64)
-    share = corners - low
     rows, columns, weights = [], [], []
-    for dx, dy in ((0, 0), (1, 0), (0, 1), (1, 1)):
-        bilinear = np.abs(1 - dx - share[:, 0]) * np.abs(1 - dy - share[:, 1])
+    for x, y, bilinear in corners(place):
         rows.append(row)
-        columns.append(_mirrored(low[:, 1] + dy, height) * width + _mirrored(low[:, 0] + dx, width))
+        columns.append(mirrored(y, height) * width + mirrored(x, width))
         weights.append((throughput * bilinear).astype(np.float32))
     entries = (np.concatenate(weights), (np.concatenate(rows), np.concatenate(columns)))
     paths = csr_array(entries, shape=(len(pixels), height * width))  # adds up what falls on the same pixel
@@ -114,7 +120,16 @@ def assemble(cover: NDArray, pixel: NDArray, place: NDArray, throughput: NDArray
     return PathMatte(mask, defocus(ambient, disk), pixels, paths, disk)
 
 
-def _mirrored(index: NDArray[np.int64], size: int) -> NDArray[np.int64]:
+def corners(place: NDArray) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]]:
+    """The four pixels x, y [N] around places [N, 2], and their shares [N] in bilinear interpolation."""
+    place = place - 0.5
+    low = np.floor(place).astype(np.int64)
+    share = place - low
+    for dx, dy in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        yield low[:, 0] + dx, low[:, 1] + dy, np.abs(1 - dx - share[:, 0]) * np.abs(1 - dy - share[:, 1])
+
+
+def mirrored(index: NDArray[np.int64], size: int) -> NDArray[np.int64]:
     """Indices into a row of `size` that is continued by its mirror images."""
     index = index % (2 * size)
     return np.minimum(index, 2 * size - 1 - index)

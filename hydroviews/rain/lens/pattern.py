@@ -1,10 +1,14 @@
 """What is drawn for one wet lens, and from which distributions."""
 
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 
+from hydroviews.errors import InputError
 from hydroviews.rain.scene_statistics import LensRenderer
+
+Focus = Literal["scene", "drops"]
 
 MEDIUM = 1  # grade
 COVERAGE = ((0.05, 0.09), (0.08, 0.14), (0.12, 0.2))  # by grade
@@ -34,12 +38,32 @@ class RaindropPattern:
     contact_angle_max: float
     capillary_length: float  # 2.7 mm of glass, in sides: drops larger than this hang
     growth: float  # the most that a drop's radius grows from the first view to the last, relative
-    focus_blur: float  # diameter of the defocus disk, in sides
+    focus_blur: float  # diameter, in sides, of the disk that the aperture makes of a point out of focus
     mist: float  # cover by mist where it is densest, 0 to 1
     air: tuple[float, float, float]  # colour of lit mist, relative to the scene's air light
     key_frames: int  # the views are shared out evenly among them, in order
     lens_renderer: LensRenderer
     seed: int  # of places, shapes and motion
+    renewed: float = 0.0  # share of the drops that are new from one view to the next
+    focus: Focus = "scene"  # what is sharp; the other is blurred
+
+    def __post_init__(self) -> None:
+        """Refuse what no lens can be.
+
+        Raises:
+            InputError: a share outside [0, 1], an unknown focus, or renewed drops that would have to be traced.
+        """
+        if not 0 <= self.renewed <= 1:
+            raise InputError("renewed drops", found=self.renewed, expected="a share from 0 to 1 of the drops")
+        if self.focus not in get_args(Focus):
+            raise InputError("focus of the lens", found=self.focus, expected=" or ".join(get_args(Focus)))
+        if self.renewed > 0 and self.lens_renderer == "traced":
+            raise InputError(
+                "renewed drops with the lens renderer traced",
+                found="every view would have its own water to trace",
+                expected="disk or aperture, which draw them from a bank of baked drops",
+                fix="choose another --lens-renderer, or an effect without renewed drops",
+            )
 
 
 def draw_pattern(rng: np.random.Generator, grade: int = MEDIUM) -> RaindropPattern:

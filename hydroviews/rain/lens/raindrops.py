@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from hydroviews.rain.lens.bake import aperture_radius, bake_matte, focus_disk, lens_water, moment_of, trace
 from hydroviews.rain.lens.mist import mist_veil
-from hydroviews.rain.lens.path_matte import PathMatte
+from hydroviews.rain.lens.path_matte import PathMatte, defocus
 from hydroviews.rain.lens.pattern import RaindropPattern
+from hydroviews.rain.lens.renewed import RenewedDrops
 from hydroviews.rain.light import expand_highlights
 from hydroviews.rain.scene_statistics import SceneStatistics
 from hydroviews.scene.cameras import Camera
@@ -40,7 +41,8 @@ class PreparedLens:
     """Water in front of one camera, as it slowly changes from view to view.
 
     With n views in order of name and K key frames, view i shows key frame floor(i K / n). A key frame is baked when the
-    first view needs it, and kept on disk; one is held in memory.
+    first view needs it, and kept on disk; one is held in memory. Where a share of the drops is renewed, `renewed` draws
+    them, and key frames are those of the mist.
     """
 
     def __init__(
@@ -56,8 +58,10 @@ class PreparedLens:
             folder: keeps the mattes.
         """
         self._pattern, self._air = pattern, air
-        self._frames = {name: i * pattern.key_frames // len(views) for i, name in enumerate(views)}
+        self._numbers = {name: i for i, name in enumerate(views)}
         self._camera, self._folder = camera, folder
+        self._disk = focus_disk(pattern, camera)
+        self._renewed = RenewedDrops(pattern, camera, folder, len(views)) if pattern.renewed > 0 else None
         self._held: tuple[int, PathMatte | None, Plane] | None = None
 
     def layers(self, clean: Image, view: View) -> dict[str, Plane]:
@@ -69,32 +73,42 @@ class PreparedLens:
 
         Returns:
             Planes [H, W]: M, cover by drops; V, by mist; R, G, B, the linear radiance of both, so that the rainy
-            view is (1 - M) (1 - V) B + (R, G, B) in linear light. It may exceed 1 where lamps shine through drops.
+            view is (1 - M) (1 - V) B + (R, G, B) in linear light, B blurred where the lens is focused on the drops. It
+            may exceed 1 where lamps shine through drops.
 
         Raises:
             InputError: Blender failed (see `process.run_blender`).
         """
-        frame = self._frames[view.name]
+        number = self._numbers[view.name]
+        frame = number * self._pattern.key_frames // len(self._numbers)
         matte, veil = self._key_frame(frame)
         light = expand_highlights(to_linear(clean))
-        mask, drops = self._drops(light, matte, frame)
+        if self._pattern.focus == "drops" and self._pattern.lens_renderer == "disk":
+            light = defocus(light, self._disk)  # what a drop in focus shows is out of focus as the scene is
+        mask, drops = self._drops(light, matte, frame, number)
         radiance = drops + ((1 - mask) * veil)[..., None] * self._air
         return {"M": mask, "V": veil, **{channel: radiance[..., i] for i, channel in enumerate("RGB")}}
 
     def _key_frame(self, frame: int) -> tuple[PathMatte | None, Plane]:
         if self._held is None or self._held[0] != frame:
             pattern, camera = self._pattern, self._camera
-            traced = pattern.lens_renderer == "traced"
-            matte = None if traced else bake_matte(pattern, camera, self._folder, frame)
+            baked = pattern.lens_renderer != "traced" and self._renewed is None
+            matte = bake_matte(pattern, camera, self._folder, frame) if baked else None
             veil = mist_veil(pattern, camera.width, camera.height, moment_of(pattern, frame))
             self._held = frame, matte, veil
         return self._held[1:]
 
-    def _drops(self, light: Image, matte: PathMatte | None, frame: int) -> tuple[Plane, Plane]:
+    def _drops(self, light: Image, matte: PathMatte | None, frame: int, number: int) -> tuple[Plane, Plane]:
         """Cover [H, W] and linear radiance [H, W, 3] of the drops in front of a picture of linear light."""
+        if self._renewed is not None:
+            mask, drops = self._renewed.over(light, number)
+            blurred = self._pattern.focus == "scene" and self._pattern.lens_renderer == "disk"
+            disk = self._disk if blurred else 0.0
+            return np.clip(defocus(mask, disk), 0, 1), defocus(drops, disk)
         if matte is not None:
             return matte.mask, matte.apply(light)
-        opening = aperture_radius(focus_disk(self._pattern, self._camera), self._camera)
+        opening = aperture_radius(self._disk, self._camera)
         mesh = lens_water(self._pattern, self._camera, frame)
-        traced, _ = trace(mesh, self._camera, light, TRACED_SAMPLES, self._folder, opening, seed=frame)
+        samples, focus = TRACED_SAMPLES, self._pattern.focus
+        traced, _ = trace(mesh, self._camera, light, samples, self._folder, opening, seed=frame, focus=focus)
         return np.clip(traced[..., 3], 0, 1), traced[..., :3]

@@ -1,7 +1,9 @@
 """How much mist, and at most how many drops, a grade needs on a scene.
 
 Water on the lens is at the same place in every view. A veil of mist is learned as part of the scene. Sharp drops cover
-other places of the scene in other views: of the error they make, one c-th is left where c views see a place.
+other places of the scene in other views: of the error they make, one c-th is left where c views see a place; less where
+drops are renewed between views that are so close that one drop covers the same place in both. Where the lens is focused
+on the drops, the blur of the scene is learned as part of it.
 """
 
 from collections.abc import Callable
@@ -11,23 +13,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.rain.lens.mist import mist_veil
+from hydroviews.rain.lens.path_matte import defocus
 from hydroviews.rain.lens.pattern import RaindropPattern
-from hydroviews.rain.scene_statistics import SceneStatistics
-from hydroviews.rain.severity import solve, wanted_harm
+from hydroviews.rain.scene_statistics import SceneStatistics, fine_detail
+from hydroviews.rain.severity import CLEAN_ERROR, solve, wanted_harm
 from hydroviews.scene.images import to_linear, to_srgb
 
 LOSS = {"light": 1.5, "medium": 3.7, "heavy": 8.5}  # dB for plain 3DGS; medium drops cost 4 to 5 where 4 were predicted
 THICKEST_MIST = 0.95
+MOST_BLUR = 0.5  # share of the wanted harm that blur of the scene may do; for more the aperture closes
+BLURRED_VIEWS = 6  # at full size, from which that is predicted
+LAGS = 20  # views that farther apart in order see a place through other drops
+TRACKED_POINTS = 500
 
 
 def grade_raindrops(drawn: RaindropPattern, grade: str, statistics: SceneStatistics) -> RaindropPattern:
     """The pattern with its mist, and if need be its coverage, set to the grade on this scene."""
-    wanted = wanted_harm(LOSS[grade], statistics)
-    full_cover = drops_harm(1.0, statistics)
-    coverage = min(drawn.coverage, wanted / full_cover if full_cover else 1.0)
-    left = wanted - drops_harm(coverage, statistics)
+    wanted = left = wanted_harm(LOSS[grade], statistics)
+    aperture = drawn.focus_blur
+    if drawn.focus == "drops":
+        blurred = blur_harm(statistics)
+        aperture = round(solve(blurred, MOST_BLUR * wanted, 0.0, drawn.focus_blur), 5)
+        left -= blurred(aperture)
+    full_cover = drops_harm(1.0, statistics) * renewal(drawn, statistics)
+    coverage = min(drawn.coverage, left / full_cover if full_cover else 1.0)
+    left -= full_cover * coverage
     mist = solve(veil_harm(drawn, statistics), left, 0.0, THICKEST_MIST)
-    return replace(drawn, coverage=round(coverage, 4), mist=round(mist, 4))
+    return replace(drawn, coverage=round(coverage, 4), mist=round(mist, 4), focus_blur=aperture)
 
 
 def veil_harm(pattern: RaindropPattern, statistics: SceneStatistics) -> Callable[[float], float]:
@@ -61,3 +73,63 @@ def drops_harm(coverage: float, statistics: SceneStatistics) -> float:
         * 2
         * float(np.mean([sample.var(axis=(0, 1)).mean(dtype=np.float64) for sample in statistics.samples]))
     )
+
+
+def renewal(pattern: RaindropPattern, statistics: SceneStatistics) -> float:
+    """Harm of renewed drops, over that of a fixed window.
+
+    What is learned from c views errs by the mean of their errors. The covers of a place in views i and j are correlated
+    by the overlap o_ij of a drop with itself, moved as far as the place moves over the lens, times the probability that
+    the drop is still there: the variance of the mean goes by sum_ij (1 - renewed)^|i - j| o_ij / c^2. Whoever is always
+    new leaves 1 / c.
+    """
+    if pattern.renewed == 0 or len(statistics.points) == 0:
+        return 1.0
+    overlap = overlaps(pattern, statistics)
+    stays = (1 - pattern.renewed) ** np.arange(len(overlap))
+    return float((overlap * stays).sum() / overlap.sum())
+
+
+def overlaps(pattern: RaindropPattern, statistics: SceneStatistics) -> NDArray[np.float64]:
+    """Sums of o_ij over pairs of views by |i - j|, 0 to LAGS, as a mean over places: [L]."""
+    positions = statistics.points.positions[:: -(-len(statistics.points) // TRACKED_POINTS)]
+    places, seen = [], []
+    for view in statistics.views:
+        pixels, depth = view.camera.project(positions)
+        size = np.array([view.camera.width, view.camera.height])
+        seen.append((depth > 0) & np.all((pixels >= 0) & (pixels < size), axis=1))
+        places.append(pixels / np.sqrt(size.prod()))
+    where, inside = np.array(places), np.array(seen)  # [views, N, 2], [views, N]
+    views = np.maximum(inside.sum(axis=0), 1)
+    width = 2 * pattern.radius_median * np.exp(2 * pattern.radius_spread**2)  # of drops as their area counts them
+    sums = []
+    for lag in range(min(LAGS, len(where) - 1) + 1):
+        both = inside[lag:] & inside[: len(where) - lag]
+        moved = np.linalg.norm(where[lag:] - where[: len(where) - lag], axis=-1)
+        share = np.clip(np.where(both, moved, np.inf) / width, 0, 1)
+        overlap = 2 / np.pi * (np.arccos(share) - share * np.sqrt(1 - share**2))  # of two disks
+        sums.append(np.mean((2 if lag else 1) * overlap.sum(axis=0) / views**2))
+    return np.array(sums)
+
+
+def blur_harm(statistics: SceneStatistics) -> Callable[[float], float]:
+    """For an aperture, as the diameter in sides of its disk, what blur adds to the mean squared error of the scene.
+
+    That is the difference of blurred and clean views, in encoded values, less the fine detail that is not learned from
+    clean views either.
+    """
+    views = statistics.views[:: -(-len(statistics.views) // BLURRED_VIEWS)]
+    pictures = [view.image() for view in views]
+    lost = min(statistics.clean_error or CLEAN_ERROR, 1.0)
+
+    def harm(aperture: float) -> float:
+        if aperture == 0:
+            return 0.0
+        changes = []
+        for clean in pictures:
+            seen = to_srgb(defocus(to_linear(clean), aperture * float(np.sqrt(clean.shape[0] * clean.shape[1]))))
+            error = np.mean((seen - clean) ** 2, dtype=np.float64)
+            changes.append(error + lost * (fine_detail(seen) - fine_detail(clean)))
+        return max(float(np.mean(changes)), 0.0)
+
+    return harm

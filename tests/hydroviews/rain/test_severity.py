@@ -1,12 +1,14 @@
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from synthetic import capture_in
 
 from hydroviews.rain import severity
 from hydroviews.rain.lens.mist import mist_veil
-from hydroviews.rain.lens.severity import drops_harm
+from hydroviews.rain.lens.path_matte import defocus
+from hydroviews.rain.lens.severity import blur_harm, drops_harm, renewal
 from hydroviews.rain.light import luminance
 from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.registry import find_effect
@@ -14,6 +16,7 @@ from hydroviews.rain.scene_statistics import TINT, survey
 from hydroviews.rain.streaks.recipe import streak_layer
 from hydroviews.scene.depth import depth_path, write_depth
 from hydroviews.scene.images import to_linear, to_srgb, write_png
+from hydroviews.scene.scenes import no_points
 from hydroviews.scene.seeds import generator
 
 LOSSES = {"streak": (1.5, 4.0, 8.5), "raindrop": (1.5, 3.7, 8.5)}  # dB that grades stand for
@@ -156,3 +159,49 @@ def test_a_scene_that_drops_harm_more_gets_fewer_of_them(statistics):
 def test_a_photograph_alone_is_one_moment_of_the_rain(statistics):
     alone = replace(statistics, views=statistics.views[:1])
     assert [draw("raindrop", 1, one).key_frames for one in (statistics, alone)] == [3, 1]
+
+
+def test_drops_that_are_always_new_err_by_chance_and_a_fixed_window_by_more(statistics):
+    still = replace(statistics, views=statistics.views[:1] * 5)  # a camera that does not move
+    pattern = draw("raindrop", 1, statistics)
+    assert renewal(pattern, still) == 1
+    assert renewal(replace(pattern, renewed=1.0), still) == pytest.approx(1 / 5)
+    stays, pairs = 0.5 ** np.arange(5), np.array([5, 8, 6, 4, 2]) / 25
+    assert renewal(replace(pattern, renewed=0.5), still) == pytest.approx((stays * pairs).sum())
+    ring = [renewal(replace(pattern, renewed=share), statistics) for share in (0.0, 0.3, 1.0)]
+    assert ring[0] == 1 >= ring[1] >= ring[2] > 1 / len(statistics.views)
+    assert renewal(replace(pattern, renewed=1.0), replace(statistics, points=no_points())) == 1
+
+
+def test_renewed_drops_may_be_more_or_have_more_mist_for_the_same_loss(statistics):
+    still = replace(statistics, views=statistics.views[:1] * 5)
+    renewed = find_effect("hydroviews.rain.lens.effect:RenewedRaindropEffect").draw(Pattern("raindrop", 1), still)
+    fixed = draw("raindrop", 1, still)
+    assert renewed.seed == fixed.seed
+    assert (renewed.coverage, renewed.mist) > (fixed.coverage, fixed.mist)
+
+
+@pytest.mark.parametrize("grade", [0, 1, 2])
+def test_a_blurred_scene_costs_at_most_half_of_what_its_grade_says(statistics, grade):
+    effect = find_effect("hydroviews.rain.lens.effect:SharpRaindropEffect")
+    drawn = effect.draw(Pattern("raindrop", grade), statistics)
+    open_, fixed = draw("raindrop", grade, statistics), severity.wanted_harm(LOSSES["raindrop"][grade], statistics)
+    harm = blur_harm(statistics)
+    assert harm(drawn.focus_blur) <= 0.501 * fixed
+    assert drawn.focus_blur <= open_.focus_blur
+    assert drawn.focus_blur > 0.99 * open_.focus_blur or harm(open_.focus_blur) > 0.5 * fixed
+    assert drawn.mist <= open_.mist
+
+
+def test_the_harm_of_blur_is_what_it_changes_less_the_detail_that_is_lost_anyway(statistics):
+    views = statistics.views[::2][:4]
+    few = replace(statistics, views=views, clean_error=0.5)
+    side = np.sqrt(views[0].camera.width * views[0].camera.height)
+    expected = []
+    for view in views:
+        clean = view.image()
+        seen = to_srgb(defocus(to_linear(clean), 9.0))
+        fine = [np.mean((p - cv2.GaussianBlur(p, (0, 0), 1.0)) ** 2) for p in (seen, clean)]
+        expected.append(np.mean((seen - clean) ** 2) + 0.5 * (fine[0] - fine[1]))
+    assert blur_harm(few)(9.0 / side) == pytest.approx(np.mean(expected), rel=1e-4)
+    assert blur_harm(few)(0.0) == 0
