@@ -81,6 +81,8 @@ class RainLayerConfig:
             raise ValueError(
                 f"min_updates {self.min_updates} of {self.memory} remembered ones: rain could never be believed"
             )
+        if not self.dry < self.rainy:
+            raise ValueError(f"rainy {self.rainy} is no more than dry {self.dry}")
 
 
 class RainLayer:
@@ -186,7 +188,7 @@ def line_powers(difference: NDArray[np.float32], length: float, clear: NDArray[n
     if clear is not None:
         if not clear.any():
             return np.zeros((len(ANGLES), 3))
-        difference = np.where(clear, difference, np.float32(0))
+        difference = np.where(clear, difference, difference[clear].mean())  # edges of what is hidden are no lines
     counted = np.ones(difference.shape, np.bool_) if clear is None else clear
     around, n = np.asarray(cv2.blur(difference, (side, side)), np.float32), np.count_nonzero(counted)
     powers = np.ones((len(ANGLES), 3))

@@ -46,6 +46,8 @@ def learned(scene, cover, brightness=0.88):
 def test_more_updates_than_are_remembered_cannot_be_asked_for():
     with pytest.raises(ValueError, match="could never be believed"):
         RainLayerConfig(memory=14)
+    with pytest.raises(ValueError, match="no more than dry"):
+        RainLayerConfig(rainy=0.05)
 
 
 def test_the_median_alpha_is_found(scene):
@@ -94,7 +96,7 @@ def test_powers_along_lines_are_the_plain_moments():
     picture = rng.standard_normal((31, 45)).astype(np.float32) ** 3  # with outliers
     clear = rng.uniform(size=picture.shape) > 0.2
     for counted in (None, clear):
-        shown = picture if counted is None else np.where(counted, picture, 0)
+        shown = picture if counted is None else np.where(counted, picture, picture[counted].mean())
         for row, angle in zip(line_powers(picture, 5 / 45, counted), ANGLES, strict=True):
             lines = cv2.filter2D(shown, -1, line_kernel(5, angle)) - cv2.blur(shown, (5, 5))
             x = lines.astype(np.float64)[slice(None) if counted is None else counted]
