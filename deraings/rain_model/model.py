@@ -17,8 +17,8 @@ from deraings.enhancement.views import EnhancedViews
 from deraings.image_planes import Plane
 from deraings.rain_model.drops import DropLayer, LensDrops, LensDropsConfig
 from deraings.rain_model.mist import Mist, MistConfig, MistGradient
-from deraings.rain_model.rain_layer import MIN_ALPHA, RainLayer, RainLayerConfig
-from deraings.rain_model.streaks import SingleStreaks, SingleStreaksConfig, along_rain, alpha_between
+from deraings.rain_model.rain_layer import MIN_ALPHA, RainLayer, RainLayerConfig, alpha_between
+from deraings.rain_model.streaks import SingleStreaks, SingleStreaksConfig, along_rain
 from deraings.rain_model.warm_up import warm_up
 from hydroviews.scene.images import Image
 from hydroviews.scene.point_colours import PointColours
@@ -92,7 +92,7 @@ class RainModel:
         count = len(images)
         pictures = [images.pixels(view) for view in range(count)]
         hidden = [images.ignored(view) for view in range(count)]
-        sizes = [(picture.shape[0], picture.shape[1]) for picture in pictures]
+        self._sizes = sizes = [(picture.shape[0], picture.shape[1]) for picture in pictures]
         self.mist = Mist(pictures, iterations, config.mist, hidden, points) if config.mist else None
         self.rain_layer = RainLayer(iterations, config.rain_layer) if config.rain_layer else None
         self.streaks = SingleStreaks(sizes, config.streaks) if config.rain_layer and config.streaks else None
@@ -199,7 +199,7 @@ class RainModel:
     def _update_rain(self, layer: RainLayer, seen: Seen, observed: Observation, buffers: BufferPool) -> None:
         """Learn of falling rain from the view behind even rain, without its single streaks."""
         streaks = self.streaks if self._streaks_due(seen) and layer.certainty() == 1 else None
-        due = layer.due(seen.iteration)
+        due = layer.due(seen.iteration) and seen.image.shape[:2] == self._sizes[seen.view]  # small ones hide streaks
         if not due and streaks is None:
             return
         even = self._behind_even_rain(seen, buffers)

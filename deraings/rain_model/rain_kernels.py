@@ -39,7 +39,7 @@ def toward_rain(photograph, seen, brightness, left, along, length):
 
 @kernel
 def cover(photograph, dry, brightness, least, alpha):
-    """Fills alpha [H, W], see `streaks.alpha_between`; `least` is added to the square of the contrast."""
+    """Fills alpha [H, W], see `rain_layer.alpha_between`; `least` is added to the square of the contrast."""
     height, width = alpha.shape
     for row in prange(height):
         p, d, a_row = photograph[row], dry[row], alpha[row]

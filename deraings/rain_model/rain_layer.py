@@ -7,8 +7,10 @@ layer cannot be told from a brighter scene of less contrast by any single pixel.
 * *That it rains.* Rain is what makes the differences of photograph and render skewed to the bright side along one
   direction only: averaged along short lines at twelve angles, less their surroundings, the differences of a dry scene
   are skewed much alike at all angles, if at all; in rain they are more so along the streaks.
-* *How much.* Between the streaks the photographs show the scene itself. So their darkest pixels are as dark as the
-  scene is, and S follows from how much lighter the darkest of the render are. Fog in the scene lightens both alike.
+* *How much.* Streaks that fall independently of each other are shot noise, all of whose cumulants are in proportion to
+  their number (Campbell's theorem): variance and third cumulant say how strong single streaks are, and with that the
+  variance says how many there are, and so how much rain there is in the mean. Both are taken of the rain_alpha that
+  makes the photograph of the render, along the streaks, less the usual of the other directions, which is the scene's.
 
 The first gates the second: where it does not rain S is 0, whatever the scene.
 """
@@ -22,15 +24,20 @@ from numpy.typing import NDArray
 
 from deraings.image_planes import Plane, resized, within_side
 from deraings.rain_model.layer_kernels import behind_rain, shade
-from deraings.rain_model.rain_kernels import BANDS, line_sums
+from deraings.rain_model.rain_kernels import BANDS, cover, line_sums
 from hydroviews.scene.images import Image
 
 ANGLES = tuple(range(0, 180, 15))  # degrees counter-clockwise from +x
 THIRDS = np.full(3, 1 / 3, np.float32)
 LONG_SIDE = 480  # pixels; streaks are looked for in no larger pictures
-LEARNED = ("powers", "levels", "prior", "alpha")
+LEARNED = ("powers", "shot_alpha", "prior", "alpha")
 OUTLIER = 4.0  # standard deviations beyond which a difference along a line is cut off
-LEVELS = 512  # bins of a histogram of encoded values in [0, 1]
+MIN_CONTRAST = 0.1  # encoded; in front of what is nearer to beta than that, streaks are hardly seen
+TELLING = 0.2  # the same; what is nearer is not counted
+HALF = 0.5
+LEAST = 1e-12  # that is divided by
+# kappa_1 kappa_3 / kappa_2^2 of streaks that are even along and soft across, 2 / sqrt(3), and a little uneven.
+SHOT_RATIO = 1.2
 MIN_ALPHA = 0.004  # rain_alpha that is as good as none
 COMMON = 0.15  # share of the skew of most directions that one may exceed them by: drops that ran are long as well
 
@@ -47,16 +54,14 @@ class RainLayerConfig:
         line_length: length of the lines along which differences are averaged, in longer sides of the picture, (0, 1).
         start: share of the iterations, [0, 1), before the first update; earlier, detail that is not learned yet would
             be taken for streaks. 0.1 is best of 0.05 to 0.2.
-        settled: share of the iterations after which S stays if it surely rains: single streaks are learned by then,
-            and renders no longer show the even layer alone.
+        settled: share of the iterations after which the streaks' cumulants are not looked at any more if it surely
+            rains: renders have learned some of the streaks by then.
         updates: in all, spread evenly over the training.
         memory: updates that running sums remember, more than `min_updates`.
         min_updates: sum of remembered weights before anything is believed, some 16 updates: after fewer, dry scenes
             were taken for rainy for a moment.
         dry: excess skew of one direction up to which it does not rain.
         rainy: excess skew, above `dry`, from which it surely does.
-        photograph_quantile: share of the photographs' pixels, (0, 1), that is as dark as
-        render_quantile: that share of the renders', which are smoother, in dry weather.
         max_alpha: most that S may be, [0, 1).
     """
 
@@ -67,10 +72,8 @@ class RainLayerConfig:
     updates: int = 240
     memory: int = 60
     min_updates: float = 14.0
-    dry: float = 0.045
-    rainy: float = 0.075
-    photograph_quantile: float = 2e-4
-    render_quantile: float = 5e-3
+    dry: float = 0.06
+    rainy: float = 0.12
     max_alpha: float = 0.5
 
     def __post_init__(self) -> None:
@@ -78,6 +81,8 @@ class RainLayerConfig:
             raise ValueError(
                 f"min_updates {self.min_updates} of {self.memory} remembered ones: rain could never be believed"
             )
+        if not self.dry < self.rainy:
+            raise ValueError(f"rainy {self.rainy} is no more than dry {self.dry}")
 
 
 class RainLayer:
@@ -88,7 +93,7 @@ class RainLayer:
         self._first, self._settled = round(config.start * iterations), round(config.settled * iterations)
         self._every = max(1, (iterations - self._first) // config.updates)
         self.powers = np.zeros((len(ANGLES), 3))  # sums of weights, squares and cubes of differences along lines
-        self.levels = np.zeros((2, LEVELS))  # histograms of photographs and renders
+        self.shot_alpha = np.zeros(1)  # S as the streaks' cumulants have it
         self.prior = np.zeros(2)  # sum and number of the prior's median alphas
         self.alpha = np.zeros(1)  # S
 
@@ -121,12 +126,14 @@ class RainLayer:
             iteration: of the training.
         """
         config = self._config
-        keep = 1 - 1 / config.memory
-        grey = [_small(image @ THIRDS) for image in (photograph, seen)]
-        clear = None if weights is None else _small(weights) > 0.5
-        self.powers = keep * self.powers + line_powers(grey[0] - grey[1], config.line_length, clear)
+        alpha = np.clip(alpha_between(photograph, seen, self.brightness), -1, 1)
+        clear = self.brightness - seen @ THIRDS > TELLING
+        if weights is not None:
+            clear &= weights > HALF
+        powers = line_powers(_small(alpha), config.line_length, _small(clear.astype(np.float32)) > HALF)
+        self.powers = (1 - 1 / config.memory) * self.powers + powers
         if iteration < self._settled or self.certainty() < 1:
-            self.levels = keep * self.levels + np.stack([_histogram(image, clear) for image in grey])
+            self.shot_alpha[0] = alpha_of_shot_noise(self.powers)
         self.alpha[0] = min(self.certainty() * self.alpha_if_it_rains(), config.max_alpha)
 
     def update_prior(self, median: float) -> None:
@@ -134,10 +141,9 @@ class RainLayer:
         self.prior += median, 1
 
     def alpha_if_it_rains(self) -> float:
-        """S if it surely rained: from the darkest pixels, or the mean of that and what the prior finds."""
-        if not self.prior[1]:
-            return self.alpha_of_darkest()
-        return 0.5 * (self.alpha_of_darkest() + max(0.0, self.prior[0] / self.prior[1]))
+        """S if it surely rained: what the streaks' cumulants say, or the mean of that and what the prior finds."""
+        shot = float(self.shot_alpha[0])
+        return 0.5 * (shot + max(0.0, self.prior[0] / self.prior[1])) if self.prior[1] else shot
 
     def certainty(self) -> float:
         """How sure it is that it rains, 0 to 1; 0 after few updates."""
@@ -145,15 +151,6 @@ class RainLayer:
         if self.powers[0, 0] < config.min_updates:
             return 0.0
         return float(np.clip((directed_skew(self.powers) - config.dry) / (config.rainy - config.dry), 0, 1))
-
-    def alpha_of_darkest(self) -> float:
-        """The rain_alpha by which the render's darkest pixels are lighter than those of the photographs."""
-        config = self._config
-        if not self.levels.any():
-            return 0.0
-        quantiles = config.photograph_quantile, config.render_quantile
-        dark, lighter = (_quantile(counts, q) for counts, q in zip(self.levels, quantiles, strict=True))
-        return max(0.0, (lighter - dark) / (config.brightness - dark)) if dark < config.brightness else 0.0
 
     def angle(self) -> int:
         """The direction of the streaks in degrees counter-clockwise from +x, to 15 degrees."""
@@ -169,6 +166,16 @@ class RainLayer:
             setattr(self, name, arrays[name].copy())
 
 
+def alpha_between(photograph: Image, dry: Image, brightness: float) -> Plane:
+    """The rain_alpha [H, W] that turns a dry picture [H, W, 3] into its photograph; near 0 where they do not tell.
+
+    Least squares over the channels of O - B = rain_alpha (beta - B), which tells little where B is near to beta.
+    """
+    alpha = np.empty(photograph.shape[:2], np.float32)
+    cover(photograph, dry, np.float32(brightness), np.float32(MIN_CONTRAST**2), alpha)
+    return alpha
+
+
 def line_powers(difference: NDArray[np.float32], length: float, clear: NDArray[np.bool_] | None) -> NDArray:
     """1 and the means of squares and cubes [A, 3] of a picture averaged along lines at `ANGLES`, less its surroundings.
 
@@ -181,7 +188,7 @@ def line_powers(difference: NDArray[np.float32], length: float, clear: NDArray[n
     if clear is not None:
         if not clear.any():
             return np.zeros((len(ANGLES), 3))
-        difference = np.where(clear, difference, np.float32(0))
+        difference = np.where(clear, difference, difference[clear].mean())  # edges of what is hidden are no lines
     counted = np.ones(difference.shape, np.bool_) if clear is None else clear
     around, n = np.asarray(cv2.blur(difference, (side, side)), np.float32), np.count_nonzero(counted)
     powers = np.ones((len(ANGLES), 3))
@@ -210,6 +217,26 @@ def line_kernel(side: int, angle: float) -> NDArray[np.float32]:
     return np.asarray(rows.T @ columns / len(reach), np.float32)
 
 
+def alpha_of_shot_noise(powers: NDArray) -> float:
+    """The mean rain_alpha of shot noise that has the excess variance and third cumulant of one direction, [0, 1).
+
+    With single streaks of profile s, so many that they add up to the mean kappa_1, kappa_n is in proportion to the
+    integral of s^n (Campbell), and kappa_1 = c kappa_2^2 / kappa_3, whatever their number and strength. In front of a
+    scene that is seen behind even rain, differences are of (rain_alpha - S) / (1 - S), so this is the mean of
+    rain_alpha / (1 - S).
+
+    Args:
+        powers: sums of weights, squares and cubes [A, 3], as of `line_powers`.
+    """
+    squares, cubes = powers[:, 1:].T / max(powers[0, 0], LEAST)
+    along = int(np.argmax(_skews(powers)))
+    variance, third = squares[along] - np.median(squares), cubes[along] - np.median(cubes)
+    if variance <= 0 or third <= 0:
+        return 0.0
+    mean = SHOT_RATIO * variance**2 / third
+    return float(mean / (1 + mean))
+
+
 def directed_skew(powers: NDArray) -> float:
     """By how much the skewness along one direction exceeds what that along most others allows; 0 before any update.
 
@@ -222,24 +249,10 @@ def directed_skew(powers: NDArray) -> float:
 
 def _skews(powers: NDArray) -> NDArray:
     count, squares, cubes = powers.T
-    scale = squares**1.5 / np.sqrt(np.maximum(count, 1e-12))
+    scale = squares**1.5 / np.sqrt(np.maximum(count, LEAST))
     return np.divide(cubes, scale, out=np.zeros(len(powers)), where=scale > 0)
 
 
 def _small(plane: Plane) -> Plane:
     """A plane [H, W], averaged down to a longer side of LONG_SIDE."""
     return resized(plane, within_side(plane.shape, LONG_SIDE))
-
-
-def _histogram(image: NDArray[np.float32], clear: NDArray[np.bool_] | None) -> NDArray:
-    values = image if clear is None else image[clear]
-    places = np.clip(values.ravel() * LEVELS, 0, LEVELS - 1).astype(np.int64)
-    return np.bincount(places, minlength=LEVELS) / max(values.size, 1)
-
-
-def _quantile(counts: NDArray, share: float) -> float:
-    """The encoded value below which a share of a histogram lies."""
-    sums = np.cumsum(counts)
-    index = int(np.searchsorted(sums, share * sums[-1]))
-    before = sums[index - 1] if index else 0.0
-    return float((index + (share * sums[-1] - before) / max(counts[index], 1e-12)) / LEVELS)

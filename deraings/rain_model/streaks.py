@@ -24,14 +24,13 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from deraings.image_planes import Plane, resized, shrunk
-from deraings.rain_model.rain_kernels import cover, toward_rain
-from deraings.rain_model.rain_layer import LONG_SIDE
+from deraings.rain_model.rain_kernels import toward_rain
+from deraings.rain_model.rain_layer import LONG_SIDE, MIN_CONTRAST
 from hydroviews.scene.images import Image
 
 ZERO, STEP = 128, 1 / 200  # the 8 bits of D: what stands for 0, and for a difference of one
 RINGS = 64  # of frequencies, to one cycle a pixel
 VIEW = "view"  # begins the names of what is known of a view
-MIN_CONTRAST = 0.1  # encoded; in front of what is nearer to beta than that, streaks are hardly seen
 
 
 @dataclass(frozen=True)
@@ -148,16 +147,6 @@ def along_rain(photograph: Image, seen: Image, even: float, brightness: float) -
     along, length = np.empty((2, *photograph.shape[:2]), np.float32)
     toward_rain(photograph, seen, np.float32(brightness), np.float32(1 - even), along, length)
     return along, length
-
-
-def alpha_between(photograph: Image, dry: Image, brightness: float) -> Plane:
-    """The rain_alpha [H, W] that turns a dry picture [H, W, 3] into its photograph; near 0 where they do not tell.
-
-    Least squares over the channels of O - B = rain_alpha (beta - B), which tells little where B is near to beta.
-    """
-    alpha = np.empty(photograph.shape[:2], np.float32)
-    cover(photograph, dry, np.float32(brightness), np.float32(MIN_CONTRAST**2), alpha)
-    return alpha
 
 
 def wiener_gain(power: NDArray, width: int, angle: float, config: SingleStreaksConfig) -> Plane:

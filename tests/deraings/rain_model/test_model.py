@@ -19,7 +19,7 @@ PATTERN = StreakPattern(n=200, length=40, angle=75, width=7)
 CONFIG = RainConfig(
     MistConfig(start=0),
     LensDropsConfig(start=0.05, min_share=0.01),
-    RainLayerConfig(min_updates=0, start=0, rainy=0.05),
+    RainLayerConfig(min_updates=0, start=0, rainy=0.07),
 )
 
 

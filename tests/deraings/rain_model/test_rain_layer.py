@@ -3,7 +3,15 @@ import numpy as np
 import panorama
 import pytest
 
-from deraings.rain_model.rain_layer import ANGLES, RainLayer, RainLayerConfig, directed_skew, line_kernel, line_powers
+from deraings.rain_model.rain_layer import (
+    ANGLES,
+    RainLayer,
+    RainLayerConfig,
+    alpha_of_shot_noise,
+    directed_skew,
+    line_kernel,
+    line_powers,
+)
 from hydroviews.rain.streaks.recipe import StreakPattern, composite, streak_layer
 
 COUNT, SIZE = 10, (121, 160)
@@ -38,6 +46,8 @@ def learned(scene, cover, brightness=0.88):
 def test_more_updates_than_are_remembered_cannot_be_asked_for():
     with pytest.raises(ValueError, match="could never be believed"):
         RainLayerConfig(memory=14)
+    with pytest.raises(ValueError, match="no more than dry"):
+        RainLayerConfig(rainy=0.05)
 
 
 def test_the_median_alpha_is_found(scene):
@@ -86,7 +96,7 @@ def test_powers_along_lines_are_the_plain_moments():
     picture = rng.standard_normal((31, 45)).astype(np.float32) ** 3  # with outliers
     clear = rng.uniform(size=picture.shape) > 0.2
     for counted in (None, clear):
-        shown = picture if counted is None else np.where(counted, picture, 0)
+        shown = picture if counted is None else np.where(counted, picture, picture[counted].mean())
         for row, angle in zip(line_powers(picture, 5 / 45, counted), ANGLES, strict=True):
             lines = cv2.filter2D(shown, -1, line_kernel(5, angle)) - cv2.blur(shown, (5, 5))
             x = lines.astype(np.float64)[slice(None) if counted is None else counted]
@@ -112,6 +122,31 @@ def test_drops_that_ran_a_little_are_no_rain():
     skews = powers[:, 2] / powers[:, 1] ** 1.5
     assert skews.max() - np.median(skews) > RainLayerConfig().dry
     assert directed_skew(powers) < RainLayerConfig().dry
+
+
+@pytest.mark.parametrize(("density", "strength"), [(0.004, 0.15), (0.004, 0.3), (0.015, 0.15), (0.03, 0.1)])
+def test_cumulants_say_how_much_rain_there_is(density, strength):
+    rng = np.random.default_rng(0)
+    powers = 0
+    for _ in range(8):
+        seeds = rng.poisson(density, (240, 320)).astype(np.float32)
+        streak = strength * cv2.GaussianBlur(np.pad(31 * line_kernel(31, 75), 4), (0, 0), 1.0)
+        rain = cv2.filter2D(seeds, -1, streak)
+        noise = 0.03 * rng.standard_normal(rain.shape).astype(np.float32)
+        powers = powers + line_powers(rain - np.median(rain) + noise, 15 / 320, None)
+    mean = density * float(streak.sum())
+    found = alpha_of_shot_noise(powers)
+    assert found / (1 - found) == pytest.approx(mean, rel=0.25)
+
+
+def test_black_holes_in_renders_hide_no_rain(scene):
+    photographs, layers = rained_on(scene)
+    seen = learned(scene, float(np.median(layers)))
+    holes = np.zeros(seen.shape[:3], bool)
+    holes[:, :4, 20:60] = True  # 0.8 %, where nothing has been learned yet
+    assert watch(photographs, np.where(holes[..., None], 0, seen)).alpha[0] == pytest.approx(
+        watch(photographs, seen).alpha[0], abs=0.015
+    )
 
 
 def test_a_prior_of_the_even_rain_counts_by_half():

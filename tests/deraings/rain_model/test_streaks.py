@@ -9,15 +9,8 @@ from scipy import fft
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.training.images import TrainingImages
 from deraings.rain_model.objective import RainConfig, RainObjective
-from deraings.rain_model.rain_layer import RainLayerConfig
-from deraings.rain_model.streaks import (
-    MIN_CONTRAST,
-    SingleStreaks,
-    SingleStreaksConfig,
-    along_rain,
-    alpha_between,
-    wiener_gain,
-)
+from deraings.rain_model.rain_layer import MIN_CONTRAST, RainLayerConfig, alpha_between
+from deraings.rain_model.streaks import SingleStreaks, SingleStreaksConfig, along_rain, wiener_gain
 from hydroviews.rain.streaks.recipe import StreakPattern, composite, streak_layer
 from hydroviews.scene.images import to_uint8
 
@@ -193,7 +186,7 @@ def test_a_larger_alpha_is_along_the_rain(scene):
 EAGER = RainConfig(
     mist=None,
     drops=None,
-    rain_layer=RainLayerConfig(min_updates=0, start=0.0, rainy=0.05),
+    rain_layer=RainLayerConfig(min_updates=0, start=0.0, rainy=0.07),
     streaks=SingleStreaksConfig(visits=2),
 )
 
