@@ -19,6 +19,7 @@ from hydroviews.dataset.build import build
 from hydroviews.dataset.drop_masks import write_drop_masks
 from hydroviews.dataset.manifest import MANIFEST
 from hydroviews.dataset.request import REQUEST
+from hydroviews.dataset.sharing.fetched import find_fetched
 from hydroviews.errors import InputError, unknown_name
 from hydroviews.files.atomic import read_json
 from hydroviews.files.locks import BUSY, locked
@@ -153,17 +154,20 @@ def build_source(
     require_seed(seed)
     long_side = profile.long_side if long_side is None else long_side
     named = choose_patterns(patterns, ())  # refuses a wrong name before anything is rendered
+    usual = choose_patterns((), profile.patterns if all_patterns else ())
+    fetched = None if overwrite or repair else find_fetched(source, out, named, usual, long_side, seed, lens_renderer)
+    if fetched:
+        return fetched
     scene = _beside(RESERVED, find_capture(source, out / RENDERED, profile.embedded_views, long_side, captures))
     for note in scene.notes:
         logger.info("%s: %s", scene.name, note)
-    default = profile.patterns if all_patterns and not scene.captured_rainy else ()
     with locked(out / scene.name, BUSY):
         remove_leftovers(out / MANIFEST)
         built = _built_request(out / scene.name)
         folder = build(
             scene,
             out,
-            patterns=named or choose_patterns((), default),
+            patterns=named or (() if scene.captured_rainy else usual),
             long_side=long_side,
             seed=built.get("seed", 0) if seed is None else seed,
             lens_renderer=lens_renderer or built.get("lens_renderer", "disk"),

@@ -10,9 +10,11 @@ from synthetic import capture_in
 from hydroviews.dataset.build import build
 from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap
+from hydroviews.profiles import find_profile
 from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.registry import parse_pattern
 
+LONG_SIDE = find_profile("demo").long_side
 SHAREABLE = {"licence": "CC-BY-4.0", "shareable": True}
 
 
@@ -24,7 +26,7 @@ def built_in(folder: Path, patterns=("streak-1", "storm-1"), says=SHAREABLE, nam
         (capture / "capture.json").write_text(json.dumps(says))
     scene = read_scene(capture)
     rains: list[Pattern] = [parse_pattern(one) for one in patterns]
-    return build(scene, folder / "data", patterns=rains, source=str(capture))
+    return build(scene, folder / "data", patterns=rains, long_side=LONG_SIDE, source=str(capture))
 
 
 def rewritten(archive: Path, target: Path, change) -> Path:

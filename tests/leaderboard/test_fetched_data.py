@@ -2,12 +2,16 @@
 
 from dataclasses import asdict
 
+import pytest
 from servers import serving
-from shared import built_in
+from shared import SHAREABLE, built_in
 
 from hydroviews.dataset.manifest import data_hash
 from hydroviews.dataset.sharing.fetch import fetch
 from hydroviews.dataset.sharing.pack import pack
+from hydroviews.dataset.sources import build_source
+from hydroviews.errors import InputError
+from hydroviews.profiles import find_profile
 from leaderboard.predict import train_and_render
 from leaderboard.records import NOTED
 from leaderboard.runs import Run, claim_folder
@@ -33,3 +37,32 @@ def test_a_fetched_variant_trains_to_the_same_record(tmp_path, monkeypatch):
     assert ours["status"] == "done"
     assert ours["scores"]["psnr"] > 5
     assert ours["data_sha256"] == data_hash(built.parent, "yard", "streak-1")
+
+
+def test_an_evaluation_needs_no_capture_for_what_was_fetched(tmp_path):
+    """It takes the scene as it is, by its name, and compares it with the manifest; what is missing has to be built."""
+    built = built_in(tmp_path)
+    for path, _ in pack(built, tmp_path / "out", patterns=["streak-1", "clean"]):
+        fetch(str(path), tmp_path / "data/fetched")
+    data, demo = tmp_path / "data/fetched", find_profile("demo")
+    assert build_source("yard", data, demo, patterns=("streak-1",), captures=tmp_path / "none") == data / "yard"
+    assert build_source("./yard", data, demo, captures=tmp_path / "none") == data / "yard"
+    for settings in ({"patterns": ("storm-1",)}, {"all_patterns": True}, {"seed": 3}, {"long_side": 20}):
+        with pytest.raises(InputError, match="no such capture"):
+            build_source("yard", data, demo, captures=tmp_path / "none", **settings)
+    again = build_source(str(tmp_path / "captures/yard"), data, demo, patterns=("storm-1",))
+    assert data_hash(data, "yard", "storm-1") == data_hash(built.parent, "yard", "storm-1")
+    (again / "clean/view-00.png").unlink()
+    fetched = fetch(str(tmp_path / "out/yard-clean.zip"), tmp_path / "other")
+    (fetched / "clean/view-00.png").unlink()
+    (fetched / "clean/view-00.png").write_bytes(b"changed")
+    with pytest.raises(InputError, match="not what the manifest says"):
+        build_source("yard", tmp_path / "other", demo, captures=tmp_path / "none")
+
+
+def test_a_fetched_capture_taken_in_rain_needs_no_patterns(tmp_path):
+    built = built_in(tmp_path, patterns=(), says={"rain": "captured", **SHAREABLE})
+    [(path, _)] = pack(built, tmp_path / "out")
+    folder = fetch(str(path), tmp_path / "data")
+    demo = find_profile("demo")
+    assert build_source("yard", tmp_path / "data", demo, all_patterns=True, captures=tmp_path / "none") == folder

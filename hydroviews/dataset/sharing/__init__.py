@@ -4,5 +4,7 @@ archive.py     the archive: files stored one after another, and the manifest the
 contents.py    what belongs to one variant, and what its licence allows
 croissant.py   metadata that other software reads
 pack.py        variants to archives
-fetch.py       archives, from a server or a disk, into a data folder
+download.py    an archive from a server
+fetch.py       archives into a data folder
+fetched.py     what was fetched is used without its capture
 """

@@ -9,6 +9,7 @@ from typing import Any
 from hydroviews.dataset.card.card import APACHE, CARD, LICENCE, STATED, Licence, card_text, find_licence
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.request import REQUEST
+from hydroviews.dataset.sharing.fetched import FETCHED
 from hydroviews.dataset.statistics import STATISTICS, summarise
 from hydroviews.dataset.variants import SPLIT
 from hydroviews.errors import InputError
@@ -71,7 +72,7 @@ def contents(folder: Path, variant: str, entry: Mapping[str, Any], owner_says: s
     made = _made(folder, rains, entry, licence)
     files = {name: folder / name for name in listed if name not in (*made, CARD, STATISTICS)} | made
     left_out = {name for name in files if layers_only and not _is_ours(folder, name, rains, shareable)}
-    facts = {key: value for key, value in entry.items() if key != "files"}
+    facts = {key: value for key, value in entry.items() if key not in ("files", FETCHED)}
     facts |= {"patterns": [name for name in rains if name != CAPTURED], "source": json.loads(made[REQUEST])["source"]}
     return Contents(folder, variant, facts, files, listed, frozenset(left_out), licence)
 

@@ -7,14 +7,13 @@ already is added to it, if both have the same clean views, cameras and split.
 
 import hashlib
 import os
-from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Collection, Mapping
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from tqdm import tqdm
 
-from hydroviews.captures.download.archives import is_archive, refuse_if_too_large
+from hydroviews.captures.download.archives import refuse_if_too_large
 from hydroviews.dataset.card.card import CARD, LOSSES, write_card
 from hydroviews.dataset.checks.rain import read_facts
 from hydroviews.dataset.clean_views import CLEAN
@@ -23,11 +22,11 @@ from hydroviews.dataset.rainy_variant import link_shared
 from hydroviews.dataset.request import REQUEST
 from hydroviews.dataset.sharing.archive import Packed, open_archive
 from hydroviews.dataset.sharing.contents import IMAGES, LAYERS, PATTERN
+from hydroviews.dataset.sharing.download import archive_on_disk
+from hydroviews.dataset.sharing.fetched import FETCHED
 from hydroviews.dataset.statistics import STATISTICS, write_statistics
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import sha256
 from hydroviews.files.full_disk import plain_write_errors
-from hydroviews.files.http_download import fetch as download
 from hydroviews.files.known_bytes import changed, current_sha256, read_only
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.files.temporary import PARTIAL, remove_tree
@@ -37,8 +36,6 @@ from hydroviews.rain.layers import read_layers
 from hydroviews.rain.registry import find_effect, parse_pattern
 from hydroviews.scene.images import read_image, write_png
 
-CHECKSUM = "#sha256="
-WEB = ("http://", "https://")
 SUMMARIES = (CARD, STATISTICS, LOSSES)  # of a scene with all its variants: made anew when one is added
 SAME = ("seed", "long_side", "views", "drawing_code", "capture")  # of all variants of a scene
 ELSEWHERE = "choose another --out"
@@ -58,52 +55,12 @@ def fetch(address: str, data: Path) -> Path:
         BadArchive: the archive is damaged, or could do harm.
         InputError: it cannot be had, another scene of that name is there, or the disk is full.
     """
-    with _archive(address, data) as path:
+    with archive_on_disk(address, data) as path:
         packed = open_archive(path)
         folder = data / packed.scene
         with locked(folder, BUSY):
             _take_in(packed, data, folder)
     return folder
-
-
-@contextmanager
-def _archive(address: str, data: Path) -> Iterator[Path]:
-    """The archive on disk; one that was downloaded is removed once the block has ended without an error."""
-    place, _, expected = address.partition(CHECKSUM)
-    expected = expected.strip().lower()
-    if not place.startswith(WEB):
-        if expected and Path(place).is_file() and (found := sha256(Path(place))) != expected:
-            raise InputError(f"{place}: wrong checksum", found=found, expected=expected, fix="get the archive again")
-        yield Path(place)
-        return
-    target = data / f"{PARTIAL}fetched-{hashlib.sha256(address.encode()).hexdigest()[:12]}.zip"
-    with locked(target, BUSY):
-        if not target.is_file():
-            download(
-                [place],
-                target,
-                expected or None,
-                refuse=lambda path: "" if is_archive(path) else "what arrived is no archive (a page of text?)",
-                known_from="as the address says",
-                otherwise="Or get the archive in another way, and fetch the file",
-            )
-        try:
-            yield target
-        except InputError:
-            _remove_if_damaged(target)
-            raise
-        target.unlink()
-
-
-def _remove_if_damaged(target: Path) -> None:
-    """Remove a download that no later call could use."""
-    try:
-        packed = open_archive(target)
-        for name in packed.places:
-            for _ in packed.blocks(name):
-                pass
-    except InputError:
-        target.unlink()
 
 
 def _take_in(packed: Packed, data: Path, folder: Path) -> None:
@@ -225,7 +182,7 @@ def _move(staged: Path, folder: Path, names: Collection[str]) -> None:
 
 def _finish(packed: Packed, data: Path, folder: Path, entry: Mapping[str, Any] | None) -> None:
     """Link what variants share, describe the scene with all its variants, and enter it in the manifest."""
-    facts = {key: value for key, value in (entry or packed.entry).items() if key != "files"}
+    facts = {key: value for key, value in (entry or {**packed.entry, FETCHED: True}).items() if key != "files"}
     rains = {*facts["patterns"], *packed.entry["patterns"]}
     facts["patterns"] = [pattern.name for pattern in sorted(map(parse_pattern, rains))]
     files = {**packed.entry["files"], **(entry["files"] if entry else {})}

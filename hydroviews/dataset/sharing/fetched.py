@@ -1,0 +1,51 @@
+"""Scenes that were fetched and whose capture need not be here: they are used as they are, and not built."""
+
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any
+
+from hydroviews.dataset.manifest import read_manifest
+from hydroviews.dataset.repair import damaged_files, drop_or_refuse
+from hydroviews.dataset.variants import is_captured
+from hydroviews.rain.patterns import Pattern
+
+FETCHED = "fetched"  # a fact of the manifest: true where the whole scene came from archives
+
+
+def find_fetched(
+    source: str,
+    data: Path,
+    named: Collection[Pattern],
+    usual: Collection[Pattern],
+    long_side: int,
+    seed: int | None,
+    lens_renderer: str | None,
+) -> Path | None:
+    """The fetched scene that a build of these settings would give; None where it has to be built.
+
+    Args:
+        source: what the scene is called: its own name, or that of its capture.
+        data: the data folder.
+        named: patterns that are wanted.
+        usual: those that are wanted where none is named; of a capture that was taken in rain, none.
+        long_side: pixels.
+        seed: None if any will do, as is the lens renderer.
+        lens_renderer: another than the scene's is for the build to refuse.
+
+    Raises:
+        InputError: a file is no longer what the manifest says.
+    """
+    for name, entry in read_manifest(data)["scenes"].items():
+        same = entry.get("long_side") == long_side and seed in (None, entry.get("seed")) and lens_renderer is None
+        if not (entry.get(FETCHED) and source in _called(name, entry) and same):
+            continue
+        wanted = {pattern.name for pattern in named or (() if is_captured(data / name) else usual)}
+        if wanted <= set(entry["patterns"]):
+            damaged = damaged_files(data / name, entry, wanted, described=False)
+            drop_or_refuse(data / name, damaged, repair=False, repairable=False)
+            return data / name
+    return None
+
+
+def _called(name: str, entry: Mapping[str, Any]) -> set[str]:
+    return {name, str(entry.get("source"))}
