@@ -4,13 +4,13 @@ Poses are world-to-camera, [N, 4, 4], rigid.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.errors import InputError
-from hydroviews.scene.alignment import NEEDED, ONE_PLACE, Array, Similarity, align, centres
+from hydroviews.scene.alignment import ONE_PLACE, Array, Similarity, align, centres
 
 LIMITS = (5.0, 10.0, 30.0)  # degrees
 
@@ -26,6 +26,7 @@ class CameraErrors:
     pose_auc_30: float
     rotation_error: float | None = None  # median, degrees, once aligned
     position_error: float | None = None  # median, in shares of the cameras' extent, once aligned
+    unaligned: str = ""  # why there is no alignment
 
 
 def compare_cameras(found: Mapping[str, Array], true: Mapping[str, Array]) -> tuple[CameraErrors, Similarity | None]:
@@ -36,7 +37,7 @@ def compare_cameras(found: Mapping[str, Array], true: Mapping[str, Array]) -> tu
         true: those of all photographs, found or not.
 
     Raises:
-        InputError: cameras of unknown views, or that cannot be aligned although they are enough (see `align`).
+        InputError: cameras of views that are not in the scene.
     """
     unknown = sorted(set(found) - set(true))
     if unknown:
@@ -44,13 +45,15 @@ def compare_cameras(found: Mapping[str, Array], true: Mapping[str, Array]) -> tu
     names = sorted(found)
     poses, target = (np.array([world[name] for name in names]).reshape(-1, 4, 4) for world in (found, true))
     pairs = len(true) * (len(true) - 1) // 2
-    areas = area_under_curve(pair_errors(poses, target), pairs, LIMITS)
-    if len(names) < NEEDED:
-        return CameraErrors(len(true), len(names), *areas), None
-    to_true = align(poses, target)
+    auc_5, auc_10, auc_30 = area_under_curve(pair_errors(poses, target), pairs, LIMITS)
+    errors = CameraErrors(len(true), len(names), auc_5, auc_10, auc_30)
+    try:
+        to_true = align(poses, target)
+    except InputError as error:
+        return replace(errors, unaligned=str(error)), None
     aligned = to_true.poses(poses)
-    medians = [float(np.median(errors(aligned, target))) for errors in (rotation_errors, position_errors)]
-    return CameraErrors(len(true), len(names), *areas, *medians), to_true
+    rotation, position = (float(np.median(one(aligned, target))) for one in (rotation_errors, position_errors))
+    return replace(errors, rotation_error=rotation, position_error=position), to_true
 
 
 def angles(rotations: Array) -> Array:
