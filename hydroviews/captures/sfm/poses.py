@@ -134,7 +134,7 @@ def estimate_poses(
             pictures = matching.copy_without_streaks(pictures, out / COPIES, names)
         matching.extract(database, pictures, names, camera_model, masks)
         pairs = matching.all_pairs(len(names)) if exhaustive else matching.sequence_pairs(len(names))
-        matching.match(database, names, pairs, seed)
+        matching.match(database, names, pairs, seed, rainy)
         _map(out, len(names), seed, advice)
         shutil.rmtree(out / COPIES, ignore_errors=True)
     return read_scene(out)
