@@ -24,6 +24,7 @@ from hydroviews.formats.photographs import some
 from hydroviews.metrics import find_metrics
 from hydroviews.profiles import PROFILES, Profile, find_profile
 from hydroviews.rain.registry import choose_patterns, pattern_names
+from hydroviews.scene.scenes import Scene
 from leaderboard.gather import collect, trusted_record, write_leaderboard
 from leaderboard.predict import PREDICTION
 from leaderboard.probe import probe
@@ -32,6 +33,7 @@ from leaderboard.records import (
     FAILED,
     GIVEN_POSES,
     LEADERBOARD,
+    RAINY_POSES,
     RECORD,
     TRACKS,
     Record,
@@ -62,7 +64,7 @@ class EvaluateRequest:
     scene: str = "courtyard"  # one that `python -m hydroviews scenes` lists, or a folder
     profile: ProfileName = "demo"
     seed: int = 0  # of the method; the data set keeps the seed it was built with
-    track: TrackName = GIVEN_POSES  # or sparse-views: a third of the training views
+    track: TrackName = GIVEN_POSES  # or sparse-views: a third of the training views; rainy-poses: estimated cameras
     patterns: PatternNames = ()  # 0 is light, 1 medium, 2 heavy; the profile's patterns if none is named
     data: Path = Path("data")
     results: Path = Path("results")
@@ -169,15 +171,18 @@ def _kept_record(run: Run) -> Record | None:
 
 
 def _carry_out(run: Run, limits: Limits) -> Record:
+    reason = run.estimate().reason if run.track == RAINY_POSES else ""
+    if reason:
+        return _record_failure(run, run.given_scene(), reason)
     logger.info("%s: training", run)
     if not (run.folder / PREDICTION).is_file() or not (run.folder / "renders").is_dir():
         reason = _train_in_process(run, limits)
         if reason:
-            return _record_failure(run, reason)
+            return _record_failure(run, run.training_scene(), reason)
     try:
         record = score(run)
     except UnusableRun as error:
-        return _record_failure(run, str(error))
+        return _record_failure(run, run.training_scene(), str(error))
     logger.info("%s: %s", run, _figures(record))
     return record
 
@@ -217,8 +222,8 @@ def _train_on_loan(run: Run, limits: Limits) -> str:
     return f"wrote into the data that it was lent: {some(spoilt)}" if spoilt else reason
 
 
-def _record_failure(run: Run, reason: str) -> Record:
-    record = describe(run, run.training_scene(), status=FAILED, reason=reason, numbers={})
+def _record_failure(run: Run, scene: Scene, reason: str) -> Record:
+    record = describe(run, scene, status=FAILED, reason=reason, numbers={})
     write_record(run.folder, record)
     logger.warning("%s: failed: %s", run, record.reason)
     return record

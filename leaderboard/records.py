@@ -22,8 +22,9 @@ LONGEST = 500  # characters of a reason
 LARGEST = 1e300  # what a number may be
 RESCORE = "evaluate the run again: its renders are scored anew"
 
-GIVEN_POSES, SPARSE_VIEWS = "given-poses", "sparse-views"
-TRACKS = (GIVEN_POSES, SPARSE_VIEWS)  # cameras of the clean capture; the same, with a third of the training views
+GIVEN_POSES, SPARSE_VIEWS, RAINY_POSES = "given-poses", "sparse-views", "rainy-poses"
+# Cameras of the clean capture; the same, with a third of the training views; cameras estimated from what is trained on.
+TRACKS = (GIVEN_POSES, SPARSE_VIEWS, RAINY_POSES)
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,13 @@ class Record:
     version: str = ""
     data_sha256: str = ""
     drawing_code: str = ""  # digest of the code that drew the rain, or the clean views; empty for photographs
+    photographs: int | None = None  # that cameras were estimated from in the track rainy-poses, as all below
+    registered: int | None = None  # of these, with a camera
+    pose_auc_5: float | None = None  # see `hydroviews.scene.camera_errors.CameraErrors`
+    pose_auc_10: float | None = None
+    pose_auc_30: float | None = None
+    rotation_error: float | None = None
+    position_error: float | None = None
 
     def __post_init__(self) -> None:
         for name in FREE:

@@ -1,6 +1,6 @@
 """Where a run keeps its files, and the settings that make it that run.
 
-<results>/<profile>/<method>/<scene>/<pattern>/seed-<n>/    in the track sparse-views: seed-<n>-sparse-views
+<results>/<profile>/<method>/<scene>/<pattern>/seed-<n>/    in the track sparse-views: seed-<n>-sparse-views, and so on
     config.json      settings, data hash
     renders/*.png    held-out views, written before any metric is computed
     prediction.json  time, memory, size
@@ -25,7 +25,8 @@ from hydroviews.errors import InputError
 from hydroviews.files import settings_guard
 from hydroviews.files.atomic import read_json
 from hydroviews.scene.scenes import Scene
-from leaderboard.records import GIVEN_POSES, SPARSE_VIEWS, check_track, effect_of, run_folder
+from leaderboard.estimated_cameras import Estimate, estimate_cameras, with_cameras
+from leaderboard.records import GIVEN_POSES, RAINY_POSES, SPARSE_VIEWS, check_track, effect_of, run_folder
 
 CONFIG = "config.json"
 
@@ -52,6 +53,11 @@ class Run:
         return run_folder(self.results, self.profile, self.method, self.scene, self.pattern, self.seed, self.track)
 
     @property
+    def cameras(self) -> Path:
+        """Where the cameras of the track rainy-poses are: see `estimated_cameras`."""
+        return self.results / self.profile / RAINY_POSES / self.scene / self.pattern / f"seed-{self.seed}"
+
+    @property
     def effect(self) -> str:
         """raindrop, streak, storm, captured or clean."""
         return effect_of(self.pattern)
@@ -62,8 +68,12 @@ class Run:
 
     def training_scene(self) -> Scene:
         """The scene whose training photographs the method is shown."""
+        return self.on_track(self.given_scene())
+
+    def given_scene(self) -> Scene:
+        """The same as it was built, whatever the track."""
         folder = self.data / self.scene
-        return self.on_track(open_clean(folder) if self.pattern == CLEAN else open_variant(folder, self.pattern))
+        return open_clean(folder) if self.pattern == CLEAN else open_variant(folder, self.pattern)
 
     def clean_scene(self) -> Scene:
         """The clean views, with what this run's track trains on and holds out."""
@@ -79,12 +89,24 @@ class Run:
         scene = self.training_scene()
         train = set(scene.split.train)
         held_back = [view.name for view in scene.views if view.name not in train]
-        with lend(self.data / self.scene, self.pattern, train, held_back, self.folder) as loan:
+        cameras = self.cameras if self.track == RAINY_POSES else None
+        with lend(self.data / self.scene, self.pattern, train, held_back, self.folder, cameras) as loan:
             yield dataclasses.replace(self, data=loan.data), loan
 
     def on_track(self, scene: Scene) -> Scene:
-        """The scene with the training views of this run's track."""
+        """The scene with the training views, and their cameras, of this run's track.
+
+        Raises:
+            InputError: cameras have not been estimated, or too few to train on.
+        """
+        if self.track == RAINY_POSES:
+            return with_cameras(scene, self.cameras)
         return scene.sparse() if self.track == SPARSE_VIEWS else scene
+
+    def estimate(self) -> Estimate:
+        """Estimate the cameras of the track rainy-poses, unless another run has."""
+        digest = data_hash(self.data, self.scene, self.pattern)
+        return estimate_cameras(self.cameras, self.given_scene(), self.seed, digest, rainy=self.pattern != CLEAN)
 
     def drawing_code(self) -> str:
         """Digest of the code that drew what the method is shown; empty where it was photographed, or never recorded.

@@ -8,6 +8,7 @@ A scene that was captured in rain, without clean photographs beside, has no grou
 scored.
 """
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -24,9 +25,21 @@ from hydroviews.metrics import Metric, find_metrics
 from hydroviews.scene.images import Image, read_image, to_uint8
 from hydroviews.scene.masks import Ignored
 from hydroviews.scene.scenes import Scene, View
+from leaderboard.estimated_cameras import read_estimate
 from leaderboard.predict import PREDICTION
 from leaderboard.previews import write_preview
-from leaderboard.records import DONE, NOTED, PER_VIEW, Record, code_version, misfits, printable, write_record
+from leaderboard.records import (
+    DONE,
+    FIELDS,
+    NOTED,
+    PER_VIEW,
+    RAINY_POSES,
+    Record,
+    code_version,
+    misfits,
+    printable,
+    write_record,
+)
 from leaderboard.runs import CONFIG, Run, refuse_other_data
 
 AGAIN = f"remove its {PREDICTION}: the same command renders it again"
@@ -181,6 +194,7 @@ def _scores(
 def describe(run: Run, scene: Scene, *, status: str, reason: str, numbers: Mapping[str, Any]) -> Record:
     """The record of a run with the numbers that could be had."""
     settings = read_json(run.folder / CONFIG)
+    errors = dataclasses.asdict(read_estimate(run.cameras).errors) if run.track == RAINY_POSES else {}
     camera = scene.test_views[0].camera
     return Record(
         method=run.method,
@@ -198,5 +212,6 @@ def describe(run: Run, scene: Scene, *, status: str, reason: str, numbers: Mappi
         profile=run.profile,
         data_sha256=settings["data_sha256"],
         drawing_code=run.drawing_code(),
+        **{name: value for name, value in errors.items() if name in FIELDS},
         **{"version": code_version(), **numbers},  # of the code that trained and rendered
     )

@@ -21,6 +21,7 @@ from hydroviews.scene.masks import find_mask, mask_name
 pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)  # progress bars are enough
 
 MAX_FEATURES = 4096
+RAINY_RATIO = 0.9  # of the distances of a descriptor to the nearest and to the second nearest, at most
 MAX_IMAGE_SIZE = 1600  # pixels of the longer side; larger photographs are shrunk for detection alone
 
 # Units of progress; Ctrl-C waits for the end of one.
@@ -155,7 +156,7 @@ def extract(
             bar.update(len(chunk))
 
 
-def match(database: Path, names: Sequence[str], pairs: Iterable[Pair], seed: int) -> None:
+def match(database: Path, names: Sequence[str], pairs: Iterable[Pair], seed: int, rainy: bool = False) -> None:
     """Match and verify pairs of views, except those in the database.
 
     Args:
@@ -163,9 +164,13 @@ def match(database: Path, names: Sequence[str], pairs: Iterable[Pair], seed: int
         names: file names without blanks, which separate them in COLMAP's list of pairs.
         pairs: indices into `names`.
         seed: of the verification's random sampling.
+        rainy: take matches that are less distinct than usual, and look for more of them near the epipolar lines of
+            those that are verified. Rain changes descriptors more than it makes them alike.
     """
     lines = [f"{names[i]} {names[j]}\n" for i, j in sorted(pairs)]
     list_path = database.with_name("pairs.txt")
+    matching = pycolmap.FeatureMatchingOptions(use_gpu=False, guided_matching=rainy)
+    matching.sift.max_ratio = RAINY_RATIO if rainy else matching.sift.max_ratio
     verification = pycolmap.TwoViewGeometryOptions()
     verification.ransac.random_seed = seed
     with tqdm(total=len(lines), desc="matches", unit="pair") as bar:
@@ -174,7 +179,7 @@ def match(database: Path, names: Sequence[str], pairs: Iterable[Pair], seed: int
             call = partial(
                 pycolmap.match_image_pairs,
                 database,
-                matching_options=pycolmap.FeatureMatchingOptions(use_gpu=False),
+                matching_options=matching,
                 pairing_options=pycolmap.ImportedPairingOptions(match_list_path=list_path),
                 verification_options=verification,
                 device=pycolmap.Device.cpu,

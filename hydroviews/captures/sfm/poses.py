@@ -47,6 +47,18 @@ ADVICE = (
 )
 
 
+class TooFewRegistered(InputError):
+    """Fewer photographs have got a camera than make a scene."""
+
+    def __init__(self, images: Path, registered: int, photographs: int, advice: str) -> None:
+        super().__init__(
+            f"{images}: only {registered} of {photographs} photographs could be registered",
+            expected=f"at least {MINIMUM}",
+            fix=advice,
+        )
+        self.registered = registered
+
+
 def estimate_poses(
     images: Path,
     out: Path,
@@ -83,8 +95,9 @@ def estimate_poses(
         The scene that `read_scene(out)` gives, with the number of registered photographs in its notes.
 
     Raises:
-        InputError: fewer than three photographs, fewer than three registered, one that cannot be read, or `out` was
-            made otherwise or lies among the photographs.
+        TooFewRegistered: fewer than three.
+        InputError: fewer than three photographs, one that cannot be read, or `out` was made otherwise or lies among the
+            photographs.
     """
     sources = photographs_below(images) if images.is_dir() else []
     if len(sources) < MINIMUM:
@@ -121,7 +134,7 @@ def estimate_poses(
             pictures = matching.copy_without_streaks(pictures, out / COPIES, names)
         matching.extract(database, pictures, names, camera_model, masks)
         pairs = matching.all_pairs(len(names)) if exhaustive else matching.sequence_pairs(len(names))
-        matching.match(database, names, pairs, seed)
+        matching.match(database, names, pairs, seed, rainy)
         _map(out, len(names), seed, advice)
         shutil.rmtree(out / COPIES, ignore_errors=True)
     return read_scene(out)
@@ -138,11 +151,7 @@ def _map(out: Path, count: int, seed: int, advice: str) -> None:
         if best > ENOUGH * count:
             break
     if best < MINIMUM:
-        raise InputError(
-            f"{out / 'images'}: only {best} of {count} photographs could be registered",
-            expected=f"at least {MINIMUM}",
-            fix=advice,
-        )
+        raise TooFewRegistered(out / "images", best, count, advice)
     with plain_full_disk(out / "sparse"), temporary_beside(out / "sparse") as finished:
         for i, model in enumerate(models):
             (finished / str(i)).mkdir(parents=True)

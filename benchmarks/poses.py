@@ -1,0 +1,77 @@
+"""What rain costs cameras that are estimated in it: registered views, areas under the curve, medians of errors.
+
+    python -m benchmarks.poses data/demo/courtyard --patterns clean raindrop-1 streak-1
+
+Estimates cameras from a built scene's photographs, clean or in rain, and compares them with the scene's own; prints a
+table and writes poses.csv. An interrupted run goes on where it stopped.
+"""
+
+import dataclasses
+import time
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import tyro
+
+from hydroviews.captures.sfm.poses import TooFewRegistered, estimate_poses
+from hydroviews.captures.sfm.sources import link_photographs
+from hydroviews.cli.commands import run_command
+from hydroviews.dataset.clean_views import CLEAN
+from hydroviews.dataset.variants import open_clean, open_variant
+from hydroviews.files.atomic import read_json, write_bytes, write_json
+from hydroviews.scene.camera_errors import compare_cameras
+from hydroviews.scene.scenes import View
+
+ROW = "row.json"
+
+
+def measure(views: tuple[View, ...], rainy: bool, folder: Path, seed: int) -> dict[str, Any]:
+    """Errors of the cameras estimated from views, against their own; kept in the folder."""
+    if not (folder / ROW).is_file():
+        start = time.process_time()
+        files = {f"{i:05d}.png": view.path for i, view in enumerate(views)}
+        link_photographs(files, folder / "photographs", turned=False)
+        true = {Path(name).stem: view.camera.world_to_camera for name, view in zip(files, views, strict=True)}
+        try:
+            scene = estimate_poses(folder / "photographs", folder / "capture", "SIMPLE_PINHOLE", seed=seed, rainy=rainy)
+            errors, _ = compare_cameras({view.name: view.camera.world_to_camera for view in scene.views}, true)
+        except TooFewRegistered as error:
+            errors = dataclasses.replace(compare_cameras({}, true)[0], registered=error.registered)
+        row = {**dataclasses.asdict(errors), "cpu_s": round(time.process_time() - start)}
+        write_json(folder / ROW, row)
+    found: dict[str, Any] = read_json(folder / ROW)
+    return found
+
+
+def main(
+    scenes: tyro.conf.Positional[tuple[Path, ...]],
+    patterns: tuple[str, ...] = (CLEAN, "raindrop-1", "streak-1"),
+    every: int = 1,
+    out: Path = Path("results/bench/poses"),
+    seed: int = 0,
+) -> None:
+    """Measure all patterns of all scenes and report.
+
+    Args:
+        scenes: folders of built scenes.
+        patterns: variants, or clean.
+        every: take every so manieth view.
+        out: gets a folder for every scene and pattern, with poses.csv.
+        seed: of the estimation.
+    """
+    rows: list[dict[str, Any]] = []
+    for scene in scenes:
+        for pattern in patterns:
+            built = open_clean(scene) if pattern == CLEAN else open_variant(scene, pattern)
+            folder = out / f"{scene.resolve().name}-{pattern}-{every}-{seed}"
+            rows.append(
+                {"scene": built.name, "pattern": pattern}
+                | measure(built.views[::every], pattern != CLEAN, folder, seed)
+            )
+            write_bytes(out / "poses.csv", pd.DataFrame(rows).to_csv(index=False).encode())
+    print(f"\n{pd.DataFrame(rows).drop(columns='unaligned').round(3).to_string(index=False)}")
+
+
+if __name__ == "__main__":
+    run_command(main, prog="benchmarks.poses")
