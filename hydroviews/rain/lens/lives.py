@@ -20,7 +20,7 @@ from hydroviews.scene.seeds import generator
 LENSES = 4  # in the bank
 SHIFT = 0.1  # widths and heights that a generation may be moved to either side
 RARE = 1e-6  # a life is not longer than what so small a share of the drops reach
-CROWDING = 10.0  # area in which a drop hinders others, over its own: keeps the cover, within 8 %, for every share
+CROWDING = 10.0  # area in which a drop hinders others, over its own: keeps the cover, within 13 %, at all shares
 
 
 @dataclass(frozen=True, eq=False)
