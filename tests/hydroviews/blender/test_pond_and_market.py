@@ -65,7 +65,7 @@ def test_goods_lie_on_their_stall_below_its_canopy(rng, goods):
     laden = [piece for piece in pieces if piece.name.split()[1] not in ("posts", "table", "canopy")]
     assert len(laden) > 5
     low, high = placed(laden).min(axis=0), placed(laden).max(axis=0)
-    assert np.all(low > (-1.3, -0.6, 0.83))
+    assert np.all(low > (-1.3, -0.6, 0.78))  # ice lies in its tray, and the tray in the table
     assert np.all(high < (1.3, 0.65, 2.5))
 
 
