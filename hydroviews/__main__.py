@@ -155,16 +155,19 @@ def sheet_command(
             print(path)
 
 
-def poses_command(images: Annotated[Path, tyro.conf.Positional], out: Path | None = None) -> None:
+def poses_command(
+    images: Annotated[Path, tyro.conf.Positional], out: Path | None = None, rainy: bool = False
+) -> None:
     """Estimate cameras for a folder of photographs with pycolmap.
 
     Args:
         images: the photographs.
         out: where the capture goes; `<images>-capture` if not given.
+        rainy: they were taken in rain: streaks are no features, and matches may be less distinct.
     """
     images = images.resolve()
     out = out or images.with_name(images.name + "-capture")
-    scene = estimate_poses(images, out)
+    scene = estimate_poses(images, out, rainy=rainy)
     for note in scene.notes:
         print(note)
     print(f"capture: {out}; build it with `python -m hydroviews build --scene {out}`")

@@ -221,8 +221,8 @@ def test_lists_name_what_there_is():
 def test_choices_are_shown(command):
     text = python("-m", *command, "--help").stdout
     assert "{demo,quick,paper}" in text
-    assert ("{given-poses,sparse-views}" in text) == (command[0] == "leaderboard")
-    assert ("{raindrop-0,raindrop-1," in text) == (command[1] != "score")
+    assert ("{given-poses,sparse-views,rainy-poses}" in text) == (command[0] == "leaderboard")
+    assert ("{dark-0,dark-1," in text) == (command[1] != "score")
 
 
 @pytest.mark.parametrize(

@@ -172,6 +172,6 @@ def test_methods_are_found_and_differ_in_their_switches():
     assert paper.masks
     assert paper.rain == methods.NO_RAIN
     assert paper.splatting == GaussianSplatting.configuration("demo")
-    assert paper.splatting.iterations < plus.splatting.iterations  # in fewer steps rain is not found
+    assert paper.splatting == plus.splatting
     less = WithoutAttention.configuration("demo")
     assert replace(less, masks=replace(less.masks, attention=True)) == paper
