@@ -155,9 +155,7 @@ def sheet_command(
             print(path)
 
 
-def poses_command(
-    images: Annotated[Path, tyro.conf.Positional], out: Path | None = None, rainy: bool = False
-) -> None:
+def poses_command(images: Annotated[Path, tyro.conf.Positional], out: Path | None = None, rainy: bool = False) -> None:
     """Estimate cameras for a folder of photographs with pycolmap.
 
     Args:
