@@ -20,10 +20,9 @@ from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.manifest import known_file, scene_entry
 from hydroviews.dataset.sharing.archive import open_archive
 from hydroviews.dataset.sharing.contents import IMAGES, LAYERS, variants_of
-from hydroviews.dataset.variants import SPLIT
 from hydroviews.errors import InputError, unknown_name
 from hydroviews.formats.colmap_format import read_cameras, read_images
-from hydroviews.formats.photographs import read_split
+from hydroviews.formats.photographs import SPLIT, read_split
 from hydroviews.formats.writers import MODEL
 from hydroviews.rain.compositing import COLOURS
 from hydroviews.rain.layers import read_layers

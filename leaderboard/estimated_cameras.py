@@ -18,19 +18,18 @@ import numpy as np
 
 from hydroviews.captures.sfm.poses import TooFewRegistered, estimate_poses
 from hydroviews.captures.sfm.sources import link_photographs
-from hydroviews.dataset.variants import SPLIT
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, write_json
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.files.settings_guard import claim_folder
 from hydroviews.formats.colmap import reliable
 from hydroviews.formats.colmap_format import read_cameras, read_images, read_points
-from hydroviews.formats.photographs import read_split
+from hydroviews.formats.photographs import SPLIT, read_split
 from hydroviews.formats.writers import MODEL, write_colmap
 from hydroviews.scene.alignment import NEEDED, Similarity
 from hydroviews.scene.camera_errors import CameraErrors, compare_cameras
 from hydroviews.scene.cameras import Camera
-from hydroviews.scene.masks import MASKS, mask_name, write_ignored
+from hydroviews.scene.masks import MASKS, mask_name
 from hydroviews.scene.scenes import Points, Scene, Split, View, every_third
 
 SETTINGS, PHOTOGRAPHS, CAPTURE, ERRORS = "settings.json", "photographs", "capture", "errors.json"
@@ -164,7 +163,5 @@ def _masks(folder: Path, names: Mapping[str, View]) -> Path | None:
     if not any(view.mask for view in names.values()):
         return None
     for name, view in names.items():
-        ignored = view.ignored()
-        nothing = np.zeros((view.camera.height, view.camera.width), bool)
-        write_ignored(folder / MASKS / mask_name(f"{name}.png"), nothing if ignored is None else ignored)
+        view.write_mask(folder / MASKS / mask_name(f"{name}.png"))
     return folder / MASKS

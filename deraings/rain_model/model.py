@@ -198,8 +198,10 @@ class RainModel:
 
     def _update_rain(self, layer: RainLayer, seen: Seen, observed: Observation, buffers: BufferPool) -> None:
         """Learn of falling rain from the view behind even rain, without its single streaks."""
+        if seen.image.shape[:2] != self._sizes[seen.view]:  # small ones hide streaks
+            return
         streaks = self.streaks if self._streaks_due(seen) and layer.certainty() == 1 else None
-        due = layer.due(seen.iteration) and seen.image.shape[:2] == self._sizes[seen.view]  # small ones hide streaks
+        due = layer.due(seen.iteration)
         if not due and streaks is None:
             return
         even = self._behind_even_rain(seen, buffers)

@@ -5,7 +5,6 @@ import shutil
 from dataclasses import asdict, replace
 from pathlib import Path
 
-import numpy as np
 from tqdm import tqdm
 
 from hydroviews.captures.sfm.poses import triangulate
@@ -17,7 +16,7 @@ from hydroviews.scene.depth import FOLDER as DEPTH
 from hydroviews.scene.depth import depth_path, fitted_depth, write_depth
 from hydroviews.scene.images import write_png
 from hydroviews.scene.jpeg_damage import require_whole
-from hydroviews.scene.masks import MASKS, mask_name, write_ignored
+from hydroviews.scene.masks import MASKS, mask_name
 from hydroviews.scene.scenes import Scene, View
 
 logger = logging.getLogger(__name__)
@@ -56,9 +55,7 @@ def _write_mask(view: View, folder: Path) -> Path:
     """Write what is hidden of a view, be it nothing: COLMAP and nerfstudio want masks of all views or of none."""
     path = folder / MASKS / mask_name(f"{view.name}.png")
     if not path.is_file():
-        ignored = view.ignored()
-        nothing = np.zeros((view.camera.height, view.camera.width), np.bool_)
-        write_ignored(path, nothing if ignored is None else ignored)
+        view.write_mask(path)
     return path
 
 

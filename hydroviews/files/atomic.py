@@ -38,7 +38,12 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 def write_json(path: Path, value: Any) -> None:
     """Write `value` as indented JSON with a final newline."""
-    write_bytes(path, (json.dumps(value, indent=2) + "\n").encode())
+    write_bytes(path, json_bytes(value))
+
+
+def json_bytes(value: Any) -> bytes:
+    """`value` as indented JSON with a final newline."""
+    return (json.dumps(value, indent=2) + "\n").encode()
 
 
 def read_json(path: Path, fix: str = "restore the file or write it again") -> Any:

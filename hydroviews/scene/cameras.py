@@ -42,6 +42,13 @@ class Camera:
         """Position in the world [3]."""
         return -self.rotation.T @ self.world_to_camera[:3, 3]
 
+    @property
+    def slopes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """x / z of each column [W] and y / z of each row [H], in the middle of pixels."""
+        across = (np.arange(self.width) + 0.5 - self.cx) / self.fx
+        down = (np.arange(self.height) + 0.5 - self.cy) / self.fy
+        return across, down
+
     def resized(self, width: int, height: int) -> "Camera":
         """The same camera at another image size: the exact factor along each axis."""
         x, y = width / self.width, height / self.height

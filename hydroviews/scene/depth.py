@@ -107,8 +107,7 @@ def resized_depth(depth: NDArray, width: int, height: int) -> Depth:
 
 def ray_distance(camera: Camera, depth: Depth) -> NDArray[np.float64]:
     """Distance [H, W] from the camera's centre to what lies at a depth [H, W], along the ray of each pixel."""
-    x = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
-    y = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
+    x, y = camera.slopes
     return np.asarray(depth * np.sqrt(1 + x**2 + y[:, None] ** 2))
 
 

@@ -12,7 +12,7 @@ from hydroviews.files.known_bytes import require_bytes
 from hydroviews.scene.cameras import Camera, fitted_size, same_shape
 from hydroviews.scene.images import Image, read_pixels, resize_area, row_blocks, to_image, to_rgb, to_uint8
 from hydroviews.scene.lenses import Lens
-from hydroviews.scene.masks import TOUCHED, Ignored, fit_ignored, read_ignored
+from hydroviews.scene.masks import TOUCHED, Ignored, fit_ignored, read_ignored, write_ignored
 
 TEST_EVERY = 8
 SPARSE_EVERY = 3
@@ -112,6 +112,16 @@ class View:
         ignored = read_ignored(self.known(self.mask))
         fitted = self.fit_mask(ignored, self.mask)
         return fitted if ignored.any() else None
+
+    def write_mask(self, path: Path) -> None:
+        """Write what is ignored of the picture, be it nothing.
+
+        Raises:
+            InputError: see `ignored`.
+        """
+        ignored = self.ignored()
+        nothing = np.zeros((self.camera.height, self.camera.width), np.bool_)
+        write_ignored(path, nothing if ignored is None else ignored)
 
     def fit_mask(self, ignored: Ignored, origin: Path) -> Ignored:
         """Undistort and resize a mask [H, W] of the photograph like the picture; `origin` is its file, for errors.

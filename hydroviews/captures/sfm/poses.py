@@ -24,7 +24,7 @@ from hydroviews.formats.photographs import photographs_below, unreadable_photogr
 from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import check_whole, to_colmap_camera
 from hydroviews.scene.images import SUFFIXES, write_png
-from hydroviews.scene.masks import MASKS, mask_digest, mask_name, write_ignored
+from hydroviews.scene.masks import MASKS, mask_digest, mask_name
 from hydroviews.scene.scenes import Points, Scene
 
 Matcher = Literal["auto", "exhaustive", "sequential"]
@@ -210,9 +210,7 @@ def triangulate(scene: Scene, folder: Path, seed: int = 0) -> Points:
         if not (folder / "images" / name).is_file():
             write_png(folder / "images" / name, view.rounded())
         if masks:
-            ignored = view.ignored()
-            nothing = np.zeros((view.camera.height, view.camera.width), bool)
-            write_ignored(masks / mask_name(name), nothing if ignored is None else ignored)
+            view.write_mask(masks / mask_name(name))
     database = folder / DATABASE
     matching.register(database, folder / "images", names, "PINHOLE", shared=False, masks=masks)
     matching.extract(database, folder / "images", names, "PINHOLE", masks)

@@ -11,10 +11,10 @@ from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.request import REQUEST
 from hydroviews.dataset.sharing.fetched import FETCHED
 from hydroviews.dataset.statistics import STATISTICS, summarise
-from hydroviews.dataset.variants import SPLIT
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import read_json
+from hydroviews.files.atomic import json_bytes, read_json
 from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.photographs import SPLIT
 from hydroviews.rain.compositing import COLOURS
 from hydroviews.rain.registry import find_effect
 
@@ -83,18 +83,14 @@ def _made(folder: Path, rains: list[str], entry: Mapping[str, Any], licence: Lic
     source = Path(request["source"])
     if source.is_absolute() or request["source"].startswith("."):
         request["source"] = f"./{source.name}"  # a folder, wherever it is
-    files = {REQUEST: _json(request), CARD: card_text(folder, rains, entry.get("notes", ()), licence).encode()}
+    files = {REQUEST: json_bytes(request), CARD: card_text(folder, rains, entry.get("notes", ()), licence).encode()}
     if rains and (folder / rains[0] / STATISTICS).is_file():
         files[STATISTICS] = summarise(folder, rains[0]).to_csv(index=False, lineterminator="\n").encode()
     if licence:
-        files[f"{LICENCE}/{STATED}"] = _json(asdict(licence))
+        files[f"{LICENCE}/{STATED}"] = json_bytes(asdict(licence))
         if licence.text == "Apache-2.0":
             files[f"{LICENCE}/{APACHE}"] = APACHE_TEXT.read_bytes()
     return files
-
-
-def _json(value: Any) -> bytes:
-    return (json.dumps(value, indent=2) + "\n").encode()
 
 
 def _is_ours(folder: Path, name: str, rains: list[str], shareable: bool) -> bool:

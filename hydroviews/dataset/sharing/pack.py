@@ -5,7 +5,6 @@
 """
 
 import hashlib
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,11 +15,11 @@ from hydroviews.dataset.request import REQUEST
 from hydroviews.dataset.sharing.archive import LEFT_OUT, write_archive
 from hydroviews.dataset.sharing.contents import IMAGES, LAYERS, Contents, contents, variants_of
 from hydroviews.dataset.sharing.croissant import CROISSANT, FileFacts, Pictures, croissant
-from hydroviews.dataset.variants import SPLIT
 from hydroviews.errors import InputError, unknown_name
-from hydroviews.files.atomic import read_json, replacing, sha256, write_json
+from hydroviews.files.atomic import json_bytes, read_json, replacing, sha256, write_json
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.photographs import SPLIT
 
 ZIP = ".zip"
 NOTHING: Mapping[str, Any] = {"files": {}, "patterns": []}
@@ -100,9 +99,9 @@ def _write(packed: Contents, path: Path) -> str:
     here: dict[str, Path | bytes] = {name: packed.files[name] for name in sorted(packed.files.keys() - packed.left_out)}
     hashes = {name: _digest(packed, name) for name in sorted(packed.files)}
     entry = {**packed.facts, "files": hashes}
-    manifest = _json({"scenes": {packed.folder.name: entry}, LEFT_OUT: sorted(packed.left_out)})
+    manifest = json_bytes({"scenes": {packed.folder.name: entry}, LEFT_OUT: sorted(packed.left_out)})
     described = FileFacts(MANIFEST, "application/json", len(manifest), _sha256(manifest))
-    members: dict[str, Path | bytes] = {MANIFEST: manifest, CROISSANT: _json(_metadata(packed, described, here))}
+    members: dict[str, Path | bytes] = {MANIFEST: manifest, CROISSANT: json_bytes(_metadata(packed, described, here))}
     members |= {f"{packed.folder.name}/{name}": content for name, content in here.items()}
     with replacing(path) as temporary:
         digest = write_archive(temporary, members, {f"{packed.folder.name}/{name}": hashes[name] for name in here})
@@ -139,10 +138,6 @@ def _metadata(packed: Contents, file: FileFacts, here: Mapping[str, Any]) -> dic
     split = read_json(packed.folder / SPLIT)
     version = str(packed.facts["generator"]).split()[-1]
     return croissant(packed.name, words, licence, version, file, folders, split)
-
-
-def _json(value: Any) -> bytes:
-    return (json.dumps(value, indent=2) + "\n").encode()
 
 
 def _sha256(content: bytes) -> str:

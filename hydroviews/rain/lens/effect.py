@@ -9,7 +9,7 @@ import numpy as np
 from hydroviews.rain.compositing import WATER, Layers, add_water, water_over
 from hydroviews.rain.effect import Effect
 from hydroviews.rain.lens.path_matte import defocus
-from hydroviews.rain.lens.pattern import Focus, RaindropPattern, draw_pattern
+from hydroviews.rain.lens.pattern import Focus, RaindropPattern, draw_pattern, fitted_to
 from hydroviews.rain.lens.raindrops import Raindrops
 from hydroviews.rain.lens.severity import grade_raindrops
 from hydroviews.rain.patterns import Pattern, pattern_generator
@@ -37,14 +37,7 @@ class RaindropEffect(Effect):
     def draw(self, pattern: Pattern, statistics: SceneStatistics) -> RaindropPattern:
         """A lens in rain of the grade, mist and if need be coverage set by it; one photograph has one key frame."""
         drawn = draw_pattern(pattern_generator(pattern, statistics), pattern.level)
-        key_frames = drawn.key_frames if len(statistics.views) > 1 else 1
-        lens = replace(
-            drawn,
-            lens_renderer=statistics.lens_renderer,
-            key_frames=key_frames,
-            renewed=self.renewed,
-            focus=self.focus,
-        )
+        lens = replace(fitted_to(drawn, statistics), renewed=self.renewed, focus=self.focus)
         return grade_raindrops(lens, pattern.grade, statistics)
 
     def place(self, drawn: RaindropPattern, pattern: Pattern, statistics: SceneStatistics) -> Raindrops:

@@ -1,12 +1,12 @@
 """What is drawn for one wet lens, and from which distributions."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
 
 from hydroviews.errors import InputError
-from hydroviews.rain.scene_statistics import LensRenderer
+from hydroviews.rain.scene_statistics import LensRenderer, SceneStatistics
 
 Focus = Literal["scene", "drops"]
 
@@ -110,6 +110,12 @@ def draw_pattern(rng: np.random.Generator, grade: int = MEDIUM) -> RaindropPatte
         lens_renderer="disk",
         seed=int(rng.integers(2**31)),
     )
+
+
+def fitted_to(drawn: RaindropPattern, statistics: SceneStatistics) -> RaindropPattern:
+    """The lens as a scene wants it drawn; one photograph has one key frame."""
+    key_frames = drawn.key_frames if len(statistics.views) > 1 else 1
+    return replace(drawn, lens_renderer=statistics.lens_renderer, key_frames=key_frames)
 
 
 def _tint(rng: np.random.Generator) -> tuple[float, float, float]:

@@ -23,7 +23,7 @@ from hydroviews.rain.other_make.rainfall import (
 )
 from hydroviews.rain.other_make.severity import grade_rainfall
 from hydroviews.rain.patterns import Pattern, pattern_generator
-from hydroviews.rain.scene_statistics import SAMPLED_VIEWS, SceneStatistics
+from hydroviews.rain.scene_statistics import SceneStatistics
 from hydroviews.rain.storm.world import up_direction
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
@@ -55,8 +55,8 @@ class OtherStreaks(Effect):
         """Sizes, wind and blend from the seed; strokes and veil by the grade."""
         drawn = draw_pattern(pattern_generator(pattern, statistics))
         down = down_direction(statistics)
-        chosen = statistics.views[:: -(-len(statistics.views) // SAMPLED_VIEWS)]  # whose pictures the samples are
-        falls = [fall_in(drawn, view.camera, statistics.views[0].camera, down) for view in chosen]
+        first = statistics.views[0].camera
+        falls = [fall_in(drawn, view.camera, first, down) for view in statistics.sampled_views]
         return grade_rainfall(drawn, pattern.grade, statistics, falls)
 
     def place(self, drawn: RainfallPattern, pattern: Pattern, statistics: SceneStatistics) -> "Rainfall":

@@ -14,9 +14,7 @@ RADIUS = 0.04  # metres, of a lamp
 
 def rays(camera: Camera) -> NDArray[np.float64]:
     """Unit vectors [H, W, 3] in the world, from the camera's centre through each pixel's."""
-    x = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
-    y = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
-    local = np.stack([*np.meshgrid(x, y), np.ones((camera.height, camera.width))], axis=-1)
+    local = np.stack([*np.meshgrid(*camera.slopes), np.ones((camera.height, camera.width))], axis=-1)
     return local / np.linalg.norm(local, axis=-1, keepdims=True) @ camera.rotation
 
 

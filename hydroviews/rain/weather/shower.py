@@ -12,7 +12,7 @@ import numpy as np
 
 from hydroviews.rain.lens.effect import RaindropEffect
 from hydroviews.rain.lens.mist import mist_veil
-from hydroviews.rain.lens.pattern import RaindropPattern
+from hydroviews.rain.lens.pattern import RaindropPattern, fitted_to
 from hydroviews.rain.lens.pattern import draw_pattern as draw_lens
 from hydroviews.rain.lens.severity import THICKEST_MIST, drops_harm
 from hydroviews.rain.patterns import Pattern, pattern_generator
@@ -102,10 +102,4 @@ def grade_lens(drawn: RaindropPattern, wanted: float, seen: SceneStatistics, cle
         return harm((to_srgb(scene + mist * veil * (air - scene)) for scene, veil in pairs), clean)
 
     mist = solve(misty_harm, wanted - drops_harm(coverage, seen), 0.0, THICKEST_MIST)
-    return replace(
-        drawn,
-        coverage=round(coverage, 4),
-        mist=round(mist, 4),
-        lens_renderer=seen.lens_renderer,
-        key_frames=drawn.key_frames if len(seen.views) > 1 else 1,
-    )
+    return fitted_to(replace(drawn, coverage=round(coverage, 4), mist=round(mist, 4)), seen)
