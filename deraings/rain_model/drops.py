@@ -12,11 +12,16 @@ texture, white walls and fog move over the lens and are followed like everything
 then compared as it is seen through the drops, so that partly covered pixels still teach the scene; pixels of which
 next to nothing is left count for nothing.
 
+A line is believed only where detail stays on the lens (`fixed_pattern`). Where the scene is not learned, or learned
+wrong, photographs do not follow the render either: trees in wind have slopes like drops, and what is taken for a drop is
+never learned afterwards. But no detail of theirs stays.
+
 What the photographs cannot tell: L without drop_alpha would be a stain of light that any scene could lose to the lens.
 So L is at most drop_alpha times white, and drop_alpha is 0 where the slope is near one. Drops grow and run: lines are
 fitted at a few times of the capture (see `time_knots`).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -27,6 +32,7 @@ from numpy.typing import NDArray
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from deraings.image_planes import Plane, resized, within_side
 from deraings.rain_model.drops_kernels import SUMS, add_view, fit_lines
+from deraings.rain_model.fixed_pattern import fixed_pattern
 from deraings.rain_model.layer_kernels import behind_drops, shade
 from deraings.rain_model.time_knots import count_time_knots, time_weights
 from hydroviews.scene.images import Image
@@ -58,6 +64,8 @@ class LensDropsConfig:
         max_share: share of the lens, [0, 1], that may be more than half covered: some of it must show the scene.
         hidden: drop_alpha, above `shown`, from which a pixel does not count in the loss.
         shown: drop_alpha, [0, 1), up to which a pixel counts in full.
+        usual: excess of the fixed pattern, from 1, up to which a place shows no drop.
+        fixed: the same, above `usual`, from which the line is believed.
     """
 
     long_side: int = 400
@@ -73,6 +81,8 @@ class LensDropsConfig:
     max_share: float = 0.6
     hidden: float = 0.75
     shown: float = 0.3
+    usual: float = 1.3
+    fixed: float = 1.8
 
 
 class DropLayer(NamedTuple):
@@ -103,21 +113,30 @@ class DropLayer(NamedTuple):
 class LensDrops:
     """Running sums by place on the lens, and the drops that follow."""
 
-    def __init__(self, size: tuple[int, int], n_views: int, iterations: int, config: LensDropsConfig) -> None:
-        """A lens of which nothing is known.
+    def __init__(
+        self,
+        pictures: Sequence[NDArray[np.uint8]],
+        iterations: int,
+        config: LensDropsConfig,
+        hidden: Sequence[NDArray[np.bool_] | None] = (),
+    ) -> None:
+        """A lens of which only the fixed pattern is known.
 
         Args:
-            size: height and width of the first view.
-            n_views: in order of name.
+            pictures: [H, W, 3] each, in order of name; the first one's size is the lens's.
             iterations: of the training.
             config: settings.
+            hidden: masks [H, W] of pixels that are not looked at.
         """
+        n_views = len(pictures)
         self._config, self._n_views = config, n_views
         self._first = config.start * iterations
         times = count_time_knots(n_views, config.views_per_knot, config.max_time_knots)
         self._window = max(MIN_WINDOW, min(MAX_WINDOW, n_views // times))
-        self._size = height, width = within_side(size, config.long_side)
+        self._size = height, width = within_side((pictures[0].shape[0], pictures[0].shape[1]), config.long_side)
         self.sums = np.zeros((times, height, SUMS, width), np.float32)
+        masks = tuple(hidden) or (None,) * n_views
+        self._believed = step(fixed_pattern(pictures, masks, self._size, times), config.usual, config.fixed)
 
     def due(self, iteration: int) -> bool:
         """Whether to add a view in this step."""
@@ -152,7 +171,8 @@ class LensDrops:
         weights = time_weights(view, self._n_views, len(self.sums))
         alpha, light = np.empty(size, np.float32), np.empty((*size, 3), np.float32)
         noise, clear, wet = (np.float32(value) for value in (config.noise, config.clear, config.wet))
-        fit_lines(self.sums, weights, noise, clear, wet, alpha, light)
+        believed = np.tensordot(weights, self._believed, 1)
+        fit_lines(self.sums, weights, believed, noise, clear, wet, alpha, light)
         return alpha, light
 
     def layer(self, view: int, size: tuple[int, int], iteration: int) -> DropLayer | None:
@@ -180,3 +200,9 @@ class LensDrops:
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """Take back what `state_dict` returned."""
         self.sums = arrays["rows"].copy()
+
+
+def step(values: NDArray[np.float32], low: float, high: float) -> NDArray[np.float32]:
+    """A smooth rise from 0 at `low` to 1 at `high`."""
+    rise = np.clip((values - np.float32(low)) / np.float32(high - low), 0, 1)
+    return np.asarray(rise * rise * (3 - 2 * rise), np.float32)

@@ -25,7 +25,7 @@ def exercise_kernels() -> None:
     pixel, plane = np.zeros((1, 1, 3), np.float32), np.zeros((1, 1), np.float32)
     sums = np.zeros((1, 1, SUMS, 1), np.float32)
     add_view(pixel, pixel, np.ones((1, 1), np.bool_), ONE, ONE, sums[0])
-    fit_lines(sums, np.ones(1, np.float32), ONE, ZERO, ONE, plane, pixel)
+    fit_lines(sums, np.ones(1, np.float32), plane.copy(), ONE, ZERO, ONE, plane, pixel)
 
 
 @inlined
@@ -113,10 +113,10 @@ def add_light(mean, alpha, light):
 
 
 @kernel
-def fit_lines(sums, weights, noise, clear, wet, alpha, light):
+def fit_lines(sums, weights, believed, noise, clear, wet, alpha, light):
     """Fills alpha [h, w] and light L [h, w, 3] from sums [T, h, 9, w], those of the times weighed by weights [T].
 
-    Both are 0 where no view showed anything.
+    alpha is as much of what the slope says as is believed [h, w]. Both are 0 where no view showed anything.
     """
     height, width = sums.shape[1], sums.shape[3]
     for band in prange(BANDS):
@@ -130,6 +130,6 @@ def fit_lines(sums, weights, noise, clear, wet, alpha, light):
             for i in range(width):
                 covariance, variance = product[i] - together[i], max(square[i] - alone[i], ZERO)
                 lost = ONE - (covariance + noise * noise) / (variance + noise * noise)
-                m = min(max(lost, ZERO), ONE) * step(lost, clear, wet)
+                m = min(max(lost, ZERO), ONE) * step(lost, clear, wet) * believed[row, i]
                 a_row[i] = m if seen[i] > ZERO else ZERO
             add_light(mean, a_row, light[row])

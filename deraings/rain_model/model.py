@@ -98,7 +98,7 @@ class RainModel:
         self.streaks = SingleStreaks(sizes, config.streaks) if config.rain_layer and config.streaks else None
         renewals = config.streaks.renewals if config.streaks else ()
         self._renewals = {round(share * iterations) for share in renewals}
-        self.drops = LensDrops(sizes[0], count, iterations, config.drops) if config.drops else None
+        self.drops = LensDrops(pictures, iterations, config.drops, hidden) if config.drops else None
 
     def forward(self, scene_image: Image, view: int, iteration: int, buffers: BufferPool) -> Seen:
         """A rendered view [H, W, 3], at its own size or a smaller one, through all that is known of the rain.

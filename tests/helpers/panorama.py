@@ -33,6 +33,13 @@ def misted(views: NDArray[np.float32], alpha: NDArray, colour: NDArray) -> NDArr
     return to_srgb(to_linear(views) * (1 - blocked) + blocked * np.asarray(colour, np.float32))
 
 
+def shaded_drop(height: int, width: int) -> NDArray[np.float32]:
+    """What a drop shows whatever is behind it [H, W, 3], 0.2 to 0.7: lit from below, and uneven across."""
+    down, across = np.mgrid[:height, :width] / np.float32([max(height, width) - 1])
+    shading = 0.3 + 0.3 * down + 0.1 * np.cos(30 * across)
+    return np.repeat(shading[..., None], 3, axis=2).astype(np.float32)
+
+
 def slanted_mist(most: float) -> NDArray[np.float32]:
     """mist_alpha [H, W] that rises from 0 at the left to `most` at the right."""
     return np.tile(np.linspace(0, most, WIDTH, dtype=np.float32), (HEIGHT, 1))

@@ -42,7 +42,7 @@ def trained() -> RainModel:
     """A model that has seen photographs of a known scene through mist and one drop."""
     scene = panorama.views_of(panorama.paint(), COUNT)
     photographs = panorama.misted(scene, MIST, AIR)
-    photographs[(slice(None), *DROP)] = 0.5
+    photographs[(slice(None), *DROP)] = panorama.shaded_drop(12, 12)
     objective, buffers = RainObjective(TrainingImages(panorama.eight_bit(photographs)), STEPS, WET), BufferPool()
     error = 0.02 * np.random.default_rng(3).standard_normal(scene.shape).astype(np.float32)
     for step in range(STEPS):

@@ -29,7 +29,7 @@ def rainy_views():
     rained = [composite(view, streak_layer(PATTERN, SIZE[1], SIZE[0], rng), BETA) for view in scene]
     mist = np.tile(np.linspace(0, 0.4, SIZE[1], dtype=np.float32), (SIZE[0], 1))
     photographs = panorama.misted(np.stack(rained), mist, np.array([0.6, 0.65, 0.7]))
-    photographs[:, 40:70, 30:60] = 0.5
+    photographs[:, 40:70, 30:60] = panorama.shaded_drop(30, 30)
     return photographs, scene
 
 
