@@ -30,7 +30,8 @@ class MistConfig:
         max_alpha: most that mist_alpha may be, [0, 1).
         dark_quantile: share of what a place of the lens shows, (0, 1), that may be darker than the mist there: noise.
         min_possible: lower quartile over the lens of the mist_alpha that photographs allow, [0, 1], from which mist is
-            looked for: bonsai's lightest variant has 0.0102, clean views up to 0.012.
+            looked for: midway between clean views of development scenes, 0.0053 at most, and bonsai's lightest variant,
+            0.0102.
         min_mist: share of the possible mist, [0, 1], that scene points must show: light mist shows 0.18 and more.
         min_fog: share of their contrast, [0, 1], that points lose over the median depth, from which it is fog: clean
             views have 0.06 at most, fog that takes half of the light 0.3 and more.
@@ -53,7 +54,7 @@ class MistConfig:
     colour_penalty: float = 0.1
     max_alpha: float = 0.95
     dark_quantile: float = 0.05
-    min_possible: float = 0.01
+    min_possible: float = 0.007
     min_mist: float = 0.05
     min_fog: float = 0.15
     evenness: float = 3.0
