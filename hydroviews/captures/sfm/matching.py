@@ -21,6 +21,7 @@ from hydroviews.scene.masks import find_mask, mask_name
 pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)  # progress bars are enough
 
 MAX_FEATURES = 4096
+MAX_ERROR = 4.0  # pixels by which a feature may be off
 RAINY_RATIO = 0.9  # of the distances of a descriptor to the nearest and to the second nearest, at most
 MAX_IMAGE_SIZE = 1600  # pixels of the longer side; larger photographs are shrunk for detection alone
 
@@ -156,7 +157,20 @@ def extract(
             bar.update(len(chunk))
 
 
-def match(database: Path, names: Sequence[str], pairs: Iterable[Pair], seed: int, rainy: bool = False) -> None:
+def tolerance(long_side: int, rainy: bool) -> float:
+    """Pixels by which a feature may be off: fewer in small photographs of rain, where more matches are wrong."""
+    return max(MAX_ERROR * min(1.0, long_side / MAX_IMAGE_SIZE), MAX_ERROR / 2) if rainy else MAX_ERROR
+
+
+def match(
+    database: Path,
+    names: Sequence[str],
+    pairs: Iterable[Pair],
+    seed: int,
+    *,
+    error: float = MAX_ERROR,
+    rainy: bool = False,
+) -> None:
     """Match and verify pairs of views, except those in the database.
 
     Args:
@@ -164,8 +178,10 @@ def match(database: Path, names: Sequence[str], pairs: Iterable[Pair], seed: int
         names: file names without blanks, which separate them in COLMAP's list of pairs.
         pairs: indices into `names`.
         seed: of the verification's random sampling.
-        rainy: take matches that are less distinct than usual, and look for more of them near the epipolar lines of
-            those that are verified. Rain changes descriptors more than it makes them alike.
+        error: pixels by which a verified match may be off.
+        rainy: take matches that are less distinct than usual, as rain changes descriptors; look for more of them near
+            the epipolar lines of those that are verified; and leave out those that stay where they are in the picture,
+            as drops on the lens do.
     """
     lines = [f"{names[i]} {names[j]}\n" for i, j in sorted(pairs)]
     list_path = database.with_name("pairs.txt")
@@ -173,6 +189,8 @@ def match(database: Path, names: Sequence[str], pairs: Iterable[Pair], seed: int
     matching.sift.max_ratio = RAINY_RATIO if rainy else matching.sift.max_ratio
     verification = pycolmap.TwoViewGeometryOptions()
     verification.ransac.random_seed = seed
+    verification.ransac.max_error = error
+    verification.filter_stationary_matches = rainy
     with tqdm(total=len(lines), desc="matches", unit="pair") as bar:
         for chunk in _chunks(lines, PAIRS_AT_ONCE):
             list_path.write_text("".join(chunk))

@@ -23,7 +23,7 @@ from hydroviews.formats.colmap_format import SparsePoints, read_images
 from hydroviews.formats.photographs import photographs_below, unreadable_photographs
 from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import check_whole, to_colmap_camera
-from hydroviews.scene.images import SUFFIXES, write_png
+from hydroviews.scene.images import SUFFIXES, image_size, write_png
 from hydroviews.scene.masks import MASKS, mask_digest, mask_name
 from hydroviews.scene.scenes import Points, Scene
 
@@ -34,6 +34,9 @@ MINIMUM = 3  # registered views that make a scene
 # COLMAP halves each twice before it gives up.
 FIRST_PAIR_ANGLES = (16.0, 4.0)
 ENOUGH = 0.9  # share of photographs that must register before no other first pair is tried
+POSE_ERROR = 3.0  # how many times as far off a point may be where a view is first registered
+# Of photographs in rain, where pycolmap asks for 100 points, 30 and a quarter: fewer are right.
+FIRST_PAIR_POINTS, VIEW_POINTS, VIEW_SHARE = 50, 15, 0.15
 SNAPSHOT_EVERY = 10  # registered views between snapshots; an interruption may cost two of these intervals
 
 SETTINGS = "poses.json"
@@ -88,8 +91,8 @@ def estimate_poses(
         masks: folder with a mask for every photograph, by COLMAP's names (see `hydroviews.scene.masks`); no features
             are detected in hidden pixels.
         advice: what to do if too few photographs register, for the error.
-        rainy: detect features in copies without upright streaks. On 480-pixel views of Mip-NeRF 360 bonsai two
-            steps apart, with streaks n 100, l 30, w 3, that gives 76 correct matches a pair instead of 49.
+        rainy: detect features in copies without upright streaks; take less distinct matches, fewer of them for a
+            view, and none that stay in one place of the lens (see `matching.match`).
 
     Returns:
         The scene that `read_scene(out)` gives, with the number of registered photographs in its notes.
@@ -134,18 +137,31 @@ def estimate_poses(
             pictures = matching.copy_without_streaks(pictures, out / COPIES, names)
         matching.extract(database, pictures, names, camera_model, masks)
         pairs = matching.all_pairs(len(names)) if exhaustive else matching.sequence_pairs(len(names))
-        matching.match(database, names, pairs, seed, rainy)
-        _map(out, len(names), seed, advice)
+        error = matching.tolerance(max(max(image_size(path)) for path in sources), rainy)
+        matching.match(database, names, pairs, seed, error=error, rainy=rainy)
+        _map(out, len(names), _mapping_options(seed, error, rainy), advice)
         shutil.rmtree(out / COPIES, ignore_errors=True)
     return read_scene(out)
 
 
-def _map(out: Path, count: int, seed: int, advice: str) -> None:
+def _mapping_options(seed: int, error: float, rainy: bool) -> pycolmap.IncrementalPipelineOptions:
+    options = pycolmap.IncrementalPipelineOptions(min_model_size=MINIMUM, random_seed=seed)
+    options.num_threads = 1  # with more, rounding differs from run to run, and now and then the model with it
+    options.snapshot_frames_freq = SNAPSHOT_EVERY
+    options.mapper.filter_max_reproj_error = error
+    options.mapper.abs_pose_max_error = POSE_ERROR * error
+    if rainy:
+        options.mapper.init_min_num_inliers, options.mapper.abs_pose_min_num_inliers = FIRST_PAIR_POINTS, VIEW_POINTS
+        options.mapper.abs_pose_min_inlier_ratio = VIEW_SHARE
+    return options
+
+
+def _map(out: Path, count: int, options: pycolmap.IncrementalPipelineOptions, advice: str) -> None:
     """Incremental mapping; the models go to `out/sparse` together, the largest first."""
     models: list[pycolmap.Reconstruction] = []
     best = 0
     for angle in FIRST_PAIR_ANGLES:
-        grown = _incremental_mapping(out, count, angle, seed)
+        grown = _incremental_mapping(out, count, angle, options)
         if grown and grown[0].num_reg_images() > best:
             models, best = grown, grown[0].num_reg_images()
         if best > ENOUGH * count:
@@ -160,15 +176,15 @@ def _map(out: Path, count: int, seed: int, advice: str) -> None:
         os.replace(finished, out / "sparse")
 
 
-def _incremental_mapping(out: Path, count: int, angle: float, seed: int) -> list[pycolmap.Reconstruction]:
+def _incremental_mapping(
+    out: Path, count: int, angle: float, options: pycolmap.IncrementalPipelineOptions
+) -> list[pycolmap.Reconstruction]:
     """The models that grow from a first pair whose rays meet at `angle` degrees, the largest first."""
     scratch = out / MAPPING
     snapshots = scratch / "snapshots"
     snapshots.mkdir(parents=True, exist_ok=True)
     begun = sorted(snapshots.iterdir())[-2:-1]  # the last one may be half written
-    options = pycolmap.IncrementalPipelineOptions(min_model_size=MINIMUM, random_seed=seed)
-    options.num_threads = 1  # with more, rounding differs from run to run, and now and then the model with it
-    options.snapshot_path, options.snapshot_frames_freq = snapshots, SNAPSHOT_EVERY
+    options.snapshot_path = snapshots
     options.mapper.init_min_tri_angle = angle
     with tqdm(total=count, desc=f"mapping, first pair {angle:.0f} degrees apart", unit="image") as bar:
         if begun:
