@@ -14,7 +14,8 @@ from typing import Any
 import pandas as pd
 import tyro
 
-from hydroviews.captures.sfm.poses import TooFewRegistered, estimate_poses
+from hydroviews.captures.sfm.mapping import TooFewRegistered
+from hydroviews.captures.sfm.poses import estimate_poses
 from hydroviews.captures.sfm.sources import link_photographs
 from hydroviews.cli.commands import run_command
 from hydroviews.dataset.clean_views import CLEAN

@@ -15,7 +15,7 @@ from captures import WALK, capture, flower_walk, rained_on
 from processes import PATIENCE, wait_until
 from synthetic import capture_in
 
-from hydroviews.captures.sfm import matching, poses
+from hydroviews.captures.sfm import mapping, matching, pairs, poses, rain
 from hydroviews.captures.sfm.poses import estimate_poses, triangulate
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import listing
@@ -95,16 +95,16 @@ def test_interrupted_mapping_goes_on_from_a_snapshot(flower, tmp_path, monkeypat
 
         return partial(call, next_image_callback=register)(cancellation_token=token)
 
-    monkeypatch.setattr(poses, "SNAPSHOT_EVERY", 2)
+    monkeypatch.setattr(mapping, "SNAPSHOT_EVERY", 2)
     with monkeypatch.context() as patch:
         patch.setattr(matching, "interruptible", interrupted)
         with pytest.raises(InterruptedError):
             estimate_poses(flower, tmp_path)
-    snapshots = sorted((tmp_path / poses.MAPPING / "snapshots").iterdir())
+    snapshots = sorted((tmp_path / mapping.MAPPING / "snapshots").iterdir())
     assert len(snapshots) >= 2
     scene = estimate_poses(flower, tmp_path)
     assert len(scene.views) == 9
-    assert not (tmp_path / poses.MAPPING).exists()
+    assert not (tmp_path / mapping.MAPPING).exists()
     solved = read_scene(capture("llff_flower"))
     solved = replace(solved, views=tuple(solved.views[i] for i in WALK))
     assert max(relative_rotation_error(scene, solved, 0, i) for i in range(1, 9)) < 1
@@ -123,12 +123,12 @@ def test_rain_leaves_enough_matches(tmp_path):
         database = tmp_path / f"{rainy}.db"
         matching.register(database, tmp_path, names, "SIMPLE_PINHOLE", shared=True)
         matching.extract(database, tmp_path, names, "SIMPLE_PINHOLE")
-        matching.match(database, names, [(0, 1)], seed=0, rainy=rainy)
+        rain.match(database, names, [(0, 1)], 0, 2.0) if rainy else matching.match(database, names, [(0, 1)], 0)
         with pycolmap.Database.open(database) as opened:
             ids = [opened.read_image_with_name(one).image_id for one in names]
-            pairs = opened.read_two_view_geometry(*ids).inlier_matches
+            found = opened.read_two_view_geometry(*ids).inlier_matches
             points = [opened.read_keypoints(image)[:, :2] for image in ids]
-        off = epipolar_distances(views[name], views[other], points[0][pairs[:, 0]], points[1][pairs[:, 1]])
+        off = epipolar_distances(views[name], views[other], points[0][found[:, 0]], points[1][found[:, 1]])
         counts[rainy] = (off < 2).sum(), (off >= 2).sum()
     assert counts[True][0] > 1.5 * counts[False][0]
     assert counts[True][1] < counts[True][0]
@@ -221,7 +221,7 @@ def noise(tmp_path):
     def find():
         with pytest.raises(InputError, match="could be registered"):
             estimate_poses(tmp_path / "noise", tmp_path / "out", rainy=True)
-        with pycolmap.Database.open(tmp_path / "out" / poses.DATABASE) as opened:
+        with pycolmap.Database.open(tmp_path / "out" / mapping.DATABASE) as opened:
             images = {image.name: image.image_id for image in opened.read_all_images()}
             return {name: opened.read_keypoints(image) for name, image in images.items()}
 
@@ -263,25 +263,25 @@ def test_cameras_of_other_photographs_are_kept(noise, tmp_path):
     write_png(tmp_path / "noise" / "1.png", np.zeros((99, 99, 3), np.float32))
     with pytest.raises(InputError, match="of the same names and other sizes"):
         estimate_poses(tmp_path / "noise", tmp_path / "out", rainy=True)
-    assert (tmp_path / "out" / poses.DATABASE).is_file()
+    assert (tmp_path / "out" / mapping.DATABASE).is_file()
 
 
 def test_sequence_pairs_join_neighbours_and_close_loops():
-    pairs = matching.sequence_pairs(300)
-    assert {(i, i + 1) for i in range(299)} <= pairs
-    assert (0, 299) in pairs
-    assert (10, 10 + 128) in pairs
-    assert len(pairs) < 5000 < len(matching.all_pairs(300))
-    assert matching.sequence_pairs(2) == {(0, 1)}
-    assert all(i < j < 300 for i, j in pairs)
+    found = pairs.sequence_pairs(300)
+    assert {(i, i + 1) for i in range(299)} <= found
+    assert (0, 299) in found
+    assert (10, 10 + 128) in found
+    assert len(found) < 5000 < len(pairs.all_pairs(300))
+    assert pairs.sequence_pairs(2) == {(0, 1)}
+    assert all(i < j < 300 for i, j in found)
 
 
 def test_pose_pairs_need_a_common_direction(tmp_path):
     scene = capture_in(tmp_path, n_views=36)  # a ring, ten degrees apart
-    pairs = matching.pose_pairs(np.stack([view.camera.world_to_camera for view in scene.views]))
-    apart = {min(j - i, 36 - (j - i)) for i, j in pairs}
+    found = pairs.pose_pairs(np.stack([view.camera.world_to_camera for view in scene.views]))
+    apart = {min(j - i, 36 - (j - i)) for i, j in found}
     assert {1, 2, 3, 4, 5} <= apart <= {1, 2, 3, 4, 5, 6}  # none beyond sixty degrees
-    assert {(i, i + 1) for i in range(35)} <= pairs
+    assert {(i, i + 1) for i in range(35)} <= found
 
 
 def test_misplaced_cameras():
