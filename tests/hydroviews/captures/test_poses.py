@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pycolmap
 import pytest
-from captures import WALK, capture, flower_walk, rained_on
+from captures import WALK, capture, flower_walk
 from processes import PATIENCE, wait_until
 from synthetic import capture_in
 
-from hydroviews.captures.sfm import mapping, matching, pairs, poses, rain
+from hydroviews.captures.sfm import mapping, matching, pairs
 from hydroviews.captures.sfm.poses import estimate_poses, triangulate
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import listing
@@ -108,41 +108,6 @@ def test_interrupted_mapping_goes_on_from_a_snapshot(flower, tmp_path, monkeypat
     solved = read_scene(capture("llff_flower"))
     solved = replace(solved, views=tuple(solved.views[i] for i in WALK))
     assert max(relative_rotation_error(scene, solved, 0, i) for i in range(1, 9)) < 1
-
-
-def test_rain_leaves_enough_matches(tmp_path):
-    """Two photographs in streaks: looser matches, and more of them near the epipolar lines, are more right ones."""
-    solved = read_scene(capture("llff_flower"))
-    (name, first), (other, second) = flower_walk()[0], flower_walk()[2]
-    names = ["a.png", "b.png"]
-    for i, image in enumerate((first, second)):
-        write_png(tmp_path / names[i], rained_on(image, i))
-    views = {view.name: view.camera.resized(400, 300) for view in solved.views}
-    counts = {}
-    for rainy in (False, True):
-        database = tmp_path / f"{rainy}.db"
-        matching.register(database, tmp_path, names, "SIMPLE_PINHOLE", shared=True)
-        matching.extract(database, tmp_path, names, "SIMPLE_PINHOLE")
-        rain.match(database, names, [(0, 1)], 0, 2.0) if rainy else matching.match(database, names, [(0, 1)], 0)
-        with pycolmap.Database.open(database) as opened:
-            ids = [opened.read_image_with_name(one).image_id for one in names]
-            found = opened.read_two_view_geometry(*ids).inlier_matches
-            points = [opened.read_keypoints(image)[:, :2] for image in ids]
-        off = epipolar_distances(views[name], views[other], points[0][found[:, 0]], points[1][found[:, 1]])
-        counts[rainy] = (off < 2).sum(), (off >= 2).sum()
-    assert counts[True][0] > 1.5 * counts[False][0]
-    assert counts[True][1] < counts[True][0]
-
-
-def epipolar_distances(first, second, points, others):
-    """Pixels between points [N, 2] of the second picture and the lines of those of the first."""
-    turn = second.rotation @ first.rotation.T
-    x, y, z = second.world_to_camera[:3, 3] - turn @ first.world_to_camera[:3, 3]
-    essential = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ turn
-    fundamental = np.linalg.inv(second.matrix).T @ essential @ np.linalg.inv(first.matrix)
-    lines = np.column_stack([points, np.ones(len(points))]) @ fundamental.T
-    offsets = (lines * np.column_stack([others, np.ones(len(others))])).sum(1)
-    return np.abs(offsets) / np.linalg.norm(lines[:, :2], axis=1)
 
 
 def test_triangulated_points_fit_the_given_poses(tmp_path):
