@@ -2,6 +2,7 @@
 
 import os
 import shutil
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -23,6 +24,7 @@ ENOUGH = 0.9  # share of photographs that must register before no other first pa
 POSE_ERROR = 3.0  # how many times as far off a point may be where a view is first registered
 # Of photographs in rain, where pycolmap asks for 100 points, 30 and a quarter.
 FIRST_PAIR_POINTS, VIEW_POINTS, VIEW_SHARE = 50, 15, 0.15
+FEWEST_DEGREES = 1.5  # between the rays to a point, as in mapping
 SNAPSHOT_EVERY = 10  # registered views between snapshots; an interruption may cost two of these intervals
 DATABASE = "database.db"
 MAPPING = ".unfinished-mapping"  # with snapshots that an interrupted mapping resumes from
@@ -58,7 +60,29 @@ def rainy_options(seed: int, error: float) -> pycolmap.IncrementalPipelineOption
     return options
 
 
-def map_photographs(out: Path, count: int, options: pycolmap.IncrementalPipelineOptions, advice: str) -> None:
+def polish(model: pycolmap.Reconstruction, error: float) -> None:
+    """Adjust cameras and points again, so that what does not fit counts little (Cauchy), and leave it out.
+
+    Args:
+        model: changed in place.
+        error: pixels by which a point may be off.
+    """
+    options = pycolmap.BundleAdjustmentOptions(print_summary=False)
+    options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
+    options.ceres.loss_function_scale = error / 2
+    options.ceres.solver_options.num_threads = 1  # as for mapping
+    for limit in (error, error / 2):
+        pycolmap.bundle_adjustment(model, options)
+        pycolmap.ObservationManager(model).filter_all_points3D(limit, FEWEST_DEGREES)
+
+
+def map_photographs(
+    out: Path,
+    count: int,
+    options: pycolmap.IncrementalPipelineOptions,
+    advice: str,
+    finish: Callable[[pycolmap.Reconstruction], None] = lambda model: None,
+) -> None:
     """Find cameras and points; the models go to `out/sparse` together, the largest first.
 
     Args:
@@ -66,6 +90,7 @@ def map_photographs(out: Path, count: int, options: pycolmap.IncrementalPipeline
         count: of the photographs.
         options: of the mapping; a first pair's angle is set here.
         advice: what to do if too few register.
+        finish: what is done to each model in the end.
 
     Raises:
         TooFewRegistered: fewer than three.
@@ -82,6 +107,7 @@ def map_photographs(out: Path, count: int, options: pycolmap.IncrementalPipeline
         raise TooFewRegistered(out / "images", best, count, advice)
     with plain_full_disk(out / "sparse"), temporary_beside(out / "sparse") as finished:
         for i, model in enumerate(models):
+            finish(model)
             (finished / str(i)).mkdir(parents=True)
             model.write_binary(finished / str(i))
             check_whole(finished / str(i))

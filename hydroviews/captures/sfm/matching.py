@@ -18,9 +18,6 @@ from hydroviews.scene.masks import find_mask, mask_name
 pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)  # progress bars are enough
 
 MAX_FEATURES = 4096
-# Share of the longer side where Exif says nothing: a telephone's. From pycolmap's 1.2, views from one side may end with
-# a scene turned inside out.
-FOCAL_LENGTH = 0.9
 MAX_IMAGE_SIZE = 1600  # pixels of the longer side; larger photographs are shrunk for detection alone
 
 # Units of progress; Ctrl-C waits for the end of one.
@@ -75,6 +72,7 @@ def register(
     *,
     shared: bool,
     masks: Path | None = None,
+    focal_length: float | None = None,
 ) -> None:
     """Add images and their cameras to the database, unless all of them are in it.
 
@@ -85,6 +83,7 @@ def register(
         camera_model: COLMAP's name.
         shared: one camera for all photographs of a size, instead of one for each.
         masks: as for `extract`.
+        focal_length: where Exif gives none, in shares of the longer side; pycolmap's if not given.
 
     Raises:
         InputError: there are masks, but not for every image; a photograph that cannot be read.
@@ -104,9 +103,8 @@ def register(
     for name in names:
         by_size.setdefault(image_size(photographs / name) if shared else (0, 0), []).append(name)
     mode = pycolmap.CameraMode.SINGLE if shared else pycolmap.CameraMode.PER_IMAGE
-    reader = pycolmap.ImageReaderOptions(
-        camera_model=camera_model, mask_path=masks or "", default_focal_length_factor=FOCAL_LENGTH
-    )
+    reader = pycolmap.ImageReaderOptions(camera_model=camera_model, mask_path=masks or "")
+    reader.default_focal_length_factor = focal_length or reader.default_focal_length_factor
     for alike in by_size.values():  # cameras are shared within one call
         pycolmap.import_images(database, photographs, camera_mode=mode, image_names=alike, options=reader)
 

@@ -1,5 +1,6 @@
 """Structure from motion with pycolmap: cameras for photographs, and points for cameras without any."""
 
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -9,7 +10,15 @@ from tqdm import tqdm
 
 from hydroviews.captures.exif_orientation import common_turn
 from hydroviews.captures.sfm import matching, pairs, rain
-from hydroviews.captures.sfm.mapping import DATABASE, MAPPING, MINIMUM, map_photographs, mapping_options, rainy_options
+from hydroviews.captures.sfm.mapping import (
+    DATABASE,
+    MAPPING,
+    MINIMUM,
+    map_photographs,
+    mapping_options,
+    polish,
+    rainy_options,
+)
 from hydroviews.captures.sfm.sources import forget_other_photographs, link_names, link_photographs
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import listing
@@ -41,6 +50,7 @@ def estimate_poses(
     masks: Path | None = None,
     advice: str = ADVICE,
     rainy: bool = False,
+    enhance: rain.Enhance | None = None,
 ) -> Scene:
     """Estimate a camera for each photograph in `images` and write the capture `out`.
 
@@ -61,8 +71,10 @@ def estimate_poses(
         masks: folder with a mask for every photograph, by COLMAP's names (see `hydroviews.scene.masks`); no features
             are detected in hidden pixels.
         advice: what to do if too few photographs register, for the error.
-        rainy: take less distinct matches, fewer of them for a view, and none that stay in one place of the lens (see
-            `rain`).
+        rainy: leave out features that stay in one place of the lens, take less distinct matches and fewer of them for
+            a view (see `rain`), and adjust the cameras again without what does not fit.
+        enhance: takes the rain out of a picture of any size: float32 [H, W, 3], sRGB-encoded, [0, 1], to the same
+            shape. Features of pictures enhanced so are matched besides the photographs'; only where it is `rainy`.
 
     Returns:
         The scene that `read_scene(out)` gives, with the number of registered photographs in its notes.
@@ -70,8 +82,11 @@ def estimate_poses(
     Raises:
         TooFewRegistered: fewer than three.
         InputError: fewer than three photographs, one that cannot be read, or `out` was made otherwise or lies among the
-            photographs.
+            photographs; in rain, nothing but features that stay on the lens, or an enhanced picture of another size.
+        ValueError: to enhance, but not `rainy`.
     """
+    if enhance and not rainy:
+        raise ValueError("enhanced pictures are matched only where it is rainy")
     sources = photographs_below(images) if images.is_dir() else []
     if len(sources) < MINIMUM:
         other = unreadable_photographs(images) if images.is_dir() else "no such folder"
@@ -87,6 +102,7 @@ def estimate_poses(
     exhaustive = matcher == "exhaustive" or (matcher == "auto" and len(sources) <= pairs.EXHAUSTIVE_LIMIT)
     settings = {"camera_model": camera_model, "exhaustive": exhaustive, "seed": seed, "images": sorted(links)}
     settings |= {"masks": mask_digest(masks) if masks else None, "rainy": rainy or None}  # None as where it lacks
+    settings |= {"enhanced": enhance is not None or None}
     settings |= {"files": listing(sources)}
     finished, pictures = (out / "sparse").is_dir(), out / "images"
     copied = [] if images.resolve() == pictures.resolve() else [pictures]  # frames of a video lie there themselves
@@ -102,17 +118,19 @@ def estimate_poses(
     if not finished:
         database, names = out / DATABASE, sorted(links)
         link_photographs(links, pictures, turned=masks is None and common_turn(sources))
-        matching.register(database, pictures, names, camera_model, shared=True, masks=masks)
-        matching.extract(database, pictures, names, camera_model, masks)
         chosen = pairs.all_pairs(len(names)) if exhaustive else pairs.sequence_pairs(len(names))
+        register = partial(matching.register, database, pictures, names, camera_model, shared=True, masks=masks)
         if rainy:
             error = rain.tolerance(max(max(image_size(path)) for path in sources))
+            register(focal_length=rain.FOCAL_LENGTH)
+            rain.extract(database, pictures, names, camera_model, error, masks, enhance)
             rain.match(database, names, chosen, seed, error)
-            options = rainy_options(seed, error)
+            map_photographs(out, len(names), rainy_options(seed, error), advice, finish=partial(polish, error=error))
         else:
+            register()
+            matching.extract(database, pictures, names, camera_model, masks)
             matching.match(database, names, chosen, seed)
-            options = mapping_options(seed)
-        map_photographs(out, len(names), options, advice)
+            map_photographs(out, len(names), mapping_options(seed), advice)
     return read_scene(out)
 
 

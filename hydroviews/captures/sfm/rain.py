@@ -1,31 +1,154 @@
-"""Matches between photographs in rain, of which `matching.match` finds too few.
+"""Features and matches of photographs in rain, of which `matching` finds too few, and wrong ones on the lens.
 
-Rain changes descriptors, so less distinct ones are matched. Drops on the lens match best where they are, so what stays
-in one place of the picture is left out. Pairs that have enough in common are matched again near the epipolar lines;
-others would find matches near any lines.
+Drops on the lens match best where they are, so features that stay in one place of the picture are left out. Those of
+enhanced photographs come beside the photographs' own. Pairs that have enough in common are matched again, near their
+epipolar lines and less distinctly, as rain changes descriptors; other pairs would find matches near any lines.
 """
 
-from collections.abc import Iterable, Sequence
+import logging
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pycolmap
+from tqdm import tqdm
 
-from hydroviews.captures.sfm.matching import MAX_IMAGE_SIZE, listed, match_listed
+from hydroviews.captures.sfm import matching
+from hydroviews.captures.sfm.lens import Features, on_the_lens
 from hydroviews.captures.sfm.pairs import Pair
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import write_bytes
+from hydroviews.scene.images import Image, read_image, to_uint8
 
-MAX_RATIO = 0.9  # of the distances of a descriptor to the nearest and to the second nearest; pycolmap's is 0.8
-# Verified matches of a pair, and their share. Of pairs of courtyard and flower with 25 to 40, four in five are right,
-# of those with fewer one in forty.
-MIN_MATCHES, MIN_SHARE = 25, 0.25
+logger = logging.getLogger(__name__)
+
+Enhance = Callable[[Image], Image]
+
+# Share of the longer side where Exif says nothing: a telephone's. From pycolmap's 1.2, views from one side may end with
+# a scene turned inside out.
+FOCAL_LENGTH = 0.9
+MIN_SHARE = 0.25  # of a pair's matches that must be verified
+# Samples for a pair: more find few further pairs, and wrong ones among them, but take five times as long.
+MAX_TRIALS = 2000
+GUIDED_RATIO = 0.9  # of the distances of a descriptor to the nearest and to the second nearest; pycolmap's is 0.8
 ERRORS = (2.0, 4.0)  # pixels by which a match may be off: in small photographs, in those of MAX_IMAGE_SIZE and above
-GUIDED = ".guided"  # beside the database, with the pairs matched again
+APART = 0.75  # of these pixels between a photograph's feature and one of the enhanced photograph that is another
+
+# Beside the database, under its name.
+PHOTOGRAPHS, ENHANCED, COPIES, GUIDED = ".photographs", ".enhanced", ".copies", ".guided"
 
 
 def tolerance(long_side: int) -> float:
     """Pixels by which a match may be off, for the longer side of photographs in pixels."""
     least, most = ERRORS
-    return max(least, most * min(1.0, long_side / MAX_IMAGE_SIZE))
+    return max(least, most * min(1.0, long_side / matching.MAX_IMAGE_SIZE))
+
+
+def extract(
+    database: Path,
+    images: Path,
+    names: Sequence[str],
+    camera_model: str,
+    error: float,
+    masks: Path | None = None,
+    enhance: Enhance | None = None,
+) -> None:
+    """Detect features, and those of enhanced copies beside them, without those that stay on the lens.
+
+    Args:
+        database: with the images registered; those that have features keep them.
+        images: folder of the photographs.
+        names: of all images.
+        camera_model: COLMAP's name.
+        error: pixels by which features of one place may be apart.
+        masks: as for `matching.extract`.
+        enhance: takes the rain out of a picture, without changing its size.
+
+    Raises:
+        InputError: fewer than two photographs have features that do not stay in one place, or an enhanced one has
+            another size.
+    """
+    found = partial(_features_of, database, names=names, camera_model=camera_model, error=error, masks=masks)
+    features = found(PHOTOGRAPHS, images)
+    if enhance:
+        copies = write_enhanced(images, database.with_name(database.name + COPIES), names, enhance)
+        both = zip(features, found(ENHANCED, copies), strict=True)
+        features = [own.beside(enhanced, APART * error) for own, enhanced in both]
+    write_features(database, names, features)
+
+
+def _features_of(
+    database: Path,
+    suffix: str,
+    images: Path,
+    *,
+    names: Sequence[str],
+    camera_model: str,
+    error: float,
+    masks: Path | None,
+) -> list[Features]:
+    """Features of a folder's images, in a database beside the other, without those that stay on the lens."""
+    own = database.with_name(database.name + suffix)
+    matching.register(own, images, names, camera_model, shared=True, masks=masks)
+    matching.extract(own, images, names, camera_model, masks)
+    return _that_move(images, read_features(own, names), error)
+
+
+def write_enhanced(images: Path, copies: Path, names: Sequence[str], enhance: Enhance) -> Path:
+    """Write enhanced copies of the photographs under the same names, unless they are there; returns their folder."""
+    for name in tqdm(names, desc="enhanced", unit="image"):
+        if (copies / name).is_file():
+            continue
+        image = read_image(images / name)
+        enhanced = enhance(image)
+        if enhanced.shape != image.shape:
+            raise InputError(
+                f"{images / name}: enhanced to another size",
+                found=f"shape {enhanced.shape}",
+                expected=f"{image.shape}",
+                fix="enhance without cropping or scaling",
+            )
+        ok, encoded = cv2.imencode(Path(name).suffix, to_uint8(enhanced)[..., ::-1])
+        if not ok:
+            raise ValueError(f"{name}: encoding failed for an array of shape {enhanced.shape}")
+        write_bytes(copies / name, encoded.tobytes())
+    return copies
+
+
+def _that_move(images: Path, views: Sequence[Features], error: float) -> list[Features]:
+    staying = on_the_lens(views, error)
+    total, left = sum(map(len, views)), sum(int(mask.sum()) for mask in staying)
+    logger.info("%d of %d features stay in one place of the lens and are left out", left, total)
+    moving = [view.where(~mask) for view, mask in zip(views, staying, strict=True)]
+    if left and sum(len(view) > 0 for view in moving) < 2:
+        raise InputError(
+            f"{images}: nothing moves from view to view",
+            found="features in one place of all photographs: drops or dirt on the lens, or a camera that stood still",
+            expected="photographs of a scene from several places",
+            fix="wipe the lens, or move the camera",
+        )
+    return moving
+
+
+def read_features(database: Path, names: Sequence[str]) -> list[Features]:
+    """The features of images in a database."""
+    with pycolmap.Database.open(database) as opened:
+        ids = [_id(opened, name) for name in names]
+        return [Features(opened.read_keypoints(i), np.asarray(opened.read_descriptors(i).data)) for i in ids]
+
+
+def write_features(database: Path, names: Sequence[str], features: Sequence[Features]) -> None:
+    """Write features of those images in a database that have none."""
+    sift = pycolmap.FeatureExtractorType.SIFT
+    with pycolmap.Database.open(database) as opened:
+        for name, one in zip(names, features, strict=True):
+            image = _id(opened, name)
+            if not opened.exists_keypoints(image):
+                opened.write_keypoints(image, one.keypoints)
+            if not opened.exists_descriptors(image):
+                opened.write_descriptors(image, pycolmap.FeatureDescriptors(type=sift, data=one.descriptors))
 
 
 def match(database: Path, names: Sequence[str], pairs: Iterable[Pair], seed: int, error: float) -> None:
@@ -38,17 +161,18 @@ def match(database: Path, names: Sequence[str], pairs: Iterable[Pair], seed: int
         seed: of the verification's random sampling.
         error: pixels by which a match may be off.
     """
-    verification = pycolmap.TwoViewGeometryOptions(filter_stationary_matches=True)
-    verification.min_num_inliers, verification.min_inlier_ratio = MIN_MATCHES, MIN_SHARE
+    verification = pycolmap.TwoViewGeometryOptions(min_inlier_ratio=MIN_SHARE)
     verification.ransac.random_seed, verification.ransac.max_error = seed, error
+    verification.ransac.max_num_trials = MAX_TRIALS
     options = pycolmap.FeatureMatchingOptions(use_gpu=False)
-    options.sift.max_ratio = MAX_RATIO
-    lines = listed(names, pairs)
-    match_listed(database, lines, options, verification, "matches")
+    lines = matching.listed(names, pairs)
+    matching.match_listed(database, lines, options, verification, "matches")
     done = database.with_name(database.name + GUIDED)
     again = _verified(database, lines, set(done.read_text().splitlines(True)) if done.is_file() else set())
-    options.guided_matching = True
-    match_listed(database, again, options, verification, "guided", partial(_forget, database), partial(_note, done))
+    options.guided_matching, options.sift.max_ratio = True, GUIDED_RATIO
+    matching.match_listed(
+        database, again, options, verification, "guided", partial(_forget, database), partial(_note, done)
+    )
 
 
 def _verified(database: Path, lines: Sequence[str], done: set[str]) -> list[str]:
@@ -72,5 +196,11 @@ def _note(done: Path, lines: Sequence[str]) -> None:
 
 
 def _ids(opened: pycolmap.Database, line: str) -> list[int]:
-    images = (opened.read_image_with_name(name) for name in line.split())
-    return [image.image_id for image in images if image is not None]
+    return [_id(opened, name) for name in line.split()]
+
+
+def _id(opened: pycolmap.Database, name: str) -> int:
+    image = opened.read_image_with_name(name)
+    if image is None:
+        raise ValueError(f"{name}: not in the database")
+    return int(image.image_id)

@@ -160,6 +160,7 @@ def test_settings_are_kept(tmp_path):
         "images": ["view-00.png", "view-01.png", "view-02.png"],
         "masks": None,
         "rainy": None,
+        "enhanced": None,
         "files": listing(view.path for view in scene.views),
     }
     assert Path(os.readlink(tmp_path / "out" / "images" / "view-01.png")) == scene.views[1].path.resolve()

@@ -1,11 +1,15 @@
+import re
+
 import numpy as np
 import pycolmap
 import pytest
 from captures import capture, flower_walk, rained_on
 
 from hydroviews.captures.sfm import matching, rain
+from hydroviews.captures.sfm.poses import estimate_poses
+from hydroviews.errors import InputError
 from hydroviews.formats.read import read_scene
-from hydroviews.scene.images import write_png
+from hydroviews.scene.images import read_image, resize_area, write_png
 
 
 @pytest.fixture
@@ -102,23 +106,95 @@ def test_interrupted_guided_matching_goes_on(features, monkeypatch):
     assert (database.parent / "d.db.guided").read_text() == done
 
 
-def test_what_stays_in_one_place_of_the_lens_is_left_out(tmp_path):
-    """Two photographs that have a pattern on the lens in common, and nothing else."""
-    random = np.random.default_rng(0)
-    lens = np.zeros((240, 320), bool)
-    pattern = random.random((240, 320, 3)).astype(np.float32)
-    lens[40:120, 60:160] = lens[150:220, 200:300] = True
-    names = ["a.png", "b.png"]
+@pytest.fixture(scope="module")
+def walk(tmp_path_factory):
+    """Four photographs of the flower, two views apart each, in a folder, and their names."""
+    folder, pictures = tmp_path_factory.mktemp("walk"), flower_walk()
+    for i in range(4):
+        write_png(folder / f"{i}.png", resize_area(pictures[2 * i][1], 240, 180))
+    return folder, [f"{i}.png" for i in range(4)]
+
+
+def detect(folder, names, database, enhance=None):
+    """Features of photographs as they come into the database of matches."""
+    matching.register(database, folder, names, "SIMPLE_PINHOLE", shared=True)
+    rain.extract(database, folder, names, "SIMPLE_PINHOLE", 2.0, enhance=enhance)
+    return rain.read_features(database, names)
+
+
+def test_where_there_are_no_drops_nothing_is_left_out(walk, tmp_path, caplog):
+    folder, names = walk
+    matching.register(tmp_path / "plain.db", folder, names, "SIMPLE_PINHOLE", shared=True)
+    matching.extract(tmp_path / "plain.db", folder, names, "SIMPLE_PINHOLE")
+    with caplog.at_level("INFO"):
+        found = detect(folder, names, tmp_path / "d.db")
+    assert re.search(r"\b0 of \d{3,} features stay", caplog.text)
+    for one, plain in zip(found, rain.read_features(tmp_path / "plain.db", names), strict=True):
+        np.testing.assert_array_equal(one.keypoints, plain.keypoints)
+        np.testing.assert_array_equal(one.descriptors, plain.descriptors)
+
+
+def test_what_stays_in_one_place_of_the_lens_is_left_out(walk, tmp_path):
+    folder, names = walk
+    pattern = np.random.default_rng(0).random((30, 40, 3)).astype(np.float32).repeat(6, 0).repeat(6, 1)
+    lens = np.zeros((180, 240, 1), bool)
+    lens[20:80, 30:100] = lens[90:150, 120:220] = True
     for name in names:
-        other = np.repeat(np.repeat(random.random((60, 80, 3)), 4, 0), 4, 1).astype(np.float32)
-        write_png(tmp_path / name, np.where(lens[..., None], pattern, other))
-    for rainy in (False, True):
-        database = tmp_path / f"{rainy}.db"
-        matching.register(database, tmp_path, names, "SIMPLE_PINHOLE", shared=True)
-        matching.extract(database, tmp_path, names, "SIMPLE_PINHOLE")
-        rain.match(database, names, [(0, 1)], 0, 2.0) if rainy else matching.match(database, names, [(0, 1)], 0)
-        count = len(verified(database, names))
-        assert count == 0 if rainy else count > rain.MIN_MATCHES
+        write_png(tmp_path / "wet" / name, np.where(lens, pattern, read_image(folder / name)))
+    for name, one in zip(names, detect(tmp_path / "wet", names, tmp_path / "d.db"), strict=True):
+        places = one.keypoints[:, :2].astype(int)
+        inside = lens[places[:, 1], places[:, 0], 0]
+        dry = rain.read_features(tmp_path / "d.db.photographs", [name])[0]
+        there = dry.keypoints[:, :2].astype(int)
+        before = lens[there[:, 1], there[:, 0], 0]
+        assert before.sum() > 50
+        assert inside.sum() < 0.2 * before.sum()
+        assert (~inside).sum() > 0.9 * (~before).sum()
+
+
+def test_features_that_are_all_on_the_lens_are_an_error(walk, tmp_path):
+    folder, names = walk
+    for name in names:
+        write_png(tmp_path / "still" / name, read_image(folder / names[0]))
+    with pytest.raises(InputError, match=r"nothing moves from view to view\n.*in one place[\s\S]*wipe the lens"):
+        detect(tmp_path / "still", names, tmp_path / "d.db")
+
+
+def test_features_of_enhanced_photographs_come_beside_the_photographs_own(walk, tmp_path):
+    folder, names = walk
+    own = detect(folder, names, tmp_path / "own.db")
+    both = detect(folder, names, tmp_path / "both.db", enhance=lambda image: np.ascontiguousarray(image[:, ::-1]))
+    for one, more in zip(own, both, strict=True):
+        np.testing.assert_array_equal(more.keypoints[: len(one)], one.keypoints)
+        added = more.keypoints[len(one) :, :2]
+        assert len(added) > 0.3 * len(one)
+        apart = np.linalg.norm(added[:, None] - one.keypoints[:, :2], axis=-1)
+        assert apart.min() > 1  # two of one place would both be no distinct match
+    with pycolmap.Database.open(tmp_path / "both.db") as opened:
+        assert opened.num_images() == len(names)
+    detect(folder, names, tmp_path / "both.db", enhance=None)  # features that are there stay
+    assert len(rain.read_features(tmp_path / "both.db", names)[0]) == len(both[0])
+
+
+def test_an_enhanced_photograph_of_another_size_is_named(walk, tmp_path):
+    folder, names = walk
+    with pytest.raises(InputError, match=r"0\.png: enhanced to another size\nfound: .*179.*\nexpected: .*180"):
+        detect(folder, names, tmp_path / "d.db", enhance=lambda image: image[1:])
+
+
+def test_enhanced_pictures_need_rain(walk, tmp_path):
+    with pytest.raises(ValueError, match="only where it is rainy"):
+        estimate_poses(walk[0], tmp_path / "out", enhance=lambda image: image)
+
+
+def test_rainy_photographs_with_enhanced_ones_get_cameras(walk, tmp_path):
+    calls = []
+    scene = estimate_poses(walk[0], tmp_path, rainy=True, enhance=lambda image: calls.append(1) or image)
+    assert len(scene.views) == len(calls) == 4
+    estimate_poses(walk[0], tmp_path, rainy=True, enhance=lambda image: calls.append(1) or image)
+    assert len(calls) == 4
+    with pytest.raises(InputError, match=r"estimated otherwise\n.*enhanced"):
+        estimate_poses(walk[0], tmp_path, rainy=True)
 
 
 def test_small_photographs_have_smaller_tolerances():
