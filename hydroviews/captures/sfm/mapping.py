@@ -1,11 +1,13 @@
 """Incremental mapping by pycolmap: from verified matches to cameras and points; snapshots resume it."""
 
+import logging
 import os
 import shutil
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pycolmap
 from tqdm import tqdm
 
@@ -15,6 +17,8 @@ from hydroviews.files.full_disk import plain_full_disk
 from hydroviews.files.temporary import temporary_beside
 from hydroviews.formats.colmap_format import read_images
 from hydroviews.formats.writers import check_whole
+
+logger = logging.getLogger(__name__)
 
 MINIMUM = 3  # registered views that make a scene
 # Degrees between the rays of the first pair: wide is stable, but captures from one side have none that wide.
@@ -60,20 +64,30 @@ def rainy_options(seed: int, error: float) -> pycolmap.IncrementalPipelineOption
     return options
 
 
-def polish(model: pycolmap.Reconstruction, error: float) -> None:
+def polished(model: pycolmap.Reconstruction, error: float) -> pycolmap.Reconstruction:
     """Adjust cameras and points again, so that what does not fit counts little (Cauchy), and leave it out.
 
     Args:
-        model: changed in place.
+        model: stays as it is.
         error: pixels by which a point may be off.
+
+    Returns:
+        Another model of the same views; the one given where that would fall apart, as wrong ones do.
     """
     options = pycolmap.BundleAdjustmentOptions(print_summary=False)
     options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
     options.ceres.loss_function_scale = error / 2
     options.ceres.solver_options.num_threads = 1  # as for mapping
+    adjusted = pycolmap.Reconstruction(model)
     for limit in (error, error / 2):
-        pycolmap.bundle_adjustment(model, options)
-        pycolmap.ObservationManager(model).filter_all_points3D(limit, FEWEST_DEGREES)
+        pycolmap.bundle_adjustment(adjusted, options)
+        pycolmap.ObservationManager(adjusted).filter_all_points3D(limit, FEWEST_DEGREES)
+    views = [image for image in adjusted.images.values() if image.has_pose]
+    numbers = [*(camera.params for camera in adjusted.cameras.values()), *(v.cam_from_world().matrix() for v in views)]
+    whole = all(np.isfinite(one).all() for one in numbers) and min(view.num_points3D for view in views) > 0
+    if not whole:
+        logger.warning("the cameras could not be adjusted a last time: expect them to be wrong")
+    return adjusted if whole else model
 
 
 def map_photographs(
@@ -81,7 +95,7 @@ def map_photographs(
     count: int,
     options: pycolmap.IncrementalPipelineOptions,
     advice: str,
-    finish: Callable[[pycolmap.Reconstruction], None] = lambda model: None,
+    finish: Callable[[pycolmap.Reconstruction], pycolmap.Reconstruction] = lambda model: model,
 ) -> None:
     """Find cameras and points; the models go to `out/sparse` together, the largest first.
 
@@ -90,7 +104,7 @@ def map_photographs(
         count: of the photographs.
         options: of the mapping; a first pair's angle is set here.
         advice: what to do if too few register.
-        finish: what is done to each model in the end.
+        finish: makes the largest model better in the end.
 
     Raises:
         TooFewRegistered: fewer than three.
@@ -105,9 +119,9 @@ def map_photographs(
             break
     if best < MINIMUM:
         raise TooFewRegistered(out / "images", best, count, advice)
+    models[0] = finish(models[0])
     with plain_full_disk(out / "sparse"), temporary_beside(out / "sparse") as finished:
         for i, model in enumerate(models):
-            finish(model)
             (finished / str(i)).mkdir(parents=True)
             model.write_binary(finished / str(i))
             check_whole(finished / str(i))

@@ -16,7 +16,7 @@ from hydroviews.captures.sfm.mapping import (
     MINIMUM,
     map_photographs,
     mapping_options,
-    polish,
+    polished,
     rainy_options,
 )
 from hydroviews.captures.sfm.sources import forget_other_photographs, link_names, link_photographs
@@ -125,7 +125,7 @@ def estimate_poses(
             register(focal_length=rain.FOCAL_LENGTH)
             rain.extract(database, pictures, names, camera_model, error, masks, enhance)
             rain.match(database, names, chosen, seed, error)
-            map_photographs(out, len(names), rainy_options(seed, error), advice, finish=partial(polish, error=error))
+            map_photographs(out, len(names), rainy_options(seed, error), advice, finish=partial(polished, error=error))
         else:
             register()
             matching.extract(database, pictures, names, camera_model, masks)

@@ -148,7 +148,7 @@ def test_what_stays_in_one_place_of_the_lens_is_left_out(walk, tmp_path):
         there = dry.keypoints[:, :2].astype(int)
         before = lens[there[:, 1], there[:, 0], 0]
         assert before.sum() > 50
-        assert inside.sum() < 0.2 * before.sum()
+        assert inside.sum() < 0.3 * before.sum()
         assert (~inside).sum() > 0.9 * (~before).sum()
 
 
@@ -178,7 +178,7 @@ def test_features_of_enhanced_photographs_come_beside_the_photographs_own(walk, 
 
 def test_an_enhanced_photograph_of_another_size_is_named(walk, tmp_path):
     folder, names = walk
-    with pytest.raises(InputError, match=r"0\.png: enhanced to another size\nfound: .*179.*\nexpected: .*180"):
+    with pytest.raises(InputError, match=r"0\.png: enhanced to another size\n.*\(179, .*\n.*\(180, "):
         detect(folder, names, tmp_path / "d.db", enhance=lambda image: image[1:])
 
 
