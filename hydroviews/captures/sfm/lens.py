@@ -1,45 +1,18 @@
 """Features that stay in one place of the lens over many views: drops and dirt, not the scene."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
+
+from hydroviews.captures.sfm.features import Features
 
 COMPARED = 60  # views, spread evenly, in which a feature is looked for again
 # Cosine between descriptors, and the share of views. Of the features of courtyard, flower and bonsai without rain, 0 to
 # 2 in a thousand recur so; with drops on the lens up to 5 in a hundred, which are what bends the cameras.
 ALIKE, SHARE = 0.8, 0.2
 LEAST = 3  # views
-
-
-@dataclass(frozen=True)
-class Features:
-    """SIFT features of a view: keypoints [K, 4 or 6], the first two their place in pixels, descriptors [K, 128]."""
-
-    keypoints: NDArray[np.float32]
-    descriptors: NDArray[np.uint8]
-
-    def __len__(self) -> int:
-        return len(self.keypoints)
-
-    def where(self, kept: NDArray[np.bool_]) -> "Features":
-        """Those of a mask [K]."""
-        return Features(self.keypoints[kept], self.descriptors[kept])
-
-    def beside(self, others: "Features", distance: float) -> "Features":
-        """These, and those of the others that have none of these within so many pixels.
-
-        Two of one place and like descriptors would be matches of which none is distinct.
-        """
-        if not len(self) or not len(others):
-            return self if len(self) else others
-        apart, _ = KDTree(self.keypoints[:, :2]).query(others.keypoints[:, :2])
-        new = others.where(apart > distance)
-        return Features(
-            np.concatenate([self.keypoints, new.keypoints]), np.concatenate([self.descriptors, new.descriptors])
-        )
 
 
 def on_the_lens(views: Sequence[Features], radius: float) -> list[NDArray[np.bool_]]:

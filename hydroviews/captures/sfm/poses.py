@@ -126,6 +126,7 @@ def estimate_poses(
             rain.extract(database, pictures, names, camera_model, error, masks, enhance)
             rain.match(database, names, chosen, seed, error)
             map_photographs(out, len(names), rainy_options(seed, error), advice, finish=partial(polished, error=error))
+            rain.forget_parts(database)
         else:
             register()
             matching.extract(database, pictures, names, camera_model, masks)

@@ -6,17 +6,18 @@ epipolar lines and less distinctly, as rain changes descriptors; other pairs wou
 """
 
 import logging
+import shutil
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 
 import cv2
-import numpy as np
 import pycolmap
 from tqdm import tqdm
 
 from hydroviews.captures.sfm import matching
-from hydroviews.captures.sfm.lens import Features, on_the_lens
+from hydroviews.captures.sfm.features import Features, image_id, read_features, write_features
+from hydroviews.captures.sfm.lens import on_the_lens
 from hydroviews.captures.sfm.pairs import Pair
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_bytes
@@ -132,23 +133,11 @@ def _that_move(images: Path, views: Sequence[Features], error: float) -> list[Fe
     return moving
 
 
-def read_features(database: Path, names: Sequence[str]) -> list[Features]:
-    """The features of images in a database."""
-    with pycolmap.Database.open(database) as opened:
-        ids = [_id(opened, name) for name in names]
-        return [Features(opened.read_keypoints(i), np.asarray(opened.read_descriptors(i).data)) for i in ids]
-
-
-def write_features(database: Path, names: Sequence[str], features: Sequence[Features]) -> None:
-    """Write features of those images in a database that have none."""
-    sift = pycolmap.FeatureExtractorType.SIFT
-    with pycolmap.Database.open(database) as opened:
-        for name, one in zip(names, features, strict=True):
-            image = _id(opened, name)
-            if not opened.exists_keypoints(image):
-                opened.write_keypoints(image, one.keypoints)
-            if not opened.exists_descriptors(image):
-                opened.write_descriptors(image, pycolmap.FeatureDescriptors(type=sift, data=one.descriptors))
+def forget_parts(database: Path) -> None:
+    """Remove what only an unfinished estimation needs: features of each kind, and enhanced copies."""
+    for suffix in (PHOTOGRAPHS, ENHANCED, GUIDED):
+        database.with_name(database.name + suffix).unlink(missing_ok=True)
+    shutil.rmtree(database.with_name(database.name + COPIES), ignore_errors=True)
 
 
 def match(database: Path, names: Sequence[str], pairs: Iterable[Pair], seed: int, error: float) -> None:
@@ -196,11 +185,4 @@ def _note(done: Path, lines: Sequence[str]) -> None:
 
 
 def _ids(opened: pycolmap.Database, line: str) -> list[int]:
-    return [_id(opened, name) for name in line.split()]
-
-
-def _id(opened: pycolmap.Database, name: str) -> int:
-    image = opened.read_image_with_name(name)
-    if image is None:
-        raise ValueError(f"{name}: not in the database")
-    return int(image.image_id)
+    return [image_id(opened, name) for name in line.split()]

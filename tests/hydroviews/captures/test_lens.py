@@ -1,6 +1,7 @@
 import numpy as np
 
-from hydroviews.captures.sfm.lens import ALIKE, LEAST, Features, on_the_lens
+from hydroviews.captures.sfm.features import Features
+from hydroviews.captures.sfm.lens import ALIKE, LEAST, on_the_lens
 
 RADIUS = 2.0
 

@@ -6,6 +6,7 @@ import pytest
 from captures import capture, flower_walk, rained_on
 
 from hydroviews.captures.sfm import matching, rain
+from hydroviews.captures.sfm.features import read_features
 from hydroviews.captures.sfm.poses import estimate_poses
 from hydroviews.errors import InputError
 from hydroviews.formats.read import read_scene
@@ -119,7 +120,7 @@ def detect(folder, names, database, enhance=None):
     """Features of photographs as they come into the database of matches."""
     matching.register(database, folder, names, "SIMPLE_PINHOLE", shared=True)
     rain.extract(database, folder, names, "SIMPLE_PINHOLE", 2.0, enhance=enhance)
-    return rain.read_features(database, names)
+    return read_features(database, names)
 
 
 def test_where_there_are_no_drops_nothing_is_left_out(walk, tmp_path, caplog):
@@ -129,7 +130,7 @@ def test_where_there_are_no_drops_nothing_is_left_out(walk, tmp_path, caplog):
     with caplog.at_level("INFO"):
         found = detect(folder, names, tmp_path / "d.db")
     assert re.search(r"\b0 of \d{3,} features stay", caplog.text)
-    for one, plain in zip(found, rain.read_features(tmp_path / "plain.db", names), strict=True):
+    for one, plain in zip(found, read_features(tmp_path / "plain.db", names), strict=True):
         np.testing.assert_array_equal(one.keypoints, plain.keypoints)
         np.testing.assert_array_equal(one.descriptors, plain.descriptors)
 
@@ -144,7 +145,7 @@ def test_what_stays_in_one_place_of_the_lens_is_left_out(walk, tmp_path):
     for name, one in zip(names, detect(tmp_path / "wet", names, tmp_path / "d.db"), strict=True):
         places = one.keypoints[:, :2].astype(int)
         inside = lens[places[:, 1], places[:, 0], 0]
-        dry = rain.read_features(tmp_path / "d.db.photographs", [name])[0]
+        dry = read_features(tmp_path / "d.db.photographs", [name])[0]
         there = dry.keypoints[:, :2].astype(int)
         before = lens[there[:, 1], there[:, 0], 0]
         assert before.sum() > 50
@@ -173,7 +174,7 @@ def test_features_of_enhanced_photographs_come_beside_the_photographs_own(walk, 
     with pycolmap.Database.open(tmp_path / "both.db") as opened:
         assert opened.num_images() == len(names)
     detect(folder, names, tmp_path / "both.db", enhance=None)  # features that are there stay
-    assert len(rain.read_features(tmp_path / "both.db", names)[0]) == len(both[0])
+    assert len(read_features(tmp_path / "both.db", names)[0]) == len(both[0])
 
 
 def test_an_enhanced_photograph_of_another_size_is_named(walk, tmp_path):
@@ -191,6 +192,8 @@ def test_rainy_photographs_with_enhanced_ones_get_cameras(walk, tmp_path):
     calls = []
     scene = estimate_poses(walk[0], tmp_path, rainy=True, enhance=lambda image: calls.append(1) or image)
     assert len(scene.views) == len(calls) == 4
+    left = {path.name for path in tmp_path.iterdir()}
+    assert left == {"images", "sparse", "database.db", "pairs.txt", "poses.json"}
     estimate_poses(walk[0], tmp_path, rainy=True, enhance=lambda image: calls.append(1) or image)
     assert len(calls) == 4
     with pytest.raises(InputError, match=r"estimated otherwise\n.*enhanced"):
