@@ -30,10 +30,12 @@ Enhance = Callable[[Image], Image]
 # Share of the longer side where Exif says nothing: a telephone's. From pycolmap's 1.2, views from one side may end with
 # a scene turned inside out.
 FOCAL_LENGTH = 0.9
-MIN_SHARE = 0.25  # of a pair's matches that must be verified
+MIN_MATCHES, MIN_SHARE = 20, 0.25  # of a pair that must be verified, and of all its matches
 # Samples for a pair: more find few further pairs, and wrong ones among them, but take five times as long.
 MAX_TRIALS = 2000
-GUIDED_RATIO = 0.9  # of the distances of a descriptor to the nearest and to the second nearest; pycolmap's is 0.8
+# Of the distances of a descriptor to the nearest and to the second nearest, at most, for all pairs, and near epipolar
+# lines; pycolmap's is 0.8.
+RATIO, GUIDED_RATIO = 0.85, 0.9
 ERRORS = (2.0, 4.0)  # pixels by which a match may be off: in small photographs, in those of MAX_IMAGE_SIZE and above
 APART = 0.75  # of these pixels between a photograph's feature and one of the enhanced photograph that is another
 
@@ -150,10 +152,11 @@ def match(database: Path, names: Sequence[str], pairs: Iterable[Pair], seed: int
         seed: of the verification's random sampling.
         error: pixels by which a match may be off.
     """
-    verification = pycolmap.TwoViewGeometryOptions(min_inlier_ratio=MIN_SHARE)
+    verification = pycolmap.TwoViewGeometryOptions(min_num_inliers=MIN_MATCHES, min_inlier_ratio=MIN_SHARE)
     verification.ransac.random_seed, verification.ransac.max_error = seed, error
     verification.ransac.max_num_trials = MAX_TRIALS
     options = pycolmap.FeatureMatchingOptions(use_gpu=False)
+    options.sift.max_ratio = RATIO
     lines = matching.listed(names, pairs)
     matching.match_listed(database, lines, options, verification, "matches")
     done = database.with_name(database.name + GUIDED)
