@@ -9,8 +9,8 @@ from scipy.spatial import KDTree
 from hydroviews.captures.sfm.features import Features
 
 COMPARED = 60  # views, spread evenly, in which a feature is looked for again
-# Cosine between descriptors, and the share of views. Of the features of courtyard, flower and bonsai without rain, 0 to
-# 2 in a thousand recur so; with drops on the lens up to 5 in a hundred, which are what bends the cameras.
+# Cosine between descriptors, and the share of views. Of the features of courtyard and flower without rain, 0 to 2 in a
+# thousand recur so; with drops on the lens up to 5 in a hundred, of bonsai 9, which are what bends the cameras.
 ALIKE, SHARE = 0.8, 0.2
 LEAST = 3  # views
 

@@ -31,7 +31,7 @@ Enhance = Callable[[Image], Image]
 # a scene turned inside out.
 FOCAL_LENGTH = 0.9
 MIN_MATCHES, MIN_SHARE = 20, 0.25  # of a pair that must be verified, and of all its matches
-# Samples for a pair: more find few further pairs, and wrong ones among them, but take five times as long.
+# Samples for a pair: more find few further pairs, and wrong ones among them, but take four times as long.
 MAX_TRIALS = 2000
 # Of the distances of a descriptor to the nearest and to the second nearest, at most, for all pairs, and near epipolar
 # lines; pycolmap's is 0.8.
