@@ -1,6 +1,6 @@
 """What rain costs cameras that are estimated in it: registered views, areas under the curve, medians of errors.
 
-    python -m benchmarks.poses data/demo/courtyard --patterns clean raindrop-1 streak-1
+    python -m benchmarks.poses data/demo/courtyard --patterns clean raindrop-1 streak-1 --enhanced
 
 Estimates cameras from a built scene's photographs, clean or in rain, and compares them with the scene's own; prints a
 table and writes poses.csv. An interrupted run goes on where it stopped.
@@ -14,7 +14,10 @@ from typing import Any
 import pandas as pd
 import tyro
 
-from hydroviews.captures.sfm.poses import TooFewRegistered, estimate_poses
+from deraings.enhancement.enhance import enhance
+from hydroviews.captures.sfm.mapping import TooFewRegistered
+from hydroviews.captures.sfm.poses import estimate_poses
+from hydroviews.captures.sfm.rain import Enhance
 from hydroviews.captures.sfm.sources import link_photographs
 from hydroviews.cli.commands import run_command
 from hydroviews.dataset.clean_views import CLEAN
@@ -24,9 +27,12 @@ from hydroviews.scene.camera_errors import compare_cameras
 from hydroviews.scene.scenes import View
 
 ROW = "row.json"
+CAMERA_MODEL = "SIMPLE_PINHOLE"  # what built pictures are: undistorted, about their middle
 
 
-def measure(views: tuple[View, ...], rainy: bool, folder: Path, seed: int) -> dict[str, Any]:
+def measure(
+    views: tuple[View, ...], rainy: bool, folder: Path, seed: int, enhance: Enhance | None = None
+) -> dict[str, Any]:
     """Errors of the cameras estimated from views, against their own; kept in the folder."""
     if not (folder / ROW).is_file():
         start = time.process_time()
@@ -34,7 +40,9 @@ def measure(views: tuple[View, ...], rainy: bool, folder: Path, seed: int) -> di
         link_photographs(files, folder / "photographs", turned=False)
         true = {Path(name).stem: view.camera.world_to_camera for name, view in zip(files, views, strict=True)}
         try:
-            scene = estimate_poses(folder / "photographs", folder / "capture", "SIMPLE_PINHOLE", seed=seed, rainy=rainy)
+            scene = estimate_poses(
+                folder / "photographs", folder / "capture", CAMERA_MODEL, seed=seed, rainy=rainy, enhance=enhance
+            )
             errors, _ = compare_cameras({view.name: view.camera.world_to_camera for view in scene.views}, true)
         except TooFewRegistered as error:
             errors = dataclasses.replace(compare_cameras({}, true)[0], registered=error.registered)
@@ -50,6 +58,7 @@ def main(
     every: int = 1,
     out: Path = Path("results/bench/poses"),
     seed: int = 0,
+    enhanced: bool = False,
 ) -> None:
     """Measure all patterns of all scenes and report.
 
@@ -59,16 +68,17 @@ def main(
         every: take every so manieth view.
         out: gets a folder for every scene and pattern, with poses.csv.
         seed: of the estimation.
+        enhanced: beside the features of rainy photographs, match those of pictures enhanced by the shipped network.
     """
     rows: list[dict[str, Any]] = []
     for scene in scenes:
         for pattern in patterns:
             built = open_clean(scene) if pattern == CLEAN else open_variant(scene, pattern)
-            folder = out / f"{scene.resolve().name}-{pattern}-{every}-{seed}"
-            rows.append(
-                {"scene": built.name, "pattern": pattern}
-                | measure(built.views[::every], pattern != CLEAN, folder, seed)
-            )
+            rainy = pattern != CLEAN
+            helped = enhanced and rainy
+            name = f"{scene.resolve().name}-{pattern}-{every}-{seed}{'-enhanced' if helped else ''}"
+            row = measure(built.views[::every], rainy, out / name, seed, enhance if helped else None)
+            rows.append({"scene": built.name, "pattern": pattern, "enhanced": helped} | row)
             write_bytes(out / "poses.csv", pd.DataFrame(rows).to_csv(index=False).encode())
     print(f"\n{pd.DataFrame(rows).drop(columns='unaligned').round(3).to_string(index=False)}")
 

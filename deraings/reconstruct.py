@@ -11,6 +11,7 @@ from baselines.gaussian_splatting import SPLATS
 from baselines.method import Method, find_method
 from baselines.rendering.film import FilmChoice, draw_film
 from baselines.training.devices import warn_of_slow_profile
+from deraings.enhancement.enhance import enhance
 from hydroviews.captures.sfm.poses import estimate_poses
 from hydroviews.captures.video.capture import capture_video
 from hydroviews.captures.video.decoding import open_video
@@ -163,11 +164,11 @@ def find_scene(request: Reconstruction, capture: Path) -> Scene:
     """
     path = request.photographs
     if path.is_file():
-        scene = capture_video(path, capture, FrameChoice(request.rate), seed=request.seed)
+        scene = capture_video(path, capture, FrameChoice(request.rate), seed=request.seed, enhance=enhance)
         return cast(Scene, scene)  # None only where it is to stop before cameras
     if has_cameras(path):
         return read_scene(path)
-    return estimate_poses(path, capture, seed=request.seed, rainy=True)
+    return estimate_poses(path, capture, seed=request.seed, rainy=True, enhance=enhance)
 
 
 def all_views(scene: Scene) -> Scene:

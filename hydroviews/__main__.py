@@ -161,7 +161,8 @@ def poses_command(images: Annotated[Path, tyro.conf.Positional], out: Path | Non
     Args:
         images: the photographs.
         out: where the capture goes; `<images>-capture` if not given.
-        rainy: they were taken in rain: streaks are no features, and matches may be less distinct.
+        rainy: they were taken in rain: what stays in one place of the lens is no feature, and matches may be less
+            distinct.
     """
     images = images.resolve()
     out = out or images.with_name(images.name + "-capture")

@@ -16,7 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from hydroviews.captures.sfm.poses import TooFewRegistered, estimate_poses
+from hydroviews.captures.sfm.mapping import TooFewRegistered
+from hydroviews.captures.sfm.poses import estimate_poses
 from hydroviews.captures.sfm.sources import link_photographs
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, write_json

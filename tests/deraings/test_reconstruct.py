@@ -13,6 +13,7 @@ from baselines.rendering.film import FilmChoice
 from baselines.splatting.files.ply import read_ply
 from baselines.training import devices
 from deraings import reconstruct as module
+from deraings.enhancement.enhance import enhance
 from deraings.method import DeRainGSConfig, DeRainGSPlus
 from deraings.rain_model.model import RainConfig
 from deraings.reconstruct import (
@@ -114,7 +115,7 @@ def test_photographs_without_cameras_have_them_estimated(request_of, tmp_path, m
     asked = []
     monkeypatch.setattr(module, "estimate_poses", lambda *given, **named: asked.append((given, named)))
     find_scene(request_of(photographs=tmp_path / "photographs"), tmp_path / "capture")
-    assert asked == [((tmp_path / "photographs", tmp_path / "capture"), {"seed": 0, "rainy": True})]
+    assert asked == [((tmp_path / "photographs", tmp_path / "capture"), {"seed": 0, "rainy": True, "enhance": enhance})]
 
 
 def test_rainy_photographs_without_cameras_become_a_scene(tmp_path, monkeypatch, capsys, caplog):
@@ -136,10 +137,11 @@ def test_rainy_photographs_without_cameras_become_a_scene(tmp_path, monkeypatch,
 def test_a_film_becomes_a_capture(request_of, tmp_path, monkeypatch):
     (tmp_path / "walk.mp4").write_bytes(b"film")
     asked = []
-    monkeypatch.setattr(module, "capture_video", lambda *given, **named: asked.append(given) or "scene")
+    monkeypatch.setattr(module, "capture_video", lambda *given, **named: asked.append((*given, named)) or "scene")
     assert find_scene(request_of(photographs=tmp_path / "walk.mp4", rate=2.0), tmp_path / "capture") == "scene"
     assert asked[0][:2] == (tmp_path / "walk.mp4", tmp_path / "capture")
     assert asked[0][2].rate == 2.0
+    assert asked[0][3]["enhance"] is enhance
 
 
 def test_what_cannot_be_reconstructed_is_refused(request_of, tmp_path, monkeypatch):

@@ -10,7 +10,7 @@ import pytest
 from captures import WALK, capture
 from random_cameras import rotations
 
-from hydroviews.captures.sfm.poses import TooFewRegistered
+from hydroviews.captures.sfm.mapping import TooFewRegistered
 from hydroviews.dataset.variants import open_clean
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json

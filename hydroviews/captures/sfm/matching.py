@@ -7,36 +7,24 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-import cv2
-import numpy as np
 import pycolmap
-from numpy.typing import NDArray
 from tqdm import tqdm
 
+from hydroviews.captures.sfm.pairs import Pair
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import write_bytes
-from hydroviews.scene.images import image_size, read_image, to_uint8, without_streaks
+from hydroviews.scene.images import image_size
 from hydroviews.scene.masks import find_mask, mask_name
 
 pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)  # progress bars are enough
 
 MAX_FEATURES = 4096
-RAINY_RATIO = 0.9  # of the distances of a descriptor to the nearest and to the second nearest, at most
 MAX_IMAGE_SIZE = 1600  # pixels of the longer side; larger photographs are shrunk for detection alone
 
 # Units of progress; Ctrl-C waits for the end of one.
 IMAGES_AT_ONCE = max(8, 2 * (os.cpu_count() or 1))
 PAIRS_AT_ONCE = 100
 
-# Matching all pairs grows with the square of the views; above this many a sequence is assumed.
-EXHAUSTIVE_LIMIT = 80
-OVERLAP = 8  # views before and after, and those 16, 32, 64... away
-KEYFRAMES = 40  # evenly spaced views matched with each other, which closes loops
-NEIGHBOURS = 12  # views matched with each one where poses are known
-MAX_ANGLE = 60.0  # degrees between viewing directions up to which features match
-
 Result = TypeVar("Result")
-Pair = tuple[int, int]
 
 
 def interruptible(call: Callable[..., Result], tick: Callable[[], object] = lambda: None) -> Result:
@@ -76,18 +64,6 @@ def interruptible(call: Callable[..., Result], tick: Callable[[], object] = lamb
     return results[0]
 
 
-def copy_without_streaks(images: Path, copies: Path, names: Sequence[str]) -> Path:
-    """Write copies of the photographs without upright streaks, to detect no features of rain; returns their folder."""
-    for name in tqdm(names, desc="without streaks", unit="image"):
-        if not (copies / name).is_file():
-            pixels = without_streaks(to_uint8(read_image(images / name)))
-            ok, encoded = cv2.imencode(Path(name).suffix, pixels[..., ::-1])
-            if not ok:
-                raise ValueError(f"{name}: encoding failed for an array of shape {pixels.shape}")
-            write_bytes(copies / name, encoded.tobytes())
-    return copies
-
-
 def register(
     database: Path,
     photographs: Path,
@@ -96,6 +72,7 @@ def register(
     *,
     shared: bool,
     masks: Path | None = None,
+    focal_length: float | None = None,
 ) -> None:
     """Add images and their cameras to the database, unless all of them are in it.
 
@@ -106,6 +83,7 @@ def register(
         camera_model: COLMAP's name.
         shared: one camera for all photographs of a size, instead of one for each.
         masks: as for `extract`.
+        focal_length: where Exif gives none, in shares of the longer side; pycolmap's if not given.
 
     Raises:
         InputError: there are masks, but not for every image; a photograph that cannot be read.
@@ -126,6 +104,7 @@ def register(
         by_size.setdefault(image_size(photographs / name) if shared else (0, 0), []).append(name)
     mode = pycolmap.CameraMode.SINGLE if shared else pycolmap.CameraMode.PER_IMAGE
     reader = pycolmap.ImageReaderOptions(camera_model=camera_model, mask_path=masks or "")
+    reader.default_focal_length_factor = focal_length or reader.default_focal_length_factor
     for alike in by_size.values():  # cameras are shared within one call
         pycolmap.import_images(database, photographs, camera_mode=mode, image_names=alike, options=reader)
 
@@ -156,7 +135,7 @@ def extract(
             bar.update(len(chunk))
 
 
-def match(database: Path, names: Sequence[str], pairs: Iterable[Pair], seed: int, rainy: bool = False) -> None:
+def match(database: Path, names: Sequence[str], pairs: Iterable[Pair], seed: int) -> None:
     """Match and verify pairs of views, except those in the database.
 
     Args:
@@ -164,66 +143,45 @@ def match(database: Path, names: Sequence[str], pairs: Iterable[Pair], seed: int
         names: file names without blanks, which separate them in COLMAP's list of pairs.
         pairs: indices into `names`.
         seed: of the verification's random sampling.
-        rainy: take matches that are less distinct than usual, and look for more of them near the epipolar lines of
-            those that are verified. Rain changes descriptors more than it makes them alike.
     """
-    lines = [f"{names[i]} {names[j]}\n" for i, j in sorted(pairs)]
-    list_path = database.with_name("pairs.txt")
-    matching = pycolmap.FeatureMatchingOptions(use_gpu=False, guided_matching=rainy)
-    matching.sift.max_ratio = RAINY_RATIO if rainy else matching.sift.max_ratio
     verification = pycolmap.TwoViewGeometryOptions()
     verification.ransac.random_seed = seed
-    with tqdm(total=len(lines), desc="matches", unit="pair") as bar:
+    options = pycolmap.FeatureMatchingOptions(use_gpu=False)
+    match_listed(database, listed(names, pairs), options, verification, "matches")
+
+
+def listed(names: Sequence[str], pairs: Iterable[Pair]) -> list[str]:
+    """The lines of COLMAP's list of pairs."""
+    return [f"{names[i]} {names[j]}\n" for i, j in sorted(pairs)]
+
+
+def match_listed(
+    database: Path,
+    lines: Sequence[str],
+    options: pycolmap.FeatureMatchingOptions,
+    verification: pycolmap.TwoViewGeometryOptions,
+    title: str,
+    before: Callable[[Sequence[str]], object] = lambda lines: None,
+    after: Callable[[Sequence[str]], object] = lambda lines: None,
+) -> None:
+    """Match and verify the pairs of a list, some at a time, with what is to be done before and after these."""
+    list_path = database.with_name("pairs.txt")
+    with tqdm(total=len(lines), desc=title, unit="pair") as bar:
         for chunk in _chunks(lines, PAIRS_AT_ONCE):
+            before(chunk)
             list_path.write_text("".join(chunk))
             call = partial(
                 pycolmap.match_image_pairs,
                 database,
-                matching_options=matching,
+                matching_options=options,
                 pairing_options=pycolmap.ImportedPairingOptions(match_list_path=list_path),
                 verification_options=verification,
                 device=pycolmap.Device.cpu,
             )
             interruptible(call)
+            after(chunk)
             bar.update(len(chunk))
 
 
 def _chunks(items: Sequence[str], size: int) -> list[list[str]]:
     return [list(items[i : i + size]) for i in range(0, len(items), size)]
-
-
-def all_pairs(count: int) -> set[Pair]:
-    """Every view with every other."""
-    return {(i, j) for i in range(count) for j in range(i + 1, count)}
-
-
-def sequence_pairs(count: int) -> set[Pair]:
-    """Neighbours in a sequence, views at distances growing as powers of two, and keyframes with each other."""
-    steps = [*range(1, OVERLAP + 1)]
-    while steps[-1] * 2 < count:
-        steps.append(steps[-1] * 2)
-    near = {(i, i + step) for step in steps for i in range(count - step)}
-    keyframes = np.unique(np.linspace(0, count - 1, min(KEYFRAMES, count)).round().astype(int))
-    return near | {(int(a), int(b)) for a in keyframes for b in keyframes if a < b}
-
-
-def pose_pairs(world_to_camera: NDArray[np.float64]) -> set[Pair]:
-    """Each view with up to NEIGHBOURS nearest ones whose viewing directions differ by at most MAX_ANGLE.
-
-    Args:
-        world_to_camera: [N, 4, 4].
-
-    Returns:
-        Pairs of indices, the smaller first.
-    """
-    rotations = world_to_camera[:, :3, :3]
-    centres = -np.einsum("nji,nj->ni", rotations, world_to_camera[:, :3, 3])
-    directions = rotations[:, 2]
-    distances = np.linalg.norm(centres[:, None] - centres, axis=-1)
-    distances[directions @ directions.T < np.cos(np.radians(MAX_ANGLE))] = np.inf
-    np.fill_diagonal(distances, np.inf)
-    pairs = set()
-    for i, row in enumerate(distances):
-        near = np.argsort(row, kind="stable")[:NEIGHBOURS]
-        pairs |= {(min(i, int(j)), max(i, int(j))) for j in near if np.isfinite(row[j])}
-    return pairs

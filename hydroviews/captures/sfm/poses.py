@@ -1,7 +1,5 @@
 """Structure from motion with pycolmap: cameras for photographs, and points for cameras without any."""
 
-import os
-import shutil
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -11,52 +9,36 @@ import pycolmap
 from tqdm import tqdm
 
 from hydroviews.captures.exif_orientation import common_turn
-from hydroviews.captures.sfm import matching
+from hydroviews.captures.sfm import matching, pairs, rain
+from hydroviews.captures.sfm.mapping import (
+    DATABASE,
+    MAPPING,
+    MINIMUM,
+    map_photographs,
+    mapping_options,
+    polished,
+    rainy_options,
+)
 from hydroviews.captures.sfm.sources import forget_other_photographs, link_names, link_photographs
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import listing
-from hydroviews.files.full_disk import plain_full_disk
 from hydroviews.files.settings_guard import claim_folder
-from hydroviews.files.temporary import temporary_beside
 from hydroviews.formats.colmap import reliable
-from hydroviews.formats.colmap_format import SparsePoints, read_images
+from hydroviews.formats.colmap_format import SparsePoints
 from hydroviews.formats.photographs import photographs_below, unreadable_photographs
 from hydroviews.formats.read import read_scene
-from hydroviews.formats.writers import check_whole, to_colmap_camera
-from hydroviews.scene.images import SUFFIXES, write_png
+from hydroviews.formats.writers import to_colmap_camera
+from hydroviews.scene.images import SUFFIXES, image_size, write_png
 from hydroviews.scene.masks import MASKS, mask_digest, mask_name
 from hydroviews.scene.scenes import Points, Scene
 
 Matcher = Literal["auto", "exhaustive", "sequential"]
 
-MINIMUM = 3  # registered views that make a scene
-# Degrees between the rays of the first pair: wide is stable, but captures from one side have none that wide.
-# COLMAP halves each twice before it gives up.
-FIRST_PAIR_ANGLES = (16.0, 4.0)
-ENOUGH = 0.9  # share of photographs that must register before no other first pair is tried
-SNAPSHOT_EVERY = 10  # registered views between snapshots; an interruption may cost two of these intervals
-
 SETTINGS = "poses.json"
-DATABASE = "database.db"
-COPIES = ".without-streaks"
-MAPPING = ".unfinished-mapping"  # with snapshots that an interrupted mapping resumes from
-
 ADVICE = (
     "take more photographs, each sharing at least two thirds of what it shows with the next and taken from "
     "another place; blurred ones, bare walls and mirrors do not register"
 )
-
-
-class TooFewRegistered(InputError):
-    """Fewer photographs have got a camera than make a scene."""
-
-    def __init__(self, images: Path, registered: int, photographs: int, advice: str) -> None:
-        super().__init__(
-            f"{images}: only {registered} of {photographs} photographs could be registered",
-            expected=f"at least {MINIMUM}",
-            fix=advice,
-        )
-        self.registered = registered
 
 
 def estimate_poses(
@@ -68,6 +50,7 @@ def estimate_poses(
     masks: Path | None = None,
     advice: str = ADVICE,
     rainy: bool = False,
+    enhance: rain.Enhance | None = None,
 ) -> Scene:
     """Estimate a camera for each photograph in `images` and write the capture `out`.
 
@@ -82,14 +65,16 @@ def estimate_poses(
             photographs alike and there are no masks.
         camera_model: COLMAP's name; photographs of one size share a camera.
         matcher: "exhaustive" matches all pairs, "sequential" neighbours in the order of names, with loop closure;
-            "auto" is exhaustive for up to `matching.EXHAUSTIVE_LIMIT` photographs.
+            "auto" is exhaustive for up to `pairs.EXHAUSTIVE_LIMIT` photographs.
         seed: of the random sampling. After an interruption mapping resumes from a snapshot, which changes more than
             the last digits.
         masks: folder with a mask for every photograph, by COLMAP's names (see `hydroviews.scene.masks`); no features
             are detected in hidden pixels.
         advice: what to do if too few photographs register, for the error.
-        rainy: detect features in copies without upright streaks. On 480-pixel views of Mip-NeRF 360 bonsai two
-            steps apart, with streaks n 100, l 30, w 3, that gives 76 correct matches a pair instead of 49.
+        rainy: leave out features that stay in one place of the lens, take less distinct matches and fewer of them for
+            a view (see `rain`), and adjust the cameras again without what does not fit.
+        enhance: takes the rain out of a picture of any size: float32 [H, W, 3], sRGB-encoded, [0, 1], to the same
+            shape. Features of pictures enhanced so are matched besides the photographs'; only where it is `rainy`.
 
     Returns:
         The scene that `read_scene(out)` gives, with the number of registered photographs in its notes.
@@ -97,8 +82,11 @@ def estimate_poses(
     Raises:
         TooFewRegistered: fewer than three.
         InputError: fewer than three photographs, one that cannot be read, or `out` was made otherwise or lies among the
-            photographs.
+            photographs; in rain, nothing but features that stay on the lens, or an enhanced picture of another size.
+        ValueError: to enhance, but not `rainy`.
     """
+    if enhance and not rainy:
+        raise ValueError("enhanced pictures are matched only where it is rainy")
     sources = photographs_below(images) if images.is_dir() else []
     if len(sources) < MINIMUM:
         other = unreadable_photographs(images) if images.is_dir() else "no such folder"
@@ -111,13 +99,14 @@ def estimate_poses(
     if out.resolve().is_relative_to(images.resolve()):  # copies of photographs would be photographs the next time
         raise InputError(f"{out}: among the photographs", expected="a folder beside them", fix="choose another --out")
     links = link_names(images, sources)
-    exhaustive = matcher == "exhaustive" or (matcher == "auto" and len(sources) <= matching.EXHAUSTIVE_LIMIT)
+    exhaustive = matcher == "exhaustive" or (matcher == "auto" and len(sources) <= pairs.EXHAUSTIVE_LIMIT)
     settings = {"camera_model": camera_model, "exhaustive": exhaustive, "seed": seed, "images": sorted(links)}
     settings |= {"masks": mask_digest(masks) if masks else None, "rainy": rainy or None}  # None as where it lacks
+    settings |= {"enhanced": enhance is not None or None}
     settings |= {"files": listing(sources)}
     finished, pictures = (out / "sparse").is_dir(), out / "images"
     copied = [] if images.resolve() == pictures.resolve() else [pictures]  # frames of a video lie there themselves
-    unfinished = [*out.glob(f"{DATABASE}*"), out / COPIES, out / MAPPING, *copied]
+    unfinished = [*out.glob(f"{DATABASE}*"), out / MAPPING, *copied]
     forget_other_photographs(out / SETTINGS, settings, unfinished, finished)
     claim_folder(
         out / SETTINGS,
@@ -129,63 +118,21 @@ def estimate_poses(
     if not finished:
         database, names = out / DATABASE, sorted(links)
         link_photographs(links, pictures, turned=masks is None and common_turn(sources))
-        matching.register(database, pictures, names, camera_model, shared=True, masks=masks)
+        chosen = pairs.all_pairs(len(names)) if exhaustive else pairs.sequence_pairs(len(names))
+        register = partial(matching.register, database, pictures, names, camera_model, shared=True, masks=masks)
         if rainy:
-            pictures = matching.copy_without_streaks(pictures, out / COPIES, names)
-        matching.extract(database, pictures, names, camera_model, masks)
-        pairs = matching.all_pairs(len(names)) if exhaustive else matching.sequence_pairs(len(names))
-        matching.match(database, names, pairs, seed, rainy)
-        _map(out, len(names), seed, advice)
-        shutil.rmtree(out / COPIES, ignore_errors=True)
+            error = rain.tolerance(max(max(image_size(path)) for path in sources))
+            register(focal_length=rain.FOCAL_LENGTH)
+            rain.extract(database, pictures, names, camera_model, error, masks, enhance)
+            rain.match(database, names, chosen, seed, error)
+            map_photographs(out, len(names), rainy_options(seed, error), advice, finish=partial(polished, error=error))
+            rain.forget_parts(database)
+        else:
+            register()
+            matching.extract(database, pictures, names, camera_model, masks)
+            matching.match(database, names, chosen, seed)
+            map_photographs(out, len(names), mapping_options(seed), advice)
     return read_scene(out)
-
-
-def _map(out: Path, count: int, seed: int, advice: str) -> None:
-    """Incremental mapping; the models go to `out/sparse` together, the largest first."""
-    models: list[pycolmap.Reconstruction] = []
-    best = 0
-    for angle in FIRST_PAIR_ANGLES:
-        grown = _incremental_mapping(out, count, angle, seed)
-        if grown and grown[0].num_reg_images() > best:
-            models, best = grown, grown[0].num_reg_images()
-        if best > ENOUGH * count:
-            break
-    if best < MINIMUM:
-        raise TooFewRegistered(out / "images", best, count, advice)
-    with plain_full_disk(out / "sparse"), temporary_beside(out / "sparse") as finished:
-        for i, model in enumerate(models):
-            (finished / str(i)).mkdir(parents=True)
-            model.write_binary(finished / str(i))
-            check_whole(finished / str(i))
-        os.replace(finished, out / "sparse")
-
-
-def _incremental_mapping(out: Path, count: int, angle: float, seed: int) -> list[pycolmap.Reconstruction]:
-    """The models that grow from a first pair whose rays meet at `angle` degrees, the largest first."""
-    scratch = out / MAPPING
-    snapshots = scratch / "snapshots"
-    snapshots.mkdir(parents=True, exist_ok=True)
-    begun = sorted(snapshots.iterdir())[-2:-1]  # the last one may be half written
-    options = pycolmap.IncrementalPipelineOptions(min_model_size=MINIMUM, random_seed=seed)
-    options.num_threads = 1  # with more, rounding differs from run to run, and now and then the model with it
-    options.snapshot_path, options.snapshot_frames_freq = snapshots, SNAPSHOT_EVERY
-    options.mapper.init_min_tri_angle = angle
-    with tqdm(total=count, desc=f"mapping, first pair {angle:.0f} degrees apart", unit="image") as bar:
-        if begun:
-            bar.update(len(read_images(begun[0])))
-        call = partial(
-            pycolmap.incremental_mapping,
-            out / DATABASE,
-            out / "images",
-            scratch,
-            options,
-            input_path=begun[0] if begun else "",
-            initial_image_pair_callback=lambda: None if begun else bar.update(2),
-            next_image_callback=lambda: bar.update(1),
-        )
-        models = matching.interruptible(call)
-    shutil.rmtree(scratch)
-    return sorted(models.values(), key=lambda model: -model.num_reg_images())
 
 
 def triangulate(scene: Scene, folder: Path, seed: int = 0) -> Points:
@@ -215,7 +162,7 @@ def triangulate(scene: Scene, folder: Path, seed: int = 0) -> Points:
     matching.register(database, folder / "images", names, "PINHOLE", shared=False, masks=masks)
     matching.extract(database, folder / "images", names, "PINHOLE", masks)
     matching.match(
-        database, names, matching.pose_pairs(np.stack([view.camera.world_to_camera for view in scene.views])), seed
+        database, names, pairs.pose_pairs(np.stack([view.camera.world_to_camera for view in scene.views])), seed
     )
     model = _posed_model(scene, names, database)
     options = pycolmap.IncrementalPipelineOptions(random_seed=seed)

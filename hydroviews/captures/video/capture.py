@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from hydroviews.captures.sfm.poses import Matcher, estimate_poses
+from hydroviews.captures.sfm.rain import Enhance
 from hydroviews.captures.video.frames import FILE, IMAGES, SETTINGS, FrameChoice, take_frames
 from hydroviews.captures.video.user_masks import SETTINGS as MASK_SETTINGS
 from hydroviews.captures.video.user_masks import put_masks
@@ -32,6 +33,7 @@ def capture_video(
     frames_only: bool = False,
     matcher: Matcher = "auto",
     seed: int = 0,
+    enhance: Enhance | None = None,
 ) -> Scene | None:
     """Make the capture `out` from a video; the same call resumes after an interruption.
 
@@ -46,6 +48,7 @@ def capture_video(
         frames_only: stop before cameras are estimated, so that masks can be drawn.
         matcher: see `poses.estimate_poses`.
         seed: see `poses.estimate_poses`.
+        enhance: see `poses.estimate_poses`; not used where it is dry.
 
     Returns:
         The scene that `read_scene(out)` gives; None with `frames_only`.
@@ -71,7 +74,16 @@ def capture_video(
         return None
     advice = advise(choice, masks is not None)
     hidden = out / MASKS if masks else None
-    scene = estimate_poses(out / IMAGES, out, matcher=matcher, seed=seed, masks=hidden, advice=advice, rainy=not dry)
+    scene = estimate_poses(
+        out / IMAGES,
+        out,
+        matcher=matcher,
+        seed=seed,
+        masks=hidden,
+        advice=advice,
+        rainy=not dry,
+        enhance=None if dry else enhance,
+    )
     return replace(scene, notes=(*scene.notes, *registration_notes(len(scene.views), len(frames), advice)))
 
 

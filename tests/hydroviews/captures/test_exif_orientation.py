@@ -69,13 +69,12 @@ def test_all_are_turned_or_none(tmp_path, caplog):
     assert "upright and sideways" in caplog.text
 
 
-def test_cameras_are_those_of_the_photographs_not_of_their_copies(tmp_path):
+def test_photographs_of_a_size_share_a_camera(tmp_path):
     names = [f"{i}.jpg" for i in range(5)]
     for i, name in enumerate(names):
         photograph(tmp_path / "images" / name, (320, 240) if i < 3 else (240, 320), seed=i)
-    copies = matching.copy_without_streaks(tmp_path / "images", tmp_path / "copies", names)
     matching.register(tmp_path / "d.db", tmp_path / "images", names, "SIMPLE_RADIAL", shared=True)
-    matching.extract(tmp_path / "d.db", copies, names, "SIMPLE_RADIAL")
+    matching.extract(tmp_path / "d.db", tmp_path / "images", names, "SIMPLE_RADIAL")
     with pycolmap.Database.open(tmp_path / "d.db") as database:
         images = [database.read_image_with_name(name) for name in names]
         assert all(len(database.read_keypoints(image.image_id)) for image in images)
@@ -83,11 +82,3 @@ def test_cameras_are_those_of_the_photographs_not_of_their_copies(tmp_path):
     assert len({camera.camera_id for camera in cameras}) == 2
     assert all(camera.has_prior_focal_length for camera in cameras)
     assert cameras[0].focal_length == pytest.approx(320 * 26 / 36, rel=0.1)  # full frame is 36 mm wide
-
-
-def test_a_copy_that_cannot_be_written_is_no_copy(tmp_path, monkeypatch):
-    photograph(tmp_path / "images" / "a.jpg")
-    monkeypatch.setattr(cv2, "imencode", lambda *_: (False, None))
-    with pytest.raises(ValueError, match=r"a\.jpg: encoding failed"):
-        matching.copy_without_streaks(tmp_path / "images", tmp_path / "copies", ["a.jpg"])
-    assert not (tmp_path / "copies" / "a.jpg").exists()

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pycolmap
 import pytest
-from captures import WALK, capture, flower_walk, rained_on
+from captures import WALK, capture, flower_walk
 from processes import PATIENCE, wait_until
 from synthetic import capture_in
 
-from hydroviews.captures.sfm import matching, poses
+from hydroviews.captures.sfm import mapping, matching, pairs
 from hydroviews.captures.sfm.poses import estimate_poses, triangulate
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import listing
@@ -95,54 +95,19 @@ def test_interrupted_mapping_goes_on_from_a_snapshot(flower, tmp_path, monkeypat
 
         return partial(call, next_image_callback=register)(cancellation_token=token)
 
-    monkeypatch.setattr(poses, "SNAPSHOT_EVERY", 2)
+    monkeypatch.setattr(mapping, "SNAPSHOT_EVERY", 2)
     with monkeypatch.context() as patch:
         patch.setattr(matching, "interruptible", interrupted)
         with pytest.raises(InterruptedError):
             estimate_poses(flower, tmp_path)
-    snapshots = sorted((tmp_path / poses.MAPPING / "snapshots").iterdir())
+    snapshots = sorted((tmp_path / mapping.MAPPING / "snapshots").iterdir())
     assert len(snapshots) >= 2
     scene = estimate_poses(flower, tmp_path)
     assert len(scene.views) == 9
-    assert not (tmp_path / poses.MAPPING).exists()
+    assert not (tmp_path / mapping.MAPPING).exists()
     solved = read_scene(capture("llff_flower"))
     solved = replace(solved, views=tuple(solved.views[i] for i in WALK))
     assert max(relative_rotation_error(scene, solved, 0, i) for i in range(1, 9)) < 1
-
-
-def test_rain_leaves_enough_matches(tmp_path):
-    """Two photographs in streaks: looser matches, and more of them near the epipolar lines, are more right ones."""
-    solved = read_scene(capture("llff_flower"))
-    (name, first), (other, second) = flower_walk()[0], flower_walk()[2]
-    names = ["a.png", "b.png"]
-    for i, image in enumerate((first, second)):
-        write_png(tmp_path / names[i], rained_on(image, i))
-    views = {view.name: view.camera.resized(400, 300) for view in solved.views}
-    counts = {}
-    for rainy in (False, True):
-        database = tmp_path / f"{rainy}.db"
-        matching.register(database, tmp_path, names, "SIMPLE_PINHOLE", shared=True)
-        matching.extract(database, tmp_path, names, "SIMPLE_PINHOLE")
-        matching.match(database, names, [(0, 1)], seed=0, rainy=rainy)
-        with pycolmap.Database.open(database) as opened:
-            ids = [opened.read_image_with_name(one).image_id for one in names]
-            pairs = opened.read_two_view_geometry(*ids).inlier_matches
-            points = [opened.read_keypoints(image)[:, :2] for image in ids]
-        off = epipolar_distances(views[name], views[other], points[0][pairs[:, 0]], points[1][pairs[:, 1]])
-        counts[rainy] = (off < 2).sum(), (off >= 2).sum()
-    assert counts[True][0] > 1.5 * counts[False][0]
-    assert counts[True][1] < counts[True][0]
-
-
-def epipolar_distances(first, second, points, others):
-    """Pixels between points [N, 2] of the second picture and the lines of those of the first."""
-    turn = second.rotation @ first.rotation.T
-    x, y, z = second.world_to_camera[:3, 3] - turn @ first.world_to_camera[:3, 3]
-    essential = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ turn
-    fundamental = np.linalg.inv(second.matrix).T @ essential @ np.linalg.inv(first.matrix)
-    lines = np.column_stack([points, np.ones(len(points))]) @ fundamental.T
-    offsets = (lines * np.column_stack([others, np.ones(len(others))])).sum(1)
-    return np.abs(offsets) / np.linalg.norm(lines[:, :2], axis=1)
 
 
 def test_triangulated_points_fit_the_given_poses(tmp_path):
@@ -195,6 +160,7 @@ def test_settings_are_kept(tmp_path):
         "images": ["view-00.png", "view-01.png", "view-02.png"],
         "masks": None,
         "rainy": None,
+        "enhanced": None,
         "files": listing(view.path for view in scene.views),
     }
     assert Path(os.readlink(tmp_path / "out" / "images" / "view-01.png")) == scene.views[1].path.resolve()
@@ -221,7 +187,7 @@ def noise(tmp_path):
     def find():
         with pytest.raises(InputError, match="could be registered"):
             estimate_poses(tmp_path / "noise", tmp_path / "out", rainy=True)
-        with pycolmap.Database.open(tmp_path / "out" / poses.DATABASE) as opened:
+        with pycolmap.Database.open(tmp_path / "out" / mapping.DATABASE) as opened:
             images = {image.name: image.image_id for image in opened.read_all_images()}
             return {name: opened.read_keypoints(image) for name, image in images.items()}
 
@@ -263,25 +229,25 @@ def test_cameras_of_other_photographs_are_kept(noise, tmp_path):
     write_png(tmp_path / "noise" / "1.png", np.zeros((99, 99, 3), np.float32))
     with pytest.raises(InputError, match="of the same names and other sizes"):
         estimate_poses(tmp_path / "noise", tmp_path / "out", rainy=True)
-    assert (tmp_path / "out" / poses.DATABASE).is_file()
+    assert (tmp_path / "out" / mapping.DATABASE).is_file()
 
 
 def test_sequence_pairs_join_neighbours_and_close_loops():
-    pairs = matching.sequence_pairs(300)
-    assert {(i, i + 1) for i in range(299)} <= pairs
-    assert (0, 299) in pairs
-    assert (10, 10 + 128) in pairs
-    assert len(pairs) < 5000 < len(matching.all_pairs(300))
-    assert matching.sequence_pairs(2) == {(0, 1)}
-    assert all(i < j < 300 for i, j in pairs)
+    found = pairs.sequence_pairs(300)
+    assert {(i, i + 1) for i in range(299)} <= found
+    assert (0, 299) in found
+    assert (10, 10 + 128) in found
+    assert len(found) < 5000 < len(pairs.all_pairs(300))
+    assert pairs.sequence_pairs(2) == {(0, 1)}
+    assert all(i < j < 300 for i, j in found)
 
 
 def test_pose_pairs_need_a_common_direction(tmp_path):
     scene = capture_in(tmp_path, n_views=36)  # a ring, ten degrees apart
-    pairs = matching.pose_pairs(np.stack([view.camera.world_to_camera for view in scene.views]))
-    apart = {min(j - i, 36 - (j - i)) for i, j in pairs}
+    found = pairs.pose_pairs(np.stack([view.camera.world_to_camera for view in scene.views]))
+    apart = {min(j - i, 36 - (j - i)) for i, j in found}
     assert {1, 2, 3, 4, 5} <= apart <= {1, 2, 3, 4, 5, 6}  # none beyond sixty degrees
-    assert {(i, i + 1) for i in range(35)} <= pairs
+    assert {(i, i + 1) for i in range(35)} <= found
 
 
 def test_misplaced_cameras():

@@ -1,0 +1,69 @@
+"""SIFT features as arrays, read from pycolmap's databases and written to them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pycolmap
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+
+@dataclass(frozen=True)
+class Features:
+    """SIFT features of a view: keypoints [K, 4 or 6], the first two their place in pixels, descriptors [K, 128]."""
+
+    keypoints: NDArray[np.float32]
+    descriptors: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        return len(self.keypoints)
+
+    def where(self, kept: NDArray[np.bool_]) -> "Features":
+        """Those of a mask [K]."""
+        return Features(self.keypoints[kept], self.descriptors[kept])
+
+    def beside(self, others: "Features", distance: float) -> "Features":
+        """These, and those of the others that have none of these within so many pixels.
+
+        Two of one place and like descriptors would be matches of which none is distinct.
+        """
+        if not len(self) or not len(others):
+            return self if len(self) else others
+        apart, _ = KDTree(self.keypoints[:, :2]).query(others.keypoints[:, :2])
+        new = others.where(apart > distance)
+        return Features(
+            np.concatenate([self.keypoints, new.keypoints]), np.concatenate([self.descriptors, new.descriptors])
+        )
+
+
+def read_features(database: Path, names: Sequence[str]) -> list[Features]:
+    """The features of images in a database."""
+    with pycolmap.Database.open(database) as opened:
+        ids = [image_id(opened, name) for name in names]
+        return [Features(opened.read_keypoints(i), np.asarray(opened.read_descriptors(i).data)) for i in ids]
+
+
+def write_features(database: Path, names: Sequence[str], features: Sequence[Features]) -> None:
+    """Write features of those images in a database that have none."""
+    sift = pycolmap.FeatureExtractorType.SIFT
+    with pycolmap.Database.open(database) as opened:
+        for name, one in zip(names, features, strict=True):
+            image = image_id(opened, name)
+            if not opened.exists_keypoints(image):
+                opened.write_keypoints(image, one.keypoints)
+            if not opened.exists_descriptors(image):
+                opened.write_descriptors(image, pycolmap.FeatureDescriptors(type=sift, data=one.descriptors))
+
+
+def image_id(opened: pycolmap.Database, name: str) -> int:
+    """The number of an image in a database.
+
+    Raises:
+        ValueError: it is not in there.
+    """
+    image = opened.read_image_with_name(name)
+    if image is None:
+        raise ValueError(f"{name}: not in the database")
+    return int(image.image_id)

@@ -1,0 +1,156 @@
+"""Incremental mapping by pycolmap: from verified matches to cameras and points; snapshots resume it."""
+
+import logging
+import os
+import shutil
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pycolmap
+from tqdm import tqdm
+
+from hydroviews.captures.sfm import matching
+from hydroviews.errors import InputError
+from hydroviews.files.full_disk import plain_full_disk
+from hydroviews.files.temporary import temporary_beside
+from hydroviews.formats.colmap_format import read_images
+from hydroviews.formats.writers import check_whole
+
+logger = logging.getLogger(__name__)
+
+MINIMUM = 3  # registered views that make a scene
+# Degrees between the rays of the first pair: wide is stable, but captures from one side have none that wide.
+# COLMAP halves each twice before it gives up.
+FIRST_PAIR_ANGLES = (16.0, 4.0)
+ENOUGH = 0.9  # share of photographs that must register before no other first pair is tried
+POSE_ERROR = 3.0  # how many times as far off a point may be where a view is first registered
+# Of photographs in rain, where pycolmap asks for 100 points, 30 and a quarter.
+FIRST_PAIR_POINTS, VIEW_POINTS, VIEW_SHARE = 50, 15, 0.15
+FEWEST_DEGREES = 1.5  # between the rays to a point, as in mapping
+SNAPSHOT_EVERY = 10  # registered views between snapshots; an interruption may cost two of these intervals
+DATABASE = "database.db"
+MAPPING = ".unfinished-mapping"  # with snapshots that an interrupted mapping resumes from
+
+
+class TooFewRegistered(InputError):
+    """Fewer photographs have got a camera than make a scene."""
+
+    def __init__(self, images: Path, registered: int, photographs: int, advice: str) -> None:
+        super().__init__(
+            f"{images}: only {registered} of {photographs} photographs could be registered",
+            expected=f"at least {MINIMUM}",
+            fix=advice,
+        )
+        self.registered = registered
+
+
+def mapping_options(seed: int) -> pycolmap.IncrementalPipelineOptions:
+    """Whose outcome depends on the seed alone."""
+    options = pycolmap.IncrementalPipelineOptions(min_model_size=MINIMUM, random_seed=seed)
+    options.num_threads = 1  # with more, rounding differs from run to run, and now and then the model with it
+    options.snapshot_frames_freq = SNAPSHOT_EVERY
+    return options
+
+
+def rainy_options(seed: int, error: float) -> pycolmap.IncrementalPipelineOptions:
+    """For photographs in rain: fewer points for a view, which have to be nearer, in pixels, to where they are seen."""
+    options = mapping_options(seed)
+    mapper = options.mapper
+    mapper.filter_max_reproj_error, mapper.abs_pose_max_error = error, POSE_ERROR * error
+    mapper.init_min_num_inliers, mapper.abs_pose_min_num_inliers = FIRST_PAIR_POINTS, VIEW_POINTS
+    mapper.abs_pose_min_inlier_ratio = VIEW_SHARE
+    return options
+
+
+def polished(model: pycolmap.Reconstruction, error: float) -> pycolmap.Reconstruction:
+    """Adjust cameras and points again, so that what does not fit counts little (Cauchy), and leave it out.
+
+    Args:
+        model: stays as it is.
+        error: pixels by which a point may be off.
+
+    Returns:
+        Another model of the same views; the one given where that would fall apart, as wrong ones do.
+    """
+    options = pycolmap.BundleAdjustmentOptions(print_summary=False)
+    options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
+    options.ceres.loss_function_scale = error / 2
+    options.ceres.solver_options.num_threads = 1  # as for mapping
+    adjusted = pycolmap.Reconstruction(model)
+    for limit in (error, error / 2):
+        pycolmap.bundle_adjustment(adjusted, options)
+        pycolmap.ObservationManager(adjusted).filter_all_points3D(limit, FEWEST_DEGREES)
+    views = [image for image in adjusted.images.values() if image.has_pose]
+    numbers = [*(camera.params for camera in adjusted.cameras.values()), *(v.cam_from_world().matrix() for v in views)]
+    whole = all(np.isfinite(one).all() for one in numbers) and min(view.num_points3D for view in views) > 0
+    if not whole:
+        logger.warning("the cameras could not be adjusted a last time: expect them to be wrong")
+    return adjusted if whole else model
+
+
+def map_photographs(
+    out: Path,
+    count: int,
+    options: pycolmap.IncrementalPipelineOptions,
+    advice: str,
+    finish: Callable[[pycolmap.Reconstruction], pycolmap.Reconstruction] = lambda model: model,
+) -> None:
+    """Find cameras and points; the models go to `out/sparse` together, the largest first.
+
+    Args:
+        out: with `images` and the database of their matches.
+        count: of the photographs.
+        options: of the mapping; a first pair's angle is set here.
+        advice: what to do if too few register.
+        finish: makes the largest model better in the end.
+
+    Raises:
+        TooFewRegistered: fewer than three.
+    """
+    models: list[pycolmap.Reconstruction] = []
+    best = 0
+    for angle in FIRST_PAIR_ANGLES:
+        grown = _incremental_mapping(out, count, angle, options)
+        if grown and grown[0].num_reg_images() > best:
+            models, best = grown, grown[0].num_reg_images()
+        if best > ENOUGH * count:
+            break
+    if best < MINIMUM:
+        raise TooFewRegistered(out / "images", best, count, advice)
+    models[0] = finish(models[0])
+    with plain_full_disk(out / "sparse"), temporary_beside(out / "sparse") as finished:
+        for i, model in enumerate(models):
+            (finished / str(i)).mkdir(parents=True)
+            model.write_binary(finished / str(i))
+            check_whole(finished / str(i))
+        os.replace(finished, out / "sparse")
+
+
+def _incremental_mapping(
+    out: Path, count: int, angle: float, options: pycolmap.IncrementalPipelineOptions
+) -> list[pycolmap.Reconstruction]:
+    """The models that grow from a first pair whose rays meet at `angle` degrees, the largest first."""
+    scratch = out / MAPPING
+    snapshots = scratch / "snapshots"
+    snapshots.mkdir(parents=True, exist_ok=True)
+    begun = sorted(snapshots.iterdir())[-2:-1]  # the last one may be half written
+    options.snapshot_path = snapshots
+    options.mapper.init_min_tri_angle = angle
+    with tqdm(total=count, desc=f"mapping, first pair {angle:.0f} degrees apart", unit="image") as bar:
+        if begun:
+            bar.update(len(read_images(begun[0])))
+        call = partial(
+            pycolmap.incremental_mapping,
+            out / DATABASE,
+            out / "images",
+            scratch,
+            options,
+            input_path=begun[0] if begun else "",
+            initial_image_pair_callback=lambda: None if begun else bar.update(2),
+            next_image_callback=lambda: bar.update(1),
+        )
+        models = matching.interruptible(call)
+    shutil.rmtree(scratch)
+    return sorted(models.values(), key=lambda model: -model.num_reg_images())
