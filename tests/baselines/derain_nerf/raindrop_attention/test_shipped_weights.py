@@ -40,7 +40,7 @@ def test_a_clean_photograph_has_few_drops(photograph):
 @pytest.mark.blender
 def test_drops_are_found(photograph, tmp_path):
     lens = bake_lens(tmp_path, 77, FRAME, 1)
-    rainy, _, cover, _ = draw_rain(photograph, "raindrop", [lens], generator(77))
+    rainy, _, cover, *_ = draw_rain(photograph, "raindrop", [lens], generator(77))
     found = detect(rainy, load_detector().generator)
     drops = cover[..., 1] > 0.5
     precision = average_precision(found.attention.ravel(), drops.ravel())
