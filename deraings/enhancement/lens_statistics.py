@@ -22,14 +22,15 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from deraings.enhancement.mist_branch import CELLS, cell_statistics, squeezed
+from deraings.enhancement.mist_branch import CELLS, cell_statistics, decoded, squeezed
 from hydroviews.scene.masks import Ignored
 
-COARSE, FINE = 34, 10  # channels
+COARSE, FINE = 43, 10  # channels
 LOW = 0.25  # quantile
 LONGEST_RUN = 48  # photographs, in order of name, that are looked at together; longer captures are in several runs
 BAND = 256  # rows that are looked at at once, for memory's sake
 BLUR = 3  # pixels at half the resolution; what differs from means of such squares is fine detail
+LEAST_SPREAD = 1e-3  # of linear light, below which spreads are all alike
 LUMA = (0.299, 0.587, 0.114)
 
 
@@ -53,12 +54,22 @@ def halved(image: Tensor) -> Tensor:
 
 def coarse_statistics(pictures: Tensor) -> Tensor:
     """Of the cells of pictures [K, 3, H, W], over all of them: [COARSE, 16, 16]; zeros for a single one."""
-    if len(pictures) < 2:
+    return over_pictures(cell_statistics(squeezed(pictures)))
+
+
+def over_pictures(cells: Tensor) -> Tensor:
+    """The same, of what `cell_statistics` found in each, [K, 18, 16, 16]."""
+    if len(cells) < 2:
         return torch.zeros(COARSE, CELLS, CELLS)
-    cells = cell_statistics(squeezed(pictures))
     mean, highest, lowest, low = cells[:, :3], cells[:, 6:9], cells[:, 9:12], cells[:, 12:15]
     over = [cells.mean(0), lowest.amin(0), low.amin(0), low_quantile(low), 3 * mean.std(0), highest.amax(0)]
-    return torch.cat([*over, how_many(len(pictures), over[0])])
+    # In linear light mist adds to the darkest, and the spread of what is behind it shrinks by a factor.
+    linear = [
+        10 * decoded(lowest.amin(0)),
+        10 * decoded(low.amin(0)),
+        0.3 * (decoded(mean).std(0) + LEAST_SPREAD).log(),
+    ]
+    return torch.cat([*over, *linear, how_many(len(cells), over[0])])
 
 
 def fine_statistics(pictures: Tensor) -> Tensor:

@@ -8,8 +8,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from deraings.enhancement.lens_statistics import coarse_statistics, fine_statistics, halved
-from deraings.enhancement.mist_branch import SIDE, Box, squeezed
+from deraings.enhancement.lens_statistics import coarse_statistics, fine_statistics, halved, over_pictures
+from deraings.enhancement.mist_branch import SIDE, Box, cell_statistics, squeezed
 from hydroviews.pairs.drawing import Pair, each
 from hydroviews.pairs.rainy_pairs import DrawnRain
 from hydroviews.pairs.recipes import compressed
@@ -18,7 +18,7 @@ from hydroviews.scene.seeds import generator
 
 COMPRESSED = 0.1  # share of the rainy pairs that are stored as JPEG after the rain
 QUALITIES = (70, 96)  # of JPEG
-MISTED = 2  # small whole pictures in mist alone that come with a pair where a network for the mist learns of many
+MISTED = 4  # small whole pictures in mist alone that come with a pair where a network for the mist learns of many
 
 
 class Source(Protocol):
@@ -67,7 +67,7 @@ class Pairs:
         parts = [_planes(plane[rows, columns]) for plane in (pair.rainy, pair.clean, pair.cover)]
         capture = _capture(halved(_planes(pair.rainy)[None]), pair.companions)
         own = [*(_small(plane) for plane in (pair.rainy, pair.clean, pair.mist)), coarse_statistics(capture)]
-        others = [_misted(*self._drawn.misted(rng, SIDE)) for _ in range(self._misted)]
+        others = misted(self._drawn, rng, self._misted) if self._misted else []
         wholes = [torch.stack(planes) for planes in zip(own, *others, strict=True)]
         fine = fine_statistics(capture[..., _half(rows), _half(columns)])
         return Sample(*parts, torch.tensor(box), *wholes, fine)  # type: ignore[call-arg]
@@ -109,9 +109,18 @@ def _capture(own: Tensor, companions: NDArray[np.float32]) -> Tensor:
     return torch.cat([own, torch.from_numpy(np.ascontiguousarray(companions.transpose(0, 3, 1, 2)))])
 
 
-def _misted(rainy: Image, clean: Image, mist: NDArray[np.float32], companions: NDArray[np.float32]) -> list[Tensor]:
-    own = [_planes(plane) for plane in (rainy, clean, mist)]
-    return [*own, coarse_statistics(_capture(own[0][None], companions))]
+def misted(drawn: DrawnRain, rng: np.random.Generator, count: int) -> list[list[Tensor]]:
+    """So many pictures of one capture in mist alone: rainy, clean, mist, coarse statistics.
+
+    Each has companions of its own number: drawing them costs more than summing them up in several ways.
+    """
+    together = [1 + drawn.companions(rng) for _ in range(count)]
+    rainy, clean, mist = drawn.misted(rng, SIDE, max([count, *together]))
+    cells = cell_statistics(torch.from_numpy(rainy).permute(0, 3, 1, 2).contiguous())
+    return [
+        [_planes(rainy[i]), _planes(clean[i]), _planes(mist), over_pictures(cells.roll(-i, 0)[:number])]
+        for i, number in enumerate(together)
+    ]
 
 
 def _planes(picture: Image) -> Tensor:

@@ -214,20 +214,20 @@ def with_light(mist: NDArray[np.float32], air: NDArray[np.float32]) -> NDArray[n
 
 
 def draw_mist_alone(
-    photograph: Bytes, companions: NDArray[np.uint8], rng: np.random.Generator
-) -> tuple[Image, Image, NDArray[np.float32], NDArray[np.float32]]:
-    """A photograph [S, S, 3] and companions [K, S, S, 3] in mist alone or none.
+    photographs: NDArray[np.uint8], rng: np.random.Generator
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    """Photographs [K, S, S, 3] of a capture in the same mist alone, or in none.
 
     Returns:
-        Rainy, clean, the mist as in `Pair`, the companions in the same mist.
+        Rainy, clean, and the mist [S, S, 4] as in `Pair`.
     """
-    side = len(photograph)
+    side = photographs.shape[1]
     if rng.uniform() < OWN_MIST:
-        pane = own_mist(LINEAR[photograph], rng, side)
+        pane = own_mist(LINEAR[photographs[0]], rng, side)
     else:
         pane = recipes.draw_mist(rng, side, side, draw_level(rng))
-    clean, seen = photograph.astype(np.float32) / 255, companions.astype(np.float32) / 255
-    return pane.over(clean), clean, pane.mist(), each(pane.over, seen)
+    clean = photographs.astype(np.float32) / 255
+    return each(pane.over, clean), clean, pane.mist()
 
 
 def own_mist(linear: NDArray[np.float32], rng: np.random.Generator, side: int) -> recipes.Pane:

@@ -9,7 +9,6 @@ from hydroviews.pairs.captures import SOURCES, Capture
 from hydroviews.pairs.drawing import KINDS, Pair, Pool, draw_mist_alone, draw_rain
 from hydroviews.pairs.exposure import draw_exposure, exposed
 from hydroviews.pairs.photographs import Bytes, Frame
-from hydroviews.scene.images import Image
 
 
 class DrawnRain:
@@ -32,6 +31,10 @@ class DrawnRain:
         """
         self._photographs, self._pool, self._kinds, self._companions = photographs, pool, kinds, companions
 
+    def companions(self, rng: np.random.Generator) -> int:
+        """How many other pictures come with one."""
+        return int(rng.choice(self._companions))
+
     def pair(self, rng: np.random.Generator) -> Pair:
         """A whole picture in rain, and clean, with others of an imitated capture."""
         sides = self._photographs[rng.integers(len(self._photographs))]
@@ -41,18 +44,17 @@ class DrawnRain:
         height, width = photograph.shape[:2]
         kind = str(rng.choice(list(self._kinds), p=list(self._kinds.values())))
         frame: Frame = (width, height)
-        companions = capture.pictures(int(rng.choice(self._companions)), frame, (width // 2, height // 2), rng)
+        companions = capture.pictures(self.companions(rng), frame, (width // 2, height // 2), rng)
         return draw_rain(photograph, kind, self._pool[frame], rng, companions)
 
     def misted(
-        self, rng: np.random.Generator, side: int
-    ) -> tuple[Image, Image, NDArray[np.float32], NDArray[np.float32]]:
-        """A picture squeezed to [side, side] pixels in mist alone, clean, its mist, others: see `draw_mist_alone`."""
+        self, rng: np.random.Generator, side: int, count: int
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+        """So many pictures of a capture, squeezed to [side, side] pixels, in mist alone: see `draw_mist_alone`."""
         sides = self._photographs[rng.integers(len(self._photographs))]
-        capture, frame = self._capture(sides, rng), next(iter(sides.values())).shape[1::-1]
-        count = 1 + int(rng.choice(self._companions))
-        pictures = capture.pictures(count, (frame[0], frame[1]), (side, side), rng)
-        return draw_mist_alone(pictures[0], pictures[1:], rng)
+        height, width = next(iter(sides.values())).shape[:2]
+        pictures = self._capture(sides, rng).pictures(count, (width, height), (side, side), rng)
+        return draw_mist_alone(pictures, rng)
 
     def _capture(self, sides: dict[int, Bytes], rng: np.random.Generator) -> Capture:
         """Of this photograph, and of others for the most part."""

@@ -62,9 +62,9 @@ class Pane:
         return to_srgb(seen) if self.linear else seen
 
     def mist(self) -> NDArray[np.float32]:
-        """V and V w [H, W, 4], linear; NaN where mist was added in encoded values."""
+        """V and V w [H, W, 4], linear; NaN where mist was added in encoded values, unless there is none."""
         both = self.veil[..., None] * np.append(np.float32(1), self.light).astype(np.float32)
-        return both if self.linear else np.full_like(both, np.nan)
+        return both if self.linear or not self.veil.any() else np.full_like(both, np.nan)
 
     def half(self) -> "Pane":
         """The same for pictures of half the width and height."""
