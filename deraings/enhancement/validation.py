@@ -113,7 +113,8 @@ def rain_on(images: Sequence[Image], pattern: Pattern, setting: SceneStatistics,
     effect, view = find_effect(pattern.effect), setting.views[0]
     rain = effect.place(effect.draw(pattern, setting), pattern, setting)
     prepared = rain.prepare(view.camera, folder)
-    views = [view, *(replace(view, name=f"{view.name} {i}") for i in range(1, len(images)))]
+    # What falls is new in every view; a lens stays as it is.
+    views = [replace(view, name=f"{view.name} {i}") if i and effect.falling else view for i in range(len(images))]
     return [
         effect.composite(rain.parameters, image, fall(prepared, image, seen))
         for image, seen in zip(images, views, strict=True)
