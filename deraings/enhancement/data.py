@@ -13,7 +13,8 @@ from deraings.enhancement.weights import Enhancer, find_weights, load_enhancer
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import listing, sha256
 from hydroviews.pairs.captures import COMPANIONS
-from hydroviews.pairs.drawing import KINDS, LENSES, bake_pool
+from hydroviews.pairs.drawing import KINDS
+from hydroviews.pairs.lens_pool import LENSES, bake_pool
 from hydroviews.pairs.photographs import LONG_SIDES, frames, read_photographs, split_photographs
 from hydroviews.pairs.rainy_pairs import DrawnRain
 

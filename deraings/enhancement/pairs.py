@@ -18,7 +18,7 @@ from hydroviews.scene.seeds import generator
 
 COMPRESSED = 0.1  # share of the rainy pairs that are stored as JPEG after the rain
 QUALITIES = (70, 96)  # of JPEG
-MISTED = 4  # small whole pictures in mist alone that come with a pair where a network for the mist learns of many
+MISTED = 8  # small whole pictures in mist alone that come with a pair where a network for the mist learns of many
 
 
 class Source(Protocol):

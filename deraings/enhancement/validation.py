@@ -17,7 +17,8 @@ from deraings.enhancement.weights import Enhancer
 from hydroviews.formats.markdown import markdown_table
 from hydroviews.metrics import psnr
 from hydroviews.pairs.captures import Capture
-from hydroviews.pairs.drawing import air_light, camera_of
+from hydroviews.pairs.drawing import air_light
+from hydroviews.pairs.lens_pool import camera_of
 from hydroviews.pairs.photographs import fit_frame, frame_of
 from hydroviews.rain.effect import fall
 from hydroviews.rain.patterns import GRADES, Pattern

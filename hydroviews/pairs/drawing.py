@@ -4,56 +4,36 @@ Most of it is drawn by the data set's own generator, the rest by the recipes in 
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
-from pathlib import Path
+from dataclasses import replace
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from hydroviews.pairs import recipes
 from hydroviews.pairs.exposure import LINEAR
-from hydroviews.pairs.photographs import LONG_SIDES, Bytes, Frame, frames
+from hydroviews.pairs.lens_pool import WetLens
+from hydroviews.pairs.photographs import Bytes
 from hydroviews.rain import light
 from hydroviews.rain.compositing import water_over
 from hydroviews.rain.lens import pattern as drops_pattern
-from hydroviews.rain.lens.bake import bake_matte, moment_of
+from hydroviews.rain.lens.bake import moment_of
 from hydroviews.rain.lens.mist import mist_veil
-from hydroviews.rain.lens.path_matte import PathMatte, defocus, halved
+from hydroviews.rain.lens.path_matte import PathMatte, defocus
 from hydroviews.rain.lens.pattern import RaindropPattern
 from hydroviews.rain.lens.severity import THICKEST_MIST
 from hydroviews.rain.scene_statistics import AIR, TINT
 from hydroviews.rain.streaks import recipe as streaks
 from hydroviews.rain.streaks.severity import BRIGHTEST, FEWEST, MOST
-from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image, to_srgb
-from hydroviews.scene.seeds import generator
 
-FOCAL = 1.2  # focal length of a photograph in long sides: what a normal lens has
-LENSES = 10  # wet lenses baked for a frame; mist, photograph, flips and crops are new in every pair
 KINDS = {"streak": 0.25, "raindrop": 0.45, "both": 0.05, "lines": 0.08, "pane": 0.07, "clean": 0.1}  # shares of pairs
 BRIGHTER = 0.4  # share of the streaks brighter than the recipe's 0.8, as heavy grades have them
 NO_MIST = 0.15  # share of the wet lenses without mist
 OWN_MIST = 0.5  # share of the lenses with the mist of their pattern; others have another, for there to be more
 MIST_SIZES = ((80, 53), (53, 80))  # pixels, in which mist for pictures of mist alone is drawn
 SPARSE = 4  # every so many rows and columns are looked at for the light of the air
-
-
-@dataclass(frozen=True, eq=False)
-class WetLens:
-    """Drops baked for a frame, and the pattern they are of."""
-
-    pattern: RaindropPattern
-    frame: int  # key frame
-    matte: PathMatte
-
-    @cached_property
-    def half(self) -> PathMatte:
-        """For companions, which are half as wide and high."""
-        return halved(self.matte)
 
 
 class Pair(NamedTuple):
@@ -64,47 +44,6 @@ class Pair(NamedTuple):
     cover: NDArray[np.float32]  # [H, W, 3], by streaks, drops and mist, [0, 1]; NaN where nobody knows
     mist: NDArray[np.float32]  # [H, W, 4], V and V w, linear light; NaN where that does not say how it was put on
     companions: NDArray[np.float32]  # [K, H / 2, W / 2, 3], other pictures of the capture, in the same rain
-
-
-Pool = dict[Frame, tuple[WetLens, ...]]
-
-
-def camera_of(frame: Frame) -> Camera:
-    """A camera for a photograph of which nothing but the size is known."""
-    focal = FOCAL * max(frame)
-    return Camera(*frame, focal, focal, frame[0] / 2, frame[1] / 2, np.eye(4))
-
-
-def bake_pool(folder: Path, seed: int, lenses: int = LENSES, sides: Sequence[int] = LONG_SIDES) -> Pool:
-    """Wet lenses of all grades, kept in `folder`; Blender bakes what is missing, 3 s each.
-
-    Args:
-        folder: where they are kept.
-        seed: of their patterns.
-        lenses: for every frame.
-        sides: the frames' long sides, pixels.
-
-    Raises:
-        InputError: Blender failed, or a kept file is damaged.
-    """
-    wanted = [(frame, index) for index in range(lenses) for frame in frames(sides)]
-    pool: dict[Frame, list[WetLens]] = {frame: [] for frame in frames(sides)}
-    for frame, index in tqdm(wanted, desc="wet lenses", unit="lens"):
-        pool[frame].append(bake_lens(folder, seed, frame, index))
-    return {frame: tuple(wet) for frame, wet in pool.items()}
-
-
-def bake_lens(folder: Path, seed: int, frame: Frame, index: int) -> WetLens:
-    """One wet lens: grades and key frames in turn.
-
-    Raises:
-        InputError: see `bake_pool`.
-    """
-    rng = generator(seed, "lens", *frame, index)
-    pattern = drops_pattern.draw_pattern(rng, index % len(drops_pattern.COVERAGE))
-    key_frame = index % pattern.key_frames
-    place = folder / f"{frame[0]}x{frame[1]}-{seed}-{index:03d}"
-    return WetLens(pattern, key_frame, bake_matte(pattern, camera_of(frame), place, key_frame))
 
 
 def draw_rain(

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.pairs.captures import SOURCES, Capture
-from hydroviews.pairs.drawing import KINDS, Pair, Pool, draw_mist_alone, draw_rain
+from hydroviews.pairs.drawing import KINDS, Pair, draw_mist_alone, draw_rain
 from hydroviews.pairs.exposure import draw_exposure, exposed
+from hydroviews.pairs.lens_pool import Pool
 from hydroviews.pairs.photographs import Bytes, Frame
 
 

@@ -14,7 +14,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from hydroviews.pairs.drawing import Pair, Pool, WetLens, bake_lens, bake_pool, draw_rain
+from hydroviews.pairs.drawing import Pair, draw_rain
+from hydroviews.pairs.lens_pool import Pool, WetLens, bake_lens, bake_pool
 from hydroviews.pairs.photographs import Bytes, Frame, frames
 from hydroviews.pairs.rainy_pairs import DrawnRain
 from hydroviews.rain.lens.path_matte import dry

@@ -8,7 +8,8 @@ from deraings.enhancement.pair_folders import PairFolder, find_pairs
 from deraings.enhancement.pairs import MISTED, Batches, Pairs
 from deraings.enhancement.validation import rain_on, setting_of
 from hydroviews.errors import InputError
-from hydroviews.pairs.drawing import Pair, camera_of
+from hydroviews.pairs.drawing import Pair
+from hydroviews.pairs.lens_pool import camera_of
 from hydroviews.pairs.rainy_pairs import DrawnRain
 from hydroviews.rain.patterns import Pattern
 from hydroviews.scene.images import write_png

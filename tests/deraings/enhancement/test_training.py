@@ -191,7 +191,8 @@ def test_the_network_finds_the_cover_and_says_nothing_of_what_nobody_knows(tmp_p
     unknown = EnhancementTraining(CONFIG)
     part, whole, box = torch.rand(1, 3, 32, 32), torch.rand(1, 2, 3, 128, 128), torch.tensor([[0.0, 1.0, 0.0, 1.0]])
     mist = torch.full((1, 2, 4, 128, 128), torch.nan)
-    unknown.learn(Sample(part, part, torch.full_like(part, torch.nan), box, whole, whole, mist))
+    coarse, fine = torch.zeros(1, 2, COARSE, 16, 16), torch.zeros(1, FINE, 16, 16)
+    unknown.learn(Sample(part, part, torch.full_like(part, torch.nan), box, whole, whole, mist, coarse, fine))
     assert all(torch.isfinite(p).all() for p in unknown.network.parameters())
     assert not unknown.network.alpha[0].bias.any()
 

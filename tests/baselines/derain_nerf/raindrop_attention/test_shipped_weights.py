@@ -10,7 +10,8 @@ from baselines.derain_nerf.raindrop_attention.config import SMALL_GENERATOR
 from baselines.derain_nerf.raindrop_attention.detection import detect
 from baselines.derain_nerf.raindrop_attention.validation import average_precision
 from baselines.derain_nerf.raindrop_attention.weights import DEFAULT, SHIPPED, load_detector
-from hydroviews.pairs.drawing import bake_lens, draw_rain
+from hydroviews.pairs.drawing import draw_rain
+from hydroviews.pairs.lens_pool import bake_lens
 from hydroviews.scene.images import resize_area, to_uint8
 from hydroviews.scene.seeds import generator
 
