@@ -69,7 +69,9 @@ def started_from(data: Data, config: TrainingConfig) -> Enhancer | None:
     if not data.start:
         return None
     enhancer = load_enhancer(data.start)
-    if enhancer.network.config not in (config.network, replace(config.network, lens=False)):
+    begun, wanted = enhancer.network.config, config.network
+    looks = {"lens_mist": wanted.lens_mist and begun.lens_mist, "lens_fine": wanted.lens_fine and begun.lens_fine}
+    if begun != replace(wanted, **looks):
         raise InputError(
             f"{find_weights(data.start)}: cannot begin a training of another network",
             found=f"a network of {enhancer.network.config}",

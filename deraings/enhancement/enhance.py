@@ -48,8 +48,6 @@ def enhance(
     if not np.isfinite(image).all():
         raise ValueError("the image has values that are not finite")
     network = (enhancer or shipped()).network
-    if lens and not network.config.lens:
-        lens = None
     image = _remove_mist(image, network, lens) if remove_mist else image
     rows, columns = (spans(size, tile, overlap) for size in image.shape[:2])
     total = np.zeros(image.shape, np.float32)

@@ -47,13 +47,13 @@ class EnhancementTraining(SupervisedTraining):
         config, network, rainy, extra = self.config, self.network, batch.rainy, torch.zeros(())
         if config.network.mist:
             wholes = [whole.flatten(0, 1) for whole in (batch.whole_rainy, batch.whole_clean, batch.whole_mist)]
-            shared = batch.coarse.flatten(0, 1) if config.network.lens else None
+            shared = batch.coarse.flatten(0, 1) if config.network.lens_mist else None
             mists = network.mist(wholes[0], shared)
             extra = config.lifting * mist_loss(mists, *wholes)
             own = mists.unflatten(0, batch.whole_rainy.shape[:2])[:, 0]
             rainy = without_mist(rainy, crop_mist(own, batch.box, rainy.shape[-2], rainy.shape[-1]))
         with torch.autocast("cpu", torch.bfloat16, enabled=config.precision == "bfloat16"):
-            features = network.features(rainy, batch.fine if config.network.lens else None)
+            features = network.features(rainy, batch.fine)
             enhanced = network.enhanced(rainy, features)
             found = network.alpha(features) if config.network.alpha else None
         if found is not None:

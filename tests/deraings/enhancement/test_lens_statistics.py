@@ -120,7 +120,9 @@ def test_an_enhanced_picture_depends_on_its_companions_and_is_the_same_in_tiles(
     assert np.abs(alone - together).max() > 0.01
     single = lens_statistics(halved(planes(photographs[:1])))
     np.testing.assert_array_equal(enhance(image, enhancer, lens=single), alone)
-    deaf = Enhancer(EnhancementNetwork(replace(TINY, lens=False)).requires_grad_(False), {}, "for a test")
+    deaf = Enhancer(
+        EnhancementNetwork(replace(TINY, lens_mist=False, lens_fine=False)).requires_grad_(False), {}, "for a test"
+    )
     np.testing.assert_array_equal(enhance(image, deaf, lens=lens), enhance(image, deaf))
 
 
@@ -142,7 +144,7 @@ def test_pictures_of_a_batch_with_and_without_companions_do_not_mix():
 
 
 def test_a_network_that_looks_at_lenses_begins_with_one_that_does_not(tmp_path):
-    path, deaf = tmp_path / "deaf.safetensors", replace(TINY, lens=False)
+    path, deaf = tmp_path / "deaf.safetensors", replace(TINY, lens_mist=False, lens_fine=False)
     network = EnhancementNetwork(deaf)
     torch.nn.init.normal_(network.head[0].weight, std=0.01)
     save_network(path, deaf, network.state_dict(), {"data": "nothing", "steps": 0})
@@ -157,3 +159,21 @@ def test_a_network_that_looks_at_lenses_begins_with_one_that_does_not(tmp_path):
     assert torch.allclose(training.network(image, lens.coarse[None], lens.fine[None]), expected, atol=1e-6)
     with pytest.raises(InputError, match="cannot begin"):
         started_from(Data((tmp_path,), start=str(path)), TrainingConfig())
+
+
+@pytest.mark.parametrize("part", ["lens_mist", "lens_fine"])
+def test_a_network_may_look_at_lenses_with_one_of_its_parts(part):
+    config = replace(TINY, lens_mist=False, lens_fine=False)
+    network = EnhancementNetwork(replace(config, **{part: True})).requires_grad_(False)
+    for layer in (
+        network.head[0],
+        network.mist.end,
+        network.lens[-1] if part == "lens_fine" else network.mist.shared[-1],
+    ):
+        torch.nn.init.normal_(layer.weight, std=0.05)
+    lens, image = lens_statistics(halved(planes(capture(3, 32, 64)))), planes(capture(1, 32, 64, seed=2))
+    changed = network.remove_mist(image, lens.coarse[None]) - network.remove_mist(image)
+    refined = network.refine(image, lens.fine[None]) - network.refine(image)
+    assert bool(changed.any()) == (part == "lens_mist")
+    assert bool(refined.any()) == (part == "lens_fine")
+    assert network.config.lens
