@@ -70,8 +70,8 @@ def started_from(data: Data, config: TrainingConfig) -> Enhancer | None:
         return None
     enhancer = load_enhancer(data.start)
     begun, wanted = enhancer.network.config, config.network
-    looks = {"lens_mist": wanted.lens_mist and begun.lens_mist, "lens_fine": wanted.lens_fine and begun.lens_fine}
-    if begun != replace(wanted, **looks):
+    mist, fine = wanted.lens_mist and begun.lens_mist, wanted.lens_fine and begun.lens_fine
+    if begun != replace(wanted, lens_mist=mist, lens_fine=fine):
         raise InputError(
             f"{find_weights(data.start)}: cannot begin a training of another network",
             found=f"a network of {enhancer.network.config}",

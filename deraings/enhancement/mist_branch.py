@@ -30,7 +30,7 @@ class MistBranch(nn.Module):
     """Statistics of a picture's cells in, mist out: residual layers that all know the whole."""
 
     def __init__(self, width: int, shared: int = 0) -> None:
-        """Of so many channels; `shared` of them are given, where the photographs share a lens: see lens_statistics."""
+        """Of so many channels, for pictures that come with `shared` channels of lens_statistics, if any."""
         super().__init__()
         self.start = nn.Conv2d(STATISTICS, width, 1)
         if shared:
@@ -44,14 +44,14 @@ class MistBranch(nn.Module):
 
         Args:
             image: [N, 3, H, W], sRGB-encoded.
-            shared: what their lenses' photographs share, [N, C, 16, 16], if they have companions.
+            shared: what the photographs of their lenses share, [N, shared, 16, 16].
 
         Returns:
             [N, 4, 16, 16], mist_alpha in (-0.97, 0.97) and w, linear, in (0, 1).
         """
         x = self.start(statistics(squeezed(image)))
         if shared is not None:
-            x = x + known(shared) * self.shared(shared)
+            x = x + self.shared(shared)
         x = functional.relu(x)
         for near, far in zip(self.near, self.far, strict=True):
             whole = far(torch.cat([x.mean((2, 3)), x.amax((2, 3)), x.amin((2, 3))], dim=1))

@@ -41,8 +41,8 @@ class NetworkConfig:
     alpha: bool = False  # in training also predict how much of each pixel streaks, drops and mist block
     gain: bool = False  # predict I' = I + g I + r instead of I' = I + r, g and r from the network
     mist: int = 0  # channels of the branch that takes mist off the whole picture first; 0: there is none
-    lens_mist: bool = False  # the branch for mist looks at what photographs of one lens have in common as well
-    lens_fine: bool = False  # and so does the rest, in squares of 2x2 pixels; wants a stem of 2
+    lens_mist: bool = False  # a second such branch, for pictures of which it is known what others of their lens show
+    lens_fine: bool = False  # the rest looks at that as well, in squares of 2x2 pixels; wants a stem of 2
 
     @property
     def lens(self) -> bool:
@@ -62,7 +62,6 @@ SMALL = NetworkConfig(
     gain=True,
     mist=48,
     lens_mist=True,
-    lens_fine=True,
 )
 CONFIGS = {"paper": PAPER, "small": SMALL}
 
@@ -212,9 +211,11 @@ class EnhancementNetwork(nn.Module):
         if config.alpha:
             self.alpha = nn.Sequential(nn.Conv2d(widths[0], taken, 3, padding=1), nn.PixelShuffle(config.stem))
         if config.mist:
-            self.mist = MistBranch(config.mist, COARSE if config.lens_mist else 0)
+            self.mist = MistBranch(config.mist)
+        if config.lens_mist:
+            self.lens_mist = MistBranch(config.mist, COARSE)
         if config.lens_fine:
-            self.lens = added(FINE, widths[0], 3)
+            self.lens_fine = added(FINE, widths[0], 3)
         self.apply(initialise)
         nn.init.zeros_(cast(nn.Conv2d, self.head[0]).weight)  # an untrained network changes nothing
         if config.mist:
@@ -222,9 +223,10 @@ class EnhancementNetwork(nn.Module):
         if (
             config.lens_fine
         ):  # nor do statistics change what a network makes of a picture that has not learned with them
-            nn.init.zeros_(cast(nn.Conv2d, self.lens[-1]).weight)
-        if config.lens_mist and config.mist:
-            nn.init.zeros_(cast(nn.Conv2d, self.mist.shared[-1]).weight)
+            nn.init.zeros_(cast(nn.Conv2d, self.lens_fine[-1]).weight)
+        if config.lens_mist:
+            nn.init.zeros_(self.lens_mist.end.weight)
+            nn.init.zeros_(cast(nn.Conv2d, self.lens_mist.shared[-1]).weight)
 
     @property
     def multiple(self) -> int:
@@ -249,8 +251,14 @@ class EnhancementNetwork(nn.Module):
         if not self.config.mist:
             return image
         whole = torch.tensor([[0.0, 1.0, 0.0, 1.0]], device=image.device).expand(len(image), -1)
-        mist = self.mist(image, coarse if self.config.lens_mist else None)
-        return without_mist(image, crop_mist(mist, whole, image.shape[-2], image.shape[-1]))
+        return without_mist(image, crop_mist(self.find_mist(image, coarse), whole, image.shape[-2], image.shape[-1]))
+
+    def find_mist(self, image: Tensor, coarse: Tensor | None = None) -> Tensor:
+        """The mist over whole pictures [N, 4, 16, 16], by the second branch where there are statistics of the lens."""
+        alone: Tensor = self.mist(image)
+        if coarse is None or not self.config.lens_mist:
+            return alone
+        return torch.where(known(coarse) > 0, self.lens_mist(image, coarse), alone)
 
     def refine(self, image: Tensor, fine: Tensor | None = None) -> Tensor:
         """The rest, for pictures or parts of pictures that are free of mist."""
@@ -260,7 +268,7 @@ class EnhancementNetwork(nn.Module):
         """What the decoder ends with, [N, width, H / stem, W / stem]."""
         x = self.stem(image.contiguous(memory_format=torch.channels_last))
         if fine is not None and self.config.lens_fine:
-            x = x + known(fine) * self.lens(fine.contiguous(memory_format=torch.channels_last))
+            x = x + known(fine) * self.lens_fine(fine.contiguous(memory_format=torch.channels_last))
         skips = []
         for blocks, down in zip(self.encoder, self.down, strict=True):
             x = blocks(x)

@@ -167,7 +167,7 @@ def test_scores_are_means_by_kind():
 def test_scores_with_companions_are_of_a_network_that_knows_them():
     clean, others = np.full((32, 32, 3), 0.5, np.float32), np.full((3, 32, 32, 3), 100, np.uint8)
     network = EnhancementNetwork(TINY).requires_grad_(False)
-    torch.nn.init.ones_(network.lens[-1].weight)
+    torch.nn.init.ones_(network.lens_fine[-1].weight)
     torch.nn.init.normal_(network.head[0].weight, std=0.1)
     picture = [ValidationPicture("mist", clean + 0.1, clean, others)]
     after = [scores(network, picture, count)[0].after for count in (0, 1, 3)]

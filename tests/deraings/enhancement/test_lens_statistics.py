@@ -107,7 +107,7 @@ def listening(config=TINY) -> Enhancer:
     """A network that heeds statistics."""
     torch.manual_seed(0)
     network = EnhancementNetwork(config).requires_grad_(False)
-    for layer in (network.head[0], network.lens[-1], network.mist.end, network.mist.shared[-1]):
+    for layer in (network.head[0], network.lens_fine[-1], network.mist.end, network.lens_mist.end):
         torch.nn.init.normal_(layer.weight, std=0.05)
     return Enhancer(network, {}, "for a test")
 
