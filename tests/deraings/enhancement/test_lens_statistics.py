@@ -165,11 +165,8 @@ def test_a_network_that_looks_at_lenses_begins_with_one_that_does_not(tmp_path):
 def test_a_network_may_look_at_lenses_with_one_of_its_parts(part):
     config = replace(TINY, lens_mist=False, lens_fine=False)
     network = EnhancementNetwork(replace(config, **{part: True})).requires_grad_(False)
-    for layer in (
-        network.head[0],
-        network.mist.end,
-        network.lens[-1] if part == "lens_fine" else network.mist.shared[-1],
-    ):
+    own = network.lens_fine[-1] if part == "lens_fine" else network.lens_mist.end
+    for layer in (network.head[0], own):
         torch.nn.init.normal_(layer.weight, std=0.05)
     lens, image = lens_statistics(halved(planes(capture(3, 32, 64)))), planes(capture(1, 32, 64, seed=2))
     changed = network.remove_mist(image, lens.coarse[None]) - network.remove_mist(image)
