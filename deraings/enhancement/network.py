@@ -212,7 +212,7 @@ class EnhancementNetwork(nn.Module):
             self.alpha = nn.Sequential(nn.Conv2d(widths[0], taken, 3, padding=1), nn.PixelShuffle(config.stem))
         if config.mist:
             self.mist = MistBranch(config.mist)
-        if config.lens_mist:
+        if config.mist and config.lens_mist:
             self.lens_mist = MistBranch(config.mist, COARSE)
         if config.lens_fine:
             self.lens_fine = added(FINE, widths[0], 3)
@@ -224,7 +224,7 @@ class EnhancementNetwork(nn.Module):
             config.lens_fine
         ):  # nor do statistics change what a network makes of a picture that has not learned with them
             nn.init.zeros_(cast(nn.Conv2d, self.lens_fine[-1]).weight)
-        if config.lens_mist:
+        if config.mist and config.lens_mist:
             nn.init.zeros_(self.lens_mist.end.weight)
             nn.init.zeros_(cast(nn.Conv2d, self.lens_mist.shared[-1]).weight)
 
