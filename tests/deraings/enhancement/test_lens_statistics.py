@@ -7,6 +7,7 @@ import pytest
 import torch
 from tiny_network import TINY
 
+from baselines.training.images import TrainingImages
 from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.data import Data, started_from
 from deraings.enhancement.enhance import enhance
@@ -22,6 +23,7 @@ from deraings.enhancement.lens_statistics import (
 )
 from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.training import EnhancementTraining
+from deraings.enhancement.views import EnhancedViews
 from deraings.enhancement.weights import Enhancer, load_enhancer, save_network
 from hydroviews.errors import InputError
 
@@ -124,6 +126,16 @@ def test_an_enhanced_picture_depends_on_its_companions_and_is_the_same_in_tiles(
         EnhancementNetwork(replace(TINY, lens_mist=False, lens_fine=False)).requires_grad_(False), {}, "for a test"
     )
     np.testing.assert_array_equal(enhance(image, deaf, lens=lens), enhance(image, deaf))
+
+
+def test_training_views_are_enhanced_with_what_all_of_them_say(tmp_path):
+    photographs = capture(3, 40, 64)
+    views = EnhancedViews(TrainingImages(photographs), ["a", "b", "c"], listening(), tmp_path)
+    lens = statistics_of_capture(3, photographs.__getitem__)[1]
+    image = photographs[1].astype(np.float32) / 255
+    np.testing.assert_allclose(views.image(1), enhance(image, listening(), lens=lens), atol=0.01)
+    assert np.abs(views.image(1) - enhance(image, listening())).max() > 0.02
+    assert len(views.files()) == 3
 
 
 def test_the_mist_of_a_picture_depends_on_its_companions():
