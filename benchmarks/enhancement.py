@@ -33,7 +33,6 @@ from deraings.enhancement.validation import as_columns, scores, validation_set
 from deraings.enhancement.weights import Enhancer
 from hydroviews.cli.commands import run_command
 from hydroviews.files.atomic import write_bytes
-from hydroviews.pairs.photographs import split_photographs
 
 SIZE = 400, 300
 LARGE = 1200, 900
@@ -103,10 +102,9 @@ def row(choice: Choice, data: Data, config: NetworkConfig, pairs: Pairs, validat
 def main(choice: tyro.conf.OmitArgPrefixes[Choice]) -> None:
     """Train networks of several widths alike and report."""
     torch.set_num_threads(1)
-    config, data = CONFIGS[choice.network], Data(choice.photographs, cache=choice.cache)
+    config, data = CONFIGS[choice.network], Data((choice.photographs,), cache=choice.cache)
     pairs = training_pairs(data, replace(TrainingConfig(), network=config))
-    held_out = split_photographs(choice.photographs).held_out
-    watched = validation_set(held_out[:WATCHED], VALIDATION_SEED, choice.cache / "validation")
+    watched = validation_set(data.held_out()[:WATCHED], VALIDATION_SEED, choice.cache / "validation")
 
     def validate(network: EnhancementNetwork) -> dict[str, float]:
         return as_columns(scores(network, watched))

@@ -4,7 +4,7 @@
     enhanced_method.py   any method on enhanced photographs: `3dgs+enhance`
     reconstruct.py       one's own rainy photographs in, a clean scene out: `python -m deraings reconstruct`
     image_planes.py      one value a pixel, at other sizes
-    enhancement/         the network that takes rain out of a single picture: its parts, its training, its weights
+    enhancement/         the network that takes rain out of photographs: its parts, its training, its weights
     masks/               occlusion masks: what of each photograph is not the scene
     rain_model/          mist, drops, falling rain and single streaks, learned while the scene is learned
 

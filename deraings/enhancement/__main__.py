@@ -13,6 +13,7 @@ from baselines.training.validation import as_json
 from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.data import Data, described, started_from, training_pairs
 from deraings.enhancement.enhance import enhance
+from deraings.enhancement.lens_statistics import statistics_of_capture
 from deraings.enhancement.network import CONFIGS, EnhancementNetwork
 from deraings.enhancement.size import describe
 from deraings.enhancement.training import EnhancementTraining, train
@@ -22,9 +23,11 @@ from hydroviews.cli.commands import run_command
 from hydroviews.files.atomic import write_json
 from hydroviews.formats.photographs import one_by_one
 from hydroviews.pairs.photographs import split_photographs
-from hydroviews.scene.images import read_image, write_png
+from hydroviews.scene.images import read_image, to_uint8, write_png
 
 WATCHED = 4  # held-out photographs of the validations while training; at the end it is all of them
+MOST_COMPANIONS = 35  # of a picture in validation
+WATCHED_COMPANIONS = (0, 4, 12, MOST_COMPANIONS)
 VALIDATION_SEED = 1000  # of the validation rain, whatever the training's seed
 
 
@@ -48,11 +51,12 @@ def train_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
     start = started_from(data, config)
     words = described(data, start)
     pairs = training_pairs(data, config)
-    held_out = split_photographs(data.photographs).held_out
-    watched = validation_set(held_out[:WATCHED], VALIDATION_SEED, data.cache / "validation")
+    watched = validation_set(data.held_out()[:WATCHED], VALIDATION_SEED, data.cache / "validation", MOST_COMPANIONS)
 
     def validate(network: EnhancementNetwork) -> dict[str, float]:
-        return as_columns(scores(network, watched))
+        alone = as_columns(scores(network, watched))
+        together = as_columns(scores(network, watched, MOST_COMPANIONS)) if config.network.lens else {}
+        return alone | {f"{kind} of {MOST_COMPANIONS + 1}": value for kind, value in together.items()}
 
     network = start.network if start else None
     training = train(request.out, config, pairs, words, validate, request.intervals, network, request.workers)
@@ -70,9 +74,11 @@ def export_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
 
 def write_weights(request: TrainingRequest, training: EnhancementTraining, data: str) -> None:
     """Validate on held-out photographs, and write weights and data card, which says in words what was learned from."""
-    held_out = split_photographs(request.data.photographs).held_out[: request.validated or None]
+    held_out = request.data.held_out()[: request.validated or None]
     training.averaged.load_state_dict(rounded(training.averaged.state_dict()))
-    rows = scores(training.averaged, validation_set(held_out, VALIDATION_SEED, request.data.cache / "validation"))
+    counts = WATCHED_COMPANIONS if request.training.network.lens else WATCHED_COMPANIONS[:1]
+    pictures = validation_set(held_out, VALIDATION_SEED, request.data.cache / "validation", counts[-1])
+    rows = {count: scores(training.averaged, pictures, count) for count in counts}
     settings = asdict(request.training)
     card: dict[str, Any] = {
         "data": data,
@@ -82,46 +88,64 @@ def write_weights(request: TrainingRequest, training: EnhancementTraining, data:
         "seconds": round(training.seconds),
         "training": {name: value for name, value in settings.items() if name not in ("network", "seed", "steps")},
         "held out": [file.name for file in held_out],
-        "validation": as_json(rows, decimals=3),
+        "validation": {f"{count} companions": as_json(row, decimals=3) for count, row in rows.items()},
     }
     path = request.out / "weights.safetensors"
     save_network(path, request.training.network, training.averaged.state_dict(), card)
     write_json(path.with_suffix(".json"), {"network": settings["network"], **card})
-    print(f"\n{table(rows)}\n\n{path}: {path.stat().st_size / 1e6:.1f} MB")
+    for count, row in rows.items():
+        print(f"\n{count} companions\n\n{table(row)}")
+    print(f"\n{path}: {path.stat().st_size / 1e6:.1f} MB")
 
 
 def validate_command(
-    photographs: Path, weights: str = "small", cache: Path = Path("results/enhancement/rain"), pictures: int = 0
+    photographs: tuple[Path, ...],
+    weights: str = "small",
+    cache: Path = Path("results/enhancement/rain"),
+    pictures: int = 0,
+    companions: tuple[int, ...] = WATCHED_COMPANIONS,
 ) -> None:
     """Print what weights gain on held-out photographs.
 
     Args:
-        photographs: the folder that was trained on; the held-out ones are validated on.
+        photographs: the folders that were trained on; the held-out ones are validated on.
         weights: shipped ones, or a file.
         cache: keeps what Blender bakes.
-        pictures: how many photographs, 0 for all.
+        pictures: how many photographs of each folder, 0 for all.
+        companions: how many other photographs of the lens the network is given, a table for each.
     """
     enhancer = load_enhancer(weights)
     print(enhancer.reason)
-    files = split_photographs(photographs).held_out[: pictures or None]
-    print(table(scores(enhancer.network, validation_set(files, VALIDATION_SEED, cache / "validation"))))
+    files = [file for folder in photographs for file in split_photographs(folder).held_out[: pictures or None]]
+    drawn = validation_set(files, VALIDATION_SEED, cache / "validation", max(companions))
+    for count in companions:
+        print(f"\n{count} companions\n\n{table(scores(enhancer.network, drawn, count))}")
 
 
 def enhance_command(
-    pictures: tyro.conf.Positional[Path], out: Path, weights: str = "small", keep_fog: bool = False
+    pictures: tyro.conf.Positional[Path],
+    out: Path,
+    weights: str = "small",
+    keep_fog: bool = False,
+    apart: bool = False,
 ) -> None:
     """Enhance a picture, or all of a folder, and write PNG.
 
     Args:
-        pictures: file or folder.
+        pictures: file, or folder of what one camera has taken; its pictures are looked at together.
         out: another folder.
         weights: shipped ones, or a file.
-        keep_fog: leave mist and fog as they are: a single picture does not tell mist on the lens from fog.
+        keep_fog: leave mist and fog as they are: pictures alone do not tell mist on the lens from fog.
+        apart: pictures of a folder have nothing to do with each other; look at each alone.
     """
     enhancer, targets = load_enhancer(weights), one_by_one(pictures, out)
     print(enhancer.reason)
-    for file, target in tqdm(targets.items(), desc="enhancing", unit="picture"):
-        write_png(target, enhance(read_image(file), enhancer, remove_mist=not keep_fog))
+    files = list(targets)
+    alone = apart or not enhancer.network.config.lens
+    read = lambda i: to_uint8(read_image(files[i]))  # noqa: E731
+    lenses = [None] * len(files) if alone else statistics_of_capture(len(files), read)
+    for (file, target), lens in tqdm(list(zip(targets.items(), lenses, strict=True)), desc="enhancing", unit="picture"):
+        write_png(target, enhance(read_image(file), enhancer, remove_mist=not keep_fog, lens=lens))
 
 
 def describe_command(network: Literal["paper", "small"] = "small", width: int = 400, height: int = 300) -> None:

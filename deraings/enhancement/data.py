@@ -1,7 +1,8 @@
 """What the enhancement network learns from: photographs, the rain drawn on them, published pairs, first weights."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import zip_longest
 from pathlib import Path
 
 from baselines.training.network_commands import in_words
@@ -11,7 +12,9 @@ from deraings.enhancement.pairs import MISTED, Pairs
 from deraings.enhancement.weights import Enhancer, find_weights, load_enhancer
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import listing, sha256
-from hydroviews.pairs.drawing import LENSES, bake_pool
+from hydroviews.pairs.captures import COMPANIONS
+from hydroviews.pairs.drawing import KINDS
+from hydroviews.pairs.lens_pool import LENSES, bake_pool
 from hydroviews.pairs.photographs import LONG_SIDES, frames, read_photographs, split_photographs
 from hydroviews.pairs.rainy_pairs import DrawnRain
 
@@ -20,7 +23,7 @@ from hydroviews.pairs.rainy_pairs import DrawnRain
 class Data:
     """What to learn from."""
 
-    photographs: Path  # folder of clean photographs; every tenth by name is held out
+    photographs: tuple[Path, ...]  # folders of clean photographs; every tenth by name is held out of each
     pairs: tuple[Path, ...] = ()  # folders of published pairs, each as often as the photographs
     start: str = ""  # weights to begin with, shipped ones or a file; none: begin with chance
     sides: tuple[int, ...] = LONG_SIDES  # pixels; photographs are brought to any of these long sides
@@ -32,6 +35,15 @@ class Data:
             found = f"--sides {self.sides}, --lenses {self.lenses}"
             raise InputError(f"{found}: nothing to learn from", expected="at least one of each")
 
+    def held_out(self) -> list[Path]:
+        """The photographs that are not learned from, the folders' by turns.
+
+        Raises:
+            InputError: a folder without photographs.
+        """
+        splits = [split_photographs(folder).held_out for folder in self.photographs]
+        return [file for files in zip_longest(*splits) for file in files if file is not None]
+
 
 def training_pairs(data: Data, config: TrainingConfig) -> Pairs:
     """Pairs of a training: the photographs that are not held out in drawn rain, and the published ones.
@@ -40,10 +52,11 @@ def training_pairs(data: Data, config: TrainingConfig) -> Pairs:
         InputError: a folder cannot be read, or the smallest photographs are smaller than the parts.
     """
     check_parts(data.sides, config.patch)
-    photographs = split_photographs(data.photographs).training
+    photographs = [file for folder in data.photographs for file in split_photographs(folder).training]
     pool = bake_pool(data.cache, config.seed, data.lenses, data.sides)
     published = [PairFolder(folder, config.patch) for folder in data.pairs]
-    drawn = DrawnRain(read_photographs(photographs, data.sides), pool)
+    companions = COMPANIONS if config.network.lens else (0,)
+    drawn = DrawnRain(read_photographs(photographs, data.sides), pool, KINDS, companions)
     return Pairs(drawn, published, config.patch, config.seed, MISTED if config.network.mist else 0)
 
 
@@ -56,7 +69,9 @@ def started_from(data: Data, config: TrainingConfig) -> Enhancer | None:
     if not data.start:
         return None
     enhancer = load_enhancer(data.start)
-    if enhancer.network.config != config.network:
+    begun, wanted = enhancer.network.config, config.network
+    mist, fine = wanted.lens_mist and begun.lens_mist, wanted.lens_fine and begun.lens_fine
+    if begun != replace(wanted, lens_mist=mist, lens_fine=fine):
         raise InputError(
             f"{find_weights(data.start)}: cannot begin a training of another network",
             found=f"a network of {enhancer.network.config}",
@@ -87,7 +102,7 @@ def check_parts(sides: Sequence[int], patch: int) -> None:
 
 def described(data: Data, start: Enhancer | None) -> str:
     """The data and the weights to begin with in words, for checkpoint and card."""
-    folders = [in_words(split_photographs(data.photographs).training, data.photographs)]
+    folders = [in_words(split_photographs(folder).training, folder) for folder in data.photographs]
     for folder in data.pairs:
         pairs = find_pairs(folder)
         named = listing(file for pair in pairs for file in pair)

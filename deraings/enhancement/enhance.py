@@ -1,5 +1,6 @@
 """Enhance a picture with a trained network: any size, in overlapping tiles where it is large."""
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -7,6 +8,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from deraings.enhancement.lens_statistics import LensStatistics
 from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.weights import Enhancer, load_enhancer
 from hydroviews.scene.images import Image
@@ -16,7 +18,12 @@ OVERLAP = 96  # pixels in which neighbouring tiles are blended
 
 
 def enhance(
-    image: Image, enhancer: Enhancer | None = None, tile: int = TILE, overlap: int = OVERLAP, remove_mist: bool = True
+    image: Image,
+    enhancer: Enhancer | None = None,
+    tile: int = TILE,
+    overlap: int = OVERLAP,
+    remove_mist: bool = True,
+    lens: LensStatistics | None = None,
 ) -> Image:
     """Take the rain out of a picture, as far as the network can.
 
@@ -27,6 +34,7 @@ def enhance(
         overlap: pixels, less than a tile.
         remove_mist: take mist off the whole picture first, if the network looks for it. It cannot tell mist on the
             lens from fog in the scene.
+        lens: what the photographs of the same lens, this one among them, say of it; see `statistics_of_capture`.
 
     Returns:
         The same shape and range.
@@ -40,13 +48,14 @@ def enhance(
     if not np.isfinite(image).all():
         raise ValueError("the image has values that are not finite")
     network = (enhancer or shipped()).network
-    image = _remove_mist(image, network) if remove_mist else image
+    image = _remove_mist(image, network, lens) if remove_mist else image
     rows, columns = (spans(size, tile, overlap) for size in image.shape[:2])
     total = np.zeros(image.shape, np.float32)
     weight = np.zeros((*image.shape[:2], 1), np.float32)
     for top, bottom in rows:
         for left, right in columns:
-            part = _refine(image[top:bottom, left:right], network)
+            fine = lens.fine[:, _halves(top, bottom), _halves(left, right)] if lens else None
+            part = _refine(image[top:bottom, left:right], network, fine)
             ramp = _ramp(bottom - top, overlap)[:, None, None] * _ramp(right - left, overlap)[None, :, None]
             total[top:bottom, left:right] += ramp * part
             weight[top:bottom, left:right] += ramp
@@ -80,14 +89,19 @@ def _ramp(size: int, overlap: int) -> NDArray[np.float32]:
     return np.minimum(ends / (overlap + 1), 1).astype(np.float32)
 
 
-def _remove_mist(image: Image, network: EnhancementNetwork) -> Image:
-    with torch.inference_mode():
-        return _image(network.remove_mist(_batch(image)))
+def _halves(start: int, end: int) -> slice:
+    """The places at half the resolution of so many pixels, or one pixel before them."""
+    return slice(start // 2, start // 2 + -(-(end - start) // 2))
 
 
-def _refine(part: Image, network: EnhancementNetwork) -> Image:
+def _remove_mist(image: Image, network: EnhancementNetwork, lens: LensStatistics | None) -> Image:
     with torch.inference_mode():
-        return _image(refine_padded(network, _batch(part)))
+        return _image(network.remove_mist(_batch(image), lens.coarse[None] if lens else None))
+
+
+def _refine(part: Image, network: EnhancementNetwork, fine: Tensor | None) -> Image:
+    with torch.inference_mode():
+        return _image(refine_padded(network, _batch(part), None if fine is None else fine[None]))
 
 
 def _batch(image: Image) -> Tensor:
@@ -98,12 +112,24 @@ def _image(batch: Tensor) -> Image:
     return np.ascontiguousarray(batch[0].permute(1, 2, 0).numpy(), np.float32)
 
 
-def refine_padded(network: EnhancementNetwork, batch: Tensor) -> Tensor:
-    """The network after its mist branch, on pictures [N, 3, H, W] of any size, mirrored beyond two borders."""
+def refine_padded(network: EnhancementNetwork, batch: Tensor, fine: Tensor | None = None) -> Tensor:
+    """The network after its mist branch, on pictures [N, 3, H, W] of any size, mirrored beyond two borders.
+
+    Args:
+        network: which.
+        batch: the pictures.
+        fine: statistics of their lenses [N, FINE, H / 2, W / 2], rounded up, if they are known.
+    """
     height, width = batch.shape[-2:]
-    missing = [-size % network.multiple for size in (height, width)]
-    index = [mirrored(size, size + more) for size, more in zip((height, width), missing, strict=True)]
-    return network.refine(batch[..., index[0], :][..., index[1]])[..., :height, :width]
+    padded = [size + -size % network.multiple for size in (height, width)]
+    fine = None if fine is None else _continued(fine, [size // 2 for size in padded])
+    return network.refine(_continued(batch, padded), fine)[..., :height, :width]
+
+
+def _continued(batch: Tensor, wanted: Sequence[int]) -> Tensor:
+    """Mirrored beyond the lower and the right border to the wanted height and width."""
+    rows, columns = (mirrored(size, more) for size, more in zip(batch.shape[-2:], wanted, strict=True))
+    return batch[..., rows, :][..., columns]
 
 
 def mirrored(size: int, wanted: int) -> Tensor:

@@ -15,6 +15,7 @@ from torch.nn import functional
 
 SIDE, CELL = 128, 8  # pixels of the squeezed picture, and of a cell whose statistics the network sees
 FINE = 2  # pixels; smallest values are also averaged over parts of a cell, which a dark speck does not change
+CELLS = SIDE // CELL
 STATISTICS = 20  # 6 of each channel, and the place
 LAYERS = 5
 MAX_ALPHA = 0.97  # what is behind thicker mist is lost
@@ -28,17 +29,30 @@ Box = tuple[float, float, float, float]  # top, bottom, left, right of a part, i
 class MistBranch(nn.Module):
     """Statistics of a picture's cells in, mist out: residual layers that all know the whole."""
 
-    def __init__(self, width: int) -> None:
+    def __init__(self, width: int, shared: int = 0) -> None:
+        """Of so many channels, for pictures that come with `shared` channels of lens_statistics, if any."""
         super().__init__()
         self.start = nn.Conv2d(STATISTICS, width, 1)
+        if shared:
+            self.shared = added(shared, width, 1)
         self.near = nn.ModuleList(nn.Conv2d(2 * width, width, 3, padding=1) for _ in range(LAYERS))
         self.far = nn.ModuleList(nn.Linear(3 * width, width) for _ in range(LAYERS))
         self.end = nn.Conv2d(width, 4, 1)
 
-    def forward(self, image: Tensor) -> Tensor:
-        """Of pictures [N, 3, H, W], sRGB-encoded: [N, 4, 16, 16], mist_alpha in (-0.97, 0.97)
-        and w, linear, in (0, 1)."""
-        x = functional.relu(self.start(statistics(squeezed(image))))
+    def forward(self, image: Tensor, shared: Tensor | None = None) -> Tensor:
+        """The mist of pictures.
+
+        Args:
+            image: [N, 3, H, W], sRGB-encoded.
+            shared: what the photographs of their lenses share, [N, shared, 16, 16].
+
+        Returns:
+            [N, 4, 16, 16], mist_alpha in (-0.97, 0.97) and w, linear, in (0, 1).
+        """
+        x = self.start(statistics(squeezed(image)))
+        if shared is not None:
+            x = x + self.shared(shared)
+        x = functional.relu(x)
         for near, far in zip(self.near, self.far, strict=True):
             whole = far(torch.cat([x.mean((2, 3)), x.amax((2, 3)), x.amin((2, 3))], dim=1))
             x = x + functional.relu(near(torch.cat([x, whole[:, :, None, None].expand_as(x)], dim=1)))
@@ -52,8 +66,26 @@ def squeezed(image: Tensor) -> Tensor:
     return functional.adaptive_avg_pool2d(image, SIDE)
 
 
+def added(given: int, width: int, side: int) -> nn.Sequential:
+    """Layers for an input that need not be there: [N, given, H, W] to [N, width, H, W]; untrained they add nothing."""
+    return nn.Sequential(nn.Conv2d(given, width, side, padding=side // 2), nn.ReLU(), nn.Conv2d(width, width, 1))
+
+
+def known(shared: Tensor) -> Tensor:
+    """Where statistics [N, C, H, W] are of any photographs, 0 or 1: [N, 1, 1, 1]."""
+    return (shared[:, -1:, :1, :1] > 0).to(shared.dtype)
+
+
 def statistics(image: Tensor) -> Tensor:
-    """Mean, spread, extremes and texture of the cells of squeezed pictures, and where they are: [N, 20, 16, 16]."""
+    """Statistics of the cells of squeezed pictures, and where they are: [N, 20, 16, 16]."""
+    cells = cell_statistics(image)
+    side = torch.linspace(-0.5, 0.5, cells.shape[-1], dtype=image.dtype, device=image.device)
+    place = torch.stack(torch.meshgrid(side, side, indexing="ij")).expand(len(image), -1, -1, -1)
+    return torch.cat([cells, place], dim=1)
+
+
+def cell_statistics(image: Tensor) -> Tensor:
+    """Mean, spread, extremes and texture of the cells of squeezed pictures: [N, 18, 16, 16]."""
     mean = functional.avg_pool2d(image, CELL)
     spread = (functional.avg_pool2d(image * image, CELL) - mean * mean).clamp_min(1e-8).sqrt()
     highest = functional.max_pool2d(image, CELL)
@@ -61,9 +93,7 @@ def statistics(image: Tensor) -> Tensor:
     low = functional.avg_pool2d(-functional.max_pool2d(-image, FINE), CELL // FINE)
     steps = functional.pad((image[..., 1:] - image[..., :-1]).abs(), (0, 1))
     texture = functional.avg_pool2d(steps, CELL)
-    side = torch.linspace(-0.5, 0.5, mean.shape[-1], dtype=image.dtype, device=image.device)
-    place = torch.stack(torch.meshgrid(side, side, indexing="ij")).expand(len(image), -1, -1, -1)
-    return torch.cat([mean, 3 * spread, highest, lowest, low, 5 * texture, place], dim=1)
+    return torch.cat([mean, 3 * spread, highest, lowest, low, 5 * texture], dim=1)
 
 
 def crop_mist(mist: Tensor, boxes: Tensor, height: int, width: int) -> Tensor:

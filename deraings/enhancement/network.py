@@ -1,9 +1,10 @@
 """The enhancement network of DeRainGS: local features, global features, global refinement, at five levels.
 
-A small branch takes mist off the whole picture first, where the configuration asks for it: `mist_branch.py`. Then an
-encoder of convolutional blocks, a bottleneck of attention across channels, and a decoder of the same attention kept
-to its strongest entries (DeRainGS, section Rainy Image Enhancement and its pipeline figure). Level i has width 2^i
-channels at 1 / (stem 2^i) of the picture's resolution. Read from top to bottom: configuration, blocks, network.
+A small branch takes mist off the whole picture first, where the configuration asks for it: `mist_branch.py`. Both it
+and the rest may also look at what all photographs of a lens say of its places: `lens_statistics.py`. Then an encoder
+of convolutional blocks, a bottleneck of attention across channels, and a decoder of the same attention kept to its
+strongest entries (DeRainGS, section Rainy Image Enhancement and its pipeline figure). Level i has width 2^i channels
+at 1 / (stem 2^i) of the picture's resolution. Read from top to bottom: configuration, blocks, network.
 
 Tensors are [N, C, H, W] in channels-last memory, so that layer normalisation and 1x1 convolutions touch contiguous
 numbers.
@@ -17,7 +18,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from deraings.enhancement.mist_branch import MistBranch, crop_mist, without_mist
+from deraings.enhancement.lens_statistics import COARSE, FINE
+from deraings.enhancement.mist_branch import MistBranch, added, crop_mist, known, without_mist
 
 LEVELS = 5
 KEPT = (1 / 2, 2 / 3, 3 / 4, 4 / 5)  # shares of its entries that a row of sparse attention keeps (Chen et al. 2023)
@@ -39,6 +41,13 @@ class NetworkConfig:
     alpha: bool = False  # in training also predict how much of each pixel streaks, drops and mist block
     gain: bool = False  # predict I' = I + g I + r instead of I' = I + r, g and r from the network
     mist: int = 0  # channels of the branch that takes mist off the whole picture first; 0: there is none
+    lens_mist: bool = False  # a second such branch, for pictures of which it is known what others of their lens show
+    lens_fine: bool = False  # the rest looks at that as well, in squares of 2x2 pixels; wants a stem of 2
+
+    @property
+    def lens(self) -> bool:
+        """Whether anything looks at what photographs of one lens have in common."""
+        return self.lens_mist or self.lens_fine
 
 
 PAPER = NetworkConfig()
@@ -52,6 +61,7 @@ SMALL = NetworkConfig(
     alpha=True,
     gain=True,
     mist=48,
+    lens_mist=True,
 )
 CONFIGS = {"paper": PAPER, "small": SMALL}
 
@@ -202,34 +212,63 @@ class EnhancementNetwork(nn.Module):
             self.alpha = nn.Sequential(nn.Conv2d(widths[0], taken, 3, padding=1), nn.PixelShuffle(config.stem))
         if config.mist:
             self.mist = MistBranch(config.mist)
+        if config.mist and config.lens_mist:
+            self.lens_mist = MistBranch(config.mist, COARSE)
+        if config.lens_fine:
+            self.lens_fine = added(FINE, widths[0], 3)
         self.apply(initialise)
         nn.init.zeros_(cast(nn.Conv2d, self.head[0]).weight)  # an untrained network changes nothing
         if config.mist:
             nn.init.zeros_(self.mist.end.weight)
+        if (
+            config.lens_fine
+        ):  # nor do statistics change what a network makes of a picture that has not learned with them
+            nn.init.zeros_(cast(nn.Conv2d, self.lens_fine[-1]).weight)
+        if config.mist and config.lens_mist:
+            nn.init.zeros_(self.lens_mist.end.weight)
+            nn.init.zeros_(cast(nn.Conv2d, self.lens_mist.shared[-1]).weight)
 
     @property
     def multiple(self) -> int:
         """What height and width have to be multiples of."""
         return self.config.stem * 2 ** (LEVELS - 1)
 
-    def forward(self, image: Tensor) -> Tensor:
-        """Enhance whole pictures [N, 3, H, W], sRGB-encoded, [0, 1]; the result is not clipped."""
-        return self.refine(self.remove_mist(image))
+    def forward(self, image: Tensor, coarse: Tensor | None = None, fine: Tensor | None = None) -> Tensor:
+        """Enhance whole pictures.
 
-    def remove_mist(self, image: Tensor) -> Tensor:
+        Args:
+            image: [N, 3, H, W], sRGB-encoded, [0, 1].
+            coarse: statistics of their lenses [N, COARSE, 16, 16]; they do not count where they are zeros.
+            fine: the same [N, FINE, H / 2, W / 2].
+
+        Returns:
+            The same shape as `image`, not clipped.
+        """
+        return self.refine(self.remove_mist(image, coarse), fine)
+
+    def remove_mist(self, image: Tensor, coarse: Tensor | None = None) -> Tensor:
         """Whole pictures without the mist over them, if the network looks for it."""
         if not self.config.mist:
             return image
         whole = torch.tensor([[0.0, 1.0, 0.0, 1.0]], device=image.device).expand(len(image), -1)
-        return without_mist(image, crop_mist(self.mist(image), whole, image.shape[-2], image.shape[-1]))
+        return without_mist(image, crop_mist(self.find_mist(image, coarse), whole, image.shape[-2], image.shape[-1]))
 
-    def refine(self, image: Tensor) -> Tensor:
+    def find_mist(self, image: Tensor, coarse: Tensor | None = None) -> Tensor:
+        """The mist over whole pictures [N, 4, 16, 16], by the second branch where there are statistics of the lens."""
+        alone: Tensor = self.mist(image)
+        if coarse is None or not self.config.lens_mist:
+            return alone
+        return torch.where(known(coarse) > 0, self.lens_mist(image, coarse), alone)
+
+    def refine(self, image: Tensor, fine: Tensor | None = None) -> Tensor:
         """The rest, for pictures or parts of pictures that are free of mist."""
-        return self.enhanced(image, self.features(image))
+        return self.enhanced(image, self.features(image, fine))
 
-    def features(self, image: Tensor) -> Tensor:
+    def features(self, image: Tensor, fine: Tensor | None = None) -> Tensor:
         """What the decoder ends with, [N, width, H / stem, W / stem]."""
         x = self.stem(image.contiguous(memory_format=torch.channels_last))
+        if fine is not None and self.config.lens_fine:
+            x = x + known(fine) * self.lens_fine(fine.contiguous(memory_format=torch.channels_last))
         skips = []
         for blocks, down in zip(self.encoder, self.down, strict=True):
             x = blocks(x)

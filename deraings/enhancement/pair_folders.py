@@ -44,7 +44,10 @@ class PairFolder:
         if min(rainy.shape[:2]) < self._smallest:
             expected = f"at least {self._smallest} pixels along every side"
             raise InputError(f"{files[0]}: too small", found=rainy.shape, expected=expected)
-        return Pair(rainy, clean, np.full_like(clean, np.nan), np.full((*clean.shape[:2], 4), np.nan, np.float32))
+        height, width = clean.shape[:2]
+        unknown = np.full((height, width, 7), np.nan, np.float32)
+        alone = np.zeros((0, -(-height // 2), -(-width // 2), 3), np.float32)
+        return Pair(rainy, clean, unknown[..., :3], unknown[..., 3:], alone)
 
 
 def find_pairs(folder: Path) -> list[Files]:

@@ -5,15 +5,20 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
-from deraings.enhancement.mist_branch import SIDE, Box, squeezed
-from hydroviews.pairs.drawing import Pair
+from deraings.enhancement.lens_statistics import coarse_statistics, fine_statistics, halved, over_pictures
+from deraings.enhancement.mist_branch import SIDE, Box, cell_statistics, squeezed
+from hydroviews.pairs.drawing import Pair, each
 from hydroviews.pairs.rainy_pairs import DrawnRain
+from hydroviews.pairs.recipes import compressed
 from hydroviews.scene.images import Image
 from hydroviews.scene.seeds import generator
 
-MISTED = 4  # small whole pictures in mist alone that come with a pair where a network for the mist learns of many
+COMPRESSED = 0.1  # share of the rainy pairs that are stored as JPEG after the rain
+QUALITIES = (70, 96)  # of JPEG
+MISTED = 8  # small whole pictures in mist alone that come with a pair where a network for the mist learns of many
 
 
 class Source(Protocol):
@@ -34,6 +39,8 @@ class Sample(NamedTuple):
     whole_rainy: Tensor  # [1 + misted, 3, 128, 128], the pair's, then others in mist alone
     whole_clean: Tensor  # [1 + misted, 3, 128, 128]
     whole_mist: Tensor  # [1 + misted, 4, 128, 128], as in drawing.Pair
+    coarse: Tensor  # [1 + misted, COARSE, 16, 16], statistics of the wholes' captures: see lens_statistics
+    fine: Tensor  # [FINE, patch / 2, patch / 2], of the part's
 
 
 class Pairs:
@@ -53,14 +60,17 @@ class Pairs:
         """
         rng = generator(self._seed, "pair", index)
         pair = self._sources[rng.integers(len(self._sources))].pair(rng)
+        pair = stored(pair, rng) if rng.uniform() < COMPRESSED else pair
         if rng.uniform() < 0.5:
-            pair = Pair(*(plane[:, ::-1] for plane in pair))
+            pair = Pair(*(plane[..., ::-1, :] for plane in pair))
         rows, columns, box = part_of(pair.rainy.shape[0], pair.rainy.shape[1], self._patch, rng)
         parts = [_planes(plane[rows, columns]) for plane in (pair.rainy, pair.clean, pair.cover)]
-        own = [_small(plane) for plane in (pair.rainy, pair.clean, pair.mist)]
-        others = [[_planes(plane) for plane in self._drawn.misted(rng, SIDE)] for _ in range(self._misted)]
+        capture = _capture(halved(_planes(pair.rainy)[None]), pair.companions)
+        own = [*(_small(plane) for plane in (pair.rainy, pair.clean, pair.mist)), coarse_statistics(capture)]
+        others = misted(self._drawn, rng, self._misted) if self._misted else []
         wholes = [torch.stack(planes) for planes in zip(own, *others, strict=True)]
-        return Sample(*parts, torch.tensor(box), *wholes)  # type: ignore[call-arg]
+        fine = fine_statistics(capture[..., _half(rows), _half(columns)])
+        return Sample(*parts, torch.tensor(box), *wholes, fine)  # type: ignore[call-arg]
 
 
 class Batches:
@@ -74,11 +84,43 @@ class Batches:
         return Sample(*(torch.stack(tensors) for tensors in zip(*samples, strict=True)))
 
 
+def stored(pair: Pair, rng: np.random.Generator) -> Pair:
+    """The pair with its rainy pictures stored as JPEG; where there is no rain it stays as it is."""
+    if np.array_equal(pair.rainy, pair.clean):
+        return pair
+    quality = int(rng.integers(*QUALITIES))
+    seen = each(lambda picture: compressed(picture, quality), pair.companions)
+    return pair._replace(rainy=compressed(pair.rainy, quality), companions=seen)
+
+
 def part_of(height: int, width: int, patch: int, rng: np.random.Generator) -> tuple[slice, slice, Box]:
-    """Rows and columns of a square part of a picture, anywhere in it."""
-    top, left = int(rng.integers(height - patch + 1)), int(rng.integers(width - patch + 1))
+    """Rows and columns of a square part of a picture, anywhere in it from an even row and column on."""
+    top, left = (2 * int(rng.integers((size - patch) // 2 + 1)) for size in (height, width))
     box = top / height, (top + patch) / height, left / width, (left + patch) / width
     return slice(top, top + patch), slice(left, left + patch), box
+
+
+def _half(span: slice) -> slice:
+    return slice(span.start // 2, -(-span.stop // 2))
+
+
+def _capture(own: Tensor, companions: NDArray[np.float32]) -> Tensor:
+    """A picture [1, 3, H, W] and its companions [K, H, W, 3]: [1 + K, 3, H, W]."""
+    return torch.cat([own, torch.from_numpy(np.ascontiguousarray(companions.transpose(0, 3, 1, 2)))])
+
+
+def misted(drawn: DrawnRain, rng: np.random.Generator, count: int) -> list[list[Tensor]]:
+    """So many pictures of one capture in mist alone: rainy, clean, mist, coarse statistics.
+
+    Each has companions of its own number: drawing them costs more than summing them up in several ways.
+    """
+    together = [1 + drawn.companions(rng) for _ in range(count)]
+    rainy, clean, mist = drawn.misted(rng, SIDE, max([count, *together]))
+    cells = cell_statistics(torch.from_numpy(rainy).permute(0, 3, 1, 2).contiguous())
+    return [
+        [_planes(rainy[i]), _planes(clean[i]), _planes(mist), over_pictures(cells.roll(-i, 0)[:number])]
+        for i, number in enumerate(together)
+    ]
 
 
 def _planes(picture: Image) -> Tensor:

@@ -9,6 +9,7 @@ from torch import Tensor, nn
 from torch.utils.flop_counter import FlopCounterMode
 
 from deraings.enhancement.enhance import refine_padded
+from deraings.enhancement.lens_statistics import halved, lens_statistics
 from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
 
 
@@ -48,7 +49,10 @@ class _Whole(nn.Module):
         self.network = network
 
     def forward(self, picture: Tensor) -> Tensor:
-        return refine_padded(self.network, self.network.remove_mist(picture))
+        if not self.network.config.lens:
+            return refine_padded(self.network, self.network.remove_mist(picture))
+        lens = lens_statistics(halved(picture))
+        return refine_padded(self.network, self.network.remove_mist(picture, lens.coarse[None]), lens.fine[None])
 
 
 def _operations(counts: Mapping[str, Mapping[Any, int]], name: str, module: nn.Module) -> int:

@@ -31,9 +31,14 @@ class EnhancementTraining(SupervisedTraining):
         super().__init__(config, {NETWORK: Learner(self.network, optimiser)}, EnhancementNetwork(config.network))
 
     def begin_with(self, start: EnhancementNetwork) -> None:
-        """Begin with a trained network of the same configuration instead of chance; the optimiser knows nothing yet."""
+        """Begin with a trained network instead of chance; the optimiser knows nothing yet.
+
+        It has the same configuration, or has not looked at lenses so far: what does that is no better at first.
+        """
         for network in (self.network, self.averaged):
-            network.load_state_dict(start.state_dict())
+            network.load_state_dict(start.state_dict(), strict=network.config == start.config)
+            if network.config.lens_mist and not start.config.lens_mist:
+                network.lens_mist.load_state_dict(start.mist.state_dict(), strict=False)
 
     def _learn(self, batch: Sample) -> dict[str, Tensor]:
         loss = self._loss(batch)
@@ -44,12 +49,12 @@ class EnhancementTraining(SupervisedTraining):
         config, network, rainy, extra = self.config, self.network, batch.rainy, torch.zeros(())
         if config.network.mist:
             wholes = [whole.flatten(0, 1) for whole in (batch.whole_rainy, batch.whole_clean, batch.whole_mist)]
-            mists = network.mist(wholes[0])
+            mists = network.find_mist(wholes[0], batch.coarse.flatten(0, 1))
             extra = config.lifting * mist_loss(mists, *wholes)
             own = mists.unflatten(0, batch.whole_rainy.shape[:2])[:, 0]
             rainy = without_mist(rainy, crop_mist(own, batch.box, rainy.shape[-2], rainy.shape[-1]))
         with torch.autocast("cpu", torch.bfloat16, enabled=config.precision == "bfloat16"):
-            features = network.features(rainy)
+            features = network.features(rainy, batch.fine)
             enhanced = network.enhanced(rainy, features)
             found = network.alpha(features) if config.network.alpha else None
         if found is not None:

@@ -1,27 +1,32 @@
 """How much a network gains on held-out photographs, in rain as hard as the benchmark's grades would make it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from tqdm import tqdm
 
 from baselines.training.validation import measure_by_kind
 from deraings.enhancement.enhance import enhance
+from deraings.enhancement.lens_statistics import statistics_of_capture
 from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.weights import Enhancer
 from hydroviews.formats.markdown import markdown_table
 from hydroviews.metrics import psnr
-from hydroviews.pairs.drawing import air_light, camera_of
+from hydroviews.pairs.captures import Capture
+from hydroviews.pairs.drawing import air_light
+from hydroviews.pairs.lens_pool import camera_of
 from hydroviews.pairs.photographs import fit_frame, frame_of
 from hydroviews.rain.effect import fall
 from hydroviews.rain.patterns import GRADES, Pattern
 from hydroviews.rain.registry import find_effect
 from hydroviews.rain.scene_statistics import FINE, SAMPLED_SIDE, Light, SceneStatistics
-from hydroviews.scene.images import Image, image_size, read_image, resize_area, to_linear
+from hydroviews.scene.images import Image, image_size, read_image, resize_area, to_linear, to_uint8
 from hydroviews.scene.scenes import Points, View
+from hydroviews.scene.seeds import generator
 
 LONG_SIDE = 384  # pixels of the validation pictures
 RARITY, DETAIL = 0.06, 0.0017  # medians of the benchmark's embedded scenes, LLFF flower and Mip-NeRF 360 bonsai
@@ -35,6 +40,7 @@ class ValidationPicture:
     kind: str  # such as streak-medium; or clean
     rainy: Image
     clean: Image
+    companions: NDArray[np.uint8]  # [K, H, W, 3], parts of other held-out photographs in the same rain
 
 
 @dataclass(frozen=True)
@@ -73,43 +79,57 @@ def setting_of(photograph: Path, image: Image, seed: int) -> SceneStatistics:
     )
 
 
-def validation_set(files: Sequence[Path], seed: int, folder: Path) -> list[ValidationPicture]:
+def validation_set(files: Sequence[Path], seed: int, folder: Path, companions: int = 0) -> list[ValidationPicture]:
     """Every photograph in light, medium and heavy streaks and raindrops, and clean.
 
     Args:
         files: held-out photographs.
         seed: of the rain.
         folder: keeps what Blender bakes.
+        companions: how many parts of others come with each.
 
     Raises:
         InputError: an unreadable photograph, or Blender failed.
     """
-    rainy = []
+    found = []
+    sources = [to_uint8(read_image(file)) for file in files] if companions else []
     for file in tqdm(files, desc="validation pictures", unit="picture"):
         image = fit_frame(read_image(file), frame_of(*image_size(file), LONG_SIDE))
-        rainy.append(ValidationPicture("clean", image, image))
+        capture, size = Capture(sources, False, np.ones(3, np.float32)), (image.shape[1], image.shape[0])
+        others = capture.pictures(companions, size, size, generator(seed, "companions", file.stem))
+        pictures = [image, *(other.astype(np.float32) / 255 for other in others)]
+        found.append(ValidationPicture("clean", image, image, others))
         setting = setting_of(file, image, seed)
         for effect in EFFECTS:
             for index, grade in enumerate(GRADES):
-                rained = rain_on(image, Pattern(effect, index), setting, folder / file.stem / f"{effect}-{index}")
-                rainy.append(ValidationPicture(f"{effect}-{grade}", rained, image))
-    return rainy
+                pattern = Pattern(effect, index)
+                rained = rain_on(pictures, pattern, setting, folder / file.stem / f"{effect}-{index}")
+                seen = np.stack([to_uint8(other) for other in rained[1:]]) if companions else others
+                found.append(ValidationPicture(f"{effect}-{grade}", rained[0], image, seen))
+    return found
 
 
-def rain_on(image: Image, pattern: Pattern, setting: SceneStatistics, folder: Path) -> Image:
-    """A photograph in a pattern of the benchmark."""
+def rain_on(images: Sequence[Image], pattern: Pattern, setting: SceneStatistics, folder: Path) -> list[Image]:
+    """A photograph, and others of its size that the same camera has taken, in a pattern of the benchmark."""
     effect, view = find_effect(pattern.effect), setting.views[0]
     rain = effect.place(effect.draw(pattern, setting), pattern, setting)
-    layers = fall(rain.prepare(view.camera, folder), image, view)
-    return effect.composite(rain.parameters, image, layers)
+    prepared = rain.prepare(view.camera, folder)
+    # What falls is new in every view; a lens stays as it is.
+    views = [replace(view, name=f"{view.name} {i}") if i and effect.falling else view for i in range(len(images))]
+    return [
+        effect.composite(rain.parameters, image, fall(prepared, image, seen))
+        for image, seen in zip(images, views, strict=True)
+    ]
 
 
-def scores(network: EnhancementNetwork, pictures: Sequence[ValidationPicture]) -> list[Score]:
-    """How the network does, a row a kind."""
+def scores(network: EnhancementNetwork, pictures: Sequence[ValidationPicture], companions: int = 0) -> list[Score]:
+    """How the network does with so many companions, a row a kind."""
     enhancer = Enhancer(network, {}, "being validated")
 
     def measure(picture: ValidationPicture) -> tuple[float, float, float]:
-        enhanced = enhance(picture.rainy, enhancer)
+        together = [to_uint8(picture.rainy), *picture.companions[:companions]]
+        (lens, *_) = statistics_of_capture(len(together), together.__getitem__)
+        enhanced = enhance(picture.rainy, enhancer, lens=lens)
         brightness = 255 * abs(float(enhanced.mean(dtype=np.float64) - picture.clean.mean(dtype=np.float64)))
         return float(psnr(picture.rainy, picture.clean)), float(psnr(enhanced, picture.clean)), brightness
 

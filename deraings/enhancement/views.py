@@ -1,7 +1,8 @@
-"""The training photographs with their rain taken out, each enhanced once and kept as a picture."""
+"""The training photographs with their rain taken out, as photographs of one lens, each kept as a picture."""
 
 import hashlib
 from collections.abc import Sequence
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +11,14 @@ from tqdm import tqdm
 from baselines.training.images import TrainingImages
 from baselines.training.torch_state import picture_threads
 from deraings.enhancement.enhance import enhance
+from deraings.enhancement.lens_statistics import LensStatistics, statistics_of_capture
 from deraings.enhancement.weights import Enhancer
 from hydroviews.cli.threads import side_by_side
 from hydroviews.scene.images import Image, read_image, write_png
 
 
 class EnhancedViews:
-    """The photographs enhanced, each when it is first asked for."""
+    """The photographs enhanced, each when it is first asked for, with what all of them say of their lens."""
 
     def __init__(
         self,
@@ -44,8 +46,16 @@ class EnhancedViews:
         path = self._kept / f"{self._names[index]}.png"
         if not path.is_file():
             photograph = self._images.pixels(index).astype(np.float32) / 255
-            write_png(path, enhance(photograph, self._enhancer, remove_mist=self.remove_mist))
+            lens = self._lenses[index]
+            write_png(path, enhance(photograph, self._enhancer, remove_mist=self.remove_mist, lens=lens))
         return path
+
+    @cached_property
+    def _lenses(self) -> list[LensStatistics | None]:
+        """What the photographs together say of the lens of each."""
+        if not self._enhancer.network.config.lens:
+            return [None] * len(self._images)
+        return statistics_of_capture(len(self._images), self._images.pixels, self._images.ignored)
 
     def image(self, index: int) -> Image:
         """One picture [H, W, 3].
@@ -57,7 +67,7 @@ class EnhancedViews:
 
     def files(self) -> list[Path]:
         """All pictures as PNG, in the order of the photographs, two at a time, showing progress."""
-        count = len(self._images)
+        count, _ = len(self._images), self._lenses  # before several threads ask for them
         with picture_threads():
             paths = side_by_side(self.file, range(count))
             return list(tqdm(paths, desc="enhancing", unit="view", total=count, leave=False))

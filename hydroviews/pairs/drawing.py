@@ -1,51 +1,39 @@
-"""Rain of all kinds and strengths for single photographs, drawn by the data set's own generator."""
+"""Rain of all kinds and strengths for single photographs and their companions behind the same lens.
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+Most of it is drawn by the data set's own generator, the rest by the recipes in `recipes`.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from tqdm import tqdm
 
-from hydroviews.pairs.photographs import LONG_SIDES, Bytes, Frame, frames
+from hydroviews.pairs import recipes
+from hydroviews.pairs.exposure import LINEAR
+from hydroviews.pairs.lens_pool import WetLens
+from hydroviews.pairs.photographs import Bytes
 from hydroviews.rain import light
-from hydroviews.rain.compositing import add_water
+from hydroviews.rain.compositing import water_over
 from hydroviews.rain.lens import pattern as drops_pattern
-from hydroviews.rain.lens.bake import bake_matte, moment_of
+from hydroviews.rain.lens.bake import moment_of
 from hydroviews.rain.lens.mist import mist_veil
-from hydroviews.rain.lens.path_matte import PathMatte
+from hydroviews.rain.lens.path_matte import PathMatte, defocus
 from hydroviews.rain.lens.pattern import RaindropPattern
 from hydroviews.rain.lens.severity import THICKEST_MIST
 from hydroviews.rain.scene_statistics import AIR, TINT
 from hydroviews.rain.streaks import recipe as streaks
 from hydroviews.rain.streaks.severity import BRIGHTEST, FEWEST, MOST
-from hydroviews.scene.cameras import Camera
-from hydroviews.scene.images import Image, to_linear, to_srgb
-from hydroviews.scene.seeds import generator
+from hydroviews.scene.images import Image, to_srgb
 
-FOCAL = 1.2  # focal length of a photograph in long sides: what a normal lens has
-LENSES = 10  # wet lenses baked for a frame; mist, photograph, flips and crops are new in every pair
-KINDS = {"streak": 0.35, "raindrop": 0.5, "both": 0.05, "clean": 0.1}  # shares of the pairs
+KINDS = {"streak": 0.25, "raindrop": 0.45, "both": 0.05, "lines": 0.08, "pane": 0.07, "clean": 0.1}  # shares of pairs
 BRIGHTER = 0.4  # share of the streaks brighter than the recipe's 0.8, as heavy grades have them
-DIMMEST = 0.35  # the darkest exposure that photographs are given, in linear light
-CAST = 0.1  # by how much the channels' exposures differ, at most
 NO_MIST = 0.15  # share of the wet lenses without mist
 OWN_MIST = 0.5  # share of the lenses with the mist of their pattern; others have another, for there to be more
-COARSER = 6  # times: mist for pictures of mist alone is drawn in so much smaller
+MIST_SIZES = ((80, 53), (53, 80))  # pixels, in which mist for pictures of mist alone is drawn
 SPARSE = 4  # every so many rows and columns are looked at for the light of the air
-LINEAR = to_linear(np.arange(256, dtype=np.float32) / 255)  # of 8-bit values
-
-
-@dataclass(frozen=True, eq=False)
-class WetLens:
-    """Drops baked for a frame, and the pattern they are of."""
-
-    pattern: RaindropPattern
-    frame: int  # key frame
-    matte: PathMatte
 
 
 class Pair(NamedTuple):
@@ -54,70 +42,54 @@ class Pair(NamedTuple):
     rainy: Image  # [H, W, 3]
     clean: Image  # [H, W, 3]
     cover: NDArray[np.float32]  # [H, W, 3], by streaks, drops and mist, [0, 1]; NaN where nobody knows
-    mist: NDArray[np.float32]  # [H, W, 4], V and V w, linear light; NaN where streaks lie over it as well
+    mist: NDArray[np.float32]  # [H, W, 4], V and V w, linear light; NaN where that does not say how it was put on
+    companions: NDArray[np.float32]  # [K, H / 2, W / 2, 3], other pictures of the capture, in the same rain
 
 
-Pool = dict[Frame, tuple[WetLens, ...]]
-
-
-def camera_of(frame: Frame) -> Camera:
-    """A camera for a photograph of which nothing but the size is known."""
-    focal = FOCAL * max(frame)
-    return Camera(*frame, focal, focal, frame[0] / 2, frame[1] / 2, np.eye(4))
-
-
-def bake_pool(folder: Path, seed: int, lenses: int = LENSES, sides: Sequence[int] = LONG_SIDES) -> Pool:
-    """Wet lenses of all grades, kept in `folder`; Blender bakes what is missing, 3 s each.
-
-    Args:
-        folder: where they are kept.
-        seed: of their patterns.
-        lenses: for every frame.
-        sides: the frames' long sides, pixels.
-
-    Raises:
-        InputError: Blender failed, or a kept file is damaged.
-    """
-    wanted = [(frame, index) for index in range(lenses) for frame in frames(sides)]
-    pool: dict[Frame, list[WetLens]] = {frame: [] for frame in frames(sides)}
-    for frame, index in tqdm(wanted, desc="wet lenses", unit="lens"):
-        pool[frame].append(bake_lens(folder, seed, frame, index))
-    return {frame: tuple(wet) for frame, wet in pool.items()}
-
-
-def bake_lens(folder: Path, seed: int, frame: Frame, index: int) -> WetLens:
-    """One wet lens: grades and key frames in turn.
-
-    Raises:
-        InputError: see `bake_pool`.
-    """
-    rng = generator(seed, "lens", *frame, index)
-    pattern = drops_pattern.draw_pattern(rng, index % len(drops_pattern.COVERAGE))
-    key_frame = index % pattern.key_frames
-    place = folder / f"{frame[0]}x{frame[1]}-{seed}-{index:03d}"
-    return WetLens(pattern, key_frame, bake_matte(pattern, camera_of(frame), place, key_frame))
-
-
-def draw_rain(photograph: Bytes, kind: str, lenses: Sequence[WetLens], rng: np.random.Generator) -> Pair:
-    """A photograph in rain, and clean.
+def draw_rain(
+    photograph: Bytes,
+    kind: str,
+    lenses: Sequence[WetLens],
+    rng: np.random.Generator,
+    companions: NDArray[np.uint8] | None = None,
+) -> Pair:
+    """A photograph in rain, and clean, and its companions in the same rain.
 
     Args:
         photograph: [H, W, 3], of a frame's size.
         kind: one of KINDS.
         lenses: baked for the frame, at least one.
         rng: of the pair.
+        companions: [K, H / 2, W / 2, 3], any number; none if not given.
     """
-    clean = photograph.astype(np.float32) / 255
-    rainy, cover, mist = clean, np.zeros_like(clean), np.zeros((*clean.shape[:2], 4), np.float32)
+    height, width = photograph.shape[:2]
+    companions = np.zeros((0, height // 2, width // 2, 3), np.uint8) if companions is None else companions
+    clean, seen = photograph.astype(np.float32) / 255, companions.astype(np.float32) / 255
+    rainy, cover, mist = clean, np.zeros_like(clean), np.zeros((height, width, 4), np.float32)
     if kind in ("raindrop", "both"):
-        rainy, cover[..., 1], mist = wet_lens(photograph, lenses[rng.integers(len(lenses))], rng)
+        rainy, cover[..., 1], mist, seen = wet_lens(photograph, lenses[rng.integers(len(lenses))], rng, companions)
         cover[..., 2] = mist[..., 0]
-    if kind in ("streak", "both"):
-        height, width = photograph.shape[:2]
-        pattern = draw_streaks(rng)
-        cover[..., 0] = streaks.streak_layer(pattern, width, height, rng)
-        rainy, mist = streaks.composite(rainy, cover[..., 0], pattern.brightness), np.full_like(mist, np.nan)
-    return Pair(rainy, clean, cover, mist)
+    if kind == "pane":
+        pane = recipes.draw_pane(rng, width, height, draw_level(rng))
+        rainy, seen, mist = pane.over(clean), each(pane.half().over, seen), pane.mist()
+        cover[..., 1], cover[..., 2] = pane.drops, pane.veil
+    if kind in ("streak", "both", "lines"):
+        fall = recipes.draw_lines(rng, width, height) if kind == "lines" else own_streaks(rng, width, height)
+        cover[..., 0], mist = fall.layers[0], np.full_like(mist, np.nan)
+        rainy, seen = fall.over(rainy, fall.layers[0]), fall.over_all(seen, rng)
+    return Pair(rainy, clean, cover, mist, seen)
+
+
+def each(change: Callable[[Image], Image], pictures: NDArray[np.float32]) -> NDArray[np.float32]:
+    """All pictures [K, H, W, 3] changed."""
+    return np.stack([change(picture) for picture in pictures]) if len(pictures) else pictures
+
+
+def own_streaks(rng: np.random.Generator, width: int, height: int) -> recipes.Fall:
+    """The data set's streaks, of any grade."""
+    pattern = draw_streaks(rng)
+    layers = [streaks.streak_layer(pattern, width, height, rng) for _ in range(recipes.FALLING)]
+    return recipes.Fall(np.stack(layers), lambda picture, layer: streaks.composite(picture, layer, pattern.brightness))
 
 
 def draw_streaks(rng: np.random.Generator) -> streaks.StreakPattern:
@@ -137,29 +109,42 @@ def draw_mist(lens: WetLens, rng: np.random.Generator) -> RaindropPattern:
     return replace(pattern, seed=int(rng.integers(2**31)), rivulets=0)
 
 
-def draw_exposure(rng: np.random.Generator) -> NDArray[np.float32]:
-    """Factors on linear light [3] that make of a photograph a shorter exposure in other light."""
-    return np.asarray(rng.uniform(DIMMEST, 1) * rng.uniform(1 - CAST, 1, 3), np.float32)
-
-
 def draw_level(rng: np.random.Generator) -> float:
     """How thick mist is at most, sometimes none."""
     return 0.0 if rng.uniform() < NO_MIST else THICKEST_MIST * float(rng.uniform()) ** 2
 
 
 def wet_lens(
-    photograph: Bytes, lens: WetLens, rng: np.random.Generator
-) -> tuple[Image, NDArray[np.float32], NDArray[np.float32]]:
-    """A photograph [H, W, 3] seen through drops and mist, its cover by drops [H, W], and the mist as in `Pair`."""
+    photograph: Bytes, lens: WetLens, rng: np.random.Generator, companions: NDArray[np.uint8]
+) -> tuple[Image, NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    """A photograph [H, W, 3] and its companions seen through drops and mist.
+
+    Returns:
+        The photograph, its cover by drops [H, W], the mist as in `Pair`, the companions.
+    """
     height, width = photograph.shape[:2]
-    pattern, mask = draw_mist(lens, rng), lens.matte.mask
-    linear = LINEAR[photograph]
+    pattern, mask, linear = draw_mist(lens, rng), lens.matte.mask, LINEAR[photograph]
     air = air_light(linear) * np.array(pattern.air, np.float32)
     mist = mist_veil(pattern, width, height, moment_of(pattern, lens.frame))
     radiance = lens.matte.apply(light.expand_highlights(linear)) + ((1 - mask) * mist)[..., None] * air
     layers = {"M": mask, "V": mist, **{channel: radiance[..., i] for i, channel in enumerate("RGB")}}
-    rainy = add_water(photograph.astype(np.float32) / 255, layers)
-    return rainy, mask, with_light(mist, air)
+    seen = all_behind(LINEAR[companions], lens.half, recipes.halved(mist), air) if len(companions) else companions
+    return to_srgb(water_over(linear, layers)), mask, with_light(mist, air), seen.astype(np.float32)
+
+
+def all_behind(
+    linear: NDArray[np.float32], matte: PathMatte, mist: NDArray[np.float32], air: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Pictures [K, H, W, 3] of linear light behind drops and mist, sRGB-encoded, all at once: that is faster."""
+    count, height, width, _ = linear.shape
+    columns = np.ascontiguousarray(linear.transpose(1, 2, 0, 3)).reshape(height * width, 3 * count)
+    through = np.zeros_like(columns)
+    through[matte.pixels] = matte.paths @ columns
+    shown = defocus(through.reshape(height, width, 3 * count), matte.disk)
+    shown += matte.ambient[..., None] * columns.mean(axis=0)
+    dry = (1 - matte.mask)[..., None, None]
+    scene = columns.reshape(height, width, count, 3) * (1 - mist)[..., None, None] + mist[..., None, None] * air
+    return to_srgb((dry * scene + shown.reshape(scene.shape)).transpose(2, 0, 1, 3))
 
 
 def with_light(mist: NDArray[np.float32], air: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -167,18 +152,30 @@ def with_light(mist: NDArray[np.float32], air: NDArray[np.float32]) -> NDArray[n
     return mist[..., None] * np.append(np.float32(1), air)
 
 
-def draw_mist_alone(photograph: Bytes, rng: np.random.Generator, side: int) -> tuple[Image, Image, NDArray[np.float32]]:
-    """A photograph [H, W, 3], exposed anyhow, in mist alone or none, clean, and its mist as in `Pair`.
+def draw_mist_alone(
+    photographs: NDArray[np.uint8], rng: np.random.Generator
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    """Photographs [K, S, S, 3] of a capture in the same mist alone, or in none.
 
-    All are squeezed to [side, side] pixels, which costs little.
+    Returns:
+        Rainy, clean, and the mist [S, S, 4] as in `Pair`.
     """
-    height, width = (round(length / COARSER) for length in photograph.shape[:2])
+    side = photographs.shape[1]
+    if rng.uniform() < OWN_MIST:
+        pane = own_mist(LINEAR[photographs[0]], rng, side)
+    else:
+        pane = recipes.draw_mist(rng, side, side, draw_level(rng))
+    clean = photographs.astype(np.float32) / 255
+    return each(pane.over, clean), clean, pane.mist()
+
+
+def own_mist(linear: NDArray[np.float32], rng: np.random.Generator, side: int) -> recipes.Pane:
+    """The data set's mist, drawn small for a photograph [S, S, 3] of linear light."""
     pattern = replace(drops_pattern.draw_pattern(rng), mist=draw_level(rng))
     pattern = pattern if rng.uniform() < OWN_MIST else replace(pattern, rivulets=0)
-    linear = LINEAR[cv2.resize(photograph, (side, side), interpolation=cv2.INTER_AREA)] * draw_exposure(rng)
-    share = np.asarray(cv2.resize(mist_veil(pattern, width, height, float(rng.uniform())), (side, side)), np.float32)
-    mist = with_light(share, air_light(linear) * np.array(pattern.air, np.float32))
-    return to_srgb((1 - mist[..., :1]) * linear + mist[..., 1:]), to_srgb(linear), mist
+    shape = MIST_SIZES[int(rng.integers(len(MIST_SIZES)))]
+    share = np.asarray(cv2.resize(mist_veil(pattern, *shape, float(rng.uniform())), (side, side)), np.float32)
+    return recipes.Pane(share, air_light(linear) * np.array(pattern.air, np.float32))
 
 
 def air_light(linear: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -69,22 +69,24 @@ def fit_frame(image: Image, frame: Frame) -> Image:
 
 
 def read_photographs(files: Sequence[Path], sides: Sequence[int] = LONG_SIDES) -> list[dict[int, Bytes]]:
-    """Every photograph in its frames of these long sides, by long side, rounded to 8 bits.
+    """Every photograph in its frames of those long sides that it is large enough for, by long side, in 8 bits.
 
     Raises:
-        InputError: a file is no picture, or smaller than the largest frame.
+        InputError: a file is no picture, or smaller than the smallest frame.
     """
     photographs = []
     for file in tqdm(files, desc="photographs", unit="picture", leave=False):
-        width, height = image_size(file)
-        largest = frame_of(width, height, max(sides))
-        if width < largest[0] or height < largest[1]:
+        size = image_size(file)
+        wanted = {side: frame_of(*size, side) for side in sides}
+        fitting = {side: frame for side, frame in wanted.items() if size[0] >= frame[0] and size[1] >= frame[1]}
+        if not fitting:
+            smallest = min(wanted.values())
             raise InputError(
                 f"{file}: too small to draw rain on",
-                found=f"{width}x{height}",
-                expected=f"at least {largest[0]}x{largest[1]}",
+                found=f"{size[0]}x{size[1]}",
+                expected=f"at least {smallest[0]}x{smallest[1]}",
                 fix="take it out of the folder",
             )
         image = read_image(file)
-        photographs.append({side: to_uint8(fit_frame(image, frame_of(width, height, side))) for side in sides})
+        photographs.append({side: to_uint8(fit_frame(image, frame)) for side, frame in fitting.items()})
     return photographs

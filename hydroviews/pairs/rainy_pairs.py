@@ -5,45 +5,61 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.pairs.drawing import KINDS, LINEAR, Pair, Pool, draw_exposure, draw_mist_alone, draw_rain
+from hydroviews.pairs.captures import SOURCES, Capture
+from hydroviews.pairs.drawing import KINDS, Pair, draw_mist_alone, draw_rain
+from hydroviews.pairs.exposure import draw_exposure, exposed
+from hydroviews.pairs.lens_pool import Pool
 from hydroviews.pairs.photographs import Bytes, Frame
-from hydroviews.scene.images import Image, to_srgb
 
 
 class DrawnRain:
     """A source of pairs without end; all chance comes from the generators that are handed in."""
 
-    def __init__(self, photographs: Sequence[dict[int, Bytes]], pool: Pool, kinds: Mapping[str, float] = KINDS) -> None:
+    def __init__(
+        self,
+        photographs: Sequence[dict[int, Bytes]],
+        pool: Pool,
+        kinds: Mapping[str, float] = KINDS,
+        companions: Sequence[int] = (0,),
+    ) -> None:
         """Of photographs.
 
         Args:
             photographs: from `read_photographs`.
             pool: wet lenses for their frames.
             kinds: shares of the kinds of rain, which add up to 1.
+            companions: how many other pictures of a capture come with one, any of these numbers.
         """
-        self._photographs, self._pool, self._kinds = photographs, pool, kinds
+        self._photographs, self._pool, self._kinds, self._companions = photographs, pool, kinds, companions
+
+    def companions(self, rng: np.random.Generator) -> int:
+        """How many other pictures come with one."""
+        return int(rng.choice(self._companions))
 
     def pair(self, rng: np.random.Generator) -> Pair:
-        """A whole picture in rain, and clean."""
-        photograph = exposed(self._photograph(rng), rng)
+        """A whole picture in rain, and clean, with others of an imitated capture."""
+        sides = self._photographs[rng.integers(len(self._photographs))]
+        capture = self._capture(sides, rng)
+        photograph = sides[int(rng.choice(list(sides)))]
+        photograph = exposed(photograph[:, ::-1] if capture.mirrored else photograph, capture.exposure)
         height, width = photograph.shape[:2]
         kind = str(rng.choice(list(self._kinds), p=list(self._kinds.values())))
         frame: Frame = (width, height)
-        return draw_rain(photograph, kind, self._pool[frame], rng)
+        companions = capture.pictures(self.companions(rng), frame, (width // 2, height // 2), rng)
+        return draw_rain(photograph, kind, self._pool[frame], rng, companions)
 
-    def misted(self, rng: np.random.Generator, side: int) -> tuple[Image, Image, NDArray[np.float32]]:
-        """A whole picture squeezed to [side, side] pixels in mist alone, clean, and its mist: see `draw_mist_alone`."""
-        return draw_mist_alone(self._photograph(rng), rng, side)
-
-    def _photograph(self, rng: np.random.Generator) -> Bytes:
-        """Any of them, mirrored or not."""
+    def misted(
+        self, rng: np.random.Generator, side: int, count: int
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+        """So many pictures of a capture, squeezed to [side, side] pixels, in mist alone: see `draw_mist_alone`."""
         sides = self._photographs[rng.integers(len(self._photographs))]
-        photograph = sides[int(rng.choice(list(sides)))]
-        return photograph[:, ::-1] if rng.uniform() < 0.5 else photograph
+        height, width = next(iter(sides.values())).shape[:2]
+        pictures = self._capture(sides, rng).pictures(count, (width, height), (side, side), rng)
+        return draw_mist_alone(pictures, rng)
 
-
-def exposed(photograph: Bytes, rng: np.random.Generator) -> Bytes:
-    """The photograph [H, W, 3] as a shorter exposure in other light, so that dark scenes are learned too."""
-    gains = draw_exposure(rng)
-    table = np.stack([np.rint(255 * to_srgb(LINEAR * gain)) for gain in gains], axis=1).astype(np.uint8)
-    return np.stack([table[photograph[..., channel], channel] for channel in range(3)], axis=-1)
+    def _capture(self, sides: dict[int, Bytes], rng: np.random.Generator) -> Capture:
+        """Of this photograph, and of others for the most part."""
+        others = rng.integers(len(self._photographs), size=int(rng.choice(SOURCES)) - 1)
+        sources = [sides, *(self._photographs[other] for other in others)]
+        largest = [source[max(source)] for source in sources]
+        return Capture(largest, bool(rng.uniform() < 0.5), draw_exposure(rng))

@@ -81,7 +81,7 @@ def test_mist_is_not_taken_off_where_it_is_foggy(scene, weights, tmp_path, monke
     asked = []
     monkeypatch.setattr(mist_or_fog, "shows_fog", lambda images, points: asked.append(points()) or foggy)
 
-    def enhance(image, enhancer, remove_mist):
+    def enhance(image, enhancer, remove_mist, lens):
         return image * np.float32(0.5 + 0.5 * remove_mist)
 
     monkeypatch.setattr(enhanced_views, "enhance", enhance)

@@ -4,4 +4,14 @@ from dataclasses import replace
 
 from deraings.enhancement.network import SMALL
 
-TINY = replace(SMALL, width=8, encoder=(1, 1, 1, 1), bottleneck=1, decoder=(1, 1, 1, 1), head_width=8, mist=8)
+TINY = replace(
+    SMALL,
+    width=8,
+    encoder=(1, 1, 1, 1),
+    bottleneck=1,
+    decoder=(1, 1, 1, 1),
+    head_width=8,
+    mist=8,
+    lens_mist=True,
+    lens_fine=True,
+)

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.sparse import csr_array
 
-from hydroviews.pairs.drawing import WetLens
+from hydroviews.pairs.lens_pool import WetLens
 from hydroviews.rain.lens.path_matte import PathMatte, dry
 from hydroviews.rain.lens.pattern import draw_pattern
 

@@ -21,7 +21,7 @@ from baselines.training.validation import as_json
 from hydroviews.cli.commands import run_command
 from hydroviews.files.atomic import write_json
 from hydroviews.formats.photographs import one_by_one
-from hydroviews.pairs.drawing import LENSES
+from hydroviews.pairs.lens_pool import LENSES
 from hydroviews.pairs.photographs import read_photographs, split_photographs
 from hydroviews.pairs.rainy_pairs import DrawnRain
 from hydroviews.scene.images import read_image, write_png

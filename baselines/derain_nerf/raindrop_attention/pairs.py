@@ -14,7 +14,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from hydroviews.pairs.drawing import Pair, Pool, WetLens, bake_lens, bake_pool, draw_rain
+from hydroviews.pairs.drawing import Pair, draw_rain
+from hydroviews.pairs.lens_pool import Pool, WetLens, bake_lens, bake_pool
 from hydroviews.pairs.photographs import Bytes, Frame, frames
 from hydroviews.pairs.rainy_pairs import DrawnRain
 from hydroviews.rain.lens.path_matte import dry
@@ -107,6 +108,6 @@ def validation_set(photographs: list[dict[int, Bytes]], folder: Path, seed: int)
         wet = {f"drops-{name}": lens for name, lens in zip(GRADES, pool[frame], strict=True)}
         for kind, lens in {**wet, "mist": without_drops(pool[frame][-1]), "clean": pool[frame][0]}.items():
             drawn_as = "clean" if kind == "clean" else "raindrop"
-            rainy, clean, cover, _ = draw_rain(photograph, drawn_as, [lens], generator(seed, "watched", number, kind))
+            rainy, clean, cover, *_ = draw_rain(photograph, drawn_as, [lens], generator(seed, "watched", number, kind))
             pictures.append(ValidationPicture(kind, rainy, clean, cover[..., DROPS]))
     return pictures

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 from tiny_network import TINY
 
 from baselines.training.validation import as_json
@@ -20,6 +21,8 @@ from deraings.enhancement.validation import ValidationPicture, as_columns, score
 from deraings.enhancement.weights import save_network
 from hydroviews.errors import InputError
 from hydroviews.scene.images import read_image, write_png
+
+ALONE = np.zeros((0, 32, 32, 3), np.uint8)  # companions
 
 
 def pictures(folder, count: int = 2):
@@ -49,9 +52,22 @@ def test_a_folder_of_pictures_is_enhanced(tmp_path, weights, capsys):
 def test_fog_can_be_kept(tmp_path, weights, monkeypatch, keep_fog):
     pictures(tmp_path / "in")
     asked = []
-    monkeypatch.setattr(commands, "enhance", lambda image, enhancer, remove_mist: asked.append(remove_mist) or image)
+    monkeypatch.setattr(
+        commands, "enhance", lambda image, enhancer, remove_mist, lens: asked.append(remove_mist) or image
+    )
     enhance_command(tmp_path / "in", tmp_path / "out", str(weights), keep_fog=keep_fog)
     assert asked == [not keep_fog] * 2
+
+
+@pytest.mark.parametrize(("apart", "known"), [(False, True), (True, False)])
+def test_pictures_of_a_folder_are_looked_at_together_unless_they_are_apart(
+    tmp_path, weights, monkeypatch, apart, known
+):
+    pictures(tmp_path / "in")
+    asked = []
+    monkeypatch.setattr(commands, "enhance", lambda image, enhancer, remove_mist, lens: asked.append(lens) or image)
+    enhance_command(tmp_path / "in", tmp_path / "out", str(weights), apart=apart)
+    assert [lens is not None for lens in asked] == [known] * 2
 
 
 def test_no_picture_is_lost_when_others_are_enhanced(tmp_path, weights):
@@ -76,12 +92,12 @@ def test_describe_counts(capsys):
 def test_nothing_is_exported_where_nothing_was_trained(tmp_path):
     pictures(tmp_path / "photographs")
     with pytest.raises(InputError, match="nothing has been trained"):
-        export_command(TrainingRequest(Data(tmp_path / "photographs"), out=tmp_path / "empty"))
+        export_command(TrainingRequest(Data((tmp_path / "photographs",)), out=tmp_path / "empty"))
 
 
 def test_what_a_training_begins_with_stands_in_its_data(tmp_path, weights):
     pictures(tmp_path / "photographs")
-    data, config = Data(tmp_path / "photographs"), TrainingConfig(network=TINY)
+    data, config = Data((tmp_path / "photographs",)), TrainingConfig(network=TINY)
     assert "begun" not in described(data, started_from(data, config))
     data = replace(data, start=str(weights))
     begun = described(data, started_from(data, config))
@@ -92,13 +108,13 @@ def test_what_a_training_begins_with_stands_in_its_data(tmp_path, weights):
 
 def test_sizes_and_lenses_stand_in_the_data(tmp_path):
     pictures(tmp_path / "photographs")
-    data = Data(tmp_path / "photographs", sides=(480, 288), lenses=7)
+    data = Data((tmp_path / "photographs",), sides=(480, 288), lenses=7)
     assert "480 or 288 pixels wide or high; 7 wet lenses a frame" in described(data, None)
 
 
 def test_other_photographs_and_pairs_are_other_data(tmp_path):
     pictures(tmp_path / "photographs")
-    data = Data(tmp_path / "photographs", pairs=(tmp_path / "pairs",))
+    data = Data((tmp_path / "photographs",), pairs=(tmp_path / "pairs",))
     for folder in ("input", "target"):
         pictures(tmp_path / "pairs" / folder)
     before = described(data, None)
@@ -114,18 +130,18 @@ def test_other_photographs_and_pairs_are_other_data(tmp_path):
 @pytest.mark.parametrize("wrong", [{"sides": ()}, {"lenses": 0}])
 def test_there_has_to_be_a_size_and_a_lens(tmp_path, wrong):
     with pytest.raises(InputError, match="nothing to learn from"):
-        Data(tmp_path, **wrong)
+        Data((tmp_path,), **wrong)
 
 
 def test_parts_have_to_fit_into_the_smallest_frame(tmp_path):
     pictures(tmp_path / "photographs")
     with pytest.raises(InputError, match="cannot cut parts of 192x192 pixels"):
-        train_command(TrainingRequest(Data(tmp_path / "photographs", sides=(384, 240)), out=tmp_path / "out"))
+        train_command(TrainingRequest(Data((tmp_path / "photographs",), sides=(384, 240)), out=tmp_path / "out"))
     assert not (tmp_path / "out").exists()
 
 
 def test_a_training_begins_only_with_its_own_kind_of_network(tmp_path, weights):
-    data = Data(tmp_path, start=str(weights))
+    data = Data((tmp_path,), start=str(weights))
     start = started_from(data, TrainingConfig(network=TINY))
     assert start
     assert start.network.config == TINY
@@ -137,7 +153,8 @@ def test_scores_are_means_by_kind():
     clean = np.full((32, 32, 3), 0.5, np.float32)
     network = EnhancementNetwork(TINY).requires_grad_(False)
     rows = scores(
-        network, [ValidationPicture("mist", clean + 0.1, clean), ValidationPicture("mist", clean + 0.01, clean)]
+        network,
+        [ValidationPicture("mist", clean + 0.1, clean, ALONE), ValidationPicture("mist", clean + 0.01, clean, ALONE)],
     )
     assert [row.kind for row in rows] == ["mist"]
     assert (rows[0].before, rows[0].after) == (pytest.approx(30, abs=1e-3), pytest.approx(30, abs=1e-3))
@@ -147,8 +164,19 @@ def test_scores_are_means_by_kind():
     assert "14.03/255" in table(rows)
 
 
+def test_scores_with_companions_are_of_a_network_that_knows_them():
+    clean, others = np.full((32, 32, 3), 0.5, np.float32), np.full((3, 32, 32, 3), 100, np.uint8)
+    network = EnhancementNetwork(TINY).requires_grad_(False)
+    torch.nn.init.ones_(network.lens_fine[-1].weight)
+    torch.nn.init.normal_(network.head[0].weight, std=0.1)
+    picture = [ValidationPicture("mist", clean + 0.1, clean, others)]
+    after = [scores(network, picture, count)[0].after for count in (0, 1, 3)]
+    assert after[0] == scores(network, picture)[0].after
+    assert len(set(after)) == 3
+
+
 def test_clean_pictures_that_stay_the_same_have_no_number():
     clean = np.full((32, 32, 3), 0.5, np.float32)
-    rows = scores(EnhancementNetwork(TINY).requires_grad_(False), [ValidationPicture("clean", clean, clean)])
+    rows = scores(EnhancementNetwork(TINY).requires_grad_(False), [ValidationPicture("clean", clean, clean, ALONE)])
     assert as_json(rows, decimals=3)[0]["before"] is None
     assert "the same" in table(rows)

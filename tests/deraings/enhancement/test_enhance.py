@@ -61,10 +61,10 @@ class Mean(torch.nn.Module):
 
     multiple = 1
 
-    def remove_mist(self, batch):
+    def remove_mist(self, batch, coarse):
         return batch
 
-    def refine(self, batch):
+    def refine(self, batch, fine):
         return batch.mean().expand_as(batch)
 
 

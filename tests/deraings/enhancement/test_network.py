@@ -54,7 +54,7 @@ def test_multiply_adds_grow_with_the_picture_and_are_those_of_the_stem():
     small, large = measure(TINY, 64, 32), measure(TINY, 128, 32)
     taken = 3 * TINY.stem**2
     assert small["stem"].operations == (64 * 32 // TINY.stem**2) * taken * TINY.width * 9
-    parts = [name for name in small if name != "mist"]  # which always looks at as many cells
+    parts = [name for name in small if "mist" not in name]  # which always looks at as many cells
     assert all(large[name].operations >= 1.9 * small[name].operations for name in parts)
     assert "multiply-adds" in describe(CONFIGS["small"], 400, 300)
 

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+import torch
 from wet import HEIGHT, WIDTH, lens, photograph
 
 from baselines.training.supervised_training import draw_ahead
@@ -7,7 +8,8 @@ from deraings.enhancement.pair_folders import PairFolder, find_pairs
 from deraings.enhancement.pairs import MISTED, Batches, Pairs
 from deraings.enhancement.validation import rain_on, setting_of
 from hydroviews.errors import InputError
-from hydroviews.pairs.drawing import Pair, camera_of
+from hydroviews.pairs.drawing import Pair
+from hydroviews.pairs.lens_pool import camera_of
 from hydroviews.pairs.rainy_pairs import DrawnRain
 from hydroviews.rain.patterns import Pattern
 from hydroviews.scene.images import write_png
@@ -38,7 +40,8 @@ class Ramp(DrawnRain):
     def pair(self, rng):
         rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH].astype(np.float32)
         picture = np.stack([(rows + 0.5) / HEIGHT, (columns + 0.5) / WIDTH, np.ones_like(rows)], axis=-1)
-        return Pair(picture, picture, picture, np.zeros((HEIGHT, WIDTH, 4), np.float32))
+        halves = picture.reshape(HEIGHT // 2, 2, WIDTH // 2, 2, 3).mean((1, 3))
+        return Pair(picture, picture, picture, np.zeros((HEIGHT, WIDTH, 4), np.float32), halves[None])
 
 
 def test_a_part_is_where_its_box_says():
@@ -52,6 +55,9 @@ def test_a_part_is_where_its_box_says():
         middle = float(sample.rainy[1].mean())
         assert (1 - middle if is_mirrored else middle) == pytest.approx((left + right) / 2, abs=1e-5)
         assert bool(sample.whole_rainy[0, 1, 0, 0] > sample.whole_rainy[0, 1, 0, -1]) == is_mirrored
+        halves = torch.nn.functional.avg_pool2d(sample.rainy, 2)
+        assert torch.allclose(sample.fine[:3], halves, atol=1e-5)  # the means of a picture and another like it
+        assert bool(sample.coarse[0, 1, 0, 0] > sample.coarse[0, 1, 0, -1]) == is_mirrored
         mirrored += is_mirrored
     assert 0 < mirrored < 20
 
@@ -82,7 +88,8 @@ def test_published_pairs_that_do_not_fit_are_refused(tmp_path):
         find_pairs(tmp_path)
     (tmp_path / "input/b.png").unlink()
     write_png(tmp_path / "target/a.png", photograph(0))
-    rainy, clean, cover, mist = PairFolder(tmp_path, 32).pair(generator(0))
+    rainy, clean, cover, mist, companions = PairFolder(tmp_path, 32).pair(generator(0))
+    assert companions.shape == (0, HEIGHT // 2, WIDTH // 2, 3)
     assert rainy.shape == cover.shape == (HEIGHT, WIDTH, 3)
     assert np.isnan(cover).all()
     assert np.isnan(mist).all()
@@ -98,5 +105,7 @@ def test_graded_streaks_get_harder_with_the_grade(tmp_path):
     image = photograph(0, 256, 384).astype(np.float32) / 255
     setting = setting_of(tmp_path / "a.png", image, 0)
     assert setting.views[0].camera.width == camera_of((384, 256)).width == 384
-    harm = [float(np.mean((rain_on(image, Pattern("streak", i), setting, tmp_path) - image) ** 2)) for i in range(3)]
+    rainy = [rain_on([image, image], Pattern("streak", i), setting, tmp_path) for i in range(3)]
+    harm = [float(np.mean((first - image) ** 2)) for first, _ in rainy]
+    assert all(np.abs(first - second).max() > 0.1 for first, second in rainy)  # other streaks
     assert harm[0] < harm[1] < harm[2]

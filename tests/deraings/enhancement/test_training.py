@@ -11,6 +11,7 @@ from baselines.training.checkpoints import CHECKPOINT
 from baselines.training.network_commands import rounded
 from baselines.training.supervised_training import CURVE, Intervals, rate_at
 from deraings.enhancement.config import TrainingConfig
+from deraings.enhancement.lens_statistics import COARSE, FINE
 from deraings.enhancement.loss import cover_loss, enhancement_loss
 from deraings.enhancement.pairs import Pairs, Sample
 from deraings.enhancement.training import EnhancementTraining, train
@@ -31,7 +32,8 @@ class Brighter(DrawnRain):
 
     def pair(self, rng):
         clean = rng.uniform(0, 0.8, (48, 40, 3)).astype(np.float32)
-        return Pair(clean + np.float32(0.2), clean, np.full_like(clean, 0.25), np.full((48, 40, 4), np.nan, np.float32))
+        unknown, others = np.full((48, 40, 4), np.nan, np.float32), clean[None, ::2, ::2] + np.float32(0.2)
+        return Pair(clean + np.float32(0.2), clean, np.full_like(clean, 0.25), unknown, others)
 
 
 class Interrupting(Brighter):
@@ -189,7 +191,8 @@ def test_the_network_finds_the_cover_and_says_nothing_of_what_nobody_knows(tmp_p
     unknown = EnhancementTraining(CONFIG)
     part, whole, box = torch.rand(1, 3, 32, 32), torch.rand(1, 2, 3, 128, 128), torch.tensor([[0.0, 1.0, 0.0, 1.0]])
     mist = torch.full((1, 2, 4, 128, 128), torch.nan)
-    unknown.learn(Sample(part, part, torch.full_like(part, torch.nan), box, whole, whole, mist))
+    coarse, fine = torch.zeros(1, 2, COARSE, 16, 16), torch.zeros(1, FINE, 16, 16)
+    unknown.learn(Sample(part, part, torch.full_like(part, torch.nan), box, whole, whole, mist, coarse, fine))
     assert all(torch.isfinite(p).all() for p in unknown.network.parameters())
     assert not unknown.network.alpha[0].bias.any()
 
@@ -200,7 +203,9 @@ def test_a_gradient_that_is_not_finite_changes_no_weights():
     part, whole, box = torch.rand(1, 3, 32, 32), torch.rand(1, 2, 3, 128, 128), torch.tensor([[0.0, 1.0, 0.0, 1.0]])
     mist = torch.full((1, 2, 4, 128, 128), torch.nan)
     with pytest.raises(FloatingPointError, match="network's gradient of iteration 0 is not finite: loss"):
-        training.learn(Sample(part * torch.inf, part, torch.full_like(part, torch.nan), box, whole, whole, mist))
+        coarse, fine = torch.zeros(1, 2, COARSE, 16, 16), torch.zeros(1, FINE, 16, 16)
+        cover = torch.full_like(part, torch.nan)
+        training.learn(Sample(part * torch.inf, part, cover, box, whole, whole, mist, coarse, fine))
     assert all(torch.equal(a, b) for a, b in zip(before, training.network.parameters(), strict=True))
 
 

@@ -10,7 +10,8 @@ from baselines.derain_nerf.raindrop_attention.config import SMALL_GENERATOR
 from baselines.derain_nerf.raindrop_attention.detection import detect
 from baselines.derain_nerf.raindrop_attention.validation import average_precision
 from baselines.derain_nerf.raindrop_attention.weights import DEFAULT, SHIPPED, load_detector
-from hydroviews.pairs.drawing import bake_lens, draw_rain
+from hydroviews.pairs.drawing import draw_rain
+from hydroviews.pairs.lens_pool import bake_lens
 from hydroviews.scene.images import resize_area, to_uint8
 from hydroviews.scene.seeds import generator
 
@@ -40,7 +41,7 @@ def test_a_clean_photograph_has_few_drops(photograph):
 @pytest.mark.blender
 def test_drops_are_found(photograph, tmp_path):
     lens = bake_lens(tmp_path, 77, FRAME, 1)
-    rainy, _, cover, _ = draw_rain(photograph, "raindrop", [lens], generator(77))
+    rainy, _, cover, *_ = draw_rain(photograph, "raindrop", [lens], generator(77))
     found = detect(rainy, load_detector().generator)
     drops = cover[..., 1] > 0.5
     precision = average_precision(found.attention.ravel(), drops.ravel())

@@ -1,0 +1,75 @@
+"""Wet lenses that Blender bakes once, for all photographs of a size to be seen through."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from hydroviews.pairs.photographs import LONG_SIDES, Frame, frames
+from hydroviews.rain.lens import pattern as drops_pattern
+from hydroviews.rain.lens.bake import bake_matte
+from hydroviews.rain.lens.path_matte import PathMatte, halved
+from hydroviews.rain.lens.pattern import RaindropPattern
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.seeds import generator
+
+FOCAL = 1.2  # focal length of a photograph in long sides: what a normal lens has
+LENSES = 10  # wet lenses baked for a frame; mist, photograph, flips and crops are new in every pair
+
+
+@dataclass(frozen=True, eq=False)
+class WetLens:
+    """Drops baked for a frame, and the pattern they are of."""
+
+    pattern: RaindropPattern
+    frame: int  # key frame
+    matte: PathMatte
+
+    @cached_property
+    def half(self) -> PathMatte:
+        """For companions, which are half as wide and high."""
+        return halved(self.matte)
+
+
+Pool = dict[Frame, tuple[WetLens, ...]]
+
+
+def camera_of(frame: Frame) -> Camera:
+    """A camera for a photograph of which nothing but the size is known."""
+    focal = FOCAL * max(frame)
+    return Camera(*frame, focal, focal, frame[0] / 2, frame[1] / 2, np.eye(4))
+
+
+def bake_pool(folder: Path, seed: int, lenses: int = LENSES, sides: Sequence[int] = LONG_SIDES) -> Pool:
+    """Wet lenses of all grades, kept in `folder`; Blender bakes what is missing, 3 s each.
+
+    Args:
+        folder: where they are kept.
+        seed: of their patterns.
+        lenses: for every frame.
+        sides: the frames' long sides, pixels.
+
+    Raises:
+        InputError: Blender failed, or a kept file is damaged.
+    """
+    wanted = [(frame, index) for index in range(lenses) for frame in frames(sides)]
+    pool: dict[Frame, list[WetLens]] = {frame: [] for frame in frames(sides)}
+    for frame, index in tqdm(wanted, desc="wet lenses", unit="lens"):
+        pool[frame].append(bake_lens(folder, seed, frame, index))
+    return {frame: tuple(wet) for frame, wet in pool.items()}
+
+
+def bake_lens(folder: Path, seed: int, frame: Frame, index: int) -> WetLens:
+    """One wet lens: grades and key frames in turn.
+
+    Raises:
+        InputError: see `bake_pool`.
+    """
+    rng = generator(seed, "lens", *frame, index)
+    pattern = drops_pattern.draw_pattern(rng, index % len(drops_pattern.COVERAGE))
+    key_frame = index % pattern.key_frames
+    place = folder / f"{frame[0]}x{frame[1]}-{seed}-{index:03d}"
+    return WetLens(pattern, key_frame, bake_matte(pattern, camera_of(frame), place, key_frame))

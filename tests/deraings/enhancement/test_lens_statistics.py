@@ -1,0 +1,188 @@
+"""What photographs say of their lens, and that a network that has not learned to listen is not changed by it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from tiny_network import TINY
+
+from baselines.training.images import TrainingImages
+from deraings.enhancement.config import TrainingConfig
+from deraings.enhancement.data import Data, started_from
+from deraings.enhancement.enhance import enhance
+from deraings.enhancement.lens_statistics import (
+    COARSE,
+    FINE,
+    LONGEST_RUN,
+    coarse_statistics,
+    fine_statistics,
+    halved,
+    lens_statistics,
+    statistics_of_capture,
+)
+from deraings.enhancement.network import EnhancementNetwork
+from deraings.enhancement.training import EnhancementTraining
+from deraings.enhancement.views import EnhancedViews
+from deraings.enhancement.weights import Enhancer, load_enhancer, save_network
+from hydroviews.errors import InputError
+
+
+def capture(count: int, height: int = 40, width: int = 52, seed: int = 0) -> list[np.ndarray]:
+    rng = np.random.default_rng(seed)
+    return [rng.integers(0, 256, (height, width, 3)).astype(np.uint8) for _ in range(count)]
+
+
+def planes(photographs) -> torch.Tensor:
+    return torch.from_numpy(np.stack(photographs)).permute(0, 3, 1, 2).float() / 255
+
+
+def test_fine_statistics_are_those_of_places():
+    pictures = torch.rand(9, 3, 12, 16, generator=torch.Generator().manual_seed(0))
+    found = fine_statistics(pictures)
+    light = 0.299 * pictures[:, 0] + 0.587 * pictures[:, 1] + 0.114 * pictures[:, 2]
+    assert found.shape == (FINE, 12, 16)
+    assert torch.allclose(found[:3], pictures.mean(0))
+    assert torch.allclose(found[3], light.amin(0), atol=1e-6)
+    assert torch.allclose(found[4], light.sort(0).values[2], atol=1e-6)  # of nine the third is a quarter of the way up
+    assert torch.allclose(found[5], 3 * light.std(0), atol=1e-5)
+    around = torch.stack([light[:, 4:7, 6:9].mean((1, 2)), light[:, 5, 7]])
+    assert found[6, 5, 7] == pytest.approx(10 * float((around[1] - around[0]).abs().mean()), abs=1e-5)
+    assert torch.all(found[-1] == found[-1, 0, 0])
+
+
+def test_coarse_statistics_know_the_darkest_that_is_seen_anywhere_in_a_cell():
+    pictures = 0.5 + 0.5 * torch.rand(5, 3, 128, 128, generator=torch.Generator().manual_seed(0))
+    pictures[3, :, 19, 34] = 0.25
+    found = coarse_statistics(pictures)
+    assert found.shape == (COARSE, 16, 16)
+    lowest = found[18:21]
+    assert torch.all(lowest[:, 2, 4] == 0.25)
+    assert (lowest == 0.25).sum() == 3
+
+
+def test_more_photographs_are_told_from_fewer_and_one_from_none():
+    counts = [lens_statistics(halved(planes(capture(count)))).coarse[-1, 0, 0].item() for count in (1, 2, 5, 36)]
+    assert counts[0] == 0
+    assert counts == sorted(set(counts))
+    alone = lens_statistics(halved(planes(capture(1))))
+    assert not alone.coarse.any()
+    assert not alone.fine.any()
+
+
+@pytest.mark.parametrize("size", [(40, 52), (41, 51), (700, 30)])
+def test_a_capture_is_summed_up_as_its_pictures_are(size):
+    photographs = capture(4, *size)
+    found = statistics_of_capture(4, photographs.__getitem__)
+    whole = lens_statistics(halved(planes(photographs)))
+    assert all(one is found[0] for one in found)
+    assert found[0].fine.shape == (FINE, -(-size[0] // 2), -(-size[1] // 2))
+    assert torch.allclose(found[0].fine[:6], whole.fine[:6], atol=0.01)  # halves are kept in 8 bits
+    assert torch.allclose(found[0].coarse, whole.coarse, atol=0.02)
+
+
+def test_long_captures_are_taken_in_runs_and_sizes_apart():
+    photographs = [*capture(LONGEST_RUN + 3, 8, 8), *capture(1, 8, 10)]
+    read = []
+    found = statistics_of_capture(len(photographs), lambda i: read.append(i) or photographs[i])
+    assert read == list(range(len(photographs)))
+    assert found[0] is found[25]
+    assert found[0] is not found[26]
+    assert found[-1] is None
+    assert found[-2] is found[26]
+
+
+def test_what_masks_hide_does_not_count():
+    photographs = [np.full((40, 52, 3), 100, np.uint8) for _ in range(3)]
+    clear = statistics_of_capture(3, photographs.__getitem__)[0]
+    hidden = np.zeros((40, 52), bool)
+    hidden[10:20, 11:31] = True
+    photographs[1] = np.where(hidden[..., None], 0, photographs[1]).astype(np.uint8)
+    masks = [None, hidden, None]
+    found = statistics_of_capture(3, photographs.__getitem__, masks.__getitem__)[0]
+    assert torch.allclose(found.fine, clear.fine, atol=1e-5)
+    assert torch.allclose(found.coarse, clear.coarse, atol=1e-5)
+    assert not torch.allclose(statistics_of_capture(3, photographs.__getitem__)[0].fine, clear.fine, atol=0.1)
+
+
+def listening(config=TINY) -> Enhancer:
+    """A network that heeds statistics."""
+    torch.manual_seed(0)
+    network = EnhancementNetwork(config).requires_grad_(False)
+    for layer in (network.head[0], network.lens_fine[-1], network.mist.end, network.lens_mist.end):
+        torch.nn.init.normal_(layer.weight, std=0.05)
+    return Enhancer(network, {}, "for a test")
+
+
+def test_an_enhanced_picture_depends_on_its_companions_and_is_the_same_in_tiles():
+    photographs = capture(5, 90, 150)
+    lens = statistics_of_capture(5, photographs.__getitem__)[0]
+    image, enhancer = photographs[0].astype(np.float32) / 255, listening()
+    alone, together = enhance(image, enhancer), enhance(image, enhancer, lens=lens)
+    assert np.abs(alone - together).max() > 0.01
+    single = lens_statistics(halved(planes(photographs[:1])))
+    np.testing.assert_array_equal(enhance(image, enhancer, lens=single), alone)
+    deaf = Enhancer(
+        EnhancementNetwork(replace(TINY, lens_mist=False, lens_fine=False)).requires_grad_(False), {}, "for a test"
+    )
+    np.testing.assert_array_equal(enhance(image, deaf, lens=lens), enhance(image, deaf))
+
+
+def test_training_views_are_enhanced_with_what_all_of_them_say(tmp_path):
+    photographs = capture(3, 40, 64)
+    views = EnhancedViews(TrainingImages(photographs), ["a", "b", "c"], listening(), tmp_path)
+    lens = statistics_of_capture(3, photographs.__getitem__)[1]
+    image = photographs[1].astype(np.float32) / 255
+    np.testing.assert_allclose(views.image(1), enhance(image, listening(), lens=lens), atol=0.01)
+    assert np.abs(views.image(1) - enhance(image, listening())).max() > 0.02
+    assert len(views.files()) == 3
+
+
+def test_the_mist_of_a_picture_depends_on_its_companions():
+    photographs = capture(5, 90, 150)
+    lens = statistics_of_capture(5, photographs.__getitem__)[0]
+    network, image = listening().network, planes(photographs[:1])
+    assert (network.remove_mist(image) - network.remove_mist(image, lens.coarse[None])).abs().max() > 1e-3
+
+
+def test_pictures_of_a_batch_with_and_without_companions_do_not_mix():
+    network, pictures = listening().network, planes(capture(2, 32, 64))
+    lens = lens_statistics(halved(planes(capture(3, 32, 64, seed=1))))
+    coarse = torch.stack([lens.coarse, torch.zeros_like(lens.coarse)])
+    fine = torch.stack([lens.fine, torch.zeros_like(lens.fine)])
+    both = network(pictures, coarse, fine)
+    assert torch.allclose(both[:1], network(pictures[:1], lens.coarse[None], lens.fine[None]), atol=1e-5)
+    assert torch.allclose(both[1:], network(pictures[1:]), atol=1e-5)
+
+
+def test_a_network_that_looks_at_lenses_begins_with_one_that_does_not(tmp_path):
+    path, deaf = tmp_path / "deaf.safetensors", replace(TINY, lens_mist=False, lens_fine=False)
+    network = EnhancementNetwork(deaf)
+    torch.nn.init.normal_(network.head[0].weight, std=0.01)
+    save_network(path, deaf, network.state_dict(), {"data": "nothing", "steps": 0})
+    start = started_from(Data((tmp_path,), start=str(path)), TrainingConfig(network=TINY))
+    training = EnhancementTraining(TrainingConfig(network=TINY))
+    training.begin_with(start.network)
+    lens = lens_statistics(halved(planes(capture(3, 32, 64))))
+    image = planes(capture(1, 32, 64, seed=2))
+    expected = load_enhancer(path).network(image)
+    assert (expected - image).abs().max() > 1e-3
+    assert torch.allclose(training.network(image), expected, atol=1e-6)
+    assert torch.allclose(training.network(image, lens.coarse[None], lens.fine[None]), expected, atol=1e-6)
+    with pytest.raises(InputError, match="cannot begin"):
+        started_from(Data((tmp_path,), start=str(path)), TrainingConfig())
+
+
+@pytest.mark.parametrize("part", ["lens_mist", "lens_fine"])
+def test_a_network_may_look_at_lenses_with_one_of_its_parts(part):
+    config = replace(TINY, lens_mist=False, lens_fine=False)
+    network = EnhancementNetwork(replace(config, **{part: True})).requires_grad_(False)
+    own = network.lens_fine[-1] if part == "lens_fine" else network.lens_mist.end
+    for layer in (network.head[0], own):
+        torch.nn.init.normal_(layer.weight, std=0.05)
+    lens, image = lens_statistics(halved(planes(capture(3, 32, 64)))), planes(capture(1, 32, 64, seed=2))
+    changed = network.remove_mist(image, lens.coarse[None]) - network.remove_mist(image)
+    refined = network.refine(image, lens.fine[None]) - network.refine(image)
+    assert bool(changed.any()) == (part == "lens_mist")
+    assert bool(refined.any()) == (part == "lens_fine")
+    assert network.config.lens
