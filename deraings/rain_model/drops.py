@@ -13,8 +13,8 @@ then compared as it is seen through the drops, so that partly covered pixels sti
 next to nothing is left count for nothing.
 
 A line is believed only where detail stays on the lens (`fixed_pattern`). Where the scene is not learned, or learned
-wrong, photographs do not follow the render either: trees in wind have slopes like drops, and what is taken for a drop is
-never learned afterwards. But no detail of theirs stays.
+wrong, photographs do not follow the render either: trees in wind have slopes like drops, and what is taken for a drop
+is never learned afterwards. But no detail of theirs stays.
 
 What the photographs cannot tell: L without drop_alpha would be a stain of light that any scene could lose to the lens.
 So L is at most drop_alpha times white, and drop_alpha is 0 where the slope is near one. Drops grow and run: lines are
