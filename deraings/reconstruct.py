@@ -11,7 +11,6 @@ from baselines.gaussian_splatting import SPLATS
 from baselines.method import Method, find_method
 from baselines.rendering.film import FilmChoice, draw_film
 from baselines.training.devices import warn_of_slow_profile
-from deraings.enhancement.enhance import enhance
 from hydroviews.captures.sfm.poses import estimate_poses
 from hydroviews.captures.video.capture import capture_video
 from hydroviews.captures.video.decoding import open_video
@@ -22,7 +21,7 @@ from hydroviews.files.settings_guard import claim_folder
 from hydroviews.formats.photographs import photographs_below, unreadable_photographs
 from hydroviews.formats.read import has_cameras, read_scene
 from hydroviews.profiles import find_profile, require_seed
-from hydroviews.scene.images import SUFFIXES, write_png
+from hydroviews.scene.images import SUFFIXES, Image, write_png
 from hydroviews.scene.jpeg_damage import require_whole
 from hydroviews.scene.picture_grid import Canvas, Row, Tile, draw_sheet
 from hydroviews.scene.scenes import Scene, Split
@@ -164,11 +163,18 @@ def find_scene(request: Reconstruction, capture: Path) -> Scene:
     """
     path = request.photographs
     if path.is_file():
-        scene = capture_video(path, capture, FrameChoice(request.rate), seed=request.seed, enhance=enhance)
+        scene = capture_video(path, capture, FrameChoice(request.rate), seed=request.seed, enhance=enhanced)
         return cast(Scene, scene)  # None only where it is to stop before cameras
     if has_cameras(path):
         return read_scene(path)
-    return estimate_poses(path, capture, seed=request.seed, rainy=True, enhance=enhance)
+    return estimate_poses(path, capture, seed=request.seed, rainy=True, enhance=enhanced)
+
+
+def enhanced(photograph: Image) -> Image:
+    """A photograph [H, W, 3] as the shipped network leaves it."""
+    from deraings.enhancement.enhance import enhance  # torch takes a second to import, and not every command needs it
+
+    return enhance(photograph)
 
 
 def all_views(scene: Scene) -> Scene:
