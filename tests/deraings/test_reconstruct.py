@@ -13,10 +13,9 @@ from baselines.rendering.film import FilmChoice
 from baselines.splatting.files.ply import read_ply
 from baselines.training import devices
 from deraings import reconstruct as module
-from deraings.enhancement.enhance import enhance
 from deraings.method import DeRainGSConfig, DeRainGSPlus
 from deraings.rain_model.model import RainConfig
-from deraings.reconstruct import (
+from deraings.reconstruct import (, enhanced
     FILM,
     SHEET,
     TRAINING,
@@ -115,7 +114,7 @@ def test_photographs_without_cameras_have_them_estimated(request_of, tmp_path, m
     asked = []
     monkeypatch.setattr(module, "estimate_poses", lambda *given, **named: asked.append((given, named)))
     find_scene(request_of(photographs=tmp_path / "photographs"), tmp_path / "capture")
-    assert asked == [((tmp_path / "photographs", tmp_path / "capture"), {"seed": 0, "rainy": True, "enhance": enhance})]
+    assert asked == [((tmp_path / "photographs", tmp_path / "capture"), {"seed": 0, "rainy": True, "enhance": enhanced})]
 
 
 def test_rainy_photographs_without_cameras_become_a_scene(tmp_path, monkeypatch, capsys, caplog):
@@ -141,7 +140,7 @@ def test_a_film_becomes_a_capture(request_of, tmp_path, monkeypatch):
     assert find_scene(request_of(photographs=tmp_path / "walk.mp4", rate=2.0), tmp_path / "capture") == "scene"
     assert asked[0][:2] == (tmp_path / "walk.mp4", tmp_path / "capture")
     assert asked[0][2].rate == 2.0
-    assert asked[0][3]["enhance"] is enhance
+    assert asked[0][3]["enhance"] is enhanced
 
 
 def test_what_cannot_be_reconstructed_is_refused(request_of, tmp_path, monkeypatch):
