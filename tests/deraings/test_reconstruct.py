@@ -15,11 +15,12 @@ from baselines.training import devices
 from deraings import reconstruct as module
 from deraings.method import DeRainGSConfig, DeRainGSPlus
 from deraings.rain_model.model import RainConfig
-from deraings.reconstruct import (, enhanced
+from deraings.reconstruct import (
     FILM,
     SHEET,
     TRAINING,
     Reconstruction,
+    enhanced,
     find_scene,
     reconstruct,
     require_photographs,
@@ -114,7 +115,8 @@ def test_photographs_without_cameras_have_them_estimated(request_of, tmp_path, m
     asked = []
     monkeypatch.setattr(module, "estimate_poses", lambda *given, **named: asked.append((given, named)))
     find_scene(request_of(photographs=tmp_path / "photographs"), tmp_path / "capture")
-    assert asked == [((tmp_path / "photographs", tmp_path / "capture"), {"seed": 0, "rainy": True, "enhance": enhanced})]
+    named = {"seed": 0, "rainy": True, "enhance": enhanced}
+    assert asked == [((tmp_path / "photographs", tmp_path / "capture"), named)]
 
 
 def test_rainy_photographs_without_cameras_become_a_scene(tmp_path, monkeypatch, capsys, caplog):
