@@ -5,13 +5,15 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import cv2
 import numpy as np
+from scipy.sparse import coo_array, csr_array
 from tqdm import tqdm
 
 from hydroviews.pairs.photographs import LONG_SIDES, Frame, frames
 from hydroviews.rain.lens import pattern as drops_pattern
 from hydroviews.rain.lens.bake import bake_matte
-from hydroviews.rain.lens.path_matte import PathMatte, halved
+from hydroviews.rain.lens.path_matte import PathMatte
 from hydroviews.rain.lens.pattern import RaindropPattern
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.seeds import generator
@@ -32,6 +34,26 @@ class WetLens:
     def half(self) -> PathMatte:
         """For companions, which are half as wide and high."""
         return halved(self.matte)
+
+
+def halved(matte: PathMatte) -> PathMatte:
+    """What the drops do to pictures of half the width and height, by averages of 2x2 pixels.
+
+    Raises:
+        ValueError: an odd width or height.
+    """
+    height, width = matte.mask.shape
+    if height % 2 or width % 2:
+        raise ValueError(f"expected an even width and height, found {width}x{height}")
+    half = (np.arange(height)[:, None] // 2 * (width // 2) + np.arange(width) // 2).ravel()  # each pixel's
+    pixels, row = np.unique(half[matte.pixels], return_inverse=True)
+    paths = matte.paths.tocoo()
+    entries = (paths.data / 4, (row[paths.row], half[paths.col]))
+    small = coo_array(entries, shape=(len(pixels), height * width // 4)).tocsr()
+    planes = (matte.mask, matte.ambient)
+    smaller = (cv2.resize(plane, (width // 2, height // 2), interpolation=cv2.INTER_AREA) for plane in planes)
+    mask, ambient = (np.asarray(plane, np.float32) for plane in smaller)
+    return PathMatte(mask, ambient, pixels, csr_array(small), matte.disk / 2)
 
 
 Pool = dict[Frame, tuple[WetLens, ...]]

@@ -10,7 +10,7 @@ from typing import Self
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import csr_array
 
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import replacing
@@ -93,26 +93,6 @@ def dry(height: int, width: int) -> PathMatte:
     """The matte of a lens without drops."""
     nothing = np.zeros((height, width), np.float32)
     return PathMatte(nothing, nothing, np.zeros(0, np.int64), csr_array((0, height * width), dtype=np.float32), 0.0)
-
-
-def halved(matte: PathMatte) -> PathMatte:
-    """What the drops do to pictures of half the width and height, by averages of 2x2 pixels.
-
-    Raises:
-        ValueError: an odd width or height.
-    """
-    height, width = matte.mask.shape
-    if height % 2 or width % 2:
-        raise ValueError(f"expected an even width and height, found {width}x{height}")
-    half = (np.arange(height)[:, None] // 2 * (width // 2) + np.arange(width) // 2).ravel()  # each pixel's
-    pixels, row = np.unique(half[matte.pixels], return_inverse=True)
-    paths = matte.paths.tocoo()
-    entries = (paths.data / 4, (row[paths.row], half[paths.col]))
-    small = coo_array(entries, shape=(len(pixels), height * width // 4)).tocsr()
-    planes = (matte.mask, matte.ambient)
-    smaller = (cv2.resize(plane, (width // 2, height // 2), interpolation=cv2.INTER_AREA) for plane in planes)
-    mask, ambient = (np.asarray(plane, np.float32) for plane in smaller)
-    return PathMatte(mask, ambient, pixels, csr_array(small), matte.disk / 2)
 
 
 def assemble(cover: NDArray, pixel: NDArray, place: NDArray, throughput: NDArray, disk: float) -> PathMatte:

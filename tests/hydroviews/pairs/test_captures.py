@@ -4,8 +4,8 @@ from wet import HEIGHT, WIDTH, lens, photograph
 
 from hydroviews.pairs.captures import SMALLEST, Capture
 from hydroviews.pairs.drawing import KINDS, draw_rain
+from hydroviews.pairs.lens_pool import halved
 from hydroviews.pairs.rainy_pairs import DrawnRain
-from hydroviews.rain.lens.path_matte import halved
 from hydroviews.scene.seeds import generator
 
 ONES = np.ones(3, np.float32)
