@@ -6,6 +6,8 @@ from numpy.typing import NDArray
 
 Plane = NDArray[np.float32]  # [H, W]
 
+WHOLE = 0.999  # of a pixel that no hidden one touches, after resizing
+
 
 def resized(plane: Plane, size: tuple[int, ...]) -> Plane:
     """A plane at (height, width): averaged over areas where smaller, linear where larger."""
@@ -14,6 +16,11 @@ def resized(plane: Plane, size: tuple[int, ...]) -> Plane:
     smaller = size[0] < plane.shape[0] or size[1] < plane.shape[1]
     mode = cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
     return np.asarray(cv2.resize(plane, (size[1], size[0]), interpolation=mode), np.float32)
+
+
+def wholly_shown(shown: Plane | None, size: tuple[int, int]) -> NDArray[np.bool_]:
+    """Which pixels at (height, width) no hidden one touches; of a plane that is 1 where shown, all where it is None."""
+    return np.ones(size, np.bool_) if shown is None else resized(shown, size) > WHOLE
 
 
 def within_side(size: tuple[int, ...], long_side: int) -> tuple[int, int]:

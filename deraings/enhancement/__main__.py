@@ -142,8 +142,9 @@ def enhance_command(
     print(enhancer.reason)
     files = list(targets)
     alone = apart or not enhancer.network.config.lens
-    read = lambda i: to_uint8(read_image(files[i]))  # noqa: E731
-    lenses = [None] * len(files) if alone else statistics_of_capture(len(files), read)
+    lenses = (
+        [None] * len(files) if alone else statistics_of_capture(len(files), lambda i: to_uint8(read_image(files[i])))
+    )
     for (file, target), lens in tqdm(list(zip(targets.items(), lenses, strict=True)), desc="enhancing", unit="picture"):
         write_png(target, enhance(read_image(file), enhancer, remove_mist=not keep_fog, lens=lens))
 

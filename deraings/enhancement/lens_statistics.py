@@ -119,7 +119,8 @@ def statistics_of_capture(
             same = {i: half for i, half in halves.items() if half.shape == shape}
             if len(same) > 1:
                 own = _of_run(np.stack(list(same.values())))
-                found = [own if i in same else other for i, other in enumerate(found)]
+                for i in same:
+                    found[i] = own
     return found
 
 

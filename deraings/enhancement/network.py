@@ -220,9 +220,8 @@ class EnhancementNetwork(nn.Module):
         nn.init.zeros_(cast(nn.Conv2d, self.head[0]).weight)  # an untrained network changes nothing
         if config.mist:
             nn.init.zeros_(self.mist.end.weight)
-        if (
-            config.lens_fine
-        ):  # nor do statistics change what a network makes of a picture that has not learned with them
+        # Nor do statistics change what a network makes of a picture that has not learned with them.
+        if config.lens_fine:
             nn.init.zeros_(cast(nn.Conv2d, self.lens_fine[-1]).weight)
         if config.mist and config.lens_mist:
             nn.init.zeros_(self.lens_mist.end.weight)

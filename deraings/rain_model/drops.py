@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from deraings.image_planes import Plane, resized, within_side
+from deraings.image_planes import Plane, resized, wholly_shown, within_side
 from deraings.rain_model.drops_kernels import SUMS, add_view, fit_lines
 from deraings.rain_model.fixed_pattern import fixed_pattern
 from deraings.rain_model.layer_kernels import behind_drops, shade
@@ -38,7 +38,6 @@ from deraings.rain_model.time_knots import count_time_knots, time_weights
 from hydroviews.scene.images import Image
 
 HALF = np.float32(0.5)
-WHOLE = 0.999  # of a pixel that no hidden one touches, after resizing
 MIN_WINDOW, MAX_WINDOW = 4, 32  # views that running means remember
 
 
@@ -152,7 +151,7 @@ class LensDrops:
             shown: [H, W]; where it is not 1 the view is left out. By default it is 1 everywhere.
         """
         size = self._size
-        whole = np.ones(size, np.bool_) if shown is None else resized(shown, size) > WHOLE
+        whole = wholly_shown(shown, size)
         small = [
             np.ascontiguousarray(
                 image if image.shape[:2] == size else cv2.resize(image, size[::-1], interpolation=cv2.INTER_AREA),

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from deraings.image_planes import Plane, resized
+from deraings.image_planes import Plane, wholly_shown
 from deraings.rain_model.time_knots import time_weights
 from hydroviews.scene.images import Image
 
@@ -26,7 +26,6 @@ REACH = 1 / 45  # the same, across the square in which the largest excess counts
 LEAST_SIDE = 3  # pixels, of both
 STILL = 0.1  # share of the lens that shows the scene: where even that stays, cameras do not move
 NOISE = 0.01  # encoded, standard deviation of a difference of pixels that says nothing
-WHOLE = 0.999  # of a pixel that no hidden one touches, after resizing
 
 
 def fixed_pattern(
@@ -44,11 +43,7 @@ def fixed_pattern(
     powers, seen = np.zeros((knots, *size), np.float32), np.zeros((knots, *size), np.float32)
     for view, (picture, mask) in enumerate(zip(pictures, hidden, strict=True)):
         slopes = _slopes(_small(picture, size))
-        shown = (
-            np.ones(size, np.float32)
-            if mask is None
-            else (resized((~mask).astype(np.float32), size) > WHOLE).astype(np.float32)
-        )
+        shown = wholly_shown(None if mask is None else (~mask).astype(np.float32), size).astype(np.float32)
         power = np.square(slopes).sum(axis=2)
         for knot, weight in enumerate(time_weights(view, len(pictures), knots)):
             if weight > 0:

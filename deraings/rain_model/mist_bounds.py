@@ -9,11 +9,10 @@ from scipy.ndimage import map_coordinates
 
 from deraings.rain_model.mist_config import MistConfig
 from deraings.rain_model.time_knots import count_time_knots, time_weights
-from hydroviews.scene.images import to_linear
+from hydroviews.scene.images import luminance, to_linear
 
 MAX_PICTURES = 40  # that are looked at for a time knot
 MIN_LIGHT = 1e-3  # linear; mist is taken to be at least as light
-REC_709 = np.array([0.2126, 0.7152, 0.0722], np.float32)  # luminance of linear light
 
 
 @dataclass(frozen=True)
@@ -57,9 +56,9 @@ def mist_light(pictures: Sequence[NDArray[np.uint8]], brightest: float, tint: fl
     """
     samples = [picture[::8, ::8].reshape(-1, 3) for picture in pictures]
     light = to_linear(np.concatenate(samples).astype(np.float32) / np.float32(255))
-    luminance = light @ REC_709
-    bright = light[luminance >= np.quantile(luminance, 1 - brightest)].mean(axis=0)
-    return np.asarray(tint * bright + (1 - tint) * (bright @ REC_709), np.float32)
+    brightness = luminance(light)
+    bright = light[brightness >= np.quantile(brightness, 1 - brightest)].mean(axis=0)
+    return np.asarray(tint * bright + (1 - tint) * luminance(bright), np.float32)
 
 
 def max_mist_alpha(

@@ -4,22 +4,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.scene.images import to_linear
+from hydroviews.scene.images import luminance, to_linear
 
 Linear = NDArray[np.float32]  # [H, W, 3], linear light
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # Rec. 709
 CLIPPED = float(to_linear(np.array([250 / 255], np.float32))[0])  # from here on a photograph says "at least"
 BRIGHTEST = 8.0  # radiance given to a fully saturated lamp or sun glint; white paper is 1
 LARGEST_LAMP = 0.01  # share of a picture above which saturated pixels are sky or wall, not a lamp
 GATHERED_FROM = 0.15  # standard deviation, in picture sides, of the surroundings a falling drop mixes
 GREY = 0.75  # share of their colour that they lose in it
 LAMP_REACHES = (0.02, 0.06, 0.18)  # the same, of Gaussians whose sum falls off as lamp light does
-
-
-def luminance(linear: Linear) -> NDArray[np.float32]:
-    """Rec. 709 luminance [H, W] of linear light [H, W, 3]."""
-    return linear @ LUMINANCE
 
 
 def air_light(linear: Linear, share: float, tint: float) -> NDArray[np.float32]:

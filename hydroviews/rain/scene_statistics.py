@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from hydroviews.rain.light import luminance
 from hydroviews.scene.depth import depth_path, view_depth
-from hydroviews.scene.images import Image, resize_area, to_linear
+from hydroviews.scene.images import Image, luminance, resize_area, to_linear
 from hydroviews.scene.scenes import Points, Scene, View
 
 SAMPLED_VIEWS = 24  # spread evenly over the capture

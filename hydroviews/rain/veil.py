@@ -4,8 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.rain.light import luminance
-from hydroviews.scene.images import Image
+from hydroviews.scene.images import Image, luminance
 
 MIXED = 2  # pixels around an edge over which a veil is mixed
 EDGE = 1e-4  # squared contrast, encoded, that counts as one

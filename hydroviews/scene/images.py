@@ -18,6 +18,8 @@ Image = NDArray[np.float32]
 
 STREAK_WIDTH, STREAK_SIDE = 5, 480  # pixels: upright streaks are narrower, in a picture of this longer side
 
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # Rec. 709
+
 ROWS_AT_ONCE = 16  # of a picture: bounds the memory that large ones take
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp")
@@ -169,6 +171,11 @@ def without_streaks(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     width = max(3, round(STREAK_WIDTH * max(pixels.shape[:2]) / STREAK_SIDE)) | 1  # odd, so that nothing is shifted
     opened = cv2.morphologyEx(pixels, cv2.MORPH_OPEN, np.ones((1, width), np.uint8))
     return np.asarray(opened, np.uint8)
+
+
+def luminance(linear: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Rec. 709 luminance [...] of linear light [..., 3]."""
+    return linear @ LUMINANCE
 
 
 def to_linear(image: NDArray) -> Image:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.rain.light import expand_highlights, luminance, rain_light
+from hydroviews.rain.light import expand_highlights, rain_light
 from hydroviews.rain.scene_statistics import Light, SceneStatistics
 from hydroviews.rain.storm.drop_sizes import draw_cloud, optical_depth, reach
 from hydroviews.rain.storm.rasterise import Shutter, draw, project
@@ -20,7 +20,7 @@ from hydroviews.rain.storm.world import horizontal, in_metres, metres_and_focus,
 from hydroviews.rain.veil import veil
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.depth import ray_distance, view_depth
-from hydroviews.scene.images import Image, to_linear
+from hydroviews.scene.images import Image, luminance, to_linear
 from hydroviews.scene.scenes import View
 
 THICKEST = 0.6  # the most that the veil hides: behind it a scene must stay visible

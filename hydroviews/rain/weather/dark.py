@@ -14,14 +14,13 @@ from numpy.typing import NDArray
 
 from hydroviews.rain.compositing import LayerPlane, Layers
 from hydroviews.rain.effect import Effect
-from hydroviews.rain.light import luminance
 from hydroviews.rain.patterns import Pattern, pattern_generator
 from hydroviews.rain.scene_statistics import Colour, Light, SceneStatistics
 from hydroviews.rain.severity import wanted_harm
 from hydroviews.rain.weather import noise
 from hydroviews.rain.weather.severity import LOSS, harm, solve_stops
 from hydroviews.scene.cameras import Camera
-from hydroviews.scene.images import Image, to_linear, to_srgb
+from hydroviews.scene.images import Image, luminance, to_linear, to_srgb
 from hydroviews.scene.scenes import View
 
 DIMMEST_PIVOT = 1e-3  # of a scene that is black

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from hydroviews.rain.light import BRIGHTEST, expand_highlights, luminance, rain_light
-from hydroviews.scene.images import to_linear
+from hydroviews.rain.light import BRIGHTEST, expand_highlights, rain_light
+from hydroviews.scene.images import luminance, to_linear
 
 
 def picture(encoded: float, width: int = 80, height: int = 60) -> np.ndarray:

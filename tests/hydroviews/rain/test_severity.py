@@ -9,13 +9,12 @@ from hydroviews.rain import severity
 from hydroviews.rain.lens.mist import mist_veil
 from hydroviews.rain.lens.path_matte import defocus
 from hydroviews.rain.lens.severity import blur_harm, drops_harm, renewal
-from hydroviews.rain.light import luminance
 from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.registry import find_effect
 from hydroviews.rain.scene_statistics import TINT, survey
 from hydroviews.rain.streaks.recipe import streak_layer
 from hydroviews.scene.depth import depth_path, write_depth
-from hydroviews.scene.images import to_linear, to_srgb, write_png
+from hydroviews.scene.images import luminance, to_linear, to_srgb, write_png
 from hydroviews.scene.scenes import no_points
 from hydroviews.scene.seeds import generator
 

@@ -7,7 +7,6 @@ from scipy import integrate
 
 from hydroviews.errors import InputError
 from hydroviews.rain.effect import fall
-from hydroviews.rain.light import luminance
 from hydroviews.rain.patterns import Pattern, pattern_generator
 from hydroviews.rain.scene_statistics import Light
 from hydroviews.rain.severity import wanted_harm
@@ -17,7 +16,7 @@ from hydroviews.rain.weather.night import COLD, WARM, Evening, Lamps, Night, dra
 from hydroviews.rain.weather.severity import LOSS
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.depth import depth_path, write_depth
-from hydroviews.scene.images import to_linear, to_srgb
+from hydroviews.scene.images import luminance, to_linear, to_srgb
 from hydroviews.scene.scenes import no_points
 
 PATTERN = Pattern("night", 2)

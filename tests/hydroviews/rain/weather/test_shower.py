@@ -13,7 +13,7 @@ from hydroviews.rain.compositing import WATER, LayerPlane
 from hydroviews.rain.effect import fall
 from hydroviews.rain.lens.path_matte import PathMatte
 from hydroviews.rain.lens.severity import drops_harm
-from hydroviews.rain.light import expand_highlights, luminance
+from hydroviews.rain.light import expand_highlights
 from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.registry import parse_pattern
 from hydroviews.rain.severity import wanted_harm
@@ -23,7 +23,7 @@ from hydroviews.rain.weather.noise import NoisePattern
 from hydroviews.rain.weather.severity import LOSS, SHARES
 from hydroviews.rain.weather.shower import Shower
 from hydroviews.scene.depth import depth_path, write_depth
-from hydroviews.scene.images import to_linear, to_srgb, to_uint8
+from hydroviews.scene.images import luminance, to_linear, to_srgb, to_uint8
 
 PATTERN = Pattern("shower", 1)
 OWN = "hydroviews.rain.weather."  # effects by their full names are there before they are registered
