@@ -1,6 +1,7 @@
 """python -m deraings.enhancement train | export | validate | enhance | describe."""
 
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -13,7 +14,7 @@ from baselines.training.validation import as_json
 from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.data import Data, described, started_from, training_pairs
 from deraings.enhancement.enhance import enhance
-from deraings.enhancement.lens_statistics import statistics_of_capture
+from deraings.enhancement.lenses import lenses_of_capture
 from deraings.enhancement.network import CONFIGS, EnhancementNetwork
 from deraings.enhancement.size import describe
 from deraings.enhancement.training import EnhancementTraining, train
@@ -141,10 +142,9 @@ def enhance_command(
     enhancer, targets = load_enhancer(weights), one_by_one(pictures, out)
     print(enhancer.reason)
     files = list(targets)
-    alone = apart or not enhancer.network.config.lens
-    lenses = (
-        [None] * len(files) if alone else statistics_of_capture(len(files), lambda i: to_uint8(read_image(files[i])))
-    )
+    count = len(files)
+    together = partial(lenses_of_capture, count, lambda i: to_uint8(read_image(files[i])), enhancer.network)
+    lenses = [None] * count if apart else together()
     for (file, target), lens in tqdm(list(zip(targets.items(), lenses, strict=True)), desc="enhancing", unit="picture"):
         write_png(target, enhance(read_image(file), enhancer, remove_mist=not keep_fog, lens=lens))
 

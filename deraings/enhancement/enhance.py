@@ -8,7 +8,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from deraings.enhancement.lens_statistics import LensStatistics
+from deraings.enhancement.lenses import Lens
+from deraings.enhancement.mist_branch import without_mist_over_whole
 from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.weights import Enhancer, load_enhancer
 from hydroviews.scene.images import Image
@@ -23,7 +24,7 @@ def enhance(
     tile: int = TILE,
     overlap: int = OVERLAP,
     remove_mist: bool = True,
-    lens: LensStatistics | None = None,
+    lens: Lens | None = None,
 ) -> Image:
     """Take the rain out of a picture, as far as the network can.
 
@@ -34,7 +35,7 @@ def enhance(
         overlap: pixels, less than a tile.
         remove_mist: take mist off the whole picture first, if the network looks for it. It cannot tell mist on the
             lens from fog in the scene.
-        lens: what the photographs of the same lens, this one among them, say of it; see `statistics_of_capture`.
+        lens: what is known of its lens from all photographs of it; see `lenses_of_capture`.
 
     Returns:
         The same shape and range.
@@ -94,9 +95,11 @@ def _halves(start: int, end: int) -> slice:
     return slice(start // 2, start // 2 + -(-(end - start) // 2))
 
 
-def _remove_mist(image: Image, network: EnhancementNetwork, lens: LensStatistics | None) -> Image:
+def _remove_mist(image: Image, network: EnhancementNetwork, lens: Lens | None) -> Image:
     with torch.inference_mode():
-        return _image(network.remove_mist(_batch(image), lens.coarse[None] if lens else None))
+        if lens is None or lens.mist is None:
+            return _image(network.remove_mist(_batch(image)))
+        return _image(without_mist_over_whole(_batch(image), lens.mist[None]))
 
 
 def _refine(part: Image, network: EnhancementNetwork, fine: Tensor | None) -> Image:

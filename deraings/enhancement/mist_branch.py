@@ -21,6 +21,7 @@ LAYERS = 5
 MAX_ALPHA = 0.97  # what is behind thicker mist is lost
 COARSE = 4  # pixels of the squeezed picture that the loss averages over
 TRUE_MIST = 10.0  # weight of the distance to the true mist
+SHORTAGE = 1e-4  # mist_alpha below which all mists say as much of their light
 FLOOR = 0.02  # encoded; smaller errors hardly count
 
 Box = tuple[float, float, float, float]  # top, bottom, left, right of a part, in shares of the picture's sides
@@ -112,10 +113,23 @@ def crop_mist(mist: Tensor, boxes: Tensor, height: int, width: int) -> Tensor:
     return functional.grid_sample(mist, 2 * grid - 1, padding_mode="border", align_corners=False)
 
 
+def mean_mist(mists: Tensor) -> Tensor:
+    """The mean of mists [K, 4, h, w]: [4, h, w]; thick ones say more of the mist's light than thin ones."""
+    alpha, light = mists[:, :1], mists[:, 1:]
+    weight = alpha.abs() + SHORTAGE
+    return torch.cat([alpha.mean(0), (weight * light).sum(0) / weight.sum(0)])
+
+
 def without_mist(image: Tensor, mist: Tensor) -> Tensor:
     """Pictures [N, 3, H, W] without their mist [N, 4, H, W]; sRGB-encoded, not clipped above."""
     alpha, light = mist[:, :1], mist[:, 1:]
     return encoded((decoded(image) - alpha * light) / (1 - alpha))
+
+
+def without_mist_over_whole(image: Tensor, mist: Tensor) -> Tensor:
+    """Whole pictures [N, 3, H, W] without their mist [N, 4, h, w]; sRGB-encoded, not clipped above."""
+    whole = torch.tensor([[0.0, 1.0, 0.0, 1.0]], device=image.device).expand(len(image), -1)
+    return without_mist(image, crop_mist(mist, whole, image.shape[-2], image.shape[-1]))
 
 
 def mist_loss(mist: Tensor, rainy: Tensor, clean: Tensor, true: Tensor) -> Tensor:

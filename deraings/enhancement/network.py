@@ -19,7 +19,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from deraings.enhancement.lens_statistics import COARSE, FINE
-from deraings.enhancement.mist_branch import MistBranch, added, crop_mist, known, without_mist
+from deraings.enhancement.mist_branch import MistBranch, added, known, without_mist_over_whole
 
 LEVELS = 5
 KEPT = (1 / 2, 2 / 3, 3 / 4, 4 / 5)  # shares of its entries that a row of sparse attention keeps (Chen et al. 2023)
@@ -249,8 +249,7 @@ class EnhancementNetwork(nn.Module):
         """Whole pictures without the mist over them, if the network looks for it."""
         if not self.config.mist:
             return image
-        whole = torch.tensor([[0.0, 1.0, 0.0, 1.0]], device=image.device).expand(len(image), -1)
-        return without_mist(image, crop_mist(self.find_mist(image, coarse), whole, image.shape[-2], image.shape[-1]))
+        return without_mist_over_whole(image, self.find_mist(image, coarse))
 
     def find_mist(self, image: Tensor, coarse: Tensor | None = None) -> Tensor:
         """The mist over whole pictures [N, 4, 16, 16], by the second branch where there are statistics of the lens."""

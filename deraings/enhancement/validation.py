@@ -11,7 +11,7 @@ from tqdm import tqdm
 
 from baselines.training.validation import measure_by_kind
 from deraings.enhancement.enhance import enhance
-from deraings.enhancement.lens_statistics import statistics_of_capture
+from deraings.enhancement.lenses import lenses_of_capture
 from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.weights import Enhancer
 from hydroviews.formats.markdown import markdown_table
@@ -128,7 +128,7 @@ def scores(network: EnhancementNetwork, pictures: Sequence[ValidationPicture], c
 
     def measure(picture: ValidationPicture) -> tuple[float, float, float]:
         together = [to_uint8(picture.rainy), *picture.companions[:companions]]
-        (lens, *_) = statistics_of_capture(len(together), together.__getitem__)
+        (lens, *_) = lenses_of_capture(len(together), together.__getitem__, network)
         enhanced = enhance(picture.rainy, enhancer, lens=lens)
         brightness = 255 * abs(float(enhanced.mean(dtype=np.float64) - picture.clean.mean(dtype=np.float64)))
         return float(psnr(picture.rainy, picture.clean)), float(psnr(enhanced, picture.clean)), brightness

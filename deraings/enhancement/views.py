@@ -11,7 +11,7 @@ from tqdm import tqdm
 from baselines.training.images import TrainingImages
 from baselines.training.torch_state import picture_threads
 from deraings.enhancement.enhance import enhance
-from deraings.enhancement.lens_statistics import LensStatistics, statistics_of_capture
+from deraings.enhancement.lenses import Lens, lenses_of_capture
 from deraings.enhancement.weights import Enhancer
 from hydroviews.cli.threads import side_by_side
 from hydroviews.scene.images import Image, read_image, write_png
@@ -51,11 +51,10 @@ class EnhancedViews:
         return path
 
     @cached_property
-    def _lenses(self) -> list[LensStatistics | None]:
+    def _lenses(self) -> list[Lens | None]:
         """What the photographs together say of the lens of each."""
-        if not self._enhancer.network.config.lens:
-            return [None] * len(self._images)
-        return statistics_of_capture(len(self._images), self._images.pixels, self._images.ignored)
+        images = self._images
+        return lenses_of_capture(len(images), images.pixels, self._enhancer.network, images.ignored)
 
     def image(self, index: int) -> Image:
         """One picture [H, W, 3].

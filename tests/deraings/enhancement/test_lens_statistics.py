@@ -21,6 +21,8 @@ from deraings.enhancement.lens_statistics import (
     lens_statistics,
     statistics_of_capture,
 )
+from deraings.enhancement.lenses import lenses_of_capture
+from deraings.enhancement.mist_branch import mean_mist
 from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.training import EnhancementTraining
 from deraings.enhancement.views import EnhancedViews
@@ -109,29 +111,53 @@ def listening(config=TINY) -> Enhancer:
     """A network that heeds statistics."""
     torch.manual_seed(0)
     network = EnhancementNetwork(config).requires_grad_(False)
-    for layer in (network.head[0], network.lens_fine[-1], network.mist.end, network.lens_mist.end):
+    ends = [network.head[0], network.lens_fine[-1], network.mist.end]
+    for layer in [*ends, network.lens_mist.end] if config.lens_mist else ends:
         torch.nn.init.normal_(layer.weight, std=0.05)
     return Enhancer(network, {}, "for a test")
 
 
+def lenses_of(photographs, enhancer):
+    return lenses_of_capture(len(photographs), photographs.__getitem__, enhancer.network)
+
+
 def test_an_enhanced_picture_depends_on_its_companions_and_is_the_same_in_tiles():
-    photographs = capture(5, 90, 150)
-    lens = statistics_of_capture(5, photographs.__getitem__)[0]
-    image, enhancer = photographs[0].astype(np.float32) / 255, listening()
+    photographs, enhancer = capture(5, 90, 150), listening()
+    lens = lenses_of(photographs, enhancer)[0]
+    image = photographs[0].astype(np.float32) / 255
     alone, together = enhance(image, enhancer), enhance(image, enhancer, lens=lens)
     assert np.abs(alone - together).max() > 0.01
-    single = lens_statistics(halved(planes(photographs[:1])))
-    np.testing.assert_array_equal(enhance(image, enhancer, lens=single), alone)
+    assert lenses_of(photographs[:1], enhancer) == [None]
     deaf = Enhancer(
         EnhancementNetwork(replace(TINY, lens_mist=False, lens_fine=False)).requires_grad_(False), {}, "for a test"
     )
-    np.testing.assert_array_equal(enhance(image, deaf, lens=lens), enhance(image, deaf))
+    assert lenses_of(photographs, deaf) == [None] * 5
+
+
+def test_one_mist_lies_on_one_lens_and_is_the_mean_of_what_its_photographs_show():
+    photographs, enhancer = [*capture(LONGEST_RUN + 2, 16, 24)], listening()
+    lenses = lenses_of(photographs, enhancer)
+    assert len({id(lens) for lens in lenses}) == 2
+    statistics = statistics_of_capture(len(photographs), photographs.__getitem__)[0].coarse[None]
+    first = [p for p, lens in zip(photographs, lenses, strict=True) if lens is lenses[0]]
+    each = [enhancer.network.find_mist(planes([p]), statistics)[0] for p in first]
+    assert torch.allclose(lenses[0].mist[0], torch.stack(each)[:, 0].mean(0), atol=1e-5)
+    thick, none = torch.full((1, 4, 2, 2), 0.4), torch.cat([torch.zeros(1, 1, 2, 2), torch.ones(1, 3, 2, 2)], 1)
+    assert torch.allclose(mean_mist(torch.cat([thick, none]))[1:], torch.tensor(0.4), atol=1e-3)
+    assert torch.allclose(mean_mist(torch.cat([thick, none]))[0], torch.tensor(0.2))
+
+
+def test_a_network_that_looks_for_no_mist_on_a_lens_looks_for_it_in_each_photograph():
+    photographs, enhancer = capture(3, 32, 64), listening(replace(TINY, lens_mist=False))
+    lens, image = lenses_of(photographs, enhancer)[0], photographs[0].astype(np.float32) / 255
+    assert lens.mist is None
+    assert np.abs(enhance(image, enhancer, lens=lens) - enhance(image, enhancer, remove_mist=False, lens=lens)).any()
 
 
 def test_training_views_are_enhanced_with_what_all_of_them_say(tmp_path):
     photographs = capture(3, 40, 64)
     views = EnhancedViews(TrainingImages(photographs), ["a", "b", "c"], listening(), tmp_path)
-    lens = statistics_of_capture(3, photographs.__getitem__)[1]
+    lens = lenses_of(photographs, listening())[1]
     image = photographs[1].astype(np.float32) / 255
     np.testing.assert_allclose(views.image(1), enhance(image, listening(), lens=lens), atol=0.01)
     assert np.abs(views.image(1) - enhance(image, listening())).max() > 0.02
