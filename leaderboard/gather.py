@@ -12,6 +12,7 @@ import pandas as pd
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import replacing
 from hydroviews.files.full_disk import ReadOnly
+from hydroviews.files.locks import BUSY, locked
 from leaderboard.records import (
     GIVEN_POSES,
     LEADERBOARD,
@@ -123,18 +124,26 @@ def _unreadable(folder: Path, reason: str) -> Record:
 def write_leaderboard(results: Path) -> pd.DataFrame:
     """Gather every record into `leaderboard.csv` and `tables.md`; numbers that are missing stay empty.
 
-    Where nothing may be written there is a warning: the table is there to be printed.
+    Records are read and the files written under one lock, so that of two evaluations that end together the later one
+    has the rows of both. Where nothing may be written there is a warning: the table is there to be printed.
 
     Raises:
         InputError: there is no record.
     """
-    table = collect(results)
-    if table.empty:
-        raise InputError(f"{results}: no finished run", fix="run `make eval METHOD=3dgs` first")
-    try:
-        with replacing(results / LEADERBOARD) as temporary:
-            table.to_csv(temporary, index=False)
-        write_tables(table, results)
-    except ReadOnly as error:
-        logger.warning("%s", error)
+    if not results.is_dir():
+        raise _nothing(results)
+    with locked(results / LEADERBOARD, BUSY):
+        table = collect(results)
+        if table.empty:
+            raise _nothing(results)
+        try:
+            with replacing(results / LEADERBOARD) as temporary:
+                table.to_csv(temporary, index=False)
+            write_tables(table, results)
+        except ReadOnly as error:
+            logger.warning("%s", error)
     return table
+
+
+def _nothing(results: Path) -> InputError:
+    return InputError(f"{results}: no finished run", fix="run `make eval METHOD=3dgs` first")

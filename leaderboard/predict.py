@@ -24,8 +24,8 @@ from hydroviews.files.atomic import write_json
 from hydroviews.files.full_disk import FullDisk, ReadOnly
 from hydroviews.scene.images import write_png
 from hydroviews.scene.scenes import Scene, Split
-from leaderboard.records import code_version
 from leaderboard.runs import Run
+from leaderboard.sessions import noted, read_sessions, training_session
 from leaderboard.supervision import Tether, tethered
 
 PREDICTION = "prediction.json"
@@ -63,7 +63,8 @@ def train_and_render(run: Run) -> None:
     warn_of_slow_profile(run.profile)
     with blaming_the_method():
         method = kind(kind.configuration(run.profile), run.seed)
-        method.fit(only_training(scene), run.folder)
+        with training_session(run.folder):
+            method.fit(only_training(scene), run.folder)
         method.save(run.folder)
         statistics = method.summary()
     if statistics.n_primitives == 0:
@@ -82,7 +83,7 @@ def train_and_render(run: Run) -> None:
             "render_device": statistics.render_device or statistics.device,
             "simd": SIMD,
             "used": statistics.used,
-            "version": code_version(),
+            **noted(read_sessions(run.folder)),
         },
     )
 

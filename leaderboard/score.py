@@ -9,6 +9,7 @@ scored.
 """
 
 import dataclasses
+import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from tqdm import tqdm
 from hydroviews.cli.threads import side_by_side
 from hydroviews.dataset.variants import has_clean
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import read_json, replacing
+from hydroviews.files.atomic import read_json, replacing, sha256
 from hydroviews.metrics import Metric, find_metrics
 from hydroviews.scene.images import Image, read_image, to_uint8
 from hydroviews.scene.masks import Ignored
@@ -31,13 +32,13 @@ from leaderboard.previews import write_preview
 from leaderboard.records import (
     DONE,
     FIELDS,
-    NOTED,
     PER_VIEW,
     RAINY_POSES,
     Record,
+    Status,
+    checked_notes,
     code_version,
-    misfits,
-    printable,
+    status_of,
     write_record,
 )
 from leaderboard.runs import CONFIG, Run, refuse_other_data
@@ -85,7 +86,8 @@ def score(run: Run) -> Record:
     write_preview(run, clean)
     scores = mean_scores(rows, reasons)
     reason = "; ".join(f"{name}: {why}" for name, why in reasons.items())
-    record = describe(run, clean, status=DONE, reason=reason, numbers={"scores": scores, **numbers})
+    numbers |= {"scores": scores, "renders_sha256": renders_sha256(run.folder, clean.split.test)}
+    record = describe(run, clean, status=status_of(scores), reason=reason, numbers=numbers)
     write_record(run.folder, record)
     return record
 
@@ -101,23 +103,26 @@ def read_prediction(folder: Path) -> dict[str, Any]:
         numbers = read_json(path)
     except InputError as error:
         raise UnusableRun(f"{path}: cannot be read", found=str(error).splitlines()[0], fix=AGAIN) from None
-    if not isinstance(numbers, dict):
-        raise UnusableRun(f"{path}: a {type(numbers).__name__}", expected="fields by name", fix=AGAIN)
-    wrong = [f"no {name}" for name in NOTED if name not in numbers]
-    wrong += [f"unknown {printable(name, 40)}" for name in numbers if name not in NOTED]
-    wrong += misfits({name: value for name, value in numbers.items() if name in NOTED})
-    if wrong:
-        raise UnusableRun(f"{path}: not what a run leaves", found="; ".join(wrong), fix=AGAIN)
-    return numbers
+    try:
+        return checked_notes(numbers)
+    except ValueError as error:
+        raise UnusableRun(f"{path}: not what a run leaves", found=error, fix=AGAIN) from None
 
 
 def _record_unscored(run: Run, numbers: Mapping[str, Any]) -> Record:
     """Write the preview and the record of a run that has no ground truth."""
     scene = run.training_scene()
     write_preview(run, scene)
+    numbers = {**numbers, "renders_sha256": renders_sha256(run.folder, scene.split.test)}
     record = describe(run, scene, status=DONE, reason=NO_TRUTH, numbers=numbers)
     write_record(run.folder, record)
     return record
+
+
+def renders_sha256(folder: Path, names: Sequence[str]) -> str:
+    """SHA-256 over names and bytes of a run's renders."""
+    lines = [f"{sha256(folder / 'renders' / f'{name}.png')} {name}" for name in sorted(names)]
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
 def mean_scores(views: Sequence[Mapping[str, Any]], reasons: dict[str, str]) -> dict[str, float]:
@@ -191,7 +196,7 @@ def _scores(
     return scores
 
 
-def describe(run: Run, scene: Scene, *, status: str, reason: str, numbers: Mapping[str, Any]) -> Record:
+def describe(run: Run, scene: Scene, *, status: Status, reason: str, numbers: Mapping[str, Any]) -> Record:
     """The record of a run with the numbers that could be had."""
     settings = read_json(run.folder / CONFIG)
     errors = dataclasses.asdict(read_estimate(run.cameras).errors) if run.track == RAINY_POSES else {}

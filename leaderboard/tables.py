@@ -9,6 +9,7 @@ from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.files.atomic import write_bytes
 from hydroviews.formats.markdown import markdown_table
 from hydroviews.metrics import find_metrics
+from leaderboard.records import SCORED
 from leaderboard.severity import CEILING, FLOOR
 
 TABLES = "tables.md"
@@ -18,7 +19,7 @@ def scene_table(table: pd.DataFrame, scene: str, profile: str, track: str) -> pd
     """One scene's means in one track, over patterns and seeds: a row a method, columns (effect, metric).
 
     The ceiling, trained once on clean views, stands under every effect. `gap` is the share of the way from
-    floor to ceiling in PSNR (see `share_of_gap`); `runs` counts done/all.
+    floor to ceiling in PSNR (see `share_of_gap`); `runs` counts scored/all. A metric that one of the runs lacks is NaN.
     """
     rows = table[(table.scene == scene) & (table.profile == profile) & (table.track == track)]
     effects = sorted(set(rows.effect) - {CLEAN}) or [CLEAN]
@@ -29,13 +30,13 @@ def scene_table(table: pd.DataFrame, scene: str, profile: str, track: str) -> pd
 
 
 def _effect_block(rows: pd.DataFrame) -> pd.DataFrame:
-    done = rows[rows.status == "done"]
+    done = rows[rows.status.isin(SCORED)]
     names = [metric.name for metric in find_metrics()]
-    numbers = done.astype(dict.fromkeys(names, float)).groupby("method")[names].mean()
+    numbers = done.astype(dict.fromkeys(names, float)).groupby("method")[names].mean(skipna=False)
     block = numbers.reindex(sorted(set(rows.method)))
     block["gap"] = [share_of_gap(done, method) for method in block.index]
     block["train_s"] = done.groupby("method")["train_s"].mean().astype(float)
-    counts = rows.groupby("method")["status"].agg(lambda s: f"{(s == 'done').sum()}/{len(s)}")
+    counts = rows.groupby("method")["status"].agg(lambda s: f"{s.isin(SCORED).sum()}/{len(s)}")
     block["runs"] = counts
     return block
 

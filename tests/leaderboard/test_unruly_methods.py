@@ -1,4 +1,4 @@
-"""Whatever a method does is its own row, with the reason: the evaluation goes on, and everybody else's rows are there."""
+"""Whatever a method does is its own row, with the reason: the evaluation goes on, and all other rows are there."""
 
 import sys
 
