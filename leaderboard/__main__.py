@@ -1,9 +1,10 @@
-"""python -m leaderboard evaluate | check | methods | table | score | overview | view | film | export | card."""
+"""python -m leaderboard evaluate | check | methods | table | compare | score | rescore | submit | view | ..."""
 
 import inspect
 import sys
 from pathlib import Path
 
+import pandas as pd
 import tyro
 
 from baselines.method import METHODS, WRAPPERS, find_method, find_wrapper
@@ -29,9 +30,11 @@ from leaderboard.film import film
 from leaderboard.gather import write_leaderboard
 from leaderboard.previews import write_overview
 from leaderboard.records import GIVEN_POSES, LEADERBOARD
+from leaderboard.rescore import TOLERANCE, rescore
 from leaderboard.runs import Run
 from leaderboard.score import score
 from leaderboard.severity import record_losses
+from leaderboard.submission import submit
 from leaderboard.tables import legend, scene_keys, scene_text
 from leaderboard.viewer.export import Format, export
 from leaderboard.viewer.viewer import HOST, PORT, view
@@ -115,6 +118,42 @@ def score_command(
         results: folder of the runs.
     """
     score(Run(method, find_profile(profile).name, seed, data / profile, scene, pattern, results, track))
+
+
+def rescore_command(results: Path = Path("results"), data: Path = DATA) -> None:
+    """Calculate all scores of all runs again from their renders and say what differs; exit status 1 if anything does.
+
+    Args:
+        results: folder of the runs.
+        data: folder that they were built in.
+    """
+    found = rescore(results, data)
+    if found.differences:
+        print(pd.DataFrame(found.differences).to_string(index=False))
+    for folder, reason in found.not_compared.items():
+        print(f"{folder}: not calculated again: {reason}")
+    print(f"{found.runs} runs calculated again, {len(found.differences)} numbers differ by more than {TOLERANCE:g}")
+    if not found.agrees:
+        sys.exit(1)
+
+
+def submit_command(
+    folder: tyro.conf.Positional[Path],
+    data: Path = DATA,
+    results: Path = Path("results"),
+    overwrite: bool = False,
+) -> None:
+    """Score somebody's renders of held-out views, and add their rows to the tables. No code of theirs runs.
+
+    Args:
+        folder: with submission.toml and the renders.
+        data: folder that the scenes were built in.
+        results: folder that takes the runs.
+        overwrite: replace what was submitted under that name before.
+    """
+    records = submit(folder, data, results, overwrite)
+    for record in {(record.scene, record.track): record for record in records}.values():
+        print(f"\n{outcome(record, results)}")
 
 
 def overview_command(
@@ -221,6 +260,8 @@ def main() -> None:
             "methods": methods_command,
             "table": table_command,
             "score": score_command,
+            "rescore": rescore_command,
+            "submit": submit_command,
             "overview": overview_command,
             "view": view_command,
             "film": film_command,

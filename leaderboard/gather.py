@@ -45,15 +45,20 @@ def collect(results: Path) -> pd.DataFrame:
     without numbers. Only where the folder is none of a run's, such as a copy kept beside it, there is just a warning.
     """
     rows = []
-    for path in sorted(results.glob("*/" * LEVELS + RECORD)):
+    for folder in run_folders(results):
         try:
-            rows.append(as_row(trusted_record(path.parent)))
+            rows.append(as_row(trusted_record(folder)))
         except InputError as error:
             logger.warning("not counted: %s", error)
-            if LAST.fullmatch(path.parent.name):
-                rows.append(as_row(_unreadable(path.parent, str(error))))
+            if LAST.fullmatch(folder.name):
+                rows.append(as_row(_unreadable(folder, str(error))))
     table = pd.DataFrame(rows, columns=columns()).astype(dict.fromkeys(COUNTS, "Int64"))  # whole, where one is missing
     return table.sort_values(["profile", "scene", "track", "effect", "pattern", "method", "seed"], ignore_index=True)
+
+
+def run_folders(results: Path) -> list[Path]:
+    """The folders in a results folder that hold a record, sorted."""
+    return [path.parent for path in sorted(results.glob("*/" * LEVELS + RECORD))]
 
 
 def trusted_record(folder: Path) -> Record:

@@ -19,6 +19,7 @@ from hydroviews.metrics import find_metrics
 
 RECORD, PER_VIEW = "record.json", "per_view.csv"
 LEADERBOARD = "leaderboard.csv"  # in a results folder
+SUBMITTED = "submitted"  # in the settings of a run that somebody else rendered: by whom, link, hardware
 SCHEMA = 2  # of record.json; 1, which had no number, lacks the fields that are marked below
 
 DONE: Final = "done"

@@ -34,6 +34,7 @@ from leaderboard.records import (
     FIELDS,
     PER_VIEW,
     RAINY_POSES,
+    SUBMITTED,
     Record,
     Status,
     checked_notes,
@@ -78,15 +79,13 @@ def score(run: Run) -> Record:
     if not has_clean(run.data / run.scene):
         return _record_unscored(run, numbers)
     clean = run.clean_scene()
-    reasons: dict[str, str] = {}
-    rows = score_views(run.folder / "renders", clean.test_views, reasons)
+    rows, scores, reasons = calculate(run, clean)
     views = pd.DataFrame(rows, columns=["view", *(metric.name for metric in find_metrics())])
     with replacing(run.folder / PER_VIEW) as temporary:
         views.to_csv(temporary, index=False)
     write_preview(run, clean)
-    scores = mean_scores(rows, reasons)
     reason = "; ".join(f"{name}: {why}" for name, why in reasons.items())
-    numbers |= {"scores": scores, "renders_sha256": renders_sha256(run.folder, clean.split.test)}
+    numbers |= {"scores": scores, "renders_sha256": renders_sha256(renders(run, clean))}
     record = describe(run, clean, status=status_of(scores), reason=reason, numbers=numbers)
     write_record(run.folder, record)
     return record
@@ -113,15 +112,34 @@ def _record_unscored(run: Run, numbers: Mapping[str, Any]) -> Record:
     """Write the preview and the record of a run that has no ground truth."""
     scene = run.training_scene()
     write_preview(run, scene)
-    numbers = {**numbers, "renders_sha256": renders_sha256(run.folder, scene.split.test)}
+    numbers = {**numbers, "renders_sha256": renders_sha256(renders(run, scene))}
     record = describe(run, scene, status=DONE, reason=NO_TRUTH, numbers=numbers)
     write_record(run.folder, record)
     return record
 
 
-def renders_sha256(folder: Path, names: Sequence[str]) -> str:
-    """SHA-256 over names and bytes of a run's renders."""
-    lines = [f"{sha256(folder / 'renders' / f'{name}.png')} {name}" for name in sorted(names)]
+def calculate(run: Run, clean: Scene) -> tuple[list[dict[str, Any]], dict[str, float], dict[str, str]]:
+    """All metrics of a run's renders, from the pictures; nothing is written.
+
+    Returns:
+        A row a view, with its name as `view`; the means by metric; and by metric why it could not be had.
+
+    Raises:
+        UnusableRun: as `score`.
+    """
+    reasons: dict[str, str] = {}
+    rows = score_views(run.folder / "renders", clean.test_views, reasons)
+    return rows, mean_scores(rows, reasons), reasons
+
+
+def renders(run: Run, scene: Scene) -> list[Path]:
+    """A run's renders, one for every held-out view."""
+    return [run.folder / "renders" / f"{view.name}.png" for view in scene.test_views]
+
+
+def renders_sha256(paths: Sequence[Path]) -> str:
+    """SHA-256 over names and bytes of renders."""
+    lines = [f"{sha256(path)} {path.name}" for path in sorted(paths, key=lambda path: path.name)]
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
@@ -199,6 +217,7 @@ def _scores(
 def describe(run: Run, scene: Scene, *, status: Status, reason: str, numbers: Mapping[str, Any]) -> Record:
     """The record of a run with the numbers that could be had."""
     settings = read_json(run.folder / CONFIG)
+    submitted = settings.get(SUBMITTED, {})
     errors = dataclasses.asdict(read_estimate(run.cameras).errors) if run.track == RAINY_POSES else {}
     camera = scene.test_views[0].camera
     return Record(
@@ -217,6 +236,8 @@ def describe(run: Run, scene: Scene, *, status: Status, reason: str, numbers: Ma
         profile=run.profile,
         data_sha256=settings["data_sha256"],
         drawing_code=run.drawing_code(),
+        submitted_by=submitted.get("by", ""),
+        link=submitted.get("link", ""),
         **{name: value for name, value in errors.items() if name in FIELDS},
         **{"version": code_version(), **numbers},  # of the code that trained and rendered
     )

@@ -22,11 +22,17 @@ def scene_table(table: pd.DataFrame, scene: str, profile: str, track: str) -> pd
     floor to ceiling in PSNR (see `share_of_gap`); `runs` counts scored/all. A metric that one of the runs lacks is NaN.
     """
     rows = table[(table.scene == scene) & (table.profile == profile) & (table.track == track)]
+    rows = rows.assign(method=shown_names(rows))
     effects = sorted(set(rows.effect) - {CLEAN}) or [CLEAN]
     blocks = {effect: _effect_block(rows[rows.effect.isin([effect, CLEAN])]) for effect in effects}
     joined = pd.concat(blocks, axis=1)
     order = sorted(joined.index, key=lambda m: (m != CEILING, m != FLOOR, m))
     return joined.loc[order]
+
+
+def shown_names(rows: pd.DataFrame) -> pd.Series:
+    """Methods as tables name them: what somebody submitted is marked."""
+    return rows.method + rows.submitted_by.map(lambda by: " (submitted)" if by and pd.notna(by) else "")
 
 
 def _effect_block(rows: pd.DataFrame) -> pd.DataFrame:
