@@ -3,18 +3,22 @@
 import inspect
 import sys
 from pathlib import Path
+from typing import Annotated
 
 import pandas as pd
 import tyro
 
 from baselines.method import METHODS, WRAPPERS, find_method, find_wrapper
 from baselines.rendering.film import FilmChoice
-from hydroviews.cli.commands import run_command
+from hydroviews.cli.commands import choices, run_command
 from hydroviews.cli.plugins import registered
 from hydroviews.dataset.manifest import built_scenes
+from hydroviews.dataset.suites import DEVELOPMENT, TEST, suite_of
 from hydroviews.errors import InputError
 from hydroviews.profiles import find_profile
 from hydroviews.rain.registry import choose_patterns
+from leaderboard.comparison import compare
+from leaderboard.comparison import in_words as comparison_text
 from leaderboard.contract.check import MINUTES, check
 from leaderboard.contract.trials import Result
 from leaderboard.evaluate import (
@@ -27,7 +31,7 @@ from leaderboard.evaluate import (
     outcome,
 )
 from leaderboard.film import film
-from leaderboard.gather import write_leaderboard
+from leaderboard.gather import collect_views, write_leaderboard
 from leaderboard.previews import write_overview
 from leaderboard.records import GIVEN_POSES, LEADERBOARD
 from leaderboard.rescore import TOLERANCE, rescore
@@ -35,11 +39,13 @@ from leaderboard.runs import Run
 from leaderboard.score import score
 from leaderboard.severity import record_losses
 from leaderboard.submission import submit
-from leaderboard.tables import legend, scene_keys, scene_text
+from leaderboard.tables import legend, of_suite, scene_keys, scene_text
 from leaderboard.viewer.export import Format, export
 from leaderboard.viewer.viewer import HOST, PORT, view
 
 DATA = Path("data")  # where `make eval` builds
+
+SuiteName = Annotated[str, choices((TEST, DEVELOPMENT))]
 
 
 def evaluate_command(request: tyro.conf.OmitArgPrefixes[EvaluateRequest]) -> None:
@@ -83,16 +89,48 @@ def _first_line(documented: object) -> str:
     return (inspect.getdoc(documented) or "").partition("\n")[0]
 
 
-def table_command(results: Path = Path("results")) -> None:
-    """Gather all records into leaderboard.csv and tables.md, and print them.
+def table_command(results: Path = Path("results"), suite: SuiteName = "") -> None:
+    """Gather all records into leaderboard.csv, per_view.csv and tables.md, and print the tables.
 
     Args:
         results: the results folder.
+        suite: print its scenes alone.
     """
-    table = write_leaderboard(results)
+    table = of_suite(write_leaderboard(results), suite)
     for keys in scene_keys(table):
         print(f"\n{scene_text(table, *keys)}", end="")
     print(f"\n{legend()}\nall runs: {results / LEADERBOARD}")
+
+
+def compare_command(
+    methods: tuple[str, ...] = (),
+    metric: str = "psnr",
+    suite: SuiteName = "",
+    effect: str = "",
+    profile: ProfileName = "demo",
+    track: TrackName = GIVEN_POSES,
+    results: Path = Path("results"),
+) -> None:
+    """Compare methods on the runs that all of them have: means, differences, 95 % intervals, significance, ties.
+
+    Args:
+        methods: those to compare, as tables name them; all there are if none is named.
+        metric: psnr, ssim, lpips_alex, lpips_vgg, or one that is registered.
+        suite: only its scenes; each suite apart if none is named.
+        effect: only this one, such as raindrop.
+        profile: of the runs.
+        track: of the runs.
+        results: the results folder.
+    """
+    table = of_suite(write_leaderboard(results), suite)
+    table = table[(table.profile == profile) & (table.track == track) & (table.effect.isin([effect]) | (effect == ""))]
+    suites = [name for name in (TEST, DEVELOPMENT, "") if name in set(table.scene.map(suite_of))]
+    if not suites:
+        raise InputError(f"{results}: no run of profile {profile}, track {track}" + (effect and f", effect {effect}"))
+    for name in suites:
+        rows = table[table.scene.map(suite_of) == name]
+        title = ", ".join([f"suite {name}" if name else "other scenes", profile, track, *([effect] if effect else [])])
+        print(f"\n{comparison_text(compare(rows, collect_views(rows, results), metric, methods), title)}", end="")
 
 
 def score_command(
@@ -259,6 +297,7 @@ def main() -> None:
             "check": check_command,
             "methods": methods_command,
             "table": table_command,
+            "compare": compare_command,
             "score": score_command,
             "rescore": rescore_command,
             "submit": submit_command,

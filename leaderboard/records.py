@@ -18,7 +18,7 @@ from hydroviews.files.atomic import read_json, write_json
 from hydroviews.metrics import find_metrics
 
 RECORD, PER_VIEW = "record.json", "per_view.csv"
-LEADERBOARD = "leaderboard.csv"  # in a results folder
+LEADERBOARD = "leaderboard.csv"  # in a results folder; one with the views of all runs is beside it, as PER_VIEW
 SUBMITTED = "submitted"  # in the settings of a run that somebody else rendered: by whom, link, hardware
 SCHEMA = 2  # of record.json; 1, which had no number, lacks the fields that are marked below
 

@@ -6,6 +6,8 @@ from pathlib import Path
 import pandas as pd
 
 from hydroviews.dataset.clean_views import CLEAN
+from hydroviews.dataset.suites import DEVELOPMENT, TEST, read_suite, suite_of
+from hydroviews.errors import InputError, unknown_name
 from hydroviews.files.atomic import write_bytes
 from hydroviews.formats.markdown import markdown_table
 from hydroviews.metrics import find_metrics
@@ -89,7 +91,8 @@ def _percent(value: float) -> str:
 
 def scene_text(table: pd.DataFrame, scene: str, profile: str, track: str) -> str:
     """One scene's table under its name, to be printed."""
-    return f"{scene} ({profile}, {track})\n\n{to_markdown(scene_table(table, scene, profile, track))}"
+    suite = f", {suite_of(scene)} suite" if suite_of(scene) else ""
+    return f"{scene} ({profile}, {track}{suite})\n\n{to_markdown(scene_table(table, scene, profile, track))}"
 
 
 def legend() -> str:
@@ -100,9 +103,26 @@ def legend() -> str:
 
 
 def scene_keys(table: pd.DataFrame) -> list[tuple[str, str, str]]:
-    """Scene, profile and track of every table there is, sorted by profile, scene and track."""
-    keys = sorted({(str(row.profile), str(row.scene), str(row.track)) for row in table.itertuples()})
-    return [(scene, profile, track) for profile, scene, track in keys]
+    """Scene, profile and track of every table there is, sorted by profile, suite (TEST first), scene and track."""
+    keys = {(str(row.scene), str(row.profile), str(row.track)) for row in table.itertuples()}
+    places = {TEST: 0, DEVELOPMENT: 1, "": 2}
+    return sorted(keys, key=lambda key: (key[1], places[suite_of(key[0])], key[0], key[2]))
+
+
+def of_suite(table: pd.DataFrame, suite: str) -> pd.DataFrame:
+    """The rows of a suite's scenes; all for an empty name.
+
+    Raises:
+        InputError: no such suite, or no row of it.
+    """
+    if not suite:
+        return table
+    if suite not in (TEST, DEVELOPMENT):
+        raise unknown_name(f"SUITE={suite}", suite, "suite", (TEST, DEVELOPMENT))
+    rows = table[table.scene.map(suite_of) == suite]
+    if rows.empty:
+        raise InputError(f"no run on a scene of the suite {suite}", expected=", ".join(read_suite(suite).scenes))
+    return rows
 
 
 def write_tables(table: pd.DataFrame, results: Path) -> None:
