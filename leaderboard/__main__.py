@@ -106,7 +106,7 @@ def compare_command(
     methods: tuple[str, ...] = (),
     metric: str = "psnr",
     suite: SuiteName = "",
-    effect: str = "",
+    patterns: PatternNames = (),
     profile: ProfileName = "demo",
     track: TrackName = GIVEN_POSES,
     results: Path = Path("results"),
@@ -117,19 +117,20 @@ def compare_command(
         methods: those to compare, as tables name them; all there are if none is named.
         metric: psnr, ssim, lpips_alex, lpips_vgg, or one that is registered.
         suite: only its scenes; each suite apart if none is named.
-        effect: only this one, such as raindrop.
+        patterns: only these; all there are if none is named.
         profile: of the runs.
         track: of the runs.
         results: the results folder.
     """
     table = of_suite(write_leaderboard(results), suite)
-    table = table[(table.profile == profile) & (table.track == track) & (table.effect.isin([effect]) | (effect == ""))]
+    table = table[(table.profile == profile) & (table.track == track)]
+    table = table[table.pattern.isin(patterns)] if patterns else table
     suites = [name for name in (TEST, DEVELOPMENT, "") if name in set(table.scene.map(suite_of))]
     if not suites:
-        raise InputError(f"{results}: no run of profile {profile}, track {track}" + (effect and f", effect {effect}"))
+        raise InputError(f"{results}: no such run", expected=", ".join([profile, track, *patterns]))
     for name in suites:
         rows = table[table.scene.map(suite_of) == name]
-        title = ", ".join([f"suite {name}" if name else "other scenes", profile, track, *([effect] if effect else [])])
+        title = ", ".join([f"suite {name}" if name else "other scenes", profile, track, *patterns])
         print(f"\n{comparison_text(compare(rows, collect_views(rows, results), metric, methods), title)}", end="")
 
 

@@ -135,16 +135,19 @@ def _methods(
     pairs: pd.DataFrame,
     metric: Metric,
 ) -> pd.DataFrame:
-    """A row a method; its rank is one more than the number of methods that finished more runs or are told to be better."""
+    """A row a method, in order of rank.
+
+    A rank is one more than the number of methods that finished more runs, or as many and are better beyond chance.
+    """
     found = estimate(scenes)
     rows = pd.DataFrame({"method": compared, "mean": found.mean, "low": found.low, "high": found.high})
     rows = rows.set_index("method").reindex(list(finished))
     rows["finished"] = [len(finished[name]) for name in rows.index]
     rows["planned"] = planned
     beaten = {(pair["first"], pair["second"]) for pair in pairs.to_dict("records") if pair["significant"]}
+    counts = {name: len(finished[name]) for name in rows.index}
     rows["rank"] = [
-        1 + sum(len(finished[other]) > len(finished[name]) or (other, name) in beaten for other in finished)
-        for name in rows.index
+        1 + sum(counts[a] > counts[b] or (counts[a] == counts[b] and (a, b) in beaten) for a in counts) for b in counts
     ]
     rows["order"] = -rows["mean"] if metric.higher_is_better else rows["mean"]
     rows = rows.sort_values(["finished", "order"], ascending=[False, True]).drop(columns="order")

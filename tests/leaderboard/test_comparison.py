@@ -1,15 +1,17 @@
 """Boards of known scores: what is compared, ranked, tied and missing; every number against one by pandas."""
 
 import itertools
+import shutil
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from hydroviews.errors import InputError
+from leaderboard.__main__ import compare_command, table_command
 from leaderboard.comparison import compare, in_words
-from leaderboard.gather import VIEW_KEYS
-from leaderboard.records import columns
+from leaderboard.gather import VIEW_KEYS, write_leaderboard
+from leaderboard.records import Record, columns, run_folder, write_record
 
 SHIFTS = {"ours": 2.0, "theirs": 0.02, "3dgs": 0.0}
 PATTERNS = ("raindrop-1", "streak-1", "storm-1")
@@ -33,6 +35,75 @@ def board(methods=SHIFTS, seeds=(0, 1), n_views=4, missing=()):
             psnr = difficulty[scene, view] + methods[method] + luck + rng.normal(0, LUCK)
             views.append(keys | {"view": f"v{view}", "psnr": psnr, "lpips_alex": 1 / psnr})
     return pd.DataFrame(runs), pd.DataFrame(views, columns=[*VIEW_KEYS, "view", "psnr", "lpips_alex"])
+
+
+@pytest.fixture
+def results(tmp_path):
+    """A results folder with two methods on a test scene, a development scene and one of somebody's own."""
+    for method, scene, pattern in itertools.product(("a", "b"), ("room", "courtyard", "mine"), ("streak-0", "clean")):
+        folder = run_folder(tmp_path, "demo", method, scene, pattern, 0, "given-poses")
+        folder.mkdir(parents=True)
+        scores = {"psnr": 20.0 + (method == "a"), "ssim": 0.5, "lpips_alex": 0.2, "lpips_vgg": 0.3}
+        views = pd.DataFrame([{"view": f"0{i}"} | scores for i in range(3)])
+        views.to_csv(folder / "per_view.csv", index=False)
+        names = {"method": method, "scene": scene, "effect": pattern.partition("-")[0], "pattern": pattern, "seed": 0}
+        told = {"track": "given-poses", "status": "done", "reason": "", "profile": "demo", "data_sha256": scene}
+        write_record(folder, Record(**names, **told, n_train=7, n_test=3, width=1, height=1, scores=scores))
+    return tmp_path
+
+
+def test_suites_stand_apart_and_one_can_be_asked_for(results, capsys):
+    compare_command(results=results)
+    printed = capsys.readouterr().out
+    titles = [
+        "suite test, demo, given-poses",
+        "suite development, demo, given-poses",
+        "other scenes, demo, given-poses",
+    ]
+    assert [printed.count(title) for title in titles] == [1, 1, 1]
+    assert printed.index(titles[0]) < printed.index(titles[1]) < printed.index(titles[2])
+    assert printed.count("Means over the 1 runs that all of them have, on 1 scene, 3 views.") == 3
+    assert "| a | 21.00 [21.00, 21.00] | 1/1 |" in printed
+    compare_command(suite="development", patterns=("streak-0",), results=results)
+    assert "suite test" not in capsys.readouterr().out
+    table_command(results, "test")
+    printed = capsys.readouterr().out
+    assert "room (demo, given-poses, test suite)" in printed
+    assert "courtyard" not in printed
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"suite": "testing"}, r"no such suite[\s\S]*did you mean test"),
+        ({"patterns": ("storm-0",)}, "no such run"),
+        ({"profile": "paper"}, "no such run"),
+    ],
+)
+def test_what_is_not_there_cannot_be_compared(results, options, message):
+    with pytest.raises(InputError, match=message):
+        compare_command(results=results, **options)
+
+
+def test_a_suite_without_runs_is_told(results):
+    for method in ("a", "b"):
+        shutil.rmtree(results / "demo" / method / "room")
+    with pytest.raises(InputError, match=r"no run on a scene of the suite test[\s\S]*room, street, pond, market"):
+        table_command(results, "test")
+
+
+def test_the_views_of_all_runs_are_one_tidy_file(results):
+    write_leaderboard(results)
+    views = pd.read_csv(results / "per_view.csv", dtype={"view": str})
+    assert list(views.columns) == [*VIEW_KEYS, "view", "psnr", "ssim", "lpips_alex", "lpips_vgg"]
+    assert len(views) == 2 * 3 * 2 * 3
+    assert dict(views.groupby("scene").suite.first().fillna("")) == {
+        "courtyard": "development",
+        "mine": "",
+        "room": "test",
+    }
+    assert list(views.view[:3]) == ["00", "01", "02"]
+    assert views[views.method == "a"].psnr.unique().tolist() == [21.0]
 
 
 def by_pandas(views: pd.DataFrame, metric: str = "psnr") -> dict[str, float]:
@@ -76,7 +147,7 @@ def test_means_are_of_runs_that_all_have_and_who_finished_fewer_ranks_below():
     assert dict(found["mean"]) == pytest.approx(by_pandas(common))
     assert found.loc["ours", "mean"] == found["mean"].max()
     assert found.index[-1] == "ours"
-    assert found.loc["ours", "rank"] == 3
+    assert dict(found["rank"]) == {"ours": 3, "theirs": 1, "3dgs": 1}  # these two as if it were not there
     assert (found.loc["ours", "finished"], found.loc["ours", "planned"]) == (16, 18)
     assert "| 16/18 |" in in_words(compare(runs, views, "psnr"), "")
 

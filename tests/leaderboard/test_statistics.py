@@ -35,9 +35,13 @@ def boards(scenes, views, patterns, seeds, spread, rng):
     ],
 )
 def test_intervals_of_95_percent_hold_the_truth_in_93_to_97(shape, spread):
-    found = estimate(boards(*shape, spread, np.random.default_rng(7)), draws=1000)
+    scenes = boards(*shape, spread, np.random.default_rng(7))
+    found = estimate(scenes, draws=1000)
     holds = (found.low < 0) & (found.high > 0)
     assert 0.93 <= holds.mean() <= 0.97
+    told_apart = ~holds & (signed_rank_p(scenes) < 0.05)
+    assert told_apart.mean() <= 0.07
+    assert told_apart.mean() >= 0.03 or not any(spread[:2])  # fewer where only the luck of training differs
 
 
 @pytest.mark.parametrize("shape", [(5, 8, 6, 1), (5, 8, 6, 3), (3, 5, 6, 1)])
