@@ -40,6 +40,7 @@ from hydroviews.scene.seeds import generator
 from leaderboard.contract.toy_scene import draw_room
 from leaderboard.predict import PREDICTION
 from leaderboard.runs import Run, claim_folder
+from leaderboard.sessions import SESSIONS
 
 METHOD, PROFILE = "benchmarks.interruptions:Brief", "demo"
 ITERATIONS, CHECKPOINT_SECONDS = 200, 0.2
@@ -103,7 +104,9 @@ def stages(out: Path, patterns: Sequence[str]) -> Iterator[Stage]:
         return ["leaderboard", "score", "--method", METHOD, "--pattern", patterns[0], *where]
 
     yield Stage("build", "built", build)
-    yield Stage("training", "trained", train, (PREDICTION, MODEL_FILE, CHECKPOINT))  # splats.ply has the same model
+    yield Stage(
+        "training", "trained", train, (PREDICTION, SESSIONS, MODEL_FILE, CHECKPOINT)
+    )  # splats.ply has the same model
     yield Stage("scoring", "scored", score)
 
 

@@ -1,19 +1,24 @@
-"""python -m leaderboard evaluate | check | methods | table | score | overview | view | film | export | card."""
+"""python -m leaderboard evaluate | check | methods | table | compare | score | rescore | submit | view | ..."""
 
 import inspect
 import sys
 from pathlib import Path
+from typing import Annotated
 
+import pandas as pd
 import tyro
 
 from baselines.method import METHODS, WRAPPERS, find_method, find_wrapper
 from baselines.rendering.film import FilmChoice
-from hydroviews.cli.commands import run_command
+from hydroviews.cli.commands import choices, run_command
 from hydroviews.cli.plugins import registered
 from hydroviews.dataset.manifest import built_scenes
+from hydroviews.dataset.suites import DEVELOPMENT, TEST, suite_of
 from hydroviews.errors import InputError
 from hydroviews.profiles import find_profile
 from hydroviews.rain.registry import choose_patterns
+from leaderboard.comparison import compare
+from leaderboard.comparison import in_words as comparison_text
 from leaderboard.contract.check import MINUTES, check
 from leaderboard.contract.trials import Result
 from leaderboard.evaluate import (
@@ -26,17 +31,21 @@ from leaderboard.evaluate import (
     outcome,
 )
 from leaderboard.film import film
-from leaderboard.gather import write_leaderboard
+from leaderboard.gather import collect_views, write_leaderboard
 from leaderboard.previews import write_overview
 from leaderboard.records import GIVEN_POSES, LEADERBOARD
+from leaderboard.rescore import TOLERANCE, rescore
 from leaderboard.runs import Run
 from leaderboard.score import score
 from leaderboard.severity import record_losses
-from leaderboard.tables import legend, scene_keys, scene_text
+from leaderboard.submission import submit
+from leaderboard.tables import legend, of_suite, scene_keys, scene_text
 from leaderboard.viewer.export import Format, export
 from leaderboard.viewer.viewer import HOST, PORT, view
 
 DATA = Path("data")  # where `make eval` builds
+
+SuiteName = Annotated[str, choices((TEST, DEVELOPMENT))]
 
 
 def evaluate_command(request: tyro.conf.OmitArgPrefixes[EvaluateRequest]) -> None:
@@ -80,16 +89,49 @@ def _first_line(documented: object) -> str:
     return (inspect.getdoc(documented) or "").partition("\n")[0]
 
 
-def table_command(results: Path = Path("results")) -> None:
-    """Gather all records into leaderboard.csv and tables.md, and print them.
+def table_command(results: Path = Path("results"), suite: SuiteName = "") -> None:
+    """Gather all records into leaderboard.csv, per_view.csv and tables.md, and print the tables.
 
     Args:
         results: the results folder.
+        suite: print its scenes alone.
     """
-    table = write_leaderboard(results)
+    table = of_suite(write_leaderboard(results), suite)
     for keys in scene_keys(table):
         print(f"\n{scene_text(table, *keys)}", end="")
     print(f"\n{legend()}\nall runs: {results / LEADERBOARD}")
+
+
+def compare_command(
+    methods: tuple[str, ...] = (),
+    metric: str = "psnr",
+    suite: SuiteName = "",
+    patterns: PatternNames = (),
+    profile: ProfileName = "demo",
+    track: TrackName = GIVEN_POSES,
+    results: Path = Path("results"),
+) -> None:
+    """Compare methods on the runs that all of them have: means, differences, 95 % intervals, significance, ties.
+
+    Args:
+        methods: those to compare, as tables name them; all there are if none is named.
+        metric: psnr, ssim, lpips_alex, lpips_vgg, or one that is registered.
+        suite: only its scenes; each suite apart if none is named.
+        patterns: only these; all there are if none is named.
+        profile: of the runs.
+        track: of the runs.
+        results: the results folder.
+    """
+    table = of_suite(write_leaderboard(results), suite)
+    table = table[(table.profile == profile) & (table.track == track)]
+    table = table[table.pattern.isin(patterns)] if patterns else table
+    suites = [name for name in (TEST, DEVELOPMENT, "") if name in set(table.scene.map(suite_of))]
+    if not suites:
+        raise InputError(f"{results}: no such run", expected=", ".join([profile, track, *patterns]))
+    for name in suites:
+        rows = table[table.scene.map(suite_of) == name]
+        title = ", ".join([f"suite {name}" if name else "other scenes", profile, track, *patterns])
+        print(f"\n{comparison_text(compare(rows, collect_views(rows, results), metric, methods), title)}", end="")
 
 
 def score_command(
@@ -115,6 +157,42 @@ def score_command(
         results: folder of the runs.
     """
     score(Run(method, find_profile(profile).name, seed, data / profile, scene, pattern, results, track))
+
+
+def rescore_command(results: Path = Path("results"), data: Path = DATA) -> None:
+    """Calculate all scores of all runs again from their renders and say what differs; exit status 1 if anything does.
+
+    Args:
+        results: folder of the runs.
+        data: folder that they were built in.
+    """
+    found = rescore(results, data)
+    if found.differences:
+        print(pd.DataFrame(found.differences).to_string(index=False))
+    for folder, reason in found.not_compared.items():
+        print(f"{folder}: not calculated again: {reason}")
+    print(f"{found.runs} runs calculated again, {len(found.differences)} numbers differ by more than {TOLERANCE:g}")
+    if not found.agrees:
+        sys.exit(1)
+
+
+def submit_command(
+    folder: tyro.conf.Positional[Path],
+    data: Path = DATA,
+    results: Path = Path("results"),
+    overwrite: bool = False,
+) -> None:
+    """Score somebody's renders of held-out views, and add their rows to the tables. No code of theirs runs.
+
+    Args:
+        folder: with submission.toml and the renders.
+        data: folder that the scenes were built in.
+        results: folder that takes the runs.
+        overwrite: replace what was submitted under that name before.
+    """
+    records = submit(folder, data, results, overwrite)
+    for record in {(record.scene, record.track): record for record in records}.values():
+        print(f"\n{outcome(record, results)}")
 
 
 def overview_command(
@@ -220,7 +298,10 @@ def main() -> None:
             "check": check_command,
             "methods": methods_command,
             "table": table_command,
+            "compare": compare_command,
             "score": score_command,
+            "rescore": rescore_command,
+            "submit": submit_command,
             "overview": overview_command,
             "view": view_command,
             "film": film_command,

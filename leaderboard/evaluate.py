@@ -194,7 +194,7 @@ def _train_in_process(run: Run, limits: Limits) -> str:
         Why it failed, or "".
 
     Raises:
-        InputError: the run met something the user can mend.
+        InputError: something that is not the method's the user can mend, such as a full disk.
         KeyboardInterrupt, SystemExit: this process was interrupted; the run left a checkpoint.
     """
     config = run.folder / CONFIG
@@ -212,13 +212,8 @@ def _train_on_loan(run: Run, limits: Limits) -> str:
     with run.lent() as (lent, loan), tempfile.TemporaryDirectory(prefix="hydroviews-run-") as notes:
         options = [f"--run.{field.name}={getattr(lent, field.name)}" for field in dataclasses.fields(lent)]
         watch = Watch(limits, [Path(notes), run.folder])
-        try:
-            reason = run_tethered("leaderboard.predict", options, Path(notes), watch, end_gently, limits.memory)
-        except InputError:  # of the method's making, if it wrote into what it read
-            if not loan.spoilt():
-                raise
-            reason = ""
-        spoilt = [] if reason else loan.spoilt()
+        reason = run_tethered("leaderboard.predict", options, Path(notes), watch, end_gently, limits.memory)
+        spoilt = loan.spoilt()
     return f"wrote into the data that it was lent: {some(spoilt)}" if spoilt else reason
 
 

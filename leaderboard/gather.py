@@ -9,15 +9,19 @@ from pathlib import Path
 
 import pandas as pd
 
+from hydroviews.dataset.suites import suite_of
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import replacing
 from hydroviews.files.full_disk import ReadOnly
+from hydroviews.files.locks import BUSY, locked
+from hydroviews.metrics import find_metrics
 from leaderboard.records import (
     GIVEN_POSES,
     LEADERBOARD,
     PER_VIEW,
     RECORD,
     RESCORE,
+    SCORED,
     TRACKS,
     UNREADABLE,
     Record,
@@ -34,6 +38,9 @@ logger = logging.getLogger(__name__)
 LEVELS = 5  # profile, method, scene, pattern, seed: see `leaderboard.runs`
 LAST = re.compile(rf"seed-[0-9]{{1,9}}(-({'|'.join(TRACKS)}))?")  # folder of a seed, with its track
 COUNTS = ("n_train", "n_test", "width", "height", "n_primitives")
+VIEW_KEYS = (
+    "method", "submitted_by", "profile", "track", "suite", "scene", "effect", "pattern", "seed", "data_sha256"
+)  # fmt: skip
 ROUNDED = 1e-5  # what a score of a record may differ from the mean of its views: it is rounded to five digits
 
 
@@ -44,15 +51,37 @@ def collect(results: Path) -> pd.DataFrame:
     without numbers. Only where the folder is none of a run's, such as a copy kept beside it, there is just a warning.
     """
     rows = []
-    for path in sorted(results.glob("*/" * LEVELS + RECORD)):
+    for folder in run_folders(results):
         try:
-            rows.append(as_row(trusted_record(path.parent)))
+            rows.append(as_row(trusted_record(folder)))
         except InputError as error:
             logger.warning("not counted: %s", error)
-            if LAST.fullmatch(path.parent.name):
-                rows.append(as_row(_unreadable(path.parent, str(error))))
+            if LAST.fullmatch(folder.name):
+                rows.append(as_row(_unreadable(folder, str(error))))
     table = pd.DataFrame(rows, columns=columns()).astype(dict.fromkeys(COUNTS, "Int64"))  # whole, where one is missing
     return table.sort_values(["profile", "scene", "track", "effect", "pattern", "method", "seed"], ignore_index=True)
+
+
+def collect_views(table: pd.DataFrame, results: Path) -> pd.DataFrame:
+    """The scores of every view of every scored run of a table, tidy: a row a view, in the order of the table.
+
+    Returns:
+        Columns VIEW_KEYS, `view`, and one a metric.
+    """
+    metrics = [metric.name for metric in find_metrics()]
+    parts = []
+    for run in table[table.status.isin(SCORED) & table[metrics].notna().any(axis=1)].to_dict("records"):
+        place = (run[name] for name in ("profile", "method", "scene", "pattern", "seed", "track"))
+        views = pd.read_csv(run_folder(results, *place) / PER_VIEW, converters={"view": str})
+        keys = {name: run[name] for name in VIEW_KEYS if name != "suite"} | {"suite": suite_of(run["scene"])}
+        parts.append(views.assign(**keys))
+    found = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+    return found.reindex(columns=[*VIEW_KEYS, "view", *metrics])
+
+
+def run_folders(results: Path) -> list[Path]:
+    """The folders in a results folder that hold a record, sorted."""
+    return [path.parent for path in sorted(results.glob("*/" * LEVELS + RECORD))]
 
 
 def trusted_record(folder: Path) -> Record:
@@ -121,20 +150,30 @@ def _unreadable(folder: Path, reason: str) -> Record:
 
 
 def write_leaderboard(results: Path) -> pd.DataFrame:
-    """Gather every record into `leaderboard.csv` and `tables.md`; numbers that are missing stay empty.
+    """Gather every record into `leaderboard.csv`, `per_view.csv` and `tables.md`; what is missing stays empty.
 
-    Where nothing may be written there is a warning: the table is there to be printed.
+    Records are read and the files written under one lock, so that of two evaluations that end together the later one
+    has the rows of both. Where nothing may be written there is a warning: the table is there to be printed.
 
     Raises:
         InputError: there is no record.
     """
-    table = collect(results)
-    if table.empty:
-        raise InputError(f"{results}: no finished run", fix="run `make eval METHOD=3dgs` first")
-    try:
-        with replacing(results / LEADERBOARD) as temporary:
-            table.to_csv(temporary, index=False)
-        write_tables(table, results)
-    except ReadOnly as error:
-        logger.warning("%s", error)
+    if not results.is_dir():
+        raise _nothing(results)
+    with locked(results / LEADERBOARD, BUSY):
+        table = collect(results)
+        if table.empty:
+            raise _nothing(results)
+        try:
+            with replacing(results / LEADERBOARD) as temporary:
+                table.to_csv(temporary, index=False)
+            with replacing(results / PER_VIEW) as temporary:
+                collect_views(table, results).to_csv(temporary, index=False)
+            write_tables(table, results)
+        except ReadOnly as error:
+            logger.warning("%s", error)
     return table
+
+
+def _nothing(results: Path) -> InputError:
+    return InputError(f"{results}: no finished run", fix="run `make eval METHOD=3dgs` first")

@@ -7,6 +7,8 @@ scores, compares and shows runs.
 import resource
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,30 +19,54 @@ from baselines.method import Method, check_render, find_method
 from baselines.splatting.kernels.simd import SIMD
 from baselines.training.devices import warn_of_slow_profile
 from hydroviews.cli.commands import run_command
+from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
+from hydroviews.files.full_disk import FullDisk, ReadOnly
 from hydroviews.scene.images import write_png
 from hydroviews.scene.scenes import Scene, Split
-from leaderboard.records import code_version
 from leaderboard.runs import Run
+from leaderboard.sessions import noted, read_sessions, training_session
 from leaderboard.supervision import Tether, tethered
 
 PREDICTION = "prediction.json"
+
+
+class RefusedByMethod(Exception):
+    """A method has raised an InputError: it has failed, and everybody else's runs go on."""
+
+
+@contextmanager
+def blaming_the_method() -> Iterator[None]:
+    """Around what a method does: what it raises is its own, but for a disk that is full or closed.
+
+    Raises:
+        RefusedByMethod: it raised an InputError.
+    """
+    try:
+        yield
+    except (FullDisk, ReadOnly):
+        raise
+    except InputError as error:
+        raise RefusedByMethod(str(error)) from error
 
 
 def train_and_render(run: Run) -> None:
     """Train the run's method, or go on from its checkpoint, and write `renders/` and `prediction.json`.
 
     Raises:
-        InputError: data or checkpoint that cannot be used.
+        InputError: data that cannot be used, no such method, or a full disk.
+        Exception: whatever the method raises; where that is an InputError, a RefusedByMethod.
     """
     (run.folder / PREDICTION).unlink(missing_ok=True)  # renders are whole where it is, and now they change
     scene = run.training_scene()
     kind = find_method(run.method)
     warn_of_slow_profile(run.profile)
-    method = kind(kind.configuration(run.profile), run.seed)
-    method.fit(only_training(scene), run.folder)
-    method.save(run.folder)
-    statistics = method.summary()
+    with blaming_the_method():
+        method = kind(kind.configuration(run.profile), run.seed)
+        with training_session(run.folder):
+            method.fit(only_training(scene), run.folder)
+        method.save(run.folder)
+        statistics = method.summary()
     if statistics.n_primitives == 0:
         raise ValueError("training has left no Gaussians or other primitives: there is nothing to render")
     seconds = render_views(method, scene, run.folder / "renders")
@@ -57,7 +83,7 @@ def train_and_render(run: Run) -> None:
             "render_device": statistics.render_device or statistics.device,
             "simd": SIMD,
             "used": statistics.used,
-            "version": code_version(),
+            **noted(read_sessions(run.folder)),
         },
     )
 
@@ -72,11 +98,13 @@ def render_views(method: Method, scene: Scene, folder: Path) -> list[float]:
 
     Raises:
         ValueError: a render is not what the contract promises.
+        RefusedByMethod: the method raised an InputError.
     """
     seconds = []
     for view in tqdm(scene.test_views, desc="rendering", unit="view"):
         start = time.perf_counter()
-        image = method.render(view.camera)
+        with blaming_the_method():
+            image = method.render(view.camera)
         seconds.append(time.perf_counter() - start)
         try:
             check_render(image, view.camera)

@@ -3,9 +3,13 @@
 import dataclasses
 import subprocess
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import Annotated, Any, Final, Literal
+
+import pydantic
+from pydantic import AfterValidator, Field
+from pydantic.dataclasses import dataclass
 
 import hydroviews
 from hydroviews import errors
@@ -14,10 +18,15 @@ from hydroviews.files.atomic import read_json, write_json
 from hydroviews.metrics import find_metrics
 
 RECORD, PER_VIEW = "record.json", "per_view.csv"
-LEADERBOARD = "leaderboard.csv"  # in a results folder
+LEADERBOARD = "leaderboard.csv"  # in a results folder; one with the views of all runs is beside it, as PER_VIEW
+SUBMITTED = "submitted"  # in the settings of a run that somebody else rendered: by whom, link, hardware
+SCHEMA = 2  # of record.json; 1, which had no number, lacks the fields that are marked below
 
-DONE, FAILED = "done", "failed"
-UNREADABLE = "unreadable"  # stands in tables for a record that cannot be used, and is never written to one
+DONE: Final = "done"
+PARTIAL: Final = "partial"
+FAILED: Final = "failed"
+UNREADABLE: Final = "unreadable"  # stands in tables for a record that cannot be used, and is never written to one
+SCORED = (DONE, PARTIAL)  # whose numbers count, where they are there
 LONGEST = 500  # characters of a reason
 LARGEST = 1e300  # what a number may be
 RESCORE = "evaluate the run again: its renders are scored anew"
@@ -26,57 +35,7 @@ GIVEN_POSES, SPARSE_VIEWS, RAINY_POSES = "given-poses", "sparse-views", "rainy-p
 # Cameras of the clean capture; the same, with a third of the training views; cameras estimated from what is trained on.
 TRACKS = (GIVEN_POSES, SPARSE_VIEWS, RAINY_POSES)
 
-
-@dataclass(frozen=True)
-class Record:
-    """One run. A number that could not be had is None, with the reason; never zero, never invented."""
-
-    method: str
-    scene: str
-    effect: str  # raindrop, streak, storm, captured or clean
-    pattern: str
-    seed: int
-    track: str  # one of TRACKS
-    status: str  # done or failed; in tables unreadable as well
-    reason: str  # why a number is missing
-    n_train: int | None  # None where the record cannot be read, as are the three below
-    n_test: int | None
-    width: int | None
-    height: int | None
-    scores: Mapping[str, float] = field(default_factory=dict)  # by metric, means over held-out views, where it has one
-    train_s: float | None = None
-    render_fps: float | None = None
-    peak_mem_mb: float | None = None  # resident memory of the run's process, 10^6 bytes
-    peak_gpu_mem_mb: float | None = None  # what torch allocated on the GPU, 10^6 bytes; None where it used none
-    n_primitives: int | None = None
-    model_mb: float | None = None
-    device: str = ""  # that trained: "cpu" or the GPU's name
-    render_device: str = ""  # that rendered, to which `render_fps` belongs
-    simd: str = ""  # the processor's instructions that the kernels of the CPU use, see `kernels/simd.py`
-    used: str = ""  # what the method found that the photographs call for, if it looks
-    profile: str = ""
-    version: str = ""
-    data_sha256: str = ""
-    drawing_code: str = ""  # digest of the code that drew the rain, or the clean views; empty for photographs
-    photographs: int | None = None  # that cameras were estimated from in the track rainy-poses, as all below
-    registered: int | None = None  # of these, with a camera
-    pose_auc_5: float | None = None  # see `hydroviews.scene.camera_errors.CameraErrors`
-    pose_auc_10: float | None = None
-    pose_auc_30: float | None = None
-    rotation_error: float | None = None
-    position_error: float | None = None
-
-    def __post_init__(self) -> None:
-        for name in FREE:
-            object.__setattr__(self, name, printable(getattr(self, name)))
-
-
-FREE = ("reason", "used", "device", "render_device", "version")  # text that a method or an error had a hand in
-FIELDS = [field.name for field in dataclasses.fields(Record)]
-NEEDED = [field.name for field in dataclasses.fields(Record) if field.default is dataclasses.MISSING]
-NEEDED.remove("scores")
-NOTED = [*FIELDS[FIELDS.index("train_s") : FIELDS.index("profile")], "version"]  # when it was trained and rendered
-KINDS = get_type_hints(Record)
+Status = Literal["done", "partial", "failed", "unreadable"]
 
 
 def printable(text: str, longest: int = LONGEST) -> str:
@@ -86,6 +45,71 @@ def printable(text: str, longest: int = LONGEST) -> str:
         return shown
     end = f" ... ({len(text):,} characters)"
     return shown[: longest - len(end)] + end
+
+
+STRICT = pydantic.ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
+Free = Annotated[str, AfterValidator(printable)]  # text that a method or an error had a hand in
+Count = Annotated[int, Field(ge=0)]
+Number = Annotated[float, Field(ge=0, lt=LARGEST)]
+Score = Annotated[float, Field(gt=-LARGEST, lt=LARGEST)]
+
+
+@dataclass(frozen=True, config=STRICT)
+class Record:
+    """One run. A number that could not be had is None, with the reason; never zero, never invented.
+
+    Raises:
+        pydantic.ValidationError: a field holds what it cannot, such as NaN or a number below 0.
+    """
+
+    method: str
+    scene: str
+    effect: str  # raindrop, streak, storm, captured or clean
+    pattern: str
+    seed: Count
+    track: str  # one of TRACKS
+    status: Status
+    reason: Free  # why a number is missing
+    n_train: Count | None  # None where the record cannot be read, as are the three below
+    n_test: Count | None
+    width: Count | None
+    height: Count | None
+    scores: Mapping[str, Score] = field(default_factory=dict)  # by metric, means over held-out views
+    train_s: Number | None = None
+    before_s: Number | None = None  # of `fit`, all sessions: until the first training step; new in schema 2
+    after_s: Number | None = None  # and since the last one; new in schema 2
+    render_fps: Number | None = None
+    peak_mem_mb: Number | None = None  # resident memory of the run's process, 10^6 bytes
+    peak_gpu_mem_mb: Number | None = None  # what torch allocated on the GPU, 10^6 bytes; None where it used none
+    n_primitives: Count | None = None
+    model_mb: Number | None = None
+    device: Free = ""  # that trained: "cpu" or the GPU's name
+    render_device: Free = ""  # that rendered, to which `render_fps` belongs
+    simd: str = ""  # the processor's instructions that the kernels of the CPU use, see `kernels/simd.py`
+    used: Free = ""  # what the method found that the photographs call for, if it looks
+    profile: str = ""
+    version: Free = ""  # of the code that trained; where it changed between sessions all of them, in order
+    sessions: Count | None = None  # how often training was started; new in schema 2
+    data_sha256: str = ""
+    drawing_code: str = ""  # digest of the code that drew the rain, or the clean views; empty for photographs
+    renders_sha256: str = ""  # of the pictures that were scored; new in schema 2
+    photographs: Count | None = None  # that cameras were estimated from in the track rainy-poses, as all below
+    registered: Count | None = None  # of these, with a camera
+    pose_auc_5: Number | None = None  # see `hydroviews.scene.camera_errors.CameraErrors`
+    pose_auc_10: Number | None = None
+    pose_auc_30: Number | None = None
+    rotation_error: Number | None = None
+    position_error: Number | None = None
+    submitted_by: Free = ""  # who rendered it; empty for runs of our own; new in schema 2
+    link: Free = ""  # to what they did; new in schema 2
+
+
+FIELDS = [field.name for field in dataclasses.fields(Record)]
+# What is noted when a run is trained and rendered.
+NOTED = [*FIELDS[FIELDS.index("train_s") : FIELDS.index("profile")], "version", "sessions"]
+_NEW_NOTES: dict[str, Any] = {"before_s": None, "after_s": None, "sessions": None}  # since schema 2
+_types: Any = {f.name: (f.type, ...) for f in dataclasses.fields(Record) if f.name in NOTED}
+_Notes = pydantic.create_model("_Notes", __config__=STRICT, **_types)
 
 
 def columns() -> list[str]:
@@ -99,61 +123,68 @@ def as_row(record: Record) -> dict[str, Any]:
     return {name: record.scores.get(name) if name not in FIELDS else getattr(record, name) for name in columns()}
 
 
+def status_of(scores: Mapping[str, float]) -> Status:
+    """Done where every metric is there."""
+    return DONE if all(metric.name in scores for metric in find_metrics()) else PARTIAL
+
+
 def from_row(row: Mapping[str, Any]) -> Record:
-    """The record that was written as a row; scores of metrics that are not registered here are dropped.
+    """The record that was written as a row, of this schema or an earlier one.
+
+    Scores of metrics that are not registered here are dropped. One that was done and lacks a metric, such as one that
+    was registered since, is partial.
 
     Raises:
         ValueError: fields are missing, hold what they cannot, or are others that are no scores; it names them all.
     """
     if not isinstance(row, dict):
         raise ValueError(f"a {type(row).__name__}, expected fields by name")
+    schema = row.get("schema", 1)
+    if schema not in range(1, SCHEMA + 1):
+        raise ValueError(f"schema {printable(repr(schema), 40)}, expected 1 to {SCHEMA}: written by another version")
     fields = {name: value for name, value in row.items() if name in FIELDS and name != "scores"}
-    scores = {name: value for name, value in row.items() if name not in fields}
-    wrong = [f"no {name}" for name in NEEDED if name not in row]
-    wrong += misfits(fields)
-    wrong += [f"unknown or odd {_shown(name, value)}" for name, value in scores.items() if not _is_score(value)]
-    if row.get("status") not in (DONE, FAILED):
-        wrong.append(f"status is none of {DONE}, {FAILED}")
-    if wrong:
-        raise ValueError("; ".join(wrong))
+    others = {name: value for name, value in row.items() if name not in fields and name != "schema"}
+    try:
+        record = Record(**fields, scores={name: value for name, value in others.items() if value is not None})
+    except pydantic.ValidationError as error:
+        raise ValueError(in_words(error)) from None
+    if record.status == UNREADABLE:
+        raise ValueError(f"status {UNREADABLE}, expected one that is written down")
     known = {metric.name for metric in find_metrics()}
-    return Record(
-        **fields, scores={name: value for name, value in scores.items() if name in known and value is not None}
-    )
+    scores = {name: value for name, value in record.scores.items() if name in known}
+    status = status_of(scores) if scores else record.status  # without any: not scored, or failed
+    return dataclasses.replace(record, scores=scores, status=status)
 
 
-def misfits(fields: Mapping[str, Any]) -> list[str]:
-    """Those of a record's fields that hold something else than the record's text or finite number, with what they hold.
+def checked_notes(notes: Any) -> dict[str, Any]:
+    """What was noted of a run when it was trained and rendered, by fields of its record.
 
-    Args:
-        fields: some of a record's, without scores.
+    Raises:
+        ValueError: fields are missing, are others, or hold what they cannot.
     """
-    odd = {name: value for name, value in fields.items() if not _fits(name, value)}
-    return [f"{_shown(name, value)}, expected {_kind(name)}" for name, value in odd.items()]
+    if not isinstance(notes, dict):
+        raise ValueError(f"a {type(notes).__name__}, expected fields by name")
+    notes = _NEW_NOTES | notes
+    try:
+        _Notes(**notes)
+    except pydantic.ValidationError as error:
+        raise ValueError(in_words(error)) from None
+    return notes
 
 
-def _fits(name: str, value: Any) -> bool:
-    kinds = get_args(KINDS[name]) or (KINDS[name],)
-    if _is_number(value):
-        return (float in kinds or (int in kinds and isinstance(value, int))) and value >= 0
-    return isinstance(value, kinds) and not isinstance(value, int | float)
+def in_words(error: pydantic.ValidationError) -> str:
+    """What is wrong, in one line: every field that is missing, unknown, or holds what it cannot."""
+    return "; ".join(_fault(fault) for fault in error.errors(include_url=False))
 
 
-def _is_score(value: Any) -> bool:
-    return value is None or _is_number(value)
-
-
-def _is_number(value: Any) -> bool:
-    """Whether it is a number that every reader takes; NaN and the infinities are none."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and -LARGEST < value < LARGEST
-
-
-def _kind(name: str) -> str:
-    return str(KINDS[name]).removeprefix("<class '").removesuffix("'>")
-
-
-def _shown(name: str, value: Any) -> str:
-    return f"{printable(name, 40)} {printable(repr(value), 60)}"
+def _fault(fault: Any) -> str:
+    name = printable(".".join(map(str, fault["loc"])).removeprefix("scores."), 40)
+    if fault["type"] == "missing":
+        return f"no {name}"
+    if fault["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+        return f"unknown {name}"
+    told = fault["msg"][:1].lower() + fault["msg"][1:]
+    return f"{name} {printable(repr(fault['input']), 60)}: {printable(told, 200)}"
 
 
 def check_track(name: str) -> None:
@@ -179,7 +210,7 @@ def run_folder(results: Path, profile: str, method: str, scene: str, pattern: st
 
 def write_record(folder: Path, record: Record) -> None:
     """Write a run's record."""
-    write_json(folder / RECORD, as_row(record))
+    write_json(folder / RECORD, {"schema": SCHEMA, **as_row(record)})
 
 
 def read_record(path: Path) -> Record:

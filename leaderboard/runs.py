@@ -2,6 +2,7 @@
 
 <results>/<profile>/<method>/<scene>/<pattern>/seed-<n>/    in the track sparse-views: seed-<n>-sparse-views, and so on
     config.json      settings, data hash
+    sessions.json    every start of the training, see `leaderboard.sessions`
     renders/*.png    held-out views, written before any metric is computed
     prediction.json  time, memory, size
     per_view.csv, record.json, preview.png
@@ -27,8 +28,7 @@ from hydroviews.files.atomic import read_json
 from hydroviews.scene.scenes import Scene
 from leaderboard.estimated_cameras import Estimate, estimate_cameras, with_cameras
 from leaderboard.records import GIVEN_POSES, RAINY_POSES, SPARSE_VIEWS, check_track, effect_of, run_folder
-
-CONFIG = "config.json"
+from leaderboard.sessions import CONFIG
 
 
 @dataclass(frozen=True)

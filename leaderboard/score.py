@@ -9,6 +9,7 @@ scored.
 """
 
 import dataclasses
+import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from tqdm import tqdm
 from hydroviews.cli.threads import side_by_side
 from hydroviews.dataset.variants import has_clean
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import read_json, replacing
+from hydroviews.files.atomic import read_json, replacing, sha256
 from hydroviews.metrics import Metric, find_metrics
 from hydroviews.scene.images import Image, read_image, to_uint8
 from hydroviews.scene.masks import Ignored
@@ -31,13 +32,14 @@ from leaderboard.previews import write_preview
 from leaderboard.records import (
     DONE,
     FIELDS,
-    NOTED,
     PER_VIEW,
     RAINY_POSES,
+    SUBMITTED,
     Record,
+    Status,
+    checked_notes,
     code_version,
-    misfits,
-    printable,
+    status_of,
     write_record,
 )
 from leaderboard.runs import CONFIG, Run, refuse_other_data
@@ -77,15 +79,14 @@ def score(run: Run) -> Record:
     if not has_clean(run.data / run.scene):
         return _record_unscored(run, numbers)
     clean = run.clean_scene()
-    reasons: dict[str, str] = {}
-    rows = score_views(run.folder / "renders", clean.test_views, reasons)
+    rows, scores, reasons = calculate(run, clean)
     views = pd.DataFrame(rows, columns=["view", *(metric.name for metric in find_metrics())])
     with replacing(run.folder / PER_VIEW) as temporary:
         views.to_csv(temporary, index=False)
     write_preview(run, clean)
-    scores = mean_scores(rows, reasons)
     reason = "; ".join(f"{name}: {why}" for name, why in reasons.items())
-    record = describe(run, clean, status=DONE, reason=reason, numbers={"scores": scores, **numbers})
+    numbers |= {"scores": scores, "renders_sha256": renders_sha256(renders(run, clean))}
+    record = describe(run, clean, status=status_of(scores), reason=reason, numbers=numbers)
     write_record(run.folder, record)
     return record
 
@@ -101,23 +102,45 @@ def read_prediction(folder: Path) -> dict[str, Any]:
         numbers = read_json(path)
     except InputError as error:
         raise UnusableRun(f"{path}: cannot be read", found=str(error).splitlines()[0], fix=AGAIN) from None
-    if not isinstance(numbers, dict):
-        raise UnusableRun(f"{path}: a {type(numbers).__name__}", expected="fields by name", fix=AGAIN)
-    wrong = [f"no {name}" for name in NOTED if name not in numbers]
-    wrong += [f"unknown {printable(name, 40)}" for name in numbers if name not in NOTED]
-    wrong += misfits({name: value for name, value in numbers.items() if name in NOTED})
-    if wrong:
-        raise UnusableRun(f"{path}: not what a run leaves", found="; ".join(wrong), fix=AGAIN)
-    return numbers
+    try:
+        return checked_notes(numbers)
+    except ValueError as error:
+        raise UnusableRun(f"{path}: not what a run leaves", found=error, fix=AGAIN) from None
 
 
 def _record_unscored(run: Run, numbers: Mapping[str, Any]) -> Record:
     """Write the preview and the record of a run that has no ground truth."""
     scene = run.training_scene()
     write_preview(run, scene)
+    numbers = {**numbers, "renders_sha256": renders_sha256(renders(run, scene))}
     record = describe(run, scene, status=DONE, reason=NO_TRUTH, numbers=numbers)
     write_record(run.folder, record)
     return record
+
+
+def calculate(run: Run, clean: Scene) -> tuple[list[dict[str, Any]], dict[str, float], dict[str, str]]:
+    """All metrics of a run's renders, from the pictures; nothing is written.
+
+    Returns:
+        A row a view, with its name as `view`; the means by metric; and by metric why it could not be had.
+
+    Raises:
+        UnusableRun: as `score`.
+    """
+    reasons: dict[str, str] = {}
+    rows = score_views(run.folder / "renders", clean.test_views, reasons)
+    return rows, mean_scores(rows, reasons), reasons
+
+
+def renders(run: Run, scene: Scene) -> list[Path]:
+    """A run's renders, one for every held-out view."""
+    return [run.folder / "renders" / f"{view.name}.png" for view in scene.test_views]
+
+
+def renders_sha256(paths: Sequence[Path]) -> str:
+    """SHA-256 over names and bytes of renders."""
+    lines = [f"{sha256(path)} {path.name}" for path in sorted(paths, key=lambda path: path.name)]
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
 def mean_scores(views: Sequence[Mapping[str, Any]], reasons: dict[str, str]) -> dict[str, float]:
@@ -191,9 +214,10 @@ def _scores(
     return scores
 
 
-def describe(run: Run, scene: Scene, *, status: str, reason: str, numbers: Mapping[str, Any]) -> Record:
+def describe(run: Run, scene: Scene, *, status: Status, reason: str, numbers: Mapping[str, Any]) -> Record:
     """The record of a run with the numbers that could be had."""
     settings = read_json(run.folder / CONFIG)
+    submitted = settings.get(SUBMITTED, {})
     errors = dataclasses.asdict(read_estimate(run.cameras).errors) if run.track == RAINY_POSES else {}
     camera = scene.test_views[0].camera
     return Record(
@@ -212,6 +236,8 @@ def describe(run: Run, scene: Scene, *, status: str, reason: str, numbers: Mappi
         profile=run.profile,
         data_sha256=settings["data_sha256"],
         drawing_code=run.drawing_code(),
+        submitted_by=submitted.get("by", ""),
+        link=submitted.get("link", ""),
         **{name: value for name, value in errors.items() if name in FIELDS},
         **{"version": code_version(), **numbers},  # of the code that trained and rendered
     )

@@ -10,7 +10,7 @@ from hydroviews.dataset.variants import is_captured
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, replacing
 from hydroviews.formats.capture_json import CAPTURED
-from leaderboard.records import LEADERBOARD
+from leaderboard.records import LEADERBOARD, SCORED
 
 CEILING, FLOOR = "3dgs-clean", "3dgs"  # plain 3DGS trained on clean and on rainy views
 TEXT = ("method", "scene", "pattern", "track", "profile", "status", "data_sha256")  # names, even where they are digits
@@ -74,7 +74,7 @@ def losses_of(folder: Path, leaderboard: pd.DataFrame) -> pd.DataFrame:
     data, scene = folder.parent, folder.name
     patterns = _patterns(folder)
     hashes = {pattern: data_hash(data, scene, pattern) for pattern in ("clean", *patterns)}
-    runs = leaderboard[(leaderboard.scene == scene) & (leaderboard.status == "done")]
+    runs = leaderboard[(leaderboard.scene == scene) & leaderboard.status.isin(SCORED)]
     runs = runs[runs.data_sha256 == runs.pattern.map(hashes)].dropna(subset=["psnr"])
     same = ["profile", "track", "seed"]
     ceiling = runs[runs.method == CEILING][[*same, "psnr"]]

@@ -6,9 +6,12 @@ from pathlib import Path
 import pandas as pd
 
 from hydroviews.dataset.clean_views import CLEAN
+from hydroviews.dataset.suites import DEVELOPMENT, TEST, read_suite, suite_of
+from hydroviews.errors import InputError, unknown_name
 from hydroviews.files.atomic import write_bytes
 from hydroviews.formats.markdown import markdown_table
 from hydroviews.metrics import find_metrics
+from leaderboard.records import SCORED
 from leaderboard.severity import CEILING, FLOOR
 
 TABLES = "tables.md"
@@ -18,9 +21,10 @@ def scene_table(table: pd.DataFrame, scene: str, profile: str, track: str) -> pd
     """One scene's means in one track, over patterns and seeds: a row a method, columns (effect, metric).
 
     The ceiling, trained once on clean views, stands under every effect. `gap` is the share of the way from
-    floor to ceiling in PSNR (see `share_of_gap`); `runs` counts done/all.
+    floor to ceiling in PSNR (see `share_of_gap`); `runs` counts scored/all. A metric that one of the runs lacks is NaN.
     """
     rows = table[(table.scene == scene) & (table.profile == profile) & (table.track == track)]
+    rows = rows.assign(method=shown_names(rows))
     effects = sorted(set(rows.effect) - {CLEAN}) or [CLEAN]
     blocks = {effect: _effect_block(rows[rows.effect.isin([effect, CLEAN])]) for effect in effects}
     joined = pd.concat(blocks, axis=1)
@@ -28,14 +32,19 @@ def scene_table(table: pd.DataFrame, scene: str, profile: str, track: str) -> pd
     return joined.loc[order]
 
 
+def shown_names(rows: pd.DataFrame) -> pd.Series:
+    """Methods as tables name them: what somebody submitted is marked."""
+    return rows.method + rows.submitted_by.map(lambda by: " (submitted)" if by and pd.notna(by) else "")
+
+
 def _effect_block(rows: pd.DataFrame) -> pd.DataFrame:
-    done = rows[rows.status == "done"]
+    done = rows[rows.status.isin(SCORED)]
     names = [metric.name for metric in find_metrics()]
-    numbers = done.astype(dict.fromkeys(names, float)).groupby("method")[names].mean()
+    numbers = done.astype(dict.fromkeys(names, float)).groupby("method")[names].mean(skipna=False)
     block = numbers.reindex(sorted(set(rows.method)))
     block["gap"] = [share_of_gap(done, method) for method in block.index]
     block["train_s"] = done.groupby("method")["train_s"].mean().astype(float)
-    counts = rows.groupby("method")["status"].agg(lambda s: f"{(s == 'done').sum()}/{len(s)}")
+    counts = rows.groupby("method")["status"].agg(lambda s: f"{s.isin(SCORED).sum()}/{len(s)}")
     block["runs"] = counts
     return block
 
@@ -82,7 +91,8 @@ def _percent(value: float) -> str:
 
 def scene_text(table: pd.DataFrame, scene: str, profile: str, track: str) -> str:
     """One scene's table under its name, to be printed."""
-    return f"{scene} ({profile}, {track})\n\n{to_markdown(scene_table(table, scene, profile, track))}"
+    suite = f", {suite_of(scene)} suite" if suite_of(scene) else ""
+    return f"{scene} ({profile}, {track}{suite})\n\n{to_markdown(scene_table(table, scene, profile, track))}"
 
 
 def legend() -> str:
@@ -93,9 +103,26 @@ def legend() -> str:
 
 
 def scene_keys(table: pd.DataFrame) -> list[tuple[str, str, str]]:
-    """Scene, profile and track of every table there is, sorted by profile, scene and track."""
-    keys = sorted({(str(row.profile), str(row.scene), str(row.track)) for row in table.itertuples()})
-    return [(scene, profile, track) for profile, scene, track in keys]
+    """Scene, profile and track of every table there is, sorted by profile, suite (TEST first), scene and track."""
+    keys = {(str(row.scene), str(row.profile), str(row.track)) for row in table.itertuples()}
+    places = {TEST: 0, DEVELOPMENT: 1, "": 2}
+    return sorted(keys, key=lambda key: (key[1], places[suite_of(key[0])], key[0], key[2]))
+
+
+def of_suite(table: pd.DataFrame, suite: str) -> pd.DataFrame:
+    """The rows of a suite's scenes; all for an empty name.
+
+    Raises:
+        InputError: no such suite, or no row of it.
+    """
+    if not suite:
+        return table
+    if suite not in (TEST, DEVELOPMENT):
+        raise unknown_name(f"SUITE={suite}", suite, "suite", (TEST, DEVELOPMENT))
+    rows = table[table.scene.map(suite_of) == suite]
+    if rows.empty:
+        raise InputError(f"no run on a scene of the suite {suite}", expected=", ".join(read_suite(suite).scenes))
+    return rows
 
 
 def write_tables(table: pd.DataFrame, results: Path) -> None:

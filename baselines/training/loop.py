@@ -5,7 +5,10 @@ its state and `iteration`: whatever is random in step i is drawn from the seed a
 """
 
 import math
-from collections.abc import Mapping
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -15,6 +18,10 @@ from baselines.training.checkpoints import Tree, load_checkpoint, save_checkpoin
 from baselines.training.signals import Clock, Saving, end_stopped, stop_signals
 
 SMOOTHING = 0.98  # what the loss that is shown keeps of itself in a step
+
+Interval = tuple[float, float]  # when a loop began and ended, seconds of `time.perf_counter`
+
+_loops: ContextVar[list[Interval] | None] = ContextVar("loops", default=None)  # where `timed_loops` collects them
 
 Metrics = Mapping[str, float]  # losses, as floats, and counts, as integers
 
@@ -66,7 +73,7 @@ def run(trainer: Trainer, checkpoint: Path, fingerprint: Mapping[str, Any], chec
     saving = Saving(clock, checkpoint_seconds)
     bar = tqdm(total=trainer.iterations, initial=trainer.iteration, desc="training", unit="it", mininterval=1.0)
     smooth: float | None = None
-    with stop_signals() as stopped, bar:
+    with stop_signals() as stopped, bar, _noted():
         while not trainer.finished:
             iteration, metrics = trainer.iteration, trainer.step()
             check_finite(metrics, iteration)
@@ -78,6 +85,28 @@ def run(trainer: Trainer, checkpoint: Path, fingerprint: Mapping[str, Any], chec
             smooth = smoothed(smooth, next(iter(metrics.values())), SMOOTHING)
             bar.set_postfix_str(_in_words(metrics, smooth), refresh=False)
             bar.update()
+
+
+@contextmanager
+def timed_loops() -> Iterator[list[Interval]]:
+    """Collects when the loops in the block began and ended, to tell training from what is done before and after it."""
+    loops: list[Interval] = []
+    token = _loops.set(loops)
+    try:
+        yield loops
+    finally:
+        _loops.reset(token)
+
+
+@contextmanager
+def _noted() -> Iterator[None]:
+    began = time.perf_counter()
+    try:
+        yield
+    finally:
+        loops = _loops.get()
+        if loops is not None:
+            loops.append((began, time.perf_counter()))
 
 
 def resume(training: Resumable, checkpoint: Path, fingerprint: Mapping[str, Any]) -> None:

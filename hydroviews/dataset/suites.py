@@ -3,6 +3,7 @@
 import logging
 import tomllib
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ logger = logging.getLogger(__name__)
 
 FOLDER = Path(catalogue.__file__).parent / "suites"
 KEYS = {"title", "patterns", "scenes"}
+DEVELOPMENT, TEST = "development", "test"  # suites: settings are chosen on the one, and judged on the other
 EXAMPLE = '[scenes] with lines such as "mipnerf360/garden" = ["raindrop", "streak"], and perhaps patterns = [0, 1, 2]'
 
 
@@ -31,6 +33,17 @@ class Suite:
 def known_suites() -> list[str]:
     """The suites that come with the package."""
     return sorted(path.stem for path in FOLDER.glob("*.toml"))
+
+
+@cache
+def suite_of(scene: str) -> str:
+    """DEVELOPMENT or TEST for a built scene that one of them lists, by its name; empty for any other."""
+    listed = {suite: read_suite(suite).scenes for suite in (DEVELOPMENT, TEST)}
+    return next((suite for suite, scenes in listed.items() if scene in map(_built_name, scenes)), "")
+
+
+def _built_name(source: str) -> str:
+    return source.replace("/", "_")
 
 
 def read_suite(name: str) -> Suite:

@@ -16,6 +16,10 @@ class ReadOnly(InputError):
     """Nothing may be written there."""
 
 
+class FullDisk(InputError):
+    """There is no space left, on the disk or in the user's quota."""
+
+
 @contextmanager
 def plain_full_disk(path: Path) -> Iterator[None]:
     """Turn the error of a full disk, in whatever form a library raises it, into one that says what to do.
@@ -24,8 +28,8 @@ def plain_full_disk(path: Path) -> Iterator[None]:
         path: the file or folder that is written in the block.
 
     Raises:
-        InputError: the disk or the user's quota is full, or a file is in the way of the folder of `path`, or it cannot
-            be made.
+        FullDisk: the disk or the user's quota is full.
+        InputError: a file is in the way of the folder of `path`, or it cannot be made.
     """
     try:
         yield
@@ -37,7 +41,7 @@ def plain_full_disk(path: Path) -> Iterator[None]:
         if isinstance(error, FileNotFoundError) and not path.parent.is_dir():  # as under /proc
             raise InputError(f"{path.parent}: no folder can be made there", fix="choose another folder") from error
         if (isinstance(error, OSError) and error.errno in FULL) or os.strerror(errno.ENOSPC) in str(error):
-            raise InputError(
+            raise FullDisk(
                 f"{path}: no space left on the disk",
                 fix="free some space and run the same command again; finished files are kept",
             ) from error

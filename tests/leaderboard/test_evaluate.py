@@ -261,11 +261,6 @@ def test_a_configuration_that_raises_is_a_clear_error(built, tmp_path):
     assert not (tmp_path / "data").exists()
 
 
-def test_bad_input_ends_the_command(built, evaluated, tmp_path):
-    with pytest.raises(InputError, match="no scene for me"):
-        evaluate(request(built, tmp_path, "Refuses"))
-
-
 def test_other_settings_are_refused_unless_overwritten(built, evaluated, tmp_path, monkeypatch):
     monkeypatch.setenv("TOY_SHIFT", "0.1")
     sys.modules.pop("toy_methods", None)

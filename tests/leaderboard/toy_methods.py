@@ -1,8 +1,10 @@
 """Methods that train in no time, to test the harness with."""
 
+import errno
 import os
 import shutil
 import signal
+import sys
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +14,7 @@ import numpy as np
 from baselines.method import Method, TrainingSummary
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, write_json
+from hydroviews.files.full_disk import plain_write_errors
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 from hydroviews.scene.scenes import Scene
@@ -67,6 +70,44 @@ class Killed(MeanColour):
 class Refuses(MeanColour):
     def fit(self, scene: Scene, folder: Path) -> None:
         raise InputError("camera.bin: this is no scene for me")
+
+
+class RefusesToRender(MeanColour):
+    def render(self, camera: Camera) -> Image:
+        raise InputError("camera: too wide for me")
+
+
+class FillsTheDisk(MeanColour):
+    def save(self, folder: Path) -> None:
+        with plain_write_errors(folder / "colour.json"):
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+
+class RendersTooSmall(MeanColour):
+    def render(self, camera: Camera) -> Image:
+        return super().render(camera)[1:]
+
+
+class EatsMemory(MeanColour):
+    def fit(self, scene: Scene, folder: Path) -> None:
+        np.ones(6 * 10**9, np.uint8)
+
+
+class PrintsGarbageAndChangesInput(MeanColour):
+    """Prints what is no text and what a terminal would obey; moves all cameras and points that it is given."""
+
+    def fit(self, scene: Scene, folder: Path) -> None:
+        super().fit(scene, folder)
+        sys.stdout.buffer.write(bytes(range(256)) * 100)
+        os.write(2, b"\xff\xfe\x00\x1b[2J" * 100)
+        scene.points.positions[:] = np.nan
+        for view in scene.views:
+            view.camera.world_to_camera[:] = 0
+
+    def render(self, camera: Camera) -> Image:
+        image = super().render(camera)
+        camera.world_to_camera[:] = 0
+        return image
 
 
 class RendersNan(MeanColour):

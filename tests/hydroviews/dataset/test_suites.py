@@ -6,7 +6,7 @@ import pytest
 from synthetic import capture_in
 
 from hydroviews.dataset.manifest import read_manifest
-from hydroviews.dataset.suites import build_suite, read_suite
+from hydroviews.dataset.suites import DEVELOPMENT, TEST, build_suite, read_suite, suite_of
 from hydroviews.dataset.verify import verify
 from hydroviews.formats.writers import write_colmap
 from hydroviews.profiles import find_profile
@@ -64,3 +64,10 @@ def test_the_command_reports_and_ends_with_status_1(suite, tmp_path):
     result = subprocess.run([*command, "--patterns", "streak-0"], capture_output=True, text=True, cwd=root)
     assert result.returncode == 2
     assert "--suite with --patterns" in result.stderr
+
+
+def test_a_built_scene_is_for_choosing_or_for_judging_or_for_neither():
+    assert [suite_of(name) for name in ("courtyard", "llff_flower", "mipnerf360_bonsai")] == [DEVELOPMENT] * 3
+    assert [suite_of(name) for name in ("room", "street", "pond", "market", "ngp_fox")] == [TEST] * 5
+    assert [suite_of(name) for name in ("yard", "mipnerf360/bonsai", "")] == [""] * 3
+    assert not set(read_suite(DEVELOPMENT).scenes) & set(read_suite(TEST).scenes)
