@@ -157,4 +157,4 @@ OUTWARD = Path(
     waves=(3.0, 5.0),
     outward=True,
 )
-MARKET = Design(make_market, OUTSIDE, OUTWARD, samples=14)
+MARKET = Design(make_market, OUTSIDE, OUTWARD, samples=14, clean_error=1.9)
