@@ -38,7 +38,7 @@ def true_covers(variant: Path, view: View) -> dict[str, Plane]:
     effect = find_effect(read_json(variant / "pattern.json")["effect"])
     size = view.camera.width, view.camera.height
     layers = read_layers(variant / "layers" / f"{view.name}.exr")
-    planes = {name: np.asarray(cv2.resize(p, size, interpolation=cv2.INTER_AREA)) for name, p in layers.items()}
+    planes = {n: np.asarray(cv2.resize(p, size, interpolation=cv2.INTER_AREA), np.float32) for n, p in layers.items()}
     falling = {"rain": planes.pop(effect.falling)} if effect.falling else {}
     covers = effect.covers(planes)
     return {part: covers[share] for part, share in SHARES.items() if share in covers} | falling

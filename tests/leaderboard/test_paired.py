@@ -132,8 +132,9 @@ def test_deraings_learns_from_paired_photographs(tmp_path, monkeypatch, name):
     folder = built(tmp_path, paired_capture(tmp_path / "walk", NAMES[:6], NAMES[6:]))
     run, record = trained(tmp_path / "data", CAPTURED, tmp_path / "results", name, "walk")
     assert (record.status, record.n_train, record.n_test) == ("done", 6, 3)
-    enhanced = sorted(path.stem for path in run.folder.glob("enhanced/*/*.png"))
-    assert enhanced == (NAMES[:6] if name == "deraings" else [])
+    enhanced = {path.stem for path in run.folder.glob("enhanced/*/*.png")}
+    assert enhanced
+    assert enhanced <= set(NAMES[:6])
     places = run.folder / "renders", folder / "clean"
     pairs = [[read_image(place / f"{view}.png") for place in places] for view in NAMES[6:]]
     assert record.scores["psnr"] == pytest.approx(np.mean([metrics.psnr(*pair) for pair in pairs]), abs=1e-4)
