@@ -88,8 +88,10 @@ class Effect(ABC):
         covers: dict[str, NDArray[np.float32]] = {}
         for key, plane in self.planes.items():
             if plane.share and key in layers:
-                others = covers.get(plane.share)
-                covers[plane.share] = layers[key] if others is None else 1 - (1 - others) * (1 - layers[key])
+                cover = layers[key]
+                if plane.share in covers:
+                    cover = np.float32(1) - (1 - covers[plane.share]) * (1 - cover)
+                covers[plane.share] = cover
         return covers
 
     def describe(self, parameters: Mapping[str, Any]) -> str:
