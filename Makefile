@@ -25,6 +25,7 @@ FILM_ARGS ?=
 
 ABLATION := deraings.method:Masks 3dgs+enhance deraings.method:WithoutAttention deraings \
             deraings.method:RainModelOnly deraings-plus deraings.method:Everything
+EFFECTS  := dark haze night raindrop raindrop-b raindrop-renewed raindrop-sharp shower storm streak streak-b
 METHODS  ?= 3dgs nerf-w derain-nerf wild-gaussians gs-w deraings deraings-plus
 SCENES   ?=
 BIN      := $(VENV)/bin
@@ -48,6 +49,7 @@ patterns := $(if $(names),--patterns $(names))
 overwrite := $(if $(filter 1,$(OVERWRITE)),--overwrite)
 repair   := $(if $(filter 1,$(REPAIR)),--repair)
 scenes   := $(if $(SCENES),$(call quoted,$(SCENES)),$(call quote,$(SCENE)))
+every_pattern = $(foreach effect,$(EFFECTS),$(effect)-0 $(effect)-1 $(effect)-2)
 what     := $(if $(SUITE),--suite $(call quote,$(SUITE)),--scene $(call quote,$(SCENE)))
 profile  := $(call quote,$(PROFILE))
 data     := $(call quote,$(DATA))
@@ -99,8 +101,8 @@ eval: $(READY)  ## build what is missing, run the method and the reference rows,
 check: $(READY)  ## whether METHOD= keeps the contract of a method, on a room that is learned in seconds
 	$(BIN)/python -m leaderboard check $(call quote,$(METHOD)) --profile $(profile)
 
-severity: $(READY)  ## what plain 3DGS loses to each of a scene's six patterns, entered into its data card
-	$(MAKE) eval METHOD=3dgs PATTERNS=raindrop-0,raindrop-1,raindrop-2,streak-0,streak-1,streak-2
+severity: $(READY)  ## what plain 3DGS loses to three patterns of every effect, or to PATTERNS=, entered into the data card
+	$(MAKE) eval METHOD=3dgs $(if $(names),,PATTERNS='$(strip $(every_pattern))')
 	$(BIN)/python -m leaderboard card $(data)/$(profile) --results $(results)
 
 enhancer: $(READY)  ## train the enhancement network: PHOTOGRAPHS=a folder of clean photographs

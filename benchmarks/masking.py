@@ -18,10 +18,11 @@ from baselines.gaussian_splatting import PROFILES, GaussianSplatting
 from benchmarks.quality import held_out, slug
 from deraings.masks.config import MaskConfig
 from deraings.method import DeRainGSConfig, Masks
-from deraings.rain_model.ground_truth import COVERED, true_layers
+from deraings.rain_model.ground_truth import COVERED, true_covers
 from hydroviews.cli.commands import run_command
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean, open_variant
+from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_bytes
 from hydroviews.profiles import find_profile
 from hydroviews.scene.scenes import Scene
@@ -45,7 +46,7 @@ def covered(method: Masks, variant: Path, scene: Scene) -> dict[str, float]:
     means = []
     for index, view in enumerate(scene.train_views):
         mask = masks.mask(index, (view.camera.height, view.camera.width))
-        hidden = true_layers(variant, view)["M"] > COVERED
+        hidden = true_covers(variant, view)["drops"] > COVERED
         means.append((mask[hidden].mean() if hidden.any() else np.nan, mask[~hidden].mean()))
     within, without = np.nanmean(means, axis=0)
     return {"within drops": round(float(within), 2), "without": round(float(without), 2)}
@@ -71,6 +72,8 @@ def main(
     """
     built = build_source(scene, data / profile, find_profile(profile), patterns=(pattern,), all_patterns=False)
     rainy, clean = open_variant(built, pattern), open_clean(built)
+    if "drops" not in true_covers(built / pattern, rainy.views[0]):
+        raise InputError(f"--pattern {pattern}: no water on the lens", expected="a pattern of drops on the lens")
     folder = out / f"{built.name}-{profile}-{seed}"
     rows: list[dict[str, Any]] = []
     for name, method in cases(profile, seed):

@@ -13,11 +13,10 @@ import numpy as np
 from baselines.method import find_method
 from deraings.image_planes import Plane
 from deraings.method import DeRainGS
-from deraings.rain_model.ground_truth import true_layers
+from deraings.rain_model.ground_truth import true_covers
 from deraings.rain_model.objective import RainObjective
 from hydroviews.cli.commands import run_command
 from hydroviews.errors import InputError
-from hydroviews.rain.registry import find_effect
 from hydroviews.scene.images import read_image, write_png
 from hydroviews.scene.picture_grid import Row, Tile, draw_sheet
 from hydroviews.scene.scenes import View
@@ -26,7 +25,6 @@ from leaderboard.predict import only_training
 from leaderboard.runs import Run
 
 WIDTH = 1800  # pixels of the picture
-LENS = "M"  # the plane of drops on the lens
 
 
 def found_cover(objective: RainObjective, view: int, size: tuple[int, int], falling: bool) -> Plane:
@@ -48,24 +46,23 @@ def row_of(run: Run, name: str) -> Row:
     names = [view.name for view in scene.train_views]
     if name not in names:
         raise InputError(f"--view {name}: no training view of {run}", expected=f"one of {', '.join(names)}")
-    effect = find_effect(run.effect)
-    plane = effect.falling or LENS
-    if not isinstance(method, DeRainGS) or plane not in effect.planes:
+    index = names.index(name)
+    view, clean = scene.train_views[index], _named(run.clean_scene().train_views, name)
+    truth = true_covers(run.data / run.scene / run.pattern, view)
+    part = next((part for part in ("rain", "drops") if part in truth), None)
+    if not isinstance(method, DeRainGS) or part is None:
         raise InputError(
             f"{run}: nothing to compare", expected="a run of deraings or deraings-plus on drops or falling rain"
         )
     method.fit(scene, run.folder)  # finished: it only takes up what was learned
-    index = names.index(name)
-    view, clean = scene.train_views[index], _named(run.clean_scene().train_views, name)
     size = view.camera.height, view.camera.width
     objective = method.learned()
     tiles = [Tile(view.image(), "photograph")]
     enhanced = sorted((run.folder / "enhanced").glob(f"*/{name}.png"))
     tiles += [Tile(read_image(enhanced[-1]), "enhanced")] if enhanced else []
-    truth = true_layers(run.data / run.scene / run.pattern, view)[plane]
-    found = found_cover(objective, index, size, effect.falling is not None)
+    found = found_cover(objective, index, size, part == "rain")
     tiles += [Tile(_grey(found), "rain that was found")]
-    tiles += [Tile(_grey(truth), "rain that was there")]
+    tiles += [Tile(_grey(truth[part]), "rain that was there")]
     tiles += [Tile(method.render(view.camera), "render"), Tile(clean.image(), "clean view")]
     return Row(f"{run.method} on {run.scene}", run.pattern, tiles)
 

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from hydroviews.rain.registry import pattern_names
+
 REPOSITORY = Path(__file__).parents[1]
 
 
@@ -160,6 +162,11 @@ def test_settings_that_cannot_be_are_refused_by_make(recorded, arguments, told):
     assert not done.stdout
 
 
+def test_make_severity_takes_every_effect_unless_patterns_are_named():
+    assert f"--patterns {' '.join(map(repr, pattern_names()))} \n" in make("severity")
+    assert "--patterns 'raindrop-0' 'haze-1' \n" in make("severity", "PATTERNS=raindrop-0,haze-1")
+
+
 TARGETS = {  # what each runs
     "setup": ("pip install --constraint constraints.txt  --editable '.[blender,viewer,compression,cuda,dev]'",),
     "dataset": ("-m hydroviews build --scene 'courtyard' --profile 'demo' --out 'data'/'demo' --seed '0'",),
@@ -172,7 +179,7 @@ TARGETS = {  # what each runs
         "-m leaderboard evaluate --method 'deraings-plus'",
     ),
     "check": ("-m leaderboard check '3dgs' --profile 'demo'",),
-    "severity": ("'raindrop-2' 'streak-0'", "-m leaderboard card 'data'/'demo' --results 'results'"),
+    "severity": ("--method '3dgs' --scene 'courtyard'", "-m leaderboard card 'data'/'demo' --results 'results'"),
     "enhancer": ("-m deraings.enhancement train", "--start 'results'/enhancement/second/weights.safetensors"),
     "drop-finder": ("-m baselines.derain_nerf.raindrop_attention train",),
     "ablation": ("-m leaderboard evaluate --method 'deraings.method:RainModelOnly'",),

@@ -12,29 +12,36 @@ from numpy.typing import NDArray
 
 from deraings.image_planes import Plane
 from deraings.rain_model.model import RainModel
+from hydroviews.files.atomic import read_json
 from hydroviews.rain.layers import read_layers
+from hydroviews.rain.registry import find_effect
 from hydroviews.scene.scenes import View
 
 COVERED = 0.5  # drop_alpha from which a pixel counts as hidden
+SHARES = {"drops": "water", "mist": "mist"}  # what the rain model finds, and what planes of layers count for
 
 
-def true_layers(variant: Path, view: View) -> dict[str, Plane]:
-    """The layers of a view, averaged down to its camera's size.
+def true_covers(variant: Path, view: View) -> dict[str, Plane]:
+    """What rain covers of a view, averaged down to its camera's size.
 
     Args:
         variant: folder of a rainy variant, such as `courtyard/raindrop-1`.
         view: one of its views.
 
     Returns:
-        Planes [H, W] by channel: M (drop_alpha), V (mist_alpha), R, G, B of drops and storms; S (rain_alpha) of
-        streaks.
+        Planes [H, W], 0 to 1, as far as the variant's effect has such: `drops`, by water on the lens; `mist`; `rain`,
+        by falling drops or streaks.
 
     Raises:
         InputError: missing or unreadable.
     """
+    effect = find_effect(read_json(variant / "pattern.json")["effect"])
     size = view.camera.width, view.camera.height
-    planes = read_layers(variant / "layers" / f"{view.name}.exr")
-    return {name: np.asarray(cv2.resize(p, size, interpolation=cv2.INTER_AREA)) for name, p in planes.items()}
+    layers = read_layers(variant / "layers" / f"{view.name}.exr")
+    planes = {n: np.asarray(cv2.resize(p, size, interpolation=cv2.INTER_AREA), np.float32) for n, p in layers.items()}
+    falling = {"rain": planes.pop(effect.falling)} if effect.falling else {}
+    covers = effect.covers(planes)
+    return {part: covers[share] for part, share in SHARES.items() if share in covers} | falling
 
 
 def plane_errors(found: Plane, true: Plane) -> dict[str, float]:
@@ -75,30 +82,30 @@ def score_rain(model: RainModel, variant: Path, views: Sequence[View]) -> dict[s
     Returns:
         `rms`, `mean` and `correlation` of mist_alpha (`mist_rms`, ...) and of drop_alpha (`drops_rms`, ...),
         `drops_iou`, `drops_precision`, `drops_recall`, and `rain_even_error` (S less the true median rain_alpha), as
-        far as the variant has such layers.
+        far as the variant's effect has such.
 
     Raises:
         InputError: a layer is missing or unreadable.
     """
     scores: dict[str, list[float]] = {}
     for index, view in enumerate(views):
-        for name, value in _score_view(model, index, true_layers(variant, view)).items():
+        for name, value in _score_view(model, index, true_covers(variant, view)).items():
             scores.setdefault(name, []).append(value)
     return {name: float(np.mean(values)) for name, values in scores.items()}
 
 
 def _score_view(model: RainModel, index: int, true: dict[str, Plane]) -> dict[str, float]:
-    """The same of one view, given its layers."""
+    """The same of one view, given its covers."""
     scores: dict[str, float] = {}
     height, width = next(iter(true.values())).shape
-    if "V" in true:
-        scores |= _named("mist", plane_errors(model.mist_alpha(index, (height, width)), true["V"]))
-    if "M" in true:
+    if "mist" in true:
+        scores |= _named("mist", plane_errors(model.mist_alpha(index, (height, width)), true["mist"]))
+    if "drops" in true:
         alpha = model.drop_alpha(index, (height, width))
-        masks = mask_scores(alpha > COVERED, true["M"] > COVERED)
-        scores |= _named("drops", masks | plane_errors(alpha, true["M"]))
-    if "S" in true:
-        scores["rain_even_error"] = model.even_alpha - float(np.median(true["S"]))
+        masks = mask_scores(alpha > COVERED, true["drops"] > COVERED)
+        scores |= _named("drops", masks | plane_errors(alpha, true["drops"]))
+    if "rain" in true:
+        scores["rain_even_error"] = model.even_alpha - float(np.median(true["rain"]))
     return scores
 
 

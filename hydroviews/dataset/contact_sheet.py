@@ -3,7 +3,7 @@
 Sheets are for eyes and are no part of the data set: they go to `<data>/sheets`, beside the scenes.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from hydroviews.dataset.variants import has_clean, is_captured
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from hydroviews.formats.capture_json import CAPTURED
-from hydroviews.rain.compositing import COLOURS
+from hydroviews.rain.compositing import COLOURS, LayerPlane, Layers
 from hydroviews.rain.layers import read_layers
 from hydroviews.rain.registry import find_effect, parse_pattern
 from hydroviews.rain.streaks.measures import mean_angle
@@ -28,7 +28,7 @@ WIDTH = 2000  # pixels of a sheet, at most
 COLUMNS = 4
 MOST_COLUMNS = 40  # more would leave no room for a picture
 GAINS = (1, 2, 4, 8, 16)
-LIGHT = "RGB: light they add"
+LIGHT = "light they add"
 
 
 def write_sheets(folder: Path, out: Path | None = None, columns: int = COLUMNS) -> list[Path]:
@@ -123,10 +123,22 @@ def _layer_rows(folder: Path, patterns: Sequence[str], name: str) -> list[Row]:
         planes = find_effect(parse_pattern(pattern).effect).planes
         shown = {key: plane.title for key, plane in planes.items() if plane.title and key in layers}
         tiles += [_plane_tile(layers[key], f"{key}: {title}") for key, title in shown.items()]
-        for part in (key.removesuffix("R") for key in layers if key.rpartition(".")[2] == "R"):
-            tiles.append(Tile(to_srgb(np.stack([layers[part + c] for c in COLOURS], axis=-1)), part + LIGHT))
+        tiles += [_light_tile(layers, stem, planes[f"{stem}R"]) for stem in _colour_stems(planes)]
         rows.append(Row(pattern, read_json(folder / pattern / "pattern.json").get("grade", ""), tiles))
     return rows
+
+
+def _colour_stems(planes: Mapping[str, LayerPlane]) -> list[str]:
+    """What the names of three planes of added light begin with that end with R, G and B; noise may be negative."""
+    reds = [key for key, plane in planes.items() if key.endswith("R") and plane.least >= 0]
+    return [red[:-1] for red in reds if {red[:-1] + channel for channel in COLOURS} <= planes.keys()]
+
+
+def _light_tile(layers: Layers, stem: str, plane: LayerPlane) -> Tile:
+    """Three planes as one picture: what has no largest value is linear light, the rest encoded values."""
+    picture = np.stack([layers[stem + channel] for channel in COLOURS], axis=-1)
+    name = stem if stem[-1:].isalpha() else f"{stem}RGB"
+    return Tile(to_srgb(picture) if np.isinf(plane.most) else picture, f"{name}: {LIGHT}")
 
 
 def _plane_tile(plane: np.ndarray, words: str) -> Tile:

@@ -87,7 +87,8 @@ def _read_published(capture: Capture, source: str, root: Path, long_side: int) -
     images, notes = (None, []) if pictures and pictures.together else choose_images(folder, capture.images, long_side)
     scene = read_scene(folder, capture.folder_name, images)
     if Path(source).is_dir():
-        notes.append(f"read as the published {capture.name}, from {folder}; a folder of your own is ./{source}")
+        logger.info("%s: read from %s", source, folder)  # no note: notes are handed on with the data
+        notes.append(f"read as the published {capture.name}; a folder of your own is ./{source}")
     rainy = scene.captured_rainy or capture.captured_rainy
     return replace(scene, notes=(*scene.notes, *notes), captured_rainy=rainy)
 

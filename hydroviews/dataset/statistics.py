@@ -29,7 +29,6 @@ from tqdm import tqdm
 
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, replacing
-from hydroviews.rain.effect import Effect
 from hydroviews.rain.layers import read_layers
 from hydroviews.rain.registry import find_effect
 from hydroviews.rain.streaks.measures import mean_angle, streak_angle
@@ -124,7 +123,7 @@ def measure_view(
     squared = cv2.norm(rainy, clean, cv2.NORM_L2SQR) / (clean.size * 255**2)
     gained = np.maximum(cv2.LUT(rainy, LINEAR) - cv2.LUT(clean, LINEAR), 0)
     effect = find_effect(facts["effect"])
-    shares = {share: float(cover.mean()) for share, cover in _covers(effect, layers).items()}
+    shares = {share: float(cover.mean()) for share, cover in effect.covers(layers).items()}
     return ViewStatistics(
         view=name,
         water=shares.get("water"),
@@ -136,18 +135,6 @@ def measure_view(
         angle=None if effect.falling is None else streak_angle(layers[effect.falling]),
         seed_density=effect.seed_density(facts["parameters"], layers),
     )
-
-
-def _covers(effect: Effect, layers: Mapping[str, NDArray[np.float32]]) -> dict[str, NDArray[np.float32]]:
-    """What is covered [H, W] by each kind of thing, by one or another of its planes."""
-    covers: dict[str, NDArray[np.float32]] = {}
-    for key, plane in effect.planes.items():
-        if plane.share:
-            cover = layers[key]
-            if plane.share in covers:
-                cover = np.float32(1) - (1 - covers[plane.share]) * (1 - cover)
-            covers[plane.share] = cover
-    return covers
 
 
 def read_statistics(path: Path) -> pd.DataFrame:

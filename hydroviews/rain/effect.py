@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hydroviews.rain.compositing import LayerPlane, Layers
 from hydroviews.rain.patterns import Pattern
@@ -78,6 +79,20 @@ class Effect(ABC):
     @abstractmethod
     def composite(self, parameters: Mapping[str, Any], clean: Image, layers: Layers) -> Image:
         """The rainy view [H, W, 3], sRGB-encoded, [0, 1]; nothing else than its arguments may decide it."""
+
+    def covers(self, layers: Layers) -> dict[str, NDArray[np.float32]]:
+        """What water, mist and streaks each cover of a view, [H, W] by the share that its planes count for.
+
+        Of several planes of one share it is their union; planes that are not among `layers` do not count.
+        """
+        covers: dict[str, NDArray[np.float32]] = {}
+        for key, plane in self.planes.items():
+            if plane.share and key in layers:
+                cover = layers[key]
+                if plane.share in covers:
+                    cover = np.float32(1) - (1 - covers[plane.share]) * (1 - cover)
+                covers[plane.share] = cover
+        return covers
 
     def describe(self, parameters: Mapping[str, Any]) -> str:
         """The main parameters as a phrase for data cards; empty where nothing is to be said."""

@@ -1,17 +1,21 @@
 """A packed variant that came from a server trains to the same record as the one that was built."""
 
+import json
 from dataclasses import asdict
 
 import pytest
 from servers import serving
 from shared import SHAREABLE, built_in
+from synthetic import capture_in
 
 from hydroviews.dataset.manifest import data_hash
 from hydroviews.dataset.sharing.fetch import fetch
 from hydroviews.dataset.sharing.pack import pack
 from hydroviews.dataset.sources import build_source
 from hydroviews.errors import InputError
+from hydroviews.formats.writers import write_colmap
 from hydroviews.profiles import find_profile
+from leaderboard.evaluate import EvaluateRequest, evaluate
 from leaderboard.predict import train_and_render
 from leaderboard.records import NOTED
 from leaderboard.runs import Run, claim_folder
@@ -22,7 +26,12 @@ def trained_record(data, results):
     run = Run("short_splatting:ShortSplatting", "demo", 0, data, "yard", "streak-1", results)
     claim_folder(run, overwrite=False)
     train_and_render(run)
-    return {name: value for name, value in asdict(score(run)).items() if name not in NOTED}
+    return comparable(score(run))
+
+
+def comparable(record):
+    """What a record says of data and scores, not of the machine and the time that it took."""
+    return {name: value for name, value in asdict(record).items() if name not in NOTED}
 
 
 def test_a_fetched_variant_trains_to_the_same_record(tmp_path, monkeypatch):
@@ -37,6 +46,30 @@ def test_a_fetched_variant_trains_to_the_same_record(tmp_path, monkeypatch):
     assert ours["status"] == "done"
     assert ours["scores"]["psnr"] > 5
     assert ours["data_sha256"] == data_hash(built.parent, "yard", "streak-1")
+
+
+@pytest.mark.usefixtures("toys")
+def test_an_evaluation_of_fetched_data_gives_the_records_of_the_original(tmp_path):
+    capture = tmp_path / "yard"
+    write_colmap(capture_in(capture), capture / "sparse" / "0")
+    (capture / "capture.json").write_text(json.dumps(SHAREABLE))
+    ours, theirs = tmp_path / "ours", tmp_path / "theirs"
+    records = [evaluated(str(capture), ours)]
+    [(path, _)] = pack(ours / "data/demo/yard", tmp_path / "out", patterns=["streak-1"])
+    fetch(str(path), theirs / "data/demo")
+    records.append(evaluated("yard", theirs))
+    assert records[0] == records[1]
+    assert [(one["status"], one["pattern"]) for one in records[0]] == [("done", "clean"), ("done", "streak-1")]
+    hashes = [data_hash(ours / "data/demo", "yard", name) for name in ("clean", "streak-1")]
+    assert [one["data_sha256"] for one in records[1]] == hashes
+    assert records[0][0]["scores"]["psnr"] > records[0][1]["scores"]["psnr"] > 5
+
+
+def evaluated(scene, folder):
+    request = EvaluateRequest(
+        "toy_methods:MeanColour", scene, patterns=("streak-1",), data=folder / "data", results=folder / "results"
+    )
+    return [comparable(record) for record in evaluate(request)]
 
 
 def test_an_evaluation_needs_no_capture_for_what_was_fetched(tmp_path):

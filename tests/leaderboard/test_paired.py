@@ -1,6 +1,7 @@
 """Paired captures from the folder to the table: trained on rainy photographs, scored on clean ones."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from paired import NAMES, paired_capture
 from synthetic import capture_in
 
 from baselines.gaussian_splatting import GaussianSplatting
+from baselines.method import find_method
 from baselines.splatting.config import TrainerConfig
 from hydroviews import metrics
 from hydroviews.dataset.contact_sheet import write_sheets
@@ -121,8 +123,27 @@ def test_a_method_gets_no_clean_photograph(tmp_path, clean):
         assert [view.name for view in lent.training_scene().views] == NAMES  # of the others there are cameras
 
 
-def trained(data: Path, pattern: str, results: Path):
-    one = Run("3dgs", "demo", 0, data / "demo", "yard", pattern, results)
+@pytest.mark.parametrize("name", ["deraings", "deraings-plus"])
+def test_deraings_learns_from_paired_photographs(tmp_path, monkeypatch, name):
+    """As on a built variant, in few steps: from the rainy photographs alone, scored on clean ones of other views."""
+    method = find_method(name)
+    short = replace(method.profiles["demo"], splatting=TrainerConfig(iterations=STEPS, device="cpu"))
+    monkeypatch.setattr(method, "configuration", lambda _: short)
+    folder = built(tmp_path, paired_capture(tmp_path / "walk", NAMES[:6], NAMES[6:]))
+    run, record = trained(tmp_path / "data", CAPTURED, tmp_path / "results", name, "walk")
+    assert (record.status, record.n_train, record.n_test) == ("done", 6, 3)
+    enhanced = {path.stem for path in run.folder.glob("enhanced/*/*.png")}
+    assert enhanced
+    assert enhanced <= set(NAMES[:6])
+    places = run.folder / "renders", folder / "clean"
+    pairs = [[read_image(place / f"{view}.png") for place in places] for view in NAMES[6:]]
+    assert record.scores["psnr"] == pytest.approx(np.mean([metrics.psnr(*pair) for pair in pairs]), abs=1e-4)
+    assert record.scores["psnr"] > 5
+    assert not np.array_equal(pairs[0][0], pairs[1][0])
+
+
+def trained(data: Path, pattern: str, results: Path, method: str = "3dgs", scene: str = "yard"):
+    one = Run(method, "demo", 0, data / "demo", scene, pattern, results)
     claim_folder(one, overwrite=False)
     with one.lent() as (lent, _):
         train_and_render(lent)

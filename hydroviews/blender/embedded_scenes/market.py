@@ -157,4 +157,5 @@ OUTWARD = Path(
     waves=(3.0, 5.0),
     outward=True,
 )
-MARKET = Design(make_market, OUTSIDE, OUTWARD, samples=14)
+# Measured are 1.9; with these, rain costs a tenth to a fifth less here than its grade says.
+MARKET = Design(make_market, OUTSIDE, OUTWARD, samples=14, clean_error=2.8)

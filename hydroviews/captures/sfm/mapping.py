@@ -17,6 +17,7 @@ from hydroviews.files.full_disk import plain_full_disk
 from hydroviews.files.temporary import temporary_beside
 from hydroviews.formats.colmap_format import read_images
 from hydroviews.formats.writers import check_whole
+from hydroviews.scene.lenses import Lens
 
 logger = logging.getLogger(__name__)
 
@@ -112,7 +113,7 @@ def map_photographs(
     models: list[pycolmap.Reconstruction] = []
     best = 0
     for angle in FIRST_PAIR_ANGLES:
-        grown = _incremental_mapping(out, count, angle, options)
+        grown = [model for model in _incremental_mapping(out, count, angle, options) if can_be_read(model)]
         if grown and grown[0].num_reg_images() > best:
             models, best = grown, grown[0].num_reg_images()
         if best > ENOUGH * count:
@@ -126,6 +127,16 @@ def map_photographs(
             model.write_binary(finished / str(i))
             check_whole(finished / str(i))
         os.replace(finished, out / "sparse")
+
+
+def can_be_read(model: pycolmap.Reconstruction) -> bool:
+    """Whether its cameras are such as readers take; small models may have focal lengths of a pixel."""
+    try:
+        for camera in model.cameras.values():
+            Lens(camera.model.name, camera.width, camera.height, tuple(camera.params))
+    except InputError:
+        return False
+    return True
 
 
 def _incremental_mapping(

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
 from hydroviews.dataset.card.card import APACHE, CARD, LICENCE, STATED, Licence, card_text, find_licence
@@ -73,7 +73,8 @@ def contents(folder: Path, variant: str, entry: Mapping[str, Any], owner_says: s
     files = {name: folder / name for name in listed if name not in (*made, CARD, STATISTICS)} | made
     left_out = {name for name in files if layers_only and not _is_ours(folder, name, rains, shareable)}
     facts = {key: value for key, value in entry.items() if key not in ("files", FETCHED)}
-    facts |= {"patterns": [name for name in rains if name != CAPTURED], "source": json.loads(made[REQUEST])["source"]}
+    facts |= {"notes": _notes(entry), "source": json.loads(made[REQUEST])["source"]}
+    facts |= {"patterns": [name for name in rains if name != CAPTURED]}
     return Contents(folder, variant, facts, files, listed, frozenset(left_out), licence)
 
 
@@ -83,7 +84,7 @@ def _made(folder: Path, rains: list[str], entry: Mapping[str, Any], licence: Lic
     source = Path(request["source"])
     if source.is_absolute() or request["source"].startswith("."):
         request["source"] = f"./{source.name}"  # a folder, wherever it is
-    files = {REQUEST: json_bytes(request), CARD: card_text(folder, rains, entry.get("notes", ()), licence).encode()}
+    files = {REQUEST: json_bytes(request), CARD: card_text(folder, rains, _notes(entry), licence).encode()}
     if rains and (folder / rains[0] / STATISTICS).is_file():
         files[STATISTICS] = summarise(folder, rains[0]).to_csv(index=False, lineterminator="\n").encode()
     if licence:
@@ -91,6 +92,16 @@ def _made(folder: Path, rains: list[str], entry: Mapping[str, Any], licence: Lic
         if licence.text == "Apache-2.0":
             files[f"{LICENCE}/{APACHE}"] = APACHE_TEXT.read_bytes()
     return files
+
+
+def _notes(entry: Mapping[str, Any]) -> list[str]:
+    """What the capture's reader remarked, but for remarks that name a place on this machine."""
+    return [note for note in entry.get("notes", ()) if not any(map(_is_place, note.split()))]
+
+
+def _is_place(word: str) -> bool:
+    path = word.strip("\"'(),.;:")
+    return PurePosixPath(path).is_absolute() or PureWindowsPath(path).is_absolute()
 
 
 def _is_ours(folder: Path, name: str, rains: list[str], shareable: bool) -> bool:

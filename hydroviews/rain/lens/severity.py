@@ -1,9 +1,9 @@
 """How much mist, and at most how many drops, a grade needs on a scene.
 
 Water on the lens is at the same place in every view. A veil of mist is learned as part of the scene. Sharp drops cover
-other places of the scene in other views: of the error they make, one c-th is left where c views see a place; less where
-drops are renewed between views that are so close that one drop covers the same place in both. Where the lens is focused
-on the drops, the blur of the scene is learned as part of it.
+other places of the scene in other views: of the error they make, one c-th is left where c views see a place. That is
+what drops leave that are new in every view, so renewed ones need no formula of their own. Where the lens is focused on
+the drops, the blur of the scene is learned as part of it.
 """
 
 from collections.abc import Callable
@@ -23,8 +23,6 @@ LOSS = {"light": 1.5, "medium": 3.7, "heavy": 8.5}  # dB for plain 3DGS; medium 
 THICKEST_MIST = 0.95
 MOST_BLUR = 0.5  # share of the wanted harm that blur of the scene may do; for more the aperture closes
 BLURRED_VIEWS = 6  # at full size, from which that is predicted
-LAGS = 20  # views that farther apart in order see a place through other drops
-TRACKED_POINTS = 500
 
 
 def grade_raindrops(drawn: RaindropPattern, grade: str, statistics: SceneStatistics) -> RaindropPattern:
@@ -35,7 +33,7 @@ def grade_raindrops(drawn: RaindropPattern, grade: str, statistics: SceneStatist
         blurred = blur_harm(statistics)
         aperture = round(solve(blurred, MOST_BLUR * wanted, 0.0, drawn.focus_blur), 5)
         left -= blurred(aperture)
-    full_cover = drops_harm(1.0, statistics) * renewal(drawn, statistics)
+    full_cover = drops_harm(1.0, statistics)
     coverage = min(drawn.coverage, left / full_cover if full_cover else 1.0)
     left -= full_cover * coverage
     mist = solve(veil_harm(drawn, statistics), left, 0.0, THICKEST_MIST)
@@ -73,43 +71,6 @@ def drops_harm(coverage: float, statistics: SceneStatistics) -> float:
         * 2
         * float(np.mean([sample.var(axis=(0, 1)).mean(dtype=np.float64) for sample in statistics.samples]))
     )
-
-
-def renewal(pattern: RaindropPattern, statistics: SceneStatistics) -> float:
-    """Harm of renewed drops, over that of a fixed window.
-
-    What is learned from c views errs by the mean of their errors. The covers of a place in views i and j are correlated
-    by the overlap o_ij of a drop with itself, moved as far as the place moves over the lens, times the probability that
-    the drop is still there: the variance of the mean goes by sum_ij (1 - renewed)^|i - j| o_ij / c^2. Whoever is always
-    new leaves 1 / c.
-    """
-    if pattern.renewed == 0 or len(statistics.points) == 0:
-        return 1.0
-    overlap = overlaps(pattern, statistics)
-    stays = (1 - pattern.renewed) ** np.arange(len(overlap))
-    return float((overlap * stays).sum() / overlap.sum())
-
-
-def overlaps(pattern: RaindropPattern, statistics: SceneStatistics) -> NDArray[np.float64]:
-    """Sums of o_ij over pairs of views by |i - j|, 0 to LAGS, as a mean over places: [L]."""
-    positions = statistics.points.positions[:: -(-len(statistics.points) // TRACKED_POINTS)]
-    places, seen = [], []
-    for view in statistics.views:
-        pixels, depth = view.camera.project(positions)
-        size = np.array([view.camera.width, view.camera.height])
-        seen.append((depth > 0) & np.all((pixels >= 0) & (pixels < size), axis=1))
-        places.append(pixels / np.sqrt(size.prod()))
-    where, inside = np.array(places), np.array(seen)  # [views, N, 2], [views, N]
-    views = np.maximum(inside.sum(axis=0), 1)
-    width = 2 * pattern.radius_median * np.exp(2 * pattern.radius_spread**2)  # of drops as their area counts them
-    sums = []
-    for lag in range(min(LAGS, len(where) - 1) + 1):
-        both = inside[lag:] & inside[: len(where) - lag]
-        moved = np.linalg.norm(where[lag:] - where[: len(where) - lag], axis=-1)
-        share = np.clip(np.where(both, moved, np.inf) / width, 0, 1)
-        overlap = 2 / np.pi * (np.arccos(share) - share * np.sqrt(1 - share**2))  # of two disks
-        sums.append(np.mean((2 if lag else 1) * overlap.sum(axis=0) / views**2))
-    return np.array(sums)
 
 
 def blur_harm(statistics: SceneStatistics) -> Callable[[float], float]:

@@ -14,7 +14,9 @@ from deraings.rain_model.mist_config import MistConfig
 from deraings.rain_model.model import RainConfig, RainModel
 from deraings.rain_model.objective import RainObjective
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import write_json
 from hydroviews.rain.layers import write_layers
+from hydroviews.rain.registry import find_effect
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.scenes import View
 
@@ -50,7 +52,8 @@ def trained() -> RainModel:
     return objective.model
 
 
-def scores_against(model: RainModel, folder: Path, **layers: np.ndarray) -> dict[str, float]:
+def scores_against(model: RainModel, folder: Path, effect: str, layers: dict[str, np.ndarray]) -> dict[str, float]:
+    write_json(folder / "pattern.json", {"effect": effect})
     for view in views(folder, COUNT):
         write_layers(folder / "layers" / f"{view.name}.exr", layers)
     return score_rain(model, folder, views(folder, COUNT))
@@ -74,7 +77,7 @@ def test_scores_of_a_mask():
 
 
 def test_mist_and_drops_that_were_drawn_are_found(trained, tmp_path):
-    scores = scores_against(trained, tmp_path, V=MIST, M=drop_alpha())
+    scores = scores_against(trained, tmp_path, "raindrop", {"V": MIST, "M": drop_alpha()})
     assert scores["mist_rms"] < 0.06
     assert abs(scores["mist_mean"]) < 0.05
     assert scores["mist_correlation"] > 0.9
@@ -85,7 +88,9 @@ def test_mist_and_drops_that_were_drawn_are_found(trained, tmp_path):
 
 
 def test_other_layers_than_those_drawn_are_not(trained, tmp_path):
-    scores = scores_against(trained, tmp_path, V=MIST[:, ::-1].copy(), M=drop_alpha()[::-1, ::-1].copy())
+    scores = scores_against(
+        trained, tmp_path, "raindrop", {"V": MIST[:, ::-1].copy(), "M": drop_alpha()[::-1, ::-1].copy()}
+    )
     assert scores["mist_rms"] > 0.15
     assert scores["mist_correlation"] < -0.8
     assert scores["drops_iou"] == 0
@@ -94,9 +99,27 @@ def test_other_layers_than_those_drawn_are_not(trained, tmp_path):
 def test_even_rain_is_compared_with_the_median(trained, tmp_path):
     streaks = np.full(SIZE, 0.1, np.float32)
     streaks[:10] = 0.9  # fewer than half of the pixels
-    assert scores_against(trained, tmp_path, S=streaks) == {"rain_even_error": pytest.approx(-0.1, abs=1e-3)}
+    assert scores_against(trained, tmp_path, "streak", {"S": streaks}) == {
+        "rain_even_error": pytest.approx(-0.1, abs=1e-3)
+    }
+
+
+@pytest.mark.parametrize(
+    ("effect", "names"),
+    [("raindrop-b", {"D": "drops", "F": "mist"}), ("shower", {"lens.M": "drops", "lens.V": "mist", "storm.M": "rain"})],
+)
+def test_layers_of_other_names_are_what_their_effect_says(trained, tmp_path, effect, names):
+    """Falling drops of a shower are water too, but none on the lens."""
+    nothing, rain = np.zeros(SIZE, np.float32), np.full(SIZE, 0.1, np.float32)
+    planes = {"drops": drop_alpha(), "mist": MIST, "rain": rain}
+    layers = dict.fromkeys(find_effect(effect).planes, nothing) | {n: planes[part] for n, part in names.items()}
+    scores = scores_against(trained, tmp_path / effect, effect, layers)
+    expected = scores_against(trained, tmp_path / "known", "raindrop", {"V": MIST, "M": drop_alpha()})
+    assert scores.pop("rain_even_error", -0.1) == pytest.approx(-0.1, abs=1e-3)
+    assert scores == pytest.approx(expected, abs=1e-6)
 
 
 def test_a_missing_layer_is_named(trained, tmp_path):
+    write_json(tmp_path / "pattern.json", {"effect": "raindrop"})
     with pytest.raises(InputError, match=r"v0\.exr"):
         score_rain(trained, tmp_path, views(tmp_path, 3))

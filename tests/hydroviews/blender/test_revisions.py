@@ -15,7 +15,7 @@ BAKED = (*COMMON, "blender/bake_drops.py", "blender/drop_scene.py", *(f"rain/len
 @pytest.mark.parametrize(
     ("what", "revision", "sources", "recorded"),
     [
-        ("captures.VERSION", captures.VERSION, RENDERED, (2, "c1ec7d200cf1eda7")),
+        ("captures.VERSION", captures.VERSION, RENDERED, (2, "d5ade481bff098e3")),
         ("bake.VERSION", bake.VERSION, BAKED, (2, "501b8e335947f1a0")),
     ],
 )

@@ -16,6 +16,7 @@ from processes import PATIENCE, wait_until
 from synthetic import capture_in
 
 from hydroviews.captures.sfm import mapping, matching, pairs
+from hydroviews.captures.sfm.mapping import can_be_read
 from hydroviews.captures.sfm.poses import estimate_poses, triangulate
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import listing
@@ -273,3 +274,11 @@ def test_rigid_pose_of_another_size():
         rigid_pose([[1, 2], [3, 4]], "here")
     with pytest.raises(InputError, match="here: the pose is not a matrix"):
         rigid_pose("identity", "here")
+
+
+@pytest.mark.parametrize(("focal", "kept"), [(300.0, True), (1.2, False), (1e6, False)])
+def test_models_with_impossible_focal_lengths_are_left_out(focal, kept):
+    """What is written of them could not be read again, which looked like a full disk."""
+    model = pycolmap.Reconstruction()
+    model.add_camera_with_trivial_rig(pycolmap.Camera.create_from_model_name(1, "SIMPLE_PINHOLE", focal, 320, 213))
+    assert can_be_read(model) == kept

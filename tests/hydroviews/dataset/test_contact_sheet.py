@@ -11,12 +11,14 @@ from hydroviews.dataset.build import build
 from hydroviews.dataset.contact_sheet import spread, write_sheets
 from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import write_bytes
+from hydroviews.files.atomic import read_json, write_bytes, write_json
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap
+from hydroviews.rain.layers import write_layers
 from hydroviews.rain.patterns import Pattern
-from hydroviews.scene.images import read_image, to_uint8
+from hydroviews.rain.registry import find_effect
+from hydroviews.scene.images import read_image, to_srgb, to_uint8
 from hydroviews.scene.picture_grid import GAP, MARGIN, PAPER, Row, Tile, draw_sheet, write
 
 
@@ -36,6 +38,29 @@ def test_sheets_show_the_views_and_leave_the_scene_as_it_was(built):
     assert not holds(sheet, to_uint8(read_image(built / "clean" / "view-00.png")))
     first = [path.read_bytes() for path in paths]
     assert [path.read_bytes() for path in write_sheets(built, columns=3)] == first
+
+
+@pytest.mark.parametrize(
+    ("effect", "planes", "linear"),
+    [
+        ("raindrop-b", "ER EG EB", False),
+        ("shower", "lens.R lens.G lens.B", True),
+        ("shower", "storm.R storm.G storm.B", True),
+    ],
+)
+def test_light_that_is_added_is_one_picture_of_three_planes(built, effect, planes, linear):
+    """In colour, as the eye sees it; planes of noise are none."""
+    light = np.random.default_rng(0).uniform(0.1, 0.9, (36, 48, 3)).astype(np.float16).astype(np.float32)
+    layers = {name: np.zeros((36, 48), np.float32) for name in find_effect(effect).planes}
+    layers |= {name: light[..., i] for i, name in enumerate(planes.split())}
+    (built / "streak-1").rename(built / f"{effect}-1")
+    for view in ("view-01", "view-04", "view-07"):
+        write_layers(built / f"{effect}-1" / "layers" / f"{view}.exr", layers)
+    manifest = read_json(built.parent / "manifest.json")
+    manifest["scenes"]["yard"]["patterns"] = [f"{effect}-1"]
+    write_json(built.parent / "manifest.json", manifest)
+    sheet = to_uint8(read_image(write_sheets(built, columns=3)[1]))
+    assert holds(sheet, to_uint8(to_srgb(light) if linear else light))
 
 
 def holds(sheet: np.ndarray, picture: np.ndarray) -> bool:

@@ -131,7 +131,9 @@ def test_own_captures_by_path_or_by_name_in_the_folder(root, tmp_path):
     assert find(str(root / "my yard")).name == "my yard"
     published(tmp_path / "garden", {"images": SIZES["images"]})  # a folder of a published name, here
     assert find("garden", tmp_path / "empty").views[0].path.parent == Path("garden/images")
-    assert "read as the published mipnerf360/garden" in find("garden", tmp_path / "empty").notes[-1]
+    note = find("garden", tmp_path / "empty").notes[-1]
+    assert "read as the published mipnerf360/garden" in note
+    assert str(tmp_path) not in note  # the manifest has it, and data are handed on
     assert find("./garden", root).name == "garden"
 
 

@@ -8,14 +8,13 @@ from synthetic import capture_in
 from hydroviews.rain import severity
 from hydroviews.rain.lens.mist import mist_veil
 from hydroviews.rain.lens.path_matte import defocus
-from hydroviews.rain.lens.severity import blur_harm, drops_harm, renewal
+from hydroviews.rain.lens.severity import blur_harm, drops_harm
 from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.registry import find_effect
 from hydroviews.rain.scene_statistics import TINT, survey
 from hydroviews.rain.streaks.recipe import streak_layer
 from hydroviews.scene.depth import depth_path, write_depth
 from hydroviews.scene.images import luminance, to_linear, to_srgb, write_png
-from hydroviews.scene.scenes import no_points
 from hydroviews.scene.seeds import generator
 
 LOSSES = {"streak": (1.5, 4.0, 8.5), "raindrop": (1.5, 3.7, 8.5)}  # dB that grades stand for
@@ -160,24 +159,10 @@ def test_a_photograph_alone_is_one_moment_of_the_rain(statistics):
     assert [draw("raindrop", 1, one).key_frames for one in (statistics, alone)] == [3, 1]
 
 
-def test_drops_that_are_always_new_err_by_chance_and_a_fixed_window_by_more(statistics):
-    still = replace(statistics, views=statistics.views[:1] * 5)  # a camera that does not move
-    pattern = draw("raindrop", 1, statistics)
-    assert renewal(pattern, still) == 1
-    assert renewal(replace(pattern, renewed=1.0), still) == pytest.approx(1 / 5)
-    stays, pairs = 0.5 ** np.arange(5), np.array([5, 8, 6, 4, 2]) / 25
-    assert renewal(replace(pattern, renewed=0.5), still) == pytest.approx((stays * pairs).sum())
-    ring = [renewal(replace(pattern, renewed=share), statistics) for share in (0.0, 0.3, 1.0)]
-    assert ring[0] == 1 >= ring[1] >= ring[2] > 1 / len(statistics.views)
-    assert renewal(replace(pattern, renewed=1.0), replace(statistics, points=no_points())) == 1
-
-
-def test_renewed_drops_may_be_more_or_have_more_mist_for_the_same_loss(statistics):
-    still = replace(statistics, views=statistics.views[:1] * 5)
-    renewed = find_effect("hydroviews.rain.lens.effect:RenewedRaindropEffect").draw(Pattern("raindrop", 1), still)
-    fixed = draw("raindrop", 1, still)
-    assert renewed.seed == fixed.seed
-    assert (renewed.coverage, renewed.mist) > (fixed.coverage, fixed.mist)
+def test_renewed_drops_are_as_many_as_on_a_fixed_window(statistics):
+    """What is left of drops after many views is already that of drops that are new in every one."""
+    renewed = find_effect("raindrop-renewed").draw(Pattern("raindrop", 0), statistics)
+    assert renewed == replace(draw("raindrop", 0, statistics), renewed=0.5)
 
 
 @pytest.mark.parametrize("grade", [0, 1, 2])

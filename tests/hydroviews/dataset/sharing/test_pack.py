@@ -15,6 +15,7 @@ from hydroviews.__main__ import fetch_command, pack_command
 from hydroviews.dataset.manifest import read_manifest, record_scene
 from hydroviews.dataset.sharing.archive import open_archive
 from hydroviews.dataset.sharing.contents import APACHE_TEXT
+from hydroviews.dataset.sharing.fetch import fetch
 from hydroviews.dataset.sharing.pack import pack
 from hydroviews.errors import InputError
 from hydroviews.files.locks import locked
@@ -60,6 +61,23 @@ def test_the_same_data_give_the_same_bytes(built, tmp_path):
 def test_no_local_path_is_in_an_archive(built, tmp_path):
     for path, _ in pack(built.parent, tmp_path):
         assert str(built.parents[1]).encode() not in path.read_bytes()
+
+
+def test_remarks_that_name_a_folder_of_this_machine_stay_here(tmp_path):
+    """Neither manifest nor card says them, whoever made the remark; the others are packed."""
+    built = built_in(tmp_path, patterns=("streak-1",))
+    entry = read_manifest(built.parent)["scenes"]["yard"]
+    own = ("read from /home/me/My Photos/yard; mine is ./yard", "see 'C:\\Users\\me\\yard'.", "9 of 9/10 images")
+    facts = {key: value for key, value in entry.items() if key != "files"}
+    record_scene(built.parent, "yard", facts | {"notes": own})
+    [(path, digest)] = pack(built, tmp_path / "out", patterns=["streak-1"])
+    packed = path.read_bytes()
+    assert b"9 of 9/10 images" in packed
+    assert b"My Photos" not in packed
+    assert b"Users" not in packed
+    assert open_archive(path).entry["notes"] == ["9 of 9/10 images"]
+    again = fetch(str(path), tmp_path / "fetched")
+    assert [digest] == [other for _, other in pack(again, tmp_path / "again", patterns=["streak-1"])]
 
 
 def test_what_is_there_is_left_if_it_is_the_same(built, tmp_path):
