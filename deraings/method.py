@@ -15,6 +15,7 @@ from baselines.method import TrainingSummary
 from baselines.splatting.config import TrainerConfig
 from baselines.training.images import TrainingImages, read_images
 from deraings.enhanced_method import KEPT, enhanced_scene, enhanced_views
+from deraings.enhancement.views import EnhancedViews
 from deraings.enhancement.weights import DEFAULT, find_weights
 from deraings.masks.config import MaskConfig
 from deraings.masks.occlusion_masks import OcclusionMasks
@@ -124,15 +125,18 @@ class DeRainGS(GaussianSplatting):
             config.splatting.iterations,
             config.rain,
             config.splatting.lambda_dssim,
-            masks=self._masks(images),
+            masks=self._masks(images, views if config.enhancement else None),
             prior=views if config.prior else None,
             points=points,
         )
         return self._objective
 
-    def _masks(self, images: TrainingImages) -> OcclusionMasks | None:
+    def _masks(self, images: TrainingImages, enhanced: EnhancedViews | None) -> OcclusionMasks | None:
         config: DeRainGSConfig = self.config
-        return OcclusionMasks(images, config.splatting.iterations, self.seed, config.masks) if config.masks else None
+        if config.masks is None:
+            return None
+        cover = enhanced.drop_cover if enhanced and enhanced.tells_cover else None
+        return OcclusionMasks(images, config.splatting.iterations, self.seed, config.masks, cover)
 
     def fit(self, scene: Scene, folder: Path) -> None:
         """See Method."""

@@ -1,6 +1,6 @@
 """Enhance a picture with a trained network: any size, in overlapping tiles where it is large."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 
 import numpy as np
@@ -44,23 +44,60 @@ def enhance(
         ValueError: not [H, W, 3], or with values that are not finite.
         InputError: the shipped weights cannot be read.
     """
+    network = (enhancer or shipped()).network
+    return np.clip(_in_tiles(image, network, network.refine, (tile, overlap), remove_mist, lens), 0, 1)
+
+
+def enhance_with_cover(
+    image: Image, enhancer: Enhancer, remove_mist: bool = True, lens: Lens | None = None
+) -> tuple[Image, Image]:
+    """The same, and how much of each pixel [H, W, 3] streaks, drops and mist cover, [0, 1], as far as the network sees.
+
+    Raises:
+        ValueError: see `enhance`; or the network does not tell.
+    """
+    network = enhancer.network
+    if not network.config.alpha:
+        raise ValueError("the network does not tell what rain covers")
+
+    def both(batch: Tensor, fine: Tensor | None) -> Tensor:
+        return torch.cat(network.refine_with_alpha(batch, fine), dim=1)
+
+    found = np.clip(_in_tiles(image, network, both, (TILE, OVERLAP), remove_mist, lens), 0, 1)
+    return np.ascontiguousarray(found[..., :3]), np.ascontiguousarray(found[..., 3:])
+
+
+Refine = Callable[[Tensor, Tensor | None], Tensor]  # [N, 3, h, w] and statistics of lenses to [N, C, h, w]
+
+
+def _in_tiles(
+    image: Image,
+    network: EnhancementNetwork,
+    refine: Refine,
+    tiles: tuple[int, int],
+    remove_mist: bool,
+    lens: Lens | None,
+) -> NDArray[np.float32]:
+    """What `refine` makes of a picture without its mist, tile by tile: [H, W, C]."""
     if image.ndim != 3 or image.shape[2] != 3 or min(image.shape) < 1:
         raise ValueError(f"expected an image [H, W, 3], got shape {image.shape}")
     if not np.isfinite(image).all():
         raise ValueError("the image has values that are not finite")
-    network = (enhancer or shipped()).network
     image = _remove_mist(image, network, lens) if remove_mist else image
-    rows, columns = (spans(size, tile, overlap) for size in image.shape[:2])
-    total = np.zeros(image.shape, np.float32)
+    tile, overlap = tiles
     weight = np.zeros((*image.shape[:2], 1), np.float32)
-    for top, bottom in rows:
-        for left, right in columns:
-            fine = lens.fine[:, _halves(top, bottom), _halves(left, right)] if lens else None
-            part = _refine(image[top:bottom, left:right], network, fine)
+    total: NDArray[np.float32] | None = None
+    for top, bottom in spans(image.shape[0], tile, overlap):
+        for left, right in spans(image.shape[1], tile, overlap):
+            fine = lens.fine[None, :, _halves(top, bottom), _halves(left, right)] if lens else None
+            with torch.inference_mode():
+                part = _image(padded(refine, network.multiple, _batch(image[top:bottom, left:right]), fine))
+            total = np.zeros((*image.shape[:2], part.shape[2]), np.float32) if total is None else total
             ramp = _ramp(bottom - top, overlap)[:, None, None] * _ramp(right - left, overlap)[None, :, None]
             total[top:bottom, left:right] += ramp * part
             weight[top:bottom, left:right] += ramp
-    return np.clip(total / weight, 0, 1)
+    assert total is not None  # a picture has a tile
+    return total / weight
 
 
 @cache
@@ -102,11 +139,6 @@ def _remove_mist(image: Image, network: EnhancementNetwork, lens: Lens | None) -
         return _image(without_mist_over_whole(_batch(image), lens.mist[None]))
 
 
-def _refine(part: Image, network: EnhancementNetwork, fine: Tensor | None) -> Image:
-    with torch.inference_mode():
-        return _image(refine_padded(network, _batch(part), None if fine is None else fine[None]))
-
-
 def _batch(image: Image) -> Tensor:
     return torch.from_numpy(np.ascontiguousarray(image, np.float32)).permute(2, 0, 1)[None]
 
@@ -115,18 +147,19 @@ def _image(batch: Tensor) -> Image:
     return np.ascontiguousarray(batch[0].permute(1, 2, 0).numpy(), np.float32)
 
 
-def refine_padded(network: EnhancementNetwork, batch: Tensor, fine: Tensor | None = None) -> Tensor:
-    """The network after its mist branch, on pictures [N, 3, H, W] of any size, mirrored beyond two borders.
+def padded(refine: Refine, multiple: int, batch: Tensor, fine: Tensor | None = None) -> Tensor:
+    """`refine` on pictures of any size, mirrored beyond two borders to multiples of what the network wants.
 
     Args:
-        network: which.
-        batch: the pictures.
+        refine: see `Refine`.
+        multiple: what height and width have to be multiples of.
+        batch: the pictures [N, 3, H, W].
         fine: statistics of their lenses [N, FINE, H / 2, W / 2], rounded up, if they are known.
     """
     height, width = batch.shape[-2:]
-    padded = [size + -size % network.multiple for size in (height, width)]
-    fine = None if fine is None else _continued(fine, [size // 2 for size in padded])
-    return network.refine(_continued(batch, padded), fine)[..., :height, :width]
+    wanted = [size + -size % multiple for size in (height, width)]
+    fine = None if fine is None else _continued(fine, [size // 2 for size in wanted])
+    return refine(_continued(batch, wanted), fine)[..., :height, :width]
 
 
 def _continued(batch: Tensor, wanted: Sequence[int]) -> Tensor:

@@ -62,6 +62,7 @@ SMALL = NetworkConfig(
     gain=True,
     mist=48,
     lens_mist=True,
+    lens_fine=True,
 )
 CONFIGS = {"paper": PAPER, "small": SMALL}
 
@@ -261,6 +262,11 @@ class EnhancementNetwork(nn.Module):
     def refine(self, image: Tensor, fine: Tensor | None = None) -> Tensor:
         """The rest, for pictures or parts of pictures that are free of mist."""
         return self.enhanced(image, self.features(image, fine))
+
+    def refine_with_alpha(self, image: Tensor, fine: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """The same, and how much of each pixel streaks, drops and mist block, [N, 3, H, W] in [0, 1]."""
+        features = self.features(image, fine)
+        return self.enhanced(image, features), torch.sigmoid(self.alpha(features))
 
     def features(self, image: Tensor, fine: Tensor | None = None) -> Tensor:
         """What the decoder ends with, [N, width, H / stem, W / stem]."""

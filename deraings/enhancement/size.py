@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 from torch.utils.flop_counter import FlopCounterMode
 
-from deraings.enhancement.enhance import refine_padded
+from deraings.enhancement.enhance import padded
 from deraings.enhancement.lens_statistics import halved, lens_statistics
 from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
 
@@ -50,9 +50,10 @@ class _Whole(nn.Module):
 
     def forward(self, picture: Tensor) -> Tensor:
         if not self.network.config.lens:
-            return refine_padded(self.network, self.network.remove_mist(picture))
+            return padded(self.network.refine, self.network.multiple, self.network.remove_mist(picture))
         lens = lens_statistics(halved(picture))
-        return refine_padded(self.network, self.network.remove_mist(picture, lens.coarse[None]), lens.fine[None])
+        free = self.network.remove_mist(picture, lens.coarse[None])
+        return padded(self.network.refine, self.network.multiple, free, lens.fine[None])
 
 
 def _operations(counts: Mapping[str, Mapping[Any, int]], name: str, module: nn.Module) -> int:

@@ -10,11 +10,14 @@ from tqdm import tqdm
 
 from baselines.training.images import TrainingImages
 from baselines.training.torch_state import picture_threads
-from deraings.enhancement.enhance import enhance
+from deraings.enhancement.enhance import enhance, enhance_with_cover
 from deraings.enhancement.lenses import Lens, lenses_of_capture
 from deraings.enhancement.weights import Enhancer
+from deraings.image_planes import Plane
 from hydroviews.cli.threads import side_by_side
 from hydroviews.scene.images import Image, read_image, write_png
+
+DROPS = 1  # channel of drops in what rain covers
 
 
 class EnhancedViews:
@@ -42,13 +45,35 @@ class EnhancedViews:
         self._kept = folder / self.digest
 
     def file(self, index: int) -> Path:
-        """One picture as a PNG, written unless an earlier call has finished it."""
+        """One picture as a PNG, written unless an earlier call has finished it; what drops cover of it is beside it."""
         path = self._kept / f"{self._names[index]}.png"
         if not path.is_file():
             photograph = self._images.pixels(index).astype(np.float32) / 255
             lens = self._lenses[index]
-            write_png(path, enhance(photograph, self._enhancer, remove_mist=self.remove_mist, lens=lens))
+            if self.tells_cover:
+                picture, cover = enhance_with_cover(photograph, self._enhancer, self.remove_mist, lens)
+                write_png(self._cover_file(index), cover[..., [DROPS] * 3])
+            else:
+                picture = enhance(photograph, self._enhancer, remove_mist=self.remove_mist, lens=lens)
+            write_png(path, picture)
         return path
+
+    @property
+    def tells_cover(self) -> bool:
+        """Whether the network tells what rain covers."""
+        return self._enhancer.network.config.alpha
+
+    def drop_cover(self, index: int) -> Plane:
+        """How much of each pixel of a photograph drops cover [H, W], [0, 1], as far as the network tells from it.
+
+        Raises:
+            InputError: a kept picture is damaged.
+        """
+        self.file(index)
+        return np.ascontiguousarray(read_image(self._cover_file(index))[..., 0])
+
+    def _cover_file(self, index: int) -> Path:
+        return self._kept / "drops" / f"{self._names[index]}.png"
 
     @cached_property
     def _lenses(self) -> list[Lens | None]:

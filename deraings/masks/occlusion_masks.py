@@ -12,6 +12,7 @@ is below the median is worth no mask, whatever the scene's level. The paper has 
 """
 
 import math
+from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from typing import Any
 
@@ -22,7 +23,7 @@ from torch import Tensor
 
 from baselines.training.images import Size, TrainingImages
 from baselines.training.torch_state import module_arrays, one_thread, restore_module
-from deraings.image_planes import Plane, resized
+from deraings.image_planes import Plane, resized, shrunk
 from deraings.masks.config import MaskConfig
 from deraings.masks.maps import evidence, filled
 from deraings.masks.network import MaskNetwork, masked_loss
@@ -39,7 +40,14 @@ class OcclusionMasks:
     Nothing depends on torch's threads or global random numbers: the same seed, losses and calls give the same bits.
     """
 
-    def __init__(self, images: TrainingImages, iterations: int, seed: int, config: MaskConfig | None = None) -> None:
+    def __init__(
+        self,
+        images: TrainingImages,
+        iterations: int,
+        seed: int,
+        config: MaskConfig | None = None,
+        cover: Callable[[int], Plane] | None = None,
+    ) -> None:
         """Start with a network that masks next to nothing.
 
         Args:
@@ -47,6 +55,8 @@ class OcclusionMasks:
             iterations: of the whole training.
             seed: of the network's first weights.
             config: settings.
+            cover: how much of each pixel of a view drops cover [H, W], as somebody tells from the photographs; hidden
+                as well where something is on the lens.
         """
         self.config = config or MaskConfig()
         self.images, self.seed = images, seed
@@ -62,6 +72,8 @@ class OcclusionMasks:
         self._evidence: float | None = None  # for something on the lens, once the masks have started
         self._losses: dict[int, Plane] = {}  # last losses of views at the network's resolution
         self._kept: dict[int, NDArray[np.uint8]] = {}  # masks of views at the mask's resolution
+        self._cover = cover
+        self._covers: dict[int, Plane] = {}  # of views, once they are asked for; follows from `cover`
 
     def due(self, iteration: int) -> bool:
         """Whether the network should learn in this iteration."""
@@ -108,7 +120,10 @@ class OcclusionMasks:
         height, width = self.images.pixels(view).shape[:2]
         pixels = self.config.shrink // self.config.fine
         whole = resized(mask, (mask.shape[0] * pixels, mask.shape[1] * pixels))
-        return resized(whole[:height, :width], size)
+        found = resized(whole[:height, :width], size)
+        if self._cover is not None:
+            found = found + (1 - found) * resized(self._lens_cover(view), size)
+        return found
 
     def learn(self, view: int, loss: NDArray, iteration: int) -> None:
         """One step of the network.
@@ -196,13 +211,38 @@ class OcclusionMasks:
 
         What stays on the lens is lost in all of them, what is fine in the scene moves from view to view.
         """
+        others = [
+            other for other in sorted(self._losses) if other != view
+        ]  # in one order, whatever that of the lessons
+        mean = self._mean_around(view, others, self._losses.__getitem__, size)
+        return np.ones(size, np.float32) if mean is None else mean / np.float32(self.typical)
+
+    def _lens_cover(self, view: int) -> Plane:
+        """What drops cover of the lens: the mean over the views taken before and after, and the view itself."""
+        if not self._covers:
+            self._covers = {index: self._whole_cover(index) for index in range(len(self.images))}
+        size = self._covers[view].shape
+        mean = self._mean_around(view, range(len(self.images)), self._covers.__getitem__, size)
+        return self._covers[view] if mean is None else mean
+
+    def _whole_cover(self, view: int) -> Plane:
+        """The cover of a view at the mask's resolution."""
+        assert self._cover is not None
+        factor = self.config.shrink // self.config.fine
+        return resized(self._cover(view), shrunk(self.images.pixels(view).shape[:2], factor))
+
+    def _mean_around(
+        self, view: int, others: Iterable[int], plane: Callable[[int], Plane], size: tuple[int, ...]
+    ) -> Plane | None:
+        """The mean of planes of views, those taken at about the same time counting most; None where none counts."""
         mean, total = np.zeros(size, np.float32), 0.0
-        for other, loss in sorted(self._losses.items()):  # sums in one order, whatever that of the lessons
-            weight = math.exp(-0.5 * ((other - view) / self.config.lens_views) ** 2) if other != view else 0.0
+        for other in others:
+            near = (other - view) / self.config.lens_views if self.config.lens_views else math.inf
+            weight = math.exp(-0.5 * near**2)
             if weight > MIN_WEIGHT:
-                mean += np.float32(weight) * resized(loss, size)
+                mean += np.float32(weight) * resized(plane(other), size)
                 total += weight
-        return mean / np.float32(total * self.typical) if total else np.ones(size, np.float32)
+        return mean / np.float32(total) if total else None
 
 
 def _by_view(arrays: dict[str, NDArray], prefix: str) -> dict[int, NDArray]:

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -5,7 +6,7 @@ import pytest
 import torch
 from tiny_network import TINY
 
-from deraings.enhancement.enhance import enhance, spans
+from deraings.enhancement.enhance import enhance, enhance_with_cover, spans
 from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.weights import Enhancer
 
@@ -61,7 +62,7 @@ class Mean(torch.nn.Module):
 
     multiple = 1
 
-    def remove_mist(self, batch, coarse):
+    def remove_mist(self, batch):
         return batch
 
     def refine(self, batch, fine):
@@ -87,3 +88,14 @@ def test_the_same_picture_gives_the_same_result():
 def test_what_is_no_picture_is_refused(broken):
     with pytest.raises(ValueError, match=r"expected an image|not finite"):
         enhance(broken, untrained_enhancer())
+
+
+def test_the_cover_comes_with_the_same_picture_from_networks_that_tell_it():
+    image, enhancer = picture(50, 70), awake_enhancer()
+    enhanced, cover = enhance_with_cover(image, enhancer)
+    np.testing.assert_array_equal(enhanced, enhance(image, enhancer))
+    assert cover.shape == image.shape
+    assert 0 <= cover.min() < cover.max() <= 1
+    mute = Enhancer(EnhancementNetwork(replace(enhancer.network.config, alpha=False)), {}, "for a test")
+    with pytest.raises(ValueError, match="does not tell"):
+        enhance_with_cover(image, mute)

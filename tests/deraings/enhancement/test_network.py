@@ -5,7 +5,7 @@ import pytest
 import torch
 from tiny_network import TINY
 
-from deraings.enhancement.enhance import mirrored, refine_padded
+from deraings.enhancement.enhance import mirrored, padded
 from deraings.enhancement.network import (
     CONFIGS,
     KEPT,
@@ -63,9 +63,9 @@ def test_any_size_runs_and_the_picture_is_not_shifted():
     network = awake()
     assert network.multiple == 32
     for height, width in ((1, 1), (5, 70), (33, 31)):
-        assert refine_padded(network, pictures(height, width)).shape == (1, 3, height, width)
+        assert padded(network.refine, 32, pictures(height, width)).shape == (1, 3, height, width)
     fitting = pictures(32, 64)
-    assert torch.equal(refine_padded(network, fitting), network.refine(fitting))
+    assert torch.equal(padded(network.refine, 32, fitting), network.refine(fitting))
 
 
 def test_mirrored_repeats_what_is_too_short():

@@ -231,3 +231,23 @@ def test_settings_are_told_and_checked():
     for wrong in ({"start": 0}, {"warm_up": 0.6}, {"every": 0}, {"regularisation": 0}, {"fine": 3}):
         with pytest.raises(ValueError, match=r"start|regularisation|fine"):
             MaskConfig(**wrong)
+
+
+def test_what_is_known_to_be_covered_is_hidden_as_well_around_its_place_on_the_lens():
+    pictures, drops = drop_pictures(0)
+    known = np.zeros((4, HEIGHT, WIDTH), np.float32)
+    known[:, 30:40, 50:60] = 0.5  # on the lens
+    known[0, 2:8, 2:8] = 1.0  # in one view: three quarters of it are chance
+    images = TrainingImages(list(pictures))
+    plain, told = (OcclusionMasks(images, 1000, 0, ALWAYS, cover) for cover in (None, known.__getitem__))
+    for masks in (plain, told):
+        masks.learn(0, losses(drops)[0], 0)
+    before, after = (1 - masks.weights(0, (HEIGHT, WIDTH), 500) for masks in (plain, told))
+    np.testing.assert_allclose(after[32:38, 52:58], 0.5 + 0.5 * before[32:38, 52:58], atol=1e-3)
+    assert after[4:6, 4:6].max() < 0.4
+    np.testing.assert_array_equal(after[12:20, 12:20], before[12:20, 12:20])
+    dry = OcclusionMasks(images, 1000, 0, replace(ALWAYS, min_evidence=1e9), known.__getitem__)
+    dry.learn(0, losses(drops)[0], 0)
+    assert dry.weights(0, (HEIGHT, WIDTH), 500) is None
+    alone = OcclusionMasks(images, 1000, 0, replace(ALWAYS, lens_views=0), known.__getitem__)
+    assert alone.mask(0, (HEIGHT, WIDTH))[5, 5] > 0.99
