@@ -39,7 +39,8 @@ from leaderboard.runs import Run
 from leaderboard.score import score
 from leaderboard.severity import record_losses
 from leaderboard.submission import submit
-from leaderboard.tables import legend, of_suite, scene_keys, scene_text
+from leaderboard.table_text import legend, scene_text
+from leaderboard.tables import of_suite, scene_keys
 from leaderboard.viewer.export import Format, export
 from leaderboard.viewer.viewer import HOST, PORT, view
 
