@@ -4,6 +4,7 @@ from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from hydroviews.errors import InputError
@@ -22,7 +23,7 @@ class Ranked:
     value: float | None
     mean: str
     interval: str
-    at: tuple[float, float, float] | None  # low, mean, high
+    at: tuple[float, ...] | None  # low, mean, high
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ def _told(rows: pd.DataFrame, views: pd.DataFrame, metric: Metric) -> Told:
     except InputError as error:
         return Told(metric, (), (), str(error))
     bounds = found.methods[["low", "mean", "high"]].astype(float)
-    low, high = bounds.min(axis=None), bounds.max(axis=None)
+    low, high = (float(end(bounds.to_numpy())) for end in (np.nanmin, np.nanmax))
     methods = tuple(_ranked(row, metric, low, high) for row in found.methods.to_dict("records"))
     pairs = tuple(_pair(row, metric) for row in found.pairs.to_dict("records"))
     scenes = "1 scene" if found.n_scenes == 1 else f"{found.n_scenes} scenes"
@@ -63,7 +64,7 @@ def _ranked(row: Mapping[Hashable, Any], metric: Metric, low: float, high: float
     ends = [float(row[name]) for name in ("low", "mean", "high")]
     known = not pd.isna(ends[1])
     drawn = known and high > low and not pd.isna(ends[0])
-    at = (tuple(round(2 + 96 * (end - low) / (high - low), 2) for end in ends)) if drawn else None
+    at = tuple(round(2 + 96 * (end - low) / (high - low), 2) for end in ends) if drawn else None
     return Ranked(
         int(row["rank"]),
         str(row["method"]),
@@ -72,7 +73,7 @@ def _ranked(row: Mapping[Hashable, Any], metric: Metric, low: float, high: float
         ends[1] if known else None,
         metric.text(ends[1]) if known else "",
         f"{metric.text(ends[0])} to {metric.text(ends[2])}" if known and not pd.isna(ends[0]) else "",
-        at,  # type: ignore[arg-type]
+        at,
     )
 
 

@@ -1,9 +1,9 @@
-"""Small pictures of renders, and of the rainy and clean views beside them, each written once under its content's name."""
+"""Small pictures of renders and of rainy and clean views, each written once, under a name made of its content."""
 
 import logging
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
@@ -14,9 +14,10 @@ from tqdm import tqdm
 
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.manifest import data_hash
-from hydroviews.dataset.variants import open_clean, open_variant
+from hydroviews.dataset.variants import has_clean, open_clean, open_variant
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_bytes
+from hydroviews.formats.capture_json import CAPTURED
 from leaderboard.records import SCORED
 from leaderboard.site.runs import ShownRun
 
@@ -25,6 +26,7 @@ logger = logging.getLogger(__name__)
 VIEWS = 3  # of a run
 LONGEST = 640  # pixels
 QUALITY, EFFORT = 85, 2
+IMAGES = "images"  # of a variant
 CLEAN_VIEW, RAINY_VIEW = "clean view", "rainy view"
 
 Pictures = dict[str, dict[str, str]]  # file names by what is shown and view
@@ -61,7 +63,7 @@ class Thumbnails:
 
 
 def scene_pictures(runs: Iterable[ShownRun], data: Path, thumbnails: Thumbnails) -> dict[str, Pictures]:
-    """Pictures of one scene, profile and track by pattern and seed: every method's renders, rainy and clean views.
+    """Pictures of one scene, profile and track by pattern and seed: rainy and clean views, and every method's renders.
 
     The renders of methods that learn from clean views stand under every pattern of their seed. A picture that cannot
     be had, such as a rainy view of data that are no longer there or have changed, is left out with a warning.
@@ -72,20 +74,21 @@ def scene_pictures(runs: Iterable[ShownRun], data: Path, thumbnails: Thumbnails)
         thumbnails: take the small pictures.
     """
     scored = [run for run in runs if run.record["status"] in SCORED]
-    found: dict[str, Pictures] = {}
+    references: dict[int, Pictures] = {}
+    given: dict[tuple[str, int], Pictures] = {}
+    renders: dict[tuple[str, int], Pictures] = {}
     for run in tqdm(scored, desc="pictures", unit="run", leave=False, disable=len(scored) < 20):
-        renders = _renders(run, thumbnails)
-        title = f"{run.record['pattern']}, seed {run.record['seed']}"
-        if title not in found:
-            found[title] = _given(run, data, list(renders), thumbnails)
-        found[title][run.name] = renders
-    for title in [title for title in found if title.startswith(f"{CLEAN},")]:
-        others = [other for other in found if other.endswith(title.removeprefix(CLEAN)) and not other == title]
-        for other in others:
-            found[other] |= {name: shown for name, shown in found[title].items() if name not in found[other]}
-        if others:
-            del found[title]
-    return found
+        pattern, seed = run.record["pattern"], run.record["seed"]
+        shown = _renders(run, thumbnails)
+        if (pattern, seed) not in given:
+            given[pattern, seed] = _given(run, data, list(shown), thumbnails)
+        kept = references.setdefault(seed, {}) if pattern == CLEAN else renders.setdefault((pattern, seed), {})
+        kept[run.name] = shown
+    places = list(renders) or list(given)  # where nothing was run on rainy views, the clean ones
+    return {
+        f"{pattern}, seed {seed}": given[pattern, seed] | references.get(seed, {}) | renders.get((pattern, seed), {})
+        for pattern, seed in places
+    }
 
 
 def _renders(run: ShownRun, thumbnails: Thumbnails) -> dict[str, str]:
@@ -97,20 +100,26 @@ def _renders(run: ShownRun, thumbnails: Thumbnails) -> dict[str, str]:
 def _given(run: ShownRun, data: Path, names: list[str], thumbnails: Thumbnails) -> Pictures:
     """What a run was given and is compared with, of some views, if these are still the data that it was run on."""
     folder, pattern = data / run.record["profile"] / run.record["scene"], run.record["pattern"]
-    found: Pictures = {}
     try:
         if data_hash(folder.parent, folder.name, pattern) != run.record["data_sha256"]:
-            raise InputError(
-                f"{folder}: not the data that the runs under {pattern} were made on", fix="build them anew"
-            )
-        openers = {CLEAN_VIEW: lambda: open_clean(folder)}
-        openers |= {RAINY_VIEW: lambda: open_variant(folder, pattern)} if pattern != CLEAN else {}
-        for title, opener in openers.items():
-            paths = {view.name: view.path for view in opener().views if view.name in names and view.path.is_file()}
-            found[title] = _added(paths, thumbnails)
+            raise InputError(f"{folder}: not the data that the runs under {pattern} were made on")
+        files = _view_files(folder)
     except InputError as error:
         logger.warning("no rainy or clean views of %s/%s on the pages: %s", folder.name, pattern, error)
+        return {}
+    roots = {CLEAN_VIEW: folder / CLEAN} | ({RAINY_VIEW: folder / pattern / IMAGES} if pattern != CLEAN else {})
+    paths = {title: {name: root / files[name] for name in names if name in files} for title, root in roots.items()}
+    found = {title: _added({n: p for n, p in own.items() if p.is_file()}, thumbnails) for title, own in paths.items()}
     return {title: shown for title, shown in found.items() if shown}
+
+
+@lru_cache(maxsize=4)
+def _view_files(folder: Path) -> dict[str, Path]:
+    """The pictures of a built scene's views by the views' names, as they are called in each folder of pictures."""
+    own = has_clean(folder)
+    root = folder / CLEAN if own else folder / CAPTURED / IMAGES
+    scene = open_clean(folder) if own else open_variant(folder, CAPTURED)
+    return {view.name: view.path.relative_to(root) for view in scene.views}
 
 
 def _added(paths: dict[str, Path], thumbnails: Thumbnails) -> dict[str, str]:

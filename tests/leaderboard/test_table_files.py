@@ -35,9 +35,9 @@ def board() -> pd.DataFrame:
     table = pd.DataFrame(runs)
     lost = (table.method == "fewer") & (table.pattern == "raindrop-1") & (table.scene == "room") & (table.seed == 0)
     table.loc[lost, ["status", *METRICS, *COSTS]] = ["failed", *[None] * (len(METRICS) + len(COSTS))]
-    table.loc[(table.method == "fewer") & (table.pattern == "streak-1") & (table.scene == "pond"), "data_sha256"] = (
-        "old"
-    )
+    table.loc[table.method == "3dgs-clean", "psnr"] += 40
+    old = (table.method == "fewer") & (table.pattern == "streak-1") & (table.scene == "pond")
+    table.loc[old, "data_sha256"] = "of an older build"
     return table
 
 
@@ -71,7 +71,7 @@ def agree(found: pd.DataFrame, rows: pd.DataFrame, names) -> None:
 
 
 def test_scene_tables_agree_with_pandas(written):
-    found, table = pd.read_csv(written / "tables.csv", keep_default_na=False, na_values=[""]), board()
+    found, table = pd.read_csv(written / "tables.csv"), board()
     assert len(found) == 3 * 2 * 5
     for (scene, effect), block in found.groupby(["scene", "effect"]):
         agree(block, table[(table.scene == scene) & table.effect.isin([effect, "clean"])], [*METRICS, *COSTS])
@@ -85,14 +85,12 @@ def test_scene_tables_agree_with_pandas(written):
     ceiling = table[(table.scene == "room") & (table.method == "3dgs-clean")].set_index("seed").psnr.astype(float)
     top = kept.index.get_level_values("seed").map(ceiling)
     gap = (kept["deraings"].mean() - kept["3dgs"].mean()) / (top.to_numpy().mean() - kept["3dgs"].mean())
-    assert one.gap["deraings"] == pytest.approx(gap) or np.isnan(one.gap["deraings"])
+    assert one.gap["deraings"] == pytest.approx(gap)
 
 
 def test_grades_and_costs_agree_with_pandas(written):
     table = board()
-    grades, costs = (
-        pd.read_csv(written / f"{name}.csv", keep_default_na=False, na_values=[""]) for name in ("grades", "costs")
-    )
+    grades, costs = (pd.read_csv(written / f"{name}.csv") for name in ("grades", "costs"))
     for (suite, effect, grade), block in grades.fillna({"suite": ""}).groupby(["suite", "effect", "grade"]):
         scenes = ["mipnerf360_bonsai"] if suite == "development" else ["room", "pond"]
         number = {"light": 0, "medium": 1, "heavy": 2}[grade]
@@ -109,10 +107,8 @@ def test_the_ablation_agrees_with_pandas(written):
     rows = table[table.scene.isin(["room", "pond"]) & table.method.isin(["3dgs", "deraings"])]
     expected = by_pandas(rows, "psnr")
     best = max(expected, key=expected.get)
-    for label, method in (
-        ("(b) 3DGS", "3dgs"),
-        ("(f) 3DGS; image enhancement; mask module; channel attention", "deraings"),
-    ):
+    full = "(f) 3DGS; image enhancement; mask module; channel attention"
+    for label, method in (("(b) 3DGS", "3dgs"), (full, "deraings")):
         shown = f"**{expected[method]:.2f}**" if method == best else f"{expected[method]:.2f}"
         assert f"| {label} | {method} | {shown} |" in text
 

@@ -101,9 +101,8 @@ def test_means_are_of_shared_runs_and_who_lacks_runs_is_underlined_and_not_the_b
 def test_a_method_that_shares_no_run_is_told_and_empties_nothing():
     table = rows(("ours", "streak", "done", 29.0), ("theirs", "streak", "done", 24.0), ("alone", "streak", "done", 9.0))
     table.loc[2, "data_sha256"] = "of an older build"
-    table = pd.concat(
-        [table, rows(("ours", "streak", "done", 27.0), ("theirs", "streak", "done", 20.0)).assign(seed=1)]
-    )
+    more = rows(("ours", "streak", "done", 27.0), ("theirs", "streak", "done", 20.0)).assign(seed=1)
+    table = pd.concat([table, more], ignore_index=True)
     board = scene_table(table, "yard", "demo", "given-poses")
     assert board["streak"].psnr.dropna().to_dict() == {"ours": 28, "theirs": 22}
     assert "Means over 2 of 2 runs, which all of them have, but alone, which shares none." in to_markdown(board)
