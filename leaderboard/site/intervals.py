@@ -1,15 +1,18 @@
 """Comparisons of methods as the pages show them: ranks, means and intervals that are drawn."""
 
-from collections.abc import Hashable, Mapping
-from dataclasses import dataclass
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.errors import InputError
 from hydroviews.metrics import Metric, find_metrics
 from leaderboard.comparison import compare
+from leaderboard.means import compared_rows, shown_names
+from leaderboard.records import SCORED
 
 
 @dataclass(frozen=True)
@@ -37,20 +40,26 @@ class Told:
 
 
 def comparisons(rows: pd.DataFrame, views: pd.DataFrame) -> list[Told]:
-    """The methods of a profile, track and suite by every metric.
+    """The methods of a profile, track and suite by every metric; one that shares no run with the others stays out.
 
     Args:
         rows: runs.
         views: the scores of their views.
     """
-    return [_told(rows, views, metric) for metric in find_metrics()]
+    rainy = rows[rows.pattern != CLEAN]
+    named = rainy.assign(method=shown_names(rainy))
+    compared, scored = set(compared_rows(named).method), set(named.method[named.status.isin(SCORED)])
+    apart = sorted(scored - compared)
+    told = [_told(rows, views, metric, sorted(set(named.method) - set(apart))) for metric in find_metrics()]
+    note = f" Not compared, since no run is shared: {', '.join(apart)}." if apart else ""
+    return [replace(one, basis=one.basis + note) for one in told]
 
 
-def _told(rows: pd.DataFrame, views: pd.DataFrame, metric: Metric) -> Told:
+def _told(rows: pd.DataFrame, views: pd.DataFrame, metric: Metric, methods: Sequence[str]) -> Told:
     try:
-        found = compare(rows, views, metric.name)
+        found = compare(rows, views, metric.name, methods)
     except InputError as error:
-        return Told(metric, (), (), str(error))
+        return Told(metric, (), (), f"{error}.")
     bounds = found.methods[["low", "mean", "high"]].astype(float)
     low, high = (float(end(bounds.to_numpy())) for end in (np.nanmin, np.nanmax))
     methods = tuple(_ranked(row, metric, low, high) for row in found.methods.to_dict("records"))

@@ -123,8 +123,8 @@ def _log_ticks(low: float, high: float) -> list[float]:
 
 
 def _ticks(low: float, high: float) -> list[float]:
-    raw = (high - low) / 5
-    size = 10 ** math.floor(math.log10(raw))
-    step = next((s * size for s in STEPS if s * size >= raw), 10 * size)
+    most = (high - low) / 3
+    size = 10 ** math.floor(math.log10(most))
+    step = max(s * size for s in STEPS if s * size <= most)
     first, last = math.ceil(low / step), math.floor(high / step)
     return [round(i * step, 6) for i in range(first, last + 1)]

@@ -146,6 +146,7 @@ def environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    pages.policies["json.dumps_kwargs"] = {"sort_keys": False}  # the order of pictures is that of the choices
     pages.globals |= {
         "metrics": find_metrics(),
         "grades": GRADES,

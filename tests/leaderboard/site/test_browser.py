@@ -73,11 +73,11 @@ def test_columns_sort_both_ways_with_what_is_empty_last(page, written):
 def test_filters_and_the_address_that_keeps_them(page, written):
     page.goto(index(written))
     assert len(column(page, "method")) == 15
-    page.get_by_label("Effect").select_option("raindrop")
-    page.get_by_label("Scene", exact=True).select_option("pond")
+    page.locator("select[name=effect]").select_option("raindrop")
+    page.locator("select[name=scene]").select_option("pond")
     assert set(column(page, "pattern")) == {"raindrop-0"}
     assert page.locator("output").text_content() == "3 of 15 runs"
-    page.get_by_label("Method", exact=True).fill("DERAIN")
+    page.get_by_role("searchbox", name="Method").fill("DERAIN")
     assert column(page, "method") == ["deraings"]
     page.locator("#all-runs th[data-key=psnr] button").click()
     address = page.url
@@ -95,15 +95,15 @@ def test_filters_and_the_address_that_keeps_them(page, written):
 
 def test_the_slider_shows_any_two_and_their_difference(page, written):
     page.goto(scene(written))
-    page.get_by_label("Left").select_option("3dgs")
-    page.get_by_label("Right", exact=True).select_option("deraings")
-    page.get_by_label("Pattern").select_option("streak-1, seed 0")
-    page.get_by_label("View").select_option("016")
+    page.locator("select[name=left]").select_option("3dgs")
+    page.locator("select[name=right]").select_option("deraings")
+    page.locator("select[name=pattern]").select_option("streak-1, seed 0")
+    page.locator("select[name=view]").select_option("016")
     sources = [page.locator(f".compare .{name}").get_attribute("src") for name in ("under", "over")]
     assert len(set(sources)) == 2
     page.wait_for_function("Array.from(document.querySelectorAll('.compare img')).every(i => i.naturalWidth === 64)")
     assert page.locator(".compare .over").get_attribute("alt") == "deraings, view 016"
-    page.get_by_label("Between left and right").focus()
+    page.get_by_role("slider", name="Between left and right").focus()
     for _ in range(3):
         page.keyboard.press("ArrowRight")
     clip = "getComputedStyle(document.querySelector('.compare .over')).clipPath"

@@ -15,10 +15,12 @@ from hydroviews.files.atomic import read_json, write_json
 from hydroviews.metrics import find_metrics
 from leaderboard.comparison import compare
 from leaderboard.gather import collect, collect_views, write_leaderboard
+from leaderboard.means import shown_names
 from leaderboard.records import run_folder
 from leaderboard.site.runs import page_name
 from leaderboard.site.write import write_site
 
+THEIRS = "<img src=x onerror=alert(1)>\"'& <\\script><script>alert(2)< (submitted)"
 VOID = {"meta", "link", "img", "input", "br", "line", "rect", "circle", "polyline"}
 
 
@@ -138,7 +140,8 @@ def test_rows_are_the_records(written, pages):
 def test_ranks_and_intervals_are_those_of_the_comparison(written, pages):
     table = collect(written)
     rows = table[table.scene == "pond"]
-    found = compare(rows, collect_views(rows, written), "lpips_alex")
+    own = [name for name in sorted(set(shown_names(rows))) if name not in (THEIRS, "3dgs-clean")]
+    found = compare(rows, collect_views(rows, written), "lpips_alex", own)
     page = pages[written / "site" / "index.html"]
     title = find_metrics()[2].title
     shown = next(one for one in page.tables if [text for text, _ in one[0][:3]] == ["Rank", "Method", title])
@@ -146,6 +149,7 @@ def test_ranks_and_intervals_are_those_of_the_comparison(written, pages):
     assert [(row[0][0], row[1][0]) for row in shown[1:]] == expected
     values = [float(row[2][1].get("data-value", "nan")) for row in shown[1:]]
     assert values == pytest.approx(list(found.methods["mean"]), nan_ok=True)
+    assert f"Not compared, since no run is shared: {THEIRS}." in "".join(page.text)
     low = found.methods.low[0]
     assert shown[1][3][0].startswith(f"{low:.4f} to ")
 
@@ -169,7 +173,7 @@ def test_the_viewer_has_renders_of_all_methods_and_they_are_the_runs(written, pa
     pictures = json.loads(page.scripts[0])
     assert list(pictures) == ["raindrop-0, seed 0", "streak-1, seed 0"]
     shown = pictures["streak-1, seed 0"]
-    assert list(shown)[0] == "3dgs-clean"
+    assert next(iter(shown)) == "3dgs-clean"
     assert len(shown) == 4
     assert list(shown["deraings"]) == ["000", "016", "024"]
     small = np.asarray(Image.open(path.parent.parent / "pictures" / shown["deraings"]["016"]), float)
