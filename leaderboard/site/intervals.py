@@ -62,11 +62,11 @@ def _told(rows: pd.DataFrame, views: pd.DataFrame, metric: Metric, methods: Sequ
         return Told(metric, (), (), f"{error}.")
     bounds = found.methods[["low", "mean", "high"]].astype(float)
     low, high = (float(end(bounds.to_numpy())) for end in (np.nanmin, np.nanmax))
-    methods = tuple(_ranked(row, metric, low, high) for row in found.methods.to_dict("records"))
+    ranked = tuple(_ranked(row, metric, low, high) for row in found.methods.to_dict("records"))
     pairs = tuple(_pair(row, metric) for row in found.pairs.to_dict("records"))
     scenes = "1 scene" if found.n_scenes == 1 else f"{found.n_scenes} scenes"
     basis = f"Means over the {found.n_runs} runs that all of them have, on {scenes}, {found.n_views} views."
-    return Told(metric, methods, pairs, basis)
+    return Told(metric, ranked, pairs, basis)
 
 
 def _ranked(row: Mapping[Hashable, Any], metric: Metric, low: float, high: float) -> Ranked:
