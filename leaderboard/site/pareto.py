@@ -117,6 +117,9 @@ def _labels(places: dict[str, tuple[float, float]]) -> dict[str, tuple[float, fl
 
 
 def _log_ticks(low: float, high: float) -> list[float]:
+    """Of a logarithmic axis; equally far in value where it is short."""
+    if high / low < 10:
+        return _ticks(low, high)
     exponents = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     steps = STEPS if high / low < 100 else (1,)
     return [step * 10.0**e for e in exponents for step in steps if low <= step * 10.0**e <= high]
@@ -125,6 +128,6 @@ def _log_ticks(low: float, high: float) -> list[float]:
 def _ticks(low: float, high: float) -> list[float]:
     most = (high - low) / 3
     size = 10 ** math.floor(math.log10(most))
-    step = max(s * size for s in STEPS if s * size <= most)
+    step = max((s * size for s in STEPS if s * size <= most), default=size)
     first, last = math.ceil(low / step), math.floor(high / step)
     return [round(i * step, 6) for i in range(first, last + 1)]

@@ -61,3 +61,4 @@ def test_one_method_or_no_numbers_make_no_drawing():
 def test_equal_costs_are_drawn():
     plot = draw(board(3).assign(train_s=7.0), "train_s", "train s", PSNR)
     assert len({point.x for point in plot.points}) == 1
+    assert len(plot.x_ticks) >= 3
