@@ -125,8 +125,7 @@ def test_an_address_that_names_nothing_known_opens(page, written):
     assert len(column(page, "method")) == 15
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+@pytest.mark.parametrize(("size", "scheme"), [(DESKTOP, "light"), (PHONE, "dark")], ids=["desktop", "phone"])
 def test_axe_finds_nothing_serious_and_nothing_is_wider_than_the_screen(browser, written, size, scheme):
     axe = pytest.importorskip("axe_playwright_python", reason="needs axe: pip install '.[browser]'")
     source = (Path(axe.__file__).parent / "axe.min.js").read_text()
