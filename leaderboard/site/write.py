@@ -11,6 +11,7 @@ from tqdm import tqdm
 
 from hydroviews.dataset.suites import suite_of
 from hydroviews.files.atomic import write_bytes
+from hydroviews.files.full_disk import plain_write_errors
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.metrics import find_metrics
 from hydroviews.rain.patterns import GRADES
@@ -72,8 +73,9 @@ def write_site(table: pd.DataFrame, results: Path, data: Path) -> Path:
     """
     out = results / SITE
     with locked(out, BUSY):
-        for folder in ("runs", "scenes", "pictures"):
-            (out / folder).mkdir(parents=True, exist_ok=True)
+        with plain_write_errors(out):
+            for folder in ("runs", "scenes", "pictures"):
+                (out / folder).mkdir(parents=True, exist_ok=True)
         runs, tables = shown_runs(table, results), all_tables(table)
         thumbnails = Thumbnails(out / "pictures")
         scenes = _scenes(runs, tables, data, thumbnails)
