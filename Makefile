@@ -121,8 +121,9 @@ compare: $(READY)  ## METHODS="..." or all of them, on SCENES="..." or SCENE=, f
 ablation: $(READY)  ## the same for DeRainGS with parts left out and with the rain model
 	+$(call sweep,$(ABLATION))
 
-leaderboard: $(READY)  ## gather all records into results/leaderboard.csv and tables.md
+leaderboard: $(READY)  ## gather all records into results/leaderboard.csv, tables and pages: open results/site/index.html
 	$(BIN)/python -m leaderboard table --results $(results)
+	$(BIN)/python -m leaderboard site --results $(results) --data $(data)
 
 view: $(READY)  ## a trained scene in a browser: RUN=results/... [PORT=8080]
 	$(BIN)/python -m leaderboard view $(call quote,$(RUN)) --data $(data) --port $(call quote,$(PORT))

@@ -1,4 +1,4 @@
-"""python -m leaderboard evaluate | check | methods | table | compare | score | rescore | submit | view | ..."""
+"""python -m leaderboard evaluate | check | methods | table | site | compare | score | rescore | submit | view | ..."""
 
 import inspect
 import sys
@@ -38,8 +38,10 @@ from leaderboard.rescore import TOLERANCE, rescore
 from leaderboard.runs import Run
 from leaderboard.score import score
 from leaderboard.severity import record_losses
+from leaderboard.site.write import write_site
 from leaderboard.submission import submit
-from leaderboard.tables import legend, of_suite, scene_keys, scene_text
+from leaderboard.table_text import legend, scene_text
+from leaderboard.tables import of_suite, scene_keys
 from leaderboard.viewer.export import Format, export
 from leaderboard.viewer.viewer import HOST, PORT, view
 
@@ -100,6 +102,16 @@ def table_command(results: Path = Path("results"), suite: SuiteName = "") -> Non
     for keys in scene_keys(table):
         print(f"\n{scene_text(table, *keys)}", end="")
     print(f"\n{legend()}\nall runs: {results / LEADERBOARD}")
+
+
+def site_command(results: Path = Path("results"), data: Path = DATA) -> None:
+    """Write all runs as pages that open from disk without a network: tables, ranks, plots, pictures side by side.
+
+    Args:
+        results: the results folder.
+        data: folder that the scenes were built in, for rainy and clean views.
+    """
+    print(f"open {write_site(write_leaderboard(results), results, data)}")
 
 
 def compare_command(
@@ -298,6 +310,7 @@ def main() -> None:
             "check": check_command,
             "methods": methods_command,
             "table": table_command,
+            "site": site_command,
             "compare": compare_command,
             "score": score_command,
             "rescore": rescore_command,

@@ -17,10 +17,8 @@ from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.errors import InputError, unknown_name
 from hydroviews.formats.markdown import markdown_table
 from hydroviews.metrics import Metric, find_metrics
+from leaderboard.means import RUN, shown_names
 from leaderboard.statistics import SIGNIFICANT, SceneScores, estimate, holm, seeds_needed, signed_rank_p
-from leaderboard.tables import shown_names
-
-RUN = ["scene", "pattern", "seed", "data_sha256"]  # what a run of two methods has to agree in
 
 
 @dataclass(frozen=True)

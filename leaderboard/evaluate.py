@@ -42,8 +42,9 @@ from leaderboard.records import (
 )
 from leaderboard.runs import CONFIG, Run, claim_folder
 from leaderboard.score import UnusableRun, describe, score
+from leaderboard.severity import CEILING, FLOOR
 from leaderboard.supervision import Limits, Watch, end_gently, run_tethered
-from leaderboard.tables import CEILING, FLOOR, scene_text
+from leaderboard.table_text import scene_text
 
 logger = logging.getLogger(__name__)
 

@@ -31,7 +31,7 @@ from leaderboard.records import (
     read_record,
     run_folder,
 )
-from leaderboard.tables import write_tables
+from leaderboard.table_files import write_tables
 
 logger = logging.getLogger(__name__)
 
@@ -150,7 +150,7 @@ def _unreadable(folder: Path, reason: str) -> Record:
 
 
 def write_leaderboard(results: Path) -> pd.DataFrame:
-    """Gather every record into `leaderboard.csv`, `per_view.csv` and `tables.md`; what is missing stays empty.
+    """Gather every record into `leaderboard.csv`, `per_view.csv` and the tables; what is missing stays empty.
 
     Records are read and the files written under one lock, so that of two evaluations that end together the later one
     has the rows of both. Where nothing may be written there is a warning: the table is there to be printed.

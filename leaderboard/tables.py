@@ -1,52 +1,48 @@
-"""Records as tables people read: one a scene, methods down, effects across."""
+"""Records as tables of numbers: scenes, severity grades, costs, ablations."""
 
-from collections.abc import Hashable
-from pathlib import Path
+from dataclasses import dataclass
+from typing import Literal
 
 import pandas as pd
 
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.suites import DEVELOPMENT, TEST, read_suite, suite_of
 from hydroviews.errors import InputError, unknown_name
-from hydroviews.files.atomic import write_bytes
-from hydroviews.formats.markdown import markdown_table
-from hydroviews.metrics import find_metrics
-from leaderboard.records import SCORED
+from hydroviews.rain.patterns import GRADES
+from leaderboard.means import COSTS, compared_rows, method_means, shown_names
+from leaderboard.published import ABLATION
 from leaderboard.severity import CEILING, FLOOR
 
-TABLES = "tables.md"
+SUITES = (TEST, DEVELOPMENT, "")  # in the order of tables; empty: scenes of no suite
+ABLATED = ("raindrop", "streak")  # effects of the paper's ablation
 
 
 def scene_table(table: pd.DataFrame, scene: str, profile: str, track: str) -> pd.DataFrame:
-    """One scene's means in one track, over patterns and seeds: a row a method, columns (effect, metric).
+    """One scene's means in one track, over patterns and seeds: a row a method, columns (effect, number).
 
-    The ceiling, trained once on clean views, stands under every effect. `gap` is the share of the way from
-    floor to ceiling in PSNR (see `share_of_gap`); `runs` counts scored/all. A metric that one of the runs lacks is NaN.
+    The ceiling, trained once on clean views, stands under every effect. The numbers are those of `method_means` and
+    `gap`, the share of the way from floor to ceiling in PSNR (see `share_of_gap`).
     """
-    rows = table[(table.scene == scene) & (table.profile == profile) & (table.track == track)]
-    rows = rows.assign(method=shown_names(rows))
+    rows = _named(table[(table.scene == scene) & (table.profile == profile) & (table.track == track)])
     effects = sorted(set(rows.effect) - {CLEAN}) or [CLEAN]
     blocks = {effect: _effect_block(rows[rows.effect.isin([effect, CLEAN])]) for effect in effects}
     joined = pd.concat(blocks, axis=1)
-    order = sorted(joined.index, key=lambda m: (m != CEILING, m != FLOOR, m))
-    return joined.loc[order]
+    return joined.loc[sorted(joined.index, key=_order)]
 
 
-def shown_names(rows: pd.DataFrame) -> pd.Series:
-    """Methods as tables name them: what somebody submitted is marked."""
-    return rows.method + rows.submitted_by.map(lambda by: " (submitted)" if by and pd.notna(by) else "")
+def _named(rows: pd.DataFrame) -> pd.DataFrame:
+    return rows.assign(method=shown_names(rows))
+
+
+def _order(method: str) -> tuple[bool, bool, str]:
+    return method != CEILING, method != FLOOR, method
 
 
 def _effect_block(rows: pd.DataFrame) -> pd.DataFrame:
-    done = rows[rows.status.isin(SCORED)]
-    names = [metric.name for metric in find_metrics()]
-    numbers = done.astype(dict.fromkeys(names, float)).groupby("method")[names].mean(skipna=False)
-    block = numbers.reindex(sorted(set(rows.method)))
-    block["gap"] = [share_of_gap(done, method) for method in block.index]
-    block["train_s"] = done.groupby("method")["train_s"].mean().astype(float)
-    counts = rows.groupby("method")["status"].agg(lambda s: f"{s.isin(SCORED).sum()}/{len(s)}")
-    block["runs"] = counts
-    return block
+    kept = compared_rows(rows)
+    means = method_means(rows, kept)
+    means["gap"] = [share_of_gap(kept, method) for method in means.index]
+    return means
 
 
 def share_of_gap(done: pd.DataFrame, method: str) -> float:
@@ -67,46 +63,16 @@ def share_of_gap(done: pd.DataFrame, method: str) -> float:
     return float((means["psnr"] - means["psnr_floor"]) / gap) if gap > 0 else float("nan")
 
 
-def to_markdown(table: pd.DataFrame) -> str:
-    """A scene's table as Markdown, the effects one below the other."""
-    titles = [metric.title for metric in find_metrics()]
-    parts = []
-    for effect in dict.fromkeys(table.columns.get_level_values(0)):
-        head = (effect, *titles, "share of gap", "train s", "runs")
-        parts.append(markdown_table(head, map(_cells, table[effect].iterrows()), keep_empty=True))
-    return "\n\n".join(parts) + "\n"
-
-
-def _cells(row: tuple[Hashable, pd.Series]) -> list[str]:
-    """A method's, empty where there is no number."""
-    method, values = row
-    scores = ["" if pd.isna(values[metric.name]) else metric.text(values[metric.name]) for metric in find_metrics()]
-    seconds = "" if pd.isna(values["train_s"]) else f"{values['train_s']:.0f}"
-    return [str(method), *scores, _percent(values["gap"]), seconds, "" if pd.isna(values["runs"]) else values["runs"]]
-
-
-def _percent(value: float) -> str:
-    return "" if pd.isna(value) else f"{100 * value:.0f} %"
-
-
-def scene_text(table: pd.DataFrame, scene: str, profile: str, track: str) -> str:
-    """One scene's table under its name, to be printed."""
-    suite = f", {suite_of(scene)} suite" if suite_of(scene) else ""
-    return f"{scene} ({profile}, {track}{suite})\n\n{to_markdown(scene_table(table, scene, profile, track))}"
-
-
-def legend() -> str:
-    """Which numbers of the tables should be high and which low."""
-    ways = {True: "higher", False: "lower"}
-    titles = {way: [m.title for m in find_metrics() if m.higher_is_better == way] for way in ways}
-    return "; ".join(f"{', '.join(titles[way])}: {word} is better" for way, word in ways.items() if titles[way])
-
-
 def scene_keys(table: pd.DataFrame) -> list[tuple[str, str, str]]:
     """Scene, profile and track of every table there is, sorted by profile, suite (TEST first), scene and track."""
     keys = {(str(row.scene), str(row.profile), str(row.track)) for row in table.itertuples()}
-    places = {TEST: 0, DEVELOPMENT: 1, "": 2}
-    return sorted(keys, key=lambda key: (key[1], places[suite_of(key[0])], key[0], key[2]))
+    return sorted(keys, key=lambda key: (key[1], SUITES.index(suite_of(key[0])), key[0], key[2]))
+
+
+def suite_keys(table: pd.DataFrame) -> list[tuple[str, str, str]]:
+    """Profile, track and suite of every table over scenes there is, sorted, TEST first."""
+    keys = {(profile, track, suite_of(scene)) for scene, profile, track in scene_keys(table)}
+    return sorted(keys, key=lambda key: (key[0], key[1], SUITES.index(key[2])))
 
 
 def of_suite(table: pd.DataFrame, suite: str) -> pd.DataFrame:
@@ -125,7 +91,101 @@ def of_suite(table: pd.DataFrame, suite: str) -> pd.DataFrame:
     return rows
 
 
-def write_tables(table: pd.DataFrame, results: Path) -> None:
-    """Write `tables.md`: every scene of every profile, a table a track."""
-    parts = [f"## {scene_text(table, *keys)}" for keys in scene_keys(table)]
-    write_bytes(results / TABLES, "\n".join([*parts, legend() + "\n"]).encode())
+def rows_of(table: pd.DataFrame, profile: str, track: str, suite: str) -> pd.DataFrame:
+    """The runs of a profile, track and suite (empty: of none), with methods as tables name them."""
+    kept = (table.profile == profile) & (table.track == track) & (table.scene.map(suite_of) == suite)
+    return _named(table[kept])
+
+
+def grade_of(pattern: str) -> str:
+    """light, medium or heavy; empty for what no generator graded, which has no number."""
+    number = pattern.rpartition("-")[2]
+    return GRADES[int(number) % len(GRADES)] if number.isdecimal() else ""
+
+
+def grade_means(rows: pd.DataFrame) -> pd.DataFrame:
+    """Means of `method_means` over scenes by effect and grade: a row an effect, grade and method; may be empty.
+
+    Methods that learn from clean views, which have no grade, are not in it.
+    """
+    rainy = rows[rows.pattern != CLEAN]
+    rainy = rainy.assign(grade=rainy.pattern.map(grade_of))
+    parts = [
+        method_means(rainy[(rainy.effect == effect) & (rainy.grade == grade)]).assign(effect=effect, grade=grade)
+        for effect in sorted(set(rainy.effect))
+        for grade in GRADES
+        if ((rainy.effect == effect) & (rainy.grade == grade)).any()
+    ]
+    return pd.concat(parts) if parts else pd.DataFrame(columns=["effect", "grade"])
+
+
+def cost_means(rows: pd.DataFrame) -> pd.DataFrame:
+    """What methods cost and the quality they give for it, over all runs that are compared: a row a method.
+
+    Besides the numbers of `method_means`, `device`: where they were trained; several are named, since seconds on one
+    say nothing of another.
+    """
+    means = method_means(rows)
+    devices = (
+        compared_rows(rows).groupby("method").device.agg(lambda names: "; ".join(sorted({*names.dropna()} - {""})))
+    )
+    means["device"] = devices.reindex(means.index).fillna("")
+    return means.loc[sorted(means.index, key=_order)]
+
+
+def ablation_means(rows: pd.DataFrame) -> pd.DataFrame:
+    """Means of the methods of the paper's ablation over drops and streaks, in its order; those that have runs."""
+    ours = [method for method in ABLATION if method in set(rows.method)]
+    kept = rows[rows.method.isin(ours) & rows.effect.isin(ABLATED)]
+    return method_means(kept).reindex(ours)
+
+
+@dataclass(frozen=True)
+class SuiteTables:
+    """What is told of a suite's scenes together; each may be empty."""
+
+    grades: pd.DataFrame
+    costs: pd.DataFrame
+    ablation: pd.DataFrame
+
+
+@dataclass(frozen=True)
+class Tables:
+    """All tables of a board, in order."""
+
+    scenes: dict[tuple[str, str, str], pd.DataFrame]  # by scene, profile, track
+    suites: dict[tuple[str, str, str], SuiteTables]  # by profile, track, suite
+
+
+def all_tables(table: pd.DataFrame) -> Tables:
+    """Every table of some runs, each calculated once."""
+    scenes = {keys: scene_table(table, *keys) for keys in scene_keys(table)}
+    suites = {}
+    for keys in suite_keys(table):
+        rows = rows_of(table, *keys)
+        suites[keys] = SuiteTables(grade_means(rows), cost_means(rows), ablation_means(rows))
+    return Tables(scenes, suites)
+
+
+def tidy_scenes(tables: Tables) -> pd.DataFrame:
+    """All scene tables below each other: a row a profile, track, scene, effect and method."""
+    parts = []
+    for (scene, profile, track), means in tables.scenes.items():
+        for effect in dict.fromkeys(means.columns.get_level_values(0)):
+            block = means[effect].dropna(subset=["finished"]).rename_axis("method").reset_index()
+            keys = {"profile": profile, "track": track, "suite": suite_of(scene), "scene": scene, "effect": effect}
+            parts.append(block.assign(**keys).astype(dict.fromkeys(("finished", "planned", "compared"), int)))
+    front = ["profile", "track", "suite", "scene", "effect", "method", "reference", "finished", "planned", "compared"]
+    joined = pd.concat(parts, ignore_index=True)
+    return joined[[*front, *(name for name in joined if name not in {*front, *COSTS}), *COSTS]]
+
+
+def tidy_suites(tables: Tables, part: Literal["grades", "costs"]) -> pd.DataFrame:
+    """The tables of grades or costs of all suites below each other."""
+    parts = [
+        getattr(found, part).rename_axis("method").reset_index().assign(profile=profile, track=track, suite=suite)
+        for (profile, track, suite), found in tables.suites.items()
+    ]
+    front = ["profile", "track", "suite", *(["effect", "grade"] if part == "grades" else []), "method"]
+    joined = pd.concat(parts, ignore_index=True)
+    return joined[[*front, *(name for name in joined if name not in front)]]

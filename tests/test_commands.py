@@ -183,7 +183,10 @@ TARGETS = {  # what each runs
     "enhancer": ("-m deraings.enhancement train", "--start 'results'/enhancement/second/weights.safetensors"),
     "drop-finder": ("-m baselines.derain_nerf.raindrop_attention train",),
     "ablation": ("-m leaderboard evaluate --method 'deraings.method:RainModelOnly'",),
-    "leaderboard": ("-m leaderboard table --results 'results'",),
+    "leaderboard": (
+        "-m leaderboard table --results 'results'",
+        "-m leaderboard site --results 'results' --data 'data'",
+    ),
     "view": ("-m leaderboard view 'a run' --data 'data' --port '8080'",),
     "film": ("-m leaderboard film 'a run' --data 'data' --out 'film.mp4'",),
     "bench": ("-m 'benchmarks.splatting'",),

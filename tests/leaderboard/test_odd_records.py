@@ -112,7 +112,7 @@ def test_tables_are_printed_whatever_the_records(results, capsys):
     edit(results / RUN / "record.json", psnr="a string")
     table_command(results)
     printed = capsys.readouterr().out
-    assert "| toy_methods.MeanColour |  |  |  |  |  |  | 0/1 |" in printed
+    assert "| toy_methods.MeanColour |  |  |  |  |  |  | <u>0/1</u> |" in printed
     assert "| toy_methods:MeanColourClean |" in printed
 
 

@@ -1,16 +1,19 @@
 import pandas as pd
 import pytest
 
+from hydroviews.metrics import find_metrics
+from leaderboard.means import places
 from leaderboard.records import columns
-from leaderboard.tables import scene_keys, scene_table, to_markdown
+from leaderboard.table_text import to_markdown
+from leaderboard.tables import scene_keys, scene_table
 
 
 def rows(*values: tuple) -> pd.DataFrame:
     records = [
         dict.fromkeys(columns())
         | {
-            "pattern": f"{effect}-0",
-            "seed": 0,
+            "pattern": effect if effect == "clean" else f"{effect}-0",
+            "seed": [other[:2] for other in values[:i]].count((method, effect)),
             "data_sha256": effect,
             "method": method,
             "effect": effect,
@@ -21,7 +24,7 @@ def rows(*values: tuple) -> pd.DataFrame:
             "profile": "demo",
             "track": "given-poses",
         }
-        for method, effect, status, psnr in values
+        for i, (method, effect, status, psnr) in enumerate(values)
     ]
     return pd.DataFrame(records)
 
@@ -31,6 +34,8 @@ def test_means_share_of_gap_and_order():
         ("ours", "streak", "done", 24.0),
         ("ours", "streak", "done", 26.0),
         ("3dgs", "streak", "done", 20.0),
+        ("3dgs", "streak", "done", 20.0),
+        ("3dgs-clean", "clean", "done", 30.0),
         ("3dgs-clean", "clean", "done", 30.0),
     )
     summary = scene_table(table, "yard", "demo", "given-poses")["streak"]
@@ -50,6 +55,7 @@ def test_the_gap_is_taken_on_the_runs_that_have_both_references():
         ("3dgs-clean", "clean", "done", 30.0),
     )
     table["pattern"] = ["streak-0", "streak-2", "streak-0", "streak-0", "clean"]
+    table["seed"] = 0
     table.loc[3, "data_sha256"] = "an older build of the scene"
     summary = scene_table(table, "yard", "demo", "given-poses")["streak"]
     assert summary.loc["ours", "gap"] == pytest.approx(-0.25)
@@ -64,13 +70,42 @@ def test_failed_runs_are_counted_and_left_out_of_the_mean():
         ("theirs", "streak", "failed", None),
         ("3dgs-clean", "clean", "done", 30.0),
     )
-    summary = scene_table(table, "yard", "demo", "given-poses")["streak"]
+    board = scene_table(table, "yard", "demo", "given-poses")
+    summary = board["streak"]
     assert summary.loc["ours", "psnr"] == 24
-    assert summary.loc["ours", "runs"] == "1/2"
+    assert (summary.loc["ours", "finished"], summary.loc["ours", "planned"]) == (1, 2)
     assert pd.isna(summary.loc["theirs", "psnr"])
-    text = to_markdown(scene_table(table, "yard", "demo", "given-poses"))
-    assert "| ours | 24.00 | 0.5000 |  |  |  |  | 1/2 |" in text
-    assert "| theirs |  |" in text
+    text = to_markdown(board)
+    assert "| ours | <u>**24.00**</u> | <u>**0.5000**</u> |  |  |  |  | <u>1/2</u> |" in text
+    assert "| theirs |  |  |  |  |  |  | <u>0/2</u> |" in text
+
+
+def test_means_are_of_shared_runs_and_who_lacks_runs_is_underlined_and_not_the_best():
+    table = rows(
+        ("ours", "streak", "done", 29.0),
+        ("ours", "streak", "failed", None),
+        ("theirs", "streak", "done", 24.0),
+        ("theirs", "streak", "done", 10.0),
+        ("thirds", "streak", "done", 23.0),
+        ("thirds", "streak", "done", 40.0),
+    )
+    board = scene_table(table, "yard", "demo", "given-poses")
+    assert dict(board["streak"].psnr) == {"ours": 29, "theirs": 24, "thirds": 23}  # seed 1 counts for nobody
+    assert places(board["streak"], find_metrics()[0]) == {"ours": 3, "theirs": 1, "thirds": 2}
+    text = to_markdown(board)
+    assert "| ours | <u>29.00</u> |" in text
+    assert "| theirs | **24.00** |" in text
+    assert "Means over 1 of 2 runs, which all of them have." in text
+
+
+def test_a_method_that_shares_no_run_is_told_and_empties_nothing():
+    table = rows(("ours", "streak", "done", 29.0), ("theirs", "streak", "done", 24.0), ("alone", "streak", "done", 9.0))
+    table.loc[2, "data_sha256"] = "of an older build"
+    more = rows(("ours", "streak", "done", 27.0), ("theirs", "streak", "done", 20.0)).assign(seed=1)
+    table = pd.concat([table, more], ignore_index=True)
+    board = scene_table(table, "yard", "demo", "given-poses")
+    assert board["streak"].psnr.dropna().to_dict() == {"ours": 28, "theirs": 22}
+    assert "Means over 2 of 2 runs, which all of them have, but alone, which shares none." in to_markdown(board)
 
 
 def test_the_ceiling_stands_under_every_effect():
@@ -94,4 +129,4 @@ def test_tracks_stand_apart():
         summary = scene_table(table, "yard", "demo", track)["streak"]
         assert summary.loc["ours", "psnr"] == psnr
         assert summary.loc["ours", "gap"] == pytest.approx(gap)
-        assert list(summary.runs) == ["1/1"] * 3
+        assert list(summary.finished) == list(summary.planned) == [1] * 3

@@ -62,8 +62,8 @@ def test_a_registered_metric_goes_through_everything(tmp_path, register):
     assert record.scores["largest_error"] in table.largest_error.tolist()
     text = (results / "tables.md").read_text()
     assert "| streak | PSNR | SSIM | LPIPS | LPIPS-VGG | largest error | share of gap |" in text
-    assert f" | {record.scores['largest_error']:.3f} | " in text
-    assert text.endswith("PSNR, SSIM: higher is better; LPIPS, LPIPS-VGG, largest error: lower is better\n")
+    assert f" | **{record.scores['largest_error']:.3f}** | " in text
+    assert "\nPSNR, SSIM: higher is better; LPIPS, LPIPS-VGG, largest error: lower is better. Bold: the best;" in text
     find_metrics.cache_clear()
 
 

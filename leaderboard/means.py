@@ -1,0 +1,96 @@
+"""Means over the runs that all compared methods have, and the order of methods by them."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import pandas as pd
+
+from hydroviews.dataset.clean_views import CLEAN
+from hydroviews.metrics import Metric, find_metrics
+from leaderboard.records import SCORED
+
+RUN = ["scene", "pattern", "seed", "data_sha256"]  # what runs of two methods have to agree in
+COSTS = ("train_s", "before_s", "after_s", "render_fps", "peak_mem_mb", "peak_gpu_mem_mb", "model_mb", "n_primitives")
+
+
+def shown_names(rows: pd.DataFrame) -> pd.Series:
+    """Methods as tables name them: what somebody submitted is marked."""
+    return rows.method + rows.submitted_by.map(lambda by: " (submitted)" if by and pd.notna(by) else "")
+
+
+def shared_runs(runs: Mapping[str, set[Any]]) -> tuple[list[str], set[Any]]:
+    """The methods that can be compared, and the runs that all of these have.
+
+    Methods join in the order of how many runs they have; one that shares none with those before it stays out, instead
+    of leaving nothing to compare.
+    """
+    compared: list[str] = []
+    common: set[Any] = set()
+    for name in sorted(runs, key=lambda name: (-len(runs[name]), name)):
+        shared = runs[name] & common if compared else runs[name]
+        if shared:
+            compared.append(name)
+            common = shared
+    return compared, common
+
+
+def compared_rows(rows: pd.DataFrame) -> pd.DataFrame:
+    """The scored runs that means are taken over: those that all compared methods have, and all on clean views.
+
+    Methods that learn from clean views are references and are not compared.
+    """
+    done = rows[rows.status.isin(SCORED)]
+    rainy = done[done.pattern != CLEAN]
+    runs = {str(name): set(map(tuple, group[RUN].to_numpy())) for name, group in rainy.groupby("method")}
+    methods, common = shared_runs(runs)
+    shared = pd.Series([tuple(run) in common for run in done[RUN].to_numpy()], index=done.index, dtype=bool)
+    return done[(done.pattern == CLEAN) | (shared & done.method.isin(methods))]
+
+
+def method_means(rows: pd.DataFrame, kept: pd.DataFrame | None = None) -> pd.DataFrame:
+    """Means of some runs: a row a method.
+
+    A mean weighs scenes alike, in a scene its patterns, in a pattern its seeds. A number that one of the runs lacks
+    is NaN.
+
+    Args:
+        rows: runs as `gather.collect` has them, with methods as tables name them.
+        kept: those that means are taken over, if they are known already: see `compared_rows`.
+
+    Returns:
+        Columns: one a metric, those of COSTS, `finished` and `planned` (runs), `compared` (runs that the means are
+        over), `reference` (learns from clean views).
+    """
+    kept = compared_rows(rows) if kept is None else kept
+    names = [*(metric.name for metric in find_metrics()), *COSTS]
+    numbers = kept[["method", "scene", "pattern", *names]].astype(dict.fromkeys(names, "float64"))
+    for keys in (["method", "scene", "pattern"], ["method", "scene"], ["method"]):
+        if numbers.duplicated(keys).any():
+            numbers = numbers.groupby(keys)[names].mean(skipna=False).reset_index()
+    means = numbers.set_index("method")[names].reindex(sorted(set(rows.method)))
+    clean = rows.pattern == CLEAN
+    own = rows.method.value_counts()
+    means["finished"] = rows[rows.status.isin(SCORED)].method.value_counts().reindex(means.index, fill_value=0)
+    means["reference"] = ~means.index.isin(rows[~clean].method)
+    asked = len(rows.loc[~clean, ["scene", "pattern", "seed"]].drop_duplicates())
+    means["planned"] = own.reindex(means.index).where(means.reference, asked)
+    means["compared"] = kept.method.value_counts().reindex(means.index, fill_value=0)
+    return means
+
+
+def places(means: pd.DataFrame, metric: Metric) -> dict[str, int]:
+    """The place of each method by a metric, 1 the best, without references and methods that have no number.
+
+    One more than the number of methods that finished more runs, or as many and have a better mean.
+    """
+    judged = means[~means.reference.astype(bool) & means[metric.name].notna()]
+    value = judged[metric.name].to_numpy(float) * (1 if metric.higher_is_better else -1)
+    finished = judged.finished.to_numpy(float)
+    more = finished > finished[:, None]
+    better = (finished == finished[:, None]) & (value > value[:, None])
+    return dict(zip(map(str, judged.index), 1 + (more | better).sum(axis=1), strict=True))
+
+
+def incomplete(row: Mapping[Any, Any]) -> bool:
+    """Whether a method lacks runs that were asked of it."""
+    return bool(row["finished"] < row["planned"])

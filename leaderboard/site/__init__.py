@@ -1,0 +1,1 @@
+"""The leaderboard as pages that open from disk, or on any web server, without a network."""

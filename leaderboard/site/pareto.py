@@ -1,0 +1,133 @@
+"""Quality against a cost: which methods no other beats in both, and where each stands in a drawing."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import pandas as pd
+
+from hydroviews.metrics import Metric
+from leaderboard.table_text import cost_text
+
+WIDTH, HEIGHT = 420, 280  # of the drawing, in its own units
+LEFT, RIGHT, TOP, BOTTOM = 46, 16, 16, 40
+LINE = 13  # least distance of two labels
+STEPS = (1, 2, 5)
+
+
+@dataclass(frozen=True)
+class Point:
+    """A method in the drawing."""
+
+    method: str
+    x: float
+    y: float
+    label_x: float
+    label_y: float
+    anchor: str  # start or end: on which side of it the label is
+    front: bool
+    reference: bool
+    told: str  # its numbers
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A drawing of quality (up, of a metric) against a cost (to the right, logarithmic)."""
+
+    cost: str
+    quality: str
+    points: tuple[Point, ...]
+    front: str  # corners of the line, for `<polyline>`
+    x_ticks: tuple[tuple[float, str], ...]
+    y_ticks: tuple[tuple[float, str], ...]
+
+
+def pareto_front(costs: Sequence[float], qualities: Sequence[float]) -> list[bool]:
+    """Which points no other beats: at most as dear and at least as good, and in one of them better.
+
+    Qualities are better the higher they are.
+    """
+    pairs = list(zip(costs, qualities, strict=True))
+    return [
+        not any(c <= cost and q >= quality and (c < cost or q > quality) for c, q in pairs) for cost, quality in pairs
+    ]
+
+
+def draw(means: pd.DataFrame, name: str, title: str, metric: Metric) -> Plot | None:
+    """The drawing of a table of `tables.cost_means`; None with fewer than two methods that have both numbers.
+
+    Methods that learn from clean views are shown, and are not on the front.
+
+    Args:
+        means: the table.
+        name: column of the cost.
+        title: of the cost.
+        metric: quality.
+    """
+    known = means[means[name].notna() & means[metric.name].notna() & (means[name].astype(float) > 0)]
+    if len(known) < 2:
+        return None
+    cost, quality = known[name].astype(float), known[metric.name].astype(float)
+    ours = ~known.reference.astype(bool)
+    sign = 1 if metric.higher_is_better else -1
+    on_front = dict(zip(known.index[ours], pareto_front(list(cost[ours]), list(sign * quality[ours])), strict=True))
+    x_low, x_high = _widened(math.log10(cost.min()), math.log10(cost.max()), 0.05)
+    y_low, y_high = _widened(quality.min(), quality.max(), 0.1)
+
+    def across(value: float) -> float:
+        return round(LEFT + (math.log10(value) - x_low) / (x_high - x_low) * (WIDTH - LEFT - RIGHT), 1)
+
+    def up(value: float) -> float:
+        return round(HEIGHT - BOTTOM - (value - y_low) / (y_high - y_low) * (HEIGHT - TOP - BOTTOM), 1)
+
+    places = {str(m): (across(cost[m]), up(quality[m])) for m in known.index}
+    labels = _labels(places)
+    points = tuple(
+        Point(
+            method,
+            x,
+            y,
+            *labels[method],
+            on_front.get(method, False),
+            bool(known.reference[method]),
+            f"{metric.title} {metric.text(quality[method])}, {title} {cost_text(cost[method])}",
+        )
+        for method, (x, y) in places.items()
+    )
+    corners = sorted((point.x, point.y) for point in points if point.front)
+    x_ticks = tuple((across(value), f"{value:g}") for value in _log_ticks(10**x_low, 10**x_high))
+    y_ticks = tuple((up(value), f"{value:g}") for value in _ticks(y_low, y_high))
+    return Plot(title, metric.title, points, " ".join(f"{x},{y}" for x, y in corners), x_ticks, y_ticks)
+
+
+def _widened(low: float, high: float, share: float) -> tuple[float, float]:
+    room = max((high - low) * share, 0.01 * max(abs(low), abs(high)), 1e-6)
+    return low - room, high + room
+
+
+def _labels(places: dict[str, tuple[float, float]]) -> dict[str, tuple[float, float, str]]:
+    """Where labels stand, moved down where they would cover each other."""
+    found: dict[str, tuple[float, float, str]] = {}
+    last = -math.inf
+    for method, (x, y) in sorted(places.items(), key=lambda item: item[1][1]):
+        last = max(y + 4, last + LINE)
+        right = x < (LEFT + WIDTH) / 2
+        found[method] = (x + 8 if right else x - 8, round(last, 1), "start" if right else "end")
+    return found
+
+
+def _log_ticks(low: float, high: float) -> list[float]:
+    """Of a logarithmic axis; equally far in value where it is short."""
+    if high / low < 10:
+        return _ticks(low, high)
+    exponents = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    steps = STEPS if high / low < 100 else (1,)
+    return [step * 10.0**e for e in exponents for step in steps if low <= step * 10.0**e <= high]
+
+
+def _ticks(low: float, high: float) -> list[float]:
+    most = (high - low) / 3
+    size = 10 ** math.floor(math.log10(most))
+    step = max((s * size for s in STEPS if s * size <= most), default=size)
+    first, last = math.ceil(low / step), math.floor(high / step)
+    return [round(i * step, 6) for i in range(first, last + 1)]

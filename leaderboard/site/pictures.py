@@ -1,0 +1,132 @@
+"""Small pictures of renders and of rainy and clean views, each written once, under a name made of its content."""
+
+import logging
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from hashlib import sha256
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+from tqdm import tqdm
+
+from hydroviews.dataset.clean_views import CLEAN
+from hydroviews.dataset.manifest import data_hash
+from hydroviews.dataset.variants import has_clean, open_clean, open_variant
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import write_bytes
+from hydroviews.formats.capture_json import CAPTURED
+from leaderboard.records import SCORED
+from leaderboard.site.runs import ShownRun
+
+logger = logging.getLogger(__name__)
+
+VIEWS = 3  # of a run
+LONGEST = 640  # pixels
+QUALITY, EFFORT = 85, 2
+IMAGES = "images"  # of a variant
+CLEAN_VIEW, RAINY_VIEW = "clean view", "rainy view"
+
+Pictures = dict[str, dict[str, str]]  # file names by what is shown and view
+
+
+@dataclass
+class Thumbnails:
+    """A folder of small pictures."""
+
+    folder: Path
+    written: set[str] = field(default_factory=set)  # their names, those found there too
+
+    @cached_property
+    def _there(self) -> set[str]:
+        return {path.name for path in self.folder.glob("*.webp")}
+
+    def add(self, source: Path) -> str:
+        """The name of the small picture of a picture, which is made unless it is there.
+
+        Raises:
+            OSError: it is none.
+        """
+        content = source.read_bytes()
+        name = f"{sha256(content).hexdigest()[:20]}.webp"
+        if name not in self.written and name not in self._there:
+            with Image.open(BytesIO(content)) as picture:
+                small = picture.convert("RGB")
+            small.thumbnail((LONGEST, LONGEST))
+            encoded = BytesIO()
+            small.save(encoded, "WEBP", quality=QUALITY, method=EFFORT)
+            write_bytes(self.folder / name, encoded.getvalue())
+        self.written.add(name)
+        return name
+
+
+def scene_pictures(runs: Iterable[ShownRun], data: Path, thumbnails: Thumbnails) -> dict[str, Pictures]:
+    """Pictures of one scene, profile and track by pattern and seed: rainy and clean views, and every method's renders.
+
+    The renders of methods that learn from clean views stand under every pattern of their seed. A picture that cannot
+    be had, such as a rainy view of data that are no longer there or have changed, is left out with a warning.
+
+    Args:
+        runs: of the scene.
+        data: folder that the scenes were built in.
+        thumbnails: take the small pictures.
+    """
+    scored = [run for run in runs if run.record["status"] in SCORED]
+    references: dict[int, Pictures] = {}
+    given: dict[tuple[str, int], Pictures] = {}
+    renders: dict[tuple[str, int], Pictures] = {}
+    for run in tqdm(scored, desc="pictures", unit="run", leave=False, disable=len(scored) < 20):
+        pattern, seed = run.record["pattern"], run.record["seed"]
+        shown = _renders(run, thumbnails)
+        if (pattern, seed) not in given:
+            given[pattern, seed] = _given(run, data, list(shown), thumbnails)
+        kept = references.setdefault(seed, {}) if pattern == CLEAN else renders.setdefault((pattern, seed), {})
+        kept[run.name] = shown
+    places = list(renders) or list(given)  # where nothing was run on rainy views, the clean ones
+    return {
+        f"{pattern}, seed {seed}": given[pattern, seed] | references.get(seed, {}) | renders.get((pattern, seed), {})
+        for pattern, seed in places
+    }
+
+
+def _renders(run: ShownRun, thumbnails: Thumbnails) -> dict[str, str]:
+    paths = sorted((run.folder / "renders").glob("*.png"))
+    chosen = [paths[i] for i in np.unique(np.linspace(0, len(paths) - 1, VIEWS).round().astype(int))] if paths else []
+    return _added({path.stem: path for path in chosen}, thumbnails)
+
+
+def _given(run: ShownRun, data: Path, names: list[str], thumbnails: Thumbnails) -> Pictures:
+    """What a run was given and is compared with, of some views, if these are still the data that it was run on."""
+    folder, pattern = data / run.record["profile"] / run.record["scene"], run.record["pattern"]
+    try:
+        if data_hash(folder.parent, folder.name, pattern) != run.record["data_sha256"]:
+            raise InputError(f"{folder}: not the data that the runs under {pattern} were made on")
+        files = _view_files(folder)
+    except InputError as error:
+        logger.warning("no rainy or clean views of %s/%s on the pages: %s", folder.name, pattern, error)
+        return {}
+    roots = {CLEAN_VIEW: folder / CLEAN} | ({RAINY_VIEW: folder / pattern / IMAGES} if pattern != CLEAN else {})
+    paths = {title: {name: root / files[name] for name in names if name in files} for title, root in roots.items()}
+    found = {title: _added({n: p for n, p in own.items() if p.is_file()}, thumbnails) for title, own in paths.items()}
+    return {title: shown for title, shown in found.items() if shown}
+
+
+@lru_cache(maxsize=4)
+def _view_files(folder: Path) -> dict[str, Path]:
+    """The pictures of a built scene's views by the views' names, as they are called in each folder of pictures."""
+    own = has_clean(folder)
+    root = folder / CLEAN if own else folder / CAPTURED / IMAGES
+    scene = open_clean(folder) if own else open_variant(folder, CAPTURED)
+    return {view.name: view.path.relative_to(root) for view in scene.views}
+
+
+def _added(paths: dict[str, Path], thumbnails: Thumbnails) -> dict[str, str]:
+    names = {}
+    for view, path in paths.items():
+        try:
+            names[view] = thumbnails.add(path)
+        except OSError as error:
+            logger.warning("%s: not on the pages: %s", path, error)
+    return names

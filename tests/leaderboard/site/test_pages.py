@@ -1,0 +1,229 @@
+"""The pages as HTML: whole, closed in themselves, true to the records, and deaf to what names try."""
+
+import json
+import logging
+import shutil
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from hydroviews.files.atomic import read_json, write_json
+from hydroviews.metrics import find_metrics
+from leaderboard.comparison import compare
+from leaderboard.gather import collect, collect_views, write_leaderboard
+from leaderboard.means import shown_names
+from leaderboard.records import run_folder
+from leaderboard.site.runs import page_name
+from leaderboard.site.write import write_site
+
+THEIRS = "<img src=x onerror=alert(1)>\"'& <\\script><script>alert(2)< (submitted)"
+VOID = {"meta", "link", "img", "input", "br", "line", "rect", "circle", "polyline"}
+
+
+class Page(HTMLParser):
+    """A page's elements, with whether each is closed in order, and the text of its tables."""
+
+    def __init__(self, path: Path):
+        super().__init__()
+        self.elements: list[tuple[str, dict]] = []
+        self.open: list[str] = []
+        self.tables: list[list[list[tuple[str, dict]]]] = []  # by table and row: text and attributes of cells
+        self.text: list[str] = []
+        self.scripts: list[str] = []
+        self.feed(path.read_text(encoding="utf-8"))
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attributes):
+        self.elements.append((tag, dict(attributes)))
+        assert len(dict(attributes)) == len(attributes)
+        if tag not in VOID:
+            self.open.append(tag)
+        if tag == "table":
+            self.tables.append([])
+        if tag == "tr":
+            self.tables[-1].append([])
+        if tag in ("td", "th") and self.tables:
+            self.tables[-1][-1].append(("", dict(attributes)))
+
+    def handle_endtag(self, tag):
+        if tag not in VOID:
+            assert self.open.pop() == tag
+
+    def handle_data(self, text):
+        self.text.append(text)
+        if self.open and self.open[-1] == "script":
+            self.scripts.append(text)
+        if self.tables and {"td", "th"} & set(self.open):
+            before, attributes = self.tables[-1][-1][-1]
+            self.tables[-1][-1][-1] = (before + text, attributes)
+
+    def all(self, tag: str) -> list[dict]:
+        return [attributes for name, attributes in self.elements if name == tag]
+
+
+@pytest.fixture(scope="module")
+def pages(written):
+    return {path: Page(path) for path in sorted((written / "site").rglob("*.html"))}
+
+
+@pytest.fixture
+def copied(written, tmp_path):
+    return Path(shutil.copytree(written, tmp_path / "results"))
+
+
+def test_there_is_a_page_a_scene_and_a_run(written, pages):
+    table = collect(written)
+    assert len(table) == 3 * 2 * 2 + 2 + 1
+    assert len(pages) == 1 + 2 + len(table)
+    assert {len(page.all("h1")) for page in pages.values()} == {1}
+
+
+def test_links_and_pictures_resolve_and_nothing_is_outside(written, pages):
+    for path, page in pages.items():
+        for tag, attributes in page.elements:
+            for name in {"href", "src"} & set(attributes):
+                address = urlsplit(attributes[name])
+                if address.scheme == "https":
+                    assert (tag, attributes[name]) == ("a", "https://example.org/a?b=1&c=2")  # what Ada gave
+                elif attributes[name] != "data:,":
+                    assert (address.scheme, address.netloc) == ("", "")
+                    target = (path.parent / unquote(address.path)).resolve() if address.path else path
+                    assert target.is_relative_to(written)
+                    assert target.exists(), attributes[name]
+                    if address.fragment:
+                        ids = [other.get("id") for _, other in Page(target).elements]
+                        assert ids.count(address.fragment) == 1
+    for asset in ("style.css", "script.js"):
+        assert "//" not in (written / "site" / asset).read_text().replace("// ", "")  # comments have a blank
+
+
+def test_names_run_no_script(pages):
+    for page in pages.values():
+        assert {tag for tag, _ in page.elements} & {"b", "iframe", "object"} == set()
+        assert not [name for _, attributes in page.elements for name in attributes if name.startswith("on")]
+        assert not [a for _, a in page.elements if str(a.get("href", "")).startswith("javascript")]
+        for attributes in page.all("script"):
+            assert attributes.get("type") == "application/json" or attributes["src"].endswith("script.js")
+        for text in page.scripts:
+            assert "<" not in text
+            json.loads(text)
+        assert all(attributes["src"].endswith(".webp") for attributes in page.all("img") if "src" in attributes)
+    text = "".join(text for page in pages.values() for text in page.text)
+    assert "onerror=alert(1)>" in text  # shown as it is
+    assert "</td></script><script>alert(3)</script>" in text
+
+
+def test_names_become_plain_file_names():
+    names = [page_name("a:B", "x"), page_name("a.B", "x"), page_name("../../etc", "<>"), page_name("ü" * 300)]
+    assert len(set(names)) == 4
+    assert all(set(name) <= set("abcdefghijklmnopqrstuvwxyz0123456789-.") and len(name) < 100 for name in names)
+
+
+def test_rows_are_the_records(written, pages):
+    table = collect(written)
+    page = pages[written / "site" / "index.html"]
+    head, *rows = next(found for found in page.tables if len(found) == len(table) + 1)
+    place = {text: i for i, (text, _) in enumerate(head)}
+    for metric in find_metrics():
+        shown = [float(row[place[metric.title]][1].get("data-value", "nan")) for row in rows]
+        assert shown == pytest.approx(list(table[metric.name].astype(float)), nan_ok=True)
+    assert [row[place["Scene"]][0] for row in rows] == list(table.scene)
+    assert [row[place["Status"]][0] for row in rows] == list(table.status)
+    assert {row[place["Suite"]][0] for row in rows} == {"test", "development"}
+
+
+def test_ranks_and_intervals_are_those_of_the_comparison(written, pages):
+    table = collect(written)
+    rows = table[table.scene == "pond"]
+    own = [name for name in sorted(set(shown_names(rows))) if name not in (THEIRS, "3dgs-clean")]
+    found = compare(rows, collect_views(rows, written), "lpips_alex", own)
+    page = pages[written / "site" / "index.html"]
+    title = find_metrics()[2].title
+    shown = next(one for one in page.tables if [text for text, _ in one[0][:3]] == ["Rank", "Method", title])
+    expected = [(str(row.rank), row.method) for row in found.methods.itertuples()]
+    assert [(row[0][0], row[1][0]) for row in shown[1:]] == expected
+    values = [float(row[2][1].get("data-value", "nan")) for row in shown[1:]]
+    assert values == pytest.approx(list(found.methods["mean"]), nan_ok=True)
+    assert f"Not compared, since no run is shared: {THEIRS}." in "".join(page.text)
+    low = found.methods.low[0]
+    assert shown[1][3][0].startswith(f"{low:.4f} to ")
+
+
+def test_everything_has_a_name_for_who_does_not_see(pages):
+    for page in pages.values():
+        tables, captions = page.all("table"), page.all("caption")
+        assert len(tables) == len(captions)
+        assert all("scope" in attributes for attributes in page.all("th"))
+        assert all("alt" in attributes for attributes in page.all("img"))
+        assert all(attributes.get("loading") == "lazy" for attributes in page.all("img") if "src" in attributes)
+        assert all(attributes.get("aria-label") or "aria-hidden" in attributes for attributes in page.all("svg"))
+        assert page.all("html")[0]["lang"] == "en"
+        ids = [attributes["id"] for _, attributes in page.elements if "id" in attributes]
+        assert len(ids) == len(set(ids))
+        assert len(page.all("label")) == len(page.all("input")) + len(page.all("select"))
+
+
+def test_the_viewer_has_renders_of_all_methods_and_they_are_the_runs(written, pages):
+    path, page = next((path, page) for path, page in pages.items() if path.name.startswith("pond"))
+    pictures = json.loads(page.scripts[0])
+    assert list(pictures) == ["raindrop-0, seed 0", "streak-1, seed 0"]
+    shown = pictures["streak-1, seed 0"]
+    assert next(iter(shown)) == "3dgs-clean"
+    assert len(shown) == 4
+    assert list(shown["deraings"]) == ["000", "016", "024"]
+    small = np.asarray(Image.open(path.parent.parent / "pictures" / shown["deraings"]["016"]), float)
+    folder = run_folder(written, "demo", "deraings", "pond", "streak-1", 0, "given-poses")
+    render = np.asarray(Image.open(folder / "renders" / "016.png"), float)
+    assert np.abs(small - render).mean() < 6
+
+
+def test_published_numbers_stand_beside_ours(pages):
+    page = next(page for path, page in pages.items() if path.name.startswith("mipnerf360-bonsai"))
+    table = next(found for found in page.tables if found[0][-1][0] == "LPIPS (paper)")
+    row = next(row for row in table if row[0][0] == "deraings")
+    assert [text for text, _ in row[-3:]] == ["27.41", "0.877", "0.173"]
+    assert "are not of our runs" in "".join(page.text)
+
+
+def test_pictures_are_written_once_and_what_is_gone_goes(copied):
+    site = copied / "site"
+    before = {path: path.stat().st_mtime_ns for path in site.rglob("*.*")}
+    table = write_leaderboard(copied)
+    write_site(table, copied, copied / "no data")
+    assert {path: path.stat().st_mtime_ns for path in site.rglob("*.*")} == before
+    shutil.rmtree(run_folder(copied, "demo", "deraings", "pond", "streak-1", 0, "given-poses"))
+    write_site(write_leaderboard(copied), copied, copied / "no data")
+    gone = set(before) - set(site.rglob("*.*"))
+    assert sorted(path.suffix for path in gone) == [".html", ".webp", ".webp", ".webp"]
+
+
+def test_a_render_that_is_no_picture_is_left_out_with_a_warning(copied, caplog):
+    folder = run_folder(copied, "demo", "deraings", "pond", "streak-1", 0, "given-poses")
+    (folder / "renders" / "016.png").write_bytes(b"not a picture")
+    write_site(collect(copied), copied, copied / "no data")
+    assert "016.png: not on the pages" in caplog.text
+    page = Page(next((copied / "site" / "scenes").glob("pond*")))
+    assert list(json.loads(page.scripts[0])["streak-1, seed 0"]["deraings"]) == ["000", "024"]
+
+
+def test_rainy_and_clean_views_are_those_of_the_data_that_were_run_on(evaluated, tmp_path, caplog):
+    results, data = tmp_path / "results", tmp_path / "data"
+    write_site(collect(results), results, data)
+    [scene] = (results / "site" / "scenes").iterdir()
+    shown = json.loads(Page(scene).scripts[0])["streak-0, seed 0"]
+    assert list(shown)[:2] == ["clean view", "rainy view"]
+    views = set(shown[list(shown)[-1]])
+    assert views
+    assert set(shown["clean view"]) == set(shown["rainy view"]) == views
+    assert all(shown["clean view"][view] != shown["rainy view"][view] for view in views)
+    for path in results.glob("*/*/*/streak-0/*/record.json"):
+        write_json(path, read_json(path) | {"data_sha256": "of an older build"})
+    with caplog.at_level(logging.WARNING):
+        write_site(collect(results), results, data)
+    assert "not the data that the runs under streak-0 were made on" in caplog.text
+    assert "rainy view" not in json.loads(Page(scene).scripts[0])["streak-0, seed 0"]
