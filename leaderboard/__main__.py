@@ -41,7 +41,7 @@ from leaderboard.severity import record_losses
 from leaderboard.site.write import write_site
 from leaderboard.submission import submit
 from leaderboard.table_text import legend, scene_text
-from leaderboard.tables import of_suite, scene_keys
+from leaderboard.tables import SUITES, of_suite, scene_keys
 from leaderboard.viewer.export import Format, export
 from leaderboard.viewer.viewer import HOST, PORT, view
 
@@ -137,7 +137,7 @@ def compare_command(
     table = of_suite(write_leaderboard(results), suite)
     table = table[(table.profile == profile) & (table.track == track)]
     table = table[table.pattern.isin(patterns)] if patterns else table
-    suites = [name for name in (TEST, DEVELOPMENT, "") if name in set(table.scene.map(suite_of))]
+    suites = [name for name in SUITES if name in set(table.scene.map(suite_of))]
     if not suites:
         raise InputError(f"{results}: no such run", expected=", ".join([profile, track, *patterns]))
     for name in suites:

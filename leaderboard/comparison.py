@@ -167,9 +167,13 @@ def in_words(comparison: Comparison, title: str) -> str:
     if pairs:
         head = ("better", "than", f"{metric.title} by [95 %]", "p", "p (Holm)", "")
         parts.append(markdown_table(head, pairs, keep_empty=True))
+    return "\n\n".join([*parts, f"{basis(comparison)} {_seeds(comparison)}".rstrip()]) + "\n"
+
+
+def basis(comparison: Comparison) -> str:
+    """A sentence on what the means of a comparison are over."""
     scenes = "1 scene" if comparison.n_scenes == 1 else f"{comparison.n_scenes} scenes"
-    basis = f"Means over the {comparison.n_runs} runs that all of them have, on {scenes}, {comparison.n_views} views."
-    return "\n\n".join([*parts, f"{basis} {_seeds(comparison)}".rstrip()]) + "\n"
+    return f"Means over the {comparison.n_runs} runs that all of them have, on {scenes}, {comparison.n_views} views."
 
 
 def _chance(pair: Mapping[Hashable, Any]) -> tuple[str, str, str]:

@@ -19,6 +19,7 @@ from leaderboard.records import (
     GIVEN_POSES,
     LEADERBOARD,
     PER_VIEW,
+    PLACE,
     RECORD,
     RESCORE,
     SCORED,
@@ -71,8 +72,7 @@ def collect_views(table: pd.DataFrame, results: Path) -> pd.DataFrame:
     metrics = [metric.name for metric in find_metrics()]
     parts = []
     for run in table[table.status.isin(SCORED) & table[metrics].notna().any(axis=1)].to_dict("records"):
-        place = (run[name] for name in ("profile", "method", "scene", "pattern", "seed", "track"))
-        views = pd.read_csv(run_folder(results, *place) / PER_VIEW, converters={"view": str})
+        views = pd.read_csv(run_folder(results, *(run[name] for name in PLACE)) / PER_VIEW, converters={"view": str})
         keys = {name: run[name] for name in VIEW_KEYS if name != "suite"} | {"suite": suite_of(run["scene"])}
         parts.append(views.assign(**keys))
     found = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
@@ -91,8 +91,7 @@ def trusted_record(folder: Path) -> Record:
         InputError: there is none or an odd one, it is another run's, or `per_view.csv` says otherwise.
     """
     record = read_record(folder / RECORD)
-    names = ("profile", "method", "scene", "pattern", "seed", "track")
-    belongs = run_folder(folder.parents[LEVELS - 1], **{name: getattr(record, name) for name in names})
+    belongs = run_folder(folder.parents[LEVELS - 1], *(getattr(record, name) for name in PLACE))
     if belongs != folder:
         raise InputError(
             f"{folder / RECORD}: the record of another run", found=belongs, fix="move the run back, or remove it"

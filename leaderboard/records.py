@@ -202,6 +202,9 @@ def effect_of(pattern: str) -> str:
     return pattern.rpartition("-")[0] or pattern
 
 
+PLACE = ("profile", "method", "scene", "pattern", "seed", "track")  # what says where a run's files go
+
+
 def run_folder(results: Path, profile: str, method: str, scene: str, pattern: str, seed: int, track: str) -> Path:
     """Where a run's files go; `package.module:Class` becomes a plain folder name."""
     last = f"seed-{seed}" if track == GIVEN_POSES else f"seed-{seed}-{track}"

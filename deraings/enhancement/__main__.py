@@ -1,11 +1,12 @@
 """python -m deraings.enhancement train | export | validate | enhance | describe."""
 
 from dataclasses import asdict, dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 import tyro
+from numpy.typing import NDArray
 from tqdm import tqdm
 
 from baselines.training.network_commands import load_trained, rounded, use_threads
@@ -142,9 +143,11 @@ def enhance_command(
     enhancer, targets = load_enhancer(weights), one_by_one(pictures, out)
     print(enhancer.reason)
     files = list(targets)
-    count = len(files)
-    together = partial(lenses_of_capture, count, lambda i: to_uint8(read_image(files[i])), enhancer.network)
-    lenses = [None] * count if apart else together()
+
+    def read(index: int) -> NDArray[np.uint8]:
+        return to_uint8(read_image(files[index]))
+
+    lenses = [None] * len(files) if apart else lenses_of_capture(len(files), read, enhancer.network)
     for (file, target), lens in tqdm(list(zip(targets.items(), lenses, strict=True)), desc="enhancing", unit="picture"):
         write_png(target, enhance(read_image(file), enhancer, remove_mist=not keep_fog, lens=lens))
 

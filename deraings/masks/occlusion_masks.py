@@ -12,9 +12,10 @@ is below the median is worth no mask, whatever the scene's level. The paper has 
 """
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
-from typing import Any
+from functools import cached_property
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -73,7 +74,6 @@ class OcclusionMasks:
         self._losses: dict[int, Plane] = {}  # last losses of views at the network's resolution
         self._kept: dict[int, NDArray[np.uint8]] = {}  # masks of views at the mask's resolution
         self._cover = cover
-        self._covers: dict[int, Plane] = {}  # of views, once they are asked for; follows from `cover`
 
     def due(self, iteration: int) -> bool:
         """Whether the network should learn in this iteration."""
@@ -122,7 +122,7 @@ class OcclusionMasks:
         whole = resized(mask, (mask.shape[0] * pixels, mask.shape[1] * pixels))
         found = resized(whole[:height, :width], size)
         if self._cover is not None:
-            found = found + (1 - found) * resized(self._lens_cover(view), size)
+            found = found + (1 - found) * resized(self._lens_covers[view], size)
         return found
 
     def learn(self, view: int, loss: NDArray, iteration: int) -> None:
@@ -211,36 +211,30 @@ class OcclusionMasks:
 
         What stays on the lens is lost in all of them, what is fine in the scene moves from view to view.
         """
-        others = [
-            other for other in sorted(self._losses) if other != view
-        ]  # in one order, whatever that of the lessons
-        mean = self._mean_around(view, others, self._losses.__getitem__, size)
+        others = {other: loss for other, loss in self._losses.items() if other != view}
+        mean = self._mean_around(view, others, size)
         return np.ones(size, np.float32) if mean is None else mean / np.float32(self.typical)
 
-    def _lens_cover(self, view: int) -> Plane:
-        """What drops cover of the lens: the mean over the views taken before and after, and the view itself."""
-        if not self._covers:
-            self._covers = {index: self._whole_cover(index) for index in range(len(self.images))}
-        size = self._covers[view].shape
-        mean = self._mean_around(view, range(len(self.images)), self._covers.__getitem__, size)
-        return self._covers[view] if mean is None else mean
-
-    def _whole_cover(self, view: int) -> Plane:
-        """The cover of a view at the mask's resolution."""
-        assert self._cover is not None
+    @cached_property
+    def _lens_covers(self) -> list[Plane]:
+        """What drops cover of the lens in each view: the mean over those taken before and after, and itself."""
+        cover = cast(Callable[[int], Plane], self._cover)
         factor = self.config.shrink // self.config.fine
-        return resized(self._cover(view), shrunk(self.images.pixels(view).shape[:2], factor))
+        own = {
+            view: resized(cover(view), shrunk(self.images.pixels(view).shape[:2], factor))
+            for view in range(len(self.images))
+        }
+        means = (self._mean_around(view, own, plane.shape) for view, plane in own.items())
+        return [own[view] if mean is None else mean for view, mean in enumerate(means)]
 
-    def _mean_around(
-        self, view: int, others: Iterable[int], plane: Callable[[int], Plane], size: tuple[int, ...]
-    ) -> Plane | None:
+    def _mean_around(self, view: int, planes: Mapping[int, Plane], size: tuple[int, ...]) -> Plane | None:
         """The mean of planes of views, those taken at about the same time counting most; None where none counts."""
         mean, total = np.zeros(size, np.float32), 0.0
-        for other in others:
+        for other, plane in sorted(planes.items()):  # sums in one order, whatever that of the lessons
             near = (other - view) / self.config.lens_views if self.config.lens_views else math.inf
             weight = math.exp(-0.5 * near**2)
             if weight > MIN_WEIGHT:
-                mean += np.float32(weight) * resized(plane(other), size)
+                mean += np.float32(weight) * resized(plane, size)
                 total += weight
         return mean / np.float32(total) if total else None
 

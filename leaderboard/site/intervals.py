@@ -10,7 +10,7 @@ import pandas as pd
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.errors import InputError
 from hydroviews.metrics import Metric, find_metrics
-from leaderboard.comparison import compare
+from leaderboard.comparison import basis, compare
 from leaderboard.means import compared_rows, shown_names
 from leaderboard.records import SCORED
 
@@ -64,9 +64,7 @@ def _told(rows: pd.DataFrame, views: pd.DataFrame, metric: Metric, methods: Sequ
     low, high = (float(end(bounds.to_numpy())) for end in (np.nanmin, np.nanmax))
     ranked = tuple(_ranked(row, metric, low, high) for row in found.methods.to_dict("records"))
     pairs = tuple(_pair(row, metric) for row in found.pairs.to_dict("records"))
-    scenes = "1 scene" if found.n_scenes == 1 else f"{found.n_scenes} scenes"
-    basis = f"Means over the {found.n_runs} runs that all of them have, on {scenes}, {found.n_views} views."
-    return Told(metric, ranked, pairs, basis)
+    return Told(metric, ranked, pairs, basis(found))
 
 
 def _ranked(row: Mapping[Hashable, Any], metric: Metric, low: float, high: float) -> Ranked:

@@ -11,12 +11,13 @@ from urllib.parse import quote, urlsplit
 
 import pandas as pd
 
+from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.suites import suite_of
+from hydroviews.formats.capture_json import CAPTURED
 from leaderboard.means import shown_names
-from leaderboard.records import run_folder
+from leaderboard.records import PLACE, run_folder
 from leaderboard.tables import grade_of
 
-KEYS = ("profile", "method", "scene", "pattern", "seed", "track")  # of a run's folder
 OTHER = "other"  # the suite of a scene that is in none
 
 
@@ -44,14 +45,14 @@ def shown_runs(table: pd.DataFrame, results: Path) -> list[ShownRun]:
 
 def _shown(row: dict[str, Any], results: Path) -> ShownRun:
     name = row.pop("shown")
-    folder = run_folder(results, *(row[key] for key in KEYS))
+    folder = run_folder(results, *(row[key] for key in PLACE))
     return ShownRun(
         row,
         name,
         suite_of(row["scene"]) or OTHER,
         grade_of(row["pattern"]),
         folder,
-        page_name(*(str(row[key]) for key in KEYS)),
+        page_name(*(str(row[key]) for key in PLACE)),
         "" if row["submitted_by"] else _command(row),
         _files(folder, results),
         row["link"] if urlsplit(row["link"] or "").scheme in ("http", "https") else "",
@@ -66,7 +67,7 @@ def page_name(*names: str) -> str:
 
 def _command(row: Mapping[str, Any]) -> str:
     options = {"method": row["method"], "scene": row["scene"]}
-    if row["pattern"] not in ("clean", "captured"):
+    if row["pattern"] not in (CLEAN, CAPTURED):
         options["patterns"] = row["pattern"]
     options |= {name: str(row[name]) for name in ("profile", "seed", "track")}
     return shlex.join(
