@@ -1,4 +1,4 @@
-"""python -m leaderboard evaluate | check | methods | table | compare | score | rescore | submit | view | ..."""
+"""python -m leaderboard evaluate | sweep | run | check | table | compare | score | rescore | submit | view | ..."""
 
 import inspect
 import sys
@@ -27,18 +27,21 @@ from leaderboard.evaluate import (
     PatternNames,
     ProfileName,
     TrackName,
+    carry_out,
     evaluate,
     outcome,
 )
 from leaderboard.film import film
 from leaderboard.gather import collect_views, write_leaderboard
 from leaderboard.previews import write_overview
-from leaderboard.records import GIVEN_POSES, LEADERBOARD
+from leaderboard.records import FAILED, GIVEN_POSES, LEADERBOARD
 from leaderboard.rescore import TOLERANCE, rescore
 from leaderboard.runs import Run
 from leaderboard.score import score
 from leaderboard.severity import record_losses
 from leaderboard.submission import submit
+from leaderboard.supervision import Limits
+from leaderboard.sweep.sweep import SweepRequest, sweep
 from leaderboard.tables import legend, of_suite, scene_keys, scene_text
 from leaderboard.viewer.export import Format, export
 from leaderboard.viewer.viewer import HOST, PORT, view
@@ -53,6 +56,26 @@ def evaluate_command(request: tyro.conf.OmitArgPrefixes[EvaluateRequest]) -> Non
     records = evaluate(request)
     print(f"\n{outcome(records[-1], request.results)}")
     if any(record.status != "done" for record in records):
+        sys.exit(1)
+
+
+def sweep_command(request: tyro.conf.OmitArgPrefixes[SweepRequest]) -> None:
+    """Run a matrix of methods, scenes, patterns and seeds: what is done is skipped, what is missing is built."""
+    failures = sweep(request)
+    for run, reason in failures.items():
+        print(f"{run}: failed: {reason}")
+    if failures:
+        sys.exit(1)
+
+
+def one_run_command(run: Run, limits: Limits) -> None:
+    """Train, render and score one run on a scene that is built, as a task of `sweep` does; writes no tables.
+
+    Args:
+        run: its method, pattern, seed and folders.
+        limits: of its process.
+    """
+    if carry_out(run, limits).status == FAILED:
         sys.exit(1)
 
 
@@ -295,6 +318,8 @@ def main() -> None:
     run_command(
         {
             "evaluate": evaluate_command,
+            "sweep": sweep_command,
+            "run": one_run_command,
             "check": check_command,
             "methods": methods_command,
             "table": table_command,

@@ -4,6 +4,7 @@
 scores, compares and shows runs.
 """
 
+import os
 import resource
 import sys
 import time
@@ -26,7 +27,7 @@ from hydroviews.scene.images import write_png
 from hydroviews.scene.scenes import Scene, Split
 from leaderboard.runs import Run
 from leaderboard.sessions import noted, read_sessions, training_session
-from leaderboard.supervision import Tether, tethered
+from leaderboard.supervision import WORKERS, Tether, tethered
 
 PREDICTION = "prediction.json"
 
@@ -83,6 +84,7 @@ def train_and_render(run: Run) -> None:
             "render_device": statistics.render_device or statistics.device,
             "simd": SIMD,
             "used": statistics.used,
+            "workers": int(os.environ.get(WORKERS, "1") or 0) or None,
             **noted(read_sessions(run.folder)),
         },
     )
