@@ -10,7 +10,7 @@ from leaderboard.supervision import Limits, Tether, tethered
 
 def options(run: Run, limits: Limits) -> list[str]:
     """A run and its limits on a command line."""
-    fields = {"run": run, "limits": limits}
+    fields: dict[str, Run | Limits] = {"run": run, "limits": limits}
     return [
         f"--{prefix}.{field.name.replace('_', '-')}={value}"
         for prefix, given in fields.items()
