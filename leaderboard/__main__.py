@@ -3,7 +3,7 @@
 import inspect
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import pandas as pd
 import tyro
@@ -33,6 +33,7 @@ from leaderboard.evaluate import (
 )
 from leaderboard.film import film
 from leaderboard.gather import collect_views, write_leaderboard
+from leaderboard.nerfbaselines import write_results
 from leaderboard.previews import write_overview
 from leaderboard.records import FAILED, GIVEN_POSES, LEADERBOARD
 from leaderboard.rescore import TOLERANCE, rescore
@@ -281,18 +282,23 @@ def film_command(
 def export_command(
     run: tyro.conf.Positional[Path],
     out: Path,
-    format: Format = "ply",
+    format: Format | Literal["nerfbaselines"] = "ply",
     sh_degree: int | None = None,
 ) -> None:
-    """Write a run's Gaussians as one file for viewers.
+    """Write a run's Gaussians as one file for viewers, or its scores for nerfbaselines.
 
     Args:
         run: folder of a finished run.
-        out: the file, .ply.
-        format: ply, which shows the same as splats.ply; or compressed, about a quarter as large.
+        out: the file, .ply; .json for nerfbaselines.
+        format: ply, which shows the same as splats.ply; compressed, about a quarter as large; or nerfbaselines.
         sh_degree: leave out spherical harmonics above this degree.
     """
-    export(run, out, format, sh_degree)
+    if format != "nerfbaselines":
+        export(run, out, format, sh_degree)
+    elif sh_degree is not None:
+        raise InputError(f"--sh-degree {sh_degree}: there are no spherical harmonics in a file of scores")
+    else:
+        write_results(run, out)
 
 
 def card_command(data: tyro.conf.Positional[Path], scene: str = "", results: Path = Path("results")) -> None:
