@@ -194,17 +194,21 @@ def test_ray_is_not_installed_or_nothing_answers(request_of, monkeypatch):
             sweep(request_of(["MeanColour"], ray=address))
 
 
-def test_a_ray_cluster_of_two_nodes(request_of, tmp_path):
+def test_a_ray_cluster_of_two_nodes(request_of, tmp_path, monkeypatch):
     pytest.importorskip("ray", reason="Ray is not installed")
     from ray.cluster_utils import Cluster
 
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(REPOSITORY), *filter(None, sys.path)]))  # of the nodes
     cluster = Cluster()
     try:
         for _ in range(2):
             cluster.add_node(num_cpus=1, object_store_memory=80_000_000, include_dashboard=False)
-        assert sweep(request_of(["MeanColour", "Raises"], ray=cluster.address, memory_limit=2.0, seeds=(0, 1))).keys()
+        failures = sweep(request_of(["MeanColour", "Raises"], ray=cluster.address, memory_limit=2.0, seeds=(0, 1)))
     finally:
         cluster.shutdown()
+    assert {run.method: reason.partition(" (")[0] for run, reason in failures.items()} == {
+        "toy_methods:Raises": "ArithmeticError: diverged at step 7"
+    }
     table = pd.read_csv(tmp_path / "swept/leaderboard.csv")
     assert sorted(table.status) == ["done", "done", "failed", "failed"]
     assert table.workers.isna().all()
