@@ -64,8 +64,8 @@ def as_results(record: Record, scores: Mapping[str, list[float]]) -> dict[str, A
             "track": record.track,
             "version": record.version,
             "data_sha256": record.data_sha256,
-            "total_train_time": record.train_s,
-            "resources_utilization": {"memory": record.peak_mem_mb, "gpu_memory": record.peak_gpu_mem_mb},
+            **_known({"total_train_time": record.train_s}),
+            "resources_utilization": _known({"memory": record.peak_mem_mb, "gpu_memory": record.peak_gpu_mem_mb}),
         },
         "render_dataset_metadata": data_set,
         "metrics": {name: round(float(np.mean(values)), DIGITS) for name, values in scores.items()},
@@ -74,6 +74,11 @@ def as_results(record: Record, scores: Mapping[str, list[float]]) -> dict[str, A
         "predictions_sha256": record.renders_sha256,
         "evaluation_protocol": PROTOCOL,
     }
+
+
+def _known(numbers: dict[str, float | None]) -> dict[str, float | None]:
+    """Those that are there: nerfbaselines takes means of all that it finds."""
+    return {name: value for name, value in numbers.items() if value is not None}
 
 
 def _encoded(values: list[float]) -> str:

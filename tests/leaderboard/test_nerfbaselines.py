@@ -36,9 +36,10 @@ def test_its_own_reader_takes_them(run, tmp_path):
     read = results.load_metrics_from_results(written)
     views = pd.read_csv(run / "per_view.csv")
     assert list(read["psnr"]) == pytest.approx(views.psnr, abs=1e-5)
-    assert hashing.get_metrics_hash(read) == written["metrics_sha256"]
+    assert hashing.get_metrics_hash({name: read[name] for name in written["metrics_raw"]}) == written["metrics_sha256"]
     (found,) = results._list_dataset_results(tmp_path / "out", "hydroviews-demo")
     assert found[1]["nb_info"]["method"] == "toy_methods:MeanColour"
+    assert all(value is not None for value in read.values())  # of which it takes means
 
 
 def test_what_cannot_be_written(run, tmp_path):
