@@ -1,9 +1,9 @@
-"""python -m leaderboard evaluate | check | methods | table | site | compare | score | rescore | submit | view | ..."""
+"""python -m leaderboard evaluate | sweep | run | check | table | site | compare | score | rescore | submit | ..."""
 
 import inspect
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import pandas as pd
 import tyro
@@ -27,19 +27,23 @@ from leaderboard.evaluate import (
     PatternNames,
     ProfileName,
     TrackName,
+    carry_out,
     evaluate,
     outcome,
 )
 from leaderboard.film import film
 from leaderboard.gather import collect_views, write_leaderboard
+from leaderboard.nerfbaselines import write_results
 from leaderboard.previews import write_overview
-from leaderboard.records import GIVEN_POSES, LEADERBOARD
+from leaderboard.records import FAILED, GIVEN_POSES, LEADERBOARD
 from leaderboard.rescore import TOLERANCE, rescore
 from leaderboard.runs import Run
 from leaderboard.score import score
 from leaderboard.severity import record_losses
 from leaderboard.site.write import write_site
 from leaderboard.submission import submit
+from leaderboard.supervision import Limits
+from leaderboard.sweep.sweep import SweepRequest, sweep
 from leaderboard.table_text import legend, scene_text
 from leaderboard.tables import SUITES, of_suite, scene_keys
 from leaderboard.viewer.export import Format, export
@@ -55,6 +59,26 @@ def evaluate_command(request: tyro.conf.OmitArgPrefixes[EvaluateRequest]) -> Non
     records = evaluate(request)
     print(f"\n{outcome(records[-1], request.results)}")
     if any(record.status != "done" for record in records):
+        sys.exit(1)
+
+
+def sweep_command(request: tyro.conf.OmitArgPrefixes[SweepRequest]) -> None:
+    """Run a matrix of methods, scenes, patterns and seeds: what is done is skipped, what is missing is built."""
+    failures = sweep(request)
+    for run, reason in failures.items():
+        print(f"{run}: failed: {reason}")
+    if failures:
+        sys.exit(1)
+
+
+def one_run_command(run: Run, limits: Limits) -> None:
+    """Train, render and score one run on a scene that is built, as a task of `sweep` does; writes no tables.
+
+    Args:
+        run: its method, pattern, seed and folders.
+        limits: of its process.
+    """
+    if carry_out(run, limits).status == FAILED:
         sys.exit(1)
 
 
@@ -270,18 +294,23 @@ def film_command(
 def export_command(
     run: tyro.conf.Positional[Path],
     out: Path,
-    format: Format = "ply",
+    format: Format | Literal["nerfbaselines"] = "ply",
     sh_degree: int | None = None,
 ) -> None:
-    """Write a run's Gaussians as one file for viewers.
+    """Write a run's Gaussians as one file for viewers, or its scores for nerfbaselines.
 
     Args:
         run: folder of a finished run.
-        out: the file, .ply.
-        format: ply, which shows the same as splats.ply; or compressed, about a quarter as large.
+        out: the file, .ply; .json for nerfbaselines.
+        format: ply, which shows the same as splats.ply; compressed, about a quarter as large; or nerfbaselines.
         sh_degree: leave out spherical harmonics above this degree.
     """
-    export(run, out, format, sh_degree)
+    if format != "nerfbaselines":
+        export(run, out, format, sh_degree)
+    elif sh_degree is not None:
+        raise InputError(f"--sh-degree {sh_degree}: there are no spherical harmonics in a file of scores")
+    else:
+        write_results(run, out)
 
 
 def card_command(data: tyro.conf.Positional[Path], scene: str = "", results: Path = Path("results")) -> None:
@@ -307,6 +336,8 @@ def main() -> None:
     run_command(
         {
             "evaluate": evaluate_command,
+            "sweep": sweep_command,
+            "run": one_run_command,
             "check": check_command,
             "methods": methods_command,
             "table": table_command,

@@ -152,10 +152,15 @@ def carry_out(run: Run, limits: Limits, overwrite: bool = False) -> Record:
     """
     with locked(run.folder, BUSY):
         claim_folder(run, overwrite)
-        return _kept_record(run) or _carry_out(run, limits)
+        record = kept_record(run)
+        if record is None:
+            return _carry_out(run, limits)
+    kept = "%s: kept, %s (version %s; remove %s to run it again)"
+    logger.info(kept, run, _figures(record), record.version, run.folder)
+    return record
 
 
-def _kept_record(run: Run) -> Record | None:
+def kept_record(run: Run) -> Record | None:
     """The record of a run that is done; None where there is none, or one that cannot be trusted."""
     if not (run.folder / RECORD).is_file():
         return None
@@ -164,11 +169,7 @@ def _kept_record(run: Run) -> Record | None:
     except InputError as error:
         logger.warning("%s: not kept: %s", run, error)
         return None
-    if record.status != DONE:
-        return None
-    kept = "%s: kept, %s (version %s; remove %s to run it again)"
-    logger.info(kept, run, _figures(record), record.version, run.folder)
-    return record
+    return record if record.status == DONE else None
 
 
 def _carry_out(run: Run, limits: Limits) -> Record:

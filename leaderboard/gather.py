@@ -38,7 +38,7 @@ logger = logging.getLogger(__name__)
 
 LEVELS = 5  # profile, method, scene, pattern, seed: see `leaderboard.runs`
 LAST = re.compile(rf"seed-[0-9]{{1,9}}(-({'|'.join(TRACKS)}))?")  # folder of a seed, with its track
-COUNTS = ("n_train", "n_test", "width", "height", "n_primitives")
+COUNTS = ("n_train", "n_test", "width", "height", "n_primitives", "workers")
 VIEW_KEYS = (
     "method", "submitted_by", "profile", "track", "suite", "scene", "effect", "pattern", "seed", "data_sha256"
 )  # fmt: skip

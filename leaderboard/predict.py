@@ -16,7 +16,6 @@ import numpy as np
 from tqdm import tqdm
 
 from baselines.method import Method, check_render, find_method
-from baselines.splatting.kernels.simd import SIMD
 from baselines.training.devices import warn_of_slow_profile
 from hydroviews.cli.commands import run_command
 from hydroviews.errors import InputError
@@ -26,7 +25,7 @@ from hydroviews.scene.images import write_png
 from hydroviews.scene.scenes import Scene, Split
 from leaderboard.runs import Run
 from leaderboard.sessions import noted, read_sessions, training_session
-from leaderboard.supervision import Tether, tethered
+from leaderboard.supervision import Tether, known_workers, tethered
 
 PREDICTION = "prediction.json"
 
@@ -57,6 +56,8 @@ def train_and_render(run: Run) -> None:
         InputError: data that cannot be used, no such method, or a full disk.
         Exception: whatever the method raises; where that is an InputError, a RefusedByMethod.
     """
+    from baselines.splatting.kernels.simd import SIMD
+
     (run.folder / PREDICTION).unlink(missing_ok=True)  # renders are whole where it is, and now they change
     scene = run.training_scene()
     kind = find_method(run.method)
@@ -83,6 +84,7 @@ def train_and_render(run: Run) -> None:
             "render_device": statistics.render_device or statistics.device,
             "simd": SIMD,
             "used": statistics.used,
+            "workers": known_workers(),
             **noted(read_sessions(run.folder)),
         },
     )

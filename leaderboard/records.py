@@ -87,6 +87,7 @@ class Record:
     render_device: Free = ""  # that rendered, to which `render_fps` belongs
     simd: str = ""  # the processor's instructions that the kernels of the CPU use, see `kernels/simd.py`
     used: Free = ""  # what the method found that the photographs call for, if it looks
+    workers: Count | None = None  # runs at a time on the machine: seconds are shared where > 1; new in schema 2
     profile: str = ""
     version: Free = ""  # of the code that trained; where it changed between sessions all of them, in order
     sessions: Count | None = None  # how often training was started; new in schema 2
@@ -107,7 +108,7 @@ class Record:
 FIELDS = [field.name for field in dataclasses.fields(Record)]
 # What is noted when a run is trained and rendered.
 NOTED = [*FIELDS[FIELDS.index("train_s") : FIELDS.index("profile")], "version", "sessions"]
-_NEW_NOTES: dict[str, Any] = {"before_s": None, "after_s": None, "sessions": None}  # since schema 2
+_NEW_NOTES: dict[str, Any] = {"before_s": None, "after_s": None, "sessions": None, "workers": None}  # since schema 2
 _types: Any = {f.name: (f.type, ...) for f in dataclasses.fields(Record) if f.name in NOTED}
 _Notes = pydantic.create_model("_Notes", __config__=STRICT, **_types)
 

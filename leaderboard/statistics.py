@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 LEVEL = 0.95  # of intervals
 SIGNIFICANT = 1 - LEVEL  # p below it
@@ -75,6 +74,8 @@ def estimate(scenes: Sequence[SceneScores], seed: int = 0, draws: int = DRAWS) -
     mean = means.mean(axis=0)
     if n < 2:
         return Estimate(mean, np.full_like(mean, np.nan), np.full_like(mean, np.nan))
+    from scipy import stats
+
     half = stats.t.ppf((1 + LEVEL) / 2, n - 1) * drawn.std(axis=0) * math.sqrt(n / (n - 1))
     return Estimate(mean, mean - half, mean + half)
 
@@ -90,6 +91,8 @@ def signed_rank_p(scenes: Sequence[SceneScores]) -> NDArray[np.float64]:
     p = np.ones(runs.shape[1])
     some = np.any(runs != 0, axis=0)  # equal everywhere: nothing to rank
     if some.any():
+        from scipy import stats
+
         p[some] = stats.wilcoxon(runs[:, some], axis=0).pvalue
     return p
 
@@ -125,5 +128,7 @@ def seeds_needed(scenes: Sequence[SceneScores]) -> float:
     difference = np.mean([scene.mean() for scene in scenes])
     if difference == 0:
         return math.inf
+    from scipy import stats
+
     factor = stats.norm.ppf((1 + LEVEL) / 2) + stats.norm.ppf(POWER)
     return max(1.0, math.ceil(factor**2 * variance / difference**2 / len(groups)))

@@ -12,7 +12,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +26,7 @@ HOUR, GB = 3600, 10**9
 GRACE, PATIENCE = 3.0, 30.0  # seconds until a process that has to end gets SIGTERM, and until it is killed
 LOOK = 5.0  # seconds between two looks for signs of life, at most
 ALIVE, WORD = "alive", "word.json"  # notes
+WORKERS = "HYDROVIEWS_WORKERS"  # environment of a run: how many run at a time on its machine; empty if not known
 DONE, INPUT, METHOD = "done", "input", "method"  # how a process ended: well, by bad input, by the method
 
 
@@ -66,6 +67,18 @@ class Overdue(Protocol):
         """Whether it has to, asked several times a second."""
 
 
+def known_workers() -> int | None:
+    """How many runs go at a time on this machine: 1 unless a sweep says otherwise, None where it does not know.
+
+    Raises:
+        InputError: the environment variable is no number.
+    """
+    given = os.environ.get(WORKERS, "1")
+    if given and not (given.isdecimal() and int(given)):
+        raise InputError(f"{WORKERS}={given}: no number of runs", expected="1 or more, or nothing")
+    return int(given) if given else None
+
+
 def run_tethered(
     module: str,
     arguments: Sequence[str],
@@ -74,6 +87,7 @@ def run_tethered(
     end: Callable[[subprocess.Popen], None],
     memory: float | None = None,
     output: IO[bytes] | None = None,
+    environment: Mapping[str, str] | None = None,
 ) -> str:
     """Run a module's `main`, which is `tethered`, as a process of its own.
 
@@ -85,6 +99,7 @@ def run_tethered(
         end: asks it to.
         memory: 10^9 bytes that it may have; what there is if not given.
         output: takes what it prints; the terminal if not given.
+        environment: of the process; this one's if not given.
 
     Returns:
         Why it has not done its work, "" if it has.
@@ -96,7 +111,7 @@ def run_tethered(
     tether = [f"--tether.notes={notes}", f"--tether.parent={os.getpid()}"]
     tether += [f"--tether.memory={memory}"] if memory else []
     command = [sys.executable, "-m", module, *tether, *arguments]
-    status = run_child(command, end, overdue=watch.overdue, output=output)
+    status = run_child(command, end, environment, watch.overdue, output)
     word = read_json(notes / WORD) if (notes / WORD).is_file() else {"kind": METHOD, "reason": in_words(status)}
     if word["kind"] == DONE:
         return ""

@@ -12,7 +12,10 @@ import pytest
         # what a run of 3dgs imports before it trains
         ("leaderboard.predict, baselines.gaussian_splatting", {"torch", "pandas", "viser"}),
         # every command, before it is known which
-        ("hydroviews.__main__, leaderboard.__main__, deraings.__main__", {"torch", "viser", "bpy"}),
+        (
+            "hydroviews.__main__, leaderboard.__main__, deraings.__main__",
+            {"torch", "viser", "bpy", "scipy.stats", "scipy.spatial"},
+        ),
     ],
 )
 def test_it_is_not_imported_before(modules, unwanted):

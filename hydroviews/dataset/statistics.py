@@ -31,7 +31,6 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, replacing
 from hydroviews.rain.layers import read_layers
 from hydroviews.rain.registry import find_effect
-from hydroviews.rain.streaks.measures import mean_angle, streak_angle
 from hydroviews.scene.images import list_images, read_image, to_linear, to_uint8
 
 STATISTICS = "statistics.csv"
@@ -120,6 +119,8 @@ def measure_view(
         layers: planes [H, W] by channel name.
         facts: the variant's `pattern.json`: its effect and parameters.
     """
+    from hydroviews.rain.streaks.measures import streak_angle
+
     squared = cv2.norm(rainy, clean, cv2.NORM_L2SQR) / (clean.size * 255**2)
     gained = np.maximum(cv2.LUT(rainy, LINEAR) - cv2.LUT(clean, LINEAR), 0)
     effect = find_effect(facts["effect"])
@@ -173,6 +174,8 @@ def summarise(folder: Path, patterns: str = "[!.]*") -> pd.DataFrame:
 
 
 def _summary(views: pd.DataFrame) -> dict[str, float]:
+    from hydroviews.rain.streaks.measures import mean_angle
+
     summary: dict[str, float] = {}
     for name in NUMBERS:
         values = views[name].dropna().to_numpy(np.float64)

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from processes import PATIENCE, wait_until
 
+from leaderboard.evaluate import EvaluateRequest, evaluate
+
 REPOSITORY = Path(__file__).parents[2]
 
 
@@ -21,12 +23,14 @@ REPOSITORY = Path(__file__).parents[2]
         ("command twice", signal.SIGINT, 130),
     ],
 )
-@pytest.mark.usefixtures("evaluated")  # the reference rows are there
-def test_an_interruption_ends_quietly_and_the_same_command_goes_on(evaluated_once, tmp_path, to, number, status):
-    capture = evaluated_once[0] / "yard"
+@pytest.mark.usefixtures("toys", "evaluated")  # the reference rows are there
+def test_an_interruption_ends_quietly_and_the_same_command_goes_on(
+    evaluated_once, tmp_path, caplog, to, number, status
+):
+    capture, data, results = evaluated_once[0] / "yard", tmp_path / "data", tmp_path / "results"
     command = [sys.executable, "-m", "leaderboard", "evaluate", "--method", "toy_methods:WaitsOnce"]
     command += ["--scene", str(capture), "--patterns", "streak-0"]
-    command += ["--data", str(tmp_path / "data"), "--results", str(tmp_path / "results")]
+    command += ["--data", str(data), "--results", str(results)]
     code = (
         "import leaderboard.evaluate as e, leaderboard.tables as t, sys;"
         "e.CEILING = t.CEILING = 'toy_methods:MeanColourClean'; e.FLOOR = t.FLOOR = 'toy_methods:MeanColour';"
@@ -35,7 +39,7 @@ def test_an_interruption_ends_quietly_and_the_same_command_goes_on(evaluated_onc
     command[1:3] = ["-c", code]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(REPOSITORY), str(Path(__file__).parent)])}
     process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True)
-    run = tmp_path / "results/demo/toy_methods.WaitsOnce/yard/streak-0/seed-0"
+    run = results / "demo/toy_methods.WaitsOnce/yard/streak-0/seed-0"
     wait_until((run / "begun").exists, process)
     (child,) = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
     if to == "group":
@@ -51,7 +55,6 @@ def test_an_interruption_ends_quietly_and_the_same_command_goes_on(evaluated_onc
     assert not Path(f"/proc/{child}").exists()
     assert "Traceback" not in errors
     assert (run / "record.json").exists() == (status == 1)
-    again = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE)
-    assert again.returncode == 0, again.stderr
-    assert "toy_methods:MeanColour on yard/streak-0, seed 0: kept" in again.stdout
-    assert '"status": "done"' in (run / "record.json").read_text()
+    request = EvaluateRequest("toy_methods:WaitsOnce", str(capture), patterns=("streak-0",), data=data, results=results)
+    assert [record.status for record in evaluate(request)] == ["done"] * 3
+    assert "toy_methods:MeanColour on yard/streak-0, seed 0: kept" in caplog.text

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pycolmap
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 
 @dataclass(frozen=True)
@@ -29,6 +28,8 @@ class Features:
 
         Two of one place and like descriptors would be matches of which none is distinct.
         """
+        from scipy.spatial import KDTree
+
         if not len(self) or not len(others):
             return self if len(self) else others
         apart, _ = KDTree(self.keypoints[:, :2]).query(others.keypoints[:, :2])

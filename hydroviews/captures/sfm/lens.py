@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from hydroviews.captures.sfm.features import Features
 
@@ -27,6 +26,8 @@ def on_the_lens(views: Sequence[Features], radius: float) -> list[NDArray[np.boo
     Returns:
         A mask [K] for every view; without any in a view of fewer than `LEAST` others.
     """
+    from scipy.spatial import KDTree
+
     compared = np.unique(np.linspace(0, len(views) - 1, min(len(views), COMPARED)).round().astype(int))
     places = KDTree(np.concatenate([views[i].keypoints[:, :2] for i in compared]))
     directions = np.concatenate([_normalised(views[i].descriptors) for i in compared])

@@ -22,6 +22,7 @@ from hydroviews.pairs.rainy_pairs import DrawnRain
 
 CONFIG = TrainingConfig(network=TINY, steps=6, batch=2, patch=32, warm_up=2, precision="float32")
 INTERVALS = Intervals(checkpoint_seconds=0.0, validate_every=3)
+SELDOM = Intervals(checkpoint_seconds=3600.0, validate_every=60)  # a checkpoint takes as long as many steps
 
 
 class Brighter(DrawnRain):
@@ -50,12 +51,12 @@ class Interrupting(Brighter):
         return super().pair(rng)
 
 
-def learn(folder, config=CONFIG, source=None, data="brighter", start=None, workers=0):
+def learn(folder, config=CONFIG, source=None, data="brighter", start=None, workers=0, intervals=INTERVALS):
     torch.set_num_threads(1)
     scores = iter(range(100))
     pairs = Pairs(source or Brighter(), [], config.patch, config.seed)
     validate = lambda _: {"score": float(next(scores))}  # noqa: E731
-    return train(folder, config, pairs, data, validate, INTERVALS, start, workers)
+    return train(folder, config, pairs, data, validate, intervals, start, workers)
 
 
 def flat(network):
@@ -68,7 +69,7 @@ def weights_of(training):
 
 def test_training_removes_what_it_can(tmp_path):
     config = replace(CONFIG, steps=60, rate=3e-3, batch=4, averaging=0.9)
-    training = learn(tmp_path, config)
+    training = learn(tmp_path, config, intervals=SELDOM)
     rainy, clean = torch.full((1, 3, 32, 32), 0.6), torch.full((1, 3, 32, 32), 0.4)
     assert (training.averaged(rainy) - clean).abs().mean() < 0.08
     assert training.losses["loss"] < 1
@@ -87,7 +88,7 @@ def test_an_interrupted_training_ends_with_the_same_bits(tmp_path, precision):
 
 
 def test_a_training_begins_with_the_weights_it_is_given_and_goes_on_from_its_own(tmp_path):
-    start = learn(tmp_path / "first", replace(CONFIG, steps=60, rate=3e-3, batch=4)).averaged
+    start = learn(tmp_path / "first", replace(CONFIG, steps=12, rate=3e-3), intervals=SELDOM).averaged
     still = replace(CONFIG, rate=1e-9, final_rate=1e-9)
     assert torch.allclose(weights_of(learn(tmp_path / "still", still, start=start)), flat(start), atol=1e-6)
     whole = learn(tmp_path / "whole", start=start)

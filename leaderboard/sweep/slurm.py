@@ -1,0 +1,53 @@
+"""A sweep as one array of Slurm: a script, one task a run."""
+
+import math
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from hydroviews.files.atomic import write_bytes
+from leaderboard.runs import Run
+from leaderboard.supervision import WORKERS, Limits
+from leaderboard.sweep.local import LOGS, MEMORY, thread_settings
+from leaderboard.sweep.one import options
+
+SCRIPT = """\
+#!/bin/bash
+#SBATCH --job-name=hydroviews
+#SBATCH --array=0-{last}
+#SBATCH --cpus-per-task={threads}
+#SBATCH --mem={megabytes}M
+#SBATCH --time={minutes}
+#SBATCH --requeue
+#SBATCH --output={logs}/slurm-%A-%a.log
+# Options of sbatch on its command line go before these: sbatch --gres=gpu:1 --time=120 THIS_FILE
+# When all tasks have ended: python -m leaderboard table --results {results}
+set -e
+cd {here}
+export {settings}
+runs=(
+{runs}
+)
+eval "exec ${{runs[$SLURM_ARRAY_TASK_ID]}}"
+"""
+
+
+def write_slurm(path: Path, runs: Sequence[Run], limits: Limits, threads: int) -> None:
+    """Write the script of a Slurm array that carries out the runs from this folder, on a disk that all nodes share."""
+    command = [sys.executable, "-m", "leaderboard", "run"]
+    settings = {**thread_settings(threads), WORKERS: ""}  # what else a node does is not known
+    logs = runs[0].results / LOGS
+    logs.mkdir(parents=True, exist_ok=True)  # Slurm does not make it
+    text = SCRIPT.format(
+        last=len(runs) - 1,
+        threads=threads,
+        megabytes=math.ceil((limits.memory or MEMORY) * 1000),
+        minutes=math.ceil(limits.time * 60),
+        logs=logs.absolute(),
+        results=shlex.quote(str(runs[0].results)),
+        here=shlex.quote(str(Path.cwd())),
+        settings=" ".join(f"{name}={value}" for name, value in settings.items()),
+        runs="\n".join("  " + shlex.quote(shlex.join([*command, *options(run, limits)])) for run in runs),
+    )
+    write_bytes(path, text.encode())

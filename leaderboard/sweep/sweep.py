@@ -1,0 +1,106 @@
+"""A sweep: what is missing of a matrix is built and run, and the tables are written."""
+
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+
+from hydroviews.errors import InputError
+from leaderboard.evaluate import WEEK, MethodName, PatternNames, ProfileName, TrackName
+from leaderboard.gather import trusted_record, write_leaderboard
+from leaderboard.records import FAILED, GIVEN_POSES
+from leaderboard.runs import Run
+from leaderboard.supervision import Limits
+from leaderboard.sweep.local import fitting_workers, log_path, run_here
+from leaderboard.sweep.matrix import Matrix, build_runs, is_finished, matrix_of, read_matrix
+from leaderboard.sweep.ray_cluster import run_on_ray
+from leaderboard.sweep.slurm import write_slurm
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class SweepRequest:
+    """What to run, and where."""
+
+    matrix: Path | None = None  # a TOML file with methods, scenes, patterns, seeds, profile, track; or these options
+    methods: tuple[MethodName, ...] = ()
+    scenes: tuple[str, ...] = ("courtyard",)
+    patterns: PatternNames = ()  # the profile's if none is named
+    seeds: tuple[int, ...] = (0,)
+    profile: ProfileName = "demo"
+    track: TrackName = GIVEN_POSES
+    data: Path = Path("data")
+    results: Path = Path("results")
+    captures: Path | None = None  # the folder with published captures; $HYDROVIEWS_CAPTURES if not given
+    workers: int | None = None  # runs at a time on this machine; as many as cores and memory allow if not given
+    threads: int = 1  # of each run, on cores of its own
+    slurm: Path | None = None  # write the script of a Slurm array here instead of running
+    ray: str | None = None  # address of a Ray cluster to run on instead
+    gpus: float = 0  # of each run on a Ray cluster
+    time_limit: float = WEEK  # hours that a run may take in all, each time it is tried
+    stall_limit: float = 1.0  # hours that a run may take without a line printed or a file written
+    memory_limit: float | None = None  # 10^9 bytes that a run's process may have to itself
+
+
+def sweep(request: SweepRequest) -> dict[Run, str]:
+    """Build what is missing, carry out the runs that are not done, write the tables.
+
+    Returns:
+        Why runs have failed, for those that have.
+
+    Raises:
+        InputError: something the user can mend.
+    """
+    limits = Limits(request.time_limit, request.stall_limit, request.memory_limit)
+    _check(request)
+    runs = build_runs(_matrix(request), request.data, request.results, request.captures)
+    missing = [run for run in runs if not is_finished(run)]
+    logger.info("%d runs, %d of them done", len(runs), len(runs) - len(missing))
+    if request.slurm:
+        if missing:
+            write_slurm(request.slurm, missing, limits, request.threads)
+            logger.info("%s: %d tasks; start them with sbatch", request.slurm, len(missing))
+        return {}
+    try:
+        failures = _carry_out(request, missing, limits) if missing else {}
+    finally:  # whatever ended stands in the table, also if the rest was interrupted
+        if any(request.results.glob("*/*/*/*/*/record.json")):
+            write_leaderboard(request.results)
+    return failures | _failed(missing, failures)
+
+
+def _carry_out(request: SweepRequest, runs: list[Run], limits: Limits) -> dict[Run, str]:
+    if request.ray:
+        return run_on_ray(request.ray, runs, limits, request.threads, request.gpus)
+    workers = request.workers or fitting_workers(request.threads, limits.memory)
+    return run_here(runs, limits, workers, request.threads)
+
+
+def _failed(runs: list[Run], without_record: dict[Run, str]) -> dict[Run, str]:
+    records = {run: trusted_record(run.folder) for run in runs if run not in without_record}
+    return {
+        run: f"{record.reason} (what it printed: {log_path(run)})"
+        for run, record in records.items()
+        if record.status == FAILED
+    }
+
+
+def _matrix(request: SweepRequest) -> Matrix:
+    names = ("methods", "scenes", "patterns", "seeds", "profile", "track")
+    given = {name: getattr(request, name) for name in names}
+    if request.matrix is None:
+        return matrix_of(given, "options")
+    default = SweepRequest()
+    both = [f"--{name}" for name in names if given[name] != getattr(default, name)]
+    if both:
+        raise InputError(f"--matrix {request.matrix}: given with {' '.join(both)}", expected="a file or options")
+    return read_matrix(request.matrix)
+
+
+def _check(request: SweepRequest) -> None:
+    if request.slurm and request.ray:
+        raise InputError("--slurm and --ray: both given", expected="one of them, or neither")
+    if request.threads < 1 or (request.workers is not None and request.workers < 1):
+        raise InputError(f"--workers {request.workers} --threads {request.threads}", expected="1 or more of each")
+    if request.gpus < 0:
+        raise InputError(f"--gpus {request.gpus:g}: negative", expected="0 or more")

@@ -1,0 +1,211 @@
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from processes import PATIENCE, wait_until
+
+from hydroviews.errors import InputError
+from leaderboard.supervision import Limits
+from leaderboard.sweep import local, matrix
+from leaderboard.sweep.matrix import build_runs, matrix_of, read_matrix
+from leaderboard.sweep.sweep import SweepRequest, sweep
+
+REPOSITORY = Path(__file__).parents[3]
+KILLS = int(os.environ.get("SWEEP_KILLS", "1"))
+LONG = 8.0  # seconds in which a sweep of one run is done
+TIMES = ["train_s", "before_s", "after_s", "render_fps", "peak_mem_mb", "sessions"]  # of a run that was started again
+
+
+@pytest.fixture
+def request_of(toys, evaluated_once, tmp_path, monkeypatch):
+    """Makes a request for toy methods on the capture, with data and results in `tmp_path`."""
+    monkeypatch.setattr(matrix, "probe", lambda method, profile: None)
+    return lambda methods, **changes: SweepRequest(
+        methods=tuple(f"toy_methods:{method}" for method in methods),
+        scenes=(str(evaluated_once[0] / "yard"),),
+        **{
+            "patterns": ("streak-0",),
+            "data": evaluated_once[0] / "data",
+            "results": tmp_path / "swept",
+            "workers": 1,
+            **changes,
+        },
+    )
+
+
+def test_a_failed_run_costs_its_row_only_and_what_is_done_is_skipped(request_of, tmp_path, caplog):
+    request = request_of(["Raises", "MeanColour"])
+    failures = sweep(request)
+    assert [run.method for run in failures] == ["toy_methods:Raises"]
+    assert "diverged at step 7" in next(iter(failures.values()))
+    table = pd.read_csv(tmp_path / "swept/leaderboard.csv").set_index("method")
+    assert dict(table.status) == {"toy_methods:MeanColour": "done", "toy_methods:Raises": "failed"}
+    assert table.workers["toy_methods:MeanColour"] == 1
+    record = tmp_path / "swept/demo/toy_methods.MeanColour/yard/streak-0/seed-0/record.json"
+    before = record.stat().st_mtime_ns
+    sweep(request)
+    assert "2 runs, 1 of them done" in caplog.text
+    assert record.stat().st_mtime_ns == before
+
+
+def test_runs_of_a_matrix(request_of, tmp_path, evaluated_once):
+    """A method that sees clean views runs on them once a seed; nothing runs twice."""
+    methods = ("toy_methods:MeanColourClean", "toy_methods:MeanColour", "toy_methods:MeanColour")
+    wanted = matrix_of(
+        {"methods": methods, "scenes": [str(evaluated_once[0] / "yard")], "patterns": ["streak-0"], "seeds": [0, 3]},
+        "-",
+    )
+    runs = build_runs(wanted, evaluated_once[0] / "data", tmp_path)
+    assert [(run.method.partition(":")[2], run.pattern, run.seed) for run in runs] == [
+        (method, pattern, seed)
+        for seed in (0, 3)
+        for method, pattern in (("MeanColourClean", "clean"), ("MeanColour", "streak-0"))
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("methods = []\nscenes = ['a']", "methods"),
+        ("scenes = ['a']", "no methods"),
+        ("methods = ['3dgs']\nseeds = [-1]", "seeds"),
+        ("methods = ['3dgs']\nsceens = ['a']", "unknown sceens"),
+        ("methods = ", "cannot be read"),
+    ],
+)
+def test_files_that_are_no_matrix(tmp_path, text, told):
+    (tmp_path / "matrix.toml").write_text(text)
+    with pytest.raises(InputError, match=told):
+        read_matrix(tmp_path / "matrix.toml")
+
+
+def test_options_that_contradict_each_other(tmp_path):
+    (tmp_path / "matrix.toml").write_text("methods = ['3dgs']")
+    with pytest.raises(InputError, match="--methods"):
+        sweep(SweepRequest(matrix=tmp_path / "matrix.toml", methods=("3dgs",)))
+    with pytest.raises(InputError, match="--slurm and --ray"):
+        sweep(SweepRequest(methods=("3dgs",), slurm=tmp_path / "a", ray="auto"))
+    with pytest.raises(InputError, match="more than there are cores"):
+        local.run_here([None], Limits(1, 1), workers=10_000, threads=1)
+
+
+def test_workers_fit_into_cores_and_memory(monkeypatch):
+    monkeypatch.setattr(local, "cores", lambda: list(range(16)))
+    monkeypatch.setattr(local, "available_memory", lambda: 20.0)
+    assert [local.fitting_workers(1, None), local.fitting_workers(1, 1.0), local.fitting_workers(8, 1.0)] == [5, 16, 2]
+    assert local.fitting_workers(32, 100.0) == 1
+
+
+@pytest.mark.skipif(len(local.cores()) < 2, reason="needs two cores")
+def test_runs_side_by_side_have_cores_and_threads_of_their_own(monkeypatch):
+    """And the thread that waits for them, as the rest of this process, is not kept to any."""
+    code = "import os, json; print(json.dumps([sorted(os.sched_getaffinity(0)), os.environ['NUMBA_NUM_THREADS']]))"
+
+    def look(run, limits, environment, stop):
+        time.sleep(0.2)  # so that both workers take part
+        child = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, check=True)
+        return child.stdout.decode()
+
+    monkeypatch.setattr(local, "_run", look)
+    before = local.cores()
+    seen = [json.loads(text) for text in local.run_here(range(4), Limits(1, 1), workers=2, threads=1).values()]
+    assert sorted({core for (core,), _ in seen}) == before[:2]
+    assert {threads for _, threads in seen} == {"1"}
+    assert local.cores() == before
+
+
+def command(request: SweepRequest, seeds: str) -> tuple[list[str], dict[str, str]]:
+    options = ["--methods", *request.methods, "--scenes", *request.scenes, "--patterns", *request.patterns]
+    options += ["--seeds", *seeds, "--data", str(request.data), "--results", str(request.results), "--workers", "1"]
+    paths = [str(REPOSITORY), str(Path(__file__).parents[1])]
+    return [sys.executable, "-m", "leaderboard", "sweep", *options], {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join(paths),
+    }
+
+
+def row(results: Path) -> pd.Series:
+    table = pd.read_csv(results / "leaderboard.csv").set_index("method").drop(columns=TIMES)
+    return table.loc["toy_methods:MeanColour"]
+
+
+def test_killed_at_random_moments_the_row_is_that_of_an_evaluation(request_of, tmp_path, evaluated_once):
+    line, environment = command(request_of(["MeanColour"]), "0")
+    chance = random.Random(0)
+    for _ in range(KILLS):
+        process = subprocess.Popen(line, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        try:
+            process.wait(chance.uniform(0, LONG))
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+    subprocess.run(line, env=environment, check=True, capture_output=True)
+    pd.testing.assert_series_equal(row(tmp_path / "swept"), row(evaluated_once[0] / "results"))
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_an_interruption_ends_all_processes_and_the_same_command_goes_on(request_of, tmp_path, number, status):
+    request = request_of(["WaitsOnce"])
+    line, environment = command(request, "0")
+    process = subprocess.Popen(line, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    wait_until((tmp_path / "swept/demo/toy_methods.WaitsOnce/yard/streak-0/seed-0/begun").exists, process)
+    os.killpg(process.pid, number)
+    _, errors = process.communicate(timeout=PATIENCE)
+    assert process.returncode == status
+    assert "Traceback" not in errors
+    with pytest.raises(ProcessLookupError):
+        os.killpg(process.pid, 0)
+    assert sweep(request) == {}
+
+
+def test_a_slurm_script_whose_tasks_are_the_runs(request_of, tmp_path):
+    script = tmp_path / "array.sh"
+    request = request_of(["MeanColour"], slurm=script, seeds=(0, 1), time_limit=1.5, memory_limit=2.0, threads=2)
+    assert sweep(request) == {}
+    text = script.read_text()
+    for line in ("--array=0-1", "--cpus-per-task=2", "--mem=2000M", "--time=90"):
+        assert f"#SBATCH {line}\n" in text
+    _, environment = command(request, "0")
+    task = {**environment, "SLURM_ARRAY_TASK_ID": "1"}
+    subprocess.run(["bash", str(script)], env=task, check=True, capture_output=True)
+    runs = sorted(path.parent.name for path in (tmp_path / "swept").rglob("record.json"))
+    assert runs == ["seed-1"]
+    sweep(request)  # the next script has what is missing
+    assert "#SBATCH --array=0-0\n" in script.read_text()
+
+
+def test_ray_is_not_installed_or_nothing_answers(request_of, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(InputError, match="Ray is not installed"):
+        sweep(request_of(["MeanColour"], ray="127.0.0.1:6379"))
+    monkeypatch.setitem(sys.modules, "ray", object())
+    for address in ("127.0.0.1:1", "nowhere", "127.0.0.1:notaport"):
+        with pytest.raises(InputError, match="no Ray cluster answers"):
+            sweep(request_of(["MeanColour"], ray=address))
+
+
+def test_a_ray_cluster_of_two_nodes(request_of, tmp_path, monkeypatch):
+    pytest.importorskip("ray", reason="Ray is not installed")
+    from ray.cluster_utils import Cluster
+
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(REPOSITORY), *filter(None, sys.path)]))  # of the nodes
+    cluster = Cluster()
+    try:
+        for _ in range(2):
+            cluster.add_node(num_cpus=1, object_store_memory=80_000_000, include_dashboard=False)
+        failures = sweep(request_of(["MeanColour", "Raises"], ray=cluster.address, memory_limit=2.0, seeds=(0, 1)))
+    finally:
+        cluster.shutdown()
+    assert {run.method: reason.partition(" (")[0] for run, reason in failures.items()} == {
+        "toy_methods:Raises": "ArithmeticError: diverged at step 7"
+    }
+    table = pd.read_csv(tmp_path / "swept/leaderboard.csv")
+    assert sorted(table.status) == ["done", "done", "failed", "failed"]
+    assert table.workers.isna().all()
