@@ -14,7 +14,7 @@ from processes import wait_until
 
 from hydroviews.errors import InputError
 from leaderboard import supervision
-from leaderboard.supervision import HOUR, Limits, Watch, end_gently, run_tethered
+from leaderboard.supervision import HOUR, WORKERS, Limits, Watch, end_gently, known_workers, run_tethered
 
 PLACES = os.pathsep.join([str(Path(tethered_toy.__file__).parent), str(Path(__file__).parents[2])])
 LONG = Limits(time=1, stall=1)
@@ -127,3 +127,19 @@ def _runs(number: int) -> bool:
         return Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:
         return False
+
+
+@pytest.mark.parametrize(("given", "workers"), [(None, 1), ("", None), ("4", 4)])
+def test_how_many_runs_go_at_a_time(monkeypatch, given, workers):
+    if given is None:
+        monkeypatch.delenv(WORKERS, raising=False)
+    else:
+        monkeypatch.setenv(WORKERS, given)
+    assert known_workers() == workers
+
+
+@pytest.mark.parametrize("given", ["0", "-1", "two", "1.5"])
+def test_a_number_of_runs_that_is_none_is_refused(monkeypatch, given):
+    monkeypatch.setenv(WORKERS, given)
+    with pytest.raises(InputError, match=f"{WORKERS}={given}"):
+        known_workers()
