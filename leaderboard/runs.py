@@ -169,8 +169,7 @@ def claim_folder(run: Run, overwrite: bool) -> None:
 
 def has_settings(run: Run) -> bool:
     """Whether a run's folder holds a run with today's settings and data."""
-    earlier = read_json(run.folder / CONFIG)
-    return isinstance(earlier, dict) and all(earlier.get(key) == value for key, value in run.settings().items())
+    return settings_guard.has_settings(run.folder / CONFIG, run.settings())
 
 
 def recorded_configuration(method: str, profile: str) -> Any:

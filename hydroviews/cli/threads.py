@@ -12,9 +12,14 @@ Result = TypeVar("Result")
 AT_ONCE = 2  # pictures, so that memory is that of two, whatever the number of processors
 
 
+def cores() -> list[int]:
+    """The numbers of those that this process may use, sorted."""
+    return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(os.cpu_count() or 1))
+
+
 def processors() -> int:
     """How many this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return len(cores())
 
 
 def side_by_side(function: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:

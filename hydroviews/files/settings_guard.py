@@ -48,7 +48,7 @@ def claim_folder(
         write_json(path, dict(settings))
         return
     earlier = _earlier(path, fix, overwrite)
-    changed = [key for key in settings if key not in ignored and earlier.get(key) != settings[key]]
+    changed = _changed(earlier, settings, ignored)
     if not changed:
         return
     if not overwrite:
@@ -61,6 +61,20 @@ def claim_folder(
     forget()
     remove_tree(folder)
     write_json(path, dict(settings))
+
+
+def has_settings(path: Path, settings: Mapping[str, Any]) -> bool:
+    """Whether a folder's JSON file records these settings.
+
+    Raises:
+        InputError: it is damaged, or there is none.
+    """
+    earlier = read_json(path)
+    return isinstance(earlier, dict) and not _changed(earlier, settings)
+
+
+def _changed(earlier: Mapping[str, Any], settings: Mapping[str, Any], ignored: Sequence[str] = ()) -> list[str]:
+    return [key for key in settings if key not in ignored and earlier.get(key) != settings[key]]
 
 
 def _earlier(path: Path, fix: str, overwrite: bool) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from hydroviews.cli.processes import held_signals
+from hydroviews.cli.threads import cores
 from hydroviews.errors import InputError
 from leaderboard.runs import Run
 from leaderboard.supervision import GB, WORKERS, Limits, end_gently, run_tethered
@@ -35,13 +36,6 @@ class Stop:
         return bool(self.reason)
 
 
-def cores() -> list[int]:
-    """Cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return sorted(os.sched_getaffinity(0))
-    return list(range(os.cpu_count() or 1))
-
-
 def available_memory() -> float:
     """Memory that may be had without swapping, in 10^9 bytes; all there is where the system does not say."""
     meminfo = Path("/proc/meminfo")
@@ -62,10 +56,15 @@ def fitting_workers(threads: int, memory: float | None) -> int:
     return max(1, min(len(cores()) // threads, int(available_memory() / (memory or MEMORY))))
 
 
-def thread_settings(threads: int) -> dict[str, str]:
-    """Environment variables by which every library of a run keeps to so many threads."""
+def run_environment(threads: int, workers: int | None = None) -> dict[str, str]:
+    """Environment variables of a run.
+
+    Args:
+        threads: that each of its libraries keeps to.
+        workers: runs at a time on its machine; None on a cluster, where what else a node does is not known.
+    """
     names = ("OMP", "NUMBA", "MKL", "OPENBLAS")
-    return {f"{name}_NUM_THREADS": str(threads) for name in names}
+    return {f"{name}_NUM_THREADS": str(threads) for name in names} | {WORKERS: str(workers or "")}
 
 
 def run_here(runs: Sequence[Run], limits: Limits, workers: int, threads: int) -> dict[Run, str]:
@@ -89,7 +88,7 @@ def run_here(runs: Sequence[Run], limits: Limits, workers: int, threads: int) ->
     slots: queue.SimpleQueue[list[int]] = queue.SimpleQueue()
     for i in range(workers):  # one alone has no need of cores of its own, and another sweep may be on them
         slots.put(free[i * threads : (i + 1) * threads] if workers > 1 else free)
-    environment = {**os.environ, **thread_settings(threads), WORKERS: str(workers)}
+    environment = {**os.environ, **run_environment(threads, workers)}
     stop = threading.Event()
     failures: dict[Run, str] = {}
     pool = ThreadPoolExecutor(workers, initializer=lambda: _stay_on(slots.get()))

@@ -10,8 +10,8 @@ from tqdm import tqdm
 from hydroviews.errors import InputError
 from leaderboard.evaluate import carry_out
 from leaderboard.runs import Run
-from leaderboard.supervision import GB, WORKERS, Limits
-from leaderboard.sweep.local import MEMORY, thread_settings
+from leaderboard.supervision import GB, Limits
+from leaderboard.sweep.local import MEMORY, run_environment
 
 PATIENCE = 5.0  # seconds that an address has to answer
 RETRIES = 3  # of a task whose node or process was lost
@@ -38,9 +38,8 @@ def run_on_ray(address: str, runs: Sequence[Run], limits: Limits, threads: int, 
     except ImportError:
         raise InputError(f"--ray {address}: Ray is not installed", fix="pip install ray, on all nodes") from None
     _require_answer(address)
-    settings = {**thread_settings(threads), WORKERS: ""}  # what else a node does is not known
     try:
-        ray.init(address=address, log_to_driver=False, runtime_env={"env_vars": settings})
+        ray.init(address=address, log_to_driver=False, runtime_env={"env_vars": run_environment(threads)})
     except (ConnectionError, RuntimeError, ValueError) as error:
         raise _no_answer(address, error) from None
     try:

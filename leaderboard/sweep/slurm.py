@@ -8,8 +8,8 @@ from pathlib import Path
 
 from hydroviews.files.atomic import write_bytes
 from leaderboard.runs import Run
-from leaderboard.supervision import WORKERS, Limits
-from leaderboard.sweep.local import LOGS, MEMORY, thread_settings
+from leaderboard.supervision import Limits
+from leaderboard.sweep.local import LOGS, MEMORY, run_environment
 from leaderboard.sweep.one import options
 
 SCRIPT = """\
@@ -36,7 +36,6 @@ eval "exec ${{runs[$SLURM_ARRAY_TASK_ID]}}"
 def write_slurm(path: Path, runs: Sequence[Run], limits: Limits, threads: int) -> None:
     """Write the script of a Slurm array that carries out the runs from this folder, on a disk that all nodes share."""
     command = [sys.executable, "-m", "leaderboard", "run"]
-    settings = {**thread_settings(threads), WORKERS: ""}  # what else a node does is not known
     logs = runs[0].results / LOGS
     logs.mkdir(parents=True, exist_ok=True)  # Slurm does not make it
     text = SCRIPT.format(
@@ -47,7 +46,7 @@ def write_slurm(path: Path, runs: Sequence[Run], limits: Limits, threads: int) -
         logs=logs.absolute(),
         results=shlex.quote(str(runs[0].results)),
         here=shlex.quote(str(Path.cwd())),
-        settings=" ".join(f"{name}={value}" for name, value in settings.items()),
+        settings=" ".join(f"{name}={value}" for name, value in run_environment(threads).items()),
         runs="\n".join("  " + shlex.quote(shlex.join([*command, *options(run, limits)])) for run in runs),
     )
     write_bytes(path, text.encode())

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from hydroviews.errors import InputError
 from leaderboard.evaluate import WEEK, MethodName, PatternNames, ProfileName, TrackName
-from leaderboard.gather import trusted_record, write_leaderboard
+from leaderboard.gather import run_folders, trusted_record, write_leaderboard
 from leaderboard.records import FAILED, GIVEN_POSES
 from leaderboard.runs import Run
 from leaderboard.supervision import Limits
@@ -64,7 +64,7 @@ def sweep(request: SweepRequest) -> dict[Run, str]:
     try:
         failures = _carry_out(request, missing, limits) if missing else {}
     finally:  # whatever ended stands in the table, also if the rest was interrupted
-        if any(request.results.glob("*/*/*/*/*/record.json")):
+        if run_folders(request.results):
             write_leaderboard(request.results)
     return failures | _failed(missing, failures)
 
