@@ -5,10 +5,10 @@ import re
 import shutil
 import subprocess
 import sys
-from functools import cache
 from pathlib import Path
 
 import pytest
+from commands import command
 
 from hydroviews.rain.registry import pattern_names
 
@@ -17,13 +17,8 @@ REPOSITORY = Path(__file__).parents[1]
 
 def make(*arguments: str) -> str:
     """What make would run."""
-    command = ["make", "--dry-run", "--no-print-directory", f"VENV={sys.prefix}", *arguments]
-    return subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, check=True).stdout
-
-
-@cache
-def python(*arguments: str) -> subprocess.CompletedProcess:
-    return subprocess.run([sys.executable, *arguments], cwd=REPOSITORY, capture_output=True, text=True)
+    line = ["make", "--dry-run", "--no-print-directory", f"VENV={sys.prefix}", *arguments]
+    return subprocess.run(line, cwd=REPOSITORY, capture_output=True, text=True, check=True).stdout
 
 
 def test_make_eval_passes_every_setting_on():
@@ -78,8 +73,8 @@ def recorded(tmp_path):
         (tmp_path / name).touch()
 
     def run(*arguments):
-        command = ["make", "--silent", f"BIN={tmp_path}", "READY=ready", *arguments]
-        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+        line = ["make", "--silent", f"BIN={tmp_path}", "READY=ready", *arguments]
+        return subprocess.run(line, cwd=tmp_path, capture_output=True, text=True)
 
     return run
 
@@ -201,7 +196,7 @@ TARGETS = {  # what each runs
 def test_make_targets(target):
     lines = make(target, "RUN=a run", "PHOTOGRAPHS=here", "VENV=/nowhere")
     assert "-m venv /nowhere" in lines  # what is not set up yet is
-    assert all(command in lines for command in TARGETS[target])
+    assert all(call in lines for call in TARGETS[target])
 
 
 def test_every_make_target_is_tested():
@@ -214,25 +209,25 @@ def test_what_make_runs_is_a_command(package):
     lines = "".join(make(target, "RUN=a run", "PHOTOGRAPHS=here") for target in TARGETS if target != "setup")
     commands = set(re.findall(rf"-m {package} (\S+)", lines))
     assert commands
-    text = python("-m", package, "--help").stdout
-    assert all(re.search(rf"\b{command}\b", text) for command in commands)
+    text = command(package, "--help").stdout
+    assert all(re.search(rf"\b{name}\b", text) for name in commands)
 
 
 def test_lists_name_what_there_is():
-    methods = python("-m", "leaderboard", "methods").stdout.splitlines()
+    methods = command("leaderboard", "methods").stdout.splitlines()
     assert any(re.match(r"3dgs-budget +Plain 3DGS with half the Gaussians", line) for line in methods)
     assert any(line.startswith("NAME+enhance ") for line in methods)
-    scenes = python("-m", "hydroviews", "scenes", "--captures", "/nowhere").stdout.splitlines()
+    scenes = command("hydroviews", "scenes", "--captures", "/nowhere").stdout.splitlines()
     assert any(re.match(r"courtyard +modelled, rendered with Blender +comes with the package", line) for line in scenes)
     assert any(re.match(r"mipnerf360/garden .*to be downloaded, 12 GB", line) for line in scenes)
 
 
-@pytest.mark.parametrize("command", [("leaderboard", "evaluate"), ("leaderboard", "score"), ("hydroviews", "build")])
-def test_choices_are_shown(command):
-    text = python("-m", *command, "--help").stdout
+@pytest.mark.parametrize("asked", [("leaderboard", "evaluate"), ("leaderboard", "score"), ("hydroviews", "build")])
+def test_choices_are_shown(asked):
+    text = command(*asked, "--help").stdout
     assert "{demo,quick,paper}" in text
-    assert ("{given-poses,sparse-views,rainy-poses}" in text) == (command[0] == "leaderboard")
-    assert ("{dark-0,dark-1," in text) == (command[1] != "score")
+    assert ("{given-poses,sparse-views,rainy-poses}" in text) == (asked[0] == "leaderboard")
+    assert ("{dark-0,dark-1," in text) == (asked[1] != "score")
 
 
 @pytest.mark.parametrize(
@@ -258,10 +253,9 @@ def test_choices_are_shown(command):
     ],
 )
 def test_bad_input_ends_with_a_plain_error(arguments, message):
-    result = python("-m", *arguments)
+    result = command(*arguments)
     assert result.returncode == 2
     assert message in result.stderr
-    assert "Traceback" not in result.stderr
     assert not Path("/nowhere").exists()
 
 
@@ -273,14 +267,24 @@ def test_bad_input_ends_with_a_plain_error(arguments, message):
     ],
 )
 def test_help_names_the_commands(package, commands):
-    text = python("-m", package, "--help").stdout
-    assert all(command in text for command in commands)
+    text = command(package, "--help").stdout
+    assert all(name in text for name in commands)
+
+
+@pytest.mark.parametrize("package", ["hydroviews", "leaderboard"])
+def test_a_process_ends_with_a_plain_error_and_its_status(package):
+    arguments = {"hydroviews": ("verify", "/nowhere"), "leaderboard": ("table", "--results", "/nowhere")}[package]
+    run = [sys.executable, "-m", package, *arguments]
+    done = subprocess.run(run, cwd=REPOSITORY, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: /nowhere")
+    assert "Traceback" not in done.stderr
 
 
 def test_nothing_but_blender_processes_imports_bpy():
     imports = "sys, hydroviews.__main__, leaderboard.__main__, baselines.gaussian_splatting"
     code = f"import {imports}; assert 'bpy' not in sys.modules"
-    assert python("-c", code).returncode == 0
+    assert subprocess.run([sys.executable, "-c", code], cwd=REPOSITORY).returncode == 0
 
 
 def test_compare_runs_every_method_on_every_scene_with_every_seed():
@@ -299,8 +303,8 @@ def test_compare_goes_on_after_a_run_that_failed(tmp_path):
     ready = tmp_path / "ready"
     ready.touch()
     settings = ["METHODS=bad good", "SEEDS=0 1", f"BIN={tmp_path}", f"READY={ready}"]
-    command = ["make", "--no-print-directory", *settings, "compare"]
-    done = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True)
+    line = ["make", "--no-print-directory", *settings, "compare"]
+    done = subprocess.run(line, cwd=REPOSITORY, capture_output=True, text=True)
     asked = [line.split("--method ")[1].split()[0] for line in (tmp_path / "asked").read_text().splitlines()]
     assert asked == ["bad", "good", "bad", "good"]
     assert done.returncode != 0

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 import tyro
+from commands import command
 from synthetic import capture_in
 
 from hydroviews.formats.writers import write_colmap
@@ -50,10 +51,10 @@ def commands() -> Iterator[tuple[str, list[str]]]:
                 yield name(page), words
 
 
-def parsed(command: Callable, words: list[str]) -> str:
+def parsed(function: Callable, words: list[str]) -> str:
     """What the command's parser says against these arguments; empty if it takes them. Nothing is run."""
 
-    @functools.wraps(command)
+    @functools.wraps(function)
     def nothing(*_, **__):
         pass
 
@@ -137,10 +138,11 @@ def test_commands_are_parsed_by_the_programs(hooks):
 
 
 @pytest.mark.parametrize("line", CHEAP)
-def test_cheap_commands_run(line):
+def test_cheap_commands_run(line, monkeypatch):
     words = line.split()
     assert words in [words for _, words in commands()], "not in the documentation any more"
-    assert subprocess.run([sys.executable, *words[1:]], cwd=REPOSITORY, stdout=subprocess.DEVNULL).returncode == 0
+    monkeypatch.chdir(REPOSITORY)
+    assert command(*words[2:]).returncode == 0
 
 
 def test_an_option_that_there_is_not_would_be_noticed(hooks):

@@ -359,6 +359,7 @@ def test_lamps_of_the_street_saturate_and_light_their_surroundings(capture):
         assert np.median(image) < 0.35
 
 
+@pytest.mark.parametrize("capture", ["courtyard", "street"], indirect=True)  # sun, lamps: the others are lit as these
 @pytest.mark.blender
 @needs_bpy
 def test_an_interrupted_capture_is_unfinished_and_resumes_to_the_same_bytes(capture):

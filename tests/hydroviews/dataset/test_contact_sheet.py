@@ -1,10 +1,8 @@
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from processes import PATIENCE
+from commands import command
 from synthetic import capture_in
 
 from hydroviews.dataset.build import build
@@ -99,11 +97,11 @@ def test_statistics_that_lack_a_view_are_told(built):
 
 
 def test_the_command(built):
-    command = [sys.executable, "-m", "hydroviews", "sheet", str(built.parent), "--views", "2"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
+    line = ["hydroviews", "sheet", str(built.parent), "--views", "2"]
+    done = command(*line)
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == [str(built.parent / "sheets" / f"yard{end}.png") for end in ("", "-layers")]
-    wrong = subprocess.run([*command, "--scene", "other"], capture_output=True, text=True, timeout=PATIENCE)
+    wrong = command(*line, "--scene", "other")
     assert wrong.returncode == 2
     assert "no finished scene other" in wrong.stderr
 

@@ -1,8 +1,7 @@
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from commands import command
 from synthetic import capture_in
 
 from hydroviews.dataset.manifest import read_manifest
@@ -52,16 +51,16 @@ def test_what_is_missing_does_not_hold_up_the_rest(suite, tmp_path):
     assert read_manifest(data)["scenes"]["mipnerf360_garden"]["patterns"] == ["streak-0", "streak-2"]
 
 
-def test_the_command_reports_and_ends_with_status_1(suite, tmp_path):
-    command = [sys.executable, "-m", "hydroviews", "build", "--suite", str(suite), "--out", str(tmp_path / "data")]
-    command += ["--captures", str(tmp_path / "nothing")]
-    root = Path(__file__).parents[3]
-    result = subprocess.run(command, capture_output=True, text=True, cwd=root)
+def test_the_command_reports_and_ends_with_status_1(suite, tmp_path, monkeypatch):
+    monkeypatch.chdir(Path(__file__).parents[3])
+    line = ["hydroviews", "build", "--suite", str(suite), "--out", str(tmp_path / "data")]
+    line += ["--captures", str(tmp_path / "nothing")]
+    result = command(*line)
     assert result.returncode == 1, result.stderr
     assert "Two yards and a moon: 2 of 4 scenes are built" in result.stdout
     assert "SCENE=mipnerf360/garden" in result.stdout
     assert "python -m hydroviews download mipnerf360/garden" in result.stdout
-    result = subprocess.run([*command, "--patterns", "streak-0"], capture_output=True, text=True, cwd=root)
+    result = command(*line, "--patterns", "streak-0")
     assert result.returncode == 2
     assert "--suite with --patterns" in result.stderr
 
