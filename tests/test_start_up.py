@@ -11,6 +11,7 @@ import pytest
     [
         # what a run of 3dgs imports before it trains
         ("leaderboard.predict, baselines.gaussian_splatting", {"torch", "pandas", "viser"}),
+        ("hydroviews.__main__", {"torch", "pandas", "numba", "scipy"}),
         # every command, before it is known which
         (
             "hydroviews.__main__, leaderboard.__main__, deraings.__main__",

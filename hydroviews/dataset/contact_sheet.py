@@ -5,10 +5,9 @@ Sheets are for eyes and are no part of the data set: they go to `<data>/sheets`,
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from hydroviews.dataset.manifest import read_manifest
 from hydroviews.dataset.statistics import STATISTICS, read_statistics
@@ -19,9 +18,11 @@ from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.rain.compositing import COLOURS, LayerPlane, Layers
 from hydroviews.rain.layers import read_layers
 from hydroviews.rain.registry import find_effect, parse_pattern
-from hydroviews.rain.streaks.measures import mean_angle
 from hydroviews.scene.images import Image, list_images, read_image, to_srgb, write_png
 from hydroviews.scene.picture_grid import Row, Tile, draw_sheet
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 SHEETS = "sheets"
 WIDTH = 2000  # pixels of a sheet, at most
@@ -94,7 +95,7 @@ def _names_in(folder: Path, images: str, names: Sequence[str]) -> Sequence[str]:
     return names if set(names) <= set(there) else spread(there, len(names))
 
 
-def _statistics(path: Path, names: Sequence[str]) -> pd.DataFrame:
+def _statistics(path: Path, names: Sequence[str]) -> "pd.DataFrame":
     """The statistics of a variant by view; those of the views to be shown must be there."""
     views = read_statistics(path).set_index("view")
     absent = [name for name in names if name not in views.index]
@@ -103,8 +104,10 @@ def _statistics(path: Path, names: Sequence[str]) -> pd.DataFrame:
     return views
 
 
-def _remark(variant: Path, views: pd.DataFrame) -> str:
+def _remark(variant: Path, views: "pd.DataFrame") -> str:
     """Grade, input PSNR and cover in a line."""
+    from hydroviews.rain.streaks.measures import mean_angle
+
     grade = read_json(variant / "pattern.json").get("grade", "")
     parts = [grade, f"input {_number(views['psnr'].mean())} dB"]
     for column in ("water", "mist", "streaks"):

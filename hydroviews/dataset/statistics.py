@@ -19,11 +19,10 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from io import StringIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 from tqdm import tqdm
 
@@ -32,6 +31,9 @@ from hydroviews.files.atomic import read_json, replacing
 from hydroviews.rain.layers import read_layers
 from hydroviews.rain.registry import find_effect
 from hydroviews.scene.images import list_images, read_image, to_linear, to_uint8
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 STATISTICS = "statistics.csv"
 LINEAR = to_linear(np.arange(256, dtype=np.float32) / 255)  # of every 8-bit value
@@ -78,8 +80,10 @@ def write_statistics(folder: Path, pattern: str) -> Path:
     return path
 
 
-def measure_variant(folder: Path, pattern: str) -> pd.DataFrame:
+def measure_variant(folder: Path, pattern: str) -> "pd.DataFrame":
     """Statistics of every view of a variant, a row each in order of name, from its files."""
+    import pandas as pd
+
     variant = folder / pattern
     facts = read_json(variant / "pattern.json")
     images = list_images(variant / "images")
@@ -138,12 +142,14 @@ def measure_view(
     )
 
 
-def read_statistics(path: Path) -> pd.DataFrame:
+def read_statistics(path: Path) -> "pd.DataFrame":
     """The rows of a `statistics.csv`, of a variant or of a scene; what is empty reads as NaN, names stay text.
 
     Raises:
         InputError: the file is missing, is cut short, or is no such table.
     """
+    import pandas as pd
+
     try:
         text = path.read_text(encoding="utf-8")
         table = pd.read_csv(StringIO(text), converters={"view": str, "pattern": str})  # 007 is a name, not 7
@@ -158,13 +164,15 @@ def read_statistics(path: Path) -> pd.DataFrame:
     return table
 
 
-def summarise(folder: Path, patterns: str = "[!.]*") -> pd.DataFrame:
+def summarise(folder: Path, patterns: str = "[!.]*") -> "pd.DataFrame":
     """A scene's variants, a row each: mean, least and most of every number over the views.
 
     Args:
         folder: of the built scene.
         patterns: a shell pattern of the variants' names; all if not given.
     """
+    import pandas as pd
+
     rows = []
     for path in sorted(folder.glob(f"{patterns}/{STATISTICS}")):
         views, facts = read_statistics(path), read_json(path.parent / "pattern.json")
@@ -173,7 +181,7 @@ def summarise(folder: Path, patterns: str = "[!.]*") -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["pattern", "effect", "grade", "views", *SUMMARY]).round(DECIMALS)
 
 
-def _summary(views: pd.DataFrame) -> dict[str, float]:
+def _summary(views: "pd.DataFrame") -> dict[str, float]:
     from hydroviews.rain.streaks.measures import mean_angle
 
     summary: dict[str, float] = {}
@@ -187,6 +195,6 @@ def _summary(views: pd.DataFrame) -> dict[str, float]:
     return summary
 
 
-def _write(path: Path, table: pd.DataFrame) -> None:
+def _write(path: Path, table: "pd.DataFrame") -> None:
     with replacing(path) as temporary:
         table.to_csv(temporary, index=False)

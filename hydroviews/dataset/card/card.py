@@ -5,13 +5,12 @@ taken from a results folder once there are runs, and kept in `losses.csv` beside
 like others, with their hashes in the manifest.
 """
 
+import math
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any
 
 from hydroviews.blender.embedded_scenes.captures import EMBEDDED
 from hydroviews.dataset.card.markdown import describe_rain, how_to_open
@@ -25,6 +24,9 @@ from hydroviews.formats.photographs import FOLDERS
 from hydroviews.profiles import PROFILES
 from hydroviews.scene.images import image_size, list_images
 from hydroviews.scene.scenes import Scene
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 CARD, LOSSES, LICENCE = "README.md", "losses.csv", "licence"
 STATED, APACHE = "licence.json", "Apache-2.0.txt"  # in the folder LICENCE
@@ -161,9 +163,9 @@ def _severity(folder: Path, facts: Mapping[str, Any]) -> str:
     return "\n\n".join([*parts, "\n".join(words)])
 
 
-def _mean_and_range(row: pd.Series, column: str, factor: float, form: str, unit: str) -> str:
+def _mean_and_range(row: "pd.Series", column: str, factor: float, form: str, unit: str) -> str:
     values = [factor * float(row[f"{column}_{what}"]) for what in ("mean", "min", "max")]
-    if pd.isna(values[0]):
+    if math.isnan(values[0]):
         return ""
     mean, low, high = (form.format(value) for value in values)
     return f"{mean}{unit}" + (f" ({low} to {high})" if low != high else "")
@@ -172,6 +174,8 @@ def _mean_and_range(row: pd.Series, column: str, factor: float, form: str, unit:
 def _losses(folder: Path) -> str:
     if not (folder / LOSSES).is_file():
         return ""
+    import pandas as pd
+
     rows = []
     for row in pd.read_csv(folder / LOSSES, keep_default_na=False).to_dict("records"):
         levels = [f"{row[name]:.2f} dB" for name in ("clean", "rainy", "loss")]
