@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import comb
 
 from baselines.splatting.gaussians import SHAPE, Gaussians
 from baselines.splatting.kernels.mcmc import move_by_noise, penalty_gradients
@@ -107,6 +106,8 @@ def shared(opacity: NDArray[np.float64], copies: NDArray[np.int64]) -> tuple[NDA
         opacity: of the one [M], in (0, 1).
         copies: N [M], from 1 to 51.
     """
+    from scipy.special import comb
+
     new = -np.expm1(np.log1p(-opacity) / copies)  # 1 - (1 - o)^(1 / N)
     k = np.arange(1, int(copies.max(initial=1)) + 1)
     terms = comb(copies[:, None], k) * np.where(k % 2, 1.0, -1.0) / np.sqrt(k) * new[:, None] ** k
