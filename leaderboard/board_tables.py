@@ -8,7 +8,7 @@
     <!-- /board -->
 
 The first comment names the profile, what has rows (suites or scenes), and patterns, a row each. The head is the page's
-own: two columns of names, then a method a column, in backticks. The rows are written anew.
+own: two columns of names, then a method a column, in backticks. The rows are written anew, with a sentence on what they are.
 """
 
 import math
@@ -33,6 +33,8 @@ from leaderboard.tables import grade_of, share_of_gap
 START, END = "<!-- board: ", "<!-- /board -->"
 BLOCK = re.compile(rf"{START}(\S+) (suites|scenes) (\S+(?: \S+)*) -->\s*\n(.*?){END}", re.DOTALL)
 METHOD = re.compile(r"`([^`]+)`")
+SUITES_LEGEND = f"PSNR, means over scenes; in brackets above `{FLOOR}`, ± half a 95 % interval for scenes like these."
+SCENES_LEGEND = f"PSNR; in brackets the share of the gap between `{FLOOR}` and `{CEILING}`."
 
 
 def filled(text: str, table: pd.DataFrame, views: pd.DataFrame) -> str:
@@ -62,28 +64,39 @@ def _given(rows: pd.DataFrame) -> pd.DataFrame:
 
 def _block(block: re.Match, rows: pd.DataFrame, views: pd.DataFrame) -> str:
     profile, kind, patterns, body = block.groups()
+    start = block[0].splitlines()[0]
+    head, methods = _head(start, body)
     rows, views = (one[one.profile == profile] for one in (rows, views))
-    head = [cell.strip() for cell in body.strip().splitlines()[0].strip("| ").split("|")] if body.strip() else []
+    known = sorted(set(rows.method))
+    for method in methods:
+        if method not in known:
+            raise unknown_name(f"{method} in {start}", method, "method with runs", known)
+    rows, views = (one[one.method.isin(methods)] for one in (rows, views))
+    of_suites, names = kind == "suites", patterns.split(" ")
+    lines = list(_suite_rows(rows, views, names) if of_suites else _scene_rows(rows, names))
+    if not lines:
+        raise InputError(f"{start}: no such run", expected=f"{', '.join(methods)} under {patterns}")
+    body = markdown_table(
+        head, [[*line, *(cells.get(method, "") for method in methods)] for line, cells in lines], True
+    )
+    return f"{start}\n\n{body}\n\n{SUITES_LEGEND if of_suites else SCENES_LEGEND} {_basis(rows, names)}\n\n{END}"
+
+
+def _head(start: str, body: str) -> tuple[list[str], list[str]]:
+    """The cells of a table's head, and the methods that it names."""
+    line = body.lstrip().partition("\n")[0].strip()
+    head = [cell.strip() for cell in line.removeprefix("|").removesuffix("|").split("|")]
     methods = [found[1] for cell in head[2:] if (found := METHOD.search(cell))]
     if not methods or len(methods) != len(head) - 2:
-        raise InputError(
-            f"{block[0].splitlines()[0]}: a head without methods", found=head, expected="as in | a | b | `3dgs` |"
-        )
-    for method in methods:
-        if method not in set(rows.method):
-            raise unknown_name(
-                f"{method} in {START}{profile} ... -->", method, "method with runs", sorted(set(rows.method))
-            )
-    rows, views = (one[one.method.isin(methods)] for one in (rows, views))
-    rule = _suite_rows if kind == "suites" else _scene_rows
-    lines = [
-        [*names, *(cells.get(method, "") for method in methods)]
-        for names, cells in rule(rows, views, patterns.split(" "))
-    ]
-    if not lines:
-        raise InputError(f"{block[0].splitlines()[0]}: no such run", expected=f"{', '.join(methods)} under {patterns}")
-    start = block[0].splitlines()[0]
-    return f"{start}\n\n{markdown_table(head, lines, keep_empty=True)}\n\n{END}"
+        raise InputError(f"{start}: a head without methods", found=line, expected=f"as in | suite | rain | `{FLOOR}` |")
+    return head, methods
+
+
+def _basis(rows: pd.DataFrame, patterns: Sequence[str]) -> str:
+    """Which runs a table is of."""
+    own = rows[rows.pattern.isin([*patterns, CLEAN]) & (rows.scene.map(suite_of) != "")]
+    seeds, versions = (sorted(map(str, set(own[name]))) for name in ("seed", "version"))
+    return f"Profile `{own.profile.iloc[0]}`, seeds {', '.join(seeds)}, code {', '.join(versions)}."
 
 
 Row = tuple[list[str], dict[str, str]]  # names, cells by method
@@ -106,7 +119,7 @@ def _suite_rows(rows: pd.DataFrame, views: pd.DataFrame, patterns: Sequence[str]
             yield names, {method: f"{score}{gains.get(method, '')}" for method, score in scores.items()}
 
 
-def _scene_rows(rows: pd.DataFrame, _: pd.DataFrame, patterns: Sequence[str]) -> Iterator[Row]:
+def _scene_rows(rows: pd.DataFrame, patterns: Sequence[str]) -> Iterator[Row]:
     """PSNR of a scene, and the share of the gap between floor and ceiling."""
     for suite in (TEST, DEVELOPMENT):
         for scene in sorted(name for name in set(rows.scene) if suite_of(name) == suite):

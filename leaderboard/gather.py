@@ -39,7 +39,7 @@ logger = logging.getLogger(__name__)
 BOARD = Path(__file__).with_name("board")  # the runs that ship: `publish` alone writes there
 LEVELS = 5  # profile, method, scene, pattern, seed: see `leaderboard.runs`
 LAST = re.compile(rf"seed-[0-9]{{1,9}}(-({'|'.join(TRACKS)}))?")  # folder of a seed, with its track
-COUNTS = ("n_train", "n_test", "width", "height", "n_primitives", "workers")
+COUNTS = ("n_train", "n_test", "width", "height", "n_primitives", "workers", "sessions", "photographs", "registered")
 VIEW_KEYS = (
     "method", "submitted_by", "profile", "track", "suite", "scene", "effect", "pattern", "seed", "data_sha256"
 )  # fmt: skip

@@ -49,6 +49,7 @@ def publish(results: Path, board: Path, submitted: bool = False, overwrite: bool
             data, submitted, or already there. It names them all, and nothing is written.
     """
     runs, left_out = _read(results)
+    remove_leftovers(board)
     there = {folder.relative_to(board) for folder in run_folders(board)}
     new = {name: run for name, run in runs.items() if name not in there or _differs(board / name, run)}
     faults = [fault for name, run in new.items() for fault in _faults(name, run, submitted)]
@@ -62,7 +63,6 @@ def publish(results: Path, board: Path, submitted: bool = False, overwrite: bool
         raise InputError(f"{results}: not published\n" + "\n".join(f"    {fault}" for fault in faults))
     if not runs:
         raise InputError(f"{results}: no run that is done", fix="evaluate some, or name another folder with --results")
-    remove_leftovers(board)
     for name, run in new.items():
         _write_run(board / name, run.files)
     return Outcome(tuple(new), len(runs) - len(new), left_out)
