@@ -8,7 +8,7 @@
     <!-- /board -->
 
 The first comment names the profile, what has rows (suites or scenes), and patterns, a row each. The head is the page's
-own: two columns of names, then a method a column, in backticks. Rows are written anew, with a sentence on what they are.
+own: two columns of names, then a method a column, in backticks. Rows are written anew, and a sentence on what they are.
 """
 
 import math
