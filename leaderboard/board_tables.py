@@ -96,7 +96,9 @@ def _basis(rows: pd.DataFrame, patterns: Sequence[str]) -> str:
     """Which runs a table is of."""
     own = rows[rows.pattern.isin([*patterns, CLEAN]) & (rows.scene.map(suite_of) != "")]
     seeds, versions = (sorted(map(str, set(own[name]))) for name in ("seed", "version"))
-    return f"Profile `{own.profile.iloc[0]}`, seeds {', '.join(seeds)}, code {', '.join(versions)}."
+    return (
+        f"Profile `{own.profile.iloc[0]}`, seed{'s' * (len(seeds) > 1)} {', '.join(seeds)}, code {', '.join(versions)}."
+    )
 
 
 Row = tuple[list[str], dict[str, str]]  # names, cells by method

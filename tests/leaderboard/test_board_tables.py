@@ -113,7 +113,7 @@ def test_what_is_around_a_table_stays_and_a_second_time_changes_nothing():
     )
     assert once.count("\n\nAfter.\n") == 2
     assert "raindrop, heavy" in once
-    assert once.count("Profile `demo`, seeds 0, code 0.2.0+1, 0.2.0+2.\n") == 2
+    assert once.count("Profile `demo`, seed 0, code 0.2.0+1, 0.2.0+2.\n") == 2
     assert filled(once, *board()) == once
     assert filled("No table.", *board()) == "No table."
 

@@ -23,12 +23,17 @@ def test_every_run_on_it_can_be_published(tmp_path):
     assert held == {Path("README.md"), *(run / name for run in outcome.written for name in PUBLISHED)}
 
 
+@pytest.fixture(scope="module")
+def runs_and_views():
+    table = collect(BOARD)
+    return table, collect_views(table, BOARD)
+
+
 @published
 @pytest.mark.parametrize("page", PAGES)
-def test_its_tables_on_our_pages_are_up_to_date(page):
-    table = collect(BOARD)
+def test_its_tables_on_our_pages_are_up_to_date(page, runs_and_views):
     text = (ROOT / page).read_text()
-    assert filled(text, table, collect_views(table, BOARD)) == text, "make board writes them anew"
+    assert filled(text, *runs_and_views) == text, "make board writes them anew"
 
 
 def test_make_board_fills_every_page_that_has_such_tables():
