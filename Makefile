@@ -26,6 +26,7 @@ FILM_ARGS ?=
 ABLATION := deraings.method:Masks 3dgs+enhance deraings.method:WithoutAttention deraings \
             deraings.method:RainModelOnly deraings-plus deraings.method:Everything
 EFFECTS  := dark haze night raindrop raindrop-b raindrop-renewed raindrop-sharp shower storm streak streak-b
+BOARD_PAGES := README.md docs/topics/results.md
 METHODS  ?= 3dgs nerf-w derain-nerf wild-gaussians gs-w deraings deraings-plus
 SCENES   ?=
 BIN      := $(VENV)/bin
@@ -82,7 +83,7 @@ ifneq ($(filter-out 0 1,$(REPAIR)),)
 $(error REPAIR=$(REPAIR): 1 to make changed files of a finished scene again; 0 or nothing to refuse it)
 endif
 
-.PHONY: setup dataset eval compare check severity enhancer drop-finder ablation leaderboard view film bench docs test fuzz test-simd lint
+.PHONY: setup dataset eval compare check severity enhancer drop-finder ablation leaderboard view film board bench docs test fuzz test-simd lint
 
 setup: $(READY)  ## everything into .venv, at the versions of constraints.txt
 
@@ -124,6 +125,9 @@ ablation: $(READY)  ## the same for DeRainGS with parts left out and with the ra
 leaderboard: $(READY)  ## gather all records into results/leaderboard.csv, tables and pages: open results/site/index.html
 	$(BIN)/python -m leaderboard table --results $(results)
 	$(BIN)/python -m leaderboard site --results $(results) --data $(data)
+
+board: $(READY)  ## tables, comparisons and pages of the published runs, README's table too: open build/board/site/index.html
+	$(BIN)/python -m leaderboard board --pages $(BOARD_PAGES)
 
 view: $(READY)  ## a trained scene in a browser: RUN=results/... [PORT=8080]
 	$(BIN)/python -m leaderboard view $(call quote,$(RUN)) --data $(data) --port $(call quote,$(PORT))

@@ -1,4 +1,4 @@
-"""python -m leaderboard evaluate | sweep | run | check | table | site | compare | score | rescore | submit | ..."""
+"""python -m leaderboard evaluate | sweep | run | check | table | site | compare | publish | board | score | ..."""
 
 import inspect
 import sys
@@ -15,8 +15,11 @@ from hydroviews.cli.plugins import registered
 from hydroviews.dataset.manifest import built_scenes
 from hydroviews.dataset.suites import DEVELOPMENT, TEST, suite_of
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import write_bytes
 from hydroviews.profiles import find_profile
 from hydroviews.rain.registry import choose_patterns
+from leaderboard.board_pages import write_board
+from leaderboard.board_tables import filled
 from leaderboard.comparison import compare
 from leaderboard.comparison import in_words as comparison_text
 from leaderboard.contract.check import MINUTES, check
@@ -32,9 +35,10 @@ from leaderboard.evaluate import (
     outcome,
 )
 from leaderboard.film import film
-from leaderboard.gather import collect_views, write_leaderboard
+from leaderboard.gather import BOARD, collect_views, is_board, read_leaderboard, write_leaderboard
 from leaderboard.nerfbaselines import write_results
 from leaderboard.previews import write_overview
+from leaderboard.publish import publish
 from leaderboard.records import FAILED, GIVEN_POSES, LEADERBOARD
 from leaderboard.rescore import TOLERANCE, rescore
 from leaderboard.runs import Run
@@ -125,7 +129,9 @@ def table_command(results: Path = Path("results"), suite: SuiteName = "") -> Non
     table = of_suite(write_leaderboard(results), suite)
     for keys in scene_keys(table):
         print(f"\n{scene_text(table, *keys)}", end="")
-    print(f"\n{legend()}\nall runs: {results / LEADERBOARD}")
+    print(f"\n{legend()}")
+    if not is_board(results):
+        print(f"all runs: {results / LEADERBOARD}")
 
 
 def site_command(results: Path = Path("results"), data: Path = DATA) -> None:
@@ -135,6 +141,10 @@ def site_command(results: Path = Path("results"), data: Path = DATA) -> None:
         results: the results folder.
         data: folder that the scenes were built in, for rainy and clean views.
     """
+    if is_board(results):
+        raise InputError(
+            f"{results}: the board that ships", fix="`python -m leaderboard board` writes its pages elsewhere"
+        )
     print(f"open {write_site(write_leaderboard(results), results, data)}")
 
 
@@ -158,7 +168,7 @@ def compare_command(
         track: of the runs.
         results: the results folder.
     """
-    table = of_suite(write_leaderboard(results), suite)
+    table = of_suite(read_leaderboard(results), suite)
     table = table[(table.profile == profile) & (table.track == track)]
     table = table[table.pattern.isin(patterns)] if patterns else table
     suites = [name for name in SUITES if name in set(table.scene.map(suite_of))]
@@ -168,6 +178,41 @@ def compare_command(
         rows = table[table.scene.map(suite_of) == name]
         title = ", ".join([f"suite {name}" if name else "other scenes", profile, track, *patterns])
         print(f"\n{comparison_text(compare(rows, collect_views(rows, results), metric, methods), title)}", end="")
+
+
+def publish_command(
+    results: Path = Path("results"), board: Path = BOARD, submitted: bool = False, overwrite: bool = False
+) -> None:
+    """Copy records and scores of views, no pictures, of all runs that are done and trusted onto the board that ships.
+
+    Args:
+        results: folder of the runs.
+        board: takes them.
+        submitted: those that somebody submitted as well.
+        overwrite: replace runs that are on the board and are others.
+    """
+    outcome = publish(results, board, submitted, overwrite)
+    for name, reason in outcome.left_out.items():
+        print(f"{name}: left out: {reason}")
+    print(
+        f"{board}: {len(outcome.written)} runs written, {outcome.kept} there already, {len(outcome.left_out)} left out"
+    )
+
+
+def board_command(board: Path = BOARD, out: Path = Path("build/board"), pages: tuple[Path, ...] = ()) -> None:
+    """Write tables, comparisons and pages of published runs, and fill the tables of documents from them.
+
+    Args:
+        board: the published runs.
+        out: takes what is written.
+        pages: Markdown files with tables between comments, as README.md has them.
+    """
+    index = write_board(board, out)
+    table = read_leaderboard(board)
+    views = collect_views(table, board)
+    for page in pages:
+        write_bytes(page, filled(page.read_text("utf-8"), table, views).encode())
+    print(f"open {index}")
 
 
 def score_command(
@@ -343,6 +388,8 @@ def main() -> None:
             "table": table_command,
             "site": site_command,
             "compare": compare_command,
+            "publish": publish_command,
+            "board": board_command,
             "score": score_command,
             "rescore": rescore_command,
             "submit": submit_command,

@@ -17,7 +17,8 @@ from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.errors import InputError, unknown_name
 from hydroviews.formats.markdown import markdown_table
 from hydroviews.metrics import Metric, find_metrics
-from leaderboard.means import RUN, shown_names
+from leaderboard.means import RUN, compared_rows, shown_names
+from leaderboard.records import SCORED
 from leaderboard.statistics import SIGNIFICANT, SceneScores, estimate, holm, seeds_needed, signed_rank_p
 
 
@@ -72,6 +73,18 @@ def compare(table: pd.DataFrame, views: pd.DataFrame, metric: str, methods: Sequ
     seeds = seeds_needed(differences(scenes, [(first[0], first[1])])) if len(first) == 2 else math.nan
     n_views = sum(scene.values.shape[0] * scene.values.shape[1] for scene in scenes)
     return Comparison(found[metric], listed, pairs, len(scenes), len(common), n_views, seeds)
+
+
+def comparable(rows: pd.DataFrame) -> tuple[list[str], list[str]]:
+    """The methods that learn from rainy views and can be compared with each other, and those that share no run."""
+    named = _rainy(rows)
+    apart = set(named.method[named.status.isin(SCORED)]) - set(compared_rows(named).method)
+    return sorted(set(named.method) - apart), sorted(apart)
+
+
+def not_compared(apart: Sequence[str]) -> str:
+    """A sentence on the methods that share no run; empty for none."""
+    return f"Not compared, since no run is shared: {', '.join(apart)}." if apart else ""
 
 
 def _rainy(rows: pd.DataFrame) -> pd.DataFrame:

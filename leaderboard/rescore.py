@@ -35,7 +35,7 @@ class Difference:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Rescored:
     """What `rescore` has found."""
 
     runs: int  # that were calculated again
@@ -48,7 +48,7 @@ class Comparison:
         return not self.differences and not self.not_compared
 
 
-def rescore(results: Path, data: Path) -> Comparison:
+def rescore(results: Path, data: Path) -> Rescored:
     """Calculate every metric of every scored run again from its renders; nothing is written.
 
     Args:
@@ -72,7 +72,7 @@ def rescore(results: Path, data: Path) -> Comparison:
                 runs += 1
         except InputError as error:
             not_compared[folder] = str(error)
-    return Comparison(runs, differences, not_compared)
+    return Rescored(runs, differences, not_compared)
 
 
 def _differences(run: Run, record: Record) -> Iterator[Difference]:

@@ -7,12 +7,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.errors import InputError
 from hydroviews.metrics import Metric, find_metrics
-from leaderboard.comparison import basis, compare
-from leaderboard.means import compared_rows, shown_names
-from leaderboard.records import SCORED
+from leaderboard.comparison import basis, comparable, compare, not_compared
 
 
 @dataclass(frozen=True)
@@ -46,13 +43,9 @@ def comparisons(rows: pd.DataFrame, views: pd.DataFrame) -> list[Told]:
         rows: runs.
         views: the scores of their views.
     """
-    rainy = rows[rows.pattern != CLEAN]
-    named = rainy.assign(method=shown_names(rainy))
-    compared, scored = set(compared_rows(named).method), set(named.method[named.status.isin(SCORED)])
-    apart = sorted(scored - compared)
-    told = [_told(rows, views, metric, sorted(set(named.method) - set(apart))) for metric in find_metrics()]
-    note = f" Not compared, since no run is shared: {', '.join(apart)}." if apart else ""
-    return [replace(one, basis=one.basis + note) for one in told]
+    methods, apart = comparable(rows)
+    told = [_told(rows, views, metric, methods) for metric in find_metrics()]
+    return [replace(one, basis=f"{one.basis} {not_compared(apart)}".rstrip()) for one in told]
 
 
 def _told(rows: pd.DataFrame, views: pd.DataFrame, metric: Metric, methods: Sequence[str]) -> Told:

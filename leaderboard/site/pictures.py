@@ -80,6 +80,8 @@ def scene_pictures(runs: Iterable[ShownRun], data: Path, thumbnails: Thumbnails)
     for run in tqdm(scored, desc="pictures", unit="run", leave=False, disable=len(scored) < 20):
         pattern, seed = run.record["pattern"], run.record["seed"]
         shown = _renders(run, thumbnails)
+        if not shown:
+            continue
         if (pattern, seed) not in given:
             given[pattern, seed] = _given(run, data, list(shown), thumbnails)
         kept = references.setdefault(seed, {}) if pattern == CLEAN else renders.setdefault((pattern, seed), {})

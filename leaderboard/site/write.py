@@ -112,7 +112,8 @@ def _scenes(runs: list[ShownRun], tables: Tables, data: Path, thumbnails: Thumbn
 def _write_pages(out: Path, runs: list[ShownRun], scenes: list[ScenePage], suites: list[SuitePart]) -> set[Path]:
     pages = environment()
     addresses = {(scene.name, scene.profile, scene.track): scene.page for scene in scenes}
-    own = {"runs": runs, "scenes": scenes, "suites": suites, "filters": _filters(runs)}
+    pictured = any(scene.pictures for scene in scenes)
+    own = {"runs": runs, "scenes": scenes, "suites": suites, "filters": _filters(runs), "pictured": pictured}
     texts = {out / INDEX: pages.get_template(INDEX).render(root="", **own)}
     for scene in scenes:
         texts[out / "scenes" / scene.page] = pages.get_template("scene.html").render(root="../", scene=scene)

@@ -29,7 +29,7 @@ class Shot:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class ComparedView:
     """The photograph, what the trained scene looks like from its camera, where they differ: each [H, W, 3]."""
 
     photograph: Image
@@ -47,10 +47,10 @@ def list_shots(run: Run) -> list[Shot]:
     return seen + [Shot(view, held_out=True, scored=scored) for view in held_out.test_views]
 
 
-def compare(method: Method, shot: Shot) -> Comparison:
+def compare(method: Method, shot: Shot) -> ComparedView:
     """Render a view and hold it against its photograph; both are 8-bit, as they are scored."""
     photograph, ignored = shot.view.image(), shot.view.ignored()
     render = to_uint8(method.render(shot.view.camera)).astype("float32") / 255
     error = error_map(render, photograph, ignored)
     score = score_image(render, shot.view, {}, [SHOWN])[SHOWN.name] if shot.scored else None
-    return Comparison(photograph, render, error, score)
+    return ComparedView(photograph, render, error, score)

@@ -21,7 +21,7 @@ from hydroviews.scene.cameras import Camera, fitted_size
 from hydroviews.scene.images import resize_area, to_uint8
 from leaderboard.finished_runs import find_splats, load_method, open_run
 from leaderboard.runs import Run
-from leaderboard.viewer.comparison import SHOWN, Comparison, Shot, compare, list_shots
+from leaderboard.viewer.comparison import SHOWN, ComparedView, Shot, compare, list_shots
 from leaderboard.viewer.normalise import (
     SIZE,
     Normalisation,
@@ -62,7 +62,7 @@ class Viewer:
     frustums: Mapping[str, "viser.CameraFrustumHandle"]  # by the label of the shot
     chooser: Any  # viser.GuiDropdownHandle; its value is the label of what is compared
     figures: "viser.GuiMarkdownHandle"
-    pictures: Mapping[str, "viser.GuiImageHandle"]  # by the fields of `Comparison`
+    pictures: Mapping[str, "viser.GuiImageHandle"]  # by the fields of `ComparedView`
 
 
 def view(folder: Path, data: Path, host: str = HOST, port: int = PORT) -> None:
@@ -184,7 +184,7 @@ def connect(viewer: Viewer, method: Method, shots: Sequence[Shot]) -> None:
         frustum.on_click(partial(choose, label))
 
 
-def put_comparison(viewer: Viewer, shot: Shot, comparison: Comparison) -> None:
+def put_comparison(viewer: Viewer, shot: Shot, comparison: ComparedView) -> None:
     """Show a comparison, and hide the frustums that would stand in its camera's way, its own among them."""
     hidden = in_the_way(viewer, shot)
     for label, frustum in viewer.frustums.items():

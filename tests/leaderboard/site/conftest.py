@@ -4,8 +4,10 @@ import dataclasses
 
 import pytest
 
-from benchmarks.site import write_board
+from benchmarks.site import write_board as make_runs
+from leaderboard.board_pages import write_board
 from leaderboard.gather import write_leaderboard
+from leaderboard.publish import publish
 from leaderboard.records import Record, read_record, run_folder, write_record
 from leaderboard.site.write import write_site
 
@@ -17,7 +19,7 @@ METHODS = ("3dgs", "3dgs-clean", "deraings", NASTY.replace("/", "\\"))
 def written(tmp_path_factory):
     """The results folder of a board with its pages: four methods, one submitted, and a failed run."""
     results = tmp_path_factory.mktemp("board")
-    write_board(results, METHODS, ("pond", "mipnerf360_bonsai"), ("raindrop-0", "streak-1"), n_views=4, size=(64, 48))
+    make_runs(results, METHODS, ("pond", "mipnerf360_bonsai"), ("raindrop-0", "streak-1"), n_views=4, size=(64, 48))
     failed = run_folder(results, "demo", "nerf-w", "pond", "streak-1", 0, "given-poses")
     failed.mkdir(parents=True)
     names = {"method": "nerf-w", "scene": "pond", "effect": "streak", "pattern": "streak-1", "seed": 0}
@@ -31,3 +33,12 @@ def written(tmp_path_factory):
         write_record(folder, theirs)
     write_site(write_leaderboard(results), results, results / "no data")
     return results
+
+
+@pytest.fixture(scope="session")
+def shipped(written, tmp_path_factory):
+    """What a board of the finished runs shows: they have no renders."""
+    board, out = tmp_path_factory.mktemp("shipped"), tmp_path_factory.mktemp("shown")
+    publish(written, board, submitted=True)
+    write_board(board, out)
+    return out

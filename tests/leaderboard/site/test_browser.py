@@ -125,8 +125,20 @@ def test_an_address_that_names_nothing_known_opens(page, written):
     assert len(column(page, "method")) == 15
 
 
+def test_a_board_without_renders_opens_sorts_and_says_what_is_not_there(page, shipped):
+    page.goto(index(shipped))
+    page.locator("#all-runs th[data-key=psnr] button").click()
+    numbers = [float(text) for text in column(page, "psnr")]
+    assert numbers == sorted(numbers, reverse=True)
+    page.locator("#scenes a").first.click()
+    assert page.get_by_text("there is nothing to slide between").is_visible()
+    assert page.locator("img, input[type=range]").count() == 0
+
+
+@pytest.mark.parametrize("board", ["written", "shipped"])
 @pytest.mark.parametrize(("size", "scheme"), [(DESKTOP, "light"), (PHONE, "dark")], ids=["desktop", "phone"])
-def test_axe_finds_nothing_serious_and_nothing_is_wider_than_the_screen(browser, written, size, scheme):
+def test_axe_finds_nothing_serious_and_nothing_is_wider_than_the_screen(browser, request, board, size, scheme):
+    written = request.getfixturevalue(board)
     axe = pytest.importorskip("axe_playwright_python", reason="needs axe: pip install '.[browser]'")
     source = (Path(axe.__file__).parent / "axe.min.js").read_text()
     context = browser.new_context(viewport=size, color_scheme=scheme)

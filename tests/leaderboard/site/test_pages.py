@@ -102,6 +102,27 @@ def test_links_and_pictures_resolve_and_nothing_is_outside(written, pages):
         assert "//" not in (written / "site" / asset).read_text().replace("// ", "")  # comments have a blank
 
 
+def test_runs_without_renders_have_pages_that_say_so(shipped):
+    found = {path: Page(path) for path in sorted((shipped / "site").rglob("*.html"))}
+    assert len(found) == 1 + 2 + 14
+    for path, page in found.items():
+        assert page.all("img") == []
+        assert not [a for a in page.all("form") if "viewer" in a["class"]]
+        for address in [a["href"] for a in page.all("a") if not a["href"].startswith(("#", "https:"))]:
+            assert (path.parent / unquote(urlsplit(address).path)).resolve().is_relative_to(shipped)
+            assert (path.parent / unquote(urlsplit(address).path)).exists()
+        if path.parent.name == "scenes":
+            assert "No renders are kept here, so there is nothing to slide between." in "".join(page.text)
+    index = found[shipped / "site" / "index.html"]
+    assert "A page of tables each." in "".join(index.text)
+    assert [a["class"] for a in index.all("ul")] == ["names"]
+    run = next(page for path, page in found.items() if path.parent.name == "runs")
+    assert [a["href"].rpartition("/")[2] for a in run.all("li") + run.all("a") if "href" in a][-2:] == [
+        "per_view.csv",
+        "record.json",
+    ]
+
+
 def test_names_run_no_script(pages):
     for page in pages.values():
         assert {tag for tag, _ in page.elements} & {"b", "iframe", "object"} == set()

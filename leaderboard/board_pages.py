@@ -1,0 +1,74 @@
+"""What a board of published runs shows: tables, comparisons and pages in a folder of their own."""
+
+from pathlib import Path
+
+import pandas as pd
+
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import write_bytes
+from hydroviews.files.temporary import remove_tree
+from hydroviews.metrics import find_metrics
+from leaderboard.comparison import comparable, compare, in_words, not_compared
+from leaderboard.gather import collect_views, run_folders, write_leaderboard
+from leaderboard.publish import PUBLISHED, publish
+from leaderboard.site.write import write_site
+from leaderboard.tables import rows_of, suite_keys
+
+COMPARISONS = "comparisons.md"
+
+
+def write_board(board: Path, out: Path) -> Path:
+    """Write the runs of a board, all tables, comparisons and the pages into a folder that can be put on a web server.
+
+    Args:
+        board: published runs; nothing is written there.
+        out: the folder; runs that are no longer on the board go.
+
+    Returns:
+        The pages' index.
+
+    Raises:
+        InputError: no runs, or `out` is the board itself or holds runs of its own.
+    """
+    _copy_runs(board, out)
+    table = write_leaderboard(out)
+    write_bytes(out / COMPARISONS, comparisons_text(table, collect_views(table, out)).encode())
+    return write_site(table, out, data=out)  # without renders, no picture is looked for
+
+
+def _copy_runs(board: Path, out: Path) -> None:
+    if board.resolve() == out.resolve():
+        raise InputError(f"{out}: the board itself", fix="choose another folder with --out")
+    names = {folder.relative_to(board) for folder in run_folders(board)}
+    if not names:
+        raise InputError(f"{board}: no published run", fix="python -m leaderboard publish --results FOLDER")
+    folders = run_folders(out)
+    for folder in folders:
+        if {path.name for path in folder.iterdir()} - {*PUBLISHED}:
+            raise InputError(f"{out}: holds runs of its own", found=folder, fix="choose another folder with --out")
+    for folder in folders:
+        if folder.relative_to(out) not in names:
+            remove_tree(folder)
+    publish(board, out, submitted=True, overwrite=True)
+
+
+def comparisons_text(table: pd.DataFrame, views: pd.DataFrame) -> str:
+    """The methods of every profile, track and suite against each other, by every metric, as Markdown.
+
+    Args:
+        table: runs, as `gather.collect` has them.
+        views: the scores of their views.
+    """
+    parts = []
+    for profile, track, suite in suite_keys(table):
+        rows = table.loc[rows_of(table, profile, track, suite).index]
+        own = views[(views.profile == profile) & (views.track == track) & (views.suite == suite)]
+        methods, apart = comparable(rows)
+        for metric in find_metrics() if methods else ():
+            title = f"## {f'Suite {suite}' if suite else 'Other scenes'}, {profile}, {track}: {metric.title}"
+            try:
+                text = in_words(compare(rows, own, metric.name, methods), title)
+            except InputError as error:
+                text = f"{title}\n\n{error}\n"
+            parts.append("\n".join([text, *([f"{not_compared(apart)}\n"] if apart else [])]))
+    return "\n".join(parts)

@@ -1,0 +1,123 @@
+"""Runs copied onto the board that ships: what was measured, without pictures and models.
+
+A run of a board is its `record.json` and its `per_view.csv`, in the folders of a results folder, so that whatever reads
+results reads a board.
+"""
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import read_json
+from hydroviews.files.full_disk import plain_write_errors
+from hydroviews.files.temporary import remove_leftovers, remove_tree, temporary_beside
+from leaderboard.gather import run_folders, trusted_record
+from leaderboard.records import DONE, PER_VIEW, RECORD, RESCORE, SCHEMA, Record
+
+PUBLISHED = (RECORD, PER_VIEW)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What `publish` did; runs are named by their folders below results and board."""
+
+    written: tuple[Path, ...]
+    kept: int  # are on the board already
+    left_out: Mapping[Path, str]  # runs that are not done or cannot be trusted, and why
+
+
+@dataclass(frozen=True)
+class _Run:
+    record: Record
+    schema: int
+    files: Mapping[str, bytes]
+
+
+def publish(results: Path, board: Path, submitted: bool = False, overwrite: bool = False) -> Outcome:
+    """Copy the records and the views' scores of all runs that are done and trusted. A run is there whole or not at all.
+
+    Args:
+        results: folder of the runs.
+        board: takes them.
+        submitted: those that somebody submitted as well.
+        overwrite: replace runs that are on the board and are others.
+
+    Raises:
+        InputError: no such run; or one that does not belong on a board: of a changed checkout, another schema or other
+            data, submitted, or already there. It names them all, and nothing is written.
+    """
+    runs, left_out = _read(results)
+    remove_leftovers(board)
+    there = {folder.relative_to(board) for folder in run_folders(board)}
+    new = {name: run for name, run in runs.items() if name not in there or _differs(board / name, run)}
+    faults = [fault for name, run in new.items() for fault in _faults(name, run, submitted)]
+    if not overwrite:
+        faults += [
+            f"{name}: on the board, as another run; --overwrite replaces it" for name in sorted(new.keys() & there)
+        ]
+    kept = {name: trusted_record(board / name) for name in sorted(there - new.keys())}
+    faults += _unlike_data(kept | {name: run.record for name, run in new.items()})
+    if faults:
+        raise InputError(f"{results}: not published\n" + "\n".join(f"    {fault}" for fault in faults))
+    if not runs:
+        raise InputError(f"{results}: no run that is done", fix="evaluate some, or name another folder with --results")
+    for name, run in new.items():
+        _write_run(board / name, run.files)
+    return Outcome(tuple(new), len(runs) - len(new), left_out)
+
+
+def _read(results: Path) -> tuple[dict[Path, _Run], dict[Path, str]]:
+    """The runs that are done and trusted, and why others are not."""
+    runs, left_out = {}, {}
+    for folder in run_folders(results):
+        name = folder.relative_to(results)
+        try:
+            record = trusted_record(folder)
+        except InputError as error:
+            left_out[name] = str(error)
+            continue
+        if record.status == DONE:
+            schema = read_json(folder / RECORD, RESCORE).get("schema", 1)
+            runs[name] = _Run(record, schema, {file: (folder / file).read_bytes() for file in PUBLISHED})
+        else:
+            left_out[name] = f"{record.status}: {record.reason}".removesuffix(": ")
+    return runs, left_out
+
+
+def _differs(folder: Path, run: _Run) -> bool:
+    return any(not (folder / name).is_file() or (folder / name).read_bytes() != run.files[name] for name in PUBLISHED)
+
+
+def _faults(name: Path, run: _Run, submitted: bool) -> Iterator[str]:
+    """Why a run does not belong on a board."""
+    if "-dirty" in run.record.version:
+        yield f"{name}: of a changed checkout, version {run.record.version}; evaluate it with code that is committed"
+    if run.schema != SCHEMA:
+        yield f"{name}: record of schema {run.schema}, expected {SCHEMA}; python -m leaderboard score writes it anew"
+    if run.record.submitted_by and not submitted:
+        yield f"{name}: submitted by {run.record.submitted_by}; --submitted takes it"
+
+
+def _unlike_data(records: Mapping[Path, Record]) -> list[str]:
+    """The variants of scenes that runs of a board would have other data for."""
+    found: dict[tuple[str, str, str], dict[str, list[str]]] = {}
+    for name, record in records.items():
+        data = found.setdefault((record.profile, record.scene, record.pattern), {})
+        data.setdefault(record.data_sha256, []).append(str(name))
+    return [
+        f"{'/'.join(variant)}: runs on other data: "
+        + "; ".join(f"{sha256[:12]} {runs[0]}" for sha256, runs in data.items())
+        for variant, data in found.items()
+        if len(data) > 1
+    ]
+
+
+def _write_run(folder: Path, files: Mapping[str, bytes]) -> None:
+    with plain_write_errors(folder), temporary_beside(folder) as temporary:
+        temporary.mkdir()
+        for name, content in files.items():
+            (temporary / name).write_bytes(content)
+        remove_tree(folder)
+        os.replace(temporary, folder)

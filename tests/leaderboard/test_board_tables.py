@@ -1,0 +1,137 @@
+"""Tables on pages of Markdown, filled from records: numbers against pandas, what is odd refused, the rest untouched."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from hydroviews.errors import InputError
+from leaderboard.board_tables import filled
+from leaderboard.comparison import compare
+from leaderboard.gather import VIEW_KEYS
+from leaderboard.records import columns
+
+SHIFT = {"3dgs-clean": 6.0, "3dgs": 0.0, "ours": 3.0, "theirs": 4.0}
+PLACES = ("room", "pond", "street", "courtyard", "llff_flower", "mine")
+PATTERNS = ("raindrop-1", "raindrop-2", "streak-1")
+HEAD = "| suite | rain | `3dgs-clean`, the ceiling | [`ours`](ours.md) | `3dgs` |\n|---|---|---|---|---|"
+
+
+def board(without=()):
+    """Runs and views with scores of a scene, a method and luck; `without` are methods and scenes that have no run."""
+    rng = np.random.default_rng(0)
+    views = []
+    for method in SHIFT:
+        for number, scene in enumerate(PLACES):
+            for pattern in ["clean"] if method == "3dgs-clean" else PATTERNS:
+                keys = {"method": method, "scene": scene, "pattern": pattern, "seed": 0, "profile": "demo"}
+                keys |= {"submitted_by": "", "track": "given-poses", "data_sha256": scene + pattern}
+                keys["effect"] = pattern.rpartition("-")[0] or pattern
+                if (method, scene) not in without:
+                    scores = rng.normal(20 + number + SHIFT[method], 0.5, 4)
+                    views += [keys | {"view": f"v{i}", "psnr": score} for i, score in enumerate(scores)]
+    found = pd.DataFrame(views, columns=[*VIEW_KEYS, "view", "psnr"])
+    runs = found.groupby([name for name in VIEW_KEYS if name != "suite"], as_index=False).psnr.mean()
+    runs["version"] = runs.method.map(lambda method: "0.2.0+1" if method == "3dgs" else "0.2.0+2")
+    return runs.assign(status="done").reindex(columns=columns()), found
+
+
+def page(kind: str, *patterns: str, head: str = HEAD) -> str:
+    start = f"<!-- board: demo {kind} {' '.join(patterns)} -->"
+    return f"# Title\n\nBefore.\n\n{start}\n\n{head}\n\n<!-- /board -->\n\nAfter.\n"
+
+
+def cells(text: str) -> dict[tuple[str, str], list[str]]:
+    lines = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:1] == "|"]
+    return {(row[0], row[1]): row[2:] for row in lines[2:]}
+
+
+def test_suites_have_means_over_scenes_and_gains_with_the_interval_of_the_comparison():
+    table, views = board()
+    found = cells(filled(page("suites", "raindrop-1", "streak-1"), table, views))
+    assert list(found) == [
+        ("test, 3 scenes", "raindrop, medium"),
+        ("test, 3 scenes", "streak, medium"),
+        ("development, 2 scenes", "raindrop, medium"),
+        ("development, 2 scenes", "streak, medium"),
+    ]
+    own = views[views.scene.isin(PLACES[:3]) & views.pattern.isin(["streak-1", "clean"])]
+    scenes = own.pivot_table(index="scene", columns="method", values="psnr")
+    ceiling, ours, floor = found["test, 3 scenes", "streak, medium"]
+    assert floor == f"{scenes['3dgs'].mean():.2f}"
+    pair = compare(
+        table[table.scene.isin(PLACES[:3]) & (table.pattern == "streak-1")], own, "psnr", ["ours", "3dgs"]
+    ).pairs
+    gain, half = pair.difference[0], (pair.high[0] - pair.low[0]) / 2
+    assert ours == f"**{scenes['ours'].mean():.2f}** ({gain:+.2f} ± {half:.2f})"
+    gains = scenes["3dgs-clean"] - scenes["3dgs"]  # Student's t of three scenes
+    half = 4.302653 * gains.std(ddof=1) / np.sqrt(3)
+    told = re.fullmatch(r"([\d.]+) \((\+[\d.]+) ± ([\d.]+)\)", ceiling)
+    assert float(told[1]) == pytest.approx(scenes["3dgs-clean"].mean(), abs=0.005)
+    assert float(told[2]) == pytest.approx(gains.mean(), abs=0.005)
+    assert float(told[3]) == pytest.approx(half, rel=0.05)  # the bootstrap draws
+
+
+def test_scenes_have_scores_and_shares_of_the_gap():
+    table, views = board()
+    head = HEAD.replace("suite", "")  # its cell may be empty
+    found = cells(filled(page("scenes", "streak-1", head=head), table, views))
+    names = ["pond", "room", "street", "courtyard (development)", "llff_flower (development)"]
+    assert [scene for scene, _ in found] == names  # none that is in no suite
+    means = views[(views.scene == "pond") & views.pattern.isin(["streak-1", "clean"])].groupby("method").psnr.mean()
+    share = (means["ours"] - means["3dgs"]) / (means["3dgs-clean"] - means["3dgs"])
+    shown = [f"{means['3dgs-clean']:.2f}", f"**{means['ours']:.2f}** ({100 * share:.0f} %)", f"{means['3dgs']:.2f}"]
+    assert found["pond", "streak, medium"] == shown
+
+
+def test_methods_that_no_column_names_change_nothing():
+    text = page("suites", "streak-1")
+    everything = filled(text, *board())
+    assert filled(text, *board(without=[("theirs", scene) for scene in PLACES[:5]])) == everything
+
+
+def test_means_are_over_the_scenes_that_all_of_them_have():
+    table, views = board(without=[("ours", "room"), ("3dgs-clean", "street")])
+    found = cells(filled(page("suites", "streak-1"), table, views))
+    ceiling, ours, floor = found["test, 2 scenes", "streak, medium"]  # pond and street
+    own = views[views.scene.isin(["pond", "street"]) & (views.pattern == "streak-1")]
+    means = own.groupby(["method", "scene"]).psnr.mean().groupby("method").mean()
+    assert ours.startswith(f"<u>{means['ours']:.2f}</u> (+")
+    assert floor == f"**{means['3dgs']:.2f}**"
+    assert "(" not in ceiling  # street has none: a gain would be of other scenes
+    scenes = cells(filled(page("scenes", "streak-1"), table, views))
+    assert scenes["room", "streak, medium"][1] == ""
+    assert scenes["street", "streak, medium"][0] == ""
+
+
+def test_what_is_around_a_table_stays_and_a_second_time_changes_nothing():
+    text = page("suites", "streak-1") + page("scenes", "raindrop-2")
+    once = filled(text, *board())
+    assert once.startswith(
+        "# Title\n\nBefore.\n\n<!-- board: demo suites streak-1 -->\n\n| suite | rain | `3dgs-clean`, the"
+    )
+    assert once.count("\n\nAfter.\n") == 2
+    assert "raindrop, heavy" in once
+    assert once.count("Profile `demo`, seed 0, code 0.2.0+1, 0.2.0+2.\n") == 2
+    assert filled(once, *board()) == once
+    assert filled("No table.", *board()) == "No table."
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (page("suits", "streak-1"), "not as it has to be"),
+        (page("suites", "streak-1").replace("<!-- /board -->", ""), "not as it has to be"),
+        (page("suites", "streak-1").replace("demo ", ""), "not as it has to be"),
+        ("<!-- /board -->", "not as it has to be"),
+        (page("suites", "streak-1", head="| a | b |\n|---|---|"), "a head without methods"),
+        (page("suites", "streak-1", head="| a | b | `3dgs` | ours |"), "a head without methods"),
+        (page("suites", "streak-1", head=""), "a head without methods"),
+        (page("suites", "streak-1", head="| a | b | `3dgz` |"), "did you mean 3dgs"),
+        (page("suites", "storm-1"), "no such run"),
+    ],
+)
+def test_odd_tables_are_refused(text, message):
+    with pytest.raises(InputError, match=message):
+        filled(text, *board())
