@@ -89,9 +89,10 @@ class MaskNetwork:
         inputs = len(self._seen[0]) + 4 * config.octaves + extra
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
-            self.layers = nn.Sequential(nn.Linear(inputs, config.width), nn.ReLU(), nn.Linear(config.width, 1))
+            last = nn.Linear(config.width, 1)
+            self.layers = nn.Sequential(nn.Linear(inputs, config.width), nn.ReLU(), last)
         if config.prior is not None:
-            nn.init.constant_(self.layers[2].bias, math.log(config.prior / (1 - config.prior)))
+            nn.init.constant_(last.bias, math.log(config.prior / (1 - config.prior)))
         self.layers.to(self._seen[0].device)
         self._adam = torch.optim.Adam(self.layers.parameters(), config.rate)
 
@@ -156,7 +157,7 @@ def hinge(p: Tensor, lower: Tensor, upper: Tensor) -> Tensor:
 
 @cache
 def encoded_places(height: int, width: int, octaves: int) -> Tensor:
-    """sin and cos of 2^k y and 2^k x, for k below `octaves`, [h w, 4 octaves]; y and x are in [0, 1] over the picture."""
+    """sin and cos of 2^k y and 2^k x, for k below `octaves`, [h w, 4 octaves]; y, x in [0, 1] over the picture."""
     y, x = np.meshgrid(np.linspace(0, 1, height), np.linspace(0, 1, width), indexing="ij")
     angles = np.stack([y, x], axis=-1).reshape(-1, 2, 1) * 2.0 ** np.arange(octaves)
     encoded = np.concatenate([np.sin(angles), np.cos(angles)], axis=1).reshape(height * width, -1)

@@ -3,7 +3,6 @@
 from abc import abstractmethod
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from baselines.gaussian_splatting import PROFILES, GaussianSplatting
 from baselines.method import TrainingSummary

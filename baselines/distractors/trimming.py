@@ -104,7 +104,7 @@ class TrimmedObjective(ReportingObjective):
 
     def state_dict(self) -> dict[str, NDArray]:
         """See Objective."""
-        own = {
+        own: dict[str, NDArray] = {
             "histogram": self.histogram.counts,
             "counted": self._counted,
             "given_up": np.array([self.given_up], np.uint8),
