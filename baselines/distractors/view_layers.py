@@ -144,7 +144,8 @@ def learn(
     rates = rates_at(round(progress * MOST_VISITS), MOST_VISITS, config.learning_rates, 1.0, 0)
     for name in FIELDS:
         parts = (state.gaussians, gradients.parameters, state.first, state.second)
-        adam_step(*(getattr(part, name) for part in parts), state.iteration + 1, rates[name])
+        values, gradient, first, second = (getattr(part, name) for part in parts)
+        adam_step(values, gradient, first, second, state.iteration + 1, rates[name])
     return replace(state, iteration=state.iteration + 1)
 
 
@@ -166,6 +167,8 @@ def layer_arrays(state: TrainingState) -> dict[str, NDArray]:
 
 def layer_from(arrays: dict[str, NDArray]) -> TrainingState:
     """The opposite."""
-    parts = [Gaussians(**{name: arrays[f"{part}.{name}"].copy() for name in FIELDS}) for part in PARTS]
+    gaussians, first, second = (
+        Gaussians(**{name: arrays[f"{part}.{name}"].copy() for name in FIELDS}) for part in PARTS
+    )
     statistics = arrays["gradient_sum"].copy(), arrays["seen"].copy()
-    return TrainingState(*parts, *statistics, iteration=int(arrays["visits"][0]))
+    return TrainingState(gaussians, first, second, *statistics, iteration=int(arrays["visits"][0]))
