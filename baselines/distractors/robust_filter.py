@@ -27,11 +27,17 @@ class RobustFilterConfig:
     trim: TrimConfig = field(default_factory=TrimConfig)
 
 
+# In a short training the authors' 0.7 leaves out detail that is not learned yet: 1.5 dB on clean views of courtyard.
+SHORT_TRIM = TrimConfig(inlier_share=0.9)
+
+
 class RobustFilter(DistractorMethod):
     """Splatting on the pixels with the smaller residuals (RobustNeRF's filter)."""
 
     profiles: ClassVar[Mapping[str, Any]] = {
-        name: RobustFilterConfig(splatting) for name, splatting in SPLATTING.items()
+        "demo": RobustFilterConfig(SPLATTING["demo"], SHORT_TRIM),
+        "quick": RobustFilterConfig(SPLATTING["quick"], SHORT_TRIM),
+        "paper": RobustFilterConfig(SPLATTING["paper"]),
     }
 
     def objective(self, scene: Scene, folder: Path) -> TrimmedObjective:

@@ -9,7 +9,7 @@ off positive coefficients alone. Gaussians are pruned by their use on request (`
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -21,6 +21,7 @@ from baselines.distractors.trimming import TrimConfig, TrimmedObjective
 from baselines.splatting.backends.base import GSPLAT
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.kernels.photometric import Plane
+from baselines.splatting.strategies.utilisation import UtilisationPruning
 from baselines.training.devices import chosen_device
 from baselines.training.images import TrainingImages, read_images
 from baselines.training.torch_state import one_thread
@@ -98,3 +99,12 @@ class Spotless(DistractorMethod):
     def compared_by(self, images: TrainingImages, network: MaskNetwork) -> SpotlessObjective:
         """The objective on given photographs."""
         return SpotlessObjective(images, self.config, network, self.seed)
+
+
+class SpotlessPruned(Spotless):
+    """SpotLessSplats without the Gaussians on whose positions the training views hardly depend."""
+
+    profiles: ClassVar[Mapping[str, Any]] = {
+        name: replace(config, splatting=replace(config.splatting, pruning=UtilisationPruning((0.8,), threshold=1e-14)))
+        for name, config in Spotless.profiles.items()
+    }
