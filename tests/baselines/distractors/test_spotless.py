@@ -18,6 +18,9 @@ from baselines.splatting.strategies.utilisation import UtilisationPruning
 from hydroviews.errors import InputError
 
 STEADY = DefaultStrategy(start=1000, stop=1001, reset_every=None)
+GROWTH = DefaultStrategy(
+    start=20, stop=200, every=20, budget=300, grow_grad2d=5e-5, reset_every=None, prune_scale3d=1.0
+)
 SPLATTING = TrainerConfig(iterations=400, sh_degree=0, strategy=STEADY, device="cpu")
 NETWORK = MaskNetworkConfig("vgg", rate=1e-2, prior=0.9)
 CONFIG = SpotlessConfig(SPLATTING, network=NETWORK)
@@ -27,9 +30,10 @@ BRIEF = replace(CONFIG, splatting=replace(SPLATTING, iterations=16, checkpoint_s
 def test_something_in_the_way_in_a_third_of_the_views_is_left_out(tmp_path):
     scene = photographed(tmp_path, n_views=24, width=96, height=72)
     shown = occluded(scene, tmp_path / "occluded")
-    plain = psnr(fitted(GaussianSplatting, SPLATTING, shown, tmp_path / "plain"), scene.test_views)
-    ours = fitted(Spotless, CONFIG, shown, tmp_path / "spotless")
-    assert psnr(ours, scene.test_views) > plain + 1.5
+    splatting = replace(SPLATTING, strategy=GROWTH)
+    plain = psnr(fitted(GaussianSplatting, splatting, shown, tmp_path / "plain"), scene.test_views)
+    ours = fitted(Spotless, replace(CONFIG, splatting=splatting), shown, tmp_path / "spotless")
+    assert psnr(ours, scene.test_views) > plain + 1.2
     assert "features vgg, pixels" in ours.summary().used
 
 
@@ -58,10 +62,11 @@ def test_an_interrupted_run_ends_with_the_same_bits(tmp_path, monkeypatch):
     "change",
     [lambda image, index: np.random.default_rng(index).random(image.shape), lambda image, _: np.full_like(image, 0.5)],
 )
-@pytest.mark.parametrize("n_views", [2, 6])
+@pytest.mark.parametrize("n_views", [1, 6])
 def test_noise_and_photographs_of_one_grey_leave_a_finite_scene(tmp_path, change, n_views):
-    """Every view an outlier; nothing to see; and, of two views, one alone to learn from."""
-    scene = disturbed(photographed(tmp_path, n_views=n_views), tmp_path / "changed", change)
+    """Every view an outlier; nothing to see; and one view alone."""
+    scene = disturbed(photographed(tmp_path, n_views=8), tmp_path / "changed", change)
+    scene = replace(scene, split=replace(scene.split, train=scene.split.train[:n_views]))
     method = fitted(Spotless, BRIEF, scene, tmp_path / "run")
     assert all(np.isfinite(value).all() for value in method._trained.gaussians.state_dict().values())
 
