@@ -29,6 +29,8 @@ class Stream(IntEnum):
     NOISE = 4
     DROPOUT = 5  # of features: GS-W's of maps, WildGaussians' of a lesson
     ABSENCE = 6  # GS-W's steps without a reference
+    INLIERS = 7  # which pixels of a view count, by their probabilities
+    LAYERS = 8  # of Gaussians before each camera
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,7 @@ a running median, so that masks neither take everything nor nothing: at the defa
 is below the median is worth no mask, whatever the scene's level. The paper has no penalty.
 """
 
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict
 from functools import cached_property
 from typing import Any, cast
@@ -26,10 +25,9 @@ from baselines.training.images import Size, TrainingImages
 from baselines.training.torch_state import module_arrays, one_thread, restore_module
 from deraings.image_planes import Plane, resized, shrunk
 from deraings.masks.config import MaskConfig
-from deraings.masks.maps import evidence, filled
+from deraings.masks.maps import evidence, filled, mean_around
 from deraings.masks.network import MaskNetwork, masked_loss
 
-MIN_WEIGHT = 0.01  # of a view; those further away count for nothing
 LEVEL_MEMORY = 100  # network steps over which the typical loss is averaged
 
 
@@ -212,7 +210,7 @@ class OcclusionMasks:
         What stays on the lens is lost in all of them, what is fine in the scene moves from view to view.
         """
         others = {other: loss for other, loss in self._losses.items() if other != view}
-        mean = self._mean_around(view, others, size)
+        mean = mean_around(view, others, size, self.config.lens_views)
         return np.ones(size, np.float32) if mean is None else mean / np.float32(self.typical)
 
     @cached_property
@@ -224,19 +222,8 @@ class OcclusionMasks:
             view: resized(cover(view), shrunk(self.images.pixels(view).shape[:2], factor))
             for view in range(len(self.images))
         }
-        means = (self._mean_around(view, own, plane.shape) for view, plane in own.items())
+        means = (mean_around(view, own, plane.shape, self.config.lens_views) for view, plane in own.items())
         return [own[view] if mean is None else mean for view, mean in enumerate(means)]
-
-    def _mean_around(self, view: int, planes: Mapping[int, Plane], size: tuple[int, ...]) -> Plane | None:
-        """The mean of planes of views, those taken at about the same time counting most; None where none counts."""
-        mean, total = np.zeros(size, np.float32), 0.0
-        for other, plane in sorted(planes.items()):  # sums in one order, whatever that of the lessons
-            near = (other - view) / self.config.lens_views if self.config.lens_views else math.inf
-            weight = math.exp(-0.5 * near**2)
-            if weight > MIN_WEIGHT:
-                mean += np.float32(weight) * resized(plane, size)
-                total += weight
-        return mean / np.float32(total) if total else None
 
 
 def _by_view(arrays: dict[str, NDArray], prefix: str) -> dict[int, NDArray]:

@@ -125,6 +125,20 @@ class CudaBackend:
             total += sh.grad[:, 0, 0]
         return total.cpu().numpy() / C0
 
+    def utilisation(self, cameras: Sequence[Camera]) -> NDArray[np.float64]:
+        """See Backend."""
+        state = self._current()
+        total = torch.zeros(len(state.seen), dtype=torch.float64, device=state.seen.device)
+        for camera in cameras:
+            leaves = {name: value.detach().requires_grad_() for name, value in state.parameters.items()}
+            degree = degree_of(leaves["sh"].shape[1])
+            image, details = self._rasterize(leaves, state.origin, camera, degree, absolute=True)
+            details["means2d"].retain_grad()
+            image.mean().backward()
+            half_size = total.new_tensor([camera.width / 2, camera.height / 2])
+            total += (details["means2d"].absgrad[0] * half_size).square().sum(dim=-1)
+        return total.cpu().numpy()
+
     def step(
         self, camera: Camera, view: int, iteration: int, degree: int, rates: dict[str, Any], step_options: StepOptions
     ) -> float:

@@ -4,8 +4,9 @@ A pixel's colour is the sum over Gaussians of alpha T times their colour. So the
 a Gaussian's colour is its alpha T summed over pixels: how much of the image it is, in pixels.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,16 @@ from baselines.splatting.kernels.rasterizer import backward, render
 from baselines.splatting.kernels.spherical_harmonics import C0
 from baselines.splatting.state import TrainingState
 from hydroviews.scene.cameras import Camera
+
+
+class MeasuresUse(Protocol):
+    """A backend, as it is asked how much use Gaussians are."""
+
+    def contributions(self, cameras: Sequence[Camera]) -> NDArray[np.float64]:
+        """See `contributions`."""
+
+    def utilisation(self, cameras: Sequence[Camera]) -> NDArray[np.float64]:
+        """See `utilisation.utilisation`."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +45,10 @@ class Pruning:
     def left(self, iteration: int, iterations: int) -> int:
         """How many moments are left after step `iteration`, that one included."""
         return sum(moment > iteration for moment in self._moments(iterations))
+
+    def use(self, backend: MeasuresUse, cameras: Sequence[Camera]) -> NDArray[np.float64]:
+        """How much use the Gaussians are [N], >= 0: their blending weights."""
+        return backend.contributions(cameras)
 
     def _moments(self, iterations: int) -> set[int]:
         return {round(share * iterations) for share in self.at}

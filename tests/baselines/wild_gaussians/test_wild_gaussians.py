@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from disturbed import disturbed
 from splats import photographed
 from trainings import psnr
 
@@ -20,7 +21,6 @@ from baselines.wild_gaussians.appearance import AppearanceConfig
 from baselines.wild_gaussians.method import PROFILES, WildConfig, WildGaussians
 from baselines.wild_gaussians.uncertainty import UncertaintyConfig
 from hydroviews.errors import InputError
-from hydroviews.scene.images import write_png
 
 GROWTH = DefaultStrategy(
     start=10, stop=150, every=20, budget=300, grow_grad2d=5e-5, reset_every=None, prune_scale3d=1.0
@@ -39,15 +39,6 @@ def fitted(config, scene, folder, kind=WildGaussians, seed=0):
     method = kind(config, seed)
     method.fit(scene, folder)
     return method
-
-
-def disturbed(scene, folder, change):
-    """The scene with other photographs."""
-    views = []
-    for index, view in enumerate(scene.views):
-        write_png(folder / view.path.name, np.clip(change(view.image().copy(), index), 0, 1))
-        views.append(replace(view, path=folder / view.path.name))
-    return replace(scene, views=tuple(views))
 
 
 def assert_same(one, other):

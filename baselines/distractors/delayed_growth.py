@@ -1,0 +1,56 @@
+"""Any method of Gaussians, growing late (RobustSplat, Fu et al. 2025, section 3.1): `spotless+delayed-growth`.
+
+Gaussians that are added early fit distractors before masks know them. With the few that a training starts with, the
+scene is learned first; growth begins after a third of the iterations and ends after two thirds, as the authors', or
+when it would have ended anyway if that is later. Theirs holds opacity resets back as well; here they stay as they are.
+"""
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+from baselines.method import Method
+from baselines.splatting.config import TrainerConfig
+from baselines.splatting.strategies.densification import DefaultStrategy
+from hydroviews.errors import InputError
+
+FIRST, LAST = 1 / 3, 2 / 3  # shares of the iterations, between which Gaussians are added
+
+
+@cache
+def with_delayed_growth(method: type[Method]) -> type[Method]:
+    """The same method with settings that let Gaussians grow late."""
+
+    class Delayed(method):  # type: ignore[misc, valid-type]
+        @classmethod
+        def configuration(cls, profile: str) -> Any:
+            """See Method.
+
+            Raises:
+                InputError: no such profile, or nothing that grows.
+            """
+            return delayed(super().configuration(profile), method.__name__)
+
+    Delayed.__name__ = Delayed.__qualname__ = f"{method.__name__}DelayedGrowth"
+    Delayed.__doc__ = f"{method.__name__} with growth delayed."
+    return Delayed
+
+
+def delayed(config: Any, name: str) -> Any:
+    """Settings with late growth: a TrainerConfig's, or those that hold one as `splatting`.
+
+    Args:
+        config: the settings.
+        name: of the method, for errors.
+
+    Raises:
+        InputError: there is no adaptive density control to delay.
+    """
+    inside = getattr(config, "splatting", None)
+    if inside is not None:
+        return replace(config, splatting=delayed(inside, name))
+    if not isinstance(config, TrainerConfig) or not isinstance(config.strategy, DefaultStrategy):
+        raise InputError(f"{name}: no growth to delay", expected="a method with adaptive density control")
+    strategy = config.strategy
+    first, last = (round(share * config.iterations) for share in (FIRST, LAST))
+    return replace(config, strategy=replace(strategy, start=first, stop=max(last, strategy.stop)))

@@ -1,0 +1,45 @@
+"""RobustNeRF's filter on splatting: the RobustFilter that SpotLessSplats is compared with (Sabour et al. 2023, 2025).
+
+In every step the largest residuals are left out of the loss, but for those whose neighbours are small. No features, no
+network: what differs from the render is left out, whether it is a distractor or detail that is not learned yet.
+
+Departures: the second vote of RobustNeRF, over patches of 16x16 pixels, is left out, as SpotLessSplats does; the
+densification is ours; SSIM counts as in plain splatting, weighed pixel by pixel, where the authors' loss is L1 alone.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+from baselines.distractors.method import SPLATTING, DistractorMethod
+from baselines.distractors.trimming import TrimConfig, TrimmedObjective
+from baselines.splatting.config import TrainerConfig
+from baselines.training.images import read_images
+from hydroviews.scene.scenes import Scene
+
+
+@dataclass(frozen=True)
+class RobustFilterConfig:
+    """Splatting, and which pixels it learns from."""
+
+    splatting: TrainerConfig
+    trim: TrimConfig = field(default_factory=TrimConfig)
+
+
+# In a short training the authors' 0.7 leaves out detail that is not learned yet: 1.5 dB on clean views of courtyard.
+SHORT_TRIM = TrimConfig(inlier_share=0.9)
+
+
+class RobustFilter(DistractorMethod):
+    """Splatting on the pixels with the smaller residuals (RobustNeRF's filter)."""
+
+    profiles: ClassVar[Mapping[str, Any]] = {
+        "demo": RobustFilterConfig(SPLATTING["demo"], SHORT_TRIM),
+        "quick": RobustFilterConfig(SPLATTING["quick"], SHORT_TRIM),
+        "paper": RobustFilterConfig(SPLATTING["paper"]),
+    }
+
+    def objective(self, scene: Scene, folder: Path) -> TrimmedObjective:
+        """See GaussianSplatting."""
+        return TrimmedObjective(read_images(scene.train_views), self.config, self.seed)

@@ -1,0 +1,110 @@
+"""SpotLessSplats (Sabour et al. 2025): splatting on the pixels that a network takes for the scene's.
+
+The network (`mask_network.py`) sees frozen features of the photographs, so that whole things are kept or left out, and
+learns from the residuals (`residuals.py`). What counts is drawn with its probabilities (`trimming.py`).
+
+Departures, beside those of these files: the densification is ours, and SSIM counts as in plain splatting, weighed pixel
+by pixel, where the authors' loss is L1 alone. Their reset of the spherical harmonics, in one step, is left out: it cuts
+off positive coefficients alone. Gaussians are pruned by their use on request (`strategies/utilisation.py`).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+from numpy.typing import NDArray
+
+from baselines.distractors.mask_network import MaskNetwork, MaskNetworkConfig, frozen
+from baselines.distractors.method import SPLATTING, DistractorMethod
+from baselines.distractors.trimming import TrimConfig, TrimmedObjective
+from baselines.splatting.backends.base import GSPLAT
+from baselines.splatting.config import TrainerConfig
+from baselines.splatting.kernels.photometric import Plane
+from baselines.splatting.strategies.utilisation import UtilisationPruning
+from baselines.training.devices import chosen_device
+from baselines.training.images import TrainingImages, read_images
+from baselines.training.torch_state import one_thread
+from hydroviews.scene.masks import Ignored
+from hydroviews.scene.scenes import Scene
+
+
+@dataclass(frozen=True)
+class SpotlessConfig:
+    """Splatting, which pixels it learns from, and the network that tells them."""
+
+    splatting: TrainerConfig
+    trim: TrimConfig = field(default_factory=TrimConfig)
+    network: MaskNetworkConfig = field(default_factory=MaskNetworkConfig)
+
+
+class SpotlessObjective(TrimmedObjective):
+    """The photometric loss over the pixels that the network takes for the scene's."""
+
+    def __init__(self, images: TrainingImages, config: SpotlessConfig, network: MaskNetwork, seed: int) -> None:
+        super().__init__(images, config, seed)
+        self.network = network
+
+    def probability(self, residuals: Plane, view: int, ignored: Ignored | None) -> Plane:
+        """See TrimmedObjective; the network takes a step."""
+        lower, upper = (
+            self.below(residuals, share, ignored) for share in (self.network.config.lower, self.network.config.upper)
+        )
+        with one_thread():
+            return self.network.learn(view, lower, upper, ignored, self.context(residuals, view))
+
+    def context(self, residuals: Plane, view: int) -> Sequence[Plane]:
+        """What the network sees of a view beside its features; here nothing."""
+        return ()
+
+    def settings(self) -> dict[str, Any]:
+        """See Objective."""
+        return {**super().settings(), "network": self.network.settings()}
+
+    def state_dict(self) -> dict[str, NDArray]:
+        """See Objective."""
+        learned = self.network.state_dict()
+        return super().state_dict() | {f"masks.{name}": value for name, value in learned.items()}
+
+    def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
+        """See Objective."""
+        super().load_state_dict(arrays)
+        start = "masks."
+        self.network.load_state_dict({k.removeprefix(start): v for k, v in arrays.items() if k.startswith(start)})
+
+
+SHORT_NETWORK = MaskNetworkConfig("vgg", rate=5e-3, prior=0.9)
+
+
+class Spotless(DistractorMethod):
+    """SpotLessSplats (Sabour et al. 2025): a network on frozen features tells what of the photographs counts."""
+
+    extra: ClassVar[int] = 0  # planes that the network sees beside the features
+    profiles: ClassVar[Mapping[str, Any]] = {
+        "demo": SpotlessConfig(SPLATTING["demo"], network=SHORT_NETWORK),
+        "quick": SpotlessConfig(SPLATTING["quick"], network=SHORT_NETWORK),
+        "paper": SpotlessConfig(SPLATTING["paper"]),
+    }
+
+    def objective(self, scene: Scene, folder: Path) -> SpotlessObjective:
+        """See GaussianSplatting."""
+        config: SpotlessConfig = self.config
+        images = read_images(scene.train_views)
+        features = frozen(config.network.features, chosen_device(config.splatting.device, GSPLAT))
+        with one_thread():
+            network = MaskNetwork(images, features, config.network, self.seed, self.extra)
+        self.found["features"] = config.network.features
+        return self.compared_by(images, network)
+
+    def compared_by(self, images: TrainingImages, network: MaskNetwork) -> SpotlessObjective:
+        """The objective on given photographs."""
+        return SpotlessObjective(images, self.config, network, self.seed)
+
+
+class SpotlessPruned(Spotless):
+    """SpotLessSplats without the Gaussians on whose positions the training views hardly depend."""
+
+    profiles: ClassVar[Mapping[str, Any]] = {
+        name: replace(config, splatting=replace(config.splatting, pruning=UtilisationPruning((0.8,), threshold=1e-14)))
+        for name, config in Spotless.profiles.items()
+    }

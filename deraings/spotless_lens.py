@@ -1,0 +1,57 @@
+"""SpotLessSplats with an eye on the lens: ours, to tell what the features lack where drops are in the way.
+
+Beside the features, the network sees the mean residual of the views taken before and after, at the same place of the
+lens: drops stay there while the scene moves on. It is what `deraings` lets its masks see.
+"""
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.distractors.mask_network import MaskNetwork
+from baselines.distractors.residuals import BINS
+from baselines.distractors.spotless import Spotless, SpotlessConfig, SpotlessObjective
+from baselines.training.images import TrainingImages
+from deraings.image_planes import Plane, resized
+from deraings.masks.maps import mean_around
+
+LENS_VIEWS = 8.0  # standard deviation, in views before and after, as of the occlusion masks
+START = "lens."
+
+
+class LensObjective(SpotlessObjective):
+    """SpotLessSplats' objective; remembers the last residuals of all views."""
+
+    def __init__(self, images: TrainingImages, config: SpotlessConfig, network: MaskNetwork, seed: int) -> None:
+        super().__init__(images, config, network, seed)
+        self._residuals: dict[int, Plane] = {}  # last ones of views, at the size of their features
+
+    def context(self, residuals: Plane, view: int) -> Sequence[Plane]:
+        """log2 of the others' mean residual over the inliers' limit; 0 while there are none."""
+        size = self.network.size(view)
+        others = {other: known for other, known in self._residuals.items() if other != view}
+        mean = mean_around(view, others, size, LENS_VIEWS)
+        limit = (self.histogram.percentile(self.trim.inlier_share) + 1) / BINS
+        self._residuals[view] = resized(residuals, size)
+        return [np.zeros(size, np.float32) if mean is None else np.log2((mean + limit) / (2 * limit), dtype=np.float32)]
+
+    def state_dict(self) -> dict[str, NDArray]:
+        """See Objective."""
+        return super().state_dict() | {f"{START}{view}": plane for view, plane in self._residuals.items()}
+
+    def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
+        """See Objective."""
+        super().load_state_dict(arrays)
+        self._residuals = {int(k.removeprefix(START)): v for k, v in arrays.items() if k.startswith(START)}
+
+
+class SpotlessLens(Spotless):
+    """SpotLessSplats whose network also sees what other views miss at the same place of the lens."""
+
+    extra: ClassVar[int] = 1
+
+    def compared_by(self, images: TrainingImages, network: MaskNetwork) -> LensObjective:
+        """See Spotless."""
+        return LensObjective(images, self.config, network, self.seed)

@@ -1,0 +1,33 @@
+import pytest
+
+from baselines.distractors.delayed_growth import with_delayed_growth
+from baselines.method import Method, find_method
+from baselines.splatting.config import TrainerConfig
+from hydroviews.errors import InputError
+
+
+@pytest.mark.parametrize("name", ["3dgs", "robust-filter", "spotless", "desplat", "wild-gaussians", "gs-w", "deraings"])
+def test_every_method_of_gaussians_can_grow_late_and_does_not_unless_asked(name):
+    method, late = find_method(name), find_method(f"{name}+delayed-growth")
+    before, after = (kind.configuration("demo") for kind in (method, late))
+    assert method.configuration("demo") == before
+    assert type(after) is type(before)
+    one, other = (config if isinstance(config, TrainerConfig) else config.splatting for config in (before, after))
+    assert other.strategy.start == round(one.iterations / 3) > one.strategy.start
+    assert other.strategy.stop == max(one.strategy.stop, round(2 * one.iterations / 3))
+    assert other.strategy.budget == one.strategy.budget
+    assert issubclass(late, method)
+    assert find_method(f"{name}+delayed-growth") is late
+
+
+def test_growth_of_the_paper_is_that_of_the_authors():
+    strategy = find_method("spotless+delayed-growth").configuration("paper").splatting.strategy
+    assert (strategy.start, strategy.stop) == (10_000, 20_000)
+
+
+def test_what_does_not_grow_is_refused():
+    with pytest.raises(InputError, match="no growth to delay"):
+        find_method("nerf-w+delayed-growth").configuration("demo")
+    with pytest.raises(InputError, match="no growth to delay"):
+        find_method("3dgs-budget+delayed-growth").configuration("paper")
+    assert issubclass(with_delayed_growth(find_method("3dgs")), Method)

@@ -1,0 +1,95 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from disturbed import disturbed, fitted
+from splats import photographed
+from trainings import psnr
+
+import baselines.distractors.desplat as desplat
+from baselines.distractors.desplat import SHORT_LAYERS, DeSplat, DeSplatConfig, DeSplatObjective
+from baselines.distractors.view_layers import LayerConfig
+from baselines.gaussian_splatting import GaussianSplatting
+from baselines.method import find_method
+from baselines.splatting.config import TrainerConfig
+from baselines.splatting.gaussians import FIELDS
+from baselines.splatting.strategies.densification import DefaultStrategy
+from hydroviews.errors import InputError
+
+GROWTH = DefaultStrategy(
+    start=20, stop=200, every=20, budget=300, grow_grad2d=5e-5, reset_every=None, prune_scale3d=1.0
+)
+SPLATTING = TrainerConfig(iterations=800, sh_degree=0, strategy=GROWTH, device="cpu", resolutions=((0.2, 2),))
+CONFIG = DeSplatConfig(SPLATTING, replace(SHORT_LAYERS, number=60, cover_penalty=0.02))
+BRIEF = DeSplatConfig(
+    replace(SPLATTING, iterations=16, checkpoint_seconds=0.0),
+    LayerConfig(number=20, growth=replace(LayerConfig().growth, start=1, every=1, stop=9, budget=30, grow_grad2d=0)),
+)
+
+
+def floating(scene, folder, seed=0):
+    """A soft bright blob before every camera, each time elsewhere."""
+    height, width = scene.views[0].camera.height, scene.views[0].camera.width
+    y, x = np.mgrid[:height, :width]
+    places = np.random.default_rng(seed).uniform(0.25, 0.75, (len(scene.views), 2)) * (height, width)
+
+    def behind(image, index):
+        cover = 0.9 * np.exp(-(((y - places[index, 0]) ** 2 + (x - places[index, 1]) ** 2) / (2 * 7.0**2)))[..., None]
+        return (1 - cover) * image + cover * np.array([1.0, 0.9, 0.1])
+
+    return disturbed(scene, folder, behind)
+
+
+def test_what_floats_before_each_camera_stays_out_of_the_scene(tmp_path):
+    scene = photographed(tmp_path, n_views=16)
+    shown = floating(scene, tmp_path / "floating")
+    plain = psnr(fitted(GaussianSplatting, SPLATTING, shown, tmp_path / "plain"), scene.test_views)
+    ours = fitted(DeSplat, CONFIG, shown, tmp_path / "desplat")
+    assert psnr(ours, scene.test_views) > plain + 1
+    assert "layers cover" in ours.summary().used
+    assert ours.summary().n_primitives == len(ours._trained.gaussians)  # of the scene alone
+
+
+def test_an_interrupted_run_ends_with_the_same_bits(tmp_path, monkeypatch):
+    scene = photographed(tmp_path, n_views=4)
+    whole = fitted(DeSplat, BRIEF, scene, tmp_path / "whole")
+
+    class Interrupted(DeSplatObjective):
+        def __call__(self, image, view, iteration, buffers):
+            if iteration == 9:
+                raise RuntimeError("power cut")
+            return super().__call__(image, view, iteration, buffers)
+
+    Interrupted.__name__ = "DeSplatObjective"
+    with monkeypatch.context() as patch, pytest.raises(RuntimeError, match="power cut"):
+        patch.setattr(desplat, "DeSplatObjective", Interrupted)
+        fitted(DeSplat, BRIEF, scene, tmp_path / "cut")
+    resumed = fitted(DeSplat, BRIEF, scene, tmp_path / "cut")
+    for name in FIELDS:
+        assert np.array_equal(getattr(whole._trained.gaussians, name), getattr(resumed._trained.gaussians, name)), name
+    assert resumed.summary().used == whole.summary().used
+    with pytest.raises(InputError, match="checkpoint is of another run"):
+        fitted(DeSplat, replace(BRIEF, layers=replace(BRIEF.layers, opacity=0.2)), scene, tmp_path / "cut")
+
+
+@pytest.mark.parametrize("n_views", [1, 6])
+def test_views_that_have_nothing_in_common_leave_a_finite_scene(tmp_path, n_views):
+    """Every view an outlier; and one view alone."""
+
+    def noise(image, index):
+        return np.random.default_rng(index).random(image.shape)
+
+    scene = disturbed(photographed(tmp_path, n_views=8), tmp_path / "noise", noise)
+    scene = replace(scene, split=replace(scene.split, train=scene.split.train[:n_views]))
+    method = fitted(DeSplat, BRIEF, scene, tmp_path / "run")
+    assert all(np.isfinite(value).all() for value in method._trained.gaussians.state_dict().values())
+    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
+
+
+def test_the_method_is_found_and_its_model_is_the_scene_alone(tmp_path):
+    assert find_method("desplat") is DeSplat
+    assert DeSplat.configuration("paper").layers == LayerConfig()  # the authors' numbers
+    scene = photographed(tmp_path, n_views=4)
+    method, view = fitted(DeSplat, BRIEF, scene, tmp_path / "run"), scene.test_views[0].camera
+    method.save(tmp_path / "run")
+    assert np.array_equal(method.render(view), DeSplat.load(BRIEF, 0, tmp_path / "run").render(view))

@@ -1,0 +1,178 @@
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from disturbed import disturbed, fitted, occluded
+from splats import photographed
+from trainings import psnr
+
+import baselines.distractors.robust_filter as robust_filter
+from baselines.distractors.robust_filter import RobustFilter, RobustFilterConfig
+from baselines.distractors.trimming import RECENT, TrimConfig, TrimmedObjective, faded
+from baselines.gaussian_splatting import GaussianSplatting
+from baselines.method import find_method
+from baselines.splatting.config import TrainerConfig
+from baselines.splatting.gaussians import FIELDS
+from baselines.splatting.kernels.buffer_pool import BufferPool
+from baselines.splatting.objective import Objective
+from baselines.splatting.strategies.densification import DefaultStrategy
+from baselines.training.images import TrainingImages, read_images
+
+STEADY = DefaultStrategy(start=1000, stop=1001, reset_every=None)
+GROWTH = DefaultStrategy(
+    start=20, stop=200, every=20, budget=300, grow_grad2d=5e-5, reset_every=None, prune_scale3d=1.0
+)
+SPLATTING = TrainerConfig(iterations=400, sh_degree=0, strategy=STEADY, device="cpu")
+BRIEF = RobustFilterConfig(replace(SPLATTING, iterations=16, checkpoint_seconds=0.0))
+
+
+def assert_same(one, other):
+    for name in FIELDS:
+        assert getattr(one, name).tobytes() == getattr(other, name).tobytes(), name
+
+
+def random(seed, *shape):
+    return np.random.default_rng(seed).random(shape).astype(np.float32)
+
+
+def test_masks_fade_in_by_their_closed_form():
+    """After t of T steps a pixel that is no outlier counts, and one that is with probability exp(-60 t / T)."""
+    assert faded(0, 1 / 60) == 1
+    assert faded(2000 / 30_000, 1 / 60) == pytest.approx(np.exp(-3e-3 * 2000 / 1.5))  # the authors' at step 2,000
+    objective = TrimmedObjective(TrainingImages([np.zeros((60, 80, 3), np.uint8)]), RobustFilterConfig(SPLATTING), 0)
+    outliers = np.zeros((60, 80), np.float32)
+    share = np.mean([objective._drawn(outliers, iteration).mean() for iteration in range(40)])
+    expected = np.mean(np.exp(-60 * np.arange(40) / 400))
+    assert share == pytest.approx(expected, abs=0.005)
+    assert not objective._drawn(outliers, 399).any()
+    for iteration in (0, 5, 399):
+        assert objective._drawn(outliers + 1, iteration).all()
+
+
+def test_the_loss_is_that_of_the_inliers_and_the_same_as_ever_where_all_are():
+    images = TrainingImages([np.full((24, 32, 3), 102, np.uint8)])
+    config = RobustFilterConfig(replace(SPLATTING, lambda_dssim=0.0), TrimConfig(fade_in=1e-6))
+    image = np.full((24, 32, 3), 0.4105, np.float32)
+    image[8:16, 8:16] = 0.9
+    loss, gradient = TrimmedObjective(images, config, 0)(image, 0, 100, BufferPool())
+    assert not gradient[9:15, 9:15].any()
+    assert gradient[:7].all()
+    corners = 4  # of the square, whose neighbours outvote them
+    assert loss == pytest.approx((0.0105 * (24 * 32 - 64) + 0.5 * corners) / (24 * 32), rel=1e-4)
+    everything = replace(config, trim=replace(config.trim, inlier_share=1.0))
+    ours = TrimmedObjective(images, everything, 0)(image, 0, 100, BufferPool())
+    usual = Objective(images, 0.0)(image, 0, 100, BufferPool())
+    assert ours[0] == usual[0]
+    assert np.array_equal(ours[1], usual[1])
+
+
+def test_percentiles_stay_once_growth_has_stopped():
+    images = TrainingImages([np.zeros((24, 32, 3), np.uint8)])
+    config = RobustFilterConfig(replace(SPLATTING, strategy=replace(STEADY, stop=10)))
+    objective = TrimmedObjective(images, config, 0)
+    objective(np.full((24, 32, 3), 0.5, np.float32), 0, 9, BufferPool())
+    objective(np.full((24, 32, 3), 0.1, np.float32), 0, 10, BufferPool())
+    assert objective.histogram.counts.sum() == 24 * 32
+
+
+def test_something_in_the_way_in_a_third_of_the_views_is_left_out(tmp_path):
+    scene = photographed(tmp_path, n_views=24, width=96, height=72)
+    shown = occluded(scene, tmp_path / "occluded", size=36)
+    splatting = replace(SPLATTING, strategy=GROWTH)
+    config = RobustFilterConfig(splatting, TrimConfig(inlier_share=0.9))
+    plain = psnr(fitted(GaussianSplatting, splatting, shown, tmp_path / "plain"), scene.test_views)
+    robust = psnr(fitted(RobustFilter, config, shown, tmp_path / "robust"), scene.test_views)
+    assert robust > plain + 1
+
+
+@pytest.mark.parametrize("n_views", [1, 6])
+def test_views_that_have_nothing_in_common_leave_a_finite_scene(tmp_path, n_views):
+    """Every view an outlier; and one view alone."""
+    scene = disturbed(
+        photographed(tmp_path, n_views=8), tmp_path / "noise", lambda image, index: random(index, *image.shape)
+    )
+    scene = replace(scene, split=replace(scene.split, train=scene.split.train[:n_views]))
+    method = fitted(RobustFilter, BRIEF, scene, tmp_path / "run")
+    assert all(np.isfinite(value).all() for value in method._trained.gaussians.state_dict().values())
+    assert "pixels" in method.summary().used
+
+
+@pytest.mark.parametrize("level", [0.0, 0.5])
+def test_photographs_of_one_grey_are_learnt_without_harm(tmp_path, level):
+    scene = photographed(tmp_path, n_views=8)
+    grey = disturbed(scene, tmp_path / "grey", lambda image, _: np.full_like(image, level))
+    method = fitted(RobustFilter, BRIEF, grey, tmp_path / "run")
+    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
+
+
+def test_a_mask_that_eats_everything_is_given_up_with_a_warning(caplog):
+    class Greedy(TrimmedObjective):
+        def probability(self, residuals, view, ignored):
+            return np.zeros_like(residuals)
+
+    images = TrainingImages([np.full((24, 32, 3), 200, np.uint8)])
+    config = RobustFilterConfig(SPLATTING, TrimConfig(fade_in=1e-6))
+    objective, image = Greedy(images, config, 0), random(0, 24, 32, 3)
+    with caplog.at_level(logging.WARNING):
+        for iteration in range(RECENT):
+            assert not objective.given_up
+            objective(image, 0, iteration, BufferPool())
+    assert "masks leave 2.0 % of the pixels" in caplog.text  # those of the first step, before masks fade in
+    assert objective.given_up
+    usual = Objective(images)(image, 0, RECENT, BufferPool())
+    assert objective(image, 0, RECENT, BufferPool())[0] == usual[0]
+    assert objective.report() == {"pixels": "all, masks given up"}
+    again = Greedy(images, config, 0)
+    again.load_state_dict(objective.state_dict())
+    assert again.given_up
+    assert caplog.text.count("masks leave") == 1
+
+
+def test_a_step_with_all_pixels_masked_or_hidden_is_finite():
+    class Greedy(TrimmedObjective):
+        def probability(self, residuals, view, ignored):
+            return np.zeros_like(residuals)
+
+    pixels = np.full((24, 32, 3), 200, np.uint8)
+    config = RobustFilterConfig(SPLATTING, TrimConfig(fade_in=1e-6))
+    loss, gradient = Greedy(TrainingImages([pixels]), config, 0)(random(0, 24, 32, 3), 0, 9, BufferPool())
+    assert loss == 0
+    assert not gradient.any()
+    hidden = TrainingImages([pixels], [np.ones((24, 32), bool)])
+    loss, gradient = TrimmedObjective(hidden, config, 0)(random(0, 24, 32, 3), 0, 9, BufferPool())
+    assert loss == 0
+    assert not gradient.any()
+
+
+def test_an_interrupted_run_ends_with_the_same_bits(tmp_path, monkeypatch):
+    scene = photographed(tmp_path, n_views=8)
+    whole = fitted(RobustFilter, BRIEF, scene, tmp_path / "whole")
+
+    class Interrupted(TrimmedObjective):
+        def __call__(self, image, view, iteration, buffers):
+            if iteration == 9:
+                raise RuntimeError("power cut")
+            return super().__call__(image, view, iteration, buffers)
+
+    Interrupted.__name__ = "TrimmedObjective"
+    with monkeypatch.context() as patch, pytest.raises(RuntimeError, match="power cut"):
+        patch.setattr(robust_filter, "TrimmedObjective", Interrupted)
+        fitted(RobustFilter, BRIEF, scene, tmp_path / "cut")
+    resumed = fitted(RobustFilter, BRIEF, scene, tmp_path / "cut")
+    assert_same(whole._trained.gaussians, resumed._trained.gaussians)
+    assert resumed.summary().used == whole.summary().used
+    other = fitted(RobustFilter, BRIEF, scene, tmp_path / "other", seed=1)
+    assert not np.array_equal(whole._trained.gaussians.sh, other._trained.gaussians.sh)
+
+
+def test_the_method_is_found_and_settings_that_make_no_sense_are_refused(tmp_path):
+    assert find_method("robust-filter") is RobustFilter
+    assert RobustFilter.configuration("paper").trim.inlier_share == 0.7
+    assert RobustFilter.configuration("paper").splatting.strategy.reset_every is None
+    for wrong in ({"inlier_share": 0}, {"inlier_share": 1.1}, {"memory": 1}, {"fade_in": 0}):
+        with pytest.raises(ValueError, match="expected"):
+            TrimConfig(**wrong)
+    images = read_images(photographed(tmp_path, n_views=3).train_views)
+    settings = [TrimmedObjective(images, replace(BRIEF, trim=TrimConfig(memory=m)), 0).settings() for m in (0.9, 0.95)]
+    assert settings[0] != settings[1]

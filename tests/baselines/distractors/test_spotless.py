@@ -1,0 +1,92 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from disturbed import disturbed, fitted, occluded
+from splats import photographed
+from trainings import psnr
+
+import baselines.distractors.spotless as spotless
+from baselines.distractors.mask_network import MaskNetworkConfig
+from baselines.distractors.spotless import Spotless, SpotlessConfig, SpotlessObjective, SpotlessPruned
+from baselines.gaussian_splatting import GaussianSplatting
+from baselines.method import find_method
+from baselines.splatting.config import TrainerConfig
+from baselines.splatting.gaussians import FIELDS
+from baselines.splatting.strategies.densification import DefaultStrategy
+from baselines.splatting.strategies.utilisation import UtilisationPruning
+from hydroviews.errors import InputError
+
+STEADY = DefaultStrategy(start=1000, stop=1001, reset_every=None)
+GROWTH = DefaultStrategy(
+    start=20, stop=200, every=20, budget=300, grow_grad2d=5e-5, reset_every=None, prune_scale3d=1.0
+)
+SPLATTING = TrainerConfig(iterations=400, sh_degree=0, strategy=STEADY, device="cpu")
+NETWORK = MaskNetworkConfig("vgg", rate=1e-2, prior=0.9)
+CONFIG = SpotlessConfig(SPLATTING, network=NETWORK)
+BRIEF = replace(CONFIG, splatting=replace(SPLATTING, iterations=16, checkpoint_seconds=0.0))
+
+
+def test_something_in_the_way_in_a_third_of_the_views_is_left_out(tmp_path):
+    scene = photographed(tmp_path, n_views=24, width=96, height=72)
+    shown = occluded(scene, tmp_path / "occluded")
+    splatting = replace(SPLATTING, strategy=GROWTH)
+    plain = psnr(fitted(GaussianSplatting, splatting, shown, tmp_path / "plain"), scene.test_views)
+    ours = fitted(Spotless, replace(CONFIG, splatting=splatting), shown, tmp_path / "spotless")
+    assert psnr(ours, scene.test_views) > plain + 1.2
+    assert "features vgg, pixels" in ours.summary().used
+
+
+def test_an_interrupted_run_ends_with_the_same_bits(tmp_path, monkeypatch):
+    scene = photographed(tmp_path, n_views=8)
+    whole = fitted(Spotless, BRIEF, scene, tmp_path / "whole")
+
+    class Interrupted(SpotlessObjective):
+        def __call__(self, image, view, iteration, buffers):
+            if iteration == 9:
+                raise RuntimeError("power cut")
+            return super().__call__(image, view, iteration, buffers)
+
+    Interrupted.__name__ = "SpotlessObjective"
+    with monkeypatch.context() as patch, pytest.raises(RuntimeError, match="power cut"):
+        patch.setattr(spotless, "SpotlessObjective", Interrupted)
+        fitted(Spotless, BRIEF, scene, tmp_path / "cut")
+    resumed = fitted(Spotless, BRIEF, scene, tmp_path / "cut")
+    for name in FIELDS:
+        assert np.array_equal(getattr(whole._trained.gaussians, name), getattr(resumed._trained.gaussians, name)), name
+    with pytest.raises(InputError, match="checkpoint is of another run"):
+        fitted(Spotless, replace(BRIEF, network=replace(NETWORK, width=8)), scene, tmp_path / "cut")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [lambda image, index: np.random.default_rng(index).random(image.shape), lambda image, _: np.full_like(image, 0.5)],
+)
+@pytest.mark.parametrize("n_views", [1, 6])
+def test_noise_and_photographs_of_one_grey_leave_a_finite_scene(tmp_path, change, n_views):
+    """Every view an outlier; nothing to see; and one view alone."""
+    scene = disturbed(photographed(tmp_path, n_views=8), tmp_path / "changed", change)
+    scene = replace(scene, split=replace(scene.split, train=scene.split.train[:n_views]))
+    method = fitted(Spotless, BRIEF, scene, tmp_path / "run")
+    assert all(np.isfinite(value).all() for value in method._trained.gaussians.state_dict().values())
+
+
+def test_gaussians_are_pruned_by_their_use_on_request(tmp_path):
+    scene = photographed(tmp_path, n_views=8)
+    pruning = UtilisationPruning(at=(0.5,), share=0.25)
+    whole, pruned = (
+        fitted(Spotless, replace(BRIEF, splatting=replace(BRIEF.splatting, pruning=p)), scene, tmp_path / name)
+        for p, name in ((None, "whole"), (pruning, "pruned"))
+    )
+    n = whole.summary().n_primitives
+    assert pruned.summary().n_primitives == n - n // 4
+    assert isinstance(SpotlessPruned.configuration("demo").splatting.pruning, UtilisationPruning)
+
+
+def test_the_method_is_found_and_sees_what_its_profile_says():
+    assert find_method("spotless") is Spotless
+    networks = {name: Spotless.configuration(name).network for name in ("demo", "quick", "paper")}
+    assert [network.features for network in networks.values()] == ["vgg", "vgg", "dinov2"]
+    assert networks["paper"] == MaskNetworkConfig()  # the authors' numbers
+    limited = Spotless.with_max_iterations(Spotless.configuration("demo"), 20)
+    assert limited.splatting.iterations == 20

@@ -1,0 +1,70 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from disturbed import fitted
+from splats import photographed
+
+import deraings.spotless_lens as spotless_lens
+from baselines.distractors.mask_network import MaskNetwork, MaskNetworkConfig, frozen
+from baselines.distractors.residuals import BINS
+from baselines.distractors.spotless import SpotlessConfig
+from baselines.method import find_method
+from baselines.splatting.config import TrainerConfig
+from baselines.splatting.gaussians import FIELDS
+from baselines.splatting.strategies.densification import DefaultStrategy
+from baselines.training.images import TrainingImages
+from deraings.spotless_lens import LensObjective, SpotlessLens
+
+SPLATTING = TrainerConfig(
+    iterations=16, sh_degree=0, strategy=DefaultStrategy(start=99), device="cpu", checkpoint_seconds=0.0
+)
+CONFIG = SpotlessConfig(SPLATTING, network=MaskNetworkConfig("vgg", octaves=4))
+
+
+def objective(n=3):
+    images = TrainingImages([np.random.default_rng(k).integers(0, 255, (32, 48, 3), np.uint8) for k in range(n)])
+    return LensObjective(images, CONFIG, MaskNetwork(images, frozen("vgg", "cpu"), CONFIG.network, 0, 1), 0)
+
+
+def test_the_network_sees_what_other_views_miss_at_the_same_place():
+    ours = objective()
+    drop = np.full((32, 48), 0.01, np.float32)
+    drop[8:16, 8:16] = 0.5
+    ours.histogram.observe(np.full((32, 48), 0.0195, np.float32))
+    limit = 196 / BINS
+    assert not ours.context(drop, 0)[0].any()  # nothing is known of others
+    (plane,) = ours.context(np.full_like(drop, 0.9), 1)  # its own residuals are not shown
+    assert plane.shape == (8, 12)
+    assert plane[2:4, 2:4] == pytest.approx(np.log2((0.5 + limit) / (2 * limit)), rel=1e-4)
+    assert plane[6, 6] == pytest.approx(np.log2((0.01 + limit) / (2 * limit)), rel=1e-4)
+
+
+def test_an_interrupted_run_ends_with_the_same_bits(tmp_path, monkeypatch):
+    scene = photographed(tmp_path, n_views=5)
+    whole = fitted(SpotlessLens, CONFIG, scene, tmp_path / "whole")
+
+    class Interrupted(LensObjective):
+        def __call__(self, image, view, iteration, buffers):
+            if iteration == 9:
+                raise RuntimeError("power cut")
+            return super().__call__(image, view, iteration, buffers)
+
+    Interrupted.__name__ = "LensObjective"
+    with monkeypatch.context() as patch, pytest.raises(RuntimeError, match="power cut"):
+        patch.setattr(spotless_lens, "LensObjective", Interrupted)
+        fitted(SpotlessLens, CONFIG, scene, tmp_path / "cut")
+    resumed = fitted(SpotlessLens, CONFIG, scene, tmp_path / "cut")
+    for name in FIELDS:
+        assert np.array_equal(getattr(whole._trained.gaussians, name), getattr(resumed._trained.gaussians, name)), name
+
+
+def test_one_view_and_equal_views_stay_finite(tmp_path):
+    scene = photographed(tmp_path, n_views=4)
+    alone = replace(scene, split=replace(scene.split, train=scene.split.train[:1]))
+    method = fitted(SpotlessLens, CONFIG, alone, tmp_path / "run")
+    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
+
+
+def test_the_method_is_found():
+    assert find_method("spotless-lens") is SpotlessLens
