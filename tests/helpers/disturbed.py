@@ -1,9 +1,13 @@
-"""Scenes whose photographs were changed, and trainings on them."""
+"""Scenes whose photographs were changed, and trainings on them, undisturbed or broken off."""
 
+from contextlib import contextmanager
 from dataclasses import replace
+from unittest import mock
 
 import numpy as np
+import pytest
 
+from baselines.splatting.gaussians import FIELDS
 from hydroviews.scene.images import write_png
 
 
@@ -12,6 +16,27 @@ def fitted(kind, config, scene, folder, seed=0):
     method = kind(config, seed)
     method.fit(scene, folder)
     return method
+
+
+def assert_same_gaussians(one, other):
+    """To the bit."""
+    for name in FIELDS:
+        assert getattr(one, name).tobytes() == getattr(other, name).tobytes(), name
+
+
+@contextmanager
+def power_cut(module, objective, iteration=9, step="__call__"):
+    """Trainings with the objective of that name in a module break off at an iteration."""
+    kind = getattr(module, objective)
+
+    def cut(self, *arguments):  # image or images, view, iteration, buffers
+        if arguments[2] == iteration:
+            raise RuntimeError("power cut")
+        return getattr(kind, step)(self, *arguments)
+
+    interrupted = type(objective, (kind,), {step: cut})  # of the same name, which a checkpoint holds
+    with mock.patch.object(module, objective, interrupted), pytest.raises(RuntimeError, match="power cut"):
+        yield
 
 
 def disturbed(scene, folder, change):

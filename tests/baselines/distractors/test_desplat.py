@@ -2,17 +2,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from disturbed import disturbed, fitted
+from disturbed import assert_same_gaussians, disturbed, fitted, power_cut
 from splats import photographed
 from trainings import psnr
 
 import baselines.distractors.desplat as desplat
-from baselines.distractors.desplat import SHORT_LAYERS, DeSplat, DeSplatConfig, DeSplatObjective
+from baselines.distractors.desplat import SHORT_LAYERS, DeSplat, DeSplatConfig
 from baselines.distractors.view_layers import LayerConfig
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.method import find_method
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.strategies.densification import DefaultStrategy
 from hydroviews.errors import InputError
 
@@ -50,23 +49,14 @@ def test_what_floats_before_each_camera_stays_out_of_the_scene(tmp_path):
     assert ours.summary().n_primitives == len(ours._trained.gaussians)  # of the scene alone
 
 
-def test_an_interrupted_run_ends_with_the_same_bits(tmp_path, monkeypatch):
+def test_an_interrupted_run_ends_with_the_same_bits(tmp_path):
     scene = photographed(tmp_path, n_views=4)
     whole = fitted(DeSplat, BRIEF, scene, tmp_path / "whole")
 
-    class Interrupted(DeSplatObjective):
-        def __call__(self, image, view, iteration, buffers):
-            if iteration == 9:
-                raise RuntimeError("power cut")
-            return super().__call__(image, view, iteration, buffers)
-
-    Interrupted.__name__ = "DeSplatObjective"
-    with monkeypatch.context() as patch, pytest.raises(RuntimeError, match="power cut"):
-        patch.setattr(desplat, "DeSplatObjective", Interrupted)
+    with power_cut(desplat, "DeSplatObjective"):
         fitted(DeSplat, BRIEF, scene, tmp_path / "cut")
     resumed = fitted(DeSplat, BRIEF, scene, tmp_path / "cut")
-    for name in FIELDS:
-        assert np.array_equal(getattr(whole._trained.gaussians, name), getattr(resumed._trained.gaussians, name)), name
+    assert_same_gaussians(whole._trained.gaussians, resumed._trained.gaussians)
     assert resumed.summary().used == whole.summary().used
     with pytest.raises(InputError, match="checkpoint is of another run"):
         fitted(DeSplat, replace(BRIEF, layers=replace(BRIEF.layers, opacity=0.2)), scene, tmp_path / "cut")

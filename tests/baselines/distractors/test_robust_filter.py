@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from disturbed import disturbed, fitted, occluded
+from disturbed import assert_same_gaussians, disturbed, fitted, occluded, power_cut
 from splats import photographed
 from trainings import psnr
 
@@ -13,7 +13,6 @@ from baselines.distractors.trimming import RECENT, TrimConfig, TrimmedObjective,
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.method import find_method
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.objective import Objective
 from baselines.splatting.strategies.densification import DefaultStrategy
@@ -25,11 +24,6 @@ GROWTH = DefaultStrategy(
 )
 SPLATTING = TrainerConfig(iterations=400, sh_degree=0, strategy=STEADY, device="cpu")
 BRIEF = RobustFilterConfig(replace(SPLATTING, iterations=16, checkpoint_seconds=0.0))
-
-
-def assert_same(one, other):
-    for name in FIELDS:
-        assert getattr(one, name).tobytes() == getattr(other, name).tobytes(), name
 
 
 def random(seed, *shape):
@@ -145,22 +139,14 @@ def test_a_step_with_all_pixels_masked_or_hidden_is_finite():
     assert not gradient.any()
 
 
-def test_an_interrupted_run_ends_with_the_same_bits(tmp_path, monkeypatch):
+def test_an_interrupted_run_ends_with_the_same_bits(tmp_path):
     scene = photographed(tmp_path, n_views=8)
     whole = fitted(RobustFilter, BRIEF, scene, tmp_path / "whole")
 
-    class Interrupted(TrimmedObjective):
-        def __call__(self, image, view, iteration, buffers):
-            if iteration == 9:
-                raise RuntimeError("power cut")
-            return super().__call__(image, view, iteration, buffers)
-
-    Interrupted.__name__ = "TrimmedObjective"
-    with monkeypatch.context() as patch, pytest.raises(RuntimeError, match="power cut"):
-        patch.setattr(robust_filter, "TrimmedObjective", Interrupted)
+    with power_cut(robust_filter, "TrimmedObjective"):
         fitted(RobustFilter, BRIEF, scene, tmp_path / "cut")
     resumed = fitted(RobustFilter, BRIEF, scene, tmp_path / "cut")
-    assert_same(whole._trained.gaussians, resumed._trained.gaussians)
+    assert_same_gaussians(whole._trained.gaussians, resumed._trained.gaussians)
     assert resumed.summary().used == whole.summary().used
     other = fitted(RobustFilter, BRIEF, scene, tmp_path / "other", seed=1)
     assert not np.array_equal(whole._trained.gaussians.sh, other._trained.gaussians.sh)

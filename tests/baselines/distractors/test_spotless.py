@@ -2,17 +2,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from disturbed import disturbed, fitted, occluded
+from disturbed import assert_same_gaussians, disturbed, fitted, occluded, power_cut
 from splats import photographed
 from trainings import psnr
 
 import baselines.distractors.spotless as spotless
 from baselines.distractors.mask_network import MaskNetworkConfig
-from baselines.distractors.spotless import Spotless, SpotlessConfig, SpotlessObjective, SpotlessPruned
+from baselines.distractors.spotless import Spotless, SpotlessConfig, SpotlessPruned
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.method import find_method
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.strategies.utilisation import UtilisationPruning
 from hydroviews.errors import InputError
@@ -37,23 +36,14 @@ def test_something_in_the_way_in_a_third_of_the_views_is_left_out(tmp_path):
     assert "features vgg, pixels" in ours.summary().used
 
 
-def test_an_interrupted_run_ends_with_the_same_bits(tmp_path, monkeypatch):
+def test_an_interrupted_run_ends_with_the_same_bits(tmp_path):
     scene = photographed(tmp_path, n_views=8)
     whole = fitted(Spotless, BRIEF, scene, tmp_path / "whole")
 
-    class Interrupted(SpotlessObjective):
-        def __call__(self, image, view, iteration, buffers):
-            if iteration == 9:
-                raise RuntimeError("power cut")
-            return super().__call__(image, view, iteration, buffers)
-
-    Interrupted.__name__ = "SpotlessObjective"
-    with monkeypatch.context() as patch, pytest.raises(RuntimeError, match="power cut"):
-        patch.setattr(spotless, "SpotlessObjective", Interrupted)
+    with power_cut(spotless, "SpotlessObjective"):
         fitted(Spotless, BRIEF, scene, tmp_path / "cut")
     resumed = fitted(Spotless, BRIEF, scene, tmp_path / "cut")
-    for name in FIELDS:
-        assert np.array_equal(getattr(whole._trained.gaussians, name), getattr(resumed._trained.gaussians, name)), name
+    assert_same_gaussians(whole._trained.gaussians, resumed._trained.gaussians)
     with pytest.raises(InputError, match="checkpoint is of another run"):
         fitted(Spotless, replace(BRIEF, network=replace(NETWORK, width=8)), scene, tmp_path / "cut")
 

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from disturbed import disturbed
+from disturbed import assert_same_gaussians, disturbed, power_cut
 from splats import photographed
 from trainings import psnr
 
@@ -12,7 +12,6 @@ from baselines.gaussian_splatting import GaussianSplatting
 from baselines.method import find_method
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.files.ply import read_ply
-from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.rasterizer import render
 from baselines.splatting.objective import Objective
@@ -39,11 +38,6 @@ def fitted(config, scene, folder, kind=WildGaussians, seed=0):
     method = kind(config, seed)
     method.fit(scene, folder)
     return method
-
-
-def assert_same(one, other):
-    for name in FIELDS:
-        assert getattr(one, name).tobytes() == getattr(other, name).tobytes(), name
 
 
 def test_a_colour_cast_in_every_view_is_taken_off(tmp_path):
@@ -106,23 +100,15 @@ def test_a_model_that_was_saved_shows_the_same_pixels(tmp_path):
     assert method.summary().n_primitives == len(method._trained.gaussians)
 
 
-def test_an_interrupted_run_ends_with_the_same_bits_and_so_does_a_second_one(tmp_path, monkeypatch):
+def test_an_interrupted_run_ends_with_the_same_bits_and_so_does_a_second_one(tmp_path):
     scene = photographed(tmp_path, n_views=8)
     config = replace(BRIEF, uncertainty=replace(BRIEF.uncertainty, start=4, warm_up=6, every=1))
     whole, second = (fitted(config, scene, tmp_path / name) for name in ("whole", "second"))
-    assert_same(whole._trained.gaussians, second._trained.gaussians)
+    assert_same_gaussians(whole._trained.gaussians, second._trained.gaussians)
 
-    class Interrupted(wild.WildObjective):
-        def compare(self, images, view, iteration, buffers):
-            if iteration == 9:
-                raise RuntimeError("power cut")
-            return super().compare(images, view, iteration, buffers)
-
-    Interrupted.__name__ = "WildObjective"
-    with monkeypatch.context() as patch, pytest.raises(RuntimeError, match="power cut"):
-        patch.setattr(wild, "WildObjective", Interrupted)
+    with power_cut(wild, "WildObjective", step="compare"):
         fitted(config, scene, tmp_path / "cut")
-    assert_same(whole._trained.gaussians, fitted(config, scene, tmp_path / "cut")._trained.gaussians)
+    assert_same_gaussians(whole._trained.gaussians, fitted(config, scene, tmp_path / "cut")._trained.gaussians)
     other = fitted(config, scene, tmp_path / "other", seed=1)
     assert not np.array_equal(whole._trained.gaussians.sh, other._trained.gaussians.sh)
 
