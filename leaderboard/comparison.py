@@ -76,15 +76,15 @@ def compare(table: pd.DataFrame, views: pd.DataFrame, metric: str, methods: Sequ
 
 
 def comparable(rows: pd.DataFrame) -> tuple[list[str], list[str]]:
-    """The methods that learn from rainy views and can be compared with each other, and those that share no run."""
+    """The methods that learn from rainy views and can be compared with each other, and those that lack too many runs."""
     named = _rainy(rows)
     apart = set(named.method[named.status.isin(SCORED)]) - set(compared_rows(named).method)
     return sorted(set(named.method) - apart), sorted(apart)
 
 
 def not_compared(apart: Sequence[str]) -> str:
-    """A sentence on the methods that share no run; empty for none."""
-    return f"Not compared, since no run is shared: {', '.join(apart)}." if apart else ""
+    """A sentence on the methods that lack too many runs; empty for none."""
+    return f"Not compared, since fewer than half of the runs are shared: {', '.join(apart)}." if apart else ""
 
 
 def _rainy(rows: pd.DataFrame) -> pd.DataFrame:

@@ -10,6 +10,7 @@ from hydroviews.metrics import Metric, find_metrics
 from leaderboard.records import SCORED
 
 RUN = ["scene", "pattern", "seed", "data_sha256"]  # what runs of two methods have to agree in
+ENOUGH = 0.5  # of the runs that methods with more of them share; who lacks more would leave the others little
 COSTS = ("train_s", "before_s", "after_s", "render_fps", "peak_mem_mb", "peak_gpu_mem_mb", "model_mb", "n_primitives")
 
 
@@ -21,14 +22,14 @@ def shown_names(rows: pd.DataFrame) -> pd.Series:
 def shared_runs(runs: Mapping[str, set[Any]]) -> tuple[list[str], set[Any]]:
     """The methods that can be compared, and the runs that all of these have.
 
-    Methods join in the order of how many runs they have; one that shares none with those before it stays out, instead
-    of leaving nothing to compare.
+    Methods join in the order of how many runs they have; one that has fewer than ENOUGH of what those before it share
+    stays out.
     """
     compared: list[str] = []
     common: set[Any] = set()
     for name in sorted(runs, key=lambda name: (-len(runs[name]), name)):
         shared = runs[name] & common if compared else runs[name]
-        if shared:
+        if shared and len(shared) >= ENOUGH * len(common):
             compared.append(name)
             common = shared
     return compared, common

@@ -77,7 +77,7 @@ def basis(block: pd.DataFrame) -> str:
         return ""
     apart = ", ".join(map(str, ours.index[(ours.compared == 0) & (ours.finished > 0)]))
     shared = f"Means over {int(ours.compared.max())} of {int(ours.planned.max())} runs, which all of them have"
-    return f"\n\n{shared}" + (f", but {apart}, which shares none." if apart else ".")
+    return f"\n\n{shared}" + (f", but {apart}, which shares fewer than half." if apart else ".")
 
 
 def _paper_cells(row: Mapping[Any, Any]) -> tuple[str, ...]:

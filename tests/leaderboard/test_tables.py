@@ -2,7 +2,7 @@ import pandas as pd
 import pytest
 
 from hydroviews.metrics import find_metrics
-from leaderboard.means import places
+from leaderboard.means import places, shared_runs
 from leaderboard.records import columns
 from leaderboard.table_text import to_markdown
 from leaderboard.tables import scene_keys, scene_table
@@ -105,7 +105,15 @@ def test_a_method_that_shares_no_run_is_told_and_empties_nothing():
     table = pd.concat([table, more], ignore_index=True)
     board = scene_table(table, "yard", "demo", "given-poses")
     assert board["streak"].psnr.dropna().to_dict() == {"ours": 28, "theirs": 22}
-    assert "Means over 2 of 2 runs, which all of them have, but alone, which shares none." in to_markdown(board)
+    told = "Means over 2 of 2 runs, which all of them have, but alone, which shares fewer than half."
+    assert told in to_markdown(board)
+
+
+def test_a_method_that_lacks_most_runs_leaves_the_others_theirs():
+    runs = {"ours": {1, 2, 3, 4, 5}, "theirs": {1, 2, 3, 4}, "half": {3, 4}, "few": {4}}
+    assert shared_runs(runs) == (["ours", "theirs", "half", "few"], {4})  # each half of what is shared before it
+    del runs["half"]
+    assert shared_runs(runs) == (["ours", "theirs"], {1, 2, 3, 4})
 
 
 def test_the_ceiling_stands_under_every_effect():
