@@ -76,7 +76,7 @@ def compare(table: pd.DataFrame, views: pd.DataFrame, metric: str, methods: Sequ
 
 
 def comparable(rows: pd.DataFrame) -> tuple[list[str], list[str]]:
-    """The methods that learn from rainy views and can be compared with each other, and those that lack too many runs."""
+    """The methods that learn from rainy views and are compared with each other, and those that lack too many runs."""
     named = _rainy(rows)
     apart = set(named.method[named.status.isin(SCORED)]) - set(compared_rows(named).method)
     return sorted(set(named.method) - apart), sorted(apart)
