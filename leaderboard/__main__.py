@@ -15,11 +15,9 @@ from hydroviews.cli.plugins import registered
 from hydroviews.dataset.manifest import built_scenes
 from hydroviews.dataset.suites import DEVELOPMENT, TEST, suite_of
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import write_bytes
 from hydroviews.profiles import find_profile
 from hydroviews.rain.registry import choose_patterns
 from leaderboard.board_pages import write_board
-from leaderboard.board_tables import filled
 from leaderboard.comparison import compare
 from leaderboard.comparison import in_words as comparison_text
 from leaderboard.contract.check import MINUTES, check
@@ -207,12 +205,7 @@ def board_command(board: Path = BOARD, out: Path = Path("build/board"), pages: t
         out: takes what is written.
         pages: Markdown files with tables between comments, as README.md has them.
     """
-    index = write_board(board, out)
-    table = read_leaderboard(board)
-    views = collect_views(table, board)
-    for page in pages:
-        write_bytes(page, filled(page.read_text("utf-8"), table, views).encode())
-    print(f"open {index}")
+    print(f"open {write_board(board, out, pages)}")
 
 
 def score_command(

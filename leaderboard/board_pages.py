@@ -1,5 +1,6 @@
 """What a board of published runs shows: tables, comparisons and pages in a folder of their own."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -8,6 +9,7 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_bytes
 from hydroviews.files.temporary import remove_tree
 from hydroviews.metrics import find_metrics
+from leaderboard.board_tables import filled
 from leaderboard.comparison import comparable, compare, in_words, not_compared
 from leaderboard.gather import collect_views, run_folders, write_leaderboard
 from leaderboard.publish import PUBLISHED, publish
@@ -17,23 +19,28 @@ from leaderboard.tables import rows_of, suite_keys
 COMPARISONS = "comparisons.md"
 
 
-def write_board(board: Path, out: Path) -> Path:
+def write_board(board: Path, out: Path, pages: Sequence[Path] = ()) -> Path:
     """Write the runs of a board, all tables, comparisons and the pages into a folder that can be put on a web server.
 
     Args:
         board: published runs; nothing is written there.
         out: the folder; runs that are no longer on the board go.
+        pages: Markdown files whose tables are filled from the runs.
 
     Returns:
         The pages' index.
 
     Raises:
-        InputError: no runs, or `out` is the board itself or holds runs of its own.
+        InputError: no runs, `out` is the board itself or holds runs of its own, or a table is not as it has to be.
     """
     _copy_runs(board, out)
     table = write_leaderboard(out)
-    write_bytes(out / COMPARISONS, comparisons_text(table, collect_views(table, out)).encode())
-    return write_site(table, out, data=out)  # without renders, no picture is looked for
+    views = collect_views(table, out)
+    write_bytes(out / COMPARISONS, comparisons_text(table, views).encode())
+    index = write_site(table, out, data=out)  # without renders, no picture is looked for
+    for page in pages:
+        write_bytes(page, filled(page.read_text("utf-8"), table, views).encode())
+    return index
 
 
 def _copy_runs(board: Path, out: Path) -> None:

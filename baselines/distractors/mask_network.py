@@ -119,10 +119,9 @@ class MaskNetwork:
         """
         p = self._predict(view, extra)
         shown = np.ones(lower.shape, np.bool_) if ignored is None else ~ignored
-        low, high, counts = (averaged(plane, self.size(view)) for plane in (lower, upper, shown))
-        (
-            hinge(p, torch.from_numpy(low).to(p), torch.from_numpy(high).to(p)) * torch.from_numpy(counts).to(p)
-        ).mean().backward()
+        planes_at_features = (averaged(plane, self.size(view)) for plane in (lower, upper, shown))
+        low, high, counts = (torch.from_numpy(plane).to(p) for plane in planes_at_features)
+        (hinge(p, low, high) * counts).mean().backward()
         self._adam.step()
         self._adam.zero_grad()
         return np.asarray(

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from disturbed import assert_same_gaussians, fitted, power_cut
+from disturbed import fitted, whole_and_resumed
 from splats import photographed
 
 import deraings.spotless_lens as spotless_lens
@@ -41,12 +41,7 @@ def test_the_network_sees_what_other_views_miss_at_the_same_place():
 
 def test_an_interrupted_run_ends_with_the_same_bits(tmp_path):
     scene = photographed(tmp_path, n_views=5)
-    whole = fitted(SpotlessLens, CONFIG, scene, tmp_path / "whole")
-
-    with power_cut(spotless_lens, "LensObjective"):
-        fitted(SpotlessLens, CONFIG, scene, tmp_path / "cut")
-    resumed = fitted(SpotlessLens, CONFIG, scene, tmp_path / "cut")
-    assert_same_gaussians(whole._trained.gaussians, resumed._trained.gaussians)
+    whole_and_resumed(SpotlessLens, CONFIG, scene, tmp_path, spotless_lens, "LensObjective")
 
 
 def test_one_view_and_equal_views_stay_finite(tmp_path):

@@ -39,6 +39,16 @@ def power_cut(module, objective, iteration=9, step="__call__"):
         yield
 
 
+def whole_and_resumed(kind, config, scene, folder, module, objective):
+    """A method trained at one go, and one whose training broke off and went on: to the same bits."""
+    whole = fitted(kind, config, scene, folder / "whole")
+    with power_cut(module, objective):
+        fitted(kind, config, scene, folder / "cut")
+    resumed = fitted(kind, config, scene, folder / "cut")
+    assert_same_gaussians(whole._trained.gaussians, resumed._trained.gaussians)
+    return whole, resumed
+
+
 def disturbed(scene, folder, change):
     """The scene with other photographs: `change` of a picture [H, W, 3] and the index of its view."""
     views = []

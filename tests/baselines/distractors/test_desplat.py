@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from disturbed import assert_same_gaussians, disturbed, fitted, power_cut
+from disturbed import disturbed, fitted, whole_and_resumed
 from splats import photographed
 from trainings import psnr
 
@@ -51,12 +51,7 @@ def test_what_floats_before_each_camera_stays_out_of_the_scene(tmp_path):
 
 def test_an_interrupted_run_ends_with_the_same_bits(tmp_path):
     scene = photographed(tmp_path, n_views=4)
-    whole = fitted(DeSplat, BRIEF, scene, tmp_path / "whole")
-
-    with power_cut(desplat, "DeSplatObjective"):
-        fitted(DeSplat, BRIEF, scene, tmp_path / "cut")
-    resumed = fitted(DeSplat, BRIEF, scene, tmp_path / "cut")
-    assert_same_gaussians(whole._trained.gaussians, resumed._trained.gaussians)
+    whole, resumed = whole_and_resumed(DeSplat, BRIEF, scene, tmp_path, desplat, "DeSplatObjective")
     assert resumed.summary().used == whole.summary().used
     with pytest.raises(InputError, match="checkpoint is of another run"):
         fitted(DeSplat, replace(BRIEF, layers=replace(BRIEF.layers, opacity=0.2)), scene, tmp_path / "cut")

@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from disturbed import assert_same_gaussians, disturbed, fitted, occluded, power_cut
+from disturbed import disturbed, fitted, occluded, whole_and_resumed
 from splats import photographed
 from trainings import psnr
 
@@ -141,12 +141,7 @@ def test_a_step_with_all_pixels_masked_or_hidden_is_finite():
 
 def test_an_interrupted_run_ends_with_the_same_bits(tmp_path):
     scene = photographed(tmp_path, n_views=8)
-    whole = fitted(RobustFilter, BRIEF, scene, tmp_path / "whole")
-
-    with power_cut(robust_filter, "TrimmedObjective"):
-        fitted(RobustFilter, BRIEF, scene, tmp_path / "cut")
-    resumed = fitted(RobustFilter, BRIEF, scene, tmp_path / "cut")
-    assert_same_gaussians(whole._trained.gaussians, resumed._trained.gaussians)
+    whole, resumed = whole_and_resumed(RobustFilter, BRIEF, scene, tmp_path, robust_filter, "TrimmedObjective")
     assert resumed.summary().used == whole.summary().used
     other = fitted(RobustFilter, BRIEF, scene, tmp_path / "other", seed=1)
     assert not np.array_equal(whole._trained.gaussians.sh, other._trained.gaussians.sh)

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from disturbed import assert_same_gaussians, disturbed, fitted, occluded, power_cut
+from disturbed import disturbed, fitted, occluded, whole_and_resumed
 from splats import photographed
 from trainings import psnr
 
@@ -38,12 +38,7 @@ def test_something_in_the_way_in_a_third_of_the_views_is_left_out(tmp_path):
 
 def test_an_interrupted_run_ends_with_the_same_bits(tmp_path):
     scene = photographed(tmp_path, n_views=8)
-    whole = fitted(Spotless, BRIEF, scene, tmp_path / "whole")
-
-    with power_cut(spotless, "SpotlessObjective"):
-        fitted(Spotless, BRIEF, scene, tmp_path / "cut")
-    resumed = fitted(Spotless, BRIEF, scene, tmp_path / "cut")
-    assert_same_gaussians(whole._trained.gaussians, resumed._trained.gaussians)
+    whole_and_resumed(Spotless, BRIEF, scene, tmp_path, spotless, "SpotlessObjective")
     with pytest.raises(InputError, match="checkpoint is of another run"):
         fitted(Spotless, replace(BRIEF, network=replace(NETWORK, width=8)), scene, tmp_path / "cut")
 
