@@ -14,7 +14,7 @@ from baselines.clean_wrapper import on_clean
 from baselines.method import Method, TrainingSummary, settings_of
 from baselines.splatting.config import Pruning
 from baselines.splatting.files.checkpoints import read_model, write_model
-from baselines.splatting.files.ply import write_ply
+from baselines.splatting.files.ply import SPLATS, write_ply
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.rasterizer import render
@@ -30,7 +30,6 @@ from hydroviews.scene.images import Image
 from hydroviews.scene.scenes import Scene
 
 MODEL = "model.safetensors"
-SPLATS = "splats.ply"
 FOUND = "found.json"  # where methods look for more than the scene in their photographs
 # Of a training, in the model.
 RECORDED = ("near", "seconds", "device", "extent", "iterations", "residuals", "non_finite")

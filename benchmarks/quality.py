@@ -16,9 +16,10 @@ from typing import Any
 import pandas as pd
 from tqdm import tqdm
 
-from baselines.gaussian_splatting import PROFILES, SPLATS, GaussianSplatting, pruned_to_budget
+from baselines.gaussian_splatting import PROFILES, GaussianSplatting, pruned_to_budget
 from baselines.method import Method
 from baselines.splatting.config import EarlyStop, Pruning, TrainerConfig
+from baselines.splatting.files.ply import SPLATS
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.strategies.relocation import MCMCStrategy
 from hydroviews.cli.commands import run_command

@@ -7,9 +7,9 @@ from typing import Any, cast
 
 import tyro
 
-from baselines.gaussian_splatting import SPLATS
 from baselines.method import Method, find_method
 from baselines.rendering.film import FilmChoice, draw_film
+from baselines.splatting.files.ply import SPLATS
 from baselines.training.devices import warn_of_slow_profile
 from hydroviews.captures.sfm.poses import estimate_poses
 from hydroviews.captures.video.capture import capture_video

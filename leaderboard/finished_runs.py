@@ -4,9 +4,8 @@ import logging
 import os
 from pathlib import Path
 
-from baselines.gaussian_splatting import SPLATS
 from baselines.method import Method, find_method
-from baselines.splatting.files.ply import read_ply
+from baselines.splatting.files.ply import SPLATS, read_ply
 from baselines.splatting.gaussians import Gaussians
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json

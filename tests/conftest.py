@@ -11,3 +11,7 @@ sys.path.insert(0, str(Path(__file__).parent / "helpers"))
 
 # Background jobs of a shell start with Ctrl-C ignored, and so would every process that a test starts and interrupts.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# Tests start hundreds of processes: what one has compiled of Python, the next ones read.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False

@@ -36,7 +36,7 @@ from baselines.distractors.view_layers import (
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import photometric_loss
-from baselines.splatting.kernels.spherical_harmonics import C0
+from baselines.splatting.kernels.sh_coefficients import C0
 from baselines.splatting.schedule import LearningRates
 from baselines.training.images import TrainingImages, read_images
 from hydroviews.scene.cameras import Camera

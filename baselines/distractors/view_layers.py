@@ -18,7 +18,7 @@ from baselines.splatting.kernels.adam import adam_step
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Plane
 from baselines.splatting.kernels.rasterizer import BLACK, RenderState, backward_sh_sets, render_sh_sets
-from baselines.splatting.kernels.spherical_harmonics import C0, from_colour
+from baselines.splatting.kernels.sh_coefficients import C0, from_colour
 from baselines.splatting.schedule import LearningRates, Stream, random_stream, rates_at
 from baselines.splatting.state import TrainingState, fresh_state
 from baselines.splatting.strategies.densification import DefaultStrategy, grow, grow_due, observe

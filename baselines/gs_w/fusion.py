@@ -20,7 +20,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from baselines.gs_w.config import ReferenceConfig
-from baselines.splatting.kernels.spherical_harmonics import C0, coefficients
+from baselines.splatting.kernels.sh_coefficients import C0, coefficients
 from baselines.volumetric.encodings import positional
 from hydroviews.scene.cameras import Camera
 

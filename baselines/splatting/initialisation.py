@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.gaussians import Gaussians
-from baselines.splatting.kernels.spherical_harmonics import coefficients, from_colour
+from baselines.splatting.kernels.sh_coefficients import coefficients, from_colour
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.checks import usable
 from hydroviews.scene.scenes import Points

@@ -8,9 +8,9 @@ from captures import flower_walk, rained_on
 from splats import photographed
 from trainings import CONFIG
 
-from baselines.gaussian_splatting import FOUND, SPLATS
+from baselines.gaussian_splatting import FOUND
 from baselines.rendering.film import FilmChoice
-from baselines.splatting.files.ply import read_ply
+from baselines.splatting.files.ply import SPLATS, read_ply
 from baselines.training import devices
 from deraings import reconstruct as module
 from deraings.method import DeRainGSConfig, DeRainGSPlus

@@ -6,7 +6,7 @@ import numpy as np
 from plyfile import PlyData
 
 from baselines.splatting.gaussians import Gaussians
-from baselines.splatting.kernels.spherical_harmonics import from_colour
+from baselines.splatting.kernels.sh_coefficients import from_colour
 
 RUN = 256  # Gaussians that share bounds
 

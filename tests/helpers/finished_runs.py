@@ -7,9 +7,8 @@ from typing import ClassVar, Self
 import numpy as np
 from synthetic import capture_in
 
-from baselines.gaussian_splatting import SPLATS
 from baselines.method import Method, TrainingSummary
-from baselines.splatting.files.ply import read_ply, write_ply
+from baselines.splatting.files.ply import SPLATS, read_ply, write_ply
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.rasterizer import render
 from hydroviews.dataset.sources import build_source

@@ -29,7 +29,7 @@ from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.adam import BETA1, BETA2, EPSILON
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.constants import LOW_PASS
-from baselines.splatting.kernels.spherical_harmonics import C0, degree_of
+from baselines.splatting.kernels.sh_coefficients import C0, degree_of
 from baselines.splatting.objective import Objective
 from baselines.splatting.state import TrainingState
 from baselines.splatting.strategies.base import StepOptions

@@ -8,10 +8,11 @@ from plyfile import PlyData, PlyElement, PlyHeaderParseError, PlyParseError
 
 from baselines.splatting.files.finite import require_finite
 from baselines.splatting.gaussians import Gaussians
-from baselines.splatting.kernels.spherical_harmonics import degree_of
+from baselines.splatting.kernels.sh_coefficients import degree_of
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import replacing
 
+SPLATS = "splats.ply"  # its name in the folder of a training
 MEANS, NORMALS = ("x", "y", "z"), ("nx", "ny", "nz")
 DC = ("f_dc_0", "f_dc_1", "f_dc_2")
 SCALES = ("scale_0", "scale_1", "scale_2")

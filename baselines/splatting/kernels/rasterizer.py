@@ -19,7 +19,7 @@ from baselines.splatting.kernels.blending import GRID, TILE_PIXELS
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.chunks import CHUNKS
 from baselines.splatting.kernels.constants import NEAR
-from baselines.splatting.kernels.spherical_harmonics import C0, degree_of
+from baselines.splatting.kernels.sh_coefficients import C0, degree_of
 from baselines.splatting.kernels.tiles import Splats, Tiles, bin_splats
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image

@@ -24,7 +24,7 @@ from baselines.splatting.backends import torch_rasterizer
 from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.rasterizer import backward_sh_sets
-from baselines.splatting.kernels.spherical_harmonics import from_colour
+from baselines.splatting.kernels.sh_coefficients import from_colour
 from baselines.splatting.strategies.densification import DefaultStrategy
 
 VIEW = camera(24, 18)

@@ -7,13 +7,13 @@ import pytest
 import torch
 from splats import photographed
 
-from baselines.gaussian_splatting import SHORT_RATES, SPLATS, GaussianSplatting
+from baselines.gaussian_splatting import SHORT_RATES, GaussianSplatting
 from baselines.gs_w.config import SHORT
 from baselines.gs_w.mean_appearance import average_features, coloured_for
 from baselines.gs_w.method import NETWORK, GaussianInTheWild, GSWConfig
 from baselines.splatting.appearance.gaussians import gaussians_in_view
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.files.ply import read_ply
+from baselines.splatting.files.ply import SPLATS, read_ply
 from baselines.splatting.kernels.rasterizer import render
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.training.checkpoints import read_arrays
