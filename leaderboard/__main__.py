@@ -22,16 +22,7 @@ from leaderboard.comparison import compare
 from leaderboard.comparison import in_words as comparison_text
 from leaderboard.contract.check import MINUTES, check
 from leaderboard.contract.trials import Result
-from leaderboard.evaluate import (
-    EvaluateRequest,
-    MethodName,
-    PatternNames,
-    ProfileName,
-    TrackName,
-    carry_out,
-    evaluate,
-    outcome,
-)
+from leaderboard.evaluate import EvaluateRequest, carry_out, evaluate, outcome
 from leaderboard.film import film
 from leaderboard.gather import BOARD, collect_views, is_board, read_leaderboard, write_leaderboard
 from leaderboard.nerfbaselines import write_results
@@ -39,6 +30,7 @@ from leaderboard.previews import write_overview
 from leaderboard.publish import publish
 from leaderboard.records import FAILED, GIVEN_POSES, LEADERBOARD
 from leaderboard.rescore import TOLERANCE, rescore
+from leaderboard.run_options import MethodName, PatternNames, ProfileName, TrackName
 from leaderboard.runs import Run
 from leaderboard.score import score
 from leaderboard.severity import record_losses

@@ -8,11 +8,8 @@ import logging
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
-from baselines.method import METHODS, find_method
-from hydroviews.cli.commands import choices
-from hydroviews.cli.plugins import registered
+from baselines.method import find_method
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import has_ceiling, is_captured
@@ -22,8 +19,8 @@ from hydroviews.files.locks import BUSY, locked
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.photographs import some
 from hydroviews.metrics import find_metrics
-from hydroviews.profiles import PROFILES, Profile, find_profile
-from hydroviews.rain.registry import choose_patterns, pattern_names
+from hydroviews.profiles import Profile, find_profile
+from hydroviews.rain.registry import choose_patterns
 from hydroviews.scene.scenes import Scene
 from leaderboard.gather import collect, trusted_record, write_leaderboard
 from leaderboard.predict import PREDICTION
@@ -31,15 +28,14 @@ from leaderboard.probe import probe
 from leaderboard.records import (
     DONE,
     FAILED,
-    GIVEN_POSES,
     LEADERBOARD,
     RAINY_POSES,
     RECORD,
-    TRACKS,
     Record,
     check_track,
     write_record,
 )
+from leaderboard.run_options import MethodName, RunOptions
 from leaderboard.runs import CONFIG, Run, claim_folder
 from leaderboard.score import UnusableRun, describe, score
 from leaderboard.severity import CEILING, FLOOR
@@ -48,32 +44,15 @@ from leaderboard.table_text import scene_text
 
 logger = logging.getLogger(__name__)
 
-WEEK = 168.0  # hours
-
-
-MethodName = Annotated[str, choices(registered(METHODS), "package.module:Class")]
-ProfileName = Annotated[str, choices(PROFILES)]
-TrackName = Annotated[str, choices(TRACKS)]
-PatternNames = Annotated[tuple[str, ...], choices(pattern_names(), "package.module:Class-0")]
-
 
 @dataclass(frozen=True)
-class EvaluateRequest:
+class EvaluateRequest(RunOptions):
     """What to evaluate."""
 
     method: MethodName  # a registered name, or package.module:Class; NAME+WRAPPER wraps it
     scene: str = "courtyard"  # one that `python -m hydroviews scenes` lists, or a folder
-    profile: ProfileName = "demo"
     seed: int = 0  # of the method; the data set keeps the seed it was built with
-    track: TrackName = GIVEN_POSES  # or sparse-views: a third of the training views; rainy-poses: estimated cameras
-    patterns: PatternNames = ()  # 0 is light, 1 medium, 2 heavy; the profile's patterns if none is named
-    data: Path = Path("data")
-    results: Path = Path("results")
-    captures: Path | None = None  # the folder with published captures; $HYDROVIEWS_CAPTURES if not given
     overwrite: bool = False  # build and run anew what is there with other settings
-    time_limit: float = WEEK  # hours that a run may take in all, each time it is tried
-    stall_limit: float = 1.0  # hours that a run may take without a line printed or a file written
-    memory_limit: float | None = None  # 10^9 bytes that a run's process may have to itself; what there is if not given
 
 
 def evaluate(request: EvaluateRequest) -> list[Record]:
@@ -88,7 +67,7 @@ def evaluate(request: EvaluateRequest) -> list[Record]:
     if request.seed < 0:
         raise InputError(f"SEED={request.seed}: negative", expected="0 or more")
     check_track(request.track)
-    limits = Limits(request.time_limit, request.stall_limit, request.memory_limit)
+    limits = request.limits
     profile = find_profile(request.profile)
     probe(request.method, profile.name)
     names = [pattern.name for pattern in choose_patterns(request.patterns, profile.patterns)]

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hydroviews.errors import InputError
-from leaderboard.evaluate import WEEK, MethodName, PatternNames, ProfileName, TrackName
 from leaderboard.gather import run_folders, trusted_record, write_leaderboard
-from leaderboard.records import FAILED, GIVEN_POSES
+from leaderboard.records import FAILED
+from leaderboard.run_options import MethodName, RunOptions
 from leaderboard.runs import Run
 from leaderboard.supervision import Limits
 from leaderboard.sweep.local import fitting_workers, log_path, run_here
@@ -19,27 +19,18 @@ logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class SweepRequest:
+class SweepRequest(RunOptions):
     """What to run, and where."""
 
     matrix: Path | None = None  # a TOML file with methods, scenes, patterns, seeds, profile, track; or these options
     methods: tuple[MethodName, ...] = ()
     scenes: tuple[str, ...] = ("courtyard",)
-    patterns: PatternNames = ()  # the profile's if none is named
     seeds: tuple[int, ...] = (0,)
-    profile: ProfileName = "demo"
-    track: TrackName = GIVEN_POSES
-    data: Path = Path("data")
-    results: Path = Path("results")
-    captures: Path | None = None  # the folder with published captures; $HYDROVIEWS_CAPTURES if not given
     workers: int | None = None  # runs at a time on this machine; as many as cores and memory allow if not given
     threads: int = 1  # of each run, on cores of its own
     slurm: Path | None = None  # write the script of a Slurm array here instead of running
     ray: str | None = None  # address of a Ray cluster to run on instead
     gpus: float = 0  # of each run on a Ray cluster
-    time_limit: float = WEEK  # hours that a run may take in all, each time it is tried
-    stall_limit: float = 1.0  # hours that a run may take without a line printed or a file written
-    memory_limit: float | None = None  # 10^9 bytes that a run's process may have to itself
 
 
 def sweep(request: SweepRequest) -> dict[Run, str]:
@@ -51,7 +42,7 @@ def sweep(request: SweepRequest) -> dict[Run, str]:
     Raises:
         InputError: something the user can mend.
     """
-    limits = Limits(request.time_limit, request.stall_limit, request.memory_limit)
+    limits = request.limits
     _check(request)
     runs = build_runs(_matrix(request), request.data, request.results, request.captures)
     missing = [run for run in runs if not is_finished(run)]
