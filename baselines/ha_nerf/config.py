@@ -86,5 +86,7 @@ SMALL = HaNerfConfig(VolumetricConfig(field=FIELD), SMALL_LOOK, SMALL_VISIBILITY
 PROFILES = {
     "demo": replace(SMALL, volumetric=replace(SMALL.volumetric, iterations=3500)),
     "quick": replace(SMALL, volumetric=replace(SMALL.volumetric, field=DETAILED_FIELD, iterations=13_000)),
-    "paper": HaNerfConfig(replace(NERF, field=MlpFieldConfig(position_octaves=15), iterations=600_000, final_rate=0.01)),
+    "paper": HaNerfConfig(
+        replace(NERF, field=MlpFieldConfig(position_octaves=15), iterations=600_000, final_rate=0.01)
+    ),
 }

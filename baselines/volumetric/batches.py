@@ -51,6 +51,7 @@ class TrainingPixels:
             _check_weights(weights, images)
         self.images, self._cameras = images, CameraArrays(cameras)
         self._widths = np.array([camera.width for camera in cameras])
+        self._heights = np.array([camera.height for camera in cameras])
         sizes = np.array([camera.width * camera.height for camera in cameras])
         self._ends = np.cumsum(sizes)
         self._starts = self._ends - sizes
@@ -83,7 +84,14 @@ class TrainingPixels:
         world = self._cameras.rays(views, columns + 0.5, rows + 0.5)
         colours = torch.from_numpy(self._colours[chosen]).to(device).float() / 255
         weights = torch.ones(len(chosen)) if self._weights is None else torch.from_numpy(self._weights[chosen])
-        return Batch(space.from_world(world, device), colours, weights.to(device), torch.from_numpy(views).to(device))
+        places = np.stack([(rows + 0.5) / self._heights[views], (columns + 0.5) / self._widths[views]], axis=1)
+        return Batch(
+            space.from_world(world, device),
+            colours,
+            weights.to(device),
+            torch.from_numpy(views).to(device),
+            torch.from_numpy(places.astype(np.float32)).to(device),
+        )
 
 
 # By pixels, seed, iteration, number of rays, space and device; by default evenly from all views.
