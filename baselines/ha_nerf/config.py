@@ -13,7 +13,7 @@ class LookConfig:
 
     size: int = 48  # numbers of a look
     channels: tuple[int, ...] = (64, 128, 256, 256, 256)  # of the convolutions; each but the first halves the picture
-    longest: int = 128  # pixels a side of the picture that it sees
+    side: int = 128  # pixels; it sees photographs as squares
     rate: float = 5e-4  # of Adam
     penalty: float = 1e-5  # of the mean square of the numbers
     mean_share: float = 0.0  # of a step's rays, which get the mean look instead of their view's
@@ -21,8 +21,11 @@ class LookConfig:
     def __post_init__(self) -> None:
         if not 0 <= self.mean_share <= 1:
             raise ValueError(f"mean_share {self.mean_share}: expected a share")
-        if min(self.size, self.longest, *self.channels) < 1 or len(self.channels) < 2:
+        if min(self.size, *self.channels) < 1 or len(self.channels) < 2:
             raise ValueError(f"look {self}: expected sizes of 1 or more and two convolutions or more")
+        smallest = max(4, 2 ** (len(self.channels) - 1))  # below it borders would be reflected onto themselves
+        if self.side < smallest:
+            raise ValueError(f"side {self.side}: expected at least {smallest}, which can be halved so often")
 
 
 @dataclass(frozen=True)
@@ -75,14 +78,14 @@ class HaNerfConfig:
 # Rates and grids of nerf-w's short profiles, whose batches and field these are.
 FIELD = HashFieldConfig(rate=2e-2)
 DETAILED_FIELD = replace(FIELD, grid=GridConfig(log2_entries=17))
-# An encoder of a sixteenth of the work, which two cores do in some milliseconds a step.
-SMALL_LOOK = LookConfig(channels=(16, 32, 64, 64, 64), longest=64, mean_share=0.5)
+# An encoder that sees sixteen photographs in some milliseconds.
+SMALL_LOOK = LookConfig(channels=(8, 16, 32, 32), side=32, mean_share=0.5)
 # Early errors are large everywhere, so a free mask hides detail that is not learned yet: what masking costs follows the
 # typical error, from the first step on, and masks start next to nothing.
 SMALL_VISIBILITY = VisibilityConfig(
     width=128, rate=3e-3, at_first=0.05, price=3.5, price_at_first=3.5, price_fall=0.0, relative=True
 )
-SMALL = HaNerfConfig(VolumetricConfig(field=FIELD), SMALL_LOOK, SMALL_VISIBILITY)
+SMALL = HaNerfConfig(VolumetricConfig(field=FIELD), SMALL_LOOK, SMALL_VISIBILITY, photographs=16)
 PROFILES = {
     "demo": replace(SMALL, volumetric=replace(SMALL.volumetric, iterations=3500)),
     "quick": replace(SMALL, volumetric=replace(SMALL.volumetric, field=DETAILED_FIELD, iterations=13_000)),

@@ -6,11 +6,12 @@ E(I) = linear(mean over the picture of convolutions(I)), without normalisation: 
 import math
 from itertools import pairwise
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
 from baselines.ha_nerf.config import LookConfig
-from baselines.training.images import Size, TrainingImages
+from baselines.training.images import TrainingImages
 from baselines.volumetric.encodings import linear
 
 
@@ -24,13 +25,13 @@ class LookEncoder(nn.Module):
         self.halving = nn.ModuleList(halving)
         self.exit = linear(config.channels[-1], config.size, generator)
 
-    def forward(self, picture: Tensor) -> Tensor:
-        """The look [E] of a picture [3, H, W] in [-1, 1], of the size that `small_size` says."""
-        x = self.entry(picture[None]).relu()
+    def forward(self, pictures: Tensor) -> Tensor:
+        """The looks [N, E] of pictures [N, 3, S, S] in [-1, 1]."""
+        x = self.entry(pictures).relu()
         for layer in self.halving:
             x = layer(x).relu()
-        look: Tensor = self.exit(x.mean((2, 3)))[0]
-        return look
+        looks: Tensor = self.exit(x.mean((2, 3)))
+        return looks
 
 
 def convolution(inputs: int, outputs: int, side: int, stride: int, pad: int, generator: torch.Generator) -> nn.Conv2d:
@@ -44,24 +45,15 @@ def convolution(inputs: int, outputs: int, side: int, stride: int, pad: int, gen
     return layer
 
 
-def small_size(size: Size, config: LookConfig) -> Size:
-    """The size at which E sees a picture: never larger, but large enough that no border is reflected onto itself."""
-    smallest = max(4, 2 ** (len(config.channels) - 1))
-    scale = min(1.0, config.longest / max(size))
-    return max(smallest, round(scale * size[0])), max(smallest, round(scale * size[1]))
+def small_pictures(images: TrainingImages, side: int) -> Tensor:
+    """Photographs as E sees them: squares [V, 3, side, side] of 8 bits a channel; what is hidden of one is black."""
+    pictures = [images.pixels(index, (side, side)) for index in range(len(images))]
+    return torch.from_numpy(np.stack(pictures)).permute(0, 3, 1, 2).contiguous()
 
 
-def small_pictures(images: TrainingImages, config: LookConfig) -> list[Tensor]:
-    """The photographs as E sees them, [3, h, w] with 8 bits a channel; what is hidden of one is black."""
-    shapes = [images.pixels(index).shape for index in range(len(images))]
-    sizes = [small_size((height, width), config) for height, width, _ in shapes]
-    pictures = [torch.from_numpy(images.pixels(index, size)) for index, size in enumerate(sizes)]
-    return [picture.permute(2, 0, 1).contiguous() for picture in pictures]
-
-
-def as_seen(picture: Tensor) -> Tensor:
+def as_seen(pictures: Tensor) -> Tensor:
     """Values of 8 bits as numbers in [-1, 1]."""
-    return picture.float() / 127.5 - 1
+    return pictures.float() / 127.5 - 1
 
 
 def rays_of_the_mean(rays: int, share: float, device: torch.device) -> Tensor:

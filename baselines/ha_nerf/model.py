@@ -17,6 +17,7 @@ from baselines.volumetric.spaces import Rays, Space
 
 logger = logging.getLogger(__name__)
 
+AT_ONCE = 16  # pictures, when all are looked at
 MOST, AFTER = 0.6, 2  # share of the pixels masked, and visits of each view, from which on masks hide the scene itself
 
 
@@ -31,7 +32,7 @@ class HaNerfModel(RadianceModel):
         self.running = Running(views, config.photographs, config.visibility.at_first)
         self.looks: Tensor  # of the views, when last visited [V, E]
         self.register_buffer("looks", torch.zeros(views, config.look.size))
-        self._pictures: list[Tensor] = []
+        self._pictures = torch.zeros(0, 3, 1, 1, dtype=torch.uint8)  # of the views, small; in training alone
         self._warned = False
 
     def groups(self) -> list[dict[str, Any]]:
@@ -46,16 +47,17 @@ class HaNerfModel(RadianceModel):
 
     def prepare(self, images: TrainingImages) -> None:
         """See RadianceModel; keeps small pictures and their looks."""
-        self._pictures = small_pictures(images, self.settings.look)
+        self._pictures = small_pictures(images, self.settings.look.side)
         self.finish()
 
     @torch.no_grad()
     def finish(self) -> None:
         """See RadianceModel; the looks of all views, whose mean is rendered, as the encoder now has them."""
-        self.looks.copy_(torch.stack([self._look(view) for view in range(len(self._pictures))]))
+        self.looks.copy_(torch.cat([self._looks(part) for part in self._pictures.split(AT_ONCE)]))
 
-    def _look(self, view: int) -> Tensor:
-        return self.encoder(as_seen(self._pictures[view].to(self.looks.device)))
+    def _looks(self, pictures: Tensor) -> Tensor:
+        looks: Tensor = self.encoder(as_seen(pictures.to(self.looks.device)))
+        return looks
 
     def shade(self, rays: Rays, samples: Samples, context: TrainingContext | None) -> Rendering:
         """See RadianceModel; without `context` the scene in its mean look."""
@@ -66,7 +68,7 @@ class HaNerfModel(RadianceModel):
         if context is not None:
             assert context.places is not None, "batches of `grids` have places"
             visited, which = torch.unique_consecutive(context.views, return_inverse=True)
-            visited_looks = torch.stack([self._look(view) for view in visited.tolist()])
+            visited_looks = self._looks(self._pictures[visited.cpu()])
             as_mean = rays_of_the_mean(len(mean), self.settings.look.mean_share, mean.device)
             looks = torch.where(as_mean[:, None], mean, visited_looks[which])
             extras = {

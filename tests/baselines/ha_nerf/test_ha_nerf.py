@@ -27,11 +27,11 @@ from baselines.volumetric.spaces import Contracted
 from hydroviews.errors import InputError
 from hydroviews.scene.scenes import Split
 
-LOOK = LookConfig(size=8, channels=(8, 16, 16), longest=24, rate=2e-3, mean_share=0.5)
+LOOK = LookConfig(size=8, channels=(8, 16, 16), side=24, rate=2e-3)
 VISIBILITY = VisibilityConfig(
     code=16, octaves=4, width=32, layers=2, rate=1e-2, at_first=0.05, price=3.5, price_at_first=3.5, relative=True
 )
-CONFIG = HaNerfConfig(balls.SMALL, LOOK, VISIBILITY)
+CONFIG = HaNerfConfig(balls.SMALL, LOOK, VISIBILITY, photographs=16)
 SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, proposal_always=10))
 SPACE = Contracted((0.0, 0.0, 0.0), 1.0, 0.2, 5.0)
 
