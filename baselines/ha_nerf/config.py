@@ -81,11 +81,12 @@ DETAILED_FIELD = replace(FIELD, grid=GridConfig(log2_entries=17))
 # An encoder that sees sixteen photographs in some milliseconds.
 SMALL_LOOK = LookConfig(channels=(8, 16, 32, 32), side=32, mean_share=0.5)
 # Early errors are large everywhere, so a free mask hides detail that is not learned yet: what masking costs follows the
-# typical error, from the first step on, and masks start next to nothing. Short trainings meet each pixel of a view but a
-# few times: finer octaves are left as ripples all over the mask.
+# typical error, from the first step on, and masks start next to nothing. Short trainings meet each pixel of a view but
+# once or twice: of ten octaves the finest stay as ripples all over the mask.
 SMALL_VISIBILITY = VisibilityConfig(
     octaves=7, width=128, rate=3e-3, at_first=0.05, price=3.5, price_at_first=3.5, price_fall=0.0, relative=True
 )
+# At a hash grid's rates a batch of one photograph pulls the field from view to view.
 SMALL = HaNerfConfig(VolumetricConfig(field=FIELD), SMALL_LOOK, SMALL_VISIBILITY, photographs=16)
 PROFILES = {
     "demo": replace(SMALL, volumetric=replace(SMALL.volumetric, iterations=3500)),

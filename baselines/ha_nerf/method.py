@@ -12,8 +12,9 @@ Where this deviates, and why:
 * All views are visited in turn instead of drawn at random, and what masking costs falls with the visits of a view
   instead of with steps: 2,100 steps are 130 visits of each of 16 views, 3 of each of 700.
 * A grid's offset reaches to the picture's far border. The authors' ends before it: a last strip is never seen.
-* Small profiles have the hash grid and proposals that nerf-w has, a smaller encoder and mask network, and a price of
-  masking that follows the running median of the error: at a constant price what is not learned yet is masked for good.
+* Small profiles have the hash grid and proposals that nerf-w has, a smaller encoder, which sees small squares, and a
+  smaller mask network. A step has sixteen photographs: one alone pulls the field from view to view. What masking costs
+  is a multiple of the running median of the error: at a constant price what is not learned yet is masked for good.
   They colour half of the rays in the mean look, as nerf-w does: what a stretch of views has in common would be missing
   in it otherwise.
 * No noise is added to densities, which kept the authors' code from learning some scenes; near, far and space are those
