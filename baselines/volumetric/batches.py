@@ -1,7 +1,7 @@
-"""The pixels that a field learns from: drawn from all training views by seed and iteration alone."""
+"""The pixels that a field learns from: drawn from the training views by seed and iteration alone."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +25,7 @@ class Batch:
     colours: Tensor  # [R, 3] in [0, 1]
     weights: Tensor  # [R] in [0, 1]: how much each counts
     views: Tensor  # [R], index of the training view
+    places: Tensor | None = None  # [R, 2], row and column of the pixel centres in (0, 1), where a method needs them
 
 
 class TrainingPixels:
@@ -50,6 +51,7 @@ class TrainingPixels:
             _check_weights(weights, images)
         self.images, self._cameras = images, CameraArrays(cameras)
         self._widths = np.array([camera.width for camera in cameras])
+        self._heights = np.array([camera.height for camera in cameras])
         sizes = np.array([camera.width * camera.height for camera in cameras])
         self._ends = np.cumsum(sizes)
         self._starts = self._ends - sizes
@@ -67,10 +69,33 @@ class TrainingPixels:
         chosen = generator(seed, "rays", iteration).integers(0, self._ends[-1], rays)
         views = np.searchsorted(self._ends, chosen, side="right")
         rows, columns = np.divmod(chosen - self._starts[views], self._widths[views])
+        return self.at(views, rows, columns, space, device)
+
+    def at(
+        self,
+        views: NDArray[np.int64],
+        rows: NDArray[np.int64],
+        columns: NDArray[np.int64],
+        space: Space,
+        device: torch.device,
+    ) -> Batch:
+        """Pixels by view, row and column, each [R]."""
+        chosen = self._starts[views] + rows * self._widths[views] + columns
         world = self._cameras.rays(views, columns + 0.5, rows + 0.5)
         colours = torch.from_numpy(self._colours[chosen]).to(device).float() / 255
-        weights = torch.ones(rays) if self._weights is None else torch.from_numpy(self._weights[chosen])
-        return Batch(space.from_world(world, device), colours, weights.to(device), torch.from_numpy(views).to(device))
+        weights = torch.ones(len(chosen)) if self._weights is None else torch.from_numpy(self._weights[chosen])
+        places = np.stack([(rows + 0.5) / self._heights[views], (columns + 0.5) / self._widths[views]], axis=1)
+        return Batch(
+            space.from_world(world, device),
+            colours,
+            weights.to(device),
+            torch.from_numpy(views).to(device),
+            torch.from_numpy(places.astype(np.float32)).to(device),
+        )
+
+
+# By pixels, seed, iteration, number of rays, space and device; by default evenly from all views.
+Draw = Callable[[TrainingPixels, int, int, int, Space, torch.device], Batch]
 
 
 def _counting(images: TrainingImages, weights: Sequence[NDArray[np.float32]] | None) -> NDArray[np.float32] | None:

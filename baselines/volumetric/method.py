@@ -14,6 +14,7 @@ from baselines.training.checkpoints import read_arrays, write_arrays
 from baselines.training.devices import chosen_device
 from baselines.training.images import TrainingImages, read_images
 from baselines.training.torch_state import module_arrays, restore_module
+from baselines.volumetric.batches import Draw, TrainingPixels
 from baselines.volumetric.config import VolumetricConfig
 from baselines.volumetric.losses import Loss, photometric_losses
 from baselines.volumetric.model import RadianceModel
@@ -36,7 +37,7 @@ class _Fitted:
 
 
 class RadianceMethod(Method):
-    """A plain radiance field; methods replace its model, its loss, and how much each pixel counts."""
+    """A plain radiance field; methods replace its model, loss, batches, and how much each pixel counts."""
 
     profiles: ClassVar[Mapping[str, Any]]
 
@@ -68,6 +69,10 @@ class RadianceMethod(Method):
         """What training minimises."""
         return photometric_losses(self.volumetric)
 
+    def draw(self) -> Draw:
+        """Where the pixels of a step are; here evenly drawn from all views."""
+        return TrainingPixels.draw
+
     def settings(self) -> dict[str, Any]:
         """Settings beside those of `volumetric` that lead to another result, for JSON."""
         return {}
@@ -93,6 +98,7 @@ class RadianceMethod(Method):
             settings={"method": type(self).__name__, **self.settings()},
             images=images,
             weights=weights,
+            draw=self.draw(),
         )
         self._fitted = _Fitted(trained, len(scene.train_views))
 

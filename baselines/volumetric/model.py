@@ -8,6 +8,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from baselines.training.images import TrainingImages
+from baselines.volumetric.batches import Batch
 from baselines.volumetric.compositing import along_ray, compositing_weights, interval_lengths
 from baselines.volumetric.config import HashFieldConfig, VolumetricConfig
 from baselines.volumetric.fields import HashField, MlpField, ProposalNetwork
@@ -28,6 +30,7 @@ class TrainingContext:
     jitter: Tensor  # [2, R] in [0, 1), of the proposal's and of the field's samples
     sharpness: float = 1.0  # exponent of the proposal's weights
     update_proposal: bool = True  # whether the proposal network learns
+    places: Tensor | None = None  # of the pixels, see Batch
 
 
 @dataclass(frozen=True)
@@ -126,6 +129,15 @@ class RadianceModel(nn.Module):
     def groups(self) -> list[dict[str, Any]]:
         """Parameters for Adam, each with its learning rate."""
         return [{"params": list(self.parameters()), "lr": self.config.field.rate}]
+
+    def prepare(self, images: TrainingImages) -> None:
+        """Before training: keep what is needed of the photographs; here nothing."""
+
+    def after_step(self, rendering: Rendering, batch: Batch) -> None:
+        """After a step of training: update what its buffers keep of the step; here nothing."""
+
+    def finish(self) -> None:
+        """After training: calculate what rendering needs of all views; here nothing."""
 
     def chunks(self, rays: Rays) -> Iterator[Rays]:
         """The rays in parts that fit into a bounded memory."""

@@ -14,7 +14,7 @@ from baselines.training.devices import chosen_device
 from baselines.training.images import TrainingImages, read_images
 from baselines.training.loop import Metrics, run
 from baselines.training.torch_state import module_arrays, restore_module
-from baselines.volumetric.batches import Batch, TrainingPixels
+from baselines.volumetric.batches import Batch, Draw, TrainingPixels
 from baselines.volumetric.config import VolumetricConfig
 from baselines.volumetric.hash_grid import warm_up as warm_up_kernels
 from baselines.volumetric.losses import Loss, photometric_losses
@@ -48,6 +48,7 @@ def train(
     settings: dict[str, Any] | None = None,
     images: TrainingImages | None = None,
     weights: Sequence[NDArray[np.float32]] | None = None,
+    draw: Draw = TrainingPixels.draw,
 ) -> TrainedField:
     """Learn the scene's training views, or go on from the checkpoint in `folder`.
 
@@ -64,6 +65,7 @@ def train(
         settings: of `make` and `loss`, for JSON; a checkpoint made with others is refused.
         images: to learn from instead of the photographs.
         weights: how much each pixel counts, [H, W] in [0, 1] a view.
+        draw: the pixels of a step; by default evenly from all views.
 
     Raises:
         InputError: no training views; an image that cannot be read; weights of another size; a checkpoint of another
@@ -76,14 +78,17 @@ def train(
     device = torch.device(chosen_device(config.device))
     pixels = TrainingPixels(cameras, images or read_images(scene.train_views), weights)
     start = generator(seed, "start").integers(2**62)
-    model = make(space, torch.Generator().manual_seed(int(start)), len(cameras)).to(device)
+    model = make(space, torch.Generator().manual_seed(int(start)), len(cameras))
+    model.prepare(pixels.images)
+    model = model.to(device)
     if device.type == "cpu":
         warm_up_kernels()
     fingerprint = fingerprint_of(
         config, seed, scene, pixels.images, settings=settings or {}, weights=pixels.digest(), device=device.type
     )
-    trainer = FieldTrainer(config, seed, pixels, model, loss or photometric_losses(config), device)
+    trainer = FieldTrainer(config, seed, pixels, model, loss or photometric_losses(config), device, draw)
     run(trainer, folder / CHECKPOINT, fingerprint, config.checkpoint_seconds)
+    model.finish()
     return TrainedField(model, trainer.seconds, torch.cuda.get_device_name() if device.type == "cuda" else "cpu")
 
 
@@ -98,10 +103,11 @@ class FieldTrainer:
         model: RadianceModel,
         loss: Loss,
         device: torch.device,
+        draw: Draw = TrainingPixels.draw,
     ) -> None:
         """Begin with a model, untrained and on the device; `seed` is that of rays and samples."""
         self.config, self.seed, self.pixels = config, seed, pixels
-        self.model, self.loss, self.device = model, loss, device
+        self.model, self.loss, self.device, self.draw = model, loss, device, draw
         self.optimiser = torch.optim.Adam(model.groups(), betas=BETAS, eps=EPSILON, fused=True)
         self.rates = [group["lr"] for group in self.optimiser.param_groups]  # before schedule
         self.iterations, self.iteration, self.seconds = config.iterations, 0, 0.0
@@ -115,12 +121,14 @@ class FieldTrainer:
         """Learn from one batch of rays; returns its losses."""
         for group, rate in zip(self.optimiser.param_groups, self.rates, strict=True):
             group["lr"] = rate * rate_at(self.iteration, self.config)
-        batch = self.pixels.draw(self.seed, self.iteration, self.config.rays, self.model.space, self.device)
-        losses = self.loss(self.model(batch.rays, self._training_context(batch)), batch)
+        batch = self.draw(self.pixels, self.seed, self.iteration, self.config.rays, self.model.space, self.device)
+        rendering = self.model(batch.rays, self._training_context(batch))
+        losses = self.loss(rendering, batch)
         stacked = torch.stack(list(losses.values()))
         self.optimiser.zero_grad()
         stacked.sum().backward()
         self.optimiser.step()
+        self.model.after_step(rendering, batch)
         self.iteration += 1
         return dict(zip(losses, stacked.tolist(), strict=True))
 
@@ -140,7 +148,7 @@ class FieldTrainer:
         numbers = generator(self.seed, "jitter", iteration).random((2, config.rays), np.float32)
         jitter = torch.from_numpy(numbers).to(self.device)
         update_proposal = iteration < config.proposal_always or iteration % config.proposal_every == 0
-        return TrainingContext(batch.views, jitter, annealed(iteration, config.anneal), update_proposal)
+        return TrainingContext(batch.views, jitter, annealed(iteration, config.anneal), update_proposal, batch.places)
 
 
 def rate_at(iteration: int, config: VolumetricConfig) -> float:

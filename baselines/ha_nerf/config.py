@@ -1,0 +1,97 @@
+"""How Ha-NeRF's networks are built, priced and trained."""
+
+from dataclasses import dataclass, field, replace
+from math import isqrt
+
+from baselines.volumetric.config import NERF, HashFieldConfig, MlpFieldConfig, VolumetricConfig
+from baselines.volumetric.hash_grid import GridConfig
+
+
+@dataclass(frozen=True)
+class LookConfig:
+    """The encoder of a photograph's look; the defaults are the authors'."""
+
+    size: int = 48  # numbers of a look
+    channels: tuple[int, ...] = (64, 128, 256, 256, 256)  # of the convolutions; each but the first halves the picture
+    side: int = 128  # pixels; it sees photographs as squares
+    rate: float = 5e-4  # of Adam
+    penalty: float = 1e-5  # of the mean square of the numbers
+    mean_share: float = 0.0  # of a step's rays, which get the mean look instead of their view's
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.mean_share <= 1:
+            raise ValueError(f"mean_share {self.mean_share}: expected a share")
+        if min(self.size, *self.channels) < 1 or len(self.channels) < 2:
+            raise ValueError(f"look {self}: expected sizes of 1 or more and two convolutions or more")
+        smallest = max(4, 2 ** (len(self.channels) - 1))  # below it borders would be reflected onto themselves
+        if self.side < smallest:
+            raise ValueError(f"side {self.side}: expected at least {smallest}, which can be halved so often")
+
+
+@dataclass(frozen=True)
+class VisibilityConfig:
+    """The network of the masks, and what masking costs; the defaults are the authors'."""
+
+    code: int = 128  # numbers of a view's code
+    octaves: int = 10  # of the encoding of places
+    width: int = 256  # units of a layer
+    layers: int = 4
+    rate: float = 5e-4  # of Adam
+    at_first: float = 0.5  # m before the first step, everywhere
+    price: float = 6e-3  # lambda_s: of the mean of m^2 in the loss
+    price_at_first: float = 5e-2
+    price_fall: float = 0.75  # exponential rate a visit of each view at which the price falls to `price`
+    relative: bool = False  # whether prices are multiples of the running median of the squared error
+
+    def __post_init__(self) -> None:
+        if not 0 < self.at_first < 1:
+            raise ValueError(f"at_first {self.at_first}: expected a number between 0 and 1")
+        if self.price <= 0 or self.price_at_first < self.price or self.price_fall < 0:
+            raise ValueError(
+                f"price {self.price}, {self.price_at_first} at first: expected a positive price that falls"
+            )
+
+
+@dataclass(frozen=True)
+class HaNerfConfig:
+    """A field, its looks, its masks, and the grids of a step."""
+
+    volumetric: VolumetricConfig = field(default_factory=VolumetricConfig)
+    look: LookConfig = field(default_factory=LookConfig)
+    visibility: VisibilityConfig = field(default_factory=VisibilityConfig)
+    photographs: int = 1  # a step
+    min_scale: float = 0.5  # smallest side of a step's grid, as a share of the photograph's
+
+    def __post_init__(self) -> None:
+        if self.photographs < 1 or self.side**2 * self.photographs != self.volumetric.rays:
+            found = f"{self.volumetric.rays} rays a step in {self.photographs} photographs"
+            raise ValueError(f"{found}: expected a square of rays in each")
+        if not 0 < self.min_scale <= 1:
+            raise ValueError(f"min_scale {self.min_scale}: expected a share of the photograph's side")
+
+    @property
+    def side(self) -> int:
+        """Rays on a side of a photograph's grid."""
+        return isqrt(self.volumetric.rays // self.photographs)
+
+
+# Rates and grids of nerf-w's short profiles, whose batches and field these are.
+FIELD = HashFieldConfig(rate=2e-2)
+DETAILED_FIELD = replace(FIELD, grid=GridConfig(log2_entries=17))
+# An encoder that sees sixteen photographs in some milliseconds.
+SMALL_LOOK = LookConfig(channels=(8, 16, 32, 32), side=32, mean_share=0.5)
+# Early errors are large everywhere, so a free mask hides detail that is not learned yet: what masking costs follows the
+# typical error, from the first step on, and masks start next to nothing. Short trainings meet each pixel of a view but
+# once or twice: of ten octaves the finest stay as ripples all over the mask.
+SMALL_VISIBILITY = VisibilityConfig(
+    octaves=7, width=128, rate=3e-3, at_first=0.05, price=3.5, price_at_first=3.5, price_fall=0.0, relative=True
+)
+# At a hash grid's rates a batch of one photograph pulls the field from view to view.
+SMALL = HaNerfConfig(VolumetricConfig(field=FIELD), SMALL_LOOK, SMALL_VISIBILITY, photographs=16)
+PROFILES = {
+    "demo": replace(SMALL, volumetric=replace(SMALL.volumetric, iterations=3500)),
+    "quick": replace(SMALL, volumetric=replace(SMALL.volumetric, field=DETAILED_FIELD, iterations=13_000)),
+    "paper": HaNerfConfig(
+        replace(NERF, field=MlpFieldConfig(position_octaves=15), iterations=600_000, final_rate=0.01)
+    ),
+}

@@ -1,0 +1,73 @@
+"""Ha-NeRF (Chen et al. 2022): the look of a photograph from the photograph itself, and masks for what comes and goes.
+
+Appearance: a network E turns each photograph into a look, which is given to the colour head (`look`). Occlusions: a
+network of a view's code and a place in the picture says what the scene need not explain (`visibility`, `losses`). A
+step sees a grid of rays in one photograph (`batches`). Held-out views have the mean look of the training views.
+
+Where this deviates, and why:
+
+* Held-out views are not looked at. The authors take the look of the whole held-out photograph.
+* Two losses, that of looks encoded again from what is rendered in another photograph's look, and that of looks that
+  are to differ, are left out in all profiles: no look but the mean is rendered here.
+* All views are visited in turn instead of drawn at random, and what masking costs falls with the visits of a view
+  instead of with steps: 2,100 steps are 130 visits of each of 16 views, 3 of each of 700.
+* A grid's offset reaches to the picture's far border. The authors' ends before it: a last strip is never seen.
+* Small profiles have the hash grid and proposals that nerf-w has, a smaller encoder, which sees small squares, and a
+  smaller mask network. A step has sixteen photographs: one alone pulls the field from view to view. What masking costs
+  is a multiple of the running median of the error: at a constant price what is not learned yet is masked for good.
+  They colour half of the rays in the mean look, as nerf-w does: what a stretch of views has in common would be missing
+  in it otherwise.
+* No noise is added to densities, which kept the authors' code from learning some scenes; near, far and space are those
+  of all radiance fields here.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from typing import Any, ClassVar
+
+import torch
+
+from baselines.ha_nerf.batches import grids
+from baselines.ha_nerf.config import PROFILES, HaNerfConfig
+from baselines.ha_nerf.losses import ha_nerf_losses
+from baselines.ha_nerf.model import HaNerfModel
+from baselines.method import TrainingSummary
+from baselines.volumetric.batches import Draw
+from baselines.volumetric.config import VolumetricConfig
+from baselines.volumetric.losses import Loss
+from baselines.volumetric.method import RadianceMethod
+from baselines.volumetric.spaces import Space
+
+
+class HaNerf(RadianceMethod):
+    """Ha-NeRF (Chen et al. 2022): a radiance field with looks from the photographs and masks of what comes and goes."""
+
+    profiles: ClassVar[Mapping[str, Any]] = PROFILES
+
+    @property
+    def volumetric(self) -> VolumetricConfig:
+        """See RadianceMethod."""
+        config: HaNerfConfig = self.config
+        return config.volumetric
+
+    def make(self, space: Space, generator: torch.Generator, views: int) -> HaNerfModel:
+        """See RadianceMethod."""
+        return HaNerfModel(self.config, space, generator, views)
+
+    def loss(self) -> Loss:
+        """See RadianceMethod."""
+        return ha_nerf_losses(self.config)
+
+    def draw(self) -> Draw:
+        """See RadianceMethod."""
+        return grids(self.config)
+
+    def settings(self) -> dict[str, Any]:
+        """See RadianceMethod."""
+        return {name: value for name, value in asdict(self.config).items() if name != "volumetric"}
+
+    def summary(self) -> TrainingSummary:
+        """See Method; also how much of the photographs was masked at the end."""
+        model = self._require().trained.model
+        assert isinstance(model, HaNerfModel)
+        return replace(super().summary(), used=f"{float(model.running.masked):.1%} of the pixels masked")

@@ -1,0 +1,87 @@
+"""Grids of rays in one photograph: inside it, regular, everywhere in the long run; views in turn; their pixels."""
+
+from dataclasses import replace
+
+import balls
+import numpy as np
+import pytest
+import torch
+
+from baselines.ha_nerf.batches import grid, grids, views_in_turn
+from baselines.ha_nerf.config import HaNerfConfig
+from baselines.training.images import read_images
+from baselines.volumetric.batches import TrainingPixels
+from baselines.volumetric.rays import camera_rays
+from baselines.volumetric.spaces import Contracted
+from hydroviews.scene.seeds import generator
+
+CONFIG = HaNerfConfig(balls.SMALL)  # 16 x 16 rays
+
+
+@pytest.mark.parametrize(("height", "width"), [(24, 32), (5, 90)])
+def test_grids_stay_inside_and_reach_every_pixel(height, width):
+    met = np.zeros((height, width), int)
+    random = np.random.default_rng(0)
+    for _ in range(2000):
+        rows, columns = grid(height, width, 8, 0.5, random)
+        assert rows.min() >= 0
+        assert columns.min() >= 0
+        met[rows, columns] += 1  # out of range would raise
+    assert met.min() > 0
+
+
+def test_grids_are_regular_and_as_large_as_was_said():
+    random = np.random.default_rng(1)
+    spans = []
+    for _ in range(300):
+        rows, columns = grid(1000, 2000, 11, 0.5, random).reshape(2, 11, 11)
+        assert (rows == rows[:, :1]).all()
+        assert (columns == columns[:1]).all()
+        steps = np.diff(columns[0])
+        assert np.ptp(steps) <= 1
+        assert np.ptp(np.diff(rows[:, 0])) <= 1
+        spans.append(steps.sum() / 2000 / (10 / 11))
+        assert abs(np.diff(rows[:, 0]).mean() / 1000 - steps.mean() / 2000) < 2e-4  # one share of both sides
+    assert 0.49 < min(spans) < 0.52
+    assert 0.98 < max(spans) < 1.01
+
+
+@pytest.mark.parametrize(("photographs", "views"), [(1, 7), (4, 7), (3, 1)])
+def test_views_come_in_turn(photographs, views):
+    steps = [views_in_turn(3, iteration, photographs, views) for iteration in range(views)]
+    assert all(len(step) == photographs for step in steps)
+    counts = np.bincount(np.concatenate(steps), minlength=views)
+    assert (counts == photographs).all()
+    assert views == 1 or any(
+        not np.array_equal(step, views_in_turn(4, i, photographs, views)) for i, step in enumerate(steps)
+    )
+
+
+def test_a_step_has_the_pixels_of_its_photograph(tmp_path):
+    scene = balls.photographed(tmp_path, n_views=6)
+    cameras = [view.camera for view in scene.train_views]
+    pixels, space = TrainingPixels(cameras, read_images(scene.train_views)), Contracted((0.0, 0.0, 0.0), 1.0, 0.2, 5.0)
+    config = replace(CONFIG, photographs=4)
+    batch = grids(config)(pixels, 0, 5, 256, space, torch.device("cpu"))
+    views = views_in_turn(0, 5, 4, len(cameras))
+    assert batch.views.tolist() == np.repeat(views, 64).tolist()
+    random = generator(0, "grid", 5)
+    for part, view in enumerate(views):
+        rows, columns = grid(24, 32, 8, config.min_scale, random)
+        here = slice(64 * part, 64 * part + 64)
+        expected = scene.train_views[view].image()[rows, columns]
+        np.testing.assert_allclose(batch.colours[here], expected, atol=1e-6)
+        np.testing.assert_allclose(
+            batch.places[here], np.stack([(rows + 0.5) / 24, (columns + 0.5) / 32], 1), rtol=1e-6
+        )
+        world = camera_rays(cameras[view])
+        exact = world.directions.reshape(24, 32, 3)[rows, columns]
+        exact = exact / np.linalg.norm(exact, axis=1, keepdims=True)
+        np.testing.assert_allclose(batch.rays.viewing[here], exact, atol=1e-6)
+
+
+def test_rays_that_make_no_square_are_refused():
+    with pytest.raises(ValueError, match="256 rays a step in 2 photographs"):
+        replace(CONFIG, photographs=2)
+    with pytest.raises(ValueError, match="min_scale 0"):
+        replace(CONFIG, min_scale=0.0)

@@ -1,0 +1,307 @@
+"""Ha-NeRF: its loss, the cases that break it, and that looks and masks do what they are for."""
+
+import logging
+from dataclasses import replace
+from unittest import mock
+
+import balls
+import numpy as np
+import pytest
+import torch
+from disturbed import disturbed, fitted
+
+from baselines.ha_nerf import method as ha_nerf
+from baselines.ha_nerf.config import HaNerfConfig, LookConfig, VisibilityConfig
+from baselines.ha_nerf.losses import ha_nerf_losses
+from baselines.ha_nerf.method import HaNerf
+from baselines.ha_nerf.model import HaNerfModel
+from baselines.training.images import TrainingImages
+from baselines.training.torch_state import module_arrays
+from baselines.volumetric.batches import Batch
+from baselines.volumetric.compositing import INFINITE
+from baselines.volumetric.config import MlpFieldConfig
+from baselines.volumetric.method import RadianceMethod
+from baselines.volumetric.model import Rendering, Samples, TrainingContext
+from baselines.volumetric.rays import WorldRays
+from baselines.volumetric.spaces import Contracted
+from hydroviews.errors import InputError
+from hydroviews.scene.scenes import Split
+
+LOOK = LookConfig(size=8, channels=(8, 16, 16), side=24, rate=2e-3)
+VISIBILITY = VisibilityConfig(
+    code=16, octaves=4, width=32, layers=2, rate=1e-2, at_first=0.05, price=3.5, price_at_first=3.5, relative=True
+)
+CONFIG = HaNerfConfig(balls.SMALL, LOOK, VISIBILITY, photographs=16)
+SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, proposal_always=10))
+SPACE = Contracted((0.0, 0.0, 0.0), 1.0, 0.2, 5.0)
+
+
+def model(config=CONFIG, views=3):
+    made = HaNerfModel(config, SPACE, torch.Generator().manual_seed(0), views)
+    noise = np.random.default_rng(0)
+    made.prepare(TrainingImages([noise.integers(0, 256, (24, 32, 3), np.uint8) for _ in range(views)]))
+    return made
+
+
+def rays(n):
+    directions = np.random.default_rng(0).normal(size=(n, 3))
+    return SPACE.from_world(WorldRays(np.zeros((n, 3)), directions), torch.device("cpu"))
+
+
+def batch(n, view=0, colours=0.4):
+    places = torch.rand(n, 2, generator=torch.Generator().manual_seed(0))
+    return Batch(rays(n), torch.full((n, 3), colours), torch.ones(n), torch.full((n,), view), places)
+
+
+def context(of):
+    return TrainingContext(of.views, torch.full((2, len(of.views)), 0.5), places=of.places)
+
+
+class Given(torch.nn.Module):
+    """Stands for a field whose densities are known, and its one colour."""
+
+    def __init__(self, density):
+        super().__init__()
+        self.density = torch.nn.Parameter(density)
+
+    def geometry(self, points):
+        return self.density, torch.zeros(*points.shape[:2], 15)
+
+    def colour(self, features, directions, looks):
+        return torch.full((*features.shape[:2], 3), 0.25)
+
+
+def shaded(density, lengths, of):
+    """A rendering of rays with known densities, and the model."""
+    made = model()
+    made.field = Given(density)
+    count, samples = density.shape
+    edges = torch.linspace(0, 1, samples + 1).expand(count, -1)
+    return made.shade(of.rays, Samples(edges, lengths, torch.zeros(count, samples, 3)), context(of)), made
+
+
+def rendered(colours, m, price=0.5, coarse=None):
+    """A rendering whose colours and masks are given."""
+    n = len(colours)
+    extras = {"m": m, "price": torch.tensor(price), "looks": torch.tensor([[1.0, 3.0]])}
+    weights, edges = torch.zeros(n, 2), torch.linspace(0, 1, 3).expand(n, -1)
+    where = Samples(edges, weights, torch.zeros(n, 2, 3))
+    return Rendering(colours, weights, where, edges, weights, coarse, extras)
+
+
+def test_the_loss_is_its_terms():
+    colours, m = torch.tensor([[0.5] * 3, [0.1] * 3, [0.4] * 3]), torch.tensor([0.2, 0.9, 0.6])
+    coarse, counts = torch.full((3, 3), 0.8), torch.tensor([1.0, 0.5, 0.0])
+    of = replace(batch(3), weights=counts)
+    losses = ha_nerf_losses(CONFIG)(rendered(colours, m, coarse=coarse), of)
+    error, weight = np.array([0.01, 0.09, 0.0]), np.array([1, 0.5, 0]) * (1 - np.array([0.2, 0.9, 0.6]))
+    assert losses["colour"].item() == pytest.approx(np.mean(weight * error) / 2, rel=1e-5)
+    assert losses["coarse"].item() == pytest.approx(np.mean(weight * 0.16) / 2, rel=1e-5)
+    assert losses["size"].item() == pytest.approx(0.5 * np.mean([0.04, 0.5 * 0.81, 0]), rel=1e-5)
+    assert losses["look"].item() == pytest.approx(1e-5 * 5)
+
+
+def test_the_coarse_error_teaches_the_masks_nothing():
+    m = torch.tensor([0.2, 0.9], requires_grad=True)
+    coarse = torch.full((2, 3), 0.8, requires_grad=True)
+    losses = ha_nerf_losses(CONFIG)(rendered(torch.full((2, 3), 0.4), m, coarse=coarse), batch(2))
+    sum(losses.values()).backward()
+    np.testing.assert_allclose(m.grad, 0.5 * 2 * m.detach() / 2, rtol=1e-5)  # that of the size alone: the error is 0
+    assert (coarse.grad != 0).all()
+
+
+def test_everything_stays_finite_on_empty_saturated_and_identical_rays():
+    density = torch.zeros(4, 3)
+    density[1], density[2, 0], density[3, 2] = 1e9, 1e30, 1e-30
+    lengths = torch.ones(4, 3)
+    lengths[:, -1] = INFINITE
+    for counts in (1.0, 0.0):  # of which none counts, too
+        of = replace(batch(4, colours=0.25), weights=torch.full((4,), counts))
+        rendering, made = shaded(density, lengths, of)
+        losses = ha_nerf_losses(CONFIG)(rendering, of)
+        assert all(torch.isfinite(term) for term in losses.values())
+        sum(losses.values()).backward()
+        gradients = [parameter.grad for parameter in made.parameters() if parameter.grad is not None]
+        assert gradients
+        assert all(torch.isfinite(gradient).all() for gradient in gradients)
+        made.after_step(rendering, of)
+        assert all(torch.isfinite(value).all() for value in made.buffers())
+        if not counts:
+            assert float(made.field.density.grad.abs().sum()) == 0
+            assert all(float(p.grad.abs().sum()) == 0 for p in made.visibility.parameters())
+
+
+def test_what_is_masked_teaches_the_field_nothing():
+    of = batch(2)
+    rendering, made = shaded(torch.ones(2, 3), torch.ones(2, 3), of)
+    masked = replace(rendering, extras=rendering.extras | {"m": torch.tensor([1.0, 0.0])})
+    ha_nerf_losses(CONFIG)(masked, of)["colour"].backward()
+    assert float(made.field.density.grad[0].abs().sum()) == 0
+    assert float(made.field.density.grad[1].abs().sum()) > 0
+
+
+def test_scoring_renders_the_scene_in_the_mean_look_of_the_views():
+    made = model()
+    with torch.no_grad():
+        shown = made(rays(50)).colour
+        made.looks.add_(torch.tensor([[2.0], [-1.0], [-1.0]]))  # the mean stays
+        torch.testing.assert_close(made(rays(50)).colour, shown)
+        made.visibility.exit.bias.add_(3.0)
+        torch.testing.assert_close(made(rays(50)).colour, shown)
+        made.looks.add_(1.0)
+        assert not torch.allclose(made(rays(50)).colour, shown, atol=1e-4)
+        made.finish()
+        torch.testing.assert_close(made(rays(50)).colour, shown)
+
+
+def test_rays_see_their_views_look_or_the_mean_one():
+    made, of = model(replace(CONFIG, look=replace(LOOK, mean_share=0.5))), batch(50, view=1)
+    with torch.no_grad():
+        before = made(of.rays, context(of)).colour
+        made._pictures[1] = 255 - made._pictures[1]
+        after = made(of.rays, context(of)).colour
+    changed = (after - before).abs().amax(1) > 1e-5
+    assert changed.tolist() == [i % 2 == 0 for i in range(50)]
+
+
+def test_the_looks_that_are_kept_are_those_of_the_last_visit():
+    made, of = model(), batch(64, view=2)
+    with torch.no_grad():
+        made.encoder.exit.bias.add_(1.0)
+        before = made.looks.clone()
+        made.after_step(made(of.rays, context(of)), of)
+        torch.testing.assert_close(made.looks[:2], before[:2], rtol=0, atol=0)
+        torch.testing.assert_close(made.looks[2], before[2] + 1)
+
+
+def test_masks_that_hide_everything_are_said(caplog):
+    made, of = model(), batch(64)
+    with torch.no_grad():
+        made.visibility.exit.bias.fill_(9.0)
+        for _ in range(40):
+            made.after_step(made(of.rays, context(of)), of)
+    said = [record for record in caplog.records if record.levelno == logging.WARNING]
+    assert len(said) == 1
+    assert "masks hide" in said[0].getMessage()
+
+
+@pytest.fixture(scope="module")
+def ball(tmp_path_factory):
+    return balls.photographed(tmp_path_factory.mktemp("ball"))
+
+
+class Plain(RadianceMethod):
+    """The same field without looks and masks."""
+
+
+def held_out(method, scene, gains=False):
+    """PSNR of the held-out views; with a gain a channel fitted, as the mean of colour casts cannot be known."""
+    renders = np.stack([method.render(view.camera) for view in scene.test_views]).reshape(-1, 3)
+    truths = np.stack([view.image() for view in scene.test_views]).reshape(-1, 3)
+    if gains:
+        renders = renders * (renders * truths).sum(0) / (renders**2).sum(0)
+    return -10 * np.log10(np.mean((renders - truths) ** 2))
+
+
+def only_in_training(scene, change):
+    return lambda picture, index: change(picture, index) if scene.views[index].name in scene.split.train else picture
+
+
+def test_an_occluder_in_a_third_of_the_views_is_kept_out(ball, tmp_path):
+    places = np.random.default_rng(0).integers(0, (12, 20), (len(ball.views), 2))
+
+    def paste(picture, index):
+        if index % 3 == 1:
+            top, left = places[index]
+            picture[top : top + 12, left : left + 12] = (1.0, 0.9, 0.1)
+        return picture
+
+    scene = disturbed(ball, tmp_path, only_in_training(ball, paste))
+    plain = held_out(fitted(Plain, balls.SMALL, scene, tmp_path / "plain"), scene)
+    ours = held_out(fitted(HaNerf, CONFIG, scene, tmp_path / "ours"), scene)
+    assert ours > plain + 1, (ours, plain)
+
+
+def test_colour_casts_of_the_views_are_kept_out(ball, tmp_path):
+    casts = np.random.default_rng(0).uniform(0.3, 1.0, (len(ball.views), 3))
+    scene = disturbed(ball, tmp_path, only_in_training(ball, lambda picture, index: picture * casts[index]))
+    plain = held_out(fitted(Plain, balls.SMALL, scene, tmp_path / "plain"), scene, gains=True)
+    ours = held_out(fitted(HaNerf, CONFIG, scene, tmp_path / "ours"), scene, gains=True)
+    assert ours > plain + 1.5, (ours, plain)
+
+
+def test_an_interrupted_training_ends_with_the_same_bits(ball, tmp_path):
+    config = replace(SHORT, volumetric=replace(SHORT.volumetric, checkpoint_seconds=0.0))
+    whole = fitted(HaNerf, config, ball, tmp_path / "whole")
+    make, steps = ha_nerf.ha_nerf_losses, []
+
+    def failing(config):
+        loss = make(config)
+
+        def cut(rendering, batch):
+            steps.append(0)
+            if len(steps) == 12:
+                raise RuntimeError("power cut")
+            return loss(rendering, batch)
+
+        return cut
+
+    with mock.patch.object(ha_nerf, "ha_nerf_losses", failing), pytest.raises(RuntimeError, match="power cut"):
+        fitted(HaNerf, config, ball, tmp_path / "cut")
+    resumed = fitted(HaNerf, config, ball, tmp_path / "cut")
+    arrays, others = (module_arrays(method._fitted.trained.model) for method in (whole, resumed))
+    assert {"network.running.typical", "network.running.steps", "network.looks"} <= set(arrays)
+    assert [name for name, values in arrays.items() if values.tobytes() != others[name].tobytes()] == []
+    assert whole.summary().used == resumed.summary().used
+    with pytest.raises(InputError, match="settings"):
+        fitted(HaNerf, replace(config, min_scale=0.7), ball, tmp_path / "cut")
+
+
+def test_a_saved_model_renders_the_same_pixels(ball, tmp_path):
+    method = fitted(HaNerf, SHORT, ball, tmp_path)
+    method.save(tmp_path)
+    loaded = HaNerf.load(SHORT, 0, tmp_path)
+    view = ball.test_views[0].camera
+    np.testing.assert_array_equal(loaded.render(view), method.render(view))
+    assert loaded.summary() == method.summary()
+    assert "of the pixels masked" in method.summary().used
+    with pytest.raises(InputError, match="not a model of this configuration"):
+        HaNerf.load(replace(SHORT, look=replace(LOOK, size=9)), 0, tmp_path)
+
+
+@pytest.mark.parametrize("case", ["identical", "one view", "all outliers", "mostly hidden"])
+def test_scenes_that_teach_little_are_learned_without_harm(ball, tmp_path, case):
+    noise = np.random.default_rng(0)
+    if case == "identical":
+        scene = disturbed(ball, tmp_path, lambda picture, _: np.full_like(picture, 0.5))
+    elif case == "all outliers":
+        scene = disturbed(ball, tmp_path, lambda picture, _: noise.random(picture.shape))
+    elif case == "one view":
+        scene = replace(ball, split=Split(ball.split.train[:1], ball.split.test))
+    else:
+        scene = ball
+    method = HaNerf(SHORT, 0)
+    if case == "mostly hidden":  # what counts is one pixel of each view
+        counts = [np.zeros((24, 32), np.float32) for _ in scene.train_views]
+        for count in counts:
+            count[3, 5] = 1
+        method.weights = lambda *_: counts
+    method.fit(scene, tmp_path / "run")
+    assert all(np.isfinite(values).all() for values in module_arrays(method._fitted.trained.model).values())
+    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
+
+
+def test_the_network_of_the_paper_is_trained_too(ball, tmp_path):
+    field = MlpFieldConfig(width=16, depth=2, skip=1, position_octaves=4, direction_octaves=1, rate=1e-2)
+    config = replace(SHORT, volumetric=replace(SHORT.volumetric, field=field, iterations=3))
+    method = fitted(HaNerf, replace(config, photographs=4), ball, tmp_path)
+    assert method._fitted.trained.model.running.visits == pytest.approx(12 / len(ball.train_views))
+    assert np.isfinite(method.render(ball.test_views[0].camera)).all()
+
+
+def test_profiles():
+    for profile in ("demo", "quick", "paper"):
+        assert isinstance(HaNerf.configuration(profile), HaNerfConfig)
+    assert HaNerf.configuration("paper").side == 32
+    with pytest.raises(InputError, match="PROFILE=large"):
+        HaNerf.configuration("large")
