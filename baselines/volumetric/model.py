@@ -28,6 +28,7 @@ class TrainingContext:
     jitter: Tensor  # [2, R] in [0, 1), of the proposal's and of the field's samples
     sharpness: float = 1.0  # exponent of the proposal's weights
     update_proposal: bool = True  # whether the proposal network learns
+    progress: float = 0.0  # share of the steps that are done
 
 
 @dataclass(frozen=True)

@@ -140,7 +140,10 @@ class FieldTrainer:
         numbers = generator(self.seed, "jitter", iteration).random((2, config.rays), np.float32)
         jitter = torch.from_numpy(numbers).to(self.device)
         update_proposal = iteration < config.proposal_always or iteration % config.proposal_every == 0
-        return TrainingContext(batch.views, jitter, annealed(iteration, config.anneal), update_proposal)
+        progress = iteration / config.iterations
+        return TrainingContext(
+            batch.views, jitter, annealed(iteration, config.anneal), update_proposal, progress=progress
+        )
 
 
 def rate_at(iteration: int, config: VolumetricConfig) -> float:
