@@ -32,3 +32,8 @@ class OccNerfConfig:
     early_correlation: float = 0.03
     late_correlation: float = 0.01
     detector_rate: float = 5e-3
+
+    def __post_init__(self) -> None:
+        alike = type(self.background) is type(self.volumetric.field)
+        if not (0 < self.gap < 1 and 0 <= self.alone < 1 and alike):
+            raise ValueError(f"{self}: expected gap in (0, 1), alone in [0, 1), two fields of one kind")

@@ -36,6 +36,7 @@ def depth_from_behind(density: Tensor, lengths: Tensor, positions: Tensor, open_
     thickness = density * lengths
     if open_end:
         thickness = torch.cat([thickness[:, :-1], torch.zeros_like(thickness[:, :1])], 1)
-    reverse = thickness.flip(1)
-    behind = (torch.cumsum(reverse, 1) - reverse).flip(1)
+    # Sums behind each interval; subtracting its own from a sum with it would leave nothing behind opaque ones.
+    behind = torch.cumsum(thickness[:, 1:].flip(1), 1).flip(1)
+    behind = torch.cat([behind, torch.zeros_like(thickness[:, :1])], 1)
     return depth(torch.exp(-behind) * -torch.expm1(-thickness), positions)
