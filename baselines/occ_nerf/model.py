@@ -37,12 +37,12 @@ class OccNerfModel(RadianceModel):
         self.detector = Detector(samples, generator)
 
     def groups(self) -> list[dict[str, Any]]:
-        """See RadianceModel; the detector has a rate of its own."""
-        detector = list(self.detector.parameters())
-        others = [p for p in self.parameters() if all(p is not own for own in detector)]
+        """See RadianceModel; the detector has a rate of its own, and the background begins with the whole rate."""
+        rate, fallen = self.config.field.rate, self.config.final_rate**self.occlusion.alone
         return [
-            {"params": others, "lr": self.config.field.rate},
-            {"params": detector, "lr": self.occlusion.detector_rate},
+            {"params": [*self.field.parameters(), *self.proposal.parameters()], "lr": rate},
+            {"params": list(self.background.parameters()), "lr": rate / fallen},
+            {"params": list(self.detector.parameters()), "lr": self.occlusion.detector_rate},
         ]
 
     @property
