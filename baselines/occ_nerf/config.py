@@ -13,7 +13,6 @@ class OccNerfConfig:
         volumetric: the field of everything, and how both are rendered and trained.
         background: the field of the scene behind; of the same kind as the other.
         gap: between a ray's depths, in [0, 1], from which on it sees a foreground.
-        behind: even samples a ray beside those that are rendered, for the depth from behind.
         alone: share of the training in which the field of everything and the detector learn alone.
         background_weight: of the background's squared error.
         depth_weight: of the difference between the depths of both fields.
@@ -25,7 +24,6 @@ class OccNerfConfig:
     volumetric: VolumetricConfig = field(default_factory=VolumetricConfig)
     background: HashFieldConfig | MlpFieldConfig = field(default_factory=HashFieldConfig)
     gap: float = 0.2
-    behind: int = 0
     alone: float = 0.3
     background_weight: float = 2.0
     depth_weight: float = 1.0

@@ -12,7 +12,6 @@ from baselines.volumetric.compositing import along_ray, compositing_weights
 from baselines.volumetric.config import HashFieldConfig, MlpFieldConfig
 from baselines.volumetric.fields import HashField, MlpField
 from baselines.volumetric.model import RadianceModel, Rendering, Samples, TrainingContext
-from baselines.volumetric.sampling import even_edges
 from baselines.volumetric.spaces import Rays, Space
 
 
@@ -57,7 +56,7 @@ class OccNerfModel(RadianceModel):
         rendering, density = self._composited(self.field, rays, samples)
         positions = middles(samples.edges, self.open_end)
         near = depth(rendering.weights, positions)
-        behind = self.seen_from_behind(rays, samples, density)
+        behind = depth_from_behind(density.detach(), samples.lengths, positions, self.open_end)
         m = self.detector(rendering.weights, near, behind)
         rendering.extras.update(foreground=m, gap=behind - near.detach(), depth=near)
         if context.progress >= self.occlusion.alone:
@@ -65,16 +64,6 @@ class OccNerfModel(RadianceModel):
             shown = {"colour": back.colour, "weights": back.weights, "depth": depth(back.weights, positions)}
             rendering.extras.update({f"background_{name}": value for name, value in shown.items()})
         return rendering
-
-    @torch.no_grad()
-    def seen_from_behind(self, rays: Rays, samples: Samples, density: Tensor) -> Tensor:
-        """Depth from behind [R] of the field of everything, whose density [R, S] at the samples is known."""
-        count = self.occlusion.behind
-        if count:
-            even = even_edges(len(rays.origins), count, None, density.device)[:, 1:-1]
-            samples = self.place(rays, torch.sort(torch.cat([samples.edges, even], 1), 1).values)
-            density = self.field.geometry(samples.points)[0]
-        return depth_from_behind(density, samples.lengths, middles(samples.edges, self.open_end), self.open_end)
 
     @torch.no_grad()
     def foreground(self, rays: Rays) -> Tensor:
