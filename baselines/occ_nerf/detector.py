@@ -1,5 +1,7 @@
 """The detector: whether what a ray sees first is a foreground, far before what lies behind it."""
 
+from itertools import pairwise
+
 import torch
 from torch import Tensor, nn
 
@@ -20,7 +22,7 @@ class Detector(nn.Module):
         """For rays of so many samples."""
         super().__init__()
         sizes = (samples + 2, *SIZES, 1)
-        self.layers = nn.ModuleList(linear(a, b, generator) for a, b in zip(sizes, sizes[1:], strict=False))
+        self.layers = nn.ModuleList(linear(a, b, generator) for a, b in pairwise(sizes))
 
     def forward(self, weights: Tensor, near: Tensor, behind: Tensor) -> Tensor:
         """m [R] in (0, 1), foreground from 0.5 on, for weights [R, S], depths [R] and depths from behind [R]."""

@@ -11,7 +11,6 @@ which see past it, have to tell what is there.
 import logging
 from dataclasses import replace
 
-import torch
 from torch import Tensor
 
 from baselines.occ_nerf.config import OccNerfConfig

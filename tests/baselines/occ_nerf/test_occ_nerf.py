@@ -255,9 +255,7 @@ def test_an_interrupted_training_ends_with_the_same_bits(occluded, tmp_path, mon
             cut.fit(occluded, tmp_path / "cut")
     assert (tmp_path / "cut" / CHECKPOINT).is_file()
     cut.fit(occluded, tmp_path / "cut")
-    for (name, values), others in zip(
-        whole.model.state_dict().items(), cut.model.state_dict().values(), strict=True
-    ):
+    for (name, values), others in zip(whole.model.state_dict().items(), cut.model.state_dict().values(), strict=True):
         assert torch.equal(values, others), name
 
 
