@@ -12,7 +12,7 @@ class OccNerfConfig:
     Attributes:
         volumetric: the field of everything, and how both are rendered and trained.
         background: the field of the scene behind; of the same kind as the other.
-        gap: between a ray's depths, in [0, 1], from which on it sees a foreground.
+        gap: between a ray's depths, see `depths`, from which on it sees a foreground.
         alone: share of the training in which the field of everything and the detector learn alone.
         background_weight: of the background's squared error.
         depth_weight: of the difference between the depths of both fields.

@@ -54,7 +54,7 @@ class OccNerfModel(RadianceModel):
         if context is None:
             return self._composited(self.background, rays, samples)[0]
         rendering, density = self._composited(self.field, rays, samples)
-        positions = middles(samples.edges, self.open_end)
+        positions = middles(samples.edges, self.space, self.open_end)
         near = depth(rendering.weights, positions)
         behind = depth_from_behind(density.detach(), samples.lengths, positions, self.open_end)
         m = self.detector(rendering.weights, near, behind)

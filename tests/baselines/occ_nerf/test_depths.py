@@ -6,7 +6,11 @@ import torch
 
 from baselines.occ_nerf.depths import depth, depth_from_behind, middles
 from baselines.volumetric.compositing import INFINITE, compositing_weights
+from baselines.volumetric.rays import WorldRays
+from baselines.volumetric.spaces import NDC, Contracted
 
+FORWARD = NDC(((1.0, 0, 0, 0), (0, 1.0, 0, 0), (0, 0, 1.0, 0), (0, 0, 0, 1.0)), (1.0, 1.0), 1.0)
+AROUND = Contracted((0.0, 0.0, 0.0), 1.0, 0.5, 8.0)
 SAMPLES = 100
 EDGES = torch.linspace(0, 1, SAMPLES + 1, dtype=torch.float64)[None]
 NEAR, FAR = 8, 79  # intervals whose middles are at 0.085 and 0.795
@@ -20,7 +24,7 @@ def both(alphas, open_end=True, dtype=torch.float64, elsewhere=0.0):
     density = torch.full((1, SAMPLES), elsewhere, dtype=dtype)
     for interval, alpha in alphas.items():
         density[0, interval] = 1e12 if alpha == 1 else -np.log1p(-alpha) * SAMPLES
-    positions = middles(EDGES.to(dtype), open_end)
+    positions = middles(EDGES.to(dtype), FORWARD, open_end)
     weights, _ = compositing_weights(density, lengths)
     near, behind = depth(weights, positions), depth_from_behind(density, lengths, positions, open_end)
     return float(near), float(behind)
@@ -48,8 +52,17 @@ def test_depths_are_those_of_the_first_and_the_last_surface(alphas, expected, op
 
 def test_what_reaches_to_infinity_is_behind_everything():
     assert both({SAMPLES - 1: 1}) == pytest.approx((1, 1), abs=1e-12)
-    assert middles(EDGES, True)[0, -1] == 1
-    assert middles(EDGES, False)[0, -1] == pytest.approx(0.995)
+    assert middles(EDGES, FORWARD, True)[0, -1] == 1
+    assert middles(EDGES, FORWARD, False)[0, -1] == pytest.approx(0.995)
+
+
+def test_the_contracted_space_has_the_depth_that_device_coordinates_have_from_its_near_plane():
+    positions = middles(EDGES, AROUND, False)
+    beside = WorldRays(np.array([[0.3, 0, 0]]), np.array([[0, 0, 1.0]]))
+    ahead = NDC(FORWARD.pose, (1.0, 1.0), AROUND.near).from_world(beside, torch.device("cpu"))
+    z = AROUND.s_to_t((EDGES[:, 1:] + EDGES[:, :-1]) / 2)
+    torch.testing.assert_close(ahead.points(positions)[..., 0].double(), 0.3 / z, atol=1e-6, rtol=1e-5)
+    assert middles(EDGES, AROUND, True)[0, -1] == 1
 
 
 def test_an_occluder_does_not_change_the_depth_from_behind():
@@ -62,7 +75,7 @@ def test_an_occluder_does_not_change_the_depth_from_behind():
     lengths[:, -1] = INFINITE
     density = torch.full_like(lengths, 1e-3)
     density[0, FAR] = 1e12
-    assert float(depth_from_behind(density, lengths, middles(EDGES, True), False)) == pytest.approx(1)
+    assert float(depth_from_behind(density, lengths, middles(EDGES, FORWARD, True), False)) == pytest.approx(1)
 
 
 def test_thin_matter_behind_opaque_matter_is_not_lost():
@@ -74,7 +87,7 @@ def test_thin_matter_behind_opaque_matter_is_not_lost():
 def test_depths_of_huge_densities_are_finite_with_their_gradients():
     density = torch.tensor([[0.0, 1e30, 0.0, 1e30], [0.0] * 4, [1e30] * 4, [1e-30] * 4], requires_grad=True)
     lengths = torch.tensor([[1.0, 1.0, 1.0, INFINITE]]).expand(4, -1)
-    positions = middles(torch.linspace(0, 1, 5)[None], True).expand(4, -1)
+    positions = middles(torch.linspace(0, 1, 5)[None], FORWARD, True).expand(4, -1)
     weights, _ = compositing_weights(density, lengths)
     found = torch.cat([depth(weights, positions), depth_from_behind(density, lengths, positions, True)])
     found.sum().backward()
