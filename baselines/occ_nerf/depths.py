@@ -1,9 +1,9 @@
 """Depths of what is along a ray, from the camera and from behind.
 
-Both are depths of normalised device coordinates, t in [0, 1]. In the contracted space, which has none, they are what such
-coordinates have where their near plane is its own: 1 - near / t. Near things are spread out in it, and infinity is at 1. An
-occluder far before the scene has a small depth and a depth from behind that is the scene's; where there is one surface
-the two agree.
+Both are depths of normalised device coordinates, t in [0, 1]. The contracted space has none; there they are what such
+coordinates have where their near plane is its own: 1 - near / t. Near things are spread out in it, and infinity is at
+1. An occluder far before the scene has a small depth and a depth from behind that is the scene's; where there is one
+surface the two agree.
 """
 
 import torch
