@@ -1,4 +1,15 @@
-"""Occlusion-free NeRF (Zhu et al. 2023): the scene behind what stands far before it."""
+"""Occlusion-free NeRF (Zhu et al. 2023): the scene behind what stands far before it.
+
+A field of everything is trained on the photographs. Along its rays a detector compares the depth of what is seen first
+with that of the last surface (`depths.py`, `detector.py`); a second field learns where both agree, and is shown.
+
+Where this deviates from the public code, beside what docs/topics/occ-nerf.md has in a table:
+
+* Rays are drawn from all views, not 32 x 32 from one photograph: without features of pictures no loss looks at
+  neighbours, and a step that sees all views is steadier.
+* The background begins with the whole learning rate, which has fallen by then.
+* Scenes that are seen from all sides are contracted; their depths are 1 - near / t.
+"""
 
 from collections.abc import Mapping
 from dataclasses import asdict, replace
