@@ -31,6 +31,7 @@ class TrainingContext:
     sharpness: float = 1.0  # exponent of the proposal's weights
     update_proposal: bool = True  # whether the proposal network learns
     places: Tensor | None = None  # of the pixels, see Batch
+    progress: float = 0.0  # share of the steps that are done
 
 
 @dataclass(frozen=True)

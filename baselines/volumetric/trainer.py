@@ -148,7 +148,14 @@ class FieldTrainer:
         numbers = generator(self.seed, "jitter", iteration).random((2, config.rays), np.float32)
         jitter = torch.from_numpy(numbers).to(self.device)
         update_proposal = iteration < config.proposal_always or iteration % config.proposal_every == 0
-        return TrainingContext(batch.views, jitter, annealed(iteration, config.anneal), update_proposal, batch.places)
+        return TrainingContext(
+            batch.views,
+            jitter,
+            annealed(iteration, config.anneal),
+            update_proposal,
+            batch.places,
+            progress=iteration / config.iterations,
+        )
 
 
 def rate_at(iteration: int, config: VolumetricConfig) -> float:

@@ -1,0 +1,302 @@
+"""Occlusion-free NeRF: which loss moves what and when, the cases that break it, and that it sees past occluders."""
+
+import logging
+from dataclasses import replace
+
+import balls
+import numpy as np
+import pytest
+import torch
+import wall
+
+from baselines.method import find_method
+from baselines.occ_nerf.config import OccNerfConfig
+from baselines.occ_nerf.losses import occ_nerf_losses
+from baselines.occ_nerf.method import OccNerf
+from baselines.occ_nerf.model import OccNerfModel
+from baselines.training.checkpoints import CHECKPOINT
+from baselines.volumetric.batches import Batch
+from baselines.volumetric.config import MlpFieldConfig
+from baselines.volumetric.method import RadianceMethod
+from baselines.volumetric.model import TrainingContext
+from baselines.volumetric.rays import WorldRays, camera_rays
+from baselines.volumetric.spaces import Contracted
+from hydroviews.errors import InputError
+from hydroviews.scene.images import write_png
+
+VOLUMETRIC = replace(balls.SMALL, iterations=400)
+CONFIG = OccNerfConfig(VOLUMETRIC, VOLUMETRIC.field, gap=0.35, alone=0.1, depth_weight=0.1)
+SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, proposal_always=10))
+SPACE = Contracted((0.0, 0.0, 0.0), 1.0, 0.2, 5.0)
+COUNT = 40
+
+
+def model(config=CONFIG):
+    """Untrained, but with something in every cell of its grids."""
+    generator = torch.Generator().manual_seed(0)
+    made = OccNerfModel(config, SPACE, generator)
+    with torch.no_grad():
+        for part in (made.field, made.background, made.proposal):
+            part.grid.tables.uniform_(-1, 1, generator=generator)
+    return made
+
+
+def rays(n=COUNT):
+    directions = np.random.default_rng(0).normal(size=(n, 3))
+    return SPACE.from_world(WorldRays(np.zeros((n, 3)), directions), torch.device("cpu"))
+
+
+def batch(n=COUNT, **changes):
+    given = {"colours": torch.full((n, 3), 0.4), "weights": torch.ones(n), "views": torch.arange(n) % 3}
+    return Batch(rays(n), **(given | changes))
+
+
+def context(progress, n=COUNT):
+    return TrainingContext(torch.arange(n) % 3, torch.full((2, n), 0.5), progress=progress)
+
+
+def decided(field, foreground):
+    """A model whose detector says the same of every ray."""
+    with torch.no_grad():
+        field.detector.layers[-1].weight.zero_()
+        field.detector.layers[-1].bias.fill_(9.0 if foreground else -9.0)
+    return field
+
+
+def moved(module):
+    """Whether any parameter has a gradient that is not nought."""
+    return any(p.grad is not None and bool(p.grad.abs().sum() > 0) for p in module.parameters())
+
+
+def filled(field, density):
+    """A field of one density everywhere."""
+    with torch.no_grad():
+        field.outer.weight[0].zero_()
+        field.outer.bias[0] = np.log(density)
+
+
+def test_the_background_is_learned_after_the_share_in_which_the_others_are_alone():
+    field, loss = model(), occ_nerf_losses(CONFIG)
+    early, late = (loss(field(rays(), context(progress)), batch()) for progress in (CONFIG.alone - 1e-3, CONFIG.alone))
+    assert set(early) == {"colour", "detector", "interlevel"}
+    assert set(late) == {*early, "background", "depth", "background interlevel"}
+    assert (early["detector"] / late["detector"]).item() == pytest.approx(3, rel=1e-4)
+
+
+def test_losses_are_those_of_the_formulas():
+    with torch.no_grad():
+        rendering = model()(rays(), context(1.0))
+    rendering.extras["foreground"] = torch.rand(COUNT, generator=torch.Generator().manual_seed(1))
+    losses, extras = occ_nerf_losses(CONFIG)(rendering, batch()), rendering.extras
+    kept = (extras["foreground"] < 0.5).float()
+    assert 0.1 < float(kept.mean()) < 0.9
+    error = (extras["background_colour"] - 0.4).square().mean(1)
+    apart = (extras["background_depth"] - extras["depth"]).abs()
+    m, gap = extras["foreground"] - 0.5, extras["gap"] - CONFIG.gap
+    assert losses["background"].item() == pytest.approx(2 * (kept * error).mean().item())
+    assert losses["depth"].item() == pytest.approx(CONFIG.depth_weight * (kept * apart).mean().item())
+    cosine = torch.nn.functional.cosine_similarity(m, gap, dim=0)
+    assert losses["detector"].item() == pytest.approx(0.01 * (1 - cosine.item()), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "moves"),
+    [
+        ("colour", {"field"}),
+        ("detector", {"detector"}),
+        ("interlevel", {"proposal"}),
+        ("background interlevel", {"proposal"}),
+        ("background", {"background"}),
+        ("depth", {"background"}),
+    ],
+)
+def test_each_loss_moves_its_own_part_alone(name, moves):
+    field = decided(model(), foreground=False)
+    occ_nerf_losses(CONFIG)(field(rays(), context(1.0)), batch())[name].backward()
+    parts = ("field", "background", "proposal", "detector")
+    assert {part for part in parts if moved(getattr(field, part))} == moves
+
+
+def test_the_background_learns_nothing_where_there_is_a_foreground():
+    field = model()
+    rendering = field(rays(), context(1.0))
+    foreground = torch.arange(COUNT) < COUNT // 2
+    rendering.extras["foreground"] = torch.where(foreground, 0.9, 0.1)
+    colour = rendering.extras["background_colour"]
+    colour.retain_grad()
+    occ_nerf_losses(CONFIG)(rendering, batch())["background"].backward()
+    assert float(colour.grad[foreground].abs().sum()) == 0
+    assert bool((colour.grad[~foreground].abs().sum(1) > 0).all())
+
+
+def test_everything_taken_for_foreground_is_said_once_and_not_followed(caplog):
+    field, loss = decided(model(), foreground=True), occ_nerf_losses(CONFIG)
+    with caplog.at_level(logging.WARNING):
+        first = loss(field(rays(), context(1.0)), batch())
+        loss(field(rays(), context(1.0)), batch())
+    assert [record.levelname for record in caplog.records] == ["WARNING"]
+    assert "takes 100.0 % of the rays for foreground" in caplog.text
+    follows = occ_nerf_losses(CONFIG)(decided(field, foreground=False)(rays(), context(1.0)), batch())
+    assert torch.equal(first["background"], follows["background"])
+
+
+@pytest.mark.parametrize("density", [1e-12, 1.0, 1e12], ids=["empty", "fog", "saturated"])
+@pytest.mark.parametrize("counts", [0.0, 1.0], ids=["masked", "all count"])
+@pytest.mark.parametrize("foreground", [False, True])
+def test_losses_and_gradients_stay_finite(density, counts, foreground):
+    field = decided(model(), foreground)
+    filled(field.field, density)
+    filled(field.background, density)
+    rendering = field(rays(), context(1.0))
+    seen = batch(colours=rendering.colour.detach().clone(), weights=torch.full((COUNT,), counts))
+    losses = occ_nerf_losses(CONFIG)(rendering, seen)
+    sum(losses.values()).backward()
+    assert all(torch.isfinite(term) for term in losses.values())
+    assert all(torch.isfinite(p.grad).all() for p in field.parameters() if p.grad is not None)
+
+
+def test_what_is_shown_is_the_background_alone():
+    field = model()
+    with torch.no_grad():
+        shown = field(rays()).colour
+        field.field.exit.bias.add_(3.0)
+        filled(field.field, 50.0)
+        decided(field, foreground=True)
+        assert torch.equal(field(rays()).colour, shown)
+        field.background.exit.bias.add_(3.0)
+        assert not torch.allclose(field(rays()).colour, shown, atol=1e-3)
+
+
+def test_networks_of_the_paper_are_rendered_at_the_samples_of_both_passes(tmp_path):
+    small = MlpFieldConfig(width=16, depth=3, skip=1, position_octaves=3, direction_octaves=1)
+    volumetric = replace(SHORT.volumetric, field=small, iterations=6, proposal_samples=12, samples=10, rays=32)
+    config = OccNerfConfig(volumetric, replace(small, depth=4, skip=2))
+    method = OccNerf(config, 0)
+    method.fit(wall.photographed(tmp_path), tmp_path)
+    assert method.render(wall.camera(0, 0)).shape == (wall.HEIGHT, wall.WIDTH, 3)
+
+
+@pytest.fixture(scope="module")
+def occluded(tmp_path_factory):
+    return wall.photographed(tmp_path_factory.mktemp("occluded"))
+
+
+@pytest.fixture(scope="module")
+def trained(occluded, tmp_path_factory):
+    method = OccNerf(CONFIG, 0)
+    method.fit(occluded, tmp_path_factory.mktemp("trained"))
+    return method
+
+
+class Plain(RadianceMethod):
+    """The same field alone."""
+
+
+def test_what_stands_close_before_the_cameras_is_seen_past(occluded, trained, tmp_path):
+    plain = Plain(VOLUMETRIC, 0)
+    plain.fit(occluded, tmp_path)
+    scores = [balls.psnr(method.render, occluded.test_views) for method in (plain, trained)]
+    assert scores[1] > scores[0] + 1.5, scores
+
+
+def test_the_posts_are_found(occluded, trained):
+    found = {True: [], False: []}
+    for view in occluded.train_views:
+        hidden = wall.occluded(*view.camera.centre[:2])
+        space, field = trained.model.space, trained.model
+        m = field.foreground(space.from_world(camera_rays(view.camera), torch.device("cpu")))
+        for value in (True, False):
+            found[value].append((m.numpy() >= 0.5)[hidden.ravel() == value])
+    assert np.concatenate(found[True]).mean() > 0.5
+    assert np.concatenate(found[False]).mean() < 0.1
+    assert "foreground" in trained.summary().used
+
+
+def test_where_nothing_stands_before_the_scene_little_is_lost(tmp_path):
+    scene = wall.photographed(tmp_path, occluders=False)
+    plain, method = Plain(VOLUMETRIC, 0), OccNerf(CONFIG, 0)
+    plain.fit(scene, tmp_path / "plain")
+    method.fit(scene, tmp_path / "both")
+    scores = [balls.psnr(method.render, scene.test_views) for method in (plain, method)]
+    assert scores[1] > scores[0] - 1, scores
+
+
+def test_a_saved_model_renders_the_same_pixels(occluded, tmp_path):
+    method = OccNerf(SHORT, 0)
+    method.fit(occluded, tmp_path)
+    method.save(tmp_path)
+    loaded = OccNerf.load(SHORT, 0, tmp_path)
+    view = occluded.test_views[0].camera
+    np.testing.assert_array_equal(loaded.render(view), method.render(view))
+    with pytest.raises(InputError, match="not a model of this configuration"):
+        OccNerf.load(replace(SHORT, background=replace(SHORT.background, hidden=8)), 0, tmp_path)
+
+
+@pytest.mark.parametrize("steps", [3, 13], ids=["alone", "both"])
+def test_an_interrupted_training_ends_with_the_same_bits(occluded, tmp_path, monkeypatch, steps):
+    whole, cut = OccNerf(SHORT, 0), OccNerf(replace(SHORT, volumetric=_saving(SHORT.volumetric)), 0)
+    whole.fit(occluded, tmp_path / "whole")
+    calls = []
+
+    def stops(config):
+        inner = occ_nerf_losses(config)
+
+        def loss(rendering, given):
+            calls.append(0)
+            if len(calls) == steps:
+                raise RuntimeError("power cut")
+            return inner(rendering, given)
+
+        return loss
+
+    with monkeypatch.context() as patch:
+        patch.setattr("baselines.occ_nerf.method.occ_nerf_losses", stops)
+        with pytest.raises(RuntimeError, match="power cut"):
+            cut.fit(occluded, tmp_path / "cut")
+    assert (tmp_path / "cut" / CHECKPOINT).is_file()
+    cut.fit(occluded, tmp_path / "cut")
+    for (name, values), others in zip(whole.model.state_dict().items(), cut.model.state_dict().values(), strict=True):
+        assert torch.equal(values, others), name
+
+
+def _saving(volumetric):
+    return replace(volumetric, checkpoint_seconds=0.0)
+
+
+def test_runs_of_other_settings_are_refused(occluded, tmp_path):
+    OccNerf(SHORT, 0).fit(occluded, tmp_path)
+    with pytest.raises(InputError, match="settings"):
+        OccNerf(replace(SHORT, gap=0.3), 0).fit(occluded, tmp_path)
+
+
+def test_one_view_and_photographs_of_one_colour_are_learned(occluded, tmp_path):
+    grey = np.full((wall.HEIGHT, wall.WIDTH, 3), 0.5, np.float32)
+    views = []
+    for view in occluded.views:
+        write_png(tmp_path / view.path.name, grey)
+        views.append(replace(view, path=tmp_path / view.path.name))
+    scene = replace(occluded, views=tuple(views))
+    alone = replace(scene, split=replace(scene.split, train=scene.split.train[:1]))
+    for name, given in (("all", scene), ("one", alone)):
+        method = OccNerf(SHORT, 0)
+        method.fit(given, tmp_path / name)
+        image = method.render(scene.test_views[0].camera)
+        assert np.isfinite(image).all()
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"gap": 0.0}, {"gap": 1.0}, {"alone": 1.0}, {"alone": -0.1}, {"background": MlpFieldConfig()}]
+)
+def test_settings_that_make_no_sense_are_refused(wrong):
+    with pytest.raises(ValueError, match="OccNerfConfig"):
+        replace(CONFIG, **wrong)
+
+
+def test_it_is_found_by_name():
+    assert find_method("baselines.occ_nerf.method:OccNerf") is OccNerf
+    for profile in ("demo", "quick", "paper"):
+        assert isinstance(OccNerf.configuration(profile), OccNerfConfig)
+    with pytest.raises(InputError, match="PROFILE=large"):
+        OccNerf.configuration("large")
+    with pytest.raises(InputError, match="not trained"):
+        OccNerf(CONFIG, 0).summary()
