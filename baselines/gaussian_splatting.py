@@ -107,7 +107,8 @@ def pruned_to_budget(budget: int, profile: TrainerConfig) -> TrainerConfig:
     """A profile's training with fewer Gaussians: half as many again grow early, the least useful go before the middle.
 
     Twice the iterations, most of them with the Gaussians that stay, whose steps are cheaper. On so small a budget that
-    beats relocation, which wants more iterations than short profiles have: docs/splatting.md has the figures.
+    beats relocation, which wants more iterations than short profiles have: docs/experiments/2026-11-splatting.md has
+    the figures.
     """
     iterations = 2 * profile.iterations
     return replace(

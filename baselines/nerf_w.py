@@ -31,9 +31,8 @@ from torch import Tensor, nn
 
 from baselines.volumetric.batches import Batch
 from baselines.volumetric.compositing import along_ray, compositing_weights
-from baselines.volumetric.config import NERF, HashFieldConfig, VolumetricConfig
+from baselines.volumetric.config import DETAILED_FIELD, NERF, SHORT_FIELD, VolumetricConfig
 from baselines.volumetric.encodings import linear
-from baselines.volumetric.hash_grid import GridConfig
 from baselines.volumetric.losses import Loss, Losses, proposal_losses
 from baselines.volumetric.method import RadianceMethod
 from baselines.volumetric.model import RadianceModel, Rendering, Samples, TrainingContext
@@ -137,13 +136,9 @@ def nerf_w_losses(config: NerfWConfig) -> Loss:
     return loss
 
 
-# Short trainings want large steps: on a made-up scene 250 iterations reach 18 dB at a rate of 0.01, 24 at 0.03.
-FIELD = HashFieldConfig(rate=2e-2)
-# Longer ones have the time to fill more entries: on clean views of courtyard twice as many gain half a decibel.
-DETAILED_FIELD = replace(FIELD, grid=GridConfig(log2_entries=17))
-SMALL = VolumetricConfig(field=FIELD)
+SMALL = VolumetricConfig(field=SHORT_FIELD)
 # What a stretch of views has in common goes into their embeddings, and is missing in the mean appearance, which is
-# scored: so embeddings learn more slowly, and half of the rays see none. docs/volumetric.md has figures.
+# scored: so embeddings learn more slowly, and half of the rays see none. docs/topics/radiance-fields.md has figures.
 SHORT = NerfWConfig(SMALL, embedding_rate=1e-3, mean_appearance_share=0.5)
 PAPER = replace(NERF, iterations=300_000, final_rate=0.01)
 PROFILES = {

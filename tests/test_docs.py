@@ -94,6 +94,14 @@ def test_links_and_pictures_are_there(page):
     assert not missing
 
 
+def test_pages_that_the_code_names_are_there():
+    folders = ("hydroviews", "baselines", "deraings", "leaderboard", "benchmarks", "tests")
+    code = [path for folder in folders for path in (REPOSITORY / folder).rglob("*.py")]
+    named = {(page, path.name) for path in code for page in re.findall(r"\bdocs/[\w/.-]+\.md", path.read_text())}
+    assert len(named) > 3
+    assert sorted((page, name) for page, name in named if not (REPOSITORY / page).is_file()) == []
+
+
 def test_every_page_is_in_the_navigation(hooks):
     navigation = (REPOSITORY / "mkdocs.yml").read_text()
     for title, pages in hooks.listed().items():

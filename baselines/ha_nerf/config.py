@@ -3,8 +3,7 @@
 from dataclasses import dataclass, field, replace
 from math import isqrt
 
-from baselines.volumetric.config import NERF, HashFieldConfig, MlpFieldConfig, VolumetricConfig
-from baselines.volumetric.hash_grid import GridConfig
+from baselines.volumetric.config import DETAILED_FIELD, NERF, SHORT_FIELD, MlpFieldConfig, VolumetricConfig
 
 
 @dataclass(frozen=True)
@@ -75,9 +74,6 @@ class HaNerfConfig:
         return isqrt(self.volumetric.rays // self.photographs)
 
 
-# Rates and grids of nerf-w's short profiles, whose batches and field these are.
-FIELD = HashFieldConfig(rate=2e-2)
-DETAILED_FIELD = replace(FIELD, grid=GridConfig(log2_entries=17))
 # An encoder that sees sixteen photographs in some milliseconds.
 SMALL_LOOK = LookConfig(channels=(8, 16, 32, 32), side=32, mean_share=0.5)
 # Early errors are large everywhere, so a free mask hides detail that is not learned yet: what masking costs follows the
@@ -87,7 +83,7 @@ SMALL_VISIBILITY = VisibilityConfig(
     octaves=7, width=128, rate=3e-3, at_first=0.05, price=3.5, price_at_first=3.5, price_fall=0.0, relative=True
 )
 # At a hash grid's rates a batch of one photograph pulls the field from view to view.
-SMALL = HaNerfConfig(VolumetricConfig(field=FIELD), SMALL_LOOK, SMALL_VISIBILITY, photographs=16)
+SMALL = HaNerfConfig(VolumetricConfig(field=SHORT_FIELD), SMALL_LOOK, SMALL_VISIBILITY, photographs=16)
 PROFILES = {
     "demo": replace(SMALL, volumetric=replace(SMALL.volumetric, iterations=3500)),
     "quick": replace(SMALL, volumetric=replace(SMALL.volumetric, field=DETAILED_FIELD, iterations=13_000)),

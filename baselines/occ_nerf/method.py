@@ -23,8 +23,7 @@ from baselines.method import TrainingSummary
 from baselines.occ_nerf.config import OccNerfConfig
 from baselines.occ_nerf.losses import occ_nerf_losses
 from baselines.occ_nerf.model import OccNerfModel
-from baselines.volumetric.config import NERF, HashFieldConfig, MlpFieldConfig, VolumetricConfig
-from baselines.volumetric.hash_grid import GridConfig
+from baselines.volumetric.config import DETAILED_FIELD, NERF, SHORT_FIELD, MlpFieldConfig, VolumetricConfig
 from baselines.volumetric.losses import Loss
 from baselines.volumetric.method import RadianceMethod
 from baselines.volumetric.rays import camera_rays
@@ -32,10 +31,8 @@ from baselines.volumetric.spaces import Space
 from hydroviews.scene.scenes import Scene
 
 STRIDE = 13  # of the pixels whose share of foreground is told, over all views
-FIELD = HashFieldConfig(rate=2e-2)
-DETAILED_FIELD = replace(FIELD, grid=GridConfig(log2_entries=17))
 # As much processor time as `nerf-w` has: a step with two fields costs some 1.4 of its.
-DEMO = VolumetricConfig(field=FIELD, iterations=2500)
+DEMO = VolumetricConfig(field=SHORT_FIELD, iterations=2500)
 QUICK = VolumetricConfig(field=DETAILED_FIELD, iterations=9500)
 # Chosen on courtyard; docs/topics/occ-nerf.md says why none of the three is the public code's.
 SHORT = {"gap": 0.4, "alone": 0.1, "depth_weight": 0.1}
@@ -44,7 +41,7 @@ EVERYTHING = MlpFieldConfig(width=128, depth=6, skip=3, rate=3e-4)
 BEHIND = replace(EVERYTHING, depth=8, skip=4)
 PAPER = replace(NERF, field=EVERYTHING, iterations=560_000, final_rate=1 / 30)
 PROFILES = {
-    "demo": OccNerfConfig(DEMO, FIELD, **SHORT),
+    "demo": OccNerfConfig(DEMO, SHORT_FIELD, **SHORT),
     "quick": OccNerfConfig(QUICK, DETAILED_FIELD, **SHORT),
     "paper": OccNerfConfig(PAPER, BEHIND, detector_rate=1e-4),
 }

