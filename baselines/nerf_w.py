@@ -23,7 +23,7 @@ Where this deviates, and why:
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import torch
@@ -96,13 +96,10 @@ class NerfWModel(RadianceModel):
 
     def shade(self, rays: Rays, samples: Samples, context: TrainingContext | None) -> Rendering:
         """See RadianceModel; without `context` the static scene in its mean appearance."""
-        density, features = self.field.geometry(samples.points)
         mean = self.appearance.mean(0).expand(len(rays.origins), -1)
         if context is None:
-            colours = self.field.colour(features, rays.viewing, mean)
-            weights, left = compositing_weights(density, samples.lengths)
-            seen = self.over_background(along_ray(weights, colours), left)
-            return Rendering(seen, weights, samples, samples.edges, weights)
+            return self.composited(self.field, rays, samples, mean)[0]
+        density, features = self.field.geometry(samples.points)
         embeddings = nn.functional.embedding(context.views, self.appearance)
         as_mean = round(self.mean_appearance_share * len(mean))
         colours = self.field.colour(features, rays.viewing, torch.cat([mean[:as_mean], embeddings[as_mean:]]))
@@ -128,10 +125,7 @@ def nerf_w_losses(config: NerfWConfig) -> Loss:
             "uncertainty": (batch.weights * beta.log()).mean(),
             "density": config.density_weight * (batch.weights[:, None] * rendering.extras["density"]).mean(),
         }
-        proposal = proposal_losses(rendering, batch, config.volumetric)
-        if "coarse" in proposal:
-            proposal["coarse"] = proposal["coarse"] / 2
-        return losses | proposal
+        return losses | proposal_losses(rendering, batch, config.volumetric, coarse=0.5)
 
     return loss
 
@@ -153,12 +147,6 @@ class NerfW(RadianceMethod):
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 
-    @property
-    def volumetric(self) -> VolumetricConfig:
-        """See RadianceMethod."""
-        config: NerfWConfig = self.config
-        return config.volumetric
-
     def make(self, space: Space, generator: torch.Generator, views: int) -> NerfWModel:
         """See RadianceMethod."""
         return NerfWModel(self.config, space, generator, views)
@@ -166,7 +154,3 @@ class NerfW(RadianceMethod):
     def loss(self) -> Loss:
         """See RadianceMethod."""
         return nerf_w_losses(self.config)
-
-    def settings(self) -> dict[str, Any]:
-        """See RadianceMethod."""
-        return {name: value for name, value in asdict(self.config).items() if name != "volumetric"}

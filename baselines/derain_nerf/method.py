@@ -87,12 +87,6 @@ class DerainNeRF(RadianceMethod):
         drops = replace(config.drops, weights_sha256=sha256(find_weights(config.drops.weights)))
         return replace(config, drops=drops)
 
-    @property
-    def volumetric(self) -> VolumetricConfig:
-        """See RadianceMethod."""
-        config: DerainNeRFConfig = self.config
-        return config.volumetric
-
     def settings(self) -> dict[str, Any]:
         """See RadianceMethod."""
         return asdict(self.config.drops)

@@ -21,14 +21,11 @@ def ha_nerf_losses(config: HaNerfConfig) -> Loss:
     def loss(rendering: Rendering, batch: Batch) -> Losses:
         m, counts = rendering.extras["m"], batch.weights
         visible = replace(batch, weights=counts * (1 - m.detach()))
-        proposal = proposal_losses(rendering, visible, config.volumetric)
-        if "coarse" in proposal:
-            proposal["coarse"] = proposal["coarse"] / 2
         return {
             "colour": ((1 - m) * squared_error(rendering.colour, batch)).mean() / 2,
             "size": rendering.extras["price"] * (counts * m.square()).mean(),
             "look": config.look.penalty * rendering.extras["looks"].square().mean(),
-            **proposal,
+            **proposal_losses(rendering, visible, config.volumetric, coarse=0.5),
         }
 
     return loss

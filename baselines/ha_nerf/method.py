@@ -22,18 +22,17 @@ Where this deviates, and why:
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import torch
 
 from baselines.ha_nerf.batches import grids
-from baselines.ha_nerf.config import PROFILES, HaNerfConfig
+from baselines.ha_nerf.config import PROFILES
 from baselines.ha_nerf.losses import ha_nerf_losses
 from baselines.ha_nerf.model import HaNerfModel
 from baselines.method import TrainingSummary
 from baselines.volumetric.batches import Draw
-from baselines.volumetric.config import VolumetricConfig
 from baselines.volumetric.losses import Loss
 from baselines.volumetric.method import RadianceMethod
 from baselines.volumetric.spaces import Space
@@ -43,12 +42,6 @@ class HaNerf(RadianceMethod):
     """Ha-NeRF (Chen et al. 2022): a radiance field with looks from the photographs and masks of what comes and goes."""
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
-
-    @property
-    def volumetric(self) -> VolumetricConfig:
-        """See RadianceMethod."""
-        config: HaNerfConfig = self.config
-        return config.volumetric
 
     def make(self, space: Space, generator: torch.Generator, views: int) -> HaNerfModel:
         """See RadianceMethod."""
@@ -61,10 +54,6 @@ class HaNerf(RadianceMethod):
     def draw(self) -> Draw:
         """See RadianceMethod."""
         return grids(self.config)
-
-    def settings(self) -> dict[str, Any]:
-        """See RadianceMethod."""
-        return {name: value for name, value in asdict(self.config).items() if name != "volumetric"}
 
     def summary(self) -> TrainingSummary:
         """See Method; also how much of the photographs was masked at the end."""

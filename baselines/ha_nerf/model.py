@@ -1,6 +1,7 @@
 """The field of Ha-NeRF, with the looks and masks of its training views."""
 
 import logging
+from dataclasses import replace
 from typing import Any
 
 import torch
@@ -11,7 +12,6 @@ from baselines.ha_nerf.look import LookEncoder, as_seen, rays_of_the_mean, small
 from baselines.ha_nerf.visibility import Running, Visibility, price_of_masking
 from baselines.training.images import TrainingImages
 from baselines.volumetric.batches import Batch
-from baselines.volumetric.compositing import along_ray, compositing_weights
 from baselines.volumetric.model import RadianceModel, Rendering, Samples, TrainingContext
 from baselines.volumetric.spaces import Rays, Space
 
@@ -61,8 +61,6 @@ class HaNerfModel(RadianceModel):
 
     def shade(self, rays: Rays, samples: Samples, context: TrainingContext | None) -> Rendering:
         """See RadianceModel; without `context` the scene in its mean look."""
-        density, features = self.field.geometry(samples.points)
-        weights, left = compositing_weights(density, samples.lengths)
         mean = self.looks.mean(0).expand(len(rays.origins), -1)
         extras, looks = {}, mean
         if context is not None:
@@ -77,9 +75,7 @@ class HaNerfModel(RadianceModel):
                 "visited": visited,
                 "looks": visited_looks,
             }
-        colours = self.field.colour(features, rays.viewing, looks)
-        seen = self.over_background(along_ray(weights, colours), left)
-        return Rendering(seen, weights, samples, samples.edges, weights, extras=extras)
+        return replace(self.composited(self.field, rays, samples, looks)[0], extras=extras)
 
     @torch.no_grad()
     def after_step(self, rendering: Rendering, batch: Batch) -> None:

@@ -12,7 +12,7 @@ Where this deviates from the public code, beside what docs/topics/occ-nerf.md ha
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -57,12 +57,6 @@ class OccNerf(RadianceMethod):
         self._foreground: float | None = None  # share of the training pixels
 
     @property
-    def volumetric(self) -> VolumetricConfig:
-        """See RadianceMethod."""
-        config: OccNerfConfig = self.config
-        return config.volumetric
-
-    @property
     def model(self) -> OccNerfModel:
         """The trained fields.
 
@@ -80,10 +74,6 @@ class OccNerf(RadianceMethod):
     def loss(self) -> Loss:
         """See RadianceMethod."""
         return occ_nerf_losses(self.config)
-
-    def settings(self) -> dict[str, Any]:
-        """See RadianceMethod."""
-        return {name: value for name, value in asdict(self.config).items() if name != "volumetric"}
 
     def fit(self, scene: Scene, folder: Path) -> None:
         """See Method."""

@@ -8,7 +8,6 @@ from torch import Tensor
 from baselines.occ_nerf.config import OccNerfConfig
 from baselines.occ_nerf.depths import depth, depth_from_behind, middles
 from baselines.occ_nerf.detector import Detector
-from baselines.volumetric.compositing import along_ray, compositing_weights
 from baselines.volumetric.config import HashFieldConfig, MlpFieldConfig
 from baselines.volumetric.fields import HashField, MlpField
 from baselines.volumetric.model import RadianceModel, Rendering, Samples, TrainingContext
@@ -52,15 +51,15 @@ class OccNerfModel(RadianceModel):
     def shade(self, rays: Rays, samples: Samples, context: TrainingContext | None) -> Rendering:
         """See RadianceModel; without `context` the background alone."""
         if context is None:
-            return self._composited(self.background, rays, samples)[0]
-        rendering, density = self._composited(self.field, rays, samples)
+            return self.composited(self.background, rays, samples)[0]
+        rendering, density = self.composited(self.field, rays, samples)
         positions = middles(samples.edges, self.space, self.open_end)
         near = depth(rendering.weights, positions)
         behind = depth_from_behind(density.detach(), samples.lengths, positions, self.open_end)
         m = self.detector(rendering.weights, near, behind)
         rendering.extras.update(foreground=m, gap=behind - near.detach(), depth=near)
         if context.progress >= self.occlusion.alone:
-            back, _ = self._composited(self.background, rays, samples)
+            back, _ = self.composited(self.background, rays, samples)
             shown = {"colour": back.colour, "weights": back.weights, "depth": depth(back.weights, positions)}
             rendering.extras.update({f"background_{name}": value for name, value in shown.items()})
         return rendering
@@ -73,10 +72,3 @@ class OccNerfModel(RadianceModel):
         jitter = torch.full((2, count), 0.5, device=device)
         context = TrainingContext(torch.zeros(count, dtype=torch.long, device=device), jitter)
         return self(rays, context).extras["foreground"]
-
-    def _composited(self, field: HashField | MlpField, rays: Rays, samples: Samples) -> tuple[Rendering, Tensor]:
-        """What one field shows, and its densities [R, S]."""
-        density, features = field.geometry(samples.points)
-        weights, left = compositing_weights(density, samples.lengths)
-        colour = self.over_background(along_ray(weights, field.colour(features, rays.viewing)), left)
-        return Rendering(colour, weights, samples, samples.edges, weights), density

@@ -18,11 +18,14 @@ def squared_error(colour: Tensor, batch: Batch) -> Tensor:
     return batch.weights * (colour - batch.colours).square().mean(1)
 
 
-def proposal_losses(rendering: Rendering, batch: Batch, config: VolumetricConfig) -> Losses:
-    """Losses of the proposal network, or of a coarse field its own squared error, and against scattered density."""
+def proposal_losses(rendering: Rendering, batch: Batch, config: VolumetricConfig, coarse: float = 1.0) -> Losses:
+    """Losses of the proposal network, or of a coarse field its own squared error, and against scattered density.
+
+    The coarse field's has the weight `coarse`.
+    """
     losses = {}
     if rendering.coarse_colour is not None:
-        losses["coarse"] = squared_error(rendering.coarse_colour, batch).mean()
+        losses["coarse"] = coarse * squared_error(rendering.coarse_colour, batch).mean()
     elif rendering.proposal_weights.requires_grad:
         histogram = rendering.proposal_edges, rendering.proposal_weights
         bounds = interlevel_loss(rendering.samples.edges, rendering.weights, *histogram)

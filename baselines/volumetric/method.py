@@ -1,7 +1,7 @@
 """How a radiance model meets the contract of methods: trained, rendered, saved and loaded. Methods derive from it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -57,9 +57,14 @@ class RadianceMethod(Method):
 
     @property
     def volumetric(self) -> VolumetricConfig:
-        """How the field is rendered and trained; here all the settings there are."""
-        config: VolumetricConfig = self.config
+        """How the field is rendered and trained: the part of the settings of this name, or all there are."""
+        config: VolumetricConfig = self.config if self._plain else self.config.volumetric
         return config
+
+    @property
+    def _plain(self) -> bool:
+        """Whether there are no settings beside those of the field."""
+        return isinstance(self.config, VolumetricConfig)
 
     def make(self, space: Space, generator: torch.Generator, views: int) -> RadianceModel:
         """The untrained model of a scene with so many training views."""
@@ -75,7 +80,9 @@ class RadianceMethod(Method):
 
     def settings(self) -> dict[str, Any]:
         """Settings beside those of `volumetric` that lead to another result, for JSON."""
-        return {}
+        return (
+            {} if self._plain else {name: value for name, value in asdict(self.config).items() if name != "volumetric"}
+        )
 
     def weights(
         self, images: TrainingImages, names: Sequence[str], folder: Path

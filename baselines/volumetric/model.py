@@ -92,10 +92,17 @@ class RadianceModel(nn.Module):
 
     def shade(self, rays: Rays, samples: Samples, context: TrainingContext | None) -> Rendering:
         """Field and compositing; the part that methods replace."""
-        density, features = self.field.geometry(samples.points)
+        return self.composited(self.field, rays, samples)[0]
+
+    def composited(
+        self, field: HashField | MlpField, rays: Rays, samples: Samples, embeddings: Tensor | None = None
+    ) -> tuple[Rendering, Tensor]:
+        """What one field shows, with embeddings [R, E] of the views if it takes any, and its densities [R, S]."""
+        density, features = field.geometry(samples.points)
         weights, left = compositing_weights(density, samples.lengths)
-        colour = self.over_background(along_ray(weights, self.field.colour(features, rays.viewing)), left)
-        return Rendering(colour, weights, samples, samples.edges, weights)
+        seen = along_ray(weights, field.colour(features, rays.viewing, embeddings))
+        colour = self.over_background(seen, left)
+        return Rendering(colour, weights, samples, samples.edges, weights), density
 
     def over_background(self, colour: Tensor, left: Tensor) -> Tensor:
         """Colours [R, 3] with the background behind them, of which a share [R] is seen."""
@@ -122,10 +129,8 @@ class RadianceModel(nn.Module):
             if isinstance(self.proposal, ProposalNetwork):
                 density = self.proposal.density(samples.points)
                 return samples.edges, compositing_weights(density, samples.lengths)[0], None
-            density, features = self.proposal.geometry(samples.points)
-            weights, left = compositing_weights(density, samples.lengths)
-            colour = along_ray(weights, self.proposal.colour(features, rays.viewing))
-            return samples.edges, weights, self.over_background(colour, left)
+            coarse, _ = self.composited(self.proposal, rays, samples)
+            return samples.edges, coarse.weights, coarse.colour
 
     def groups(self) -> list[dict[str, Any]]:
         """Parameters for Adam, each with its learning rate."""
