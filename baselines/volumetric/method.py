@@ -80,9 +80,9 @@ class RadianceMethod(Method):
 
     def settings(self) -> dict[str, Any]:
         """Settings beside those of `volumetric` that lead to another result, for JSON."""
-        return (
-            {} if self._plain else {name: value for name, value in asdict(self.config).items() if name != "volumetric"}
-        )
+        if self._plain:
+            return {}
+        return {name: value for name, value in asdict(self.config).items() if name != "volumetric"}
 
     def weights(
         self, images: TrainingImages, names: Sequence[str], folder: Path

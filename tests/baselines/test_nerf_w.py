@@ -11,7 +11,6 @@ from baselines.method import find_method
 from baselines.nerf_w import NerfW, NerfWConfig, NerfWModel, nerf_w_losses
 from baselines.volumetric.batches import Batch
 from baselines.volumetric.compositing import INFINITE
-from baselines.volumetric.method import RadianceMethod
 from baselines.volumetric.model import Samples, TrainingContext
 from baselines.volumetric.rays import WorldRays
 from baselines.volumetric.spaces import Contracted
@@ -152,12 +151,8 @@ def spoilt(tmp_path_factory):
     return balls.photographed(tmp_path_factory.mktemp("spoilt"), change=change)
 
 
-class Plain(RadianceMethod):
-    """The same field without embeddings and transient matter."""
-
-
 def test_casts_and_occluders_of_single_views_are_kept_out_of_the_scene(spoilt, tmp_path):
-    plain, nerf = Plain(balls.SMALL, 0), NerfW(CONFIG, 0)
+    plain, nerf = balls.Plain(balls.SMALL, 0), NerfW(CONFIG, 0)
     plain.fit(spoilt, tmp_path / "plain")
     nerf.fit(spoilt, tmp_path / "nerf")
     scores = []

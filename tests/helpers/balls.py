@@ -6,6 +6,7 @@ import numpy as np
 from splats import camera
 
 from baselines.volumetric.config import GridConfig, HashFieldConfig, VolumetricConfig
+from baselines.volumetric.method import RadianceMethod
 from baselines.volumetric.rays import camera_rays
 from hydroviews.scene.images import write_png
 from hydroviews.scene.scenes import Points, Scene, View, make_scene
@@ -22,6 +23,10 @@ SMALL = VolumetricConfig(
         grid=GridConfig(4, 12, 8, 64), hidden=16, colour_layers=1, proposal_grid=GridConfig(3, 10, 8, 32), rate=3e-2
     ),
 )
+
+
+class Plain(RadianceMethod):
+    """A field alone, of a plain configuration: what methods are compared with."""
 
 
 def seen(view_camera, radius: float = 1.0) -> np.ndarray:

@@ -20,7 +20,6 @@ from baselines.training.torch_state import module_arrays
 from baselines.volumetric.batches import Batch
 from baselines.volumetric.compositing import INFINITE
 from baselines.volumetric.config import MlpFieldConfig
-from baselines.volumetric.method import RadianceMethod
 from baselines.volumetric.model import Rendering, Samples, TrainingContext
 from baselines.volumetric.rays import WorldRays
 from baselines.volumetric.spaces import Contracted
@@ -190,10 +189,6 @@ def ball(tmp_path_factory):
     return balls.photographed(tmp_path_factory.mktemp("ball"))
 
 
-class Plain(RadianceMethod):
-    """The same field without looks and masks."""
-
-
 def held_out(method, scene, gains=False):
     """PSNR of the held-out views; with a gain a channel fitted, as the mean of colour casts cannot be known."""
     renders = np.stack([method.render(view.camera) for view in scene.test_views]).reshape(-1, 3)
@@ -217,7 +212,7 @@ def test_an_occluder_in_a_third_of_the_views_is_kept_out(ball, tmp_path):
         return picture
 
     scene = disturbed(ball, tmp_path, only_in_training(ball, paste))
-    plain = held_out(fitted(Plain, balls.SMALL, scene, tmp_path / "plain"), scene)
+    plain = held_out(fitted(balls.Plain, balls.SMALL, scene, tmp_path / "plain"), scene)
     ours = held_out(fitted(HaNerf, CONFIG, scene, tmp_path / "ours"), scene)
     assert ours > plain + 1, (ours, plain)
 
@@ -225,7 +220,7 @@ def test_an_occluder_in_a_third_of_the_views_is_kept_out(ball, tmp_path):
 def test_colour_casts_of_the_views_are_kept_out(ball, tmp_path):
     casts = np.random.default_rng(0).uniform(0.3, 1.0, (len(ball.views), 3))
     scene = disturbed(ball, tmp_path, only_in_training(ball, lambda picture, index: picture * casts[index]))
-    plain = held_out(fitted(Plain, balls.SMALL, scene, tmp_path / "plain"), scene, gains=True)
+    plain = held_out(fitted(balls.Plain, balls.SMALL, scene, tmp_path / "plain"), scene, gains=True)
     ours = held_out(fitted(HaNerf, CONFIG, scene, tmp_path / "ours"), scene, gains=True)
     assert ours > plain + 1.5, (ours, plain)
 

@@ -17,7 +17,6 @@ from baselines.occ_nerf.model import OccNerfModel
 from baselines.training.checkpoints import CHECKPOINT
 from baselines.volumetric.batches import Batch
 from baselines.volumetric.config import MlpFieldConfig
-from baselines.volumetric.method import RadianceMethod
 from baselines.volumetric.model import TrainingContext
 from baselines.volumetric.rays import WorldRays, camera_rays
 from baselines.volumetric.spaces import Contracted
@@ -188,12 +187,8 @@ def trained(occluded, tmp_path_factory):
     return method
 
 
-class Plain(RadianceMethod):
-    """The same field alone."""
-
-
 def test_what_stands_close_before_the_cameras_is_seen_past(occluded, trained, tmp_path):
-    plain = Plain(VOLUMETRIC, 0)
+    plain = balls.Plain(VOLUMETRIC, 0)
     plain.fit(occluded, tmp_path)
     scores = [balls.psnr(method.render, occluded.test_views) for method in (plain, trained)]
     assert scores[1] > scores[0] + 1.5, scores
@@ -214,7 +209,7 @@ def test_the_posts_are_found(occluded, trained):
 
 def test_where_nothing_stands_before_the_scene_little_is_lost(tmp_path):
     scene = wall.photographed(tmp_path, occluders=False)
-    plain, method = Plain(VOLUMETRIC, 0), OccNerf(CONFIG, 0)
+    plain, method = balls.Plain(VOLUMETRIC, 0), OccNerf(CONFIG, 0)
     plain.fit(scene, tmp_path / "plain")
     method.fit(scene, tmp_path / "both")
     scores = [balls.psnr(method.render, scene.test_views) for method in (plain, method)]
