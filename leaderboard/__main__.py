@@ -173,7 +173,7 @@ def compare_command(
 def publish_command(
     results: Path = Path("results"), board: Path = BOARD, submitted: bool = False, overwrite: bool = False
 ) -> None:
-    """Copy records and scores of views, no pictures, of all runs that are done and trusted onto the board that ships.
+    """Copy records and scores of views, no pictures, of all trusted runs, done or failed, onto the board that ships.
 
     Args:
         results: folder of the runs.

@@ -1,7 +1,7 @@
 """Runs copied onto the board that ships: what was measured, without pictures and models.
 
 A run of a board is its `record.json` and its `per_view.csv`, in the folders of a results folder, so that whatever reads
-results reads a board.
+results reads a board. Failed runs are published too, as a record alone: a table without them would flatter a method.
 """
 
 import os
@@ -14,9 +14,9 @@ from hydroviews.files.atomic import read_json
 from hydroviews.files.full_disk import plain_write_errors
 from hydroviews.files.temporary import remove_leftovers, remove_tree, temporary_beside
 from leaderboard.gather import run_folders, trusted_record
-from leaderboard.records import DONE, PER_VIEW, RECORD, RESCORE, SCHEMA, Record
+from leaderboard.records import DONE, FAILED, PER_VIEW, RECORD, RESCORE, SCHEMA, Record
 
-PUBLISHED = (RECORD, PER_VIEW)
+PUBLISHED = {DONE: (RECORD, PER_VIEW), FAILED: (RECORD,)}  # files of a run, by its status
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Outcome:
 
     written: tuple[Path, ...]
     kept: int  # are on the board already
-    left_out: Mapping[Path, str]  # runs that are not done or cannot be trusted, and why
+    left_out: Mapping[Path, str]  # runs that are partial or cannot be trusted, and why
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class _Run:
 
 
 def publish(results: Path, board: Path, submitted: bool = False, overwrite: bool = False) -> Outcome:
-    """Copy the records and the views' scores of all runs that are done and trusted. A run is there whole or not at all.
+    """Copy the records and views' scores of all trusted runs, done or failed. A run is there whole or not at all.
 
     Args:
         results: folder of the runs.
@@ -62,14 +62,16 @@ def publish(results: Path, board: Path, submitted: bool = False, overwrite: bool
     if faults:
         raise InputError(f"{results}: not published\n" + "\n".join(f"    {fault}" for fault in faults))
     if not runs:
-        raise InputError(f"{results}: no run that is done", fix="evaluate some, or name another folder with --results")
+        raise InputError(
+            f"{results}: no run that is done or failed", fix="evaluate some, or name another folder with --results"
+        )
     for name, run in new.items():
         _write_run(board / name, run.files)
     return Outcome(tuple(new), len(runs) - len(new), left_out)
 
 
 def _read(results: Path) -> tuple[dict[Path, _Run], dict[Path, str]]:
-    """The runs that are done and trusted, and why others are not."""
+    """The runs to publish, and why others are not."""
     runs, left_out = {}, {}
     for folder in run_folders(results):
         name = folder.relative_to(results)
@@ -78,16 +80,17 @@ def _read(results: Path) -> tuple[dict[Path, _Run], dict[Path, str]]:
         except InputError as error:
             left_out[name] = str(error)
             continue
-        if record.status == DONE:
+        if record.status in PUBLISHED:
             schema = read_json(folder / RECORD, RESCORE).get("schema", 1)
-            runs[name] = _Run(record, schema, {file: (folder / file).read_bytes() for file in PUBLISHED})
+            files = {file: (folder / file).read_bytes() for file in PUBLISHED[record.status]}
+            runs[name] = _Run(record, schema, files)
         else:
             left_out[name] = f"{record.status}: {record.reason}".removesuffix(": ")
     return runs, left_out
 
 
 def _differs(folder: Path, run: _Run) -> bool:
-    return any(not (folder / name).is_file() or (folder / name).read_bytes() != run.files[name] for name in PUBLISHED)
+    return any(not (folder / name).is_file() or (folder / name).read_bytes() != run.files[name] for name in run.files)
 
 
 def _faults(name: Path, run: _Run, submitted: bool) -> Iterator[str]:

@@ -56,19 +56,31 @@ def test_a_board_is_records_and_scores_and_reads_as_the_results_do(results, boar
     pd.testing.assert_frame_equal(collect_views(table, board), collect_views(table, results))
 
 
-def test_what_is_not_done_or_not_trusted_is_left_out_with_the_reason(results, board, capsys):
+def test_what_is_partial_or_not_trusted_is_left_out_with_the_reason(results, board, capsys):
     edit(results, psnr=None)
     edit(results, "demo/ours/pond/streak-1/seed-0", psnr=99.0)
     shutil.rmtree(results / "demo/ours/courtyard/streak-1/seed-0")
-    failed = {"status": "failed", "reason": "no memory", "psnr": None, "ssim": None}
-    edit(results, "demo/ours/pond/raindrop-1/seed-0", **failed, lpips_alex=None, lpips_vgg=None)
     publish_command(results, board)
     printed = capsys.readouterr().out
     assert f"{RUN}: left out: partial" in printed
-    assert "demo/ours/pond/raindrop-1/seed-0: left out: failed: no memory" in printed
     assert "its scores are not those of its views" in printed
-    assert f"{board}: 6 runs written, 0 there already, 3 left out" in printed
+    assert f"{board}: 7 runs written, 0 there already, 2 left out" in printed
     assert set(collect(board).status) == {"done"}
+
+
+def test_a_failed_run_is_published_as_its_record_alone_and_counts_in_tables(results, board):
+    name = "demo/ours/pond/raindrop-1/seed-0"
+    done = files(results / name)
+    edit(results, name, status="failed", reason="no memory", psnr=None, ssim=None, lpips_alex=None, lpips_vgg=None)
+    assert Path(name) in publish(results, board).written
+    assert set(files(board / name)) == {"record.json"}
+    pd.testing.assert_frame_equal(collect(board), collect(results))
+    assert list(collect(board).query("status == 'failed'").reason) == ["no memory"]
+    assert publish(results, board).written == ()
+    for path, content in done.items():
+        (results / name / path).write_bytes(content)
+    assert publish(results, board, overwrite=True).written == (Path(name),)
+    assert set(files(board / name)) == {"record.json", "per_view.csv"}
 
 
 @pytest.mark.parametrize(
@@ -145,5 +157,5 @@ def test_an_interruption_leaves_no_half_run_and_the_same_command_does_the_rest(r
 
 
 def test_nothing_to_publish_is_told(tmp_path, board):
-    with pytest.raises(InputError, match="no run that is done"):
+    with pytest.raises(InputError, match="no run that is done or failed"):
         publish(tmp_path, board)
