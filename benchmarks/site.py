@@ -2,8 +2,8 @@
 
     python -m benchmarks.site --runs 1000
 
-Records, scores of views and renders are random; gathering and writing are measured together, once from nothing and
-once where the pages are there already.
+Records, scores of views, learning curves and renders are made up; gathering and writing are measured together, once
+from nothing and once where the pages are there already.
 """
 
 import dataclasses
@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 import pandas as pd
 
+from baselines.training.learning_curve import LEARNING_CURVE, ROWS, write_rows
 from hydroviews.cli.commands import run_command
 from hydroviews.metrics import find_metrics
 from leaderboard.gather import write_leaderboard
@@ -68,6 +69,10 @@ def _write_run(
     for view in views.view:
         coarse = rng.integers(0, 256, (size[1] // 8, size[0] // 8, 3), np.uint8)
         cv2.imwrite(str(folder / "renders" / f"{view}.png"), cv2.resize(coarse, size, interpolation=cv2.INTER_CUBIC))
+    seconds, losses = np.linspace(0.5, 50, ROWS), np.exp(-np.linspace(0, 3, ROWS)) * rng.uniform(0.9, 1.1, ROWS)
+    counts = np.linspace(8_000, 30_000, ROWS).astype(int)
+    columns = ("step", "seconds", "loss", "Gaussians")
+    write_rows(folder / LEARNING_CURVE, columns, zip(range(1, ROWS + 1), seconds, losses, counts, strict=True))
     record = Record(
         method=method,
         scene=scene,

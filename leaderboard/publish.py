@@ -1,7 +1,8 @@
 """Runs copied onto the board that ships: what was measured, without pictures and models.
 
-A run of a board is its `record.json` and its `per_view.csv`, in the folders of a results folder, so that whatever reads
-results reads a board. Failed runs are published too, as a record alone: a table without them would flatter a method.
+A run of a board is its `record.json`, `per_view.csv` and learning curve, in the folders of a results folder, so that
+whatever reads results reads a board. Failed runs are published too, without scores: a table that lacks them flatters a
+method.
 """
 
 import os
@@ -9,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from baselines.training.learning_curve import LEARNING_CURVE
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from hydroviews.files.full_disk import plain_write_errors
@@ -16,7 +18,7 @@ from hydroviews.files.temporary import remove_leftovers, remove_tree, temporary_
 from leaderboard.gather import run_folders, trusted_record
 from leaderboard.records import DONE, FAILED, PER_VIEW, RECORD, RESCORE, SCHEMA, Record
 
-PUBLISHED = {DONE: (RECORD, PER_VIEW), FAILED: (RECORD,)}  # files of a run, by its status
+PUBLISHED = (RECORD, PER_VIEW, LEARNING_CURVE)  # a failed run has no scores, a submission no training
 
 
 @dataclass(frozen=True)
@@ -80,9 +82,9 @@ def _read(results: Path) -> tuple[dict[Path, _Run], dict[Path, str]]:
         except InputError as error:
             left_out[name] = str(error)
             continue
-        if record.status in PUBLISHED:
+        if record.status in (DONE, FAILED):
             schema = read_json(folder / RECORD, RESCORE).get("schema", 1)
-            files = {file: (folder / file).read_bytes() for file in PUBLISHED[record.status]}
+            files = {file: (folder / file).read_bytes() for file in PUBLISHED if (folder / file).is_file()}
             runs[name] = _Run(record, schema, files)
         else:
             left_out[name] = f"{record.status}: {record.reason}".removesuffix(": ")

@@ -9,14 +9,17 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
 from tqdm import tqdm
 
 from baselines.training.checkpoints import Tree, load_checkpoint, save_checkpoint
+from baselines.training.learning_curve import LEARNING_CURVE, LearningCurve, write_rows
 from baselines.training.signals import Clock, Saving, end_stopped, stop_signals
 
+_CURVE = "learning curve"  # in a checkpoint, beside the trainer's own
 SMOOTHING = 0.98  # what the loss that is shown keeps of itself in a step
 
 Interval = tuple[float, float]  # when a loop began and ended, seconds of `time.perf_counter`
@@ -59,7 +62,8 @@ def run(trainer: Trainer, checkpoint: Path, fingerprint: Mapping[str, Any], chec
 
     Args:
         trainer: in its first state.
-        checkpoint: its file; written now and then, before the process ends on a signal, and at the end.
+        checkpoint: its file; written now and then, before the process ends on a signal, and at the end, with the
+            learning curve so far beside it.
         fingerprint: what a checkpoint has to agree with.
         checkpoint_seconds: of training between two checkpoints, 0 for one after every step.
 
@@ -68,7 +72,8 @@ def run(trainer: Trainer, checkpoint: Path, fingerprint: Mapping[str, Any], chec
         FloatingPointError: a loss is NaN or infinite; the checkpoint is one from before that.
         KeyboardInterrupt, SystemExit: on Ctrl-C and SIGTERM, when the step is done and a checkpoint is written.
     """
-    resume(trainer, checkpoint, fingerprint)
+    curve = LearningCurve(trainer.iterations)
+    resume(_WithCurve(trainer, curve), checkpoint, fingerprint)
     clock = Clock(trainer.seconds)
     saving = Saving(clock, checkpoint_seconds)
     bar = tqdm(total=trainer.iterations, initial=trainer.iteration, desc="training", unit="it", mininterval=1.0)
@@ -78,13 +83,28 @@ def run(trainer: Trainer, checkpoint: Path, fingerprint: Mapping[str, Any], chec
             iteration, metrics = trainer.iteration, trainer.step()
             check_finite(metrics, iteration)
             trainer.seconds = clock.seconds
+            curve.add(trainer.iteration, trainer.seconds, metrics, trainer.finished)
             if stopped or saving.due or trainer.finished:
                 with saving.timed():
-                    save_checkpoint(checkpoint, trainer.state_dict(), fingerprint)
+                    save_checkpoint(checkpoint, {**trainer.state_dict(), _CURVE: curve.state_dict()}, fingerprint)
+                    write_rows(checkpoint.with_name(LEARNING_CURVE), curve.columns, curve.rows)
             end_stopped(stopped)
             smooth = smoothed(smooth, next(iter(metrics.values())), SMOOTHING)
             bar.set_postfix_str(_in_words(metrics, smooth), refresh=False)
             bar.update()
+
+
+@dataclass(frozen=True)
+class _WithCurve:
+    """A trainer and its learning curve, as a checkpoint holds them."""
+
+    trainer: Trainer
+    curve: LearningCurve
+
+    def load_state_dict(self, tree: Tree) -> None:
+        self.trainer.load_state_dict(tree)
+        if _CURVE in tree:  # older checkpoints lack it
+            self.curve.load_state_dict(tree[_CURVE])
 
 
 @contextmanager

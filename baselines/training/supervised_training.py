@@ -4,8 +4,6 @@ A training derives from `SupervisedTraining` and says how a batch is learned fro
 alone, so that a training that was stopped goes on exactly.
 """
 
-import csv
-import io
 import math
 import signal
 from abc import ABC, abstractmethod
@@ -21,9 +19,9 @@ from torch.utils.data import DataLoader, Dataset
 
 from baselines.training import loop
 from baselines.training.checkpoints import CHECKPOINT, Tree
+from baselines.training.learning_curve import write_rows
 from baselines.training.numbers import require_numbers
 from baselines.training.torch_state import module_arrays, restore_module
-from hydroviews.files.atomic import write_bytes
 
 CURVE = "curve.csv"
 SMOOTHING = 0.99  # what the losses of the curve keep of themselves in a step
@@ -243,11 +241,8 @@ def note(training: SupervisedTraining, validate: Validate, path: Path) -> None:
     scores = validate(training.averaged)
     row = {"step": training.iteration, "seconds": training.seconds, **training.losses, **scores}
     training.curve.append({name: round(value, 5) for name, value in row.items()})
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(row), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(training.curve)
-    write_bytes(path, text.getvalue().encode())
+    columns = list(row)
+    write_rows(path, columns, ([earlier[name] for name in columns] for earlier in training.curve))
 
 
 def rate_at(step: int, config: SupervisedConfig) -> float:

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 import pandas as pd
 
 from hydroviews.metrics import Metric
+from leaderboard.site.axes import LEFT, WIDTH, Ticks, across, log_ticks, ticks, up, widened
 from leaderboard.table_text import cost_text
 
-WIDTH, HEIGHT = 420, 280  # of the drawing, in its own units
-LEFT, RIGHT, TOP, BOTTOM = 46, 16, 16, 40
 LINE = 13  # least distance of two labels
-STEPS = (1, 2, 5)
 
 
 @dataclass(frozen=True)
@@ -38,8 +36,8 @@ class Plot:
     quality: str
     points: tuple[Point, ...]
     front: str  # corners of the line, for `<polyline>`
-    x_ticks: tuple[tuple[float, str], ...]
-    y_ticks: tuple[tuple[float, str], ...]
+    x_ticks: Ticks
+    y_ticks: Ticks
 
 
 def pareto_front(costs: Sequence[float], qualities: Sequence[float]) -> list[bool]:
@@ -71,16 +69,9 @@ def draw(means: pd.DataFrame, name: str, title: str, metric: Metric) -> Plot | N
     ours = ~known.reference.astype(bool)
     sign = 1 if metric.higher_is_better else -1
     on_front = dict(zip(known.index[ours], pareto_front(list(cost[ours]), list(sign * quality[ours])), strict=True))
-    x_low, x_high = _widened(math.log10(cost.min()), math.log10(cost.max()), 0.05)
-    y_low, y_high = _widened(quality.min(), quality.max(), 0.1)
-
-    def across(value: float) -> float:
-        return round(LEFT + (math.log10(value) - x_low) / (x_high - x_low) * (WIDTH - LEFT - RIGHT), 1)
-
-    def up(value: float) -> float:
-        return round(HEIGHT - BOTTOM - (value - y_low) / (y_high - y_low) * (HEIGHT - TOP - BOTTOM), 1)
-
-    places = {str(m): (across(cost[m]), up(quality[m])) for m in known.index}
+    right = widened(math.log10(cost.min()), math.log10(cost.max()), 0.05)
+    upwards = widened(quality.min(), quality.max(), 0.1)
+    places = {str(m): (across(math.log10(cost[m]), right), up(quality[m], upwards)) for m in known.index}
     labels = _labels(places)
     points = tuple(
         Point(
@@ -95,14 +86,10 @@ def draw(means: pd.DataFrame, name: str, title: str, metric: Metric) -> Plot | N
         for method, (x, y) in places.items()
     )
     corners = sorted((point.x, point.y) for point in points if point.front)
-    x_ticks = tuple((across(value), f"{value:g}") for value in _log_ticks(10**x_low, 10**x_high))
-    y_ticks = tuple((up(value), f"{value:g}") for value in _ticks(y_low, y_high))
+    shown = log_ticks(10 ** right[0], 10 ** right[1])
+    x_ticks = tuple((across(math.log10(value), right), f"{value:g}") for value in shown)
+    y_ticks = tuple((up(value, upwards), f"{value:g}") for value in ticks(*upwards))
     return Plot(title, metric.title, points, " ".join(f"{x},{y}" for x, y in corners), x_ticks, y_ticks)
-
-
-def _widened(low: float, high: float, share: float) -> tuple[float, float]:
-    room = max((high - low) * share, 0.01 * max(abs(low), abs(high)), 1e-6)
-    return low - room, high + room
 
 
 def _labels(places: dict[str, tuple[float, float]]) -> dict[str, tuple[float, float, str]]:
@@ -114,20 +101,3 @@ def _labels(places: dict[str, tuple[float, float]]) -> dict[str, tuple[float, fl
         right = x < (LEFT + WIDTH) / 2
         found[method] = (x + 8 if right else x - 8, round(last, 1), "start" if right else "end")
     return found
-
-
-def _log_ticks(low: float, high: float) -> list[float]:
-    """Of a logarithmic axis; equally far in value where it is short."""
-    if high / low < 10:
-        return _ticks(low, high)
-    exponents = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-    steps = STEPS if high / low < 100 else (1,)
-    return [step * 10.0**e for e in exponents for step in steps if low <= step * 10.0**e <= high]
-
-
-def _ticks(low: float, high: float) -> list[float]:
-    most = (high - low) / 3
-    size = 10 ** math.floor(math.log10(most))
-    step = max((s * size for s in STEPS if s * size <= most), default=size)
-    first, last = math.ceil(low / step), math.floor(high / step)
-    return [round(i * step, 6) for i in range(first, last + 1)]

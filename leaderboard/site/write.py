@@ -19,6 +19,7 @@ from leaderboard.gather import collect_views
 from leaderboard.means import incomplete, places
 from leaderboard.published import NOTE, published_scores
 from leaderboard.site.intervals import Told, comparisons
+from leaderboard.site.learning_curves import learning_curves
 from leaderboard.site.pareto import Plot, draw
 from leaderboard.site.pictures import Pictures, Thumbnails, scene_pictures
 from leaderboard.site.runs import ShownRun, page_name, shown_runs
@@ -120,7 +121,8 @@ def _write_pages(out: Path, runs: list[ShownRun], scenes: list[ScenePage], suite
     template = pages.get_template("run.html")
     for run in tqdm(runs, desc="pages", unit="run", leave=False, disable=len(runs) < 200):
         keys = (run.record["scene"], run.record["profile"], run.record["track"])
-        texts[out / "runs" / run.page] = template.render(root="../", run=run, scene_page=addresses[keys])
+        own = {"run": run, "scene_page": addresses[keys], "curves": learning_curves(run.folder)}
+        texts[out / "runs" / run.page] = template.render(root="../", **own)
     for name in ASSETS:
         texts[out / name] = (Path(__file__).parent / name).read_text(encoding="utf-8")
     for path, text in texts.items():

@@ -49,7 +49,9 @@ def test_a_board_is_records_and_scores_and_reads_as_the_results_do(results, boar
     outcome = publish(results, board)
     assert (len(outcome.written), outcome.kept, outcome.left_out) == (10, 0, {})
     assert files(board) == {
-        name: content for name, content in files(results).items() if name.endswith(("record.json", "per_view.csv"))
+        name: content
+        for name, content in files(results).items()
+        if name.endswith(("record.json", "per_view.csv", "learning_curve.csv"))
     }
     pd.testing.assert_frame_equal(collect(board), collect(results))
     table = collect(board)
@@ -71,6 +73,8 @@ def test_what_is_partial_or_not_trusted_is_left_out_with_the_reason(results, boa
 def test_a_failed_run_is_published_as_its_record_alone_and_counts_in_tables(results, board):
     name = "demo/ours/pond/raindrop-1/seed-0"
     done = files(results / name)
+    for scored in ("per_view.csv", "learning_curve.csv"):
+        (results / name / scored).unlink()
     edit(results, name, status="failed", reason="no memory", psnr=None, ssim=None, lpips_alex=None, lpips_vgg=None)
     assert Path(name) in publish(results, board).written
     assert set(files(board / name)) == {"record.json"}
@@ -80,7 +84,7 @@ def test_a_failed_run_is_published_as_its_record_alone_and_counts_in_tables(resu
     for path, content in done.items():
         (results / name / path).write_bytes(content)
     assert publish(results, board, overwrite=True).written == (Path(name),)
-    assert set(files(board / name)) == {"record.json", "per_view.csv"}
+    assert set(files(board / name)) == {"record.json", "per_view.csv", "learning_curve.csv"}
 
 
 @pytest.mark.parametrize(
@@ -148,12 +152,12 @@ def test_an_interruption_leaves_no_half_run_and_the_same_command_does_the_rest(r
     with pytest.raises(KeyboardInterrupt):
         publish(results, board)
     monkeypatch.undo()
-    assert [len(list(folder.iterdir())) for folder in run_folders(board)] == [2, 2, 2]
+    assert [len(list(folder.iterdir())) for folder in run_folders(board)] == [3, 3, 3]
     killed = board / "demo/3dgs/pond/streak-1/.partial-host-0-seed-0"
     killed.mkdir(parents=True)
     (killed / "record.json").write_text("{")
     assert len(publish(results, board).written) == 7
-    assert len(files(board)) == 20
+    assert len(files(board)) == 30
 
 
 def test_nothing_to_publish_is_told(tmp_path, board):

@@ -1,5 +1,6 @@
 """The loop, and that Ctrl-C and SIGTERM leave no trace in any kind of training."""
 
+import csv
 import multiprocessing
 import os
 import signal
@@ -21,8 +22,9 @@ from baselines.derain_nerf.raindrop_attention.pairs import Patches
 from baselines.splatting import trainer as splatting
 from baselines.splatting.objective import Objective
 from baselines.training import loop
-from baselines.training.checkpoints import CHECKPOINT, load_checkpoint
+from baselines.training.checkpoints import CHECKPOINT, load_checkpoint, save_checkpoint
 from baselines.training.images import read_images
+from baselines.training.learning_curve import LEARNING_CURVE, ROWS
 from baselines.training.supervised_training import CURVE, Intervals
 from baselines.volumetric import trainer as volumetric
 from baselines.volumetric.model import RadianceModel
@@ -235,6 +237,46 @@ def test_seconds_add_up_and_a_finished_training_is_left_as_it_is(tmp_path):
     loop.run(again, tmp_path / CHECKPOINT, {}, 1e9)
     assert again.seconds == first.seconds > 0
     assert (tmp_path / CHECKPOINT).read_bytes() == before
+
+
+def learning_curve(folder):
+    return list(csv.DictReader((folder / LEARNING_CURVE).open()))
+
+
+def test_the_learning_curve_has_means_of_losses_and_the_counts_of_then(tmp_path):
+    losses = {step: float(step) for step in range(250)}
+    trainer = Counting(250, losses)
+    loop.run(trainer, tmp_path / CHECKPOINT, {}, 1e9)
+    rows = learning_curve(tmp_path)
+    assert len(rows) == 84 <= ROWS  # every third step, and the last one
+    assert list(rows[0]) == ["step", "seconds", "loss", "numbers"]
+    assert [(row["step"], row["loss"], row["numbers"]) for row in (rows[0], rows[1], rows[-1])] == [
+        ("3", "1", "3"), ("6", "4", "6"), ("250", "249", "250")
+    ]  # fmt: skip
+    seconds = [float(row["seconds"]) for row in rows]
+    assert seconds == sorted(seconds)
+    assert seconds[-1] == pytest.approx(trainer.seconds, rel=1e-5)
+
+
+def test_the_learning_curve_goes_on_over_sessions(tmp_path, monkeypatch):
+    losses = {step: float(step) for step in range(250)}
+    loop.run(Counting(250, losses), tmp_path / "alone" / CHECKPOINT, {}, 1e9)
+    for moment in (1, 100):
+        with monkeypatch.context() as patch:
+            interrupting(patch, moment, signal.SIGINT)
+            with pytest.raises(KeyboardInterrupt):
+                loop.run(Counting(250, losses), tmp_path / CHECKPOINT, {}, 1e9)
+    assert learning_curve(tmp_path)[-1]["step"] == "99"  # what is there of it is in the folder as well
+    loop.run(Counting(250, losses), tmp_path / CHECKPOINT, {}, 1e9)
+    (rows, expected) = (learning_curve(folder) for folder in (tmp_path, tmp_path / "alone"))
+    assert [row | {"seconds": ""} for row in rows] == [row | {"seconds": ""} for row in expected]
+
+
+def test_a_checkpoint_without_a_learning_curve_is_gone_on_from(tmp_path):
+    path = tmp_path / CHECKPOINT
+    save_checkpoint(path, {"iteration": 4, "seconds": 1.0, "sums": {"total": np.full(1, 6.0)}}, {})
+    loop.run(Counting(), path, {}, 1e9)
+    assert [row["step"] for row in learning_curve(tmp_path)] == ["5", "6", "7", "8", "9", "10"]
 
 
 def test_progress_shows_the_first_loss_and_counts(tmp_path, capsys):

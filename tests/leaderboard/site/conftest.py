@@ -25,7 +25,8 @@ def written(tmp_path_factory):
     names = {"method": "nerf-w", "scene": "pond", "effect": "streak", "pattern": "streak-1", "seed": 0}
     sizes = {"n_train": 3, "n_test": 4, "width": 64, "height": 48}
     reason = "</td></script><script>alert(3)</script>"
-    record = Record(**names, **sizes, track="given-poses", status="failed", reason=reason, profile="demo")
+    run = {"track": "given-poses", "profile": "demo", "data_sha256": "pond streak-1"}
+    record = Record(**names, **sizes, **run, status="failed", reason=reason)
     write_record(failed, record)
     for scene, link in (("pond", "javascript:alert(4)"), ("mipnerf360_bonsai", "https://example.org/a?b=1&c=2")):
         folder = run_folder(results, "demo", METHODS[3], scene, "raindrop-0", 0, "given-poses")
@@ -37,7 +38,7 @@ def written(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def shipped(written, tmp_path_factory):
-    """What a board of the finished runs shows: they have no renders."""
+    """What a board of the runs shows: they have no renders."""
     board, out = tmp_path_factory.mktemp("shipped"), tmp_path_factory.mktemp("shown")
     publish(written, board, submitted=True)
     write_board(board, out)

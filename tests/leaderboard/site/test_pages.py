@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from baselines.training.learning_curve import LEARNING_CURVE
 from hydroviews.files.atomic import read_json, write_json
 from hydroviews.metrics import find_metrics
 from leaderboard.comparison import compare
@@ -104,7 +105,7 @@ def test_links_and_pictures_resolve_and_nothing_is_outside(written, pages):
 
 def test_runs_without_renders_have_pages_that_say_so(shipped):
     found = {path: Page(path) for path in sorted((shipped / "site").rglob("*.html"))}
-    assert len(found) == 1 + 2 + 14
+    assert len(found) == 1 + 2 + 15
     for path, page in found.items():
         assert page.all("img") == []
         assert not [a for a in page.all("form") if "viewer" in a["class"]]
@@ -117,10 +118,23 @@ def test_runs_without_renders_have_pages_that_say_so(shipped):
     assert "A page of tables each." in "".join(index.text)
     assert [a["class"] for a in index.all("ul")] == ["names"]
     run = next(page for path, page in found.items() if path.parent.name == "runs")
-    assert [a["href"].rpartition("/")[2] for a in run.all("li") + run.all("a") if "href" in a][-2:] == [
+    assert [a["href"].rpartition("/")[2] for a in run.all("li") + run.all("a") if "href" in a][-3:] == [
+        "learning_curve.csv",
         "per_view.csv",
         "record.json",
     ]
+
+
+def test_the_course_of_a_training_is_drawn_where_it_is_known(written, copied):
+    run = run_folder(copied, "demo", "3dgs", "pond", "streak-1", 0, "given-poses")
+    page = copied / "site" / "runs" / page_name("demo", "3dgs", "pond", "streak-1", "0", "given-poses")
+    names = [drawing["aria-label"].partition(":")[0] for drawing in Page(page).all("svg")]
+    assert names == ["loss over the seconds of training", "Gaussians over the seconds of training"]
+    (run / LEARNING_CURVE).write_text("step,seconds\nnot a number")
+    table = collect(copied)
+    write_site(table, copied, copied / "no data")
+    assert Page(page).all("svg") == []
+    assert "Course of the training" not in "".join(Page(page).text)
 
 
 def test_names_run_no_script(pages):

@@ -7,7 +7,8 @@ import pandas as pd
 import pytest
 
 from hydroviews.metrics import find_metrics
-from leaderboard.site.pareto import HEIGHT, LINE, WIDTH, draw, pareto_front
+from leaderboard.site.axes import HEIGHT, WIDTH
+from leaderboard.site.pareto import LINE, draw, pareto_front
 
 PSNR, LPIPS = find_metrics()[0], find_metrics()[2]
 
