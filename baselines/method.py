@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal, Self, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hydroviews.cli.plugins import load_plugin
 from hydroviews.errors import InputError, unknown_name
@@ -94,6 +95,18 @@ class Method(ABC):
     def render(self, camera: Camera) -> Image:
         """The learned scene without rain: float32 [H, W, 3], sRGB-encoded, [0, 1]."""
 
+    def hidden(self, view: int, size: tuple[int, int]) -> NDArray[np.float32] | None:
+        """How much of each pixel of a training view the method takes for something before the scene, after `fit`.
+
+        Args:
+            view: index among the training views.
+            size: its height and width.
+
+        Returns:
+            [H, W] in [0, 1], 0 where all is the scene's; None where the method does not look for such.
+        """
+        return None
+
     @abstractmethod
     def save(self, folder: Path) -> None:
         """Write all that `load` needs."""
@@ -129,6 +142,19 @@ def check_render(image: Any, camera: Camera) -> None:
         found = ", ".join(f"{fault} in {count:,}" for fault, count in counts.items() if count)
         pixels = f"{image.shape[0] * image.shape[1]:,} pixels"
         raise ValueError(f"rendered {found} of {pixels}, expected finite values in [0, 1]")
+
+
+def check_hidden(plane: Any, size: tuple[int, int]) -> None:
+    """Refuse a plane that is not what `Method.hidden` promises for a view of (height, width).
+
+    Raises:
+        ValueError: it is something else than float32 [H, W], in [0, 1]; says what was found.
+    """
+    if not isinstance(plane, np.ndarray) or plane.shape != size or plane.dtype != np.float32:
+        found = f"{getattr(plane, 'dtype', type(plane).__name__)} {np.shape(plane)}"
+        raise ValueError(f"hidden is {found}, expected float32 {size}")
+    if not (plane >= 0).all() or not (plane <= 1).all():
+        raise ValueError(f"hidden is {plane.min():g} to {plane.max():g}, expected finite values in [0, 1]")
 
 
 def settings_of(profile: str, profiles: Mapping[str, Any]) -> Any:

@@ -15,6 +15,7 @@ from baselines.method import Method, TrainingSummary
 from baselines.training.images import TrainingImages, read_images
 from deraings.enhancement.views import EnhancedViews
 from deraings.enhancement.weights import DEFAULT, find_weights, load_enhancer
+from deraings.image_planes import Plane
 from deraings.rain_model.mist_or_fog import may_remove_mist, point_colours
 from hydroviews.files.atomic import sha256
 from hydroviews.scene.cameras import Camera
@@ -74,6 +75,10 @@ class OnEnhanced(Method):
     def render(self, camera: Camera) -> Image:
         """See Method."""
         return self._inner.render(camera)
+
+    def hidden(self, view: int, size: tuple[int, int]) -> Plane | None:
+        """See Method."""
+        return self._inner.hidden(view, size)
 
     def save(self, folder: Path) -> None:
         """See Method."""

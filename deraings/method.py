@@ -17,6 +17,7 @@ from baselines.training.images import TrainingImages, read_images
 from deraings.enhanced_method import KEPT, enhanced_scene, enhanced_views
 from deraings.enhancement.views import EnhancedViews
 from deraings.enhancement.weights import DEFAULT, find_weights
+from deraings.image_planes import Plane
 from deraings.masks.config import MaskConfig
 from deraings.masks.occlusion_masks import OcclusionMasks
 from deraings.rain_model.mist_or_fog import point_colours
@@ -142,6 +143,10 @@ class DeRainGS(GaussianSplatting):
         """See Method."""
         super().fit(scene, folder)
         self.found |= self.learned().report()
+
+    def hidden(self, view: int, size: tuple[int, int]) -> Plane:
+        """See Method; mist, drops, falling rain, and what masks hide."""
+        return self.learned().hidden(view, size)
 
     def learned(self) -> RainObjective:
         """What was learned of the rain in the training views, after `fit`.

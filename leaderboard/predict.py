@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from baselines.method import Method, check_render, find_method
+from baselines.method import Method, check_hidden, check_render, find_method
 from baselines.training.devices import warn_of_slow_profile
 from hydroviews.cli.commands import run_command
 from hydroviews.errors import InputError
@@ -28,6 +28,8 @@ from leaderboard.sessions import noted, read_sessions, training_session
 from leaderboard.supervision import Tether, known_workers, tethered
 
 PREDICTION = "prediction.json"
+HIDDEN = "hidden"  # pictures, in a run's folder
+DRAWN = (0.0, 0.5, 1.0)  # of the training views in their order, those of which they are
 
 
 class RefusedByMethod(Exception):
@@ -71,6 +73,7 @@ def train_and_render(run: Run) -> None:
     if statistics.n_primitives == 0:
         raise ValueError("training has left no Gaussians or other primitives: there is nothing to render")
     seconds = render_views(method, scene, run.folder / "renders")
+    draw_hidden(method, scene, run.folder / HIDDEN)
     write_json(
         run.folder / PREDICTION,
         {
@@ -114,6 +117,24 @@ def render_views(method: Method, scene: Scene, folder: Path) -> list[float]:
             raise ValueError(f"{view.name}: {error}") from None
         write_png(folder / f"{view.name}.png", image)
     return seconds
+
+
+def draw_hidden(method: Method, scene: Scene, folder: Path) -> None:
+    """Draw what the method takes for something before the scene in a few training views, if it looks for such.
+
+    Raises:
+        ValueError: it is not what the contract promises.
+        RefusedByMethod: the method raised an InputError.
+    """
+    views = scene.train_views
+    for index in sorted({round(share * (len(views) - 1)) for share in DRAWN}):
+        size = views[index].camera.height, views[index].camera.width
+        with blaming_the_method():
+            plane = method.hidden(index, size)
+        if plane is None:
+            return
+        check_hidden(plane, size)
+        write_png(folder / f"{views[index].name}.png", np.repeat(plane[..., None], 3, axis=2))
 
 
 def peak_memory_mb() -> float:

@@ -35,7 +35,7 @@ from baselines.distractors.view_layers import (
 )
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.photometric import photometric_loss
+from baselines.splatting.kernels.photometric import Plane, photometric_loss
 from baselines.splatting.kernels.sh_coefficients import C0
 from baselines.splatting.schedule import LearningRates
 from baselines.training.images import TrainingImages, read_images
@@ -76,6 +76,11 @@ class DeSplatObjective(ReportingObjective):
         state = learn(state, layer, by_layer, iteration / self._iterations, self.config)
         self.layers[view] = grown(state, view, self.config, self.seed)
         return loss + self.config.cover_penalty * float(self._cover[view]), by_scene
+
+    def hidden(self, view: int, size: tuple[int, int]) -> Plane:
+        """See ReportingObjective: A_d."""
+        camera = self.cameras[view].resized(size[1], size[0])
+        return np.clip(render_layer(self.layers[view].gaussians, camera, self._buffers).cover, 0, 1)
 
     def report(self) -> dict[str, str]:
         """See ReportingObjective: the mean cover of the layers, and how many Gaussians they have."""

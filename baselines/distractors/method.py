@@ -7,6 +7,7 @@ from pathlib import Path
 from baselines.gaussian_splatting import PROFILES, GaussianSplatting
 from baselines.method import TrainingSummary
 from baselines.splatting.config import TrainerConfig
+from baselines.splatting.kernels.photometric import Plane
 from baselines.splatting.objective import Objective
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.trainer import train
@@ -19,6 +20,10 @@ class ReportingObjective(Objective):
     @abstractmethod
     def report(self) -> dict[str, str]:
         """What it found, in words, by name."""
+
+    def hidden(self, view: int, size: tuple[int, int]) -> Plane | None:
+        """See Method; None where it does not remember what it left out of a view."""
+        return None
 
 
 def without_resets(splatting: TrainerConfig) -> TrainerConfig:
@@ -34,6 +39,8 @@ SPLATTING = {name: without_resets(splatting) for name, splatting in PROFILES.ite
 class DistractorMethod(GaussianSplatting):
     """Splatting whose settings hold those of the Gaussians as `splatting`."""
 
+    _objective: ReportingObjective | None = None  # after `fit`
+
     @property
     def splatting(self) -> TrainerConfig:
         """See GaussianSplatting."""
@@ -46,9 +53,13 @@ class DistractorMethod(GaussianSplatting):
 
     def fit(self, scene: Scene, folder: Path) -> None:
         """See Method."""
-        objective = self.objective(scene, folder)
+        self._objective = objective = self.objective(scene, folder)
         self._trained = train(scene, self.splatting, self.seed, folder, objective)
         self.found |= objective.report()
+
+    def hidden(self, view: int, size: tuple[int, int]) -> Plane | None:
+        """See Method."""
+        return self._objective.hidden(view, size) if self._objective else None
 
     def summary(self) -> TrainingSummary:
         """See Method; `used` says what was found beside the scene."""

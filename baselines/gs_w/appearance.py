@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
+from torch.nn import functional
 
 from baselines.gs_w.config import ReferenceConfig
 from baselines.gs_w.encoder import ReferenceEncoder
@@ -86,8 +87,15 @@ class ReferenceAppearance(Appearance):
         size = [max(1, round(side / self.config.shrink / multiple)) * multiple for side in (height, width)]
         pixels = self._images.pixels(view, (size[0], size[1])).astype(np.float32) / 255 - 0.5
         picture = torch.from_numpy(pixels).permute(2, 0, 1)[None]
-        maps, visible = self.encoder(picture.to(self.fusion.middle.device))
+        maps, visible = self.encoder(picture.to(next(self.encoder.parameters()).device))
         return maps, visible
+
+    @torch.no_grad()
+    def visibility(self, view: int, size: tuple[int, int]) -> NDArray[np.float32]:
+        """m [H, W] of a training view at (height, width)."""
+        visible = self.encode(view)[1]
+        whole = functional.interpolate(visible[None, None], size=size, mode="bilinear", align_corners=False)[0, 0]
+        return whole.clamp(0, 1).cpu().numpy()
 
     @property
     def visible(self) -> Tensor:

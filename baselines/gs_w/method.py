@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from baselines.gaussian_splatting import MODEL, PROFILES_WITH_NETWORKS, GaussianSplatting, with_iterations
 from baselines.gs_w.appearance import ReferenceAppearance
@@ -125,6 +126,10 @@ class GaussianInTheWild(GaussianSplatting):
         self._trained = replace(trained, gaussians=gaussians)
         self._fusion = appearance.fusion.cpu()
         self._shown = mean_colours(gaussians, self._fusion, cameras, *seen_with)
+
+    def hidden(self, view: int, size: tuple[int, int]) -> NDArray[np.float32] | None:
+        """See Method: 1 - m."""
+        return None if self._appearance is None else 1 - self._appearance.visibility(view, size)
 
     def gaussians_for_camera(self, camera: Camera) -> Gaussians:
         """See GaussianSplatting; with the mean appearance."""

@@ -25,7 +25,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from baselines.ha_nerf.batches import grids
 from baselines.ha_nerf.config import PROFILES
@@ -54,6 +56,13 @@ class HaNerf(RadianceMethod):
     def draw(self) -> Draw:
         """See RadianceMethod."""
         return grids(self.config)
+
+    @torch.no_grad()
+    def hidden(self, view: int, size: tuple[int, int]) -> NDArray[np.float32]:
+        """See Method: m."""
+        model = self._require().trained.model
+        assert isinstance(model, HaNerfModel)
+        return model.visibility.plane(view, size)
 
     def summary(self) -> TrainingSummary:
         """See Method; also how much of the photographs was masked at the end."""

@@ -7,7 +7,9 @@ sees a colour: what it hides it has to remember, view by view and place by place
 import math
 from itertools import pairwise
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from baselines.ha_nerf.config import VisibilityConfig
@@ -41,6 +43,14 @@ class Visibility(nn.Module):
             hidden = layer(hidden).relu_()
         m: Tensor = torch.sigmoid(self.exit(hidden)[:, 0])
         return m
+
+    def plane(self, view: int, size: tuple[int, int]) -> NDArray[np.float32]:
+        """m [H, W] of a view at (height, width), row by row."""
+        height, width = size
+        columns = (torch.arange(width, device=self.codes.device) + 0.5) / width
+        views = torch.full((width,), view, device=self.codes.device)
+        rows = [torch.stack([torch.full_like(columns, (y + 0.5) / height), columns], 1) for y in range(height)]
+        return torch.stack([self(views, places) for places in rows]).cpu().numpy()
 
 
 class Running(nn.Module):

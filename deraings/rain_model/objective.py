@@ -65,6 +65,15 @@ class RainObjective(Objective):
         seen = self.model.forward(image, view, self.model.iterations, buffers)
         return photometric_loss(seen.image, self.target(view), self.lambda_dssim, buffers=buffers)[0]
 
+    def hidden(self, view: int, size: tuple[int, int]) -> Plane:
+        """How much of each pixel [H, W] of a view of (height, width) is taken for rain, or masked, after training."""
+        model = self.model
+        covers = [alpha(view, size) for alpha in (model.mist_alpha, model.drop_alpha, model.rain_alpha)]
+        if self.masks:
+            covers.append(self.masks.mask(view, size))
+        left = np.prod([1 - cover for cover in covers], axis=0)
+        return np.clip(1 - left, 0, 1).astype(np.float32)
+
     def report(self) -> dict[str, Any]:
         """What was found of the rain, in the middle of the capture; see `report`."""
         middle = len(self.images) // 2

@@ -1,7 +1,7 @@
 """Small pictures of renders and of rainy and clean views, each written once, under a name made of its content."""
 
 import logging
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from hashlib import sha256
@@ -50,16 +50,24 @@ class Thumbnails:
             OSError: it is none.
         """
         content = source.read_bytes()
+        return self.add_as(content, lambda: _opened(content))
+
+    def add_as(self, content: bytes, picture: Callable[[], Image.Image]) -> str:
+        """The name of the small picture of some content; `picture` is what it looks like, asked for if need be."""
         name = f"{sha256(content).hexdigest()[:20]}.webp"
         if name not in self.written and name not in self._there:
-            with Image.open(BytesIO(content)) as picture:
-                small = picture.convert("RGB")
+            small = picture()
             small.thumbnail((LONGEST, LONGEST))
             encoded = BytesIO()
             small.save(encoded, "WEBP", quality=QUALITY, method=EFFORT)
             write_bytes(self.folder / name, encoded.getvalue())
         self.written.add(name)
         return name
+
+
+def _opened(content: bytes) -> Image.Image:
+    with Image.open(BytesIO(content)) as picture:
+        return picture.convert("RGB")
 
 
 def scene_pictures(runs: Iterable[ShownRun], data: Path, thumbnails: Thumbnails) -> dict[str, Pictures]:
@@ -122,6 +130,13 @@ def _view_files(folder: Path) -> dict[str, Path]:
     root = folder / CLEAN if own else folder / CAPTURED / IMAGES
     scene = open_clean(folder) if own else open_variant(folder, CAPTURED)
     return {view.name: view.path.relative_to(root) for view in scene.views}
+
+
+def rainy_pictures(folder: Path, pattern: str, views: Iterable[str], thumbnails: Thumbnails) -> dict[str, str]:
+    """Small pictures of rainy views of a built scene, by the views' names."""
+    files = _view_files(folder)
+    paths = {view: folder / pattern / IMAGES / files[view] for view in views if view in files}
+    return _added({view: path for view, path in paths.items() if path.is_file()}, thumbnails)
 
 
 def _added(paths: dict[str, Path], thumbnails: Thumbnails) -> dict[str, str]:

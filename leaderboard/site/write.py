@@ -18,6 +18,7 @@ from hydroviews.rain.patterns import GRADES
 from leaderboard.gather import collect_views
 from leaderboard.means import incomplete, places
 from leaderboard.published import NOTE, published_scores
+from leaderboard.site.hidden_pictures import hidden_pictures
 from leaderboard.site.intervals import Told, comparisons
 from leaderboard.site.learning_curves import learning_curves
 from leaderboard.site.pareto import Plot, draw
@@ -56,6 +57,7 @@ class ScenePage:
     page: str
     table: pd.DataFrame  # see `tables.scene_table`
     pictures: Mapping[str, Pictures]
+    hidden: Mapping[str, Pictures]
 
 
 def write_site(table: pd.DataFrame, results: Path, data: Path) -> Path:
@@ -106,7 +108,8 @@ def _scenes(runs: list[ShownRun], tables: Tables, data: Path, thumbnails: Thumbn
     for keys, found in tables.scenes.items():
         own = [run for run in runs if tuple(run.record[key] for key in ("scene", "profile", "track")) == keys]
         pictures = scene_pictures(own, data, thumbnails)
-        pages.append(ScenePage(*keys, suite_of(keys[0]), page_name(*keys), found, pictures))
+        hidden = hidden_pictures(own, data, thumbnails)
+        pages.append(ScenePage(*keys, suite_of(keys[0]), page_name(*keys), found, pictures, hidden))
     return pages
 
 

@@ -40,6 +40,9 @@ class MeanColour(Method):
     def render(self, camera: Camera) -> Image:
         return np.full((camera.height, camera.width, 3), self.colour + self.config.shift, np.float32)
 
+    def hidden(self, view: int, size: tuple[int, int]) -> np.ndarray:
+        return np.full(size, 0.25, np.float32)
+
     def save(self, folder: Path) -> None:
         write_json(folder / "colour.json", self.colour.tolist())
 

@@ -11,6 +11,7 @@ from baselines.gaussian_splatting import SHORT_RATES, GaussianSplatting
 from baselines.gs_w.config import SHORT
 from baselines.gs_w.mean_appearance import average_features, coloured_for
 from baselines.gs_w.method import NETWORK, GaussianInTheWild, GSWConfig
+from baselines.method import check_hidden
 from baselines.splatting.appearance.gaussians import gaussians_in_view
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.files.ply import SPLATS, read_ply
@@ -103,7 +104,9 @@ def test_the_same_pixels_from_disk_and_colours_for_viewers(tmp_path):
     config = GSWConfig(GROWING, SHORT)
     method = taught(GaussianInTheWild, config, scene, tmp_path)
     method.save(tmp_path)
+    check_hidden(method.hidden(0, (29, 37)), (29, 37))
     again = GaussianInTheWild.load(config, 0, tmp_path)
+    assert again.hidden(0, (29, 37)) is None  # references are not saved
     for view in scene.views:
         assert np.array_equal(again.render(view.camera), method.render(view.camera))
     assert again.summary() == method.summary()

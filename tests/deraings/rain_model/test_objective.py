@@ -169,6 +169,20 @@ def test_masks_learn_from_the_loss_and_weigh_it():
     assert gradient[:, 36:].any()
 
 
+def test_what_is_hidden_is_the_union_of_rain_and_masks():
+    scene = scene_of(8)
+    masks = OcclusionMasks(TrainingImages(panorama.eight_bit(scene)), 10, 0, MaskConfig())
+    masks.mask = lambda view, size: np.full(size, 0.5, np.float32)
+    objective = objective_of(scene, RainConfig(None, None, None))
+    size = panorama.HEIGHT, panorama.WIDTH
+    assert not objective.hidden(0, size).any()
+    objective.masks = masks
+    objective.model.drop_alpha = lambda view, size: np.eye(*size, dtype=np.float32)
+    hidden = objective.hidden(0, size)
+    assert (hidden.dtype, hidden.shape) == (np.float32, size)
+    assert np.array_equal(hidden, np.where(np.eye(*size) == 1, 1, 0.5))
+
+
 def test_what_was_found_and_the_settings_can_be_written_down():
     objective = objective_of(scene_of(3))
     written = json.loads(json.dumps(objective.settings()))

@@ -1,0 +1,80 @@
+"""What methods take for something before the scene in some training views, beside the rain that was drawn on them."""
+
+import logging
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from hydroviews.dataset.clean_views import CLEAN
+from hydroviews.dataset.manifest import data_hash
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import read_json
+from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.rain.layers import read_layers
+from hydroviews.rain.registry import find_effect
+from leaderboard.predict import HIDDEN
+from leaderboard.records import SCORED
+from leaderboard.site.pictures import RAINY_VIEW, Pictures, Thumbnails, rainy_pictures
+from leaderboard.site.runs import ShownRun
+
+logger = logging.getLogger(__name__)
+
+TRUTH = "rain, as drawn"
+
+
+def hidden_pictures(runs: Iterable[ShownRun], data: Path, thumbnails: Thumbnails) -> dict[str, Pictures]:
+    """By pattern and seed of one scene, profile and track: rainy views, their rain, and what each method has hidden.
+
+    Args:
+        runs: of the scene.
+        data: folder that the scenes were built in; rainy views and rain are left out where it has none, or others.
+        thumbnails: take the small pictures.
+    """
+    found: dict[str, Pictures] = {}
+    for run in runs:
+        paths = sorted((run.folder / HIDDEN).glob("*.png"))
+        if paths and run.record["status"] in SCORED and run.record["pattern"] != CLEAN:
+            title = f"{run.record['pattern']}, seed {run.record['seed']}"
+            if title not in found:
+                found[title] = _given(run, data, [path.stem for path in paths], thumbnails)
+            found[title][run.name] = {path.stem: thumbnails.add(path) for path in paths}
+    return found
+
+
+def _given(run: ShownRun, data: Path, views: Sequence[str], thumbnails: Thumbnails) -> Pictures:
+    """Rainy views, and how much of them rain covers, if these are still the data that the run was made on."""
+    folder, pattern = data / run.record["profile"] / run.record["scene"], run.record["pattern"]
+    try:
+        if data_hash(folder.parent, folder.name, pattern) != run.record["data_sha256"]:
+            raise InputError(f"{folder}: not the data that the runs under {pattern} were made on")
+        found = {RAINY_VIEW: rainy_pictures(folder, pattern, views, thumbnails)}
+        if pattern != CAPTURED:
+            found[TRUTH] = {view: _rain(folder / pattern, view, thumbnails) for view in views}
+    except (InputError, FileNotFoundError) as error:
+        logger.warning("no rain of %s/%s on the pages: %s", folder.name, pattern, error)
+        return {}
+    return found
+
+
+def _rain(variant: Path, view: str, thumbnails: Thumbnails) -> str:
+    layers = (variant / "layers" / f"{view}.exr").read_bytes()
+    return thumbnails.add_as(layers, lambda: Image.fromarray(_grey(true_cover(variant, view))))
+
+
+def true_cover(variant: Path, view: str) -> NDArray[np.float32]:
+    """How much of each pixel [H, W] of a rainy view water, mist and streaks cover together, [0, 1], by its layers.
+
+    Raises:
+        InputError: missing or unreadable.
+    """
+    effect = find_effect(read_json(variant / "pattern.json")["effect"])
+    covers = effect.covers(read_layers(variant / "layers" / f"{view}.exr"))
+    left = np.prod([1 - np.clip(cover, 0, 1) for cover in covers.values()], axis=0)
+    return np.asarray(1 - left, np.float32)
+
+
+def _grey(plane: NDArray[np.float32]) -> NDArray[np.uint8]:
+    return np.repeat(np.rint(plane * 255).astype(np.uint8)[..., None], 3, axis=2)
