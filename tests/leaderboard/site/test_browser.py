@@ -128,7 +128,7 @@ def test_an_address_that_names_nothing_known_opens(page, written):
 def test_a_board_without_renders_opens_sorts_and_says_what_is_not_there(page, shipped):
     page.goto(index(shipped))
     page.locator("#all-runs th[data-key=psnr] button").click()
-    numbers = [float(text) for text in column(page, "psnr")]
+    numbers = [float(text) for text in column(page, "psnr") if text]  # the failed run has none
     assert numbers == sorted(numbers, reverse=True)
     page.locator("#scenes a").first.click()
     assert page.get_by_text("there is nothing to slide between").is_visible()
