@@ -1,12 +1,13 @@
-"""The encoder of looks: its convolutions by hand, its sizes, and which rays see the mean look."""
+"""The encoder of looks: its convolutions by hand, and its sizes."""
 
 import numpy as np
 import pytest
 import torch
 
 from baselines.ha_nerf.config import LookConfig
-from baselines.ha_nerf.look import LookEncoder, as_seen, rays_of_the_mean, small_pictures
+from baselines.ha_nerf.look import LookEncoder
 from baselines.training.images import TrainingImages
+from baselines.volumetric.photographs import as_seen, small_pictures
 
 CONFIG = LookConfig(size=5, channels=(3, 4, 6), side=16)
 
@@ -49,27 +50,6 @@ def test_a_picture_of_any_size_has_a_look(size):
     looks = encoder(config)(as_seen(pictures))
     assert looks.shape == (2, 7)
     assert torch.isfinite(looks).all()
-
-
-def test_what_is_hidden_of_a_picture_is_not_seen():
-    hidden = np.zeros((240, 320), bool)
-    hidden[:, 100:200] = True
-    looks = []
-    for value in (0, 255):
-        picture = np.full((240, 320, 3), 100, np.uint8)
-        picture[hidden] = value
-        looks.append(small_pictures(TrainingImages([picture], [hidden]), 16))
-    assert torch.equal(*looks)
-    assert looks[0].max() == 100
-    np.testing.assert_allclose(as_seen(torch.tensor([0, 255], dtype=torch.uint8)), [-1, 1])
-
-
-@pytest.mark.parametrize("share", [0.0, 0.25, 0.3, 0.5, 1.0])
-def test_rays_of_the_mean_look_are_a_share_spread_evenly(share):
-    chosen = rays_of_the_mean(1000, share, torch.device("cpu"))
-    assert abs(int(chosen.sum()) - 1000 * share) <= 1
-    parts = chosen.view(10, 100).sum(1)
-    assert int(parts.max() - parts.min()) <= 1
 
 
 def test_settings_that_make_no_sense_are_refused():
