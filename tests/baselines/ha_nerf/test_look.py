@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from by_hand import convolved
 
 from baselines.ha_nerf.config import LookConfig
 from baselines.ha_nerf.look import LookEncoder
@@ -16,26 +17,15 @@ def encoder(config=CONFIG):
     return LookEncoder(config, torch.Generator().manual_seed(0))
 
 
-def by_hand(layer, x, stride, pad):
-    """A convolution of [C, H, W] in float64, pixel by pixel, over reflected borders."""
-    weights, bias = layer.weight.detach().double().numpy(), layer.bias.detach().double().numpy()
-    side = weights.shape[-1]
-    padded = np.pad(x, ((0, 0), (pad, pad), (pad, pad)), mode="reflect")
-    rows = range(0, padded.shape[1] - side + 1, stride)
-    columns = range(0, padded.shape[2] - side + 1, stride)
-    parts = [[(weights * padded[:, r : r + side, c : c + side]).sum((1, 2, 3)) for c in columns] for r in rows]
-    return np.maximum(np.array(parts).transpose(2, 0, 1) + bias[:, None, None], 0)
-
-
 def test_the_look_is_that_of_its_formula():
     network = encoder()
     with torch.no_grad():
         for layer in (network.entry, *network.halving):
             layer.bias.uniform_(-0.2, 0.2, generator=torch.Generator().manual_seed(1))
     picture = np.random.default_rng(0).uniform(-1, 1, (3, 11, 9))
-    x = by_hand(network.entry, picture, 1, 3)
+    x = np.maximum(convolved(network.entry, picture), 0)
     for layer in network.halving:
-        x = by_hand(layer, x, 2, 1)
+        x = np.maximum(convolved(layer, x), 0)
     expected = network.exit.weight.detach().double().numpy() @ x.mean((1, 2)) + network.exit.bias.detach().numpy()
     np.testing.assert_allclose(
         network(torch.from_numpy(picture[None]).float())[0].detach(), expected, rtol=1e-4, atol=1e-5
