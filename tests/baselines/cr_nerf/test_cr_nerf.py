@@ -22,6 +22,7 @@ from baselines.volumetric.batches import Batch
 from baselines.volumetric.compositing import INFINITE
 from baselines.volumetric.config import MlpFieldConfig
 from baselines.volumetric.model import Samples, TrainingContext
+from baselines.volumetric.photographs import as_seen
 from baselines.volumetric.rays import WorldRays
 from baselines.volumetric.spaces import Contracted
 from hydroviews.errors import InputError
@@ -71,17 +72,18 @@ def context(of):
 
 
 class Given(torch.nn.Module):
-    """Stands for a field whose densities are known, and its one feature."""
+    """Stands for a field whose densities [R, S] are known, and its features [R, 8]."""
 
-    def __init__(self, density):
+    def __init__(self, density, features=None):
         super().__init__()
         self.density = torch.nn.Parameter(density)
+        self.given = torch.full((len(density), 8), 0.25) if features is None else features
 
     def geometry(self, points):
         return self.density, torch.zeros(*points.shape[:2], 15)
 
     def colour(self, features, directions):
-        return torch.full((*features.shape[:2], 8), 0.25)
+        return self.given[:, None].expand(-1, features.shape[1], -1)
 
 
 def shaded(density, lengths, of):
@@ -105,6 +107,24 @@ def test_the_loss_is_its_terms():
     assert losses["size"].item() == pytest.approx(0.5 * np.mean([0.04, 0.5 * 0.81, 0]), rel=1e-5)
     maps = extras["maps"].detach().double().numpy()
     assert losses["style"].item() == pytest.approx(1e-5 * np.mean(maps**2), rel=1e-5)
+
+
+def test_a_step_is_coloured_by_all_its_rays_and_each_rays_photograph():
+    made, f = model(), torch.rand(40, 8, generator=torch.Generator().manual_seed(2))
+    of = replace(batch(40), views=torch.arange(40) // 20 + 1)
+    made.field = Given(torch.ones(40, 2), f)
+    samples = Samples(torch.linspace(0, 1, 3).expand(40, -1), torch.full((40, 2), INFINITE), torch.zeros(40, 2, 3))
+    with torch.no_grad():
+        found = made.shade(of.rays, samples, context(of)).colour
+        f0 = f - f.mean(0)
+        for view in (1, 2):
+            style_map = made.encoder(as_seen(made._pictures[[view]]))[0]
+            s = style_map.mean(0)
+            t = made.style((style_map - s)[None]) @ made.content(f0[None])  # in this order
+            mine = of.views == view
+            torch.testing.assert_close(found[mine], made.transform(f0[mine], t, s[None]))
+            reversed_t = made.content(f0[None]) @ made.style((style_map - s)[None])
+            assert (made.transform(f0[mine], reversed_t, s[None]) - found[mine]).abs().max() > 1e-4
 
 
 def test_everything_stays_finite_on_empty_saturated_and_identical_rays():
