@@ -1,9 +1,10 @@
 """How Ha-NeRF's networks are built, priced and trained."""
 
 from dataclasses import dataclass, field, replace
-from math import isqrt
 
 from baselines.volumetric.config import DETAILED_FIELD, NERF, SHORT_FIELD, MlpFieldConfig, VolumetricConfig
+from baselines.volumetric.grids import side_of_grids
+from baselines.volumetric.masking import PriceConfig
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class LookConfig:
 
 
 @dataclass(frozen=True)
-class VisibilityConfig:
+class VisibilityConfig(PriceConfig):
     """The network of the masks, and what masking costs; the defaults are the authors'."""
 
     code: int = 128  # numbers of a view's code
@@ -36,19 +37,6 @@ class VisibilityConfig:
     width: int = 256  # units of a layer
     layers: int = 4
     rate: float = 5e-4  # of Adam
-    at_first: float = 0.5  # m before the first step, everywhere
-    price: float = 6e-3  # lambda_s: of the mean of m^2 in the loss
-    price_at_first: float = 5e-2
-    price_fall: float = 0.75  # exponential rate a visit of each view at which the price falls to `price`
-    relative: bool = False  # whether prices are multiples of the running median of the squared error
-
-    def __post_init__(self) -> None:
-        if not 0 < self.at_first < 1:
-            raise ValueError(f"at_first {self.at_first}: expected a number between 0 and 1")
-        if self.price <= 0 or self.price_at_first < self.price or self.price_fall < 0:
-            raise ValueError(
-                f"price {self.price}, {self.price_at_first} at first: expected a positive price that falls"
-            )
 
 
 @dataclass(frozen=True)
@@ -62,16 +50,12 @@ class HaNerfConfig:
     min_scale: float = 0.5  # smallest side of a step's grid, as a share of the photograph's
 
     def __post_init__(self) -> None:
-        if self.photographs < 1 or self.side**2 * self.photographs != self.volumetric.rays:
-            found = f"{self.volumetric.rays} rays a step in {self.photographs} photographs"
-            raise ValueError(f"{found}: expected a square of rays in each")
-        if not 0 < self.min_scale <= 1:
-            raise ValueError(f"min_scale {self.min_scale}: expected a share of the photograph's side")
+        side_of_grids(self.volumetric.rays, self.photographs, self.min_scale)
 
     @property
     def side(self) -> int:
         """Rays on a side of a photograph's grid."""
-        return isqrt(self.volumetric.rays // self.photographs)
+        return side_of_grids(self.volumetric.rays, self.photographs, self.min_scale)
 
 
 # An encoder that sees sixteen photographs in some milliseconds.

@@ -2,7 +2,8 @@
 
 Appearance: a network E turns each photograph into a look, which is given to the colour head (`look`). Occlusions: a
 network of a view's code and a place in the picture says what the scene need not explain (`visibility`, `losses`). A
-step sees a grid of rays in one photograph (`batches`). Held-out views have the mean look of the training views.
+step sees a grid of rays in one photograph (`volumetric.grids`). Held-out views have the mean look of the training
+views.
 
 Where this deviates, and why:
 
@@ -29,12 +30,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from baselines.ha_nerf.batches import grids
 from baselines.ha_nerf.config import PROFILES
 from baselines.ha_nerf.losses import ha_nerf_losses
 from baselines.ha_nerf.model import HaNerfModel
 from baselines.method import TrainingSummary
 from baselines.volumetric.batches import Draw
+from baselines.volumetric.grids import grids
 from baselines.volumetric.losses import Loss
 from baselines.volumetric.method import RadianceMethod
 from baselines.volumetric.spaces import Space
@@ -55,7 +56,7 @@ class HaNerf(RadianceMethod):
 
     def draw(self) -> Draw:
         """See RadianceMethod."""
-        return grids(self.config)
+        return grids(self.config.photographs, self.config.side, self.config.min_scale)
 
     @torch.no_grad()
     def hidden(self, view: int, size: tuple[int, int]) -> NDArray[np.float32]:

@@ -1,6 +1,5 @@
 """The field of Ha-NeRF, with the looks and masks of its training views."""
 
-import logging
 from dataclasses import replace
 from typing import Any
 
@@ -8,17 +7,16 @@ import torch
 from torch import Tensor
 
 from baselines.ha_nerf.config import HaNerfConfig
-from baselines.ha_nerf.look import LookEncoder, as_seen, rays_of_the_mean, small_pictures
-from baselines.ha_nerf.visibility import Running, Visibility, price_of_masking
+from baselines.ha_nerf.look import LookEncoder
+from baselines.ha_nerf.visibility import Visibility
 from baselines.training.images import TrainingImages
 from baselines.volumetric.batches import Batch
+from baselines.volumetric.masking import Running, price_of_masking
 from baselines.volumetric.model import RadianceModel, Rendering, Samples, TrainingContext
+from baselines.volumetric.photographs import as_seen, rays_of_the_mean, small_pictures
 from baselines.volumetric.spaces import Rays, Space
 
-logger = logging.getLogger(__name__)
-
 AT_ONCE = 16  # pictures, when all are looked at
-MOST, AFTER = 0.6, 2  # share of the pixels masked, and visits of each view, from which on masks hide the scene itself
 
 
 class HaNerfModel(RadianceModel):
@@ -29,11 +27,10 @@ class HaNerfModel(RadianceModel):
         self.settings = config
         self.encoder = LookEncoder(config.look, generator)
         self.visibility = Visibility(config.visibility, views, generator)
-        self.running = Running(views, config.photographs, config.visibility.at_first)
+        self.running = Running(views, config.photographs, config.visibility.at_first, config.visibility.typical)
         self.looks: Tensor  # of the views, when last visited [V, E]
         self.register_buffer("looks", torch.zeros(views, config.look.size))
         self._pictures = torch.zeros(0, 3, 1, 1, dtype=torch.uint8)  # of the views, small; in training alone
-        self._warned = False
 
     def groups(self) -> list[dict[str, Any]]:
         """See RadianceModel; encoder and masks have rates of their own."""
@@ -79,15 +76,8 @@ class HaNerfModel(RadianceModel):
 
     @torch.no_grad()
     def after_step(self, rendering: Rendering, batch: Batch) -> None:
-        """See RadianceModel; keeps the looks, the typical error, and says so if masks hide most of the photographs."""
+        """See RadianceModel; keeps the looks and the typical error."""
         extras = rendering.extras
         self.looks[extras["visited"]] = extras["looks"]
         errors = (rendering.colour - batch.colours).square().mean(1)
         self.running.observe(errors, extras["m"], batch.weights > 0)
-        if not self._warned and self.running.visits > AFTER and self.running.masked > MOST:
-            logger.warning(
-                "masks hide %.0f %% of the photographs after %.1f visits of each: the scene is learned from the rest",
-                100 * float(self.running.masked),
-                self.running.visits,
-            )
-            self._warned = True

@@ -26,7 +26,10 @@ class Field(Protocol):
         """Density [R, S] and features [R, S, F] at points [R, S, 3] of the unit cube."""
 
     def colour(self, features: Tensor, directions: Tensor, embeddings: Tensor | None = None) -> Tensor:
-        """Colours [R, S, 3] in [0, 1], seen along unit vectors [R, 3] with embeddings [R, E] of the views."""
+        """Colours [R, S, 3] in [0, 1], seen along unit vectors [R, 3] with embeddings [R, E] of the views.
+
+        A field made with more than three `channels` gives as many of those.
+        """
 
 
 def exponential(values: Tensor) -> Tensor:
@@ -38,7 +41,7 @@ def exponential(values: Tensor) -> Tensor:
 class HashField(nn.Module):
     """A hash grid under two tiny networks (Mueller et al. 2022, section 5.4)."""
 
-    def __init__(self, config: HashFieldConfig, embedding_size: int, generator: torch.Generator):
+    def __init__(self, config: HashFieldConfig, embedding_size: int, generator: torch.Generator, channels: int = 3):
         super().__init__()
         hidden, self.features = config.hidden, config.features
         self.grid = HashGrid(config.grid, generator)
@@ -47,7 +50,7 @@ class HashField(nn.Module):
         self.entry = linear(config.features, hidden, generator)
         self.ray_entry = linear(HARMONICS + embedding_size, hidden, generator, bias=False)
         self.middle = nn.ModuleList(linear(hidden, hidden, generator) for _ in range(config.colour_layers - 1))
-        self.exit = linear(hidden, 3, generator)
+        self.exit = linear(hidden, channels, generator)
 
     def geometry(self, points: Tensor) -> tuple[Tensor, Tensor]:
         """See Field."""
@@ -82,7 +85,7 @@ class ProposalNetwork(nn.Module):
 class MlpField(nn.Module):
     """The network of NeRF (Mildenhall et al. 2020, figure 7), with softplus for densities as in NeRF-W."""
 
-    def __init__(self, config: MlpFieldConfig, embedding_size: int, generator: torch.Generator):
+    def __init__(self, config: MlpFieldConfig, embedding_size: int, generator: torch.Generator, channels: int = 3):
         super().__init__()
         self._config, self.features = config, config.width
         width, position = config.width, 3 * (1 + 2 * config.position_octaves)
@@ -93,7 +96,7 @@ class MlpField(nn.Module):
         self.entry = linear(width, width // 2, generator)
         direction = 3 * (1 + 2 * config.direction_octaves)
         self.ray_entry = linear(direction + embedding_size, width // 2, generator, bias=False)
-        self.exit = linear(width // 2, 3, generator)
+        self.exit = linear(width // 2, channels, generator)
 
     def geometry(self, points: Tensor) -> tuple[Tensor, Tensor]:
         """See Field."""

@@ -59,7 +59,14 @@ class Rendering:
 class RadianceModel(nn.Module):
     """A field, and the network that proposes its samples, in a space."""
 
-    def __init__(self, config: VolumetricConfig, space: Space, generator: torch.Generator, embedding_size: int = 0):
+    def __init__(
+        self,
+        config: VolumetricConfig,
+        space: Space,
+        generator: torch.Generator,
+        embedding_size: int = 0,
+        channels: int = 3,
+    ):
         """Random start.
 
         Args:
@@ -67,16 +74,17 @@ class RadianceModel(nn.Module):
             space: of the scene.
             generator: of the start, on the CPU.
             embedding_size: length of the embedding that a ray's colour depends on beside its direction.
+            channels: of what the field gives for a colour; a coarse field gives three.
         """
         super().__init__()
         self.config, self.space = config, space
         self.field: HashField | MlpField
         self.proposal: ProposalNetwork | MlpField
         if isinstance(config.field, HashFieldConfig):
-            self.field = HashField(config.field, embedding_size, generator)
+            self.field = HashField(config.field, embedding_size, generator, channels)
             self.proposal = ProposalNetwork(config.field, generator)
         else:
-            self.field = MlpField(config.field, embedding_size, generator)
+            self.field = MlpField(config.field, embedding_size, generator, channels)
             self.proposal = MlpField(config.field, 0, generator)
 
     def forward(self, rays: Rays, context: TrainingContext | None = None) -> Rendering:

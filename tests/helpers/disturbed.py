@@ -58,6 +58,59 @@ def disturbed(scene, folder, change):
     return replace(scene, views=tuple(views))
 
 
+def only_in_training(scene, change):
+    """The change of training views alone."""
+    return lambda picture, index: change(picture, index) if scene.views[index].name in scene.split.train else picture
+
+
+def behind_squares(scene, folder):
+    """A yellow square, 12 pixels wide, before every third training view of 24 x 32 pixels, each time elsewhere."""
+    places = np.random.default_rng(0).integers(0, (12, 20), (len(scene.views), 2))
+
+    def paste(picture, index):
+        if index % 3 == 1:
+            top, left = places[index]
+            picture[top : top + 12, left : left + 12] = (1.0, 0.9, 0.1)
+        return picture
+
+    return disturbed(scene, folder, only_in_training(scene, paste))
+
+
+def in_casts(scene, folder):
+    """Each training view darker by a factor a channel."""
+    casts = np.random.default_rng(0).uniform(0.3, 1.0, (len(scene.views), 3))
+    return disturbed(scene, folder, only_in_training(scene, lambda picture, index: picture * casts[index]))
+
+
+def held_out(method, scene, gains=False):
+    """PSNR of the held-out views; with a gain a channel fitted, as the mean of colour casts cannot be known."""
+    renders = np.stack([method.render(view.camera) for view in scene.test_views]).reshape(-1, 3)
+    truths = np.stack([view.image() for view in scene.test_views]).reshape(-1, 3)
+    if gains:
+        renders = renders * (renders * truths).sum(0) / (renders**2).sum(0)
+    return -10 * np.log10(np.mean((renders - truths) ** 2))
+
+
+@contextmanager
+def losses_cut(module, name, step=12):
+    """Trainings of fields, whose losses `module.name(config)` makes, break off at a step."""
+    make, steps = getattr(module, name), []
+
+    def failing(config):
+        loss = make(config)
+
+        def cut(rendering, batch):
+            steps.append(0)
+            if len(steps) == step:
+                raise RuntimeError("power cut")
+            return loss(rendering, batch)
+
+        return cut
+
+    with mock.patch.object(module, name, failing), pytest.raises(RuntimeError, match="power cut"):
+        yield
+
+
 def occluded(scene, folder, size=48, seed=0):
     """A yellow square before every third view, each time elsewhere."""
     height, width = scene.views[0].camera.height, scene.views[0].camera.width

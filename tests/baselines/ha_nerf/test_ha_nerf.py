@@ -2,13 +2,12 @@
 
 import logging
 from dataclasses import replace
-from unittest import mock
 
 import balls
 import numpy as np
 import pytest
 import torch
-from disturbed import disturbed, fitted
+from disturbed import behind_squares, disturbed, fitted, held_out, in_casts, losses_cut
 
 from baselines.ha_nerf import method as ha_nerf
 from baselines.ha_nerf.config import HaNerfConfig, LookConfig, VisibilityConfig
@@ -189,37 +188,15 @@ def ball(tmp_path_factory):
     return balls.photographed(tmp_path_factory.mktemp("ball"))
 
 
-def held_out(method, scene, gains=False):
-    """PSNR of the held-out views; with a gain a channel fitted, as the mean of colour casts cannot be known."""
-    renders = np.stack([method.render(view.camera) for view in scene.test_views]).reshape(-1, 3)
-    truths = np.stack([view.image() for view in scene.test_views]).reshape(-1, 3)
-    if gains:
-        renders = renders * (renders * truths).sum(0) / (renders**2).sum(0)
-    return -10 * np.log10(np.mean((renders - truths) ** 2))
-
-
-def only_in_training(scene, change):
-    return lambda picture, index: change(picture, index) if scene.views[index].name in scene.split.train else picture
-
-
 def test_an_occluder_in_a_third_of_the_views_is_kept_out(ball, tmp_path):
-    places = np.random.default_rng(0).integers(0, (12, 20), (len(ball.views), 2))
-
-    def paste(picture, index):
-        if index % 3 == 1:
-            top, left = places[index]
-            picture[top : top + 12, left : left + 12] = (1.0, 0.9, 0.1)
-        return picture
-
-    scene = disturbed(ball, tmp_path, only_in_training(ball, paste))
+    scene = behind_squares(ball, tmp_path)
     plain = held_out(fitted(balls.Plain, balls.SMALL, scene, tmp_path / "plain"), scene)
     ours = held_out(fitted(HaNerf, CONFIG, scene, tmp_path / "ours"), scene)
     assert ours > plain + 1, (ours, plain)
 
 
 def test_colour_casts_of_the_views_are_kept_out(ball, tmp_path):
-    casts = np.random.default_rng(0).uniform(0.3, 1.0, (len(ball.views), 3))
-    scene = disturbed(ball, tmp_path, only_in_training(ball, lambda picture, index: picture * casts[index]))
+    scene = in_casts(ball, tmp_path)
     plain = held_out(fitted(balls.Plain, balls.SMALL, scene, tmp_path / "plain"), scene, gains=True)
     ours = held_out(fitted(HaNerf, CONFIG, scene, tmp_path / "ours"), scene, gains=True)
     assert ours > plain + 1.5, (ours, plain)
@@ -228,20 +205,7 @@ def test_colour_casts_of_the_views_are_kept_out(ball, tmp_path):
 def test_an_interrupted_training_ends_with_the_same_bits(ball, tmp_path):
     config = replace(SHORT, volumetric=replace(SHORT.volumetric, checkpoint_seconds=0.0))
     whole = fitted(HaNerf, config, ball, tmp_path / "whole")
-    make, steps = ha_nerf.ha_nerf_losses, []
-
-    def failing(config):
-        loss = make(config)
-
-        def cut(rendering, batch):
-            steps.append(0)
-            if len(steps) == 12:
-                raise RuntimeError("power cut")
-            return loss(rendering, batch)
-
-        return cut
-
-    with mock.patch.object(ha_nerf, "ha_nerf_losses", failing), pytest.raises(RuntimeError, match="power cut"):
+    with losses_cut(ha_nerf, "ha_nerf_losses"):
         fitted(HaNerf, config, ball, tmp_path / "cut")
     resumed = fitted(HaNerf, config, ball, tmp_path / "cut")
     arrays, others = (module_arrays(method._fitted.trained.model) for method in (whole, resumed))

@@ -1,12 +1,14 @@
-"""The encoder of looks: its convolutions by hand, its sizes, and which rays see the mean look."""
+"""The encoder of looks: its convolutions by hand, and its sizes."""
 
 import numpy as np
 import pytest
 import torch
+from by_hand import convolved
 
 from baselines.ha_nerf.config import LookConfig
-from baselines.ha_nerf.look import LookEncoder, as_seen, rays_of_the_mean, small_pictures
+from baselines.ha_nerf.look import LookEncoder
 from baselines.training.images import TrainingImages
+from baselines.volumetric.photographs import as_seen, small_pictures
 
 CONFIG = LookConfig(size=5, channels=(3, 4, 6), side=16)
 
@@ -15,26 +17,15 @@ def encoder(config=CONFIG):
     return LookEncoder(config, torch.Generator().manual_seed(0))
 
 
-def by_hand(layer, x, stride, pad):
-    """A convolution of [C, H, W] in float64, pixel by pixel, over reflected borders."""
-    weights, bias = layer.weight.detach().double().numpy(), layer.bias.detach().double().numpy()
-    side = weights.shape[-1]
-    padded = np.pad(x, ((0, 0), (pad, pad), (pad, pad)), mode="reflect")
-    rows = range(0, padded.shape[1] - side + 1, stride)
-    columns = range(0, padded.shape[2] - side + 1, stride)
-    parts = [[(weights * padded[:, r : r + side, c : c + side]).sum((1, 2, 3)) for c in columns] for r in rows]
-    return np.maximum(np.array(parts).transpose(2, 0, 1) + bias[:, None, None], 0)
-
-
 def test_the_look_is_that_of_its_formula():
     network = encoder()
     with torch.no_grad():
         for layer in (network.entry, *network.halving):
             layer.bias.uniform_(-0.2, 0.2, generator=torch.Generator().manual_seed(1))
     picture = np.random.default_rng(0).uniform(-1, 1, (3, 11, 9))
-    x = by_hand(network.entry, picture, 1, 3)
+    x = np.maximum(convolved(network.entry, picture), 0)
     for layer in network.halving:
-        x = by_hand(layer, x, 2, 1)
+        x = np.maximum(convolved(layer, x), 0)
     expected = network.exit.weight.detach().double().numpy() @ x.mean((1, 2)) + network.exit.bias.detach().numpy()
     np.testing.assert_allclose(
         network(torch.from_numpy(picture[None]).float())[0].detach(), expected, rtol=1e-4, atol=1e-5
@@ -49,27 +40,6 @@ def test_a_picture_of_any_size_has_a_look(size):
     looks = encoder(config)(as_seen(pictures))
     assert looks.shape == (2, 7)
     assert torch.isfinite(looks).all()
-
-
-def test_what_is_hidden_of_a_picture_is_not_seen():
-    hidden = np.zeros((240, 320), bool)
-    hidden[:, 100:200] = True
-    looks = []
-    for value in (0, 255):
-        picture = np.full((240, 320, 3), 100, np.uint8)
-        picture[hidden] = value
-        looks.append(small_pictures(TrainingImages([picture], [hidden]), 16))
-    assert torch.equal(*looks)
-    assert looks[0].max() == 100
-    np.testing.assert_allclose(as_seen(torch.tensor([0, 255], dtype=torch.uint8)), [-1, 1])
-
-
-@pytest.mark.parametrize("share", [0.0, 0.25, 0.3, 0.5, 1.0])
-def test_rays_of_the_mean_look_are_a_share_spread_evenly(share):
-    chosen = rays_of_the_mean(1000, share, torch.device("cpu"))
-    assert abs(int(chosen.sum()) - 1000 * share) <= 1
-    parts = chosen.view(10, 100).sum(1)
-    assert int(parts.max() - parts.min()) <= 1
 
 
 def test_settings_that_make_no_sense_are_refused():

@@ -1,6 +1,5 @@
-"""Masks: their start, what they settle at for a given error and price, and how the price follows visits and errors."""
+"""Masks: their start, and that they are learned view by view and place by place."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +7,7 @@ import pytest
 import torch
 
 from baselines.ha_nerf.config import VisibilityConfig
-from baselines.ha_nerf.visibility import GREY, LEAST, Running, Visibility, price_of_masking
+from baselines.ha_nerf.visibility import Visibility
 
 CONFIG = VisibilityConfig(code=8, octaves=4, width=16, layers=2)
 RELATIVE = replace(CONFIG, price=3.5, price_at_first=3.5, price_fall=0.0, relative=True)
@@ -20,20 +19,6 @@ def test_masks_start_the_same_everywhere(at_first):
     places = torch.rand(40, 2, generator=torch.Generator().manual_seed(1))
     m = network(torch.arange(40) % 5, places)
     np.testing.assert_allclose(m.detach(), at_first, rtol=1e-6)
-
-
-def test_a_free_mask_settles_where_its_price_says():
-    """0.5 (1 - m) e + lambda m^2, minimised in float64 over [0, 1], against e / (4 lambda)."""
-    errors = torch.tensor([0.0, 1e-4, 1e-3, 5e-3, 0.02, 0.3], dtype=torch.float64)
-    price = 6e-3
-    m = torch.full_like(errors, 0.5, requires_grad=True)
-    for _ in range(4000):
-        loss = (0.5 * (1 - m) * errors + price * m**2).sum()
-        (gradient,) = torch.autograd.grad(loss, m)
-        m = (m - 20 * gradient).clamp(0, 1).detach().requires_grad_()
-    np.testing.assert_allclose(m.detach(), np.minimum(1, errors / (4 * price)), atol=1e-9)
-    relative = 3.5 * np.median(errors)
-    assert np.median(errors) / (4 * relative) == pytest.approx(1 / 14)
 
 
 def test_the_network_learns_the_mask_of_one_view_and_leaves_the_others():
@@ -65,42 +50,3 @@ def test_the_mask_of_a_view_is_that_of_its_pixels():
     assert plane.shape == (4, 6)
     assert plane.std() > 0
     assert plane[2, 0] == pytest.approx(float(alone), abs=1e-6)
-
-
-def test_the_published_price_falls_with_visits_of_a_view():
-    running = Running(10, 1, 0.5)
-    assert float(price_of_masking(VisibilityConfig(), running)) == pytest.approx(5e-2)
-    seen = torch.ones(4), torch.zeros(4), torch.ones(4, dtype=torch.bool)
-    for _ in range(20):
-        running.observe(*seen)
-    assert running.visits == 2
-    assert float(price_of_masking(VisibilityConfig(), running)) == pytest.approx(5e-2 * math.exp(-1.5))
-    for _ in range(30):
-        running.observe(*seen)
-    assert float(price_of_masking(VisibilityConfig(), running)) == pytest.approx(6e-3)  # e^(-3.75) would be 1.2e-3
-
-
-def test_a_relative_price_follows_the_median_error_of_what_counts():
-    running = Running(4, 2, 0.05)
-    assert float(price_of_masking(RELATIVE, running)) == pytest.approx(3.5 * GREY)
-    errors, m = torch.tensor([9.0, 0.02, 0.01, 0.04]), torch.tensor([1.0, 0.1, 0.2, 0.3])
-    counts = torch.tensor([False, True, True, True])
-    running.observe(errors, m, counts)
-    kept = 0.5 ** (2 / 4)
-    assert float(running.typical) == pytest.approx(kept * GREY + (1 - kept) * 0.02)
-    assert float(running.masked) == pytest.approx(kept * 0.05 + (1 - kept) * 0.2)
-    running.observe(errors, m, torch.zeros(4, dtype=torch.bool))  # nothing counts: nothing is learned of it
-    assert float(running.typical) == pytest.approx(kept * GREY + (1 - kept) * 0.02)
-    assert running.visits == 1
-    for _ in range(200):
-        running.observe(torch.zeros(4), m, counts)
-    assert float(price_of_masking(RELATIVE, running)) == pytest.approx(3.5 * LEAST)  # masking never costs nothing
-
-
-def test_settings_that_make_no_sense_are_refused():
-    with pytest.raises(ValueError, match="at_first 0"):
-        VisibilityConfig(at_first=0.0)
-    with pytest.raises(ValueError, match="price 0"):
-        VisibilityConfig(price=0.0)
-    with pytest.raises(ValueError, match=r"price 0\.1"):
-        VisibilityConfig(price=0.1)

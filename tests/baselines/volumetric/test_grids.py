@@ -1,21 +1,16 @@
 """Grids of rays in one photograph: inside it, regular, everywhere in the long run; views in turn; their pixels."""
 
-from dataclasses import replace
-
 import balls
 import numpy as np
 import pytest
 import torch
 
-from baselines.ha_nerf.batches import grid, grids, views_in_turn
-from baselines.ha_nerf.config import HaNerfConfig
 from baselines.training.images import read_images
 from baselines.volumetric.batches import TrainingPixels
+from baselines.volumetric.grids import grid, grids, side_of_grids, views_in_turn
 from baselines.volumetric.rays import camera_rays
 from baselines.volumetric.spaces import Contracted
 from hydroviews.scene.seeds import generator
-
-CONFIG = HaNerfConfig(balls.SMALL)  # 16 x 16 rays
 
 
 @pytest.mark.parametrize(("height", "width"), [(24, 32), (5, 90)])
@@ -61,13 +56,12 @@ def test_a_step_has_the_pixels_of_its_photograph(tmp_path):
     scene = balls.photographed(tmp_path, n_views=6)
     cameras = [view.camera for view in scene.train_views]
     pixels, space = TrainingPixels(cameras, read_images(scene.train_views)), Contracted((0.0, 0.0, 0.0), 1.0, 0.2, 5.0)
-    config = replace(CONFIG, photographs=4)
-    batch = grids(config)(pixels, 0, 5, 256, space, torch.device("cpu"))
+    batch = grids(4, 8, 0.5)(pixels, 0, 5, 256, space, torch.device("cpu"))
     views = views_in_turn(0, 5, 4, len(cameras))
     assert batch.views.tolist() == np.repeat(views, 64).tolist()
     random = generator(0, "grid", 5)
     for part, view in enumerate(views):
-        rows, columns = grid(24, 32, 8, config.min_scale, random)
+        rows, columns = grid(24, 32, 8, 0.5, random)
         here = slice(64 * part, 64 * part + 64)
         expected = scene.train_views[view].image()[rows, columns]
         np.testing.assert_allclose(batch.colours[here], expected, atol=1e-6)
@@ -81,7 +75,9 @@ def test_a_step_has_the_pixels_of_its_photograph(tmp_path):
 
 
 def test_rays_that_make_no_square_are_refused():
-    with pytest.raises(ValueError, match="256 rays a step in 2 photographs"):
-        replace(CONFIG, photographs=2)
+    assert side_of_grids(256, 4, 1.0) == 8
+    for photographs in (0, 2, 300):
+        with pytest.raises(ValueError, match=f"256 rays a step in {photographs} photographs"):
+            side_of_grids(256, photographs, 0.5)
     with pytest.raises(ValueError, match="min_scale 0"):
-        replace(CONFIG, min_scale=0.0)
+        side_of_grids(256, 4, 0.0)

@@ -1,27 +1,42 @@
-"""The pixels of a step: a regular grid in one photograph, or in a few, of random size and place."""
+"""The pixels of a step: a regular grid in one photograph, or in a few, of random size and place (Ha-NeRF)."""
+
+from math import isqrt
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from baselines.ha_nerf.config import HaNerfConfig
 from baselines.volumetric.batches import Batch, Draw, TrainingPixels
 from baselines.volumetric.spaces import Space
 from hydroviews.scene.seeds import generator
 
 
-def grids(config: HaNerfConfig) -> Draw:
+def side_of_grids(rays: int, photographs: int, min_scale: float) -> int:
+    """Rays on a side of a photograph's grid, where a step has so many rays in so many photographs.
+
+    Raises:
+        ValueError: they make no square in each; min_scale, the smallest side of a grid, is no share of a photograph's.
+    """
+    side = isqrt(rays // max(1, photographs))
+    if photographs < 1 or side**2 * photographs != rays:
+        raise ValueError(f"{rays} rays a step in {photographs} photographs: expected a square of rays in each")
+    if not 0 < min_scale <= 1:
+        raise ValueError(f"min_scale {min_scale}: expected a share of the photograph's side")
+    return side
+
+
+def grids(photographs: int, side: int, min_scale: float) -> Draw:
     """How a step's pixels are drawn: `photographs` views, all of them in turn, and `side` x `side` pixels of each."""
 
     def draw(pixels: TrainingPixels, seed: int, iteration: int, rays: int, space: Space, device: torch.device) -> Batch:
-        visited = views_in_turn(seed, iteration, config.photographs, len(pixels.images))
+        visited = views_in_turn(seed, iteration, photographs, len(pixels.images))
         random = generator(seed, "grid", iteration)
         parts = []
         for view in visited:
             height, width = pixels.images.pixels(int(view)).shape[:2]
-            parts.append(grid(height, width, config.side, config.min_scale, random))
+            parts.append(grid(height, width, side, min_scale, random))
         rows, columns = np.concatenate(parts, axis=1)
-        return pixels.at(np.repeat(visited, config.side**2), rows, columns, space, device)
+        return pixels.at(np.repeat(visited, side**2), rows, columns, space, device)
 
     return draw
 

@@ -1,0 +1,135 @@
+"""The field of CR-NeRF: features along rays, the transform that makes colours of them, styles and masks."""
+
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from baselines.cr_nerf.config import CrNerfConfig
+from baselines.cr_nerf.style import StyleEncoder
+from baselines.cr_nerf.transform import CrossRayTransform, Mixing
+from baselines.cr_nerf.transients import TransientNetwork, read
+from baselines.training.images import TrainingImages
+from baselines.volumetric.batches import Batch
+from baselines.volumetric.compositing import along_ray, compositing_weights
+from baselines.volumetric.masking import Running, price_of_masking
+from baselines.volumetric.model import RadianceModel, Rendering, Samples, TrainingContext
+from baselines.volumetric.photographs import as_seen, rays_of_the_mean, small_pictures
+from baselines.volumetric.spaces import Rays, Space
+
+AT_ONCE = 16  # pictures, when all are looked at
+KEPT = 0.99  # of the statistics of the rays, a step
+
+
+class CrNerfModel(RadianceModel):
+    """A field of features whose colours depend on all rays of a step and on the photograph, and masks.
+
+    Of the rays it keeps running averages, `content_mean` and `content_matrix`, with which it renders: so what a ray
+    shows depends on no other ray. Of the views it keeps what their styles contribute, whose means are rendered.
+    """
+
+    def __init__(self, config: CrNerfConfig, space: Space, generator: torch.Generator, views: int):
+        """Random start; see RadianceModel."""
+        super().__init__(config.volumetric, space, generator, channels=config.features)
+        self.settings, features, size = config, config.features, config.transform.size
+        self.transform = CrossRayTransform(config.transform, features, generator)
+        self.content = Mixing(config.transform, features, generator)
+        self.style = Mixing(config.transform, features, generator)
+        self.encoder = StyleEncoder(config.style, features, generator)
+        self.transients = TransientNetwork(config.transients, generator)
+        self.running = Running(views, config.photographs, config.transients.at_first, config.transients.typical)
+        self.content_mean: Tensor
+        self.content_matrix: Tensor
+        self.style_means: Tensor  # of the views, when last visited
+        self.style_matrices: Tensor
+        self.register_buffer("content_mean", torch.zeros(features))
+        self.register_buffer("content_matrix", torch.eye(size))
+        self.register_buffer("style_means", torch.zeros(views, features))
+        self.register_buffer("style_matrices", torch.eye(size).repeat(views, 1, 1))
+        # Of the views, small, for both networks; in training alone.
+        self._pictures = torch.zeros(0, 3, 1, 1, dtype=torch.uint8)
+        self._larger = torch.zeros(0, 3, 1, 1, dtype=torch.uint8)
+
+    def groups(self) -> list[dict[str, Any]]:
+        """See RadianceModel; what comes after compositing learns as the field, the other networks at their rates."""
+        config = self.settings
+
+        def of(*modules: nn.Module) -> list[nn.Parameter]:
+            return [parameter for module in modules for parameter in module.parameters()]
+
+        return [
+            {"params": of(self.field, self.proposal, self.transform), "lr": self.config.field.rate},
+            {"params": of(self.content, self.style), "lr": config.transform.rate},
+            {"params": of(self.encoder), "lr": config.style.rate},
+            {"params": of(self.transients), "lr": config.transients.rate},
+        ]
+
+    def prepare(self, images: TrainingImages) -> None:
+        """See RadianceModel; keeps small pictures, and their styles."""
+        self._pictures = small_pictures(images, self.settings.style.side)
+        self._larger = small_pictures(images, self.settings.transients.side)
+        self.finish()
+
+    @torch.no_grad()
+    def finish(self) -> None:
+        """See RadianceModel; the styles of all views, whose mean is rendered, as the networks now have them."""
+        for views in torch.arange(len(self._pictures)).split(AT_ONCE):
+            _, self.style_means[views], self.style_matrices[views] = self._styles(views)
+
+    def _styles(self, views: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Of views [N] the style maps [N, h w, C], and what they contribute: mean S [N, C] and A_s(S0) [N, m, m]."""
+        maps = self.encoder(as_seen(self._pictures[views.cpu()].to(self.style_means.device)))
+        means = maps.mean(1)
+        return maps, means, self.style(maps - means[:, None])
+
+    def _masks(self, views: Tensor) -> Tensor:
+        """Masks [N, h, w] of views [N]."""
+        masks: Tensor = self.transients(as_seen(self._larger[views.cpu()].to(self.style_means.device)))
+        return masks
+
+    def shade(self, rays: Rays, samples: Samples, context: TrainingContext | None) -> Rendering:
+        """See RadianceModel; without `context` the scene in its mean style."""
+        density, features = self.field.geometry(samples.points)
+        weights, left = compositing_weights(density, samples.lengths)
+        seen = along_ray(weights, self.field.colour(features, rays.viewing))
+        mean_style, mean_matrix = self.style_means.mean(0, keepdim=True), self.style_matrices.mean(0, keepdim=True)
+        extras: dict[str, Tensor] = {}
+        if context is None:
+            matrices = mean_matrix @ self.content_matrix
+            colours = self.transform(seen - self.content_mean, matrices, mean_style)
+        else:
+            centred = seen - (content_mean := seen.mean(0))
+            content_matrix = self.content(centred[None])[0]
+            visited, which = torch.unique_consecutive(context.views, return_inverse=True)
+            maps, means, matrices = self._styles(visited)
+            extras = self._masked(visited, which, context) | {
+                "maps": maps,
+                "style_means": means,
+                "style_matrices": matrices,
+                "content_mean": content_mean,
+                "content_matrix": content_matrix,
+            }
+            as_mean = rays_of_the_mean(len(seen), self.settings.style.mean_share, seen.device)
+            which = torch.where(as_mean, len(visited), which)
+            transforms = torch.cat([matrices, mean_matrix]) @ content_matrix
+            colours = self.transform(centred, transforms[which], torch.cat([means, mean_style])[which])
+        colour = self.over_background(colours * (1 - left[:, None]), left)
+        return Rendering(colour, weights, samples, samples.edges, weights, extras=extras)
+
+    def _masked(self, visited: Tensor, which: Tensor, context: TrainingContext) -> dict[str, Tensor]:
+        """Masks of a step's rays, and what masking costs."""
+        assert context.places is not None, "batches of `grids` have places"
+        m = read(self._masks(visited), which, context.places)
+        return {"visited": visited, "m": m, "price": price_of_masking(self.settings.transients, self.running)}
+
+    @torch.no_grad()
+    def after_step(self, rendering: Rendering, batch: Batch) -> None:
+        """See RadianceModel; keeps the styles, the statistics of the rays and the typical error."""
+        extras = rendering.extras
+        for kept, of_views in ((self.style_means, "style_means"), (self.style_matrices, "style_matrices")):
+            kept[extras["visited"]] = extras[of_views]
+        share = max(1 - KEPT, 1 / (1 + float(self.running.steps)))  # the mean of all steps, before there are many
+        self.content_mean.lerp_(extras["content_mean"], share)
+        self.content_matrix.lerp_(extras["content_matrix"], share)
+        errors = (rendering.colour - batch.colours).square().mean(1)
+        self.running.observe(errors, extras["m"], batch.weights > 0)

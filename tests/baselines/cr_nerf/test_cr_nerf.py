@@ -1,0 +1,336 @@
+"""CR-NeRF: what it renders, the cases that break it, and that styles and masks do what they are for."""
+
+import logging
+from dataclasses import replace
+
+import balls
+import numpy as np
+import pytest
+import torch
+from disturbed import behind_squares, disturbed, fitted, held_out, in_casts, losses_cut
+
+from baselines.cr_nerf import method as cr_nerf
+from baselines.cr_nerf.config import CrNerfConfig, StyleConfig, TransformConfig, TransientConfig
+from baselines.cr_nerf.losses import cr_nerf_losses
+from baselines.cr_nerf.method import CrNerf
+from baselines.cr_nerf.model import KEPT, CrNerfModel
+from baselines.cr_nerf.transients import read
+from baselines.training.images import TrainingImages
+from baselines.training.torch_state import module_arrays
+from baselines.volumetric import model as volumetric_model
+from baselines.volumetric.batches import Batch
+from baselines.volumetric.compositing import INFINITE
+from baselines.volumetric.config import MlpFieldConfig
+from baselines.volumetric.model import Samples, TrainingContext
+from baselines.volumetric.photographs import as_seen
+from baselines.volumetric.rays import WorldRays
+from baselines.volumetric.spaces import Contracted
+from hydroviews.errors import InputError
+from hydroviews.scene.scenes import Split
+
+STYLE = StyleConfig(channels=(8, 8, 16), side=24, map_side=6, rate=5e-3)
+TRANSIENTS = TransientConfig(
+    channels=8,
+    dilations=(1, 2),
+    side=24,
+    rate=1e-2,
+    at_first=0.05,
+    price=1.0,
+    price_at_first=1.0,
+    relative=True,
+    typical="mean",
+)
+TRANSFORM = TransformConfig(size=8, hidden=(16,), rate=2e-3)
+CONFIG = CrNerfConfig(balls.SMALL, 8, STYLE, TRANSFORM, TRANSIENTS, photographs=16)
+SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, proposal_always=10))
+SPACE = Contracted((0.0, 0.0, 0.0), 1.0, 0.2, 5.0)
+
+
+def model(config=CONFIG, views=3):
+    made = CrNerfModel(config, SPACE, torch.Generator().manual_seed(0), views)
+    generator = torch.Generator().manual_seed(1)
+    with torch.no_grad():  # so that neither matrices nor masks are as at the start
+        for weight in (made.content.fc.weight, made.style.fc.weight, made.transients.exit.weight):
+            weight.add_(torch.randn(weight.shape, generator=generator))
+    noise = np.random.default_rng(0)
+    made.prepare(TrainingImages([noise.integers(0, 256, (24, 32, 3), np.uint8) for _ in range(views)]))
+    return made
+
+
+def rays(n):
+    directions = np.random.default_rng(0).normal(size=(n, 3))
+    return SPACE.from_world(WorldRays(np.zeros((n, 3)), directions), torch.device("cpu"))
+
+
+def batch(n, view=0, colours=0.4):
+    places = torch.rand(n, 2, generator=torch.Generator().manual_seed(0))
+    return Batch(rays(n), torch.full((n, 3), colours), torch.ones(n), torch.full((n,), view), places)
+
+
+def context(of):
+    return TrainingContext(of.views, torch.full((2, len(of.views)), 0.5), places=of.places)
+
+
+class Given(torch.nn.Module):
+    """Stands for a field whose densities [R, S] are known, and its features [R, 8]."""
+
+    def __init__(self, density, features=None):
+        super().__init__()
+        self.density = torch.nn.Parameter(density)
+        self.given = torch.full((len(density), 8), 0.25) if features is None else features
+
+    def geometry(self, points):
+        return self.density, torch.zeros(*points.shape[:2], 15)
+
+    def colour(self, features, directions):
+        return self.given[:, None].expand(-1, features.shape[1], -1)
+
+
+def shaded(density, lengths, of):
+    """A rendering of rays with known densities, and the model."""
+    made = model()
+    made.field = Given(density)
+    count, samples = density.shape
+    edges = torch.linspace(0, 1, samples + 1).expand(count, -1)
+    return made.shade(of.rays, Samples(edges, lengths, torch.zeros(count, samples, 3)), context(of)), made
+
+
+def test_the_loss_is_its_terms():
+    density = torch.tensor([[0.5, 2.0], [0.1, 0.2], [3.0, 0.0]])
+    of = replace(batch(3), weights=torch.tensor([1.0, 0.5, 0.0]))
+    rendering, _ = shaded(density, torch.ones(3, 2), of)
+    extras = rendering.extras | {"m": torch.tensor([0.2, 0.9, 0.6]), "price": torch.tensor(0.5)}
+    losses = cr_nerf_losses(CONFIG)(replace(rendering, extras=extras), of)
+    error = (rendering.colour.detach().double().numpy() - 0.4) ** 2
+    expected = np.mean(np.array([0.8, 0.5 * 0.1, 0]) * error.mean(1)) / 2
+    assert losses["colour"].item() == pytest.approx(expected, rel=1e-5)
+    assert losses["size"].item() == pytest.approx(0.5 * np.mean([0.04, 0.5 * 0.81, 0]), rel=1e-5)
+    maps = extras["maps"].detach().double().numpy()
+    assert losses["style"].item() == pytest.approx(1e-5 * np.mean(maps**2), rel=1e-5)
+
+
+def test_a_step_is_coloured_by_all_its_rays_and_each_rays_photograph():
+    made, f = model(), torch.rand(40, 8, generator=torch.Generator().manual_seed(2))
+    of = replace(batch(40), views=torch.arange(40) // 20 + 1)
+    made.field = Given(torch.ones(40, 2), f)
+    samples = Samples(torch.linspace(0, 1, 3).expand(40, -1), torch.full((40, 2), INFINITE), torch.zeros(40, 2, 3))
+    with torch.no_grad():
+        found = made.shade(of.rays, samples, context(of)).colour
+        f0 = f - f.mean(0)
+        for view in (1, 2):
+            style_map = made.encoder(as_seen(made._pictures[[view]]))[0]
+            s = style_map.mean(0)
+            t = made.style((style_map - s)[None]) @ made.content(f0[None])  # in this order
+            mine = of.views == view
+            torch.testing.assert_close(found[mine], made.transform(f0[mine], t, s[None]))
+            reversed_t = made.content(f0[None]) @ made.style((style_map - s)[None])
+            assert (made.transform(f0[mine], reversed_t, s[None]) - found[mine]).abs().max() > 1e-4
+
+
+def test_everything_stays_finite_on_empty_saturated_and_identical_rays():
+    density = torch.zeros(4, 3)
+    density[1], density[2, 0], density[3, 2] = 1e9, 1e30, 1e-30
+    lengths = torch.ones(4, 3)
+    lengths[:, -1] = INFINITE
+    for counts in (1.0, 0.0):  # of which none counts, too
+        of = replace(batch(4, colours=0.25), weights=torch.full((4,), counts))
+        rendering, made = shaded(density, lengths, of)
+        losses = cr_nerf_losses(CONFIG)(rendering, of)
+        assert all(torch.isfinite(term) for term in losses.values())
+        sum(losses.values()).backward()
+        gradients = [parameter.grad for parameter in made.parameters() if parameter.grad is not None]
+        assert gradients
+        assert all(torch.isfinite(gradient).all() for gradient in gradients)
+        made.after_step(rendering, of)
+        assert all(torch.isfinite(value).all() for value in made.buffers())
+        if not counts:
+            assert float(made.field.density.grad.abs().sum()) == 0
+            assert all(float(p.grad.abs().sum()) == 0 for p in made.transients.parameters())
+
+
+@pytest.mark.parametrize("background", [None, (0.2, 0.6, 0.9)])
+def test_where_a_ray_meets_nothing_the_background_is_seen(background):
+    made = model(replace(CONFIG, volumetric=replace(balls.SMALL, background=background)))
+    made.field = Given(torch.zeros(2, 3))
+    with torch.no_grad():
+        samples = Samples(torch.linspace(0, 1, 4).expand(2, -1), torch.ones(2, 3), torch.zeros(2, 3, 3))
+        colour = made.shade(rays(2), samples, None).colour
+    torch.testing.assert_close(colour, torch.tensor(background or (0.0, 0.0, 0.0)).expand(2, -1))
+
+
+def test_scoring_renders_the_scene_in_the_mean_style_of_the_views():
+    made, part = model(), torch.tensor([[2.0], [-1.0], [-1.0]])  # whose mean is nought
+    with torch.no_grad():
+        shown = made(rays(50)).colour
+        made.style_means.add_(part)
+        made.style_matrices.add_(part[..., None])
+        made.transients.exit.bias.add_(3.0)
+        torch.testing.assert_close(made(rays(50)).colour, shown)
+        for kept in (made.style_means, made.style_matrices):
+            before = kept.clone()
+            kept.add_(1.0)
+            assert not torch.allclose(made(rays(50)).colour, shown, atol=1e-4)
+            kept.copy_(before)
+        made.style_means.zero_()
+        made.finish()
+        torch.testing.assert_close(made(rays(50)).colour, shown)
+
+
+def test_the_mean_style_is_the_style_where_all_photographs_are_the_same():
+    made = model()
+    made.prepare(TrainingImages([np.random.default_rng(3).integers(0, 256, (24, 32, 3), np.uint8)] * 3))
+    of = batch(50, view=1)
+    with torch.no_grad():
+        trained = made(of.rays, context(of))
+        made.content_mean.copy_(trained.extras["content_mean"])
+        made.content_matrix.copy_(trained.extras["content_matrix"])
+        torch.testing.assert_close(made.shade(of.rays, trained.samples, None).colour, trained.colour)
+
+
+def test_a_render_depends_neither_on_its_parts_nor_on_its_size(monkeypatch):
+    made, camera = model(), balls.camera(32, 24, 0.3)
+    whole = made.render(camera)
+    monkeypatch.setattr(volumetric_model, "CHUNK", 48 * 100)
+    np.testing.assert_allclose(made.render(camera), whole, atol=2e-6)
+    with torch.no_grad():
+        some, alone = made(rays(50)).colour, made(rays(50).part(0, 7)).colour
+    torch.testing.assert_close(some[:7], alone, rtol=0, atol=2e-6)
+
+
+def test_rays_see_their_views_style_or_the_mean_one():
+    made, of = model(replace(CONFIG, style=replace(STYLE, mean_share=0.5))), batch(50, view=1)
+    with torch.no_grad():
+        before = made(of.rays, context(of)).colour
+        made._pictures[1] = 255 - made._pictures[1]
+        after = made(of.rays, context(of)).colour
+    changed = (after - before).abs().amax(1) > 1e-5
+    assert changed.tolist() == [i % 2 == 0 for i in range(50)]
+
+
+def test_rays_have_the_masks_of_their_views_photographs():
+    made = model()
+    of = replace(batch(60), views=torch.arange(3).repeat_interleave(20).flip(0))
+    with torch.no_grad():
+        m = made(of.rays, context(of)).extras["m"]
+        masks = made._masks(torch.arange(3))
+    torch.testing.assert_close(m, read(masks, of.views, of.places))
+    assert (masks[0] - masks[1]).abs().max() > 0.01
+
+
+def test_what_is_kept_is_that_of_the_last_visit_and_the_mean_of_steps():
+    made, of = model(), batch(64, view=2)
+    with torch.no_grad():
+        made.encoder.exit.bias.add_(1.0)
+        before = made.style_means.clone()
+        first = made(of.rays, context(of))
+        made.after_step(first, of)
+        torch.testing.assert_close(made.style_means[:2], before[:2], rtol=0, atol=0)
+        assert (made.style_means[2] - before[2]).abs().min() > 0.1
+        torch.testing.assert_close(made.content_mean, first.extras["content_mean"])  # nothing of the start remains
+        torch.testing.assert_close(made.content_matrix, first.extras["content_matrix"])
+        extras = first.extras | {"content_mean": first.extras["content_mean"] + 1}
+        for _ in range(199):
+            made.after_step(replace(first, extras=extras), of)
+    mean, weight = 0.0, 0.0  # of what was added: from the hundredth step on each counts a hundredth
+    for step in range(1, 200):
+        weight = max(1 - KEPT, 1 / (1 + step))
+        mean = (1 - weight) * mean + weight
+    torch.testing.assert_close(made.content_mean, first.extras["content_mean"] + mean)
+
+
+def test_masks_that_hide_everything_are_said(caplog):
+    made, of = model(), batch(64)
+    with torch.no_grad():
+        made.transients.exit.bias.fill_(90.0)
+        for _ in range(40):
+            rendering = made(of.rays, context(of))
+            made.after_step(rendering, of)
+    losses = cr_nerf_losses(CONFIG)(rendering, of)
+    assert float(losses["colour"]) < 1e-6
+    assert all(torch.isfinite(term) for term in losses.values())
+    said = [record for record in caplog.records if record.levelno == logging.WARNING]
+    assert len(said) == 1
+    assert "masks hide" in said[0].getMessage()
+
+
+@pytest.fixture(scope="module")
+def ball(tmp_path_factory):
+    return balls.photographed(tmp_path_factory.mktemp("ball"))
+
+
+def test_an_occluder_in_a_third_of_the_views_is_kept_out(ball, tmp_path):
+    scene = behind_squares(ball, tmp_path)
+    plain = held_out(fitted(balls.Plain, balls.SMALL, scene, tmp_path / "plain"), scene)
+    ours = held_out(fitted(CrNerf, CONFIG, scene, tmp_path / "ours"), scene)
+    assert ours > plain + 1, (ours, plain)
+
+
+def test_colour_casts_of_the_views_are_kept_out(ball, tmp_path):
+    scene = in_casts(ball, tmp_path)
+    plain = held_out(fitted(balls.Plain, balls.SMALL, scene, tmp_path / "plain"), scene, gains=True)
+    ours = held_out(fitted(CrNerf, CONFIG, scene, tmp_path / "ours"), scene, gains=True)
+    assert ours > plain + 1.5, (ours, plain)
+
+
+def test_an_interrupted_training_ends_with_the_same_bits(ball, tmp_path):
+    config = replace(SHORT, volumetric=replace(SHORT.volumetric, checkpoint_seconds=0.0))
+    whole = fitted(CrNerf, config, ball, tmp_path / "whole")
+    with losses_cut(cr_nerf, "cr_nerf_losses"):
+        fitted(CrNerf, config, ball, tmp_path / "cut")
+    resumed = fitted(CrNerf, config, ball, tmp_path / "cut")
+    arrays, others = (module_arrays(method._fitted.trained.model) for method in (whole, resumed))
+    assert {f"network.{name}" for name in ("content_mean", "style_matrices", "running.typical")} <= set(arrays)
+    assert [name for name, values in arrays.items() if values.tobytes() != others[name].tobytes()] == []
+    assert whole.summary().used == resumed.summary().used
+    with pytest.raises(InputError, match="settings"):
+        fitted(CrNerf, replace(config, min_scale=0.7), ball, tmp_path / "cut")
+
+
+def test_a_saved_model_renders_the_same_pixels(ball, tmp_path):
+    method = fitted(CrNerf, SHORT, ball, tmp_path)
+    method.save(tmp_path)
+    loaded = CrNerf.load(SHORT, 0, tmp_path)
+    view = ball.test_views[0].camera
+    np.testing.assert_array_equal(loaded.render(view), method.render(view))
+    assert loaded.summary() == method.summary()
+    assert "of the pixels masked" in method.summary().used
+    with pytest.raises(InputError, match="not a model of this configuration"):
+        CrNerf.load(replace(SHORT, features=9), 0, tmp_path)
+
+
+@pytest.mark.parametrize("case", ["identical", "one view", "all outliers", "mostly hidden"])
+def test_scenes_that_teach_little_are_learned_without_harm(ball, tmp_path, case):
+    noise = np.random.default_rng(0)
+    if case == "identical":
+        scene = disturbed(ball, tmp_path, lambda picture, _: np.full_like(picture, 0.5))
+    elif case == "all outliers":
+        scene = disturbed(ball, tmp_path, lambda picture, _: noise.random(picture.shape))
+    elif case == "one view":
+        scene = replace(ball, split=Split(ball.split.train[:1], ball.split.test))
+    else:
+        scene = ball
+    method = CrNerf(SHORT, 0)
+    if case == "mostly hidden":  # what counts is one pixel of each view
+        counts = [np.zeros((24, 32), np.float32) for _ in scene.train_views]
+        for count in counts:
+            count[3, 5] = 1
+        method.weights = lambda *_: counts
+    method.fit(scene, tmp_path / "run")
+    assert all(np.isfinite(values).all() for values in module_arrays(method._fitted.trained.model).values())
+    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
+
+
+def test_the_network_of_the_paper_is_trained_too(ball, tmp_path):
+    field = MlpFieldConfig(width=16, depth=2, skip=1, position_octaves=4, direction_octaves=1, rate=1e-2)
+    config = replace(SHORT, volumetric=replace(SHORT.volumetric, field=field, iterations=3))
+    method = fitted(CrNerf, replace(config, photographs=4), ball, tmp_path)
+    assert method._fitted.trained.model.running.visits == pytest.approx(12 / len(ball.train_views))
+    assert np.isfinite(method.render(ball.test_views[0].camera)).all()
+
+
+def test_profiles():
+    for profile in ("demo", "quick", "paper"):
+        assert isinstance(CrNerf.configuration(profile), CrNerfConfig)
+    assert CrNerf.configuration("paper").side == 32
+    with pytest.raises(InputError, match="PROFILE=large"):
+        CrNerf.configuration("large")

@@ -1,0 +1,52 @@
+"""The encoder of styles: its layers by hand, its sizes, its settings."""
+
+import numpy as np
+import pytest
+import torch
+from by_hand import convolved, leaky, shaken
+
+from baselines.cr_nerf.config import StyleConfig
+from baselines.cr_nerf.style import SLOPE, StyleEncoder
+
+CONFIG = StyleConfig(channels=(2, 3, 4), side=16, map_side=2)
+
+
+def encoder(config=CONFIG):
+    return StyleEncoder(config, 5, torch.Generator().manual_seed(0))
+
+
+def pooled(x, how):
+    """Blocks of 2 x 2 pixels."""
+    channels, height, width = x.shape
+    return how(x.reshape(channels, height // 2, 2, width // 2, 2), axis=(2, 4))
+
+
+def test_the_map_is_that_of_its_layers():
+    network = shaken(encoder())
+    picture = np.random.default_rng(0).uniform(-1, 1, (3, 16, 16))
+    x = convolved(network.colours, picture)
+    for layer in network.first:
+        x = leaky(convolved(layer, x), SLOPE)
+    x = pooled(x, np.max)
+    for layer in network.second:
+        x = leaky(convolved(layer, x), SLOPE)
+    x = leaky(convolved(network.third[0], pooled(x, np.max)), SLOPE)
+    expected = leaky(convolved(network.exit, pooled(x, np.mean)), SLOPE)
+    found = network(torch.from_numpy(picture[None]).float())[0].detach()
+    np.testing.assert_allclose(found, expected.reshape(5, 4).T, rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize(("side", "map_side"), [(8, 1), (8, 5), (24, 6), (31, 4)])
+def test_maps_have_the_same_size_whatever_the_pictures(side, map_side):
+    maps = encoder(StyleConfig(channels=(2, 2, 2), side=side, map_side=map_side))(torch.zeros(2, 3, side, side))
+    assert maps.shape == (2, map_side**2, 5)
+    assert torch.isfinite(maps).all()
+
+
+def test_settings_that_make_no_sense_are_refused():
+    with pytest.raises(ValueError, match=r"mean_share 1\.5"):
+        StyleConfig(mean_share=1.5)
+    with pytest.raises(ValueError, match="three sizes"):
+        StyleConfig(channels=(4, 4))
+    with pytest.raises(ValueError, match="side 7"):
+        StyleConfig(side=7)
