@@ -28,6 +28,7 @@ class LookAppearance(EncodedAppearance):
     """Colours in training views."""
 
     config: LookConfig
+    encoder: LookEncoder
 
     def __init__(
         self,
@@ -102,7 +103,8 @@ class LookAppearance(EncodedAppearance):
 
     def pictures(self, view: int, visible: Tensor, parameters: dict[str, Tensor], camera: Camera) -> Tensor:
         """What the visible pixels of a view look like on the planes [3, 8, side, side]; for the rest see `read`."""
-        size = lifted_size(*self._images.pixels(view).shape[:2], self.config.lifted)
+        height, width = self._images.pixels(view).shape[:2]
+        size = lifted_size(height, width, self.config.lifted)
         camera = camera.resized(size[1], size[0])
         depths = torch.from_numpy(self._depth(view, parameters, camera)).to(self.device)
         points = self.colours.in_box(lifted(depths, camera))

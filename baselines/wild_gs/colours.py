@@ -40,9 +40,9 @@ class LookColours(nn.Module):
         self.register_buffer("scale", torch.full((coefficients(sh_degree), 1), config.rest / C0))
         self.scale[0] = 1 / C0
         self.middle: Tensor
-        self.half: Tensor
+        self.reach: Tensor
         self.register_buffer("middle", torch.zeros(3))  # of the box, relative to the Gaussians' origin
-        self.register_buffer("half", torch.ones(3))  # of its lengths
+        self.register_buffer("reach", torch.ones(3))  # half of its lengths
 
     def codes(self, whole: Tensor, places: Tensor | None, positions: Tensor) -> Tensor:
         """Global and local codes [n, 2 code].
@@ -66,10 +66,10 @@ class LookColours(nn.Module):
 
     def in_box(self, means: Tensor) -> Tensor:
         """Positions [n, 3] in the box's units: -1 to 1 inside."""
-        return (means - self.middle) / self.half
+        return (means - self.middle) / self.reach
 
     def enclose(self, points: NDArray[np.float32]) -> None:
         """Lay the box in the middle of the points [N, 3], over its share of their extent along each axis."""
         low, high = np.quantile(points, TAIL, axis=0), np.quantile(points, 1 - TAIL, axis=0)
         self.middle.copy_(torch.from_numpy((low + high) / 2))
-        self.half.copy_(torch.from_numpy(np.maximum(self.config.box * (high - low) / 2, 1e-6)))
+        self.reach.copy_(torch.from_numpy(np.maximum(self.config.box * (high - low) / 2, 1e-6)))

@@ -1,17 +1,16 @@
 """The network that looks at the reference picture as a whole: its global features and what is visible (Wild-GS)."""
 
-from torch import Tensor, nn
+from torch import Tensor
 
-from baselines.gs_w.encoder import make_backbone, visibility, visibility_decoder
+from baselines.gs_w.encoder import PictureEncoder, visibility, visibility_decoder
 
 
-class LookEncoder(nn.Module):
+class LookEncoder(PictureEncoder):
     """Mean features of a picture, and its visibility mask; pictures are as for GS-W's encoder."""
 
     def __init__(self, backbone: str) -> None:
-        super().__init__()
-        self.backbone = make_backbone(backbone)
-        self.multiple, self.outputs = self.backbone.multiple, self.backbone.widths[-1]
+        super().__init__(backbone)
+        self.outputs = self.backbone.widths[-1]
         self.lifts, self.visible = visibility_decoder(self.backbone)
 
     def forward(self, picture: Tensor) -> tuple[Tensor, Tensor]:
