@@ -25,6 +25,7 @@ class ReferenceAppearance(EncodedAppearance):
     """Colours in training views, from the reference's feature maps [D, h, w]."""
 
     config: ReferenceConfig
+    encoder: ReferenceEncoder
 
     def __init__(
         self, images: TrainingImages, config: ReferenceConfig, sh_degree: int, iterations: int, seed: int

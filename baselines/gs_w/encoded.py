@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from baselines.gs_w.config import EncoderConfig
+from baselines.gs_w.encoder import PictureEncoder
 from baselines.splatting.appearance.base import Appearance
 from baselines.splatting.schedule import Stream, random_stream
 from baselines.training.images import TrainingImages
@@ -28,7 +29,7 @@ class EncodedAppearance(Appearance):
     """Colours in training views. The reference is encoded anew in every step, so that the encoder learns from each."""
 
     config: EncoderConfig
-    encoder: nn.Module  # has `multiple`, which both sides of its picture are multiples of
+    encoder: PictureEncoder
 
     def __init__(self, images: TrainingImages, config: EncoderConfig, iterations: int, seed: int) -> None:
         """Derived classes add their networks, then call `optimise`.
@@ -62,7 +63,7 @@ class EncodedAppearance(Appearance):
     def encode(self, view: int) -> tuple[Tensor, Tensor]:
         """What the encoder makes of a training view: its code, and the visibility mask [h', w']."""
         height, width = self._images.pixels(view).shape[:2]
-        multiple: int = self.encoder.multiple
+        multiple = self.encoder.multiple
         size = [max(1, round(side / self.config.shrink / multiple)) * multiple for side in (height, width)]
         pixels = self._images.pixels(view, (size[0], size[1])).astype(np.float32) / 255 - 0.5
         picture = torch.from_numpy(pixels).permute(2, 0, 1)[None]

@@ -151,13 +151,20 @@ def visibility(lifts: nn.ModuleList, last: nn.Conv2d, seen: Tensor) -> Tensor:
     return torch.sigmoid(last(seen))[0, 0]
 
 
-class ReferenceEncoder(nn.Module):
-    """Feature maps and visibility of a reference picture."""
+class PictureEncoder(nn.Module):
+    """A U-Net whose decoders derived classes add; both sides of its pictures are multiples of `multiple`."""
 
-    def __init__(self, backbone: str, outputs: int) -> None:
+    def __init__(self, backbone: str) -> None:
         super().__init__()
         self.backbone = make_backbone(backbone)
         self.multiple = self.backbone.multiple
+
+
+class ReferenceEncoder(PictureEncoder):
+    """Feature maps and visibility of a reference picture."""
+
+    def __init__(self, backbone: str, outputs: int) -> None:
+        super().__init__(backbone)
         widths, finest = self.backbone.widths, self.backbone.finest
         steps = [(widths[k + 1], widths[k]) for k in reversed(range(finest, len(widths) - 1))]
         convolutions = 1 if backbone == "small" else 2

@@ -180,5 +180,5 @@ def test_the_price_of_masking_falls_linearly():
 
 def test_settings_that_cannot_be():
     for wrong in ({"side": 30}, {"box": 0.0}, {"rate_planes": 0.0}, {"code": 0}, {"absent": 1.0}, {"shrink": 0}):
-        with pytest.raises(ValueError, match="expected|positive"):
+        with pytest.raises(ValueError, match=r"expected|positive"):
             LookConfig(**wrong)

@@ -12,6 +12,7 @@ from baselines.splatting.appearance.gaussians import gaussians_in_view
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.files.ply import SPLATS, read_ply
 from baselines.splatting.kernels.rasterizer import render
+from baselines.splatting.kernels.sh_coefficients import C0
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.strategies.pruning import contributions
 from baselines.wild_gs.config import SHORT
@@ -20,7 +21,6 @@ from baselines.wild_gs.method import WildGS, WildGSConfig
 from hydroviews.errors import InputError
 from hydroviews.metrics.psnr import psnr
 from hydroviews.scene.images import write_png
-from hydroviews.scene.scenes import make_scene
 
 SPLATTING = TrainerConfig(
     iterations=300,
@@ -43,6 +43,7 @@ BRIEF = replace(
     rate_colour=2e-3,
     rate_intrinsic=1e-2,
     visible_from=0.05,
+    absent=0.25,
 )
 
 
@@ -52,13 +53,14 @@ def taught(kind, config, scene, folder, seed=0):
     return method
 
 
-def held_out(method, scene, truth, exposed=False):
-    """PSNR of the held-out views; where `exposed`, after the best gain a channel and view, which a cast leaves open."""
+def held_out(method, scene, truth, parts=None):
+    """PSNR of the held-out views; with `parts` after each one's best gains, which a cast on it leaves open."""
     scores = []
     for view in scene.test_views:
-        image, expected = method.render(view.camera), truth[view.name]
-        gain = (image * expected).sum(axis=(0, 1)) / (image**2).sum(axis=(0, 1)) if exposed else 1
-        scores.append(psnr(np.clip(image * gain, 0, 1), expected))
+        image, expected = method.render(view.camera).copy(), truth[view.name]
+        for part in parts(view.camera) if parts else ():
+            image[part] *= (image[part] * expected[part]).sum(axis=0) / (image[part] ** 2).sum(axis=0)
+        scores.append(psnr(np.clip(image, 0, 1), expected))
     return float(np.mean(scores))
 
 
@@ -73,15 +75,32 @@ def cast(scene):
         write_png(view.path, np.clip(view.image() * np.exp(rng.normal(-0.5, 0.4, 3)).astype(np.float32), 0, 1))
 
 
+def things_lit():
+    """What `photographed` shows, and which of it stands under a lamp of its own."""
+    things = cloud(60, degree=0, seed=3, size=0.15)
+    return things, things.means[:, 0] > 0
+
+
 def cast_on_a_part(scene):
-    """One half of the scene's things under a lamp that is brighter or darker in every second photograph."""
-    things = cloud(60, degree=0, seed=3, size=0.15)  # those that `photographed` shows
-    lit = things.means[:, 0] > 0
-    for number, view in enumerate(scene.train_views):
-        gain = np.array([1.6, 1.3, 1.0] if number % 2 else [1 / 1.6, 1 / 1.3, 1.0], np.float32)
-        colours = np.maximum(0.5 + 0.28209479 * things.sh[:, 0], 0)
-        colours[lit] *= gain
+    """One half of the scene's things under a lamp that shines otherwise in every photograph."""
+    rng, (things, lit) = np.random.default_rng(2), things_lit()
+    for view in scene.train_views:
+        colours = np.maximum(0.5 + C0 * things.sh[:, 0], 0).astype(np.float32)
+        colours[lit] *= np.exp(rng.normal(-0.5, 0.4, 3)).astype(np.float32)
         write_png(view.path, np.clip(render(things.coloured(colours), view.camera)[0], 0, 1))
+
+
+def whole(camera):
+    """All of a picture as one part [1, H, W]."""
+    return np.ones((1, camera.height, camera.width), bool)
+
+
+def lit_or_not(camera):
+    """Where a picture shows things under the lamp, and where it does not [2, H, W]."""
+    things, lit = things_lit()
+    white = np.repeat(np.where(lit, np.float32(1), np.float32(0))[:, None], 3, axis=1)
+    under = render(things.coloured(white), camera)[0][..., 0] > 0.5
+    return np.stack([under, ~under])
 
 
 def occlude(scene, side=24):
@@ -94,14 +113,14 @@ def occlude(scene, side=24):
         write_png(view.path, image)
 
 
-@pytest.mark.parametrize(("spoilt", "exposed", "margin"), [(cast, True, 0.5), (cast_on_a_part, False, 0.5)])
-def test_light_that_differs_is_told_from_the_scene(tmp_path, spoilt, exposed, margin):
+@pytest.mark.parametrize(("spoilt", "parts"), [(cast, whole), (cast_on_a_part, lit_or_not)])
+def test_light_that_differs_is_told_from_the_scene(tmp_path, spoilt, parts):
     scene = photographed(tmp_path)
     truth = true_pictures(scene)
     spoilt(scene)
     plain = taught(GaussianSplatting, SPLATTING, scene, tmp_path / "plain")
     look = taught(WildGS, WildGSConfig(SPLATTING, BRIEF), scene, tmp_path / "wild")
-    assert held_out(look, scene, truth, exposed) > held_out(plain, scene, truth, exposed) + margin
+    assert held_out(look, scene, truth, parts) > held_out(plain, scene, truth, parts) + 0.5
 
 
 def test_what_comes_and_goes_is_left_out_by_the_mask(tmp_path):
@@ -180,15 +199,12 @@ def alike(tmp_path):
     for view in scene.train_views:
         write_png(view.path, np.full((36, 48, 3), 0.4, np.float32))
     method = WildGS(WildGSConfig(GROWING, replace(BRIEF, absent=0.0)), 0)
-    trained, appearance = [], None
-    objective = method.objective(scene, tmp_path)
-    appearance = objective.appearance
+    appearance = method.objective(scene, tmp_path).appearance
     gaussians = cloud(80, 1)
     torch.manual_seed(0)
     with torch.no_grad():
         appearance.colours.colour[-1].weight.normal_(0, 0.1)
     features = np.random.default_rng(0).normal(size=appearance.features(gaussians).shape).astype(np.float32)
-    del trained
     return appearance, replace(gaussians, features=features), [view.camera for view in scene.train_views]
 
 
@@ -241,11 +257,10 @@ def test_photographs_of_one_colour_leave_everything_finite(tmp_path, value):
 
 def test_one_view_and_a_scene_that_it_does_not_show(tmp_path):
     scene = photographed(tmp_path, n_views=3)
-    single = replace(scene, views=scene.train_views[:1])
+    single = replace(scene, split=replace(scene.split, train=scene.split.train[:1]))
     method = taught(WildGS, WildGSConfig(GROWING, BRIEF), single, tmp_path / "one")
     assert np.isfinite(method.render(scene.test_views[0].camera)).all()
-    far = replace(scene.points, positions=scene.points.positions + 1e3)
-    nothing = make_scene("far", list(scene.views), far)
+    nothing = replace(scene, points=replace(scene.points, positions=scene.points.positions + 1e3))
     method = taught(WildGS, WildGSConfig(GROWING, BRIEF), nothing, tmp_path / "far")
     assert not method.render(scene.test_views[0].camera).any()
 
