@@ -61,6 +61,10 @@ class WildGS(GaussianSplatting):
         "paper": WildGSConfig(),
     }
 
+    def __init__(self, config: WildGSConfig, seed: int) -> None:
+        super().__init__(config, seed)
+        self._appearance: LookAppearance | None = None
+
     @classmethod
     def configuration(cls, profile: str) -> Any:
         """See GaussianSplatting.
@@ -95,10 +99,10 @@ class WildGS(GaussianSplatting):
     def fit(self, scene: Scene, folder: Path) -> None:
         """See Method; then the references have done their part."""
         super().fit(scene, folder)
-        trained, cameras = self._require(), [view.camera for view in scene.train_views]
-        shown, masked = mean_look(
-            trained.gaussians, self._appearance, cameras, trained.near, self.splatting.antialiased
-        )
+        trained, appearance = self._require(), self._appearance
+        assert appearance is not None
+        cameras = [view.camera for view in scene.train_views]
+        shown, masked = mean_look(trained.gaussians, appearance, cameras, trained.near, self.splatting.antialiased)
         self._trained = replace(trained, gaussians=shown)
         self.found[MASKED] = masked
         if masked > MOST:

@@ -7,6 +7,7 @@ import pytest
 import torch
 from splats import camera, cloud
 
+from baselines.gs_w.objective import VisibleObjective
 from baselines.splatting.appearance.gaussians import AppearanceGaussians, with_appearance
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.sh_coefficients import C0
@@ -176,6 +177,20 @@ def test_depths_are_kept_for_some_steps_and_rendered_anew():
 def test_the_price_of_masking_falls_linearly():
     appearance = appearance_of(iterations=101)
     assert [appearance.visible_price(k) for k in (0, 50, 100)] == pytest.approx([0.4, 0.25, 0.1])
+
+
+def test_the_mask_learns_at_the_price_of_the_step():
+    """By m [h', w'] of the loss: a part that its pixels' losses give, and 2 price (m - 1) / (h' w')."""
+    appearance = appearance_of(replace(SEEING, visible_from=0.0), iterations=101)
+    rule = VisibleObjective(appearance._images, 0.2, appearance)
+    image, gradients = np.full((HEIGHT, WIDTH, 3), 0.5, np.float32), []
+    for iteration in (0, 100):
+        appearance._encoded(0)
+        rule(image, 0, iteration, BufferPool())
+        gradients.append(appearance.visible.grad)
+    hidden = 1 - appearance.visible.detach()
+    assert torch.allclose(gradients[0] - gradients[1], -2 * 0.3 * hidden / hidden.numel(), atol=1e-7)
+    assert hidden.min() > 0.01
 
 
 def test_settings_that_cannot_be():
