@@ -26,7 +26,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from baselines.cr_nerf.config import PROFILES
 from baselines.cr_nerf.losses import cr_nerf_losses
@@ -55,6 +57,12 @@ class CrNerf(RadianceMethod):
     def draw(self) -> Draw:
         """See RadianceMethod."""
         return grids(self.config.photographs, self.config.side, self.config.min_scale)
+
+    def hidden(self, view: int, size: tuple[int, int]) -> NDArray[np.float32] | None:
+        """See Method: m."""
+        model = self._require().trained.model
+        assert isinstance(model, CrNerfModel)
+        return model.mask(view, size)
 
     def summary(self) -> TrainingSummary:
         """See Method; also how much of the photographs was masked at the end."""

@@ -2,7 +2,9 @@
 
 from typing import Any
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from baselines.cr_nerf.config import CrNerfConfig
@@ -12,7 +14,7 @@ from baselines.cr_nerf.transients import TransientNetwork, read
 from baselines.training.images import TrainingImages
 from baselines.volumetric.batches import Batch
 from baselines.volumetric.compositing import along_ray, compositing_weights
-from baselines.volumetric.masking import Running, price_of_masking
+from baselines.volumetric.masking import Running, pixel_places, price_of_masking
 from baselines.volumetric.model import RadianceModel, Rendering, Samples, TrainingContext
 from baselines.volumetric.photographs import as_seen, rays_of_the_mean, small_pictures
 from baselines.volumetric.spaces import Rays, Space
@@ -86,6 +88,16 @@ class CrNerfModel(RadianceModel):
         """Masks [N, h, w] of views [N]."""
         masks: Tensor = self.transients(as_seen(self._larger[views.cpu()].to(self.style_means.device)))
         return masks
+
+    @torch.no_grad()
+    def mask(self, view: int, size: tuple[int, int]) -> NDArray[np.float32] | None:
+        """m [H, W] of a training view at (height, width); None where the photographs are not at hand."""
+        if not len(self._larger):
+            return None
+        mask = self._masks(torch.tensor([view]))
+        places = pixel_places(size, mask.device).flatten(0, 1)
+        which = torch.zeros(len(places), dtype=torch.int64, device=mask.device)
+        return read(mask, which, places).unflatten(0, size).cpu().numpy()
 
     def shade(self, rays: Rays, samples: Samples, context: TrainingContext | None) -> Rendering:
         """See RadianceModel; without `context` the scene in its mean style."""

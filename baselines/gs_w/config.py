@@ -1,17 +1,35 @@
-"""How GS-W's networks are built and trained."""
+"""How networks that look at a reference picture are built and trained: GS-W's, and what others share with them."""
 
 from dataclasses import dataclass
 from typing import Literal
 
 
 @dataclass(frozen=True)
-class ReferenceConfig:
-    """Settings beside those of the Gaussians; the defaults are those of Zhang et al. 2024 and of their public code."""
+class EncoderConfig:
+    """The network that looks at the reference, and when the Gaussians have anything of it."""
 
     backbone: Literal["resnet18", "small"] = "resnet18"  # of the U-Net that looks at the reference picture
     weights: str | None = None  # file of ResNet-18 weights; None learns from scratch
     weights_sha256: str | None = None  # of that file: runs with other weights are other runs
     shrink: int = 1  # the reference is encoded this many times smaller
+    absent: float = 0.0  # share of the steps in which the Gaussians have nothing of the reference
+    final: float = 0.1  # what the networks' rates have fallen to at the end, as a factor
+    visible_from: float = 2500 / 70_000  # share of the iterations after which the mask weighs the loss; above 1 never
+    lpips: float = 0.005  # weight of LPIPS (VGG) in the loss
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.absent < 1:
+            raise ValueError(f"absent {self.absent}: expected a share below 1")
+        if self.shrink < 1:
+            raise ValueError(f"shrink {self.shrink}: expected 1 or more")
+        if self.final <= 0:
+            raise ValueError(f"final {self.final}: expected a positive factor")
+
+
+@dataclass(frozen=True)
+class ReferenceConfig(EncoderConfig):
+    """Settings beside those of the Gaussians; the defaults are those of Zhang et al. 2024 and of their public code."""
+
     maps: int = 2  # K, adaptive feature maps; there is one projection map besides
     channels: int = 16  # of each map
     frequencies: int = 10  # of the positions' Fourier features
@@ -20,23 +38,20 @@ class ReferenceConfig:
     colour: tuple[int, ...] = (48,)  # of the colour network
     fused: int = 48  # length of the feature between them
     dropout: float = 0.1  # share of what the Gaussians have of each map that a step leaves out
-    absent: float = 0.0  # share of the steps in which they have nothing of any map
     rate_maps: float = 2e-3  # Adam's rate of the U-Net
     rate_colour: float = 5e-4  # of the fusion and colour networks
     rate_coordinates: float = 4e-3  # of the coordinates in the maps, whose sides are 2 long
-    final: float = 0.1  # what these rates have fallen to at the end, as a factor
     box: float = 1e-3  # weight of mean(relu(|coordinate| - 1)) in the loss
-    visible_from: float = 2500 / 70_000  # share of the iterations after which the mask weighs the loss; above 1 never
     visible_price: float = 0.15  # weight of mean((1 - m)^2) in the loss
-    lpips: float = 0.005  # weight of LPIPS (VGG) in the loss
 
     def __post_init__(self) -> None:
-        if not (0 <= self.dropout < 1 and 0 <= self.absent < 1):
-            raise ValueError(f"dropout {self.dropout}, absent {self.absent}: expected shares below 1")
-        if min(self.shrink, self.maps, self.channels) < 1:
-            raise ValueError(f"shrink {self.shrink}, maps {self.maps}, channels {self.channels}: expected 1 or more")
-        if min(self.rate_maps, self.rate_colour, self.rate_coordinates, self.final, self.visible_price) <= 0:
-            raise ValueError("rates, final and visible_price must be positive")
+        super().__post_init__()
+        if not 0 <= self.dropout < 1:
+            raise ValueError(f"dropout {self.dropout}: expected a share below 1")
+        if min(self.maps, self.channels) < 1:
+            raise ValueError(f"maps {self.maps}, channels {self.channels}: expected 1 or more")
+        if min(self.rate_maps, self.rate_colour, self.rate_coordinates, self.visible_price) <= 0:
+            raise ValueError("rates and visible_price must be positive")
 
     @property
     def dynamic(self) -> int:

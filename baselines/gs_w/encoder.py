@@ -1,26 +1,18 @@
 """The U-Net that looks at the reference picture: feature maps and a visibility mask (GS-W).
 
 Pictures are [1, 3, H, W] with values around zero, both sides multiples of `multiple`. There is no batch normalisation
-in training: a batch is one picture, whose own statistics are the very appearance that is to be encoded. ResNet's
-layers
+in training: a batch is one picture, whose own statistics are the very appearance that is to be encoded. ResNet's layers
 keep the statistics of their weights; without weights these are 0 and 1.
 """
 
 import math
-import pickle
 from itertools import pairwise
-from pathlib import Path
 
 import torch
-from safetensors import SafetensorError
-from safetensors.torch import load_file
 from torch import Tensor, nn
 from torch.nn import functional
 
-from hydroviews.errors import InputError
-
 VISIBLE_AT_FIRST = 0.98  # the mask before the first step, everywhere
-UNREADABLE = (SafetensorError, pickle.UnpicklingError, OSError, EOFError, ValueError, RuntimeError)
 SMALL = (16, 32, 48, 64)  # channels of the small backbone at 1/2, 1/4, 1/8 and 1/16
 RESNET = (64, 64, 128, 256, 512)  # of ResNet-18 at 1/2, 1/4, ... 1/32
 
@@ -60,8 +52,23 @@ class BasicBlock(nn.Module):
         return (self.bn2(self.conv2(self.bn1(self.conv1(x)).relu())) + shortcut).relu()
 
 
-class ResNet18(nn.Module):
+class Backbone(nn.Module):
+    """Features of a picture at several resolutions, and where decoders of a U-Net begin and end."""
+
+    widths: tuple[int, ...]  # channels from fine to coarse
+    finest: int  # the level at which maps end
+    lifts: int  # from the coarsest level to the mask's
+
+    @property
+    def multiple(self) -> int:
+        """Both sides of a picture are multiples of this."""
+        return 2 ** len(self.widths)
+
+
+class ResNet18(Backbone):
     """ResNet-18 (He et al. 2016) without its classifier; weights of torchvision's fit by name."""
+
+    widths, finest, lifts = RESNET, 0, 3
 
     def __init__(self) -> None:
         super().__init__()
@@ -85,8 +92,10 @@ class ResNet18(nn.Module):
         return levels
 
 
-class SmallBackbone(nn.Module):
+class SmallBackbone(Backbone):
     """One convolution of stride 2 a level."""
+
+    widths, finest, lifts = SMALL, 1, 2
 
     def __init__(self) -> None:
         super().__init__()
@@ -99,6 +108,11 @@ class SmallBackbone(nn.Module):
             x = functional.leaky_relu(convolution(x), 0.1)
             levels.append(x)
         return levels
+
+
+def make_backbone(name: str) -> Backbone:
+    """Of the name that settings give it."""
+    return SmallBackbone() if name == "small" else ResNet18()
 
 
 class Up(nn.Module):
@@ -118,25 +132,45 @@ class Up(nn.Module):
         return x
 
 
-class ReferenceEncoder(nn.Module):
+def visibility_decoder(backbone: Backbone) -> tuple[nn.ModuleList, nn.Conv2d]:
+    """The U-Net's decoder of the visibility mask: steps up, and a last layer that finds everything seen."""
+    shallower = backbone.widths[::-1][: backbone.lifts + 1]
+    lifts = nn.ModuleList(Up(a, 0, b, 1) for a, b in pairwise(shallower))
+    last = nn.Conv2d(shallower[-1], 1, 1)
+    with torch.no_grad():
+        last.weight.zero_()
+        assert last.bias is not None
+        last.bias.fill_(math.log(VISIBLE_AT_FIRST / (1 - VISIBLE_AT_FIRST)))
+    return lifts, last
+
+
+def visibility(lifts: nn.ModuleList, last: nn.Conv2d, seen: Tensor) -> Tensor:
+    """m [h, w] in (0, 1) at 1/4 of the picture, from its coarsest features [1, C, h', w']."""
+    for lift in lifts:
+        seen = lift(seen)
+    return torch.sigmoid(last(seen))[0, 0]
+
+
+class PictureEncoder(nn.Module):
+    """A U-Net whose decoders derived classes add; both sides of its pictures are multiples of `multiple`."""
+
+    def __init__(self, backbone: str) -> None:
+        super().__init__()
+        self.backbone = make_backbone(backbone)
+        self.multiple = self.backbone.multiple
+
+
+class ReferenceEncoder(PictureEncoder):
     """Feature maps and visibility of a reference picture."""
 
     def __init__(self, backbone: str, outputs: int) -> None:
-        super().__init__()
-        small = backbone == "small"
-        widths, finest, lifts = (SMALL, 1, 2) if small else (RESNET, 0, 3)
-        self.multiple = 2 ** len(widths)
-        self.backbone = SmallBackbone() if small else ResNet18()
+        super().__init__(backbone)
+        widths, finest = self.backbone.widths, self.backbone.finest
         steps = [(widths[k + 1], widths[k]) for k in reversed(range(finest, len(widths) - 1))]
-        self.ups = nn.ModuleList(Up(deep, skip, skip, 1 if small else 2) for deep, skip in steps)
+        convolutions = 1 if backbone == "small" else 2
+        self.ups = nn.ModuleList(Up(deep, skip, skip, convolutions) for deep, skip in steps)
         self.head = nn.Conv2d(widths[finest], outputs, 1)
-        shallower = widths[::-1][: lifts + 1]
-        self.lifts = nn.ModuleList(Up(a, 0, b, 1) for a, b in pairwise(shallower))
-        self.visible = nn.Conv2d(shallower[-1], 1, 1)
-        with torch.no_grad():
-            self.visible.weight.zero_()
-            assert self.visible.bias is not None
-            self.visible.bias.fill_(math.log(VISIBLE_AT_FIRST / (1 - VISIBLE_AT_FIRST)))
+        self.lifts, self.visible = visibility_decoder(self.backbone)
 
     def forward(self, picture: Tensor) -> tuple[Tensor, Tensor]:
         """Maps [outputs, h, w] at 1/4 (small) or 1/2 of the picture, and m [h, w] in (0, 1) at 1/4 of it."""
@@ -144,24 +178,4 @@ class ReferenceEncoder(nn.Module):
         x = levels[-1]
         for up, skip in zip(self.ups, reversed(levels[-1 - len(self.ups) : -1]), strict=True):
             x = up(x, skip)
-        seen = levels[-1]
-        for lift in self.lifts:
-            seen = lift(seen)
-        return self.head(x)[0], torch.sigmoid(self.visible(seen))[0, 0]
-
-
-def load_resnet(encoder: ReferenceEncoder, path: Path) -> None:
-    """Take over ResNet-18 weights: a .safetensors or torch file with torchvision's names; its classifier is ignored.
-
-    Raises:
-        InputError: missing, damaged, or not a ResNet-18.
-    """
-    if not path.is_file():
-        raise InputError(f"{path}: no such file", expected="weights of ResNet-18", fix="correct HYDROVIEWS_RESNET18")
-    try:
-        safe = path.suffix == ".safetensors"
-        state = load_file(path) if safe else torch.load(path, map_location="cpu", weights_only=True)
-        wanted = encoder.backbone.state_dict()
-        encoder.backbone.load_state_dict({name: state[name] for name in wanted})
-    except (*UNREADABLE, KeyError, TypeError, AttributeError) as error:
-        raise InputError(f"{path}: not weights of ResNet-18", found=f"{type(error).__name__}: {error}") from error
+        return self.head(x)[0], visibility(self.lifts, self.visible, levels[-1])

@@ -32,8 +32,7 @@ def average_features(
     def dynamic(view: int, camera: Camera, seen: dict[str, Tensor]) -> Tensor:
         return appearance.read(appearance.encode(view)[0], seen, camera)
 
-    device = appearance.fusion.middle.device
-    features = mean_over_views(gaussians, cameras, dynamic, near, antialiased, device, "features")
+    features = mean_over_views(gaussians, cameras, dynamic, near, antialiased, appearance.device, "features")
     return replace(gaussians, features=features)
 
 

@@ -16,8 +16,8 @@ Departures from the paper, in all profiles:
 Short profiles besides: a small U-Net on a reference of half the size, smaller networks, larger rates, no LPIPS.
 """
 
-import os
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -28,10 +28,10 @@ from numpy.typing import NDArray
 from baselines.gaussian_splatting import MODEL, PROFILES_WITH_NETWORKS, GaussianSplatting, with_iterations
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT, ReferenceConfig
-from baselines.gs_w.encoder import load_resnet
 from baselines.gs_w.fusion import Fusion
 from baselines.gs_w.mean_appearance import average_features, coloured_for, mean_colours
 from baselines.gs_w.objective import VisibleObjective
+from baselines.gs_w.weights import encoder_used, load_resnet, with_named_weights
 from baselines.method import TrainingSummary
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.gaussians import Gaussians
@@ -41,13 +41,11 @@ from baselines.training.checkpoints import read_arrays, write_arrays
 from baselines.training.images import read_images
 from baselines.training.torch_state import module_arrays, restore_module
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import sha256
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.scenes import Scene
 
 NETWORK = "network.safetensors"
 SHOWN = "shown"  # colours for viewers, beside the network
-WEIGHTS = "HYDROVIEWS_RESNET18"
 
 
 @dataclass(frozen=True)
@@ -87,12 +85,7 @@ class GaussianInTheWild(GaussianSplatting):
             InputError: no such profile, or no such weights.
         """
         config: GSWConfig = super().configuration(profile)
-        named = os.environ.get(WEIGHTS)
-        if config.appearance.backbone != "resnet18" or not named:
-            return config
-        if not Path(named).is_file():
-            raise InputError(f"{named}: no such file", expected="weights of ResNet-18", fix=f"correct {WEIGHTS}")
-        return replace(config, appearance=replace(config.appearance, weights=named, weights_sha256=sha256(Path(named))))
+        return replace(config, appearance=with_named_weights(config.appearance))
 
     @property
     def splatting(self) -> TrainerConfig:
@@ -112,7 +105,7 @@ class GaussianInTheWild(GaussianSplatting):
             images, config.appearance, splatting.sh_degree, splatting.iterations, self.seed
         )
         if config.appearance.weights:
-            load_resnet(self._appearance.encoder, Path(config.appearance.weights))
+            load_resnet(self._appearance.encoder.backbone, Path(config.appearance.weights))
         return VisibleObjective(images, splatting.lambda_dssim, self._appearance)
 
     def fit(self, scene: Scene, folder: Path) -> None:
@@ -124,12 +117,12 @@ class GaussianInTheWild(GaussianSplatting):
         seen_with = trained.near, self.splatting.antialiased
         gaussians = average_features(trained.gaussians, appearance, cameras, *seen_with)
         self._trained = replace(trained, gaussians=gaussians)
-        self._fusion = appearance.fusion.cpu()
+        self._fusion = deepcopy(appearance.fusion).cpu()  # the appearance stays whole where it is
         self._shown = mean_colours(gaussians, self._fusion, cameras, *seen_with)
 
     def hidden(self, view: int, size: tuple[int, int]) -> NDArray[np.float32] | None:
         """See Method: 1 - m."""
-        return None if self._appearance is None else 1 - self._appearance.visibility(view, size)
+        return None if self._appearance is None else self._appearance.hidden(view, size)
 
     def gaussians_for_camera(self, camera: Camera) -> Gaussians:
         """See GaussianSplatting; with the mean appearance."""
@@ -162,9 +155,7 @@ class GaussianInTheWild(GaussianSplatting):
 
     def summary(self) -> TrainingSummary:
         """See Method; `used` names the encoder."""
-        appearance: ReferenceConfig = self.config.appearance
-        weights = Path(appearance.weights).name if appearance.weights else "from scratch"
-        return replace(super().summary(), used=f"encoder {appearance.backbone} {weights}")
+        return replace(super().summary(), used=encoder_used(self.config.appearance))
 
 
 def _megabytes(folder: Path) -> float:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from baselines.gs_w.appearance import ReferenceAppearance
+from baselines.gs_w.encoded import EncodedAppearance
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.loss_map import loss_map
 from baselines.splatting.kernels.photometric import photometric_loss
@@ -25,24 +25,23 @@ from hydroviews.scene.images import Image
 class VisibleObjective(Objective):
     """The photometric loss under the mask, which learns from the same loss."""
 
-    appearance: ReferenceAppearance
+    appearance: EncodedAppearance
 
-    def __init__(self, images: TrainingImages, lambda_dssim: float, appearance: ReferenceAppearance) -> None:
+    def __init__(self, images: TrainingImages, lambda_dssim: float, appearance: EncodedAppearance) -> None:
         super().__init__(images, lambda_dssim, appearance)
         self.first = round(appearance.config.visible_from * appearance.iterations)
 
     def __call__(self, image: Image, view: int, iteration: int, buffers: BufferPool) -> tuple[float, Image]:
-        """See Objective; gradients by the mask are left where `ReferenceAppearance.learn` finds them."""
+        """See Objective; gradients by the mask are left where `EncodedAppearance.learn` finds them."""
         target = self.target(view, (image.shape[0], image.shape[1]))
         weights = None
         if iteration >= self.first:
             losses = loss_map(image, target, self.lambda_dssim, buffers)
-            weights = learn_visibility(self.appearance.visible, losses, self.appearance.config.visible_price)
+            weights = learn_visibility(self.appearance.visible, losses, self.appearance.visible_price(iteration))
         loss, gradient = photometric_loss(image, target, self.lambda_dssim, weights, buffers)
         if self.appearance.config.lpips:
             ignored = self.images.ignored(view, (image.shape[0], image.shape[1]))
-            device = self.appearance.fusion.middle.device
-            value, more = perceptual_loss(image, target.image, ignored, device)
+            value, more = perceptual_loss(image, target.image, ignored, self.appearance.device)
             loss, gradient = loss + self.appearance.config.lpips * value, gradient + self.appearance.config.lpips * more
         return loss, gradient
 

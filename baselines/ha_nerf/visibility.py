@@ -14,6 +14,7 @@ from torch import Tensor, nn
 
 from baselines.ha_nerf.config import VisibilityConfig
 from baselines.volumetric.encodings import linear, positional
+from baselines.volumetric.masking import pixel_places
 
 
 class Visibility(nn.Module):
@@ -42,8 +43,6 @@ class Visibility(nn.Module):
 
     def plane(self, view: int, size: tuple[int, int]) -> NDArray[np.float32]:
         """m [H, W] of a view at (height, width), row by row."""
-        height, width = size
-        columns = (torch.arange(width, device=self.codes.device) + 0.5) / width
-        views = torch.full((width,), view, device=self.codes.device)
-        rows = [torch.stack([torch.full_like(columns, (y + 0.5) / height), columns], 1) for y in range(height)]
-        return torch.stack([self(views, places) for places in rows]).cpu().numpy()
+        device = self.codes.device
+        views = torch.full((size[1],), view, device=device)
+        return torch.stack([self(views, row) for row in pixel_places(size, device)]).cpu().numpy()

@@ -98,6 +98,12 @@ def price_of_masking(config: PriceConfig, running: Running) -> Tensor:
     return price * unit
 
 
+def pixel_places(size: tuple[int, int], device: torch.device) -> Tensor:
+    """The places [H, W, 2] of all pixels of a view at (height, width), as a batch has them."""
+    rows, columns = ((torch.arange(count, device=device) + 0.5) / count for count in size)
+    return torch.stack(torch.meshgrid(rows, columns, indexing="ij"), 2)
+
+
 def masked_losses(rendering: Rendering, batch: Batch, config: VolumetricConfig, own: Losses) -> Losses:
     """The losses of a step whose rendering has masks `m` and a `price` in its extras.
 

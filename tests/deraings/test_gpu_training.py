@@ -20,6 +20,8 @@ from baselines.splatting.strategies.relocation import MCMCStrategy
 from baselines.wild_gaussians.appearance import AppearanceConfig
 from baselines.wild_gaussians.method import WildConfig, WildGaussians
 from baselines.wild_gaussians.uncertainty import UncertaintyConfig
+from baselines.wild_gs.config import SHORT as LOOK
+from baselines.wild_gs.method import WildGS, WildGSConfig
 from deraings.masks.config import MaskConfig
 from deraings.method import DeRainGS, DeRainGSConfig
 from deraings.rain_model.model import RainConfig
@@ -47,6 +49,7 @@ METHODS = {  # and the most uploads, downloads and questions of a step, which se
     "rain": (DeRainGS, DeRainGSConfig(HURRIED, rain=RainConfig()), (9, 1, 1)),
     "wild": (WildGaussians, TONES, (18, 3, 4)),
     "gs-w": (GaussianInTheWild, GSWConfig(HURRIED, SHORT), (18, 2, 3)),
+    "wild-gs": (WildGS, WildGSConfig(HURRIED, LOOK), (19, 6, 3)),
 }
 
 

@@ -15,6 +15,7 @@ from baselines.cr_nerf.losses import cr_nerf_losses
 from baselines.cr_nerf.method import CrNerf
 from baselines.cr_nerf.model import KEPT, CrNerfModel
 from baselines.cr_nerf.transients import read
+from baselines.method import check_hidden
 from baselines.training.images import TrainingImages
 from baselines.training.torch_state import module_arrays
 from baselines.volumetric import model as volumetric_model
@@ -290,6 +291,8 @@ def test_a_saved_model_renders_the_same_pixels(ball, tmp_path):
     method = fitted(CrNerf, SHORT, ball, tmp_path)
     method.save(tmp_path)
     loaded = CrNerf.load(SHORT, 0, tmp_path)
+    check_hidden(method.hidden(0, (20, 30)), (20, 30))
+    assert loaded.hidden(0, (20, 30)) is None  # photographs are not saved
     view = ball.test_views[0].camera
     np.testing.assert_array_equal(loaded.render(view), method.render(view))
     assert loaded.summary() == method.summary()

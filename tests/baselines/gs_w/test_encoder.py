@@ -7,7 +7,8 @@ from safetensors.torch import save_file
 
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT, ReferenceConfig
-from baselines.gs_w.encoder import VISIBLE_AT_FIRST, ReferenceEncoder, ResNet18, load_resnet
+from baselines.gs_w.encoder import VISIBLE_AT_FIRST, ReferenceEncoder, ResNet18
+from baselines.gs_w.weights import load_resnet
 from baselines.training.images import TrainingImages
 from hydroviews.errors import InputError
 
@@ -62,20 +63,20 @@ def test_weights_are_taken_over_by_name(tmp_path, suffix):
     more = {**weights, "fc.weight": torch.zeros(2, 512), "bn1.num_batches_tracked": torch.tensor(1)}
     save_file(more, path) if suffix == "safetensors" else torch.save(more, path)
     net = encoder("resnet18")
-    load_resnet(net, path)
+    load_resnet(net.backbone, path)
     assert all(torch.equal(value, weights[name]) for name, value in net.backbone.state_dict().items())
 
 
 def test_what_is_no_resnet_is_refused(tmp_path):
     net, path = encoder("resnet18"), tmp_path / "weights.safetensors"
     with pytest.raises(InputError, match="no such file"):
-        load_resnet(net, path)
+        load_resnet(net.backbone, path)
     save_file({"conv1.weight": torch.zeros(3)}, path)
     with pytest.raises(InputError, match="not weights of ResNet-18"):
-        load_resnet(net, path)
+        load_resnet(net.backbone, path)
     (tmp_path / "weights.pth").write_bytes(b"no zip at all")
     with pytest.raises(InputError, match="not weights of ResNet-18"):
-        load_resnet(net, tmp_path / "weights.pth")
+        load_resnet(net.backbone, tmp_path / "weights.pth")
 
 
 def test_settings_that_cannot_be():

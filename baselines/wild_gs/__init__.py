@@ -1,0 +1,1 @@
+"""The parts of Wild-GS (Xu et al. 2024)."""

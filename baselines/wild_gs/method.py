@@ -1,0 +1,121 @@
+"""Wild-GS (Xu et al. 2024): splatting for photographs whose light differs, in the whole and from place to place.
+
+A Gaussian's colour in a view is made of a code of the photograph as a whole, of a code of the place, which it reads
+from a triplane of the photograph's own pixels, lifted by the rendered depth, and of numbers of its own (`colours`,
+`triplane`, `lifting`, `appearance`). A visibility mask weighs the loss, at a price that falls (GS-W's `objective`).
+There is no code by the authors: what the paper does not give is chosen here, see `config`.
+
+Departures from the paper, in all profiles:
+  - Held-out views are rendered in the mean look (`mean_look`): the trained model is ordinary Gaussians. The paper looks
+    at the held-out photograph itself.
+  - The networks say what is added to the Gaussians' own spherical harmonics.
+  - The mask weighs the loss of each pixel; the paper multiplies both pictures by it.
+  - No loss on depths: the paper compares with a network's, which needs weights.
+  - A view's depth is rendered anew every some hundred steps, not in each.
+  - The box is laid over the first Gaussians without the outermost hundredth, and stays.
+  - ResNet-18 learns from scratch unless $HYDROVIEWS_RESNET18 names a file of its weights.
+Short profiles besides: GS-W's small U-Net on a reference of half the size, a triplane of 64 x 64, and in every second
+step Gaussians know nothing of the reference.
+"""
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baselines.gaussian_splatting import PROFILES_WITH_NETWORKS, GaussianSplatting, with_iterations
+from baselines.gs_w.objective import VisibleObjective
+from baselines.gs_w.weights import encoder_used, load_resnet, with_named_weights
+from baselines.method import TrainingSummary
+from baselines.splatting.config import TrainerConfig
+from baselines.splatting.initialisation import scene_extent
+from baselines.training.images import read_images
+from baselines.wild_gs.appearance import LookAppearance
+from baselines.wild_gs.config import SHORT, LookConfig
+from baselines.wild_gs.mean_look import mean_look
+from hydroviews.scene.scenes import Scene
+
+logger = logging.getLogger(__name__)
+MASKED = "masked"  # share of the photographs' pixels, in the end, whose m is below 1/2
+MOST = 0.6  # of them, above which masks hide the scene itself
+
+
+@dataclass(frozen=True)
+class WildGSConfig:
+    """Gaussians and networks."""
+
+    splatting: TrainerConfig = field(default_factory=TrainerConfig)
+    look: LookConfig = field(default_factory=LookConfig)
+
+
+class WildGS(GaussianSplatting):
+    """Wild-GS (Xu et al. 2024): splatting with global and local looks, and what comes and goes left out.
+
+    The trained model has the mean look: ordinary Gaussians.
+    """
+
+    profiles: ClassVar[Mapping[str, Any]] = {
+        "demo": WildGSConfig(PROFILES_WITH_NETWORKS["demo"], SHORT),
+        "quick": WildGSConfig(with_iterations(6500, PROFILES_WITH_NETWORKS["quick"]), SHORT),
+        "paper": WildGSConfig(),
+    }
+
+    def __init__(self, config: WildGSConfig, seed: int) -> None:
+        super().__init__(config, seed)
+        self._appearance: LookAppearance | None = None
+
+    @classmethod
+    def configuration(cls, profile: str) -> Any:
+        """See GaussianSplatting.
+
+        Raises:
+            InputError: no such profile, or no such weights.
+        """
+        config: WildGSConfig = super().configuration(profile)
+        return replace(config, look=with_named_weights(config.look))
+
+    @property
+    def splatting(self) -> TrainerConfig:
+        """See GaussianSplatting."""
+        config: WildGSConfig = self.config
+        return config.splatting
+
+    def objective(self, scene: Scene, folder: Path) -> VisibleObjective:
+        """See GaussianSplatting.
+
+        Raises:
+            InputError: an unreadable picture, or weights that are none.
+        """
+        splatting, look, images = self.splatting, self.config.look, read_images(scene.train_views)
+        near = splatting.near * scene_extent([view.camera for view in scene.train_views])[1]
+        self._appearance = LookAppearance(
+            images, look, splatting.sh_degree, splatting.iterations, self.seed, near, splatting.antialiased
+        )
+        if look.weights:
+            load_resnet(self._appearance.encoder.backbone, Path(look.weights))
+        return VisibleObjective(images, splatting.lambda_dssim, self._appearance)
+
+    def fit(self, scene: Scene, folder: Path) -> None:
+        """See Method; then the references have done their part."""
+        super().fit(scene, folder)
+        trained, appearance = self._require(), self._appearance
+        assert appearance is not None
+        cameras = [view.camera for view in scene.train_views]
+        shown, masked = mean_look(trained.gaussians, appearance, cameras, trained.near, self.splatting.antialiased)
+        self._trained = replace(trained, gaussians=shown)
+        self.found[MASKED] = masked
+        if masked > MOST:
+            logger.warning("masks hide %.0f %% of the photographs: the scene is learned from the rest", 100 * masked)
+
+    def hidden(self, view: int, size: tuple[int, int]) -> NDArray[np.float32] | None:
+        """See Method: 1 - m."""
+        return None if self._appearance is None else self._appearance.hidden(view, size)
+
+    def summary(self) -> TrainingSummary:
+        """See Method; `used` names the encoder, and how much of the photographs was masked at the end."""
+        used = f"{encoder_used(self.config.look)}, {self.found[MASKED]:.1%} of the pixels masked"
+        return replace(super().summary(), used=used)

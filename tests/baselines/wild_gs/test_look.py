@@ -1,0 +1,199 @@
+"""A view's colours: what they are made of, when, and what may not be in them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from splats import camera, cloud
+
+from baselines.gs_w.objective import VisibleObjective
+from baselines.splatting.appearance.gaussians import AppearanceGaussians, with_appearance
+from baselines.splatting.kernels.buffer_pool import BufferPool
+from baselines.splatting.kernels.sh_coefficients import C0
+from baselines.training.images import TrainingImages
+from baselines.wild_gs.appearance import LookAppearance
+from baselines.wild_gs.config import SHORT, LookConfig
+
+HEIGHT, WIDTH = 30, 41
+SEEING = replace(SHORT, absent=0.0, local_from=0.0, side=16, lifted=41, shrink=1, box=1.8)  # all of it in every step
+VIEW = camera(WIDTH, HEIGHT)
+
+
+def appearance_of(config=SEEING, pixels=None, iterations=10, ignored=()):
+    rng = np.random.default_rng(0)
+    pixels = rng.integers(0, 255, (2, HEIGHT, WIDTH, 3)).astype(np.uint8) if pixels is None else pixels
+    return LookAppearance(TrainingImages(list(pixels), ignored), config, 1, iterations, 0, 0.1)
+
+
+def restless(appearance):
+    """The same with a last layer that says something."""
+    torch.manual_seed(1)
+    with torch.no_grad():
+        appearance.colours.colour[-1].weight.normal_(0, 0.1)
+    return appearance
+
+
+def opaque(count=200):
+    """Gaussians that cover the view."""
+    gaussians = cloud(count, 1, size=0.25)
+    return replace(gaussians, opacity_logits=np.full(count, 3, np.float32))
+
+
+def shown(appearance, gaussians=None, view=0):
+    return AppearanceGaussians(with_appearance(gaussians or opaque(), appearance), appearance, VIEW, view, 1)
+
+
+def test_the_first_look_has_the_points_colours():
+    gaussians = opaque()
+    found = shown(appearance_of(), gaussians)
+    assert np.array_equal(found.sh[0], gaussians.sh[found.rows])
+
+
+def test_colours_are_what_the_layers_say_of_codes_and_intrinsic_numbers():
+    colours = restless(appearance_of()).colours
+    codes, intrinsic = torch.rand(7, 2 * SEEING.code), torch.rand(7, SEEING.intrinsic)
+    found = colours.added(codes, intrinsic)
+    said = colours.colour(torch.cat([codes, intrinsic], dim=1)).reshape(7, 4, 3)
+    assert torch.allclose(found[:, 0], said[:, 0] / C0)
+    assert torch.allclose(found[:, 1:], SEEING.rest * said[:, 1:] / C0)
+
+
+def test_what_lies_beyond_the_box_shares_one_local_code():
+    colours = appearance_of().colours
+    colours.enclose(cloud(500).means)
+    with torch.no_grad():
+        colours.outside.normal_()
+    positions = torch.tensor([[0, 0, 0], [0.9, -0.9, 0.5], [1.1, 0, 0], [0, -7, 0]])
+    whole, places = torch.rand(colours.of_whole[0].in_features), torch.rand(4, SEEING.channels)
+    codes = colours.codes(whole, places, positions)
+    local = codes[:, SEEING.code :]
+    assert torch.allclose(local[:2], colours.of_place(places[:2]))
+    assert torch.equal(local[2:], colours.outside.expand(2, -1))
+    assert torch.equal(codes[:, : SEEING.code], colours.of_whole(whole).expand(4, -1))
+    assert torch.equal(colours.codes(whole, None, positions)[:, SEEING.code :], colours.outside.expand(4, -1))
+
+
+@pytest.mark.parametrize("box", [1.0, 0.5])
+def test_the_box_is_laid_over_nearly_all_points(box):
+    colours = appearance_of(replace(SEEING, box=box)).colours
+    points = np.random.default_rng(0).uniform(-3, 3, (10_000, 3)).astype(np.float32) + np.float32(5)
+    points[:50] *= 1000  # strays
+    colours.enclose(points)
+    assert torch.allclose(colours.middle, torch.full((3,), 5.0), atol=0.1)
+    assert torch.allclose(colours.reach, torch.full((3,), 3 * box), atol=0.1)
+
+
+def test_gradients_reach_the_gaussians_colours_and_numbers_every_network_and_no_position():
+    appearance = restless(appearance_of())
+    found = shown(appearance)
+    upstream = cloud(200, 1, seed=5).select(found.rows)
+    gradients = found.backward(upstream, upstream.sh[None], BufferPool())
+    assert np.array_equal(gradients.means[found.rows], upstream.means)
+    assert np.array_equal(gradients.sh[found.rows], upstream.sh)
+    assert np.abs(gradients.features[found.rows]).sum(axis=1).min() > 0
+    assert appearance._leaves[0].grad.abs().sum() > 0
+    learning = [*appearance.triplane.named_parameters(), *appearance.colours.named_parameters()]
+    lazy = [name for name, p in learning if p.grad is None or not p.grad.abs().sum() > 0]
+    assert lazy in ([], ["outside"])  # what is in sight may all be within the box
+
+
+def test_the_look_of_a_place_is_that_of_the_pixels_there():
+    """Half of a photograph turns red: so do about half of the places on the planes, and the others stay as they are."""
+    pixels = np.full((2, HEIGHT, WIDTH, 3), 128, np.uint8)
+    pixels[1, :, : WIDTH // 2] = (255, 0, 0)
+    appearance, gaussians = restless(appearance_of(pixels=pixels)), opaque()
+    parameters = {k: torch.from_numpy(v) for k, v in with_appearance(gaussians, appearance).state_dict().items()}
+    everything = torch.ones(8, 11)
+    with torch.no_grad():
+        before, after = (appearance.pictures(view, everything, parameters, VIEW) for view in (0, 1))
+    changed = (before != after).any(dim=1)
+    assert 0.3 < float(changed.sum() / (before[:, [3, 7]] > 0).any(dim=1).sum()) < 0.7
+    assert torch.equal(before[:, 3], after[:, 3])  # the points are the same, their colours are not
+
+
+def test_what_is_masked_or_hidden_is_not_lifted():
+    ignored = np.zeros((HEIGHT, WIDTH), bool)
+    ignored[:, :20] = True
+    gaussians = opaque()
+
+    def points(visible, hidden=()):
+        appearance = appearance_of(ignored=hidden)
+        parameters = {k: torch.from_numpy(v) for k, v in with_appearance(gaussians, appearance).state_dict().items()}
+        return float((appearance.pictures(0, visible, parameters, VIEW)[:, 3] > 0).float().sum())
+
+    all_seen, half, nothing = torch.ones(8, 11), torch.ones(8, 11), torch.full((8, 11), 0.4)
+    half[:, 5:] = 0.4
+    everything = points(all_seen)
+    assert points(nothing) == 0
+    assert 0 < points(half) < everything
+    assert 0 < points(all_seen, [ignored, None]) < everything
+
+
+def test_there_is_no_local_look_at_first():
+    appearance = restless(appearance_of(replace(SEEING, local_from=0.5)))
+    gaussians = opaque()
+    first = shown(appearance, gaussians)
+    added = first.sh[0] - gaussians.sh[first.rows]
+    assert np.ptp(added, axis=0).max() < 1e-5  # all Gaussians are alike
+    appearance._steps = 5
+    later = shown(appearance, gaussians)
+    assert np.ptp(later.sh[0] - gaussians.sh[later.rows], axis=0).max() > 0.01
+
+
+def test_in_some_steps_nothing_of_the_reference_is_seen():
+    appearance = restless(appearance_of(replace(SEEING, absent=0.4)))
+    gaussians, same = opaque(60), []
+    for step in range(60):
+        two = [shown(appearance, gaussians, view) for view in (0, 1)]
+        same.append(np.array_equal(two[0].sh, two[1].sh))
+        assert len(appearance.visible) > 0  # the mask is found all the same
+        appearance.learn(step)
+    assert same.count(True) == pytest.approx(24, abs=10)
+    with torch.no_grad():
+        assert not any(appearance._absent() for _ in range(20))
+
+
+def test_depths_are_kept_for_some_steps_and_rendered_anew():
+    appearance, near, far = appearance_of(replace(SEEING, renewed=3)), opaque(), opaque()
+    near = replace(near, means=near.means * np.float32(0.5))
+
+    def depth_of(gaussians, step):
+        appearance._steps = step
+        shown(appearance, gaussians)
+        return appearance._depths[0]
+
+    first = depth_of(far, 0)
+    assert depth_of(near, 0) is first
+    assert depth_of(near, 2) is first
+    renewed = depth_of(near, 3)
+    assert renewed[0] == 3
+    assert not np.array_equal(renewed[1], first[1], equal_nan=True)
+    with torch.no_grad():
+        shown(appearance, far, view=1)
+    assert list(appearance._depths) == [0]  # nothing is kept where nothing is learned
+
+
+def test_the_price_of_masking_falls_linearly():
+    appearance = appearance_of(iterations=101)
+    assert [appearance.visible_price(k) for k in (0, 50, 100)] == pytest.approx([0.4, 0.25, 0.1])
+
+
+def test_the_mask_learns_at_the_price_of_the_step():
+    """By m [h', w'] of the loss: a part that its pixels' losses give, and 2 price (m - 1) / (h' w')."""
+    appearance = appearance_of(replace(SEEING, visible_from=0.0), iterations=101)
+    rule = VisibleObjective(appearance._images, 0.2, appearance)
+    image, gradients = np.full((HEIGHT, WIDTH, 3), 0.5, np.float32), []
+    for iteration in (0, 100):
+        appearance._encoded(0)
+        rule(image, 0, iteration, BufferPool())
+        gradients.append(appearance.visible.grad)
+    hidden = 1 - appearance.visible.detach()
+    assert torch.allclose(gradients[0] - gradients[1], -2 * 0.3 * hidden / hidden.numel(), atol=1e-7)
+    assert hidden.min() > 0.01
+
+
+def test_settings_that_cannot_be():
+    for wrong in ({"side": 30}, {"box": 0.0}, {"rate_planes": 0.0}, {"code": 0}, {"absent": 1.0}, {"shrink": 0}):
+        with pytest.raises(ValueError, match=r"expected|positive"):
+            LookConfig(**wrong)

@@ -1,0 +1,107 @@
+"""Six pictures of points with colours, and reading three planes: against closed forms and torch's own sampler."""
+
+import pytest
+import torch
+from torch.nn import functional
+
+from baselines.wild_gs.triplane import VALUES, TriplaneNetwork, plane_pictures, read
+
+SIDE = 8
+RED, BLUE = torch.tensor([1.0, 0.0, 0.0]), torch.tensor([0.0, 0.0, 1.0])
+
+
+def seen(points, colours, counted=None, side=SIDE):
+    """The pictures as [plane, side they are seen from, 4, side, side]."""
+    counted = torch.ones(len(points), dtype=torch.bool) if counted is None else counted
+    return plane_pictures(points, colours, counted, side).unflatten(1, (2, VALUES))
+
+
+def place(u, v):
+    """Row and column of a place on a plane."""
+    return int((v + 1) / 2 * SIDE), int((u + 1) / 2 * SIDE)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_of_two_points_each_side_of_a_plane_shows_the_nearer(axis):
+    """Planes xy, yz, zx lie across z, x, y."""
+    plane = {2: 0, 0: 1, 1: 2}[axis]
+    points = torch.tensor([[0.3, -0.6, 0.1]] * 2)
+    points[0, axis], points[1, axis] = 0.8, -0.8
+    pictures = seen(points, torch.stack([RED, BLUE]))
+    u, v = points[0, (axis + 1) % 3], points[0, (axis + 2) % 3]
+    row, column = place(u, v)
+    above, behind = pictures[plane, :, :, row, column]
+    assert above.tolist() == [0.5, -0.5, -0.5, 1]
+    assert behind.tolist() == [-0.5, -0.5, 0.5, 1]
+    assert pictures[plane, :, 3].sum() == 2  # nothing else is on the plane
+
+
+def test_points_close_together_are_averaged_and_those_beyond_are_hidden():
+    points = torch.tensor([[0.1, 0.1, 0.5], [0.11, 0.12, 0.45], [0.1, 0.1, 0.0]])
+    colours = torch.stack([RED, BLUE, torch.ones(3)])
+    row, column = place(0.1, 0.1)
+    above, behind = seen(points, colours)[0, :, :, row, column]
+    assert torch.allclose(above, torch.tensor([0, -0.5, 0, 1.0]))
+    assert torch.allclose(behind, torch.tensor([0.5, 0.5, 0.5, 1]))
+
+
+def test_what_does_not_count_or_lies_beyond_the_box_is_not_shown():
+    points = torch.tensor([[0.1, 0.1, 0.9], [0.1, 0.1, 1.2], [0.1, 0.1, -0.2]])
+    counted = torch.tensor([False, True, True])
+    row, column = place(0.1, 0.1)
+    pictures = seen(points, torch.stack([RED, RED, BLUE]), counted)
+    assert torch.allclose(pictures[0, :, :, row, column], torch.tensor([[-0.5, -0.5, 0.5, 1]] * 2))
+    assert pictures[:, :, 3].sum() == 6
+
+
+@pytest.mark.parametrize("count", [0, 3])
+def test_no_points_are_empty_pictures(count):
+    points, colours = torch.zeros(count, 3), torch.ones(count, 3)
+    pictures = seen(points, colours, torch.zeros(count, dtype=torch.bool))
+    assert pictures.shape == (3, 2, VALUES, SIDE, SIDE)
+    assert not pictures.any()
+    planes = TriplaneNetwork((8, 16, 32), 5)(pictures.flatten(1, 2))
+    assert planes.isfinite().all()
+    assert planes.shape == (3, 5, SIDE, SIDE)
+
+
+def test_points_on_the_edges_of_the_box_are_within_it():
+    corners = torch.cartesian_prod(*[torch.tensor([-1.0, 1.0])] * 3)
+    pictures = seen(corners, torch.ones(8, 3))
+    assert pictures[:, :, 3].sum() == 3 * 2 * 4
+    assert pictures[:, :, 3, [0, 0, -1, -1], [0, -1, 0, -1]].all()
+
+
+def test_linear_planes_are_read_as_their_sum():
+    axis = (torch.arange(SIDE) + 0.5) / SIDE * 2 - 1
+    v, u = torch.meshgrid(axis, axis, indexing="ij")
+    planes = torch.stack([2 * u + 3 * v, 5 * u - v + 1, -4 * u + 0.5 * v])[:, None]
+    x, y, z = (1.6 * torch.rand(30, 3, generator=torch.Generator().manual_seed(0)) - 0.8).unbind(dim=1)
+    expected = (2 * x + 3 * y) + (5 * y - z + 1) + (-4 * z + 0.5 * x)
+    assert torch.allclose(read(planes, torch.stack([x, y, z], dim=1))[:, 0], expected, atol=1e-5)
+
+
+def test_reading_and_its_gradient_are_those_of_torchs_sampler():
+    generator = torch.Generator().manual_seed(1)
+    planes = torch.rand(3, 4, 6, 6, generator=generator, dtype=torch.float64)
+    positions = 2.6 * torch.rand(40, 3, generator=generator, dtype=torch.float64) - 1.3
+    upstream = torch.rand(40, 4, generator=generator, dtype=torch.float64)
+    ends = []
+    for theirs in (False, True):
+        leaf = planes.clone().requires_grad_()
+        if theirs:
+            pairs = torch.stack([positions[:, [0, 1]], positions[:, [1, 2]], positions[:, [2, 0]]])[:, :, None]
+            options = {"mode": "bilinear", "padding_mode": "border", "align_corners": False}
+            values = functional.grid_sample(leaf, pairs, **options)[..., 0].sum(dim=0).T
+        else:
+            values = read(leaf, positions)
+        (values * upstream).sum().backward()
+        ends.append((values.detach(), leaf.grad))
+    assert all(torch.allclose(ours, theirs, atol=1e-12) for ours, theirs in zip(*ends, strict=True))
+
+
+def test_every_weight_of_the_network_learns():
+    torch.manual_seed(0)
+    net = TriplaneNetwork((8, 16, 32), 5)
+    net(torch.rand(3, 2 * VALUES, 16, 16)).square().mean().backward()
+    assert [name for name, p in net.named_parameters() if not p.grad.abs().sum() > 0] == []

@@ -1,0 +1,310 @@
+"""Wild-GS as a method: what it is for, what it survives, its files, resumption, and the profiles."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from splats import cloud, photographed
+
+from baselines.gaussian_splatting import SHORT_RATES, GaussianSplatting
+from baselines.method import check_hidden
+from baselines.splatting.appearance.gaussians import gaussians_in_view
+from baselines.splatting.config import TrainerConfig
+from baselines.splatting.files.ply import SPLATS, read_ply
+from baselines.splatting.kernels.rasterizer import render
+from baselines.splatting.kernels.sh_coefficients import C0
+from baselines.splatting.strategies.densification import DefaultStrategy
+from baselines.splatting.strategies.pruning import contributions
+from baselines.wild_gs.config import SHORT
+from baselines.wild_gs.mean_look import mean_look
+from baselines.wild_gs.method import WildGS, WildGSConfig
+from hydroviews.errors import InputError
+from hydroviews.metrics.psnr import psnr
+from hydroviews.scene.images import write_png
+
+SPLATTING = TrainerConfig(
+    iterations=300,
+    sh_degree=1,
+    sh_degree_interval=50,
+    learning_rates=SHORT_RATES,
+    strategy=DefaultStrategy(start=999),
+    device="cpu",
+)
+GROWING = replace(SPLATTING, iterations=12, strategy=DefaultStrategy(start=3, stop=11, every=4, grow_grad2d=1e-7))
+# For a tenth of the iterations, and small pictures, which are looked at as they are.
+BRIEF = replace(
+    SHORT,
+    shrink=1,
+    side=32,
+    box=1.8,
+    renewed=50,
+    rate_encoder=5e-3,
+    rate_planes=2e-3,
+    rate_colour=2e-3,
+    rate_intrinsic=1e-2,
+    visible_from=0.05,
+)
+# Where light differs and nothing comes and goes: masks would take casts for that.
+LIGHT = replace(BRIEF, absent=0.0, visible_from=2.0)
+
+
+def taught(kind, config, scene, folder, seed=0):
+    method = kind(config, seed)
+    method.fit(scene, folder)
+    return method
+
+
+def held_out(method, scene, truth, parts=None):
+    """PSNR of the held-out views; with `parts` after each one's best gains, which a cast on it leaves open."""
+    scores = []
+    for view in scene.test_views:
+        image, expected = method.render(view.camera).copy(), truth[view.name]
+        for part in parts(view.camera) if parts else ():
+            image[part] *= (image[part] * expected[part]).sum(axis=0) / (image[part] ** 2).sum(axis=0)
+        scores.append(psnr(np.clip(image, 0, 1), expected))
+    return float(np.mean(scores))
+
+
+def true_pictures(scene):
+    return {view.name: view.image() for view in scene.views}
+
+
+def cast(scene):
+    """Every photograph with a gain of its own in each channel."""
+    rng = np.random.default_rng(1)
+    for view in scene.train_views:
+        write_png(view.path, np.clip(view.image() * np.exp(rng.normal(-0.5, 0.4, 3)).astype(np.float32), 0, 1))
+
+
+def things_lit():
+    """What `photographed` shows, and which of it stands under a lamp of its own."""
+    things = cloud(60, degree=0, seed=3, size=0.15)
+    return things, things.means[:, 0] > 0
+
+
+def cast_on_a_part(scene):
+    """One half of the scene's things under a lamp that shines otherwise in every photograph."""
+    rng, (things, lit) = np.random.default_rng(2), things_lit()
+    for view in scene.train_views:
+        colours = np.maximum(0.5 + C0 * things.sh[:, 0], 0).astype(np.float32)
+        colours[lit] *= np.exp(rng.normal(-0.5, 0.4, 3)).astype(np.float32)
+        write_png(view.path, np.clip(render(things.coloured(colours), view.camera)[0], 0, 1))
+
+
+def whole(camera):
+    """All of a picture as one part [1, H, W]."""
+    return np.ones((1, camera.height, camera.width), bool)
+
+
+def lit_or_not(camera):
+    """Where a picture shows things under the lamp, and where it does not [2, H, W]."""
+    things, lit = things_lit()
+    white = np.repeat(np.where(lit, np.float32(1), np.float32(0))[:, None], 3, axis=1)
+    under = render(things.coloured(white), camera)[0][..., 0] > 0.5
+    return np.stack([under, ~under])
+
+
+def occlude(scene, side=24):
+    """A bright block somewhere in every third photograph."""
+    rng = np.random.default_rng(0)
+    for view in scene.train_views[::3]:
+        image = view.image()
+        top, left = rng.integers(0, image.shape[0] - side + 1), rng.integers(0, image.shape[1] - side + 1)
+        image[top : top + side, left : left + side] = (1, 0.9, 0.2)
+        write_png(view.path, image)
+
+
+@pytest.mark.parametrize(("spoilt", "parts"), [(cast, whole), (cast_on_a_part, lit_or_not)])
+def test_light_that_differs_is_told_from_the_scene(tmp_path, spoilt, parts):
+    scene = photographed(tmp_path)
+    truth = true_pictures(scene)
+    spoilt(scene)
+    plain = taught(GaussianSplatting, SPLATTING, scene, tmp_path / "plain")
+    look = taught(WildGS, WildGSConfig(SPLATTING, LIGHT), scene, tmp_path / "wild")
+    assert held_out(look, scene, truth, parts) > held_out(plain, scene, truth, parts) + 0.5
+
+
+def test_what_comes_and_goes_is_left_out_by_the_mask(tmp_path):
+    scene = photographed(tmp_path)
+    truth = true_pictures(scene)
+    occlude(scene)
+    plain = held_out(taught(GaussianSplatting, SPLATTING, scene, tmp_path / "plain"), scene, truth)
+
+    def found(look, seed):
+        folder = tmp_path / f"{seed}-{look.visible_from}"
+        return held_out(taught(WildGS, WildGSConfig(SPLATTING, look), scene, folder, seed), scene, truth)
+
+    masked = np.mean([found(BRIEF, seed) for seed in (0, 1)])
+    assert masked > plain + 0.5
+    assert masked > found(replace(BRIEF, visible_from=2.0), 0) + 0.7
+
+
+def test_the_same_pixels_from_disk_and_in_viewers(tmp_path):
+    scene = photographed(tmp_path, n_views=6, width=37, height=29)
+    config = WildGSConfig(GROWING, SHORT)
+    method = taught(WildGS, config, scene, tmp_path)
+    method.save(tmp_path)
+    check_hidden(method.hidden(0, (29, 37)), (29, 37))
+    again = WildGS.load(config, 0, tmp_path)
+    assert again.hidden(0, (29, 37)) is None  # references are not saved
+    for view in scene.views:
+        assert np.array_equal(again.render(view.camera), method.render(view.camera))
+    assert again.summary() == method.summary()
+    assert method.summary().used == "encoder small from scratch, 0.0% of the pixels masked"
+    shown = read_ply(tmp_path / SPLATS)
+    assert np.array_equal(shown.sh, method._trained.gaussians.sh)  # all of the look is in the file
+
+
+def test_an_interrupted_run_ends_with_the_same_bits_as_a_whole_one(tmp_path, monkeypatch):
+    scene = photographed(tmp_path, n_views=6)
+    look = replace(BRIEF, visible_from=0.3, local_from=0.2, renewed=4, absent=0.3)
+    config = WildGSConfig(replace(GROWING, checkpoint_seconds=0.0), look)
+    whole = taught(WildGS, config, scene, tmp_path / "whole")
+    assert len(whole._trained.gaussians) > len(scene.points)
+
+    learn = WildGS.objective
+
+    def cut(self, scene, folder):
+        objective = learn(self, scene, folder)
+        step = objective.appearance.learn
+
+        def failing(iteration):
+            if iteration == 8:
+                raise RuntimeError("cut")
+            step(iteration)
+
+        objective.appearance.learn = failing
+        return objective
+
+    monkeypatch.setattr(WildGS, "objective", cut)
+    with pytest.raises(RuntimeError, match="cut"):
+        taught(WildGS, config, scene, tmp_path / "cut")
+    monkeypatch.undo()
+    resumed = taught(WildGS, config, scene, tmp_path / "cut")
+    finished = taught(WildGS, config, scene, tmp_path / "whole")  # from the checkpoint of the end
+    assert len(resumed._appearance._depths) > 1
+    for other in (resumed, finished):
+        theirs = other._trained.gaussians.state_dict()
+        assert all(np.array_equal(v, theirs[k]) for k, v in whole._trained.gaussians.state_dict().items())
+        depths = other._appearance._depths
+        assert depths.keys() == whole._appearance._depths.keys()
+        for view, (step, depth) in whole._appearance._depths.items():
+            assert step == depths[view][0]
+            assert np.array_equal(depth, depths[view][1], equal_nan=True)
+    other = replace(config, look=replace(look, price_last=0.2))
+    with pytest.raises(InputError, match="another run"):
+        taught(WildGS, other, scene, tmp_path / "cut")
+
+
+@pytest.fixture
+def alike(tmp_path):
+    """A method taught with photographs of one colour, its Gaussians with their features, and its cameras."""
+    scene = photographed(tmp_path, n_views=6)
+    for view in scene.train_views:
+        write_png(view.path, np.full((36, 48, 3), 0.4, np.float32))
+    method = WildGS(WildGSConfig(GROWING, replace(BRIEF, absent=0.0)), 0)
+    appearance = method.objective(scene, tmp_path).appearance
+    gaussians = cloud(80, 1)
+    torch.manual_seed(0)
+    with torch.no_grad():
+        appearance.colours.colour[-1].weight.normal_(0, 0.1)
+    features = np.random.default_rng(0).normal(size=appearance.features(gaussians).shape).astype(np.float32)
+    return appearance, replace(gaussians, features=features), [view.camera for view in scene.train_views]
+
+
+def test_the_mean_look_is_that_of_the_views_where_they_agree(alike, monkeypatch):
+    appearance, gaussians, cameras = alike
+
+    def places(view, visible, parameters, camera):
+        """What lies where, whoever looks."""
+        return parameters["means"].detach().repeat(1, 6)[:, : BRIEF.channels]
+
+    monkeypatch.setattr(appearance, "read", places)
+    mean, masked = mean_look(gaussians, appearance, cameras, 0.1, False)
+    appearance._steps = appearance.iterations
+    own = gaussians_in_view(gaussians, appearance, cameras[1], 1, 1)
+    rows = [int(np.flatnonzero((mean.means == position).all(axis=1))[0]) for position in own.means]
+    assert np.allclose(mean.sh[rows], own.sh, atol=1e-5)
+    assert np.abs(mean.sh - gaussians.sh).max() > 0.05
+    assert mean.features is None
+    assert masked == 0
+
+
+def test_the_mean_is_taken_before_the_networks_of_codes_and_by_pixels(alike, monkeypatch):
+    appearance, gaussians, cameras = alike
+    codes = []
+    monkeypatch.setattr(
+        appearance, "read", lambda view, _, seen, __: torch.full((len(seen["means"]), BRIEF.channels), float(view))
+    )
+    monkeypatch.setattr(appearance, "encode", lambda view: (torch.full((64,), float(view)), torch.ones(4, 4)))
+    understood = appearance.colours.codes
+    monkeypatch.setattr(appearance.colours, "codes", lambda *given: codes.append(given) or understood(*given))
+    mean_look(gaussians, appearance, cameras, 0.1, False)
+    whole, places, _ = codes[0]
+    pixels = np.stack([contributions(gaussians.bare(), [camera], 0.1, False) for camera in cameras])
+    expected = (np.arange(len(cameras))[:, None] * pixels).sum(axis=0) / pixels.sum(axis=0).clip(1e-9)
+    seen = pixels.sum(axis=0) > 1
+    assert seen.sum() > 40
+    assert torch.allclose(whole, torch.full((64,), np.arange(len(cameras)).mean()))
+    assert np.allclose(places[:, 0].numpy()[seen], expected[seen], atol=1e-3)
+
+
+@pytest.mark.parametrize("value", [0.0, 1.0])
+def test_photographs_of_one_colour_leave_everything_finite(tmp_path, value):
+    scene = photographed(tmp_path, n_views=5)
+    for view in scene.train_views:
+        write_png(view.path, np.full((36, 48, 3), value, np.float32))
+    method = taught(WildGS, WildGSConfig(GROWING, BRIEF), scene, tmp_path / "run")
+    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
+    assert all(parameter.isfinite().all() for parameter in method._appearance.parameters())
+
+
+def test_one_view_and_a_scene_that_it_does_not_show(tmp_path):
+    scene = photographed(tmp_path, n_views=3)
+    single = replace(scene, split=replace(scene.split, train=scene.split.train[:1]))
+    method = taught(WildGS, WildGSConfig(GROWING, BRIEF), single, tmp_path / "one")
+    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
+    nothing = replace(scene, points=replace(scene.points, positions=scene.points.positions + 1e3))
+    method = taught(WildGS, WildGSConfig(GROWING, BRIEF), nothing, tmp_path / "far")
+    assert not method.render(scene.test_views[0].camera).any()
+
+
+def test_masks_that_hide_everything_are_said(tmp_path, caplog):
+    """Every photograph shows something else: nothing can be learned, and at a low price all is masked."""
+    scene = photographed(tmp_path, n_views=5)
+    rng = np.random.default_rng(0)
+    for view in scene.train_views:
+        write_png(view.path, rng.integers(0, 2, (36, 48, 3)).astype(np.float32))
+    cheap = replace(BRIEF, price_first=0.02, price_last=0.02, visible_from=0.0, rate_encoder=2e-2)
+    method = taught(WildGS, WildGSConfig(replace(GROWING, iterations=60), cheap), scene, tmp_path / "run")
+    assert method.found["masked"] > 0.9
+    assert [record.getMessage() for record in caplog.records if "masks hide" in record.getMessage()]
+    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
+
+
+def test_weights_of_the_encoder_come_from_a_file_that_is_named(tmp_path, monkeypatch):
+    monkeypatch.delenv("HYDROVIEWS_RESNET18", raising=False)
+    assert WildGS.configuration("paper").look.weights is None
+    path = tmp_path / "resnet18.pth"
+    monkeypatch.setenv("HYDROVIEWS_RESNET18", str(path))
+    with pytest.raises(InputError, match="no such file"):
+        WildGS.configuration("paper")
+    path.write_bytes(b"damaged")
+    config = WildGS.configuration("paper")
+    assert len(config.look.weights_sha256) == 64
+    with pytest.raises(InputError, match="not weights of ResNet-18"):
+        WildGS(config, 0).objective(photographed(tmp_path, n_views=3), tmp_path)
+    assert WildGS.configuration("demo").look == SHORT
+    with pytest.raises(InputError, match="no such profile"):
+        WildGS.configuration("long")
+
+
+def test_the_papers_networks_take_a_step(tmp_path, monkeypatch):
+    monkeypatch.delenv("HYDROVIEWS_RESNET18", raising=False)
+    scene = photographed(tmp_path, n_views=4)
+    config = WildGS.with_max_iterations(WildGS.configuration("paper"), 2)
+    config = replace(config, splatting=replace(config.splatting, device="cpu"))
+    method = taught(WildGS, config, scene, tmp_path)
+    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
+    assert method.summary().used.startswith("encoder resnet18 from scratch")
