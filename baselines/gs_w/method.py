@@ -17,7 +17,6 @@ Short profiles besides: a small U-Net on a reference of half the size, smaller n
 """
 
 from collections.abc import Mapping
-from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -117,7 +116,7 @@ class GaussianInTheWild(GaussianSplatting):
         seen_with = trained.near, self.splatting.antialiased
         gaussians = average_features(trained.gaussians, appearance, cameras, *seen_with)
         self._trained = replace(trained, gaussians=gaussians)
-        self._fusion = deepcopy(appearance.fusion).cpu()  # the appearance stays whole where it is
+        self._fusion = appearance.cpu().fusion
         self._shown = mean_colours(gaussians, self._fusion, cameras, *seen_with)
 
     def hidden(self, view: int, size: tuple[int, int]) -> NDArray[np.float32] | None:
