@@ -74,7 +74,7 @@ class DerainNeRF(RadianceMethod):
 
     def __init__(self, config: DerainNeRFConfig, seed: int) -> None:
         super().__init__(config, seed)
-        self._hidden: float | None = None  # share of the training pixels
+        self._masks: list[Ignored] = []  # of the training views, after `fit`
 
     @classmethod
     def configuration(cls, profile: str) -> DerainNeRFConfig:
@@ -93,14 +93,19 @@ class DerainNeRF(RadianceMethod):
 
     def weights(self, images: TrainingImages, names: Sequence[str], folder: Path) -> Sequence[NDArray[np.float32]]:
         """See RadianceMethod; 1 - M, and M is kept in `folder` as pictures."""
-        masks = drop_masks(images, names, self.config.drops, folder / MASKS)
-        self._hidden = float(np.mean(np.concatenate([mask.ravel() for mask in masks])))
-        return [1 - mask.astype(np.float32) for mask in masks]
+        self._masks = drop_masks(images, names, self.config.drops, folder / MASKS)
+        return [1 - mask.astype(np.float32) for mask in self._masks]
+
+    def hidden(self, view: int, size: tuple[int, int]) -> NDArray[np.float32] | None:
+        """See Method: M."""
+        return self._masks[view].astype(np.float32) if self._masks else None
 
     def summary(self) -> TrainingSummary:
-        """See Method."""
-        used = "" if self._hidden is None else f"{self._hidden:.1%} of the pixels hidden as drops"
-        return replace(super().summary(), used=used)
+        """See Method; `used` says how much of the photographs was hidden."""
+        if not self._masks:
+            return super().summary()
+        share = float(np.mean(np.concatenate([mask.ravel() for mask in self._masks])))
+        return replace(super().summary(), used=f"{share:.1%} of the pixels hidden as drops")
 
 
 class PlainField(RadianceMethod):

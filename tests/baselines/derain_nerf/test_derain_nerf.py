@@ -83,6 +83,8 @@ def test_masks_bring_back_what_drops_cost(tmp_path, drops):
     assert with_masks > 16
     assert with_masks > without + 3
     assert f"{MASK.mean():.1%}" in masked.summary().used
+    assert np.array_equal(masked.hidden(0, MASK.shape), MASK.astype(np.float32))
+    assert plain.hidden(0, MASK.shape) is None
 
 
 def test_hidden_pixels_do_not_count(tmp_path, drops):
