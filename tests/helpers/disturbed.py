@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from baselines.splatting.gaussians import FIELDS
+from baselines.training.torch_state import module_arrays
 from hydroviews.scene.images import write_png
+from hydroviews.scene.scenes import Split
 
 
 def fitted(kind, config, scene, folder, seed=0):
@@ -109,6 +111,41 @@ def losses_cut(module, name, step=12):
 
     with mock.patch.object(module, name, failing), pytest.raises(RuntimeError, match="power cut"):
         yield
+
+
+def whole_and_resumed_field(kind, config, scene, folder, module, losses):
+    """A field method trained at once and one that broke off and went on; all their arrays are the same."""
+    config = replace(config, volumetric=replace(config.volumetric, checkpoint_seconds=0.0))
+    whole = fitted(kind, config, scene, folder / "whole")
+    with losses_cut(module, losses):
+        fitted(kind, config, scene, folder / "cut")
+    resumed = fitted(kind, config, scene, folder / "cut")
+    arrays, others = (module_arrays(method._fitted.trained.model) for method in (whole, resumed))
+    assert [name for name, values in arrays.items() if values.tobytes() != others[name].tobytes()] == []
+    assert whole.summary().used == resumed.summary().used
+    return arrays
+
+
+TEACH_LITTLE = ("identical", "one view", "all outliers", "mostly hidden")
+
+
+def learns_of_little(method, scene, folder, case):
+    """Train a field method on views of 24 x 32 pixels that teach little, and find all of it finite."""
+    noise = np.random.default_rng(0)
+    if case == "identical":
+        scene = disturbed(scene, folder, lambda picture, _: np.full_like(picture, 0.5))
+    elif case == "all outliers":
+        scene = disturbed(scene, folder, lambda picture, _: noise.random(picture.shape))
+    elif case == "one view":
+        scene = replace(scene, split=Split(scene.split.train[:1], scene.split.test))
+    elif case == "mostly hidden":  # what counts is one pixel of each view
+        counts = [np.zeros((24, 32), np.float32) for _ in scene.train_views]
+        for count in counts:
+            count[3, 5] = 1
+        method.weights = lambda *_: counts
+    method.fit(scene, folder / "run")
+    assert all(np.isfinite(values).all() for values in module_arrays(method._fitted.trained.model).values())
+    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
 
 
 def occluded(scene, folder, size=48, seed=0):

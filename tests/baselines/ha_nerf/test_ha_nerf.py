@@ -7,7 +7,15 @@ import balls
 import numpy as np
 import pytest
 import torch
-from disturbed import behind_squares, disturbed, fitted, held_out, in_casts, losses_cut
+from disturbed import (
+    TEACH_LITTLE,
+    behind_squares,
+    fitted,
+    held_out,
+    in_casts,
+    learns_of_little,
+    whole_and_resumed_field,
+)
 
 from baselines.ha_nerf import method as ha_nerf
 from baselines.ha_nerf.config import HaNerfConfig, LookConfig, VisibilityConfig
@@ -15,7 +23,6 @@ from baselines.ha_nerf.losses import ha_nerf_losses
 from baselines.ha_nerf.method import HaNerf
 from baselines.ha_nerf.model import HaNerfModel
 from baselines.training.images import TrainingImages
-from baselines.training.torch_state import module_arrays
 from baselines.volumetric.batches import Batch
 from baselines.volumetric.compositing import INFINITE
 from baselines.volumetric.config import MlpFieldConfig
@@ -23,7 +30,6 @@ from baselines.volumetric.model import Rendering, Samples, TrainingContext
 from baselines.volumetric.rays import WorldRays
 from baselines.volumetric.spaces import Contracted
 from hydroviews.errors import InputError
-from hydroviews.scene.scenes import Split
 
 LOOK = LookConfig(size=8, channels=(8, 16, 16), side=24, rate=2e-3)
 VISIBILITY = VisibilityConfig(
@@ -203,17 +209,10 @@ def test_colour_casts_of_the_views_are_kept_out(ball, tmp_path):
 
 
 def test_an_interrupted_training_ends_with_the_same_bits(ball, tmp_path):
-    config = replace(SHORT, volumetric=replace(SHORT.volumetric, checkpoint_seconds=0.0))
-    whole = fitted(HaNerf, config, ball, tmp_path / "whole")
-    with losses_cut(ha_nerf, "ha_nerf_losses"):
-        fitted(HaNerf, config, ball, tmp_path / "cut")
-    resumed = fitted(HaNerf, config, ball, tmp_path / "cut")
-    arrays, others = (module_arrays(method._fitted.trained.model) for method in (whole, resumed))
+    arrays = whole_and_resumed_field(HaNerf, SHORT, ball, tmp_path, ha_nerf, "ha_nerf_losses")
     assert {"network.running.typical", "network.running.steps", "network.looks"} <= set(arrays)
-    assert [name for name, values in arrays.items() if values.tobytes() != others[name].tobytes()] == []
-    assert whole.summary().used == resumed.summary().used
     with pytest.raises(InputError, match="settings"):
-        fitted(HaNerf, replace(config, min_scale=0.7), ball, tmp_path / "cut")
+        fitted(HaNerf, replace(SHORT, min_scale=0.7), ball, tmp_path / "cut")
 
 
 def test_a_saved_model_renders_the_same_pixels(ball, tmp_path):
@@ -228,26 +227,9 @@ def test_a_saved_model_renders_the_same_pixels(ball, tmp_path):
         HaNerf.load(replace(SHORT, look=replace(LOOK, size=9)), 0, tmp_path)
 
 
-@pytest.mark.parametrize("case", ["identical", "one view", "all outliers", "mostly hidden"])
+@pytest.mark.parametrize("case", TEACH_LITTLE)
 def test_scenes_that_teach_little_are_learned_without_harm(ball, tmp_path, case):
-    noise = np.random.default_rng(0)
-    if case == "identical":
-        scene = disturbed(ball, tmp_path, lambda picture, _: np.full_like(picture, 0.5))
-    elif case == "all outliers":
-        scene = disturbed(ball, tmp_path, lambda picture, _: noise.random(picture.shape))
-    elif case == "one view":
-        scene = replace(ball, split=Split(ball.split.train[:1], ball.split.test))
-    else:
-        scene = ball
-    method = HaNerf(SHORT, 0)
-    if case == "mostly hidden":  # what counts is one pixel of each view
-        counts = [np.zeros((24, 32), np.float32) for _ in scene.train_views]
-        for count in counts:
-            count[3, 5] = 1
-        method.weights = lambda *_: counts
-    method.fit(scene, tmp_path / "run")
-    assert all(np.isfinite(values).all() for values in module_arrays(method._fitted.trained.model).values())
-    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
+    learns_of_little(HaNerf(SHORT, 0), ball, tmp_path, case)
 
 
 def test_the_network_of_the_paper_is_trained_too(ball, tmp_path):
