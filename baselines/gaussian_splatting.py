@@ -153,8 +153,8 @@ class GaussianSplatting(Method):
 
     @property
     def splatting(self) -> TrainerConfig:
-        """How the Gaussians are trained; here all the settings there are."""
-        config: TrainerConfig = self.config
+        """How the Gaussians are trained: the part of the settings of this name, or all there are."""
+        config: TrainerConfig = self.config if isinstance(self.config, TrainerConfig) else self.config.splatting
         return config
 
     def objective(self, scene: Scene, folder: Path) -> Objective | None:

@@ -102,12 +102,6 @@ class DeRainGS(GaussianSplatting):
         config: DeRainGSConfig = super().configuration(profile)
         return replace(config, weights_sha256=sha256(find_weights(config.weights))) if config.weights else config
 
-    @property
-    def splatting(self) -> TrainerConfig:
-        """See GaussianSplatting."""
-        config: DeRainGSConfig = self.config
-        return config.splatting
-
     def objective(self, scene: Scene, folder: Path) -> RainObjective:
         """See GaussianSplatting; enhanced views are kept in `folder`.
 

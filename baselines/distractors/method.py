@@ -41,12 +41,6 @@ class DistractorMethod(GaussianSplatting):
 
     _objective: ReportingObjective | None = None  # after `fit`
 
-    @property
-    def splatting(self) -> TrainerConfig:
-        """See GaussianSplatting."""
-        splatting: TrainerConfig = self.config.splatting
-        return splatting
-
     @abstractmethod
     def objective(self, scene: Scene, folder: Path) -> ReportingObjective:
         """See GaussianSplatting."""

@@ -46,11 +46,6 @@ class ReferenceAppearance(EncodedAppearance):
             self.fusion = Fusion(config, sh_degree)
         self.optimise([(self.encoder, config.rate_maps), (self.fusion, config.rate_colour)])
 
-    @property
-    def device(self) -> torch.device:
-        """See EncodedAppearance."""
-        return self.fusion.middle.device
-
     def visible_price(self, iteration: int) -> float:
         """See EncodedAppearance: always the same."""
         return self.config.visible_price

@@ -14,10 +14,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
-from torch.nn import functional
 
 from baselines.gs_w.config import EncoderConfig
-from baselines.gs_w.encoder import PictureEncoder
+from baselines.gs_w.encoder import PictureEncoder, at_size
 from baselines.splatting.appearance.base import Appearance
 from baselines.splatting.schedule import Stream, random_stream
 from baselines.training.images import TrainingImages
@@ -53,9 +52,9 @@ class EncodedAppearance(Appearance):
         self._rates = [rate for _, rate in groups]
 
     @property
-    @abstractmethod
     def device(self) -> torch.device:
         """Where the networks are."""
+        return next(self.encoder.parameters()).device
 
     @abstractmethod
     def visible_price(self, iteration: int) -> float:
@@ -74,9 +73,7 @@ class EncodedAppearance(Appearance):
     @torch.no_grad()
     def hidden(self, view: int, size: tuple[int, int]) -> NDArray[np.float32]:
         """1 - m [H, W] of a training view at (height, width)."""
-        visible = self.encode(view)[1]
-        whole = functional.interpolate(visible[None, None], size=size, mode="bilinear", align_corners=False)[0, 0]
-        return (1 - whole.clamp(0, 1)).cpu().numpy()
+        return (1 - at_size(self.encode(view)[1], size).clamp(0, 1)).cpu().numpy()
 
     @property
     def visible(self) -> Tensor:

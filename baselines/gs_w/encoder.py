@@ -144,6 +144,11 @@ def visibility_decoder(backbone: Backbone) -> tuple[nn.ModuleList, nn.Conv2d]:
     return lifts, last
 
 
+def at_size(mask: Tensor, size: tuple[int, int]) -> Tensor:
+    """A mask [h, w] at another height and width, bilinear."""
+    return functional.interpolate(mask[None, None], size=size, mode="bilinear", align_corners=False)[0, 0]
+
+
 def visibility(lifts: nn.ModuleList, last: nn.Conv2d, seen: Tensor) -> Tensor:
     """m [h, w] in (0, 1) at 1/4 of the picture, from its coarsest features [1, C, h', w']."""
     for lift in lifts:

@@ -86,12 +86,6 @@ class GaussianInTheWild(GaussianSplatting):
         config: GSWConfig = super().configuration(profile)
         return replace(config, appearance=with_named_weights(config.appearance))
 
-    @property
-    def splatting(self) -> TrainerConfig:
-        """See GaussianSplatting."""
-        config: GSWConfig = self.config
-        return config.splatting
-
     def objective(self, scene: Scene, folder: Path) -> VisibleObjective:
         """See GaussianSplatting.
 

@@ -10,9 +10,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
-from torch.nn import functional
 
 from baselines.gs_w.encoded import EncodedAppearance
+from baselines.gs_w.encoder import at_size
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.loss_map import loss_map
 from baselines.splatting.kernels.photometric import photometric_loss
@@ -54,8 +54,7 @@ def visibility_loss(visible: Tensor, losses: Tensor, price: float) -> tuple[Tens
         losses: l [H, W], what each pixel adds to the photometric loss.
         price: of what is not seen.
     """
-    size = (losses.shape[0], losses.shape[1])
-    whole = functional.interpolate(visible[None, None], size=size, mode="bilinear", align_corners=False)[0, 0]
+    whole = at_size(visible, (losses.shape[0], losses.shape[1]))
     return (whole * losses).mean() + price * ((1 - visible) ** 2).mean(), whole
 
 

@@ -168,12 +168,6 @@ class WildGaussians(GaussianSplatting):
             raise InputError(f"{FEATURES}={named}: unknown", expected=" or ".join(NETWORKS))
         return replace(config, uncertainty=replace(config.uncertainty, features=network))
 
-    @property
-    def splatting(self) -> TrainerConfig:
-        """See GaussianSplatting."""
-        config: WildConfig = self.config
-        return config.splatting
-
     def fit(self, scene: Scene, folder: Path) -> None:
         """See Method."""
         config: WildConfig = self.config

@@ -9,9 +9,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
-from torch.nn import functional
 
 from baselines.gs_w.encoded import EncodedAppearance
+from baselines.gs_w.encoder import at_size
 from baselines.splatting.gaussians import Gaussians
 from baselines.training.images import TrainingImages
 from baselines.wild_gs.colours import LookColours
@@ -61,11 +61,6 @@ class LookAppearance(EncodedAppearance):
         rates = config.rate_encoder, config.rate_planes, config.rate_colour
         self.optimise(list(zip((self.encoder, self.triplane, self.colours), rates, strict=True)))
         self._depths: dict[int, tuple[int, NDArray[np.float32]]] = {}  # by view: step in which it was rendered, depth
-
-    @property
-    def device(self) -> torch.device:
-        """See EncodedAppearance."""
-        return self.colours.middle.device
 
     def visible_price(self, iteration: int) -> float:
         """See EncodedAppearance: it falls linearly."""
@@ -142,8 +137,7 @@ class LookAppearance(EncodedAppearance):
     def _lifted(self, view: int, visible: Tensor, depths: Tensor) -> Tensor:
         """Which pixels become points, bool [H W]: those that have a depth, show the scene, and are not hidden."""
         size = (depths.shape[0], depths.shape[1])
-        whole = functional.interpolate(visible[None, None], size=size, mode="bilinear", align_corners=False)[0, 0]
-        found = depths.isfinite() & (whole > self.config.least_visible)
+        found = depths.isfinite() & (at_size(visible, size) > self.config.least_visible)
         ignored = self._images.ignored(view, size)
         if ignored is not None:
             found &= torch.from_numpy(~ignored).to(self.device)

@@ -78,12 +78,6 @@ class WildGS(GaussianSplatting):
         config: WildGSConfig = super().configuration(profile)
         return replace(config, look=with_named_weights(config.look))
 
-    @property
-    def splatting(self) -> TrainerConfig:
-        """See GaussianSplatting."""
-        config: WildGSConfig = self.config
-        return config.splatting
-
     def objective(self, scene: Scene, folder: Path) -> VisibleObjective:
         """See GaussianSplatting.
 

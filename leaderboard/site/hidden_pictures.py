@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from hydroviews.dataset.clean_views import CLEAN
-from hydroviews.dataset.manifest import data_hash
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.rain.layers import read_layers
 from hydroviews.rain.registry import find_effect
+from hydroviews.scene.images import to_uint8
 from leaderboard.predict import HIDDEN
 from leaderboard.records import SCORED
-from leaderboard.site.pictures import RAINY_VIEW, Pictures, Thumbnails, rainy_pictures
+from leaderboard.site.pictures import IMAGES, RAINY_VIEW, Pictures, Thumbnails, built_scene, view_pictures
 from leaderboard.site.runs import ShownRun
 
 logger = logging.getLogger(__name__)
@@ -46,22 +46,21 @@ def hidden_pictures(runs: Iterable[ShownRun], data: Path, thumbnails: Thumbnails
 
 def _given(run: ShownRun, data: Path, views: Sequence[str], thumbnails: Thumbnails) -> Pictures:
     """Rainy views, and how much of them rain covers, if these are still the data that the run was made on."""
-    folder, pattern = data / run.record["profile"] / run.record["scene"], run.record["pattern"]
+    scene, pattern = run.record["scene"], run.record["pattern"]
     try:
-        if data_hash(folder.parent, folder.name, pattern) != run.record["data_sha256"]:
-            raise InputError(f"{folder}: not the data that the runs under {pattern} were made on")
-        found = {RAINY_VIEW: rainy_pictures(folder, pattern, views, thumbnails)}
+        folder = built_scene(run, data)
+        found = {RAINY_VIEW: view_pictures(folder, folder / pattern / IMAGES, views, thumbnails)}
         if pattern != CAPTURED:
             found[TRUTH] = {view: _rain(folder / pattern, view, thumbnails) for view in views}
     except (InputError, FileNotFoundError) as error:
-        logger.warning("no rain of %s/%s on the pages: %s", folder.name, pattern, error)
+        logger.warning("no rain of %s/%s on the pages: %s", scene, pattern, error)
         return {}
     return found
 
 
 def _rain(variant: Path, view: str, thumbnails: Thumbnails) -> str:
     layers = (variant / "layers" / f"{view}.exr").read_bytes()
-    return thumbnails.add_as(layers, lambda: Image.fromarray(_grey(true_cover(variant, view))))
+    return thumbnails.add_as(layers, lambda: _grey(true_cover(variant, view)))
 
 
 def true_cover(variant: Path, view: str) -> NDArray[np.float32]:
@@ -76,5 +75,5 @@ def true_cover(variant: Path, view: str) -> NDArray[np.float32]:
     return np.asarray(1 - left, np.float32)
 
 
-def _grey(plane: NDArray[np.float32]) -> NDArray[np.uint8]:
-    return np.repeat(np.rint(plane * 255).astype(np.uint8)[..., None], 3, axis=2)
+def _grey(plane: NDArray[np.float32]) -> Image.Image:
+    return Image.fromarray(to_uint8(plane)).convert("RGB")

@@ -109,18 +109,38 @@ def _renders(run: ShownRun, thumbnails: Thumbnails) -> dict[str, str]:
 
 def _given(run: ShownRun, data: Path, names: list[str], thumbnails: Thumbnails) -> Pictures:
     """What a run was given and is compared with, of some views, if these are still the data that it was run on."""
-    folder, pattern = data / run.record["profile"] / run.record["scene"], run.record["pattern"]
+    scene, pattern = run.record["scene"], run.record["pattern"]
     try:
-        if data_hash(folder.parent, folder.name, pattern) != run.record["data_sha256"]:
-            raise InputError(f"{folder}: not the data that the runs under {pattern} were made on")
-        files = _view_files(folder)
+        folder = built_scene(run, data)
+        roots = {CLEAN_VIEW: folder / CLEAN} | ({RAINY_VIEW: folder / pattern / IMAGES} if pattern != CLEAN else {})
+        found = {title: view_pictures(folder, root, names, thumbnails) for title, root in roots.items()}
     except InputError as error:
-        logger.warning("no rainy or clean views of %s/%s on the pages: %s", folder.name, pattern, error)
+        logger.warning("no rainy or clean views of %s/%s on the pages: %s", scene, pattern, error)
         return {}
-    roots = {CLEAN_VIEW: folder / CLEAN} | ({RAINY_VIEW: folder / pattern / IMAGES} if pattern != CLEAN else {})
-    paths = {title: {name: root / files[name] for name in names if name in files} for title, root in roots.items()}
-    found = {title: _added({n: p for n, p in own.items() if p.is_file()}, thumbnails) for title, own in paths.items()}
     return {title: shown for title, shown in found.items() if shown}
+
+
+def built_scene(run: ShownRun, data: Path) -> Path:
+    """The folder of the scene that a run was made on.
+
+    Raises:
+        InputError: there is none, or it holds other data by now.
+    """
+    folder, pattern = data / run.record["profile"] / run.record["scene"], run.record["pattern"]
+    if data_hash(folder.parent, folder.name, pattern) != run.record["data_sha256"]:
+        raise InputError(f"{folder}: not the data that the runs under {pattern} were made on")
+    return folder
+
+
+def view_pictures(scene: Path, images: Path, views: Iterable[str], thumbnails: Thumbnails) -> dict[str, str]:
+    """Small pictures of views of a built scene, by the views' names, from one of its folders of pictures.
+
+    Raises:
+        InputError: the scene cannot be read.
+    """
+    files = _view_files(scene)
+    paths = {view: images / files[view] for view in views if view in files}
+    return _added({view: path for view, path in paths.items() if path.is_file()}, thumbnails)
 
 
 @lru_cache(maxsize=4)
@@ -130,13 +150,6 @@ def _view_files(folder: Path) -> dict[str, Path]:
     root = folder / CLEAN if own else folder / CAPTURED / IMAGES
     scene = open_clean(folder) if own else open_variant(folder, CAPTURED)
     return {view.name: view.path.relative_to(root) for view in scene.views}
-
-
-def rainy_pictures(folder: Path, pattern: str, views: Iterable[str], thumbnails: Thumbnails) -> dict[str, str]:
-    """Small pictures of rainy views of a built scene, by the views' names."""
-    files = _view_files(folder)
-    paths = {view: folder / pattern / IMAGES / files[view] for view in views if view in files}
-    return _added({view: path for view, path in paths.items() if path.is_file()}, thumbnails)
 
 
 def _added(paths: dict[str, Path], thumbnails: Thumbnails) -> dict[str, str]:

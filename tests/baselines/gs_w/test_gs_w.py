@@ -5,40 +5,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from disturbed import fitted
+from looks import GROWING, SPLATTING, cast, lessons_cut, occlude, true_pictures
 from splats import photographed
 
-from baselines.gaussian_splatting import SHORT_RATES, GaussianSplatting
+from baselines.gaussian_splatting import GaussianSplatting
 from baselines.gs_w.config import SHORT
 from baselines.gs_w.mean_appearance import average_features, coloured_for
 from baselines.gs_w.method import NETWORK, GaussianInTheWild, GSWConfig
 from baselines.method import check_hidden
 from baselines.splatting.appearance.gaussians import gaussians_in_view
-from baselines.splatting.config import TrainerConfig
 from baselines.splatting.files.ply import SPLATS, read_ply
 from baselines.splatting.kernels.rasterizer import render
-from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.training.checkpoints import read_arrays
 from hydroviews.errors import InputError
 from hydroviews.metrics.psnr import psnr
 from hydroviews.scene.images import write_png
 
-SPLATTING = TrainerConfig(
-    iterations=300,
-    sh_degree=1,
-    sh_degree_interval=50,
-    learning_rates=SHORT_RATES,
-    strategy=DefaultStrategy(start=999),
-    device="cpu",
-)
-GROWING = replace(SPLATTING, iterations=12, strategy=DefaultStrategy(start=3, stop=11, every=4, grow_grad2d=1e-7))
 BRIEF = replace(SHORT, rate_maps=2e-3, rate_colour=2e-3)  # for a tenth of the iterations
 CLOSE = replace(BRIEF, shrink=1, rate_maps=5e-3, visible_from=0.05)  # the small pictures are looked at as they are
-
-
-def taught(kind, config, scene, folder, seed=0):
-    method = kind(config, seed)
-    method.fit(scene, folder)
-    return method
 
 
 def held_out(method, scene, truth, exposed=False):
@@ -51,33 +36,12 @@ def held_out(method, scene, truth, exposed=False):
     return float(np.mean(scores))
 
 
-def true_pictures(scene):
-    return {view.name: view.image() for view in scene.views}
-
-
-def cast(scene):
-    """Every photograph with a gain of its own in each channel."""
-    rng = np.random.default_rng(1)
-    for view in scene.train_views:
-        write_png(view.path, np.clip(view.image() * np.exp(rng.normal(-0.5, 0.4, 3)).astype(np.float32), 0, 1))
-
-
-def occlude(scene, side=24):
-    """A bright block somewhere in every third photograph."""
-    rng = np.random.default_rng(0)
-    for view in scene.train_views[::3]:
-        image = view.image()
-        top, left = rng.integers(0, image.shape[0] - side + 1), rng.integers(0, image.shape[1] - side + 1)
-        image[top : top + side, left : left + side] = (1, 0.9, 0.2)
-        write_png(view.path, image)
-
-
 def test_a_colour_cast_a_view_is_told_from_the_scene(tmp_path):
     scene = photographed(tmp_path)
     truth = true_pictures(scene)
     cast(scene)
-    plain = taught(GaussianSplatting, SPLATTING, scene, tmp_path / "plain")
-    appearance = taught(GaussianInTheWild, GSWConfig(SPLATTING, BRIEF), scene, tmp_path / "wild")
+    plain = fitted(GaussianSplatting, SPLATTING, scene, tmp_path / "plain")
+    appearance = fitted(GaussianInTheWild, GSWConfig(SPLATTING, BRIEF), scene, tmp_path / "wild")
     assert held_out(appearance, scene, truth, exposed=True) > held_out(plain, scene, truth, exposed=True) + 0.5
 
 
@@ -88,7 +52,7 @@ def test_what_comes_and_goes_is_left_out_by_the_mask(tmp_path):
     gains = []
     for seed in (0, 1):  # a mask that starts so early may be late in finding anything
         with_mask, without = (
-            held_out(taught(GaussianInTheWild, GSWConfig(SPLATTING, appearance), scene, folder, seed), scene, truth)
+            held_out(fitted(GaussianInTheWild, GSWConfig(SPLATTING, appearance), scene, folder, seed), scene, truth)
             for appearance, folder in (
                 (CLOSE, tmp_path / f"mask-{seed}"),
                 (replace(CLOSE, visible_from=2.0), tmp_path / f"none-{seed}"),
@@ -102,7 +66,7 @@ def test_what_comes_and_goes_is_left_out_by_the_mask(tmp_path):
 def test_the_same_pixels_from_disk_and_colours_for_viewers(tmp_path):
     scene = photographed(tmp_path, n_views=6, width=37, height=29)
     config = GSWConfig(GROWING, SHORT)
-    method = taught(GaussianInTheWild, config, scene, tmp_path)
+    method = fitted(GaussianInTheWild, config, scene, tmp_path)
     method.save(tmp_path)
     check_hidden(method.hidden(0, (29, 37)), (29, 37))
     again = GaussianInTheWild.load(config, 0, tmp_path)
@@ -123,32 +87,16 @@ def test_the_same_pixels_from_disk_and_colours_for_viewers(tmp_path):
         GaussianInTheWild.load(other, 0, tmp_path)
 
 
-def test_an_interrupted_run_ends_with_the_same_bits_as_a_whole_one(tmp_path, monkeypatch):
+def test_an_interrupted_run_ends_with_the_same_bits_as_a_whole_one(tmp_path):
     scene = photographed(tmp_path, n_views=6)
     config = GSWConfig(replace(GROWING, checkpoint_seconds=0.0), replace(SHORT, visible_from=0.3))
-    whole = taught(GaussianInTheWild, config, scene, tmp_path / "whole")
+    whole = fitted(GaussianInTheWild, config, scene, tmp_path / "whole")
     assert len(whole._trained.gaussians) > len(scene.points)
 
-    learn = GaussianInTheWild.objective
-
-    def cut(self, scene, folder):
-        objective = learn(self, scene, folder)
-        step = objective.appearance.learn
-
-        def failing(iteration):
-            if iteration == 7:
-                raise RuntimeError("cut")
-            step(iteration)
-
-        objective.appearance.learn = failing
-        return objective
-
-    monkeypatch.setattr(GaussianInTheWild, "objective", cut)
-    with pytest.raises(RuntimeError, match="cut"):
-        taught(GaussianInTheWild, config, scene, tmp_path / "cut")
-    monkeypatch.undo()
-    resumed = taught(GaussianInTheWild, config, scene, tmp_path / "cut")
-    finished = taught(GaussianInTheWild, config, scene, tmp_path / "whole")  # from the checkpoint of the end
+    with lessons_cut(GaussianInTheWild, 7):
+        fitted(GaussianInTheWild, config, scene, tmp_path / "cut")
+    resumed = fitted(GaussianInTheWild, config, scene, tmp_path / "cut")
+    finished = fitted(GaussianInTheWild, config, scene, tmp_path / "whole")  # from the checkpoint of the end
     for other in (resumed, finished):
         theirs = other._trained.gaussians.state_dict()
         assert all(np.array_equal(v, theirs[k]) for k, v in whole._trained.gaussians.state_dict().items())
@@ -156,7 +104,7 @@ def test_an_interrupted_run_ends_with_the_same_bits_as_a_whole_one(tmp_path, mon
         assert np.array_equal(other._shown, whole._shown)
     unboxed = replace(config, appearance=replace(config.appearance, box=1.0))
     with pytest.raises(InputError, match="another run"):
-        taught(GaussianInTheWild, unboxed, scene, tmp_path / "cut")
+        fitted(GaussianInTheWild, unboxed, scene, tmp_path / "cut")
 
 
 def test_the_mean_appearance_is_that_of_the_views_where_they_agree(tmp_path):
@@ -164,7 +112,7 @@ def test_the_mean_appearance_is_that_of_the_views_where_they_agree(tmp_path):
     scene = photographed(tmp_path, n_views=6)
     for view in scene.train_views:
         write_png(view.path, np.full((36, 48, 3), 0.4, np.float32))
-    method = taught(GaussianInTheWild, GSWConfig(GROWING, replace(SHORT, dropout=0.0)), scene, tmp_path)
+    method = fitted(GaussianInTheWild, GSWConfig(GROWING, replace(SHORT, dropout=0.0)), scene, tmp_path)
     appearance, trained = method._appearance, method._trained
     cameras = [view.camera for view in scene.train_views]
     flat = appearance.encode(0)[0].detach().mean(dim=(1, 2), keepdim=True).expand(-1, 4, 4)
@@ -202,7 +150,7 @@ def test_the_papers_networks_take_a_step(tmp_path):
     config = replace(
         config, appearance=replace(config.appearance, lpips=0.0), splatting=replace(config.splatting, device="cpu")
     )
-    method = taught(GaussianInTheWild, config, scene, tmp_path)
+    method = fitted(GaussianInTheWild, config, scene, tmp_path)
     assert np.isfinite(method.render(scene.test_views[0].camera)).all()
     assert method.summary().used == "encoder resnet18 from scratch"
     assert torch.isfinite(method._appearance.encode(0)[0]).all()

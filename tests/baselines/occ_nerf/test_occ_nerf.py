@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 import torch
 import wall
+from disturbed import losses_cut
 
 from baselines.method import find_method
+from baselines.occ_nerf import method as occ_nerf
 from baselines.occ_nerf.config import OccNerfConfig
 from baselines.occ_nerf.losses import occ_nerf_losses
 from baselines.occ_nerf.method import OccNerf
@@ -228,26 +230,11 @@ def test_a_saved_model_renders_the_same_pixels(occluded, tmp_path):
 
 
 @pytest.mark.parametrize("steps", [3, 13], ids=["alone", "both"])
-def test_an_interrupted_training_ends_with_the_same_bits(occluded, tmp_path, monkeypatch, steps):
+def test_an_interrupted_training_ends_with_the_same_bits(occluded, tmp_path, steps):
     whole, cut = OccNerf(SHORT, 0), OccNerf(replace(SHORT, volumetric=_saving(SHORT.volumetric)), 0)
     whole.fit(occluded, tmp_path / "whole")
-    calls = []
-
-    def stops(config):
-        inner = occ_nerf_losses(config)
-
-        def loss(rendering, given):
-            calls.append(0)
-            if len(calls) == steps:
-                raise RuntimeError("power cut")
-            return inner(rendering, given)
-
-        return loss
-
-    with monkeypatch.context() as patch:
-        patch.setattr("baselines.occ_nerf.method.occ_nerf_losses", stops)
-        with pytest.raises(RuntimeError, match="power cut"):
-            cut.fit(occluded, tmp_path / "cut")
+    with losses_cut(occ_nerf, "occ_nerf_losses", steps):
+        cut.fit(occluded, tmp_path / "cut")
     assert (tmp_path / "cut" / CHECKPOINT).is_file()
     cut.fit(occluded, tmp_path / "cut")
     for (name, values), others in zip(whole.model.state_dict().items(), cut.model.state_dict().values(), strict=True):

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from disturbed import fitted
+from looks import GROWING, SPLATTING, cast, lessons_cut, occlude, true_pictures
 from splats import cloud, photographed
 
-from baselines.gaussian_splatting import SHORT_RATES, GaussianSplatting
+from baselines.gaussian_splatting import GaussianSplatting
 from baselines.method import check_hidden
 from baselines.splatting.appearance.gaussians import gaussians_in_view
-from baselines.splatting.config import TrainerConfig
 from baselines.splatting.files.ply import SPLATS, read_ply
 from baselines.splatting.kernels.rasterizer import render
 from baselines.splatting.kernels.sh_coefficients import C0
-from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.strategies.pruning import contributions
 from baselines.wild_gs.config import SHORT
 from baselines.wild_gs.mean_look import mean_look
@@ -23,15 +23,6 @@ from hydroviews.errors import InputError
 from hydroviews.metrics.psnr import psnr
 from hydroviews.scene.images import write_png
 
-SPLATTING = TrainerConfig(
-    iterations=300,
-    sh_degree=1,
-    sh_degree_interval=50,
-    learning_rates=SHORT_RATES,
-    strategy=DefaultStrategy(start=999),
-    device="cpu",
-)
-GROWING = replace(SPLATTING, iterations=12, strategy=DefaultStrategy(start=3, stop=11, every=4, grow_grad2d=1e-7))
 # For a tenth of the iterations, and small pictures, which are looked at as they are.
 BRIEF = replace(
     SHORT,
@@ -49,12 +40,6 @@ BRIEF = replace(
 LIGHT = replace(BRIEF, absent=0.0, visible_from=2.0)
 
 
-def taught(kind, config, scene, folder, seed=0):
-    method = kind(config, seed)
-    method.fit(scene, folder)
-    return method
-
-
 def held_out(method, scene, truth, parts=None):
     """PSNR of the held-out views; with `parts` after each one's best gains, which a cast on it leaves open."""
     scores = []
@@ -64,17 +49,6 @@ def held_out(method, scene, truth, parts=None):
             image[part] *= (image[part] * expected[part]).sum(axis=0) / (image[part] ** 2).sum(axis=0)
         scores.append(psnr(np.clip(image, 0, 1), expected))
     return float(np.mean(scores))
-
-
-def true_pictures(scene):
-    return {view.name: view.image() for view in scene.views}
-
-
-def cast(scene):
-    """Every photograph with a gain of its own in each channel."""
-    rng = np.random.default_rng(1)
-    for view in scene.train_views:
-        write_png(view.path, np.clip(view.image() * np.exp(rng.normal(-0.5, 0.4, 3)).astype(np.float32), 0, 1))
 
 
 def things_lit():
@@ -105,23 +79,13 @@ def lit_or_not(camera):
     return np.stack([under, ~under])
 
 
-def occlude(scene, side=24):
-    """A bright block somewhere in every third photograph."""
-    rng = np.random.default_rng(0)
-    for view in scene.train_views[::3]:
-        image = view.image()
-        top, left = rng.integers(0, image.shape[0] - side + 1), rng.integers(0, image.shape[1] - side + 1)
-        image[top : top + side, left : left + side] = (1, 0.9, 0.2)
-        write_png(view.path, image)
-
-
 @pytest.mark.parametrize(("spoilt", "parts"), [(cast, whole), (cast_on_a_part, lit_or_not)])
 def test_light_that_differs_is_told_from_the_scene(tmp_path, spoilt, parts):
     scene = photographed(tmp_path)
     truth = true_pictures(scene)
     spoilt(scene)
-    plain = taught(GaussianSplatting, SPLATTING, scene, tmp_path / "plain")
-    look = taught(WildGS, WildGSConfig(SPLATTING, LIGHT), scene, tmp_path / "wild")
+    plain = fitted(GaussianSplatting, SPLATTING, scene, tmp_path / "plain")
+    look = fitted(WildGS, WildGSConfig(SPLATTING, LIGHT), scene, tmp_path / "wild")
     assert held_out(look, scene, truth, parts) > held_out(plain, scene, truth, parts) + 0.5
 
 
@@ -129,11 +93,11 @@ def test_what_comes_and_goes_is_left_out_by_the_mask(tmp_path):
     scene = photographed(tmp_path)
     truth = true_pictures(scene)
     occlude(scene)
-    plain = held_out(taught(GaussianSplatting, SPLATTING, scene, tmp_path / "plain"), scene, truth)
+    plain = held_out(fitted(GaussianSplatting, SPLATTING, scene, tmp_path / "plain"), scene, truth)
 
     def found(look, seed):
         folder = tmp_path / f"{seed}-{look.visible_from}"
-        return held_out(taught(WildGS, WildGSConfig(SPLATTING, look), scene, folder, seed), scene, truth)
+        return held_out(fitted(WildGS, WildGSConfig(SPLATTING, look), scene, folder, seed), scene, truth)
 
     masked = np.mean([found(BRIEF, seed) for seed in (0, 1)])
     assert masked > plain + 0.5
@@ -143,7 +107,7 @@ def test_what_comes_and_goes_is_left_out_by_the_mask(tmp_path):
 def test_the_same_pixels_from_disk_and_in_viewers(tmp_path):
     scene = photographed(tmp_path, n_views=6, width=37, height=29)
     config = WildGSConfig(GROWING, SHORT)
-    method = taught(WildGS, config, scene, tmp_path)
+    method = fitted(WildGS, config, scene, tmp_path)
     method.save(tmp_path)
     check_hidden(method.hidden(0, (29, 37)), (29, 37))
     again = WildGS.load(config, 0, tmp_path)
@@ -156,33 +120,17 @@ def test_the_same_pixels_from_disk_and_in_viewers(tmp_path):
     assert np.array_equal(shown.sh, method._trained.gaussians.sh)  # all of the look is in the file
 
 
-def test_an_interrupted_run_ends_with_the_same_bits_as_a_whole_one(tmp_path, monkeypatch):
+def test_an_interrupted_run_ends_with_the_same_bits_as_a_whole_one(tmp_path):
     scene = photographed(tmp_path, n_views=6)
     look = replace(BRIEF, visible_from=0.3, local_from=0.2, renewed=4, absent=0.3)
     config = WildGSConfig(replace(GROWING, checkpoint_seconds=0.0), look)
-    whole = taught(WildGS, config, scene, tmp_path / "whole")
+    whole = fitted(WildGS, config, scene, tmp_path / "whole")
     assert len(whole._trained.gaussians) > len(scene.points)
 
-    learn = WildGS.objective
-
-    def cut(self, scene, folder):
-        objective = learn(self, scene, folder)
-        step = objective.appearance.learn
-
-        def failing(iteration):
-            if iteration == 8:
-                raise RuntimeError("cut")
-            step(iteration)
-
-        objective.appearance.learn = failing
-        return objective
-
-    monkeypatch.setattr(WildGS, "objective", cut)
-    with pytest.raises(RuntimeError, match="cut"):
-        taught(WildGS, config, scene, tmp_path / "cut")
-    monkeypatch.undo()
-    resumed = taught(WildGS, config, scene, tmp_path / "cut")
-    finished = taught(WildGS, config, scene, tmp_path / "whole")  # from the checkpoint of the end
+    with lessons_cut(WildGS, 8):
+        fitted(WildGS, config, scene, tmp_path / "cut")
+    resumed = fitted(WildGS, config, scene, tmp_path / "cut")
+    finished = fitted(WildGS, config, scene, tmp_path / "whole")  # from the checkpoint of the end
     assert len(resumed._appearance._depths) > 1
     for other in (resumed, finished):
         theirs = other._trained.gaussians.state_dict()
@@ -194,7 +142,7 @@ def test_an_interrupted_run_ends_with_the_same_bits_as_a_whole_one(tmp_path, mon
             assert np.array_equal(depth, depths[view][1], equal_nan=True)
     other = replace(config, look=replace(look, price_last=0.2))
     with pytest.raises(InputError, match="another run"):
-        taught(WildGS, other, scene, tmp_path / "cut")
+        fitted(WildGS, other, scene, tmp_path / "cut")
 
 
 @pytest.fixture
@@ -255,7 +203,7 @@ def test_photographs_of_one_colour_leave_everything_finite(tmp_path, value):
     scene = photographed(tmp_path, n_views=5)
     for view in scene.train_views:
         write_png(view.path, np.full((36, 48, 3), value, np.float32))
-    method = taught(WildGS, WildGSConfig(GROWING, BRIEF), scene, tmp_path / "run")
+    method = fitted(WildGS, WildGSConfig(GROWING, BRIEF), scene, tmp_path / "run")
     assert np.isfinite(method.render(scene.test_views[0].camera)).all()
     assert all(parameter.isfinite().all() for parameter in method._appearance.parameters())
 
@@ -263,10 +211,10 @@ def test_photographs_of_one_colour_leave_everything_finite(tmp_path, value):
 def test_one_view_and_a_scene_that_it_does_not_show(tmp_path):
     scene = photographed(tmp_path, n_views=3)
     single = replace(scene, split=replace(scene.split, train=scene.split.train[:1]))
-    method = taught(WildGS, WildGSConfig(GROWING, BRIEF), single, tmp_path / "one")
+    method = fitted(WildGS, WildGSConfig(GROWING, BRIEF), single, tmp_path / "one")
     assert np.isfinite(method.render(scene.test_views[0].camera)).all()
     nothing = replace(scene, points=replace(scene.points, positions=scene.points.positions + 1e3))
-    method = taught(WildGS, WildGSConfig(GROWING, BRIEF), nothing, tmp_path / "far")
+    method = fitted(WildGS, WildGSConfig(GROWING, BRIEF), nothing, tmp_path / "far")
     assert not method.render(scene.test_views[0].camera).any()
 
 
@@ -277,7 +225,7 @@ def test_masks_that_hide_everything_are_said(tmp_path, caplog):
     for view in scene.train_views:
         write_png(view.path, rng.integers(0, 2, (36, 48, 3)).astype(np.float32))
     cheap = replace(BRIEF, price_first=0.02, price_last=0.02, visible_from=0.0, rate_encoder=2e-2)
-    method = taught(WildGS, WildGSConfig(replace(GROWING, iterations=60), cheap), scene, tmp_path / "run")
+    method = fitted(WildGS, WildGSConfig(replace(GROWING, iterations=60), cheap), scene, tmp_path / "run")
     assert method.found["masked"] > 0.9
     assert [record.getMessage() for record in caplog.records if "masks hide" in record.getMessage()]
     assert np.isfinite(method.render(scene.test_views[0].camera)).all()
@@ -305,6 +253,6 @@ def test_the_papers_networks_take_a_step(tmp_path, monkeypatch):
     scene = photographed(tmp_path, n_views=4)
     config = WildGS.with_max_iterations(WildGS.configuration("paper"), 2)
     config = replace(config, splatting=replace(config.splatting, device="cpu"))
-    method = taught(WildGS, config, scene, tmp_path)
+    method = fitted(WildGS, config, scene, tmp_path)
     assert np.isfinite(method.render(scene.test_views[0].camera)).all()
     assert method.summary().used.startswith("encoder resnet18 from scratch")

@@ -1,0 +1,98 @@
+"""Photographs in which one scene looks different, and trainings of Gaussians whose colours are made of photographs."""
+
+from contextlib import contextmanager
+from dataclasses import replace
+from unittest import mock
+
+import numpy as np
+import pytest
+from splats import BACKGROUND, cloud, photographed
+
+from baselines.gaussian_splatting import SHORT_RATES
+from baselines.gs_w.objective import VisibleObjective
+from baselines.splatting.appearance.gaussians import with_appearance
+from baselines.splatting.backends.base import CpuBackend
+from baselines.splatting.config import TrainerConfig
+from baselines.splatting.schedule import LearningRates, rates_at
+from baselines.splatting.state import fresh_state
+from baselines.splatting.strategies.base import StepOptions
+from baselines.splatting.strategies.densification import DefaultStrategy
+from baselines.training.images import read_images
+from hydroviews.scene.images import write_png
+
+SPLATTING = TrainerConfig(
+    iterations=300,
+    sh_degree=1,
+    sh_degree_interval=50,
+    learning_rates=SHORT_RATES,
+    strategy=DefaultStrategy(start=999),
+    device="cpu",
+)
+GROWING = replace(SPLATTING, iterations=12, strategy=DefaultStrategy(start=3, stop=11, every=4, grow_grad2d=1e-7))
+
+
+def true_pictures(scene):
+    return {view.name: view.image() for view in scene.views}
+
+
+def cast(scene):
+    """Every photograph with a gain of its own in each channel."""
+    rng = np.random.default_rng(1)
+    for view in scene.train_views:
+        write_png(view.path, np.clip(view.image() * np.exp(rng.normal(-0.5, 0.4, 3)).astype(np.float32), 0, 1))
+
+
+def occlude(scene, side=24):
+    """A bright block somewhere in every third photograph."""
+    rng = np.random.default_rng(0)
+    for view in scene.train_views[::3]:
+        image = view.image()
+        top, left = rng.integers(0, image.shape[0] - side + 1), rng.integers(0, image.shape[1] - side + 1)
+        image[top : top + side, left : left + side] = (1, 0.9, 0.2)
+        write_png(view.path, image)
+
+
+@contextmanager
+def lessons_cut(kind, iteration):
+    """Trainings of a method break off where its appearance is to learn in an iteration."""
+    make = kind.objective
+
+    def cut(self, scene, folder):
+        objective = make(self, scene, folder)
+        learn = objective.appearance.learn
+
+        def failing(step):
+            if step == iteration:
+                raise RuntimeError("cut")
+            learn(step)
+
+        objective.appearance.learn = failing
+        return objective
+
+    with mock.patch.object(kind, "objective", cut), pytest.raises(RuntimeError, match="cut"):
+        yield
+
+
+def assert_the_same_steps(folder, cuda_backend, appearance_of):
+    """Four steps on both backends, with the appearance that is made of the photographs, end nearly the same."""
+    scene = photographed(folder, n_views=6)
+    images, cameras = read_images(scene.train_views), [view.camera for view in scene.train_views]
+    ends = []
+    for kind in (CpuBackend, cuda_backend):
+        appearance = appearance_of(images)
+        backend = kind(VisibleObjective(images, 0.2, appearance), BACKGROUND, 0.01)
+        backend.put(fresh_state(with_appearance(cloud(60, 1), appearance)))
+        for iteration in range(4):
+            rates = {
+                **rates_at(iteration, 100, LearningRates(), 4.0, 1),
+                "features": appearance.feature_rate(iteration),
+            }
+            loss = backend.step(cameras[iteration], iteration, iteration, 1, rates, StepOptions(watch=True))
+        ends.append((loss, backend.residual(cameras[4], 4, 1), appearance, backend.get(4, 0.0).gaussians))
+    (loss, residual, appearance, ours), (other_loss, other_residual, other, theirs) = ends
+    assert loss == pytest.approx(other_loss, rel=1e-3)
+    assert residual == pytest.approx(other_residual, rel=1e-3)
+    for (name, value), twin in zip(appearance.named_parameters(), other.parameters(), strict=True):
+        assert (value - twin.detach().cpu()).abs().quantile(0.9) < 1e-4, name
+    for name, value in ours.state_dict().items():
+        assert np.quantile(np.abs(value - theirs.state_dict()[name]), 0.9) < 1e-4, name
