@@ -177,6 +177,7 @@ def pretended_gpu(monkeypatch):
     monkeypatch.setattr(torch.autograd, "_engine_run_backward", gpu.run_backward)
     monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
     monkeypatch.setattr(torch.cuda, "get_device_name", lambda *_: NAME)
+    monkeypatch.setattr(torch.cuda, "is_current_stream_capturing", lambda: False)  # Adam asks; torch may know of CUDA
     with gpu.running():
         yield gpu
     sys.modules.pop("gsplat.cuda._backend", None)
