@@ -44,14 +44,14 @@ TONES = WildConfig(
     sky=50,
 )
 METHODS = {  # and the most uploads, downloads and questions of a step, which sees its picture for the first time
-    "3dgs": (GaussianSplatting, HURRIED, (9, 0, 2)),
-    "relocating": (BudgetedSplatting, replace(HURRIED, strategy=RELOCATING), (8, 0, 2)),
-    "pruning": (BudgetedSplatting, PRUNING, (9, 0, 2)),
-    "masks": (DeRainGS, DeRainGSConfig(HURRIED, masks=MASKS), (9, 1, 1)),
-    "rain": (DeRainGS, DeRainGSConfig(HURRIED, rain=RainConfig()), (9, 1, 1)),
-    "wild": (WildGaussians, TONES, (18, 3, 4)),
-    "gs-w": (GaussianInTheWild, GSWConfig(HURRIED, SHORT), (18, 2, 3)),
-    "wild-gs": (WildGS, WildGSConfig(HURRIED, LOOK), (19, 6, 3)),
+    "3dgs": (GaussianSplatting, HURRIED, (7, 1, 0)),
+    "relocating": (BudgetedSplatting, replace(HURRIED, strategy=RELOCATING), (7, 1, 0)),
+    "pruning": (BudgetedSplatting, PRUNING, (7, 1, 0)),
+    "masks": (DeRainGS, DeRainGSConfig(HURRIED, masks=MASKS), (8, 2, 0)),
+    "rain": (DeRainGS, DeRainGSConfig(HURRIED, rain=RainConfig()), (8, 2, 0)),
+    "wild": (WildGaussians, TONES, (16, 4, 2)),
+    "gs-w": (GaussianInTheWild, GSWConfig(HURRIED, SHORT), (17, 3, 2)),
+    "wild-gs": (WildGS, WildGSConfig(HURRIED, LOOK), (18, 7, 2)),
 }
 
 

@@ -179,6 +179,9 @@ def pretended_gpu(monkeypatch):
     monkeypatch.setattr(torch.cuda, "get_device_name", lambda *_: NAME)
     monkeypatch.setattr(torch.cuda, "is_current_stream_capturing", lambda: False)  # Adam asks; torch may know of CUDA
     with gpu.running():
+        from baselines.splatting.backends import cuda, torch_ops
+
+        monkeypatch.setattr(cuda, "step_ops", lambda: torch_ops)  # Triton's kernels would ask for a real one
         yield gpu
     sys.modules.pop("gsplat.cuda._backend", None)
 

@@ -5,8 +5,11 @@ a Gaussian cover 0.999 of a pixel where we stop at 0.99, so renders of very opaq
 colours are rendered one by one, so that absolute gradients are those of each, added up; the kernels' are of the sum.
 """
 
+import importlib.util
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -16,6 +19,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from baselines.splatting.appearance.gaussians import in_sight, moved
+from baselines.splatting.backends import torch_ops
 from baselines.splatting.backends.gsplat_kernels import require_kernels
 from baselines.splatting.backends.torch_ops import (
     finite_rows,
@@ -24,9 +28,7 @@ from baselines.splatting.backends.torch_ops import (
     position_moves,
     without_non_finite,
 )
-from baselines.splatting.backends.torch_rasterizer import photometric_loss
 from baselines.splatting.gaussians import Gaussians
-from baselines.splatting.kernels.adam import BETA1, BETA2, EPSILON
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.constants import LOW_PASS
 from baselines.splatting.kernels.sh_coefficients import C0, degree_of
@@ -37,6 +39,7 @@ from baselines.training.images import Size
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 
+logger = logging.getLogger(__name__)
 Rows = slice | Tensor  # of the Gaussians that are rendered: all, or those at the indices [n]
 
 
@@ -52,6 +55,18 @@ class _DeviceState:
     origin: NDArray[np.float64]
     residuals: tuple[float, ...]  # as in TrainingState
     non_finite: int  # likewise
+    broken: Tensor  # int32 [1], 1 where a parameter may not be finite
+    whole: bool  # whether it was 0 after the step before
+
+
+def step_ops() -> ModuleType:
+    """The loss and Adam: Triton's, which torch for CUDA on Linux brings along, or torch's own where it does not."""
+    if importlib.util.find_spec("triton") is None:
+        logger.warning("triton is not installed: a step takes about twice as long (pip install triton)")
+        return torch_ops
+    from baselines.splatting.backends import triton_ops
+
+    return triton_ops
 
 
 class CudaBackend:
@@ -71,12 +86,16 @@ class CudaBackend:
         self._state: _DeviceState | None = None
         if objective.appearance is not None:
             objective.appearance.cuda()
+        self._ops = step_ops()
+        self._rates: dict[str, tuple[NDArray[np.float32], Tensor]] = {}  # those uploaded last, and where they are
         self._targets: dict[tuple[int, Size], tuple[Tensor, Tensor | None]] = {}  # pixels, and which are shown
 
     def put(self, state: TrainingState) -> None:
         """Copy to the GPU."""
+        parameters = _upload(state.gaussians)
+        whole = bool(finite_rows(parameters).all())
         self._state = _DeviceState(
-            parameters=_upload(state.gaussians),
+            parameters=parameters,
             first=_upload(state.first),
             second=_upload(state.second),
             gradient_sum=torch.from_numpy(state.gradient_sum).cuda(),
@@ -84,6 +103,8 @@ class CudaBackend:
             origin=state.gaussians.origin,
             residuals=state.residuals,
             non_finite=state.non_finite,
+            broken=torch.full((1,), not whole, dtype=torch.int32, device="cuda"),
+            whole=whole,
         )
 
     def get(self, iteration: int, seconds: float) -> TrainingState:
@@ -146,7 +167,8 @@ class CudaBackend:
         state = self._current()
         leaves = {name: value.detach().requires_grad_() for name, value in state.parameters.items()}
         rows, scenes = self._sh_sets(leaves, camera, view, degree)
-        renders = [self._rasterize(scene, state.origin, camera, degree, step_options.absolute) for scene in scenes]
+        options = {"absolute": step_options.absolute, "whole": state.whole}
+        renders = [self._rasterize(scene, state.origin, camera, degree, **options) for scene in scenes]
         if step_options.watch:
             for _, details in renders:
                 details["means2d"].retain_grad()
@@ -157,15 +179,14 @@ class CudaBackend:
             if step_options.watch:
                 _observe(state, rows, [details for _, details in renders], step_options, camera)
             for name in leaves:
-                parts = [leaves[name].grad, penalty_gradient(name, state.parameters[name], step_options)]
-                none = torch.zeros_like(state.parameters[name])  # where nothing is learned, moments go on falling
-                gradient = sum((part for part in parts if part is not None), none)
-                _adam(state, name, gradient, iteration + 1, rates[name])
+                self._learn(name, leaves[name].grad, step_options, rates[name], iteration + 1)
             if step_options.noise:
                 means = state.parameters["means"]
                 noise = step_options.noise
                 means += position_moves(state.parameters, noise, normal_noise(noise, means))
-        return loss
+            told = torch.stack([loss, state.broken[0].to(loss.dtype)]).tolist()  # the step's one wait
+        state.whole = not told[1]
+        return float(told[0])
 
     def render(self, gaussians: Gaussians, camera: Camera) -> Image:
         """An image with gsplat, to compare with ours."""
@@ -176,6 +197,24 @@ class CudaBackend:
     def _current(self) -> _DeviceState:
         assert self._state is not None
         return self._state
+
+    def _learn(
+        self, name: str, gradient: Tensor | None, options: StepOptions, rates: float | NDArray[np.float32], step: int
+    ) -> None:
+        """Adam's step of a parameter; where nothing is learned, moments go on falling."""
+        state = self._current()
+        values = state.parameters[name]
+        parts = [part for part in (gradient, penalty_gradient(name, values, options)) if part is not None]
+        whole = sum(parts[1:], parts[0]) if parts else torch.zeros_like(values)
+        moments = state.first[name], state.second[name]
+        self._ops.adam_step(values, whole, *moments, self._uploaded(name, rates), step, state.broken)
+
+    def _uploaded(self, name: str, rates: float | NDArray[np.float32]) -> Tensor:
+        """The rates of a parameter, uploaded where they are others than before."""
+        wanted = np.asarray(rates, np.float32).reshape(-1)
+        if name not in self._rates or not np.array_equal(self._rates[name][0], wanted):
+            self._rates[name] = wanted.copy(), _sent(wanted)
+        return self._rates[name][1]
 
     def _sh_sets(
         self, parameters: dict[str, Tensor], camera: Camera, view: int, degree: int
@@ -195,20 +234,23 @@ class CudaBackend:
         camera: Camera,
         degree: int,
         absolute: bool = False,
+        whole: bool = False,
     ) -> tuple[Tensor, dict[str, Any]]:
+        """An image, and what gsplat knows of it; `whole` if all parameters are known to be finite."""
         if not len(parameters["means"]):  # gsplat divides by their number
             return _background_alone(parameters, camera, self._background)
         pose = camera.world_to_camera.copy()
         pose[:3, 3] += pose[:3, :3] @ origin
-        parameters, whole = without_non_finite(parameters)
+        matrices = _sent(np.concatenate([pose.ravel(), camera.matrix.ravel()]).astype(np.float32))
+        parameters, opacities = _opacities(parameters, whole)
         images, _, details = rasterization(
             parameters["means"],
             parameters["quaternions"],
             parameters["log_scales"].exp(),
-            parameters["opacity_logits"].sigmoid() * whole,
+            opacities,
             parameters["sh"],
-            torch.from_numpy(pose).float().cuda()[None],
-            torch.from_numpy(camera.matrix).float().cuda()[None],
+            matrices[:16].reshape(1, 4, 4),
+            matrices[16:].reshape(1, 3, 3),
             camera.width,
             camera.height,
             near_plane=self._near,
@@ -221,23 +263,26 @@ class CudaBackend:
         )
         return images[0], details
 
-    def _backward(self, renders: Sequence[Tensor], view: int, iteration: int) -> float:
+    def _backward(self, renders: Sequence[Tensor], view: int, iteration: int) -> Tensor:
         """Backpropagate the objective: the plain one on the GPU, a method's own one through its numpy gradients."""
         if self._objective.is_photometric:
-            image = renders[0]
-            images, size = self._objective.images, (image.shape[0], image.shape[1])
-            if (view, size) not in self._targets:
-                ignored = images.ignored(view, size)
-                shown = None if ignored is None else torch.from_numpy(~ignored).cuda()
-                self._targets[view, size] = torch.from_numpy(images.pixels(view, size)).cuda(), shown
-            target, shown = self._targets[view, size]
-            loss = photometric_loss(image, target / 255, self._objective.lambda_dssim, shown)
-            loss.backward()
-            return float(loss.detach())
+            image = renders[0].detach()
+            target, shown = self._target(view, (image.shape[0], image.shape[1]))
+            loss, gradient = self._ops.photometric_loss(image, target, self._objective.lambda_dssim, shown)
+            renders[0].backward(gradient)
+            return loss
         pictures = [image.detach().cpu().numpy() for image in renders]
         value, gradients = self._objective.compare(pictures, view, iteration, self._buffers)
-        torch.autograd.backward(renders, [torch.from_numpy(np.ascontiguousarray(g)).cuda() for g in gradients])
-        return value
+        torch.autograd.backward(renders, [_sent(np.ascontiguousarray(gradient)) for gradient in gradients])
+        return torch.tensor(value, device=renders[0].device)
+
+    def _target(self, view: int, size: Size) -> tuple[Tensor, Tensor | None]:
+        """A training view's pixels [H, W, 3], uint8, and which of them are shown [H, W]; uploaded once."""
+        if (view, size) not in self._targets:
+            ignored = self._objective.images.ignored(view, size)
+            shown = None if ignored is None else torch.from_numpy(~ignored).cuda()
+            self._targets[view, size] = torch.from_numpy(self._objective.images.pixels(view, size)).cuda(), shown
+        return self._targets[view, size]
 
 
 def _background_alone(
@@ -254,21 +299,25 @@ def _background_alone(
 def _observe(
     state: _DeviceState, rows: Rows, renders: Sequence[dict[str, Any]], step_options: StepOptions, camera: Camera
 ) -> None:
-    half_size = state.seen.new_tensor([camera.width / 2, camera.height / 2])
     shown = (renders[0]["radii"][0] > 0).all(dim=-1)
     means2d = [details["means2d"] for details in renders]
     gradient = sum((m.absgrad if step_options.absolute else m.grad)[0] for m in means2d)
-    state.gradient_sum[rows] += (gradient * half_size).norm(dim=-1) * shown
+    x, y = gradient.unbind(dim=-1)
+    state.gradient_sum[rows] += torch.hypot(x * (camera.width / 2), y * (camera.height / 2)) * shown
     state.seen[rows] += shown
 
 
-def _adam(state: _DeviceState, name: str, gradient: Tensor, step: int, rates: float | NDArray[np.float32]) -> None:
-    first, second = state.first[name], state.second[name]
-    first.mul_(BETA1).add_(gradient, alpha=1 - BETA1)
-    second.mul_(BETA2).addcmul_(gradient, gradient, value=1 - BETA2)
-    move = first / (second.sqrt() / (1 - BETA2**step) ** 0.5 + EPSILON)
-    rate = torch.from_numpy(np.asarray(rates, np.float32)).cuda() / (1 - BETA1**step)
-    state.parameters[name] -= rate * move
+def _opacities(parameters: dict[str, Tensor], whole: bool) -> tuple[dict[str, Tensor], Tensor]:
+    """Parameters that can be rendered, and opacities [N], 0 of Gaussians that are not finite."""
+    if whole:
+        return parameters, parameters["opacity_logits"].sigmoid()
+    parameters, finite = without_non_finite(parameters)
+    return parameters, parameters["opacity_logits"].sigmoid() * finite
+
+
+def _sent(values: NDArray[np.float32]) -> Tensor:
+    """A small array, uploaded without waiting for what the GPU does: the driver takes a copy of it first."""
+    return torch.from_numpy(values).cuda(non_blocking=True)
 
 
 def _upload(gaussians: Gaussians) -> dict[str, Tensor]:

@@ -1,6 +1,6 @@
-"""Parts of a step in torch on any device: what a strategy asks for, and non-finite Gaussians.
+"""Parts of a step in torch on any device: the loss, Adam, what a strategy asks for, and non-finite Gaussians.
 
-For the GPU; those of the strategy are the yardstick of the kernels as well.
+For the GPU, where `triton_ops` has loss and Adam faster; the strategy's parts are the yardstick of the kernels, too.
 """
 
 import math
@@ -8,9 +8,48 @@ import math
 import torch
 from torch import Tensor
 
+from baselines.splatting.backends import torch_rasterizer
 from baselines.splatting.backends.torch_rasterizer import rotations
+from baselines.splatting.kernels.adam import BETA1, BETA2, EPSILON
 from baselines.splatting.kernels.mcmc import FARTHEST, GATE, GATE_STEEPNESS
 from baselines.splatting.strategies.base import PositionNoise, StepOptions
+
+
+def photometric_loss(image: Tensor, target: Tensor, lambda_dssim: float, shown: Tensor | None) -> tuple[Tensor, Tensor]:
+    """The photometric loss (see `photometric`) and its gradient by the image.
+
+    Args:
+        image: rendered, float32 [H, W, 3].
+        target: what it should look like, uint8 [H, W, 3].
+        lambda_dssim: lambda in (1 - lambda) L1 + lambda (1 - SSIM).
+        shown: bool [H, W], false where pixels are hidden; None where none is.
+    """
+    leaf = image.detach().requires_grad_()
+    with torch.enable_grad():
+        loss = torch_rasterizer.photometric_loss(leaf, target / 255, lambda_dssim, shown)
+    (gradient,) = torch.autograd.grad(loss, leaf)
+    return loss.detach(), gradient
+
+
+def adam_step(
+    values: Tensor, gradient: Tensor, first: Tensor, second: Tensor, rates: Tensor, step: int, broken: Tensor
+) -> None:
+    """One step of Adam (see `kernels.adam`), in place.
+
+    Args:
+        values: [N, ...], float32 as all of them.
+        gradient: of the loss by them.
+        first: their first moments.
+        second: their second moments.
+        rates: as many as there are numbers in a row of the values, or one for all.
+        step: from 1.
+        broken: int32 [1], becomes 1 where a value is no longer finite.
+    """
+    first.mul_(BETA1).add_(gradient, alpha=1 - BETA1)
+    second.mul_(BETA2).addcmul_(gradient, gradient, value=1 - BETA2)
+    move = first / (second.sqrt() / (1 - BETA2**step) ** 0.5 + EPSILON)
+    values -= rates.view(values.shape[1:] if rates.numel() > 1 else ()) / (1 - BETA1**step) * move
+    broken |= ~torch.isfinite((0 * values).sum())  # zero times a number is NaN where it is not finite
 
 
 def penalty_gradient(name: str, values: Tensor, step_options: StepOptions) -> Tensor | None:
