@@ -40,6 +40,7 @@ Part = Literal["agree", "steps", "cpu", "kernels", "between", "methods"]
 CASES = ((30_000, (320, 240)), (60_000, (400, 300)), (300_000, (1600, 1060)), (1_000_000, (1600, 1060)))
 LARGEST = CASES[-1]
 COMPARED = CASES[0], (300_000, (800, 600))  # with the CPU's kernels
+GROWN_AT = 600  # a refinement is due after so many steps
 BACKGROUND = np.zeros(3, np.float32)
 METHODS = ("3dgs", "deraings", "deraings-plus", "desplat", "wild-gaussians", "gs-w", "wild-gs", "nerf-w", "ha-nerf")
 
@@ -180,7 +181,7 @@ def between() -> pd.DataFrame:
     camera = view(*size)
     backend = CudaBackend(Objective(picture(camera)), BACKGROUND, 0.01)
     backend.put(fresh_state(room(n, camera)))
-    strategy = DefaultStrategy(growth=0.1, grow_grad2d=-1.0)
+    strategy = DefaultStrategy(growth=0.1, grow_grad2d=-1.0, reset_every=None)
     rows = []
 
     def timed(what: str, work: Callable[[], Any]) -> Any:
@@ -191,7 +192,7 @@ def between() -> pd.DataFrame:
         rows.append({**about(n, size), "what": what, "s": time.perf_counter() - start})
         return result
 
-    state = timed("copy down", lambda: backend.get(601, 0.0))
+    state = timed("copy down", lambda: backend.get(GROWN_AT, 0.0))
     grown = timed("refine", lambda: strategy.refine(state, 4.0, 0))
     timed("copy up", lambda: backend.put(grown))
     with tempfile.TemporaryDirectory() as folder:
@@ -200,14 +201,14 @@ def between() -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def methods(names: Sequence[str], size: tuple[int, int], steps: int) -> pd.DataFrame:
-    """Milliseconds of a step of every method in its `paper` settings, cut to so many steps, and seconds around them."""
+def methods(names: Sequence[str], size: tuple[int, int], profile: str, steps: int) -> pd.DataFrame:
+    """Milliseconds of a step of every method in a profile's settings, cut to so many steps, and seconds around them."""
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         scene = photographed(Path(folder) / "scene", size)
         for name in names:
             kind = find_method(name)
-            method = kind(in_steps(kind.configuration("paper"), steps), 0)
+            method = kind(in_steps(kind.configuration(profile), steps), 0)
             (run := Path(folder) / name).mkdir()
             start = time.perf_counter()
             try:
@@ -254,6 +255,7 @@ def main(
     parts: tuple[Part, ...] = ("agree", "steps", "cpu", "kernels", "between", "methods"),
     names: tuple[str, ...] = METHODS,
     size: tuple[int, int] = (1600, 1060),
+    profile: str = "paper",
     steps_of_methods: int = 100,
 ) -> None:
     """Measure and report.
@@ -263,6 +265,7 @@ def main(
         parts: what to measure.
         names: of the methods.
         size: width and height of the methods' pictures.
+        profile: demo, quick or paper: settings of the methods.
         steps_of_methods: that each trains.
     """
     measure: dict[str, Callable[[], pd.DataFrame]] = {
@@ -271,7 +274,7 @@ def main(
         "cpu": cpu_steps,
         "kernels": kernels,
         "between": between,
-        "methods": lambda: methods(names, size, steps_of_methods),
+        "methods": lambda: methods(names, size, profile, steps_of_methods),
     }
     print(f"{torch.cuda.get_device_name()}, torch {torch.__version__}")
     for part in parts:

@@ -19,7 +19,7 @@ from baselines.volumetric.spaces import Rays, Space
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 
-CHUNK = 2**17  # samples that are rendered at once: what bounds the memory
+CHUNK, GPU_CHUNK = 2**17, 2**20  # samples that are rendered at once: what bounds the memory
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,8 @@ class RadianceModel(nn.Module):
 
     def chunks(self, rays: Rays) -> Iterator[Rays]:
         """The rays in parts that fit into a bounded memory."""
-        step = max(1, CHUNK // (self.config.samples + self.config.proposal_samples))
+        chunk = GPU_CHUNK if rays.origins.is_cuda else CHUNK
+        step = max(1, chunk // (self.config.samples + self.config.proposal_samples))
         for start in range(0, len(rays.origins), step):
             yield rays.part(start, start + step)
 

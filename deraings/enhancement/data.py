@@ -68,7 +68,7 @@ def started_from(data: Data, config: TrainingConfig) -> Enhancer | None:
     """
     if not data.start:
         return None
-    enhancer = load_enhancer(data.start)
+    enhancer = load_enhancer(data.start, "cpu")
     begun, wanted = enhancer.network.config, config.network
     mist, fine = wanted.lens_mist and begun.lens_mist, wanted.lens_fine and begun.lens_fine
     if begun != replace(wanted, lens_mist=mist, lens_fine=fine):

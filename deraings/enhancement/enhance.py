@@ -38,7 +38,7 @@ def enhance(
         lens: what is known of its lens from all photographs of it; see `lenses_of_capture`.
 
     Returns:
-        The same shape and range.
+        The same shape and range. It is calculated where the network is.
 
     Raises:
         ValueError: not [H, W, 3], or with values that are not finite.
@@ -90,8 +90,9 @@ def _in_tiles(
     for top, bottom in spans(image.shape[0], tile, overlap):
         for left, right in spans(image.shape[1], tile, overlap):
             fine = lens.fine[None, :, _halves(top, bottom), _halves(left, right)] if lens else None
+            batch = _batch(image[top:bottom, left:right], network)
             with torch.inference_mode():
-                part = _image(padded(refine, network.multiple, _batch(image[top:bottom, left:right]), fine))
+                part = _image(padded(refine, network.multiple, batch, fine if fine is None else fine.to(batch.device)))
             total = np.zeros((*image.shape[:2], part.shape[2]), np.float32) if total is None else total
             ramp = _ramp(bottom - top, overlap)[:, None, None] * _ramp(right - left, overlap)[None, :, None]
             total[top:bottom, left:right] += ramp * part
@@ -133,18 +134,19 @@ def _halves(start: int, end: int) -> slice:
 
 
 def _remove_mist(image: Image, network: EnhancementNetwork, lens: Lens | None) -> Image:
+    batch = _batch(image, network)
     with torch.inference_mode():
         if lens is None or lens.mist is None:
-            return _image(network.remove_mist(_batch(image)))
-        return _image(without_mist_over_whole(_batch(image), lens.mist[None]))
+            return _image(network.remove_mist(batch))
+        return _image(without_mist_over_whole(batch, lens.mist[None].to(batch.device)))
 
 
-def _batch(image: Image) -> Tensor:
-    return torch.from_numpy(np.ascontiguousarray(image, np.float32)).permute(2, 0, 1)[None]
+def _batch(image: Image, network: EnhancementNetwork) -> Tensor:
+    return torch.from_numpy(np.ascontiguousarray(image, np.float32)).permute(2, 0, 1)[None].to(network.device)
 
 
 def _image(batch: Tensor) -> Image:
-    return np.ascontiguousarray(batch[0].permute(1, 2, 0).numpy(), np.float32)
+    return np.ascontiguousarray(batch[0].permute(1, 2, 0).cpu().numpy(), np.float32)
 
 
 def padded(refine: Refine, multiple: int, batch: Tensor, fine: Tensor | None = None) -> Tensor:

@@ -54,8 +54,9 @@ def _mist(run: Sequence[int], read: Read, network: EnhancementNetwork, statistic
     if not (network.config.mist and network.config.lens_mist):
         return None
     with torch.inference_mode():
-        pictures = torch.cat([_squeezed(read(index)) for index in run])
-        return mean_mist(network.find_mist(pictures, statistics.coarse[None].expand(len(run), -1, -1, -1)))
+        pictures = torch.cat([_squeezed(read(index)) for index in run]).to(network.device)
+        coarse = statistics.coarse[None].to(network.device)
+        return mean_mist(network.find_mist(pictures, coarse.expand(len(run), -1, -1, -1)))
 
 
 def _squeezed(photograph: NDArray[np.uint8]) -> Tensor:

@@ -229,6 +229,11 @@ class EnhancementNetwork(nn.Module):
             nn.init.zeros_(cast(nn.Conv2d, self.lens_mist.shared[-1]).weight)
 
     @property
+    def device(self) -> torch.device:
+        """Where it calculates."""
+        return next(self.parameters()).device
+
+    @property
     def multiple(self) -> int:
         """What height and width have to be multiples of."""
         return self.config.stem * 2 ** (LEVELS - 1)

@@ -100,5 +100,5 @@ class EnhancedViews:
 def _fingerprint(images: TrainingImages, enhancer: Enhancer, remove_mist: bool) -> str:
     digest = hashlib.sha256(images.digest().encode() + (b"" if remove_mist else b"with mist"))
     for name, value in enhancer.network.state_dict().items():
-        digest.update(name.encode() + value.numpy().tobytes())
+        digest.update(name.encode() + value.cpu().numpy().tobytes())
     return digest.hexdigest()[:16]

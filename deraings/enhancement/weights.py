@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from baselines.training.checkpoints import read_arrays, write_arrays
+from baselines.training.devices import chosen_device
 from baselines.training.network_commands import weights_file
 from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
 from hydroviews.errors import InputError
@@ -27,18 +28,20 @@ class Enhancer:
     reason: str  # which weights these are and why
 
 
-def load_enhancer(weights: str | Path = DEFAULT) -> Enhancer:
+def load_enhancer(weights: str | Path = DEFAULT, device: str = "auto") -> Enhancer:
     """The network of the named shipped weights, or of a file.
 
     Args:
         weights: `small`, or the path of a .safetensors file that `python -m deraings.enhancement train` wrote.
+        device: where it is to calculate, see `chosen_device`.
 
     Raises:
-        InputError: no such weights, or the file is damaged or holds another network.
+        InputError: no such weights, the file is damaged or holds another network, or there is no such device.
     """
     path = find_weights(weights)
     arrays, about = read_arrays(path)
-    network = build(path, about, arrays)
+    network = build(path, about, arrays).to(chosen_device(device))
+    torch.backends.cudnn.allow_tf32 = False  # a GPU's pictures are the CPU's; 10 bits of mantissa would be seen in them
     origin = f"shipped as {weights}" if path.parent == SHIPPED else f"from {path}, as asked for"
     card = about["card"]
     return Enhancer(network, card, f"enhancement weights {origin}: {card['steps']} steps on {card['data']}")

@@ -76,8 +76,6 @@ class CudaBackend:
         self, objective: Objective, background: NDArray[np.float32], near: float, antialiased: bool = False
     ) -> None:
         require_kernels()
-        # SSIM is small differences of large filtered numbers, and convolutions may else have 10 bits of mantissa.
-        torch.backends.cudnn.allow_tf32 = False
         self.device = torch.cuda.get_device_name()
         self._objective = objective
         self._background = torch.from_numpy(background).cuda()
@@ -87,6 +85,8 @@ class CudaBackend:
         if objective.appearance is not None:
             objective.appearance.cuda()
         self._ops = step_ops()
+        # SSIM is small differences of large filtered numbers, and convolutions may else have 10 bits of mantissa.
+        torch.backends.cudnn.allow_tf32 = False
         self._rates: dict[str, tuple[NDArray[np.float32], Tensor]] = {}  # those uploaded last, and where they are
         self._targets: dict[tuple[int, Size], tuple[Tensor, Tensor | None]] = {}  # pixels, and which are shown
 

@@ -60,6 +60,8 @@ def test_a_picture_no_larger_than_a_tile_is_taken_whole():
 class Mean(torch.nn.Module):
     """Answers every tile with its own mean."""
 
+    device = torch.device("cpu")
+
     multiple = 1
 
     def remove_mist(self, batch):
