@@ -66,7 +66,8 @@ class Gaussians:
 
     def select(self, which: NDArray) -> "Gaussians":
         """Those that a mask [N] or an index array picks, copied."""
-        return self.map(lambda value: value[which])
+        rows = np.flatnonzero(which) if which.dtype == bool else which
+        return self.map(lambda value: np.take(value, rows, axis=0))
 
     def coloured(self, colours: NDArray[np.float32]) -> "Gaussians":
         """The same with given colours [N, 3] instead of spherical harmonics; below 0 they are shown as 0."""
@@ -77,13 +78,21 @@ class Gaussians:
         return self.map(np.zeros_like)
 
 
-def concatenate(first: Gaussians, second: Gaussians) -> Gaussians:
-    """Both, in order; the origins must be the same.
+def join(first: Gaussians, rows: NDArray[np.intp], second: Gaussians) -> Gaussians:
+    """Those of the first at some rows [M], then all of the second; the origins must be the same.
 
     Raises:
         ValueError: different origins.
     """
     if not np.array_equal(first.origin, second.origin):
         raise ValueError(f"Gaussians with origins {first.origin} and {second.origin} cannot be joined")
-    joined = {name: np.concatenate([value, getattr(second, name)]) for name, value in first.state_dict().items()}
+    joined = {name: _join(value, rows, getattr(second, name)) for name, value in first.state_dict().items()}
     return Gaussians(**joined, origin=first.origin)
+
+
+def _join(first: NDArray, rows: NDArray[np.intp], second: NDArray) -> NDArray:
+    """In memory that is touched once: most of what a refinement takes is copying."""
+    both = np.empty((len(rows) + len(second), *first.shape[1:]), first.dtype)
+    np.take(first, rows, axis=0, out=both[: len(rows)], mode="clip")  # "raise" would copy through a buffer
+    both[len(rows) :] = second
+    return both

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.splatting.gaussians import Gaussians, concatenate
+from baselines.splatting.gaussians import Gaussians, join
 
 logger = logging.getLogger(__name__)
 
@@ -32,12 +32,13 @@ class TrainingState:
 
     def refined(self, keep: NDArray[np.bool_], added: Gaussians) -> "TrainingState":
         """Those that the mask `keep` [N] picks, then new ones with zero moments; all statistics at zero."""
-        total = int(keep.sum()) + len(added)
+        rows, none = np.flatnonzero(keep), added.zeros()
+        total = len(rows) + len(added)
         return replace(
             self,
-            gaussians=concatenate(self.gaussians.select(keep), added),
-            first=concatenate(self.first.select(keep), added.zeros()),
-            second=concatenate(self.second.select(keep), added.zeros()),
+            gaussians=join(self.gaussians, rows, added),
+            first=join(self.first, rows, none),
+            second=join(self.second, rows, none),
             gradient_sum=np.zeros(total, np.float32),
             seen=np.zeros(total, np.float32),
         )

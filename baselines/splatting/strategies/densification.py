@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.splatting.gaussians import Gaussians, concatenate
+from baselines.splatting.gaussians import Gaussians, join
 from baselines.splatting.kernels.position_gradients import add_position_gradients
 from baselines.splatting.schedule import Stream, random_stream
 from baselines.splatting.state import TrainingState
@@ -114,7 +114,7 @@ def grow(
     large = size[chosen] > strategy.grow_scale3d * extent
     cloned, split = np.sort(chosen[~large]), np.sort(chosen[large])
     keep[split] = False
-    added = concatenate(gaussians.select(cloned), split_up(gaussians.select(split), generator))
+    added = join(gaussians, cloned, split_up(gaussians.select(split), generator))
     return state.refined(keep, added)
 
 

@@ -10,7 +10,7 @@ from baselines.splatting.appearance.gaussians import AppearanceGaussians, gaussi
 from baselines.splatting.backends import torch_rasterizer as reference
 from baselines.splatting.backends.base import CpuBackend
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.gaussians import FIELDS, concatenate
+from baselines.splatting.gaussians import FIELDS, join
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import photometric_loss
 from baselines.splatting.kernels.rasterizer import render
@@ -72,7 +72,7 @@ def with_features(n, degree=1):
 
 def test_features_go_where_their_gaussians_go():
     gaussians = with_features(10)
-    both = concatenate(gaussians.select(np.arange(3)), gaussians.select(np.arange(10) > 7))
+    both = join(gaussians, np.arange(3), gaussians.select(np.arange(10) > 7))
     assert np.array_equal(both.features, gaussians.features[[0, 1, 2, 8, 9]])
     assert gaussians.bare().features is None
     assert gaussians.zeros().features.shape == (10, 2)

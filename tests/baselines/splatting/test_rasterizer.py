@@ -9,7 +9,7 @@ import torch
 from splats import BACKGROUND, camera, cloud, with_values
 
 from baselines.splatting.backends import torch_rasterizer as reference
-from baselines.splatting.gaussians import FIELDS, Gaussians, concatenate
+from baselines.splatting.gaussians import FIELDS, join
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.rasterizer import backward, backward_sh_sets, depth, render, render_sh_sets
 
@@ -326,6 +326,6 @@ def test_gaussians_check_their_shapes():
     with pytest.raises(ValueError, match="coefficients"):
         replace(gaussians, sh=np.zeros((4, 5, 3), np.float32))
     with pytest.raises(ValueError, match="origins"):
-        concatenate(gaussians, replace(gaussians, origin=np.ones(3)))
-    assert isinstance(concatenate(gaussians, gaussians), Gaussians)
-    assert len(concatenate(gaussians, gaussians)) == 8
+        join(gaussians, np.arange(2), replace(gaussians, origin=np.ones(3)))
+    joined = join(gaussians, np.array([1, 0]), gaussians)
+    assert np.array_equal(joined.means, np.concatenate([gaussians.means[[1, 0]], gaussians.means]))
