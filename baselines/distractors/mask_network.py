@@ -124,9 +124,12 @@ class MaskNetwork:
         (hinge(p, low, high) * counts).mean().backward()
         self._adam.step()
         self._adam.zero_grad()
-        return np.asarray(
-            cv2.resize(p.detach().cpu().numpy(), lower.shape[::-1], interpolation=cv2.INTER_LINEAR), np.float32
-        )
+        return enlarged(p, lower.shape)
+
+    def probability(self, view: int, size: tuple[int, ...], extra: Sequence[Plane] = ()) -> Plane:
+        """p [H, W] in [0, 1] of a view at a size; nothing is learned."""
+        with torch.no_grad():
+            return enlarged(self._predict(view, extra), size)
 
     def settings(self) -> dict[str, Any]:
         """The settings; a checkpoint made with others is another run's."""
@@ -176,6 +179,11 @@ def standardised(features: Sequence[Tensor]) -> list[Tensor]:
     deviation = (squares / number).sqrt()
     factor = torch.where(deviation > FLAT, 1 / deviation.clamp(min=FLAT), 0.0)
     return [((seen.double() - mean[:, None, None]) * factor[:, None, None]).half() for seen in features]
+
+
+def enlarged(p: Tensor, size: tuple[int, ...]) -> Plane:
+    """p [h, w] of places as a plane of pixels [H, W]."""
+    return np.asarray(cv2.resize(p.detach().cpu().numpy(), size[::-1], interpolation=cv2.INTER_LINEAR), np.float32)
 
 
 def averaged(plane: NDArray[np.bool_], size: tuple[int, int]) -> Plane:

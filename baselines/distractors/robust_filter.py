@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
-from baselines.distractors.method import SPLATTING, DistractorMethod
-from baselines.distractors.trimming import TrimConfig, TrimmedObjective
+from baselines.distractors.method import SPLATTING
+from baselines.distractors.trimming import TrimConfig, TrimmedMethod, TrimmedObjective
 from baselines.splatting.config import TrainerConfig
 from baselines.training.images import read_images
 from hydroviews.scene.scenes import Scene
@@ -31,7 +31,7 @@ class RobustFilterConfig:
 SHORT_TRIM = TrimConfig(inlier_share=0.9)
 
 
-class RobustFilter(DistractorMethod):
+class RobustFilter(TrimmedMethod):
     """Splatting on the pixels with the smaller residuals (RobustNeRF's filter)."""
 
     profiles: ClassVar[Mapping[str, Any]] = {

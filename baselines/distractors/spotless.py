@@ -16,8 +16,8 @@ from typing import Any, ClassVar
 from numpy.typing import NDArray
 
 from baselines.distractors.mask_network import MaskNetwork, MaskNetworkConfig, frozen
-from baselines.distractors.method import SPLATTING, DistractorMethod
-from baselines.distractors.trimming import TrimConfig, TrimmedObjective
+from baselines.distractors.method import SPLATTING
+from baselines.distractors.trimming import TrimConfig, TrimmedMethod, TrimmedObjective
 from baselines.splatting.backends.base import GSPLAT
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.kernels.photometric import Plane
@@ -53,6 +53,11 @@ class SpotlessObjective(TrimmedObjective):
         with one_thread():
             return self.network.learn(view, lower, upper, ignored, self.context(residuals, view))
 
+    def predicted(self, residuals: Plane, view: int, ignored: Ignored | None) -> Plane:
+        """See TrimmedObjective."""
+        with one_thread():
+            return self.network.probability(view, residuals.shape, self.context(residuals, view))
+
     def context(self, residuals: Plane, view: int) -> Sequence[Plane]:
         """What the network sees of a view beside its features; here nothing."""
         return ()
@@ -76,7 +81,7 @@ class SpotlessObjective(TrimmedObjective):
 SHORT_NETWORK = MaskNetworkConfig("vgg", rate=5e-3, prior=0.9)
 
 
-class Spotless(DistractorMethod):
+class Spotless(TrimmedMethod):
     """SpotLessSplats (Sabour et al. 2025): a network on frozen features tells what of the photographs counts."""
 
     extra: ClassVar[int] = 0  # planes that the network sees beside the features

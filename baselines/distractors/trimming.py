@@ -9,20 +9,23 @@ SpotLessSplats, section 4.2.2 and their code; the loss is not divided by the sha
 import logging
 import math
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.distractors.method import ReportingObjective
+from baselines.distractors.method import DistractorMethod, ReportingObjective
 from baselines.distractors.residuals import ResidualHistogram, inliers, residuals_of
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Plane, photometric_loss
 from baselines.splatting.schedule import Stream, random_stream
-from baselines.training.images import TrainingImages
+from baselines.training.images import Size, TrainingImages
+from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 from hydroviews.scene.masks import Ignored
+from hydroviews.scene.scenes import Scene
 
 logger = logging.getLogger(__name__)
 
@@ -75,7 +78,7 @@ class TrimmedObjective(ReportingObjective):
         self.given_up = False
 
     def __call__(self, image: Image, view: int, iteration: int, buffers: BufferPool) -> tuple[float, Image]:
-        """See Objective; whatever predicts p learns from the residuals."""
+        """See Objective."""
         target = self.target(view, (image.shape[0], image.shape[1]))
         weights = None
         if not self.given_up:
@@ -86,8 +89,17 @@ class TrimmedObjective(ReportingObjective):
             self._watch(weights, target.ignored, iteration)
         return photometric_loss(image, target, self.lambda_dssim, None if self.given_up else weights, buffers)
 
+    def left_out(self, image: Image, view: int) -> Plane | None:
+        """1 - p [H, W] of a view whose render this is, learning nothing; None where masks were given up."""
+        target = self.target(view, (image.shape[0], image.shape[1]))
+        return None if self.given_up else 1 - self.predicted(residuals_of(image, target), view, target.ignored)
+
     def probability(self, residuals: Plane, view: int, ignored: Ignored | None) -> Plane:
-        """p [H, W] in [0, 1] of a view's pixels, whose residuals are new; here 1 for inliers, else 0."""
+        """p [H, W] in [0, 1] of a view's pixels, whose residuals are new; whatever predicts it may learn from them."""
+        return self.predicted(residuals, view, ignored)
+
+    def predicted(self, residuals: Plane, view: int, ignored: Ignored | None) -> Plane:
+        """p [H, W] of a view's pixels as it is known; here 1 for inliers, else 0."""
         return self.below(residuals, self.trim.inlier_share, ignored).astype(np.float32)
 
     def below(self, residuals: Plane, share: float, ignored: Ignored | None) -> NDArray[np.bool_]:
@@ -143,3 +155,21 @@ class TrimmedObjective(ReportingObjective):
 def faded(progress: float, fade_in: float) -> float:
     """a, at a share of the iterations."""
     return math.exp(-progress / fade_in)
+
+
+class TrimmedMethod(DistractorMethod):
+    """Splatting on what is taken for the scene; it can say of its training views what it leaves out."""
+
+    _objective: TrimmedObjective | None
+    _cameras: tuple[Camera, ...] = ()  # of the training views
+
+    def fit(self, scene: Scene, folder: Path) -> None:
+        """See Method."""
+        super().fit(scene, folder)
+        self._cameras = tuple(view.camera for view in scene.train_views)
+
+    def hidden(self, view: int, size: Size) -> Plane | None:
+        """See Method: 1 - p, for the trained scene."""
+        if self._objective is None:
+            return None
+        return self._objective.left_out(self.render(self._cameras[view].resized(size[1], size[0])), view)

@@ -18,16 +18,19 @@ from typing import Any, ClassVar
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from baselines.method import TrainingSummary
 from baselines.occ_nerf.config import OccNerfConfig
 from baselines.occ_nerf.losses import occ_nerf_losses
 from baselines.occ_nerf.model import OccNerfModel
+from baselines.training.images import Size
 from baselines.volumetric.config import DETAILED_FIELD, NERF, SHORT_FIELD, MlpFieldConfig, VolumetricConfig
 from baselines.volumetric.losses import Loss
 from baselines.volumetric.method import RadianceMethod
-from baselines.volumetric.rays import camera_rays
+from baselines.volumetric.rays import WorldRays, camera_rays
 from baselines.volumetric.spaces import Space
+from hydroviews.scene.cameras import Camera
 from hydroviews.scene.scenes import Scene
 
 STRIDE = 13  # of the pixels whose share of foreground is told, over all views
@@ -55,6 +58,7 @@ class OccNerf(RadianceMethod):
     def __init__(self, config: OccNerfConfig, seed: int) -> None:
         super().__init__(config, seed)
         self._foreground: float | None = None  # share of the training pixels
+        self._cameras: tuple[Camera, ...] = ()  # of the training views, after `fit`
 
     @property
     def model(self) -> OccNerfModel:
@@ -79,6 +83,14 @@ class OccNerf(RadianceMethod):
         """See Method."""
         super().fit(scene, folder)
         self._foreground = foreground_share(self.model, scene)
+        self._cameras = tuple(view.camera for view in scene.train_views)
+
+    def hidden(self, view: int, size: Size) -> NDArray[np.float32] | None:
+        """See Method: what the detector says."""
+        if not self._cameras:
+            return None
+        rays = camera_rays(self._cameras[view].resized(size[1], size[0]))
+        return foreground(self.model, rays).reshape(size)
 
     def summary(self) -> TrainingSummary:
         """See Method."""
@@ -88,10 +100,15 @@ class OccNerf(RadianceMethod):
 
 def foreground_share(model: OccNerfModel, scene: Scene) -> float:
     """The share of the training views' pixels that the detector takes for foreground, from every 13th."""
-    device = next(model.parameters()).device
     found = []
     for view in scene.train_views:
         world = camera_rays(view.camera)
         some = replace(world, origins=world.origins[::STRIDE], directions=world.directions[::STRIDE])
-        found += [model.foreground(part) for part in model.chunks(model.space.from_world(some, device))]
-    return float(np.mean(torch.cat(found).cpu().numpy() >= 0.5))
+        found.append(foreground(model, some) >= 0.5)
+    return float(np.mean(np.concatenate(found)))
+
+
+def foreground(model: OccNerfModel, world: WorldRays) -> NDArray[np.float32]:
+    """What the detector says of rays in the world [R], in [0, 1]."""
+    rays = model.space.from_world(world, next(model.parameters()).device)
+    return torch.cat([model.foreground(part) for part in model.chunks(rays)]).cpu().numpy()

@@ -30,13 +30,13 @@ from baselines.splatting.schedule import LearningRates
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.trainer import train
 from baselines.training.devices import chosen_device
-from baselines.training.images import TrainingImages, read_images
+from baselines.training.images import Size, TrainingImages, read_images
 from baselines.training.torch_state import one_thread
 from baselines.wild_gaussians.appearance import AppearanceConfig, WildAppearance
 from baselines.wild_gaussians.features import NETWORKS, make_features
 from baselines.wild_gaussians.mean_appearance import mean_appearance
 from baselines.wild_gaussians.sky import bounds_of, with_room, with_sky
-from baselines.wild_gaussians.uncertainty import Uncertainty, UncertaintyConfig
+from baselines.wild_gaussians.uncertainty import Uncertainty, UncertaintyConfig, counted
 from hydroviews.errors import InputError
 from hydroviews.scene.images import Image
 from hydroviews.scene.scenes import Scene
@@ -117,6 +117,12 @@ class WildObjective(Objective):
             gradients.append(np.float32(share) * gradient)  # a copy: the next call writes over it
         return total, gradients
 
+    def hidden(self, view: int, size: Size) -> NDArray[np.float32] | None:
+        """See Method: what does not count at the end of the training."""
+        if self._uncertainty is None:
+            return None
+        return (~counted(self._uncertainty.uncertainty(view, size))).astype(np.float32)
+
     def settings(self) -> dict[str, Any]:
         """See Objective."""
         return {**super().settings(), "uncertainty": self._uncertainty and self._uncertainty.settings()}
@@ -151,6 +157,7 @@ class WildGaussians(GaussianSplatting):
     """
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
+    _objective: WildObjective | None = None  # after `fit`
 
     @classmethod
     def configuration(cls, profile: str) -> Any:
@@ -185,8 +192,12 @@ class WildGaussians(GaussianSplatting):
                 cameras = [view.camera for view in scene.train_views]
                 shown = mean_appearance(trained.gaussians, appearance, cameras, trained.near, splatting.antialiased)
                 trained = replace(trained, gaussians=shown)
-        self._trained = trained
+        self._trained, self._objective = trained, objective
         self.found["sky"] = len(scene.points) - before
+
+    def hidden(self, view: int, size: Size) -> NDArray[np.float32] | None:
+        """See Method."""
+        return self._objective.hidden(view, size) if self._objective else None
 
     def _uncertainty(self, images: TrainingImages) -> Uncertainty | None:
         """Before its first step, if it is wanted; `used` will name the features."""

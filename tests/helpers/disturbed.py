@@ -7,6 +7,7 @@ from unittest import mock
 import numpy as np
 import pytest
 
+from baselines.method import check_hidden
 from baselines.splatting.gaussians import FIELDS
 from baselines.training.torch_state import module_arrays
 from hydroviews.scene.images import write_png
@@ -39,6 +40,20 @@ def power_cut(module, objective, iteration=9, step="__call__"):
     interrupted = type(objective, (kind,), {step: cut})  # of the same name, which a checkpoint holds
     with mock.patch.object(module, objective, interrupted), pytest.raises(RuntimeError, match="power cut"):
         yield
+
+
+def assert_found(method, shown, scene):
+    """What a trained method hides of its training views is what stands in the way there, more than half of it."""
+    inside, outside = [], []
+    for index, (view, clean) in enumerate(zip(shown.train_views, scene.train_views, strict=True)):
+        image = view.image()
+        plane = method.hidden(index, image.shape[:2])
+        check_hidden(plane, image.shape[:2])
+        there = (np.abs(image - clean.image()) > 0.02).any(axis=2)
+        inside.append(plane[there])
+        outside.append(plane[~there])
+    assert np.concatenate(inside).mean() > 0.5
+    assert np.concatenate(outside).mean() < 0.2
 
 
 def whole_and_resumed(kind, config, scene, folder, module, objective):

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from disturbed import disturbed, fitted, occluded, whole_and_resumed
+from disturbed import assert_found, disturbed, fitted, occluded, whole_and_resumed
 from splats import photographed
 from trainings import psnr
 
@@ -34,6 +34,7 @@ def test_something_in_the_way_in_a_third_of_the_views_is_left_out(tmp_path):
     ours = fitted(Spotless, replace(CONFIG, splatting=splatting), shown, tmp_path / "spotless")
     assert psnr(ours, scene.test_views) > plain + 1.2
     assert "features vgg, pixels" in ours.summary().used
+    assert_found(ours, shown, scene)
 
 
 def test_an_interrupted_run_ends_with_the_same_bits(tmp_path):

@@ -10,7 +10,7 @@ import torch
 import wall
 from disturbed import losses_cut
 
-from baselines.method import find_method
+from baselines.method import check_hidden, find_method
 from baselines.occ_nerf import method as occ_nerf
 from baselines.occ_nerf.config import OccNerfConfig
 from baselines.occ_nerf.losses import occ_nerf_losses
@@ -207,6 +207,10 @@ def test_the_posts_are_found(occluded, trained):
     assert np.concatenate(found[True]).mean() > 0.5
     assert np.concatenate(found[False]).mean() < 0.1
     assert "foreground" in trained.summary().used
+    size = (wall.HEIGHT, wall.WIDTH)
+    plane = trained.hidden(len(occluded.train_views) - 1, size)
+    check_hidden(plane, size)
+    assert np.array_equal(plane, m.numpy().reshape(size))  # of the last view
 
 
 def test_where_nothing_stands_before_the_scene_little_is_lost(tmp_path):
