@@ -1,6 +1,7 @@
 """The same training steps on an NVIDIA GPU with gsplat 1.5 (Ye et al. 2024).
 
-Steps stay on the GPU; refinement, every hundred steps, is the CPU's: the state is copied over and back. gsplat lets
+Steps stay on the GPU, and the CPU waits once in each; refinement, every hundred steps, is the CPU's: the state is copied
+over and back. gsplat lets
 a Gaussian cover 0.999 of a pixel where we stop at 0.99, so renders of very opaque scenes differ a little. Sets of
 colours are rendered one by one, so that absolute gradients are those of each, added up; the kernels' are of the sum.
 """
@@ -205,9 +206,9 @@ class CudaBackend:
         state = self._current()
         values = state.parameters[name]
         parts = [part for part in (gradient, penalty_gradient(name, values, options)) if part is not None]
-        whole = sum(parts[1:], parts[0]) if parts else torch.zeros_like(values)
+        total = sum(parts[1:], parts[0]) if parts else torch.zeros_like(values)
         moments = state.first[name], state.second[name]
-        self._ops.adam_step(values, whole, *moments, self._uploaded(name, rates), step, state.broken)
+        self._ops.adam_step(values, total, *moments, self._uploaded(name, rates), step, state.broken)
 
     def _uploaded(self, name: str, rates: float | NDArray[np.float32]) -> Tensor:
         """The rates of a parameter, uploaded where they are others than before."""
@@ -273,7 +274,9 @@ class CudaBackend:
             return loss
         pictures = [image.detach().cpu().numpy() for image in renders]
         value, gradients = self._objective.compare(pictures, view, iteration, self._buffers)
-        torch.autograd.backward(renders, [_sent(np.ascontiguousarray(gradient)) for gradient in gradients])
+        torch.autograd.backward(
+            renders, [torch.from_numpy(np.ascontiguousarray(gradient)).cuda() for gradient in gradients]
+        )
         return torch.tensor(value, device=renders[0].device)
 
     def _target(self, view: int, size: Size) -> tuple[Tensor, Tensor | None]:
