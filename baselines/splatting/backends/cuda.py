@@ -1,9 +1,9 @@
 """The same training steps on an NVIDIA GPU with gsplat 1.5 (Ye et al. 2024).
 
-Steps stay on the GPU, and the CPU waits once in each; refinement, every hundred steps, is the CPU's: the state is copied
-over and back. gsplat lets
-a Gaussian cover 0.999 of a pixel where we stop at 0.99, so renders of very opaque scenes differ a little. Sets of
-colours are rendered one by one, so that absolute gradients are those of each, added up; the kernels' are of the sum.
+Steps stay on the GPU, and the CPU waits once in each; refinement, every hundred steps, is the CPU's: the state is
+copied over and back. gsplat lets a Gaussian cover 0.999 of a pixel where we stop at 0.99, so renders of very opaque
+scenes differ a little. Sets of colours are rendered one by one, so that absolute gradients are those of each, added up;
+the kernels' are of the sum.
 """
 
 import importlib.util
