@@ -47,14 +47,15 @@ def hold_trial(scene: Scene, config: NimbusConfig, seed: int, folder: Path, obje
         logger.info("nimbus: no medium, as one view cannot tell it from the scene")
         return None
     short = shortened(config, max(1, n_views // HELD_BACK))
-    losses, seconds = [], 0.0
+    losses: dict[str, float] = {}
+    seconds = 0.0
     for name, used in (("with-medium", True), ("without-medium", False)):
         place = folder / name
         place.mkdir(parents=True, exist_ok=True)
         trained = train(scene, short.splatting, seed, place, objectives(short, used))
-        losses.append(trained.residuals[-1])
+        losses[name] = trained.residuals[-1]
         seconds += trained.seconds
-    return Trial(*losses, seconds)
+    return Trial(losses["with-medium"], losses["without-medium"], seconds)
 
 
 def shortened(config: NimbusConfig, held_back: int) -> NimbusConfig:
