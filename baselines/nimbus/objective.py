@@ -6,6 +6,7 @@
 Depths, to which rays go, are constants: they are rendered anew now and then, and no gradient goes through them.
 """
 
+import logging
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
@@ -30,8 +31,11 @@ from baselines.training.torch_state import module_arrays, one_thread, restore_mo
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 
+logger = logging.getLogger(__name__)
 LEAST_COVERED = 0.5  # of a pixel by Gaussians, from which on it has a depth
 DEPTH, MEDIUM, RESIDUAL = "depth.", "medium.", "residual."  # of names in a checkpoint
+GIVEN_UP = "given_up"
+SMALL = (16, 16)  # size at which the light that a medium takes of a view is averaged
 
 
 class NimbusObjective(ReportingObjective):
@@ -57,7 +61,8 @@ class NimbusObjective(ReportingObjective):
         super().__init__(images, config.splatting.lambda_dssim)
         self.cameras, self.config, self.medium, self._near = cameras, config, medium, near
         iterations = config.splatting.iterations
-        self._first = round(config.medium.first * iterations)
+        self._first, self._judged = (round(share * iterations) for share in (config.medium.first, config.medium.judged))
+        self.given_up = medium is None
         self.residuals = Residuals(config.residual, len(images), iterations)
         self._depths: dict[int, tuple[int, Plane]] = {}  # by view: iteration in which it was rendered, depth
         if medium is not None:
@@ -65,7 +70,7 @@ class NimbusObjective(ReportingObjective):
 
     def wants_gaussians(self, view: int, iteration: int) -> bool:
         """See Objective: for the view's depth."""
-        if self.medium is None or iteration < self._first:
+        if self.given_up or iteration < self._first:
             return False
         known = self._depths.get(view)
         return known is None or iteration - known[0] >= self.config.medium.renewed
@@ -80,7 +85,8 @@ class NimbusObjective(ReportingObjective):
 
     def __call__(self, image: Image, view: int, iteration: int, buffers: BufferPool) -> tuple[float, Image]:
         """See Objective; the medium takes a step."""
-        if self.medium is None or iteration < self._first:
+        self._judge(iteration)
+        if self.medium is None or self.given_up or iteration < self._first:
             return self._compare(image, view, iteration, buffers)
         with one_thread(), torch.enable_grad():
             scene = torch.from_numpy(np.array(image)).to(self._device).requires_grad_()
@@ -98,7 +104,7 @@ class NimbusObjective(ReportingObjective):
 
     def residual(self, image: Image, view: int, buffers: BufferPool) -> float:
         """See Objective: behind the medium, without a residual, which is what a view of its own would have."""
-        if self.medium is not None:
+        if self.medium is not None and view in self._depths and not self.given_up:
             with one_thread(), torch.no_grad():
                 scene = torch.from_numpy(np.array(image)).to(self._device)
                 image = self._behind(scene, view, self.medium.extinction).cpu().numpy()
@@ -106,7 +112,7 @@ class NimbusObjective(ReportingObjective):
 
     def transmission(self, view: int, size: tuple[int, int]) -> Plane:
         """T [H, W] of a training view at (height, width); 1 where there is no medium."""
-        if self.medium is None or view not in self._depths:
+        if self.medium is None or self.given_up or view not in self._depths:
             return np.ones(size, np.float32)
         with one_thread(), torch.no_grad():
             return self._transmission(view, size, self.medium.extinction).cpu().numpy()
@@ -122,10 +128,12 @@ class NimbusObjective(ReportingObjective):
 
     def report(self) -> dict[str, str]:
         """See ReportingObjective: how much of the light the medium takes, and the share of the residuals' pixels."""
-        views = range(len(self.images))
-        taken = [1 - self.transmission(view, (8, 8)).mean() for view in views]
-        medium = "none" if self.medium is None else f"takes {np.mean(taken):.0%} of the light"
+        medium = "none" if self.given_up else f"takes {self.light_taken():.1%} of the light"
         return {"medium": medium, "residuals": f"{self.residuals.share:.0%} of the pixels"}
+
+    def light_taken(self) -> float:
+        """1 - T, mean over the views whose depth is known; 0 where none is."""
+        return float(np.mean([1 - self.transmission(view, SMALL).mean() for view in self._depths] or [0.0]))
 
     def settings(self) -> dict[str, Any]:
         """See Objective."""
@@ -138,18 +146,30 @@ class NimbusObjective(ReportingObjective):
         arrays |= {RESIDUAL + name: value for name, value in self.residuals.state_dict().items()}
         if self.medium is not None:
             arrays |= {MEDIUM + name: value for name, value in module_arrays(self.medium, self._adam).items()}
-        return super().state_dict() | arrays
+        return super().state_dict() | arrays | {GIVEN_UP: np.array([self.given_up], np.uint8)}
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """See Objective."""
         super().load_state_dict(arrays)
         self.residuals.load_state_dict(_below(RESIDUAL, arrays))
+        self.given_up = bool(arrays[GIVEN_UP][0])
         self._depths = {}
         for name, plane in _below(DEPTH, arrays).items():
             view, made = name.split(".")
             self._depths[int(view)] = int(made), plane.copy()
         if self.medium is not None:
             restore_module(self.medium, _below(MEDIUM, arrays), self._adam)
+
+    def _judge(self, iteration: int) -> None:
+        """Give the medium up, when it is time, if it takes hardly any light: the air is clear."""
+        if self.given_up or iteration != self._judged:
+            return
+        taken = self.light_taken()
+        self.given_up = taken < self.config.medium.least
+        said = "given up" if self.given_up else "kept"
+        logger.info(
+            "nimbus: medium %s, it takes %.1f %% of the light after %d iterations", said, 100 * taken, iteration
+        )
 
     @property
     def _device(self) -> torch.device:

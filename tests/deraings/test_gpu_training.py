@@ -43,9 +43,7 @@ TONES = WildConfig(
     UncertaintyConfig("alexnet", start=6, warm_up=2, protected=0, rate=1e-2, every=2),
     sky=50,
 )
-HAZY = NimbusConfig(
-    HURRIED, MediumConfig(cells=8, trial=0, first=0.1, renewed=3), ResidualConfig(first=0.3, every=0.2)
-)
+HAZY = NimbusConfig(HURRIED, MediumConfig(cells=8, first=0.1, renewed=3, least=0), ResidualConfig(first=0.3, every=0.2))
 METHODS = {  # and the most uploads, downloads and questions of a step, which sees its picture for the first time
     "3dgs": (GaussianSplatting, HURRIED, (9, 0, 2)),
     "relocating": (BudgetedSplatting, replace(HURRIED, strategy=RELOCATING), (8, 0, 2)),
@@ -55,7 +53,7 @@ METHODS = {  # and the most uploads, downloads and questions of a step, which se
     "wild": (WildGaussians, TONES, (18, 3, 4)),
     "gs-w": (GaussianInTheWild, GSWConfig(HURRIED, SHORT), (18, 2, 3)),
     "wild-gs": (WildGS, WildGSConfig(HURRIED, LOOK), (19, 6, 3)),
-    "nimbus": (Nimbus, HAZY, (14, 3, 2)),
+    "nimbus": (Nimbus, HAZY, (26, 7, 2)),
 }
 
 

@@ -143,7 +143,9 @@ def test_a_smaller_picture_of_the_medium_is_enlarged():
     assert enlarged(plane, (2, 3)) is plane
 
 
-@pytest.mark.parametrize("wrong", [{"cells": 1}, {"clear": 0}, {"trial": 2}, {"samples": 0}, {"variation": -1}])
+@pytest.mark.parametrize(
+    "wrong", [{"cells": 1}, {"clear": 0}, {"judged": 2}, {"first": 0.5}, {"samples": 0}, {"variation": -1}]
+)
 def test_settings_that_make_no_medium_are_refused(wrong):
     with pytest.raises(ValueError, match="expected"):
         MediumConfig(**wrong)
