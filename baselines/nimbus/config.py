@@ -50,10 +50,8 @@ class MediumConfig:
     def __post_init__(self) -> None:
         if self.cells < 2 or min(self.samples, self.ray_shrink, self.renewed) < 1:
             raise ValueError(f"{self}: expected cells from 2; samples, ray_shrink and renewed from 1")
-        if (
-            min(self.clear, self.box, self.rate, self.patch) <= 0
-            or min(self.spread, self.variation, self.dark, self.least) < 0
-        ):
+        weights = self.spread, self.variation, self.dark, self.least
+        if min(self.clear, self.box, self.rate, self.patch) <= 0 or min(weights) < 0:
             raise ValueError(f"{self}: expected clear, box, rate and patch above 0; spread, least and weights from 0")
         if not (0 <= self.first <= self.judged <= 1 and self.patch <= 1):
             raise ValueError(f"{self}: expected first up to judged, judged and patch up to 1")
@@ -61,8 +59,9 @@ class MediumConfig:
 
 @dataclass(frozen=True)
 class ResidualConfig:
-    """Settings of the residuals; the defaults are those of the profile `paper`, and the paper's but for `signed` and `most`,
-    which are ours.
+    """Settings of the residuals; the defaults are those of the profile `paper`.
+
+    They are the paper's but for `signed` and `most`, which are ours.
 
     Attributes:
         used: whether there are residuals at all.
