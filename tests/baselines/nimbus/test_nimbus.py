@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 from disturbed import assert_same_gaussians, disturbed, fitted, only_in_training, whole_and_resumed
 from splats import cloud, photographed
 from trainings import psnr
@@ -14,9 +15,11 @@ from baselines.gaussian_splatting import GaussianSplatting
 from baselines.method import check_hidden, find_method
 from baselines.nimbus.config import MediumConfig, NimbusConfig, ResidualConfig
 from baselines.nimbus.method import Nimbus
-from baselines.splatting.config import TrainerConfig
+from baselines.nimbus.objective import NimbusObjective
+from baselines.splatting.config import EarlyStop, TrainerConfig
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.rasterizer import depth, render
+from baselines.splatting.schedule import validation_views
 from baselines.splatting.strategies.densification import DefaultStrategy
 from hydroviews.errors import InputError
 
@@ -186,3 +189,22 @@ def test_the_method_is_found_and_its_model_is_the_scene_alone(tmp_path):
     assert_same_gaussians(method.export_gaussians(), loaded.export_gaussians())
     image, _ = render(loaded._trained.gaussians, view, near=loaded._trained.near)
     assert np.array_equal(np.clip(image, 0, 1), method.render(view))
+
+
+def test_views_that_validate_are_seen_through_the_medium(tmp_path, monkeypatch):
+    """Their depth is rendered as well, though nothing is learned from them."""
+    early = replace(BRIEF.splatting, early_stop=EarlyStop(views=1, every=8))
+    scene, seen = photographed(tmp_path, n_views=6), []
+    through = NimbusObjective._behind
+
+    def noted(objective, image, view, extinction):
+        if not torch.is_grad_enabled():
+            seen.append(view)
+        return through(objective, image, view, extinction)
+
+    monkeypatch.setattr(NimbusObjective, "_behind", noted)
+    method = fitted(Nimbus, replace(BRIEF, splatting=early), scene, tmp_path / "run")
+    validating = validation_views(len(scene.train_views), 1)[0]
+    assert seen == [validating] * 2
+    assert len(method._trained.residuals) == 2
+    assert validating in method._objective._depths
