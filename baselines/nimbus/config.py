@@ -45,7 +45,7 @@ class MediumConfig:
     dark: float = 0.01
     patch: float = 1 / 40
     judged: float = 0.4
-    least: float = 0.05
+    least: float = 0.07
 
     def __post_init__(self) -> None:
         if self.cells < 2 or min(self.samples, self.ray_shrink, self.renewed) < 1:
