@@ -13,6 +13,7 @@ from hydroviews.scene.images import Image
 
 if TYPE_CHECKING:  # it needs torch, which most trainings do without
     from baselines.splatting.appearance.base import Appearance
+    from baselines.splatting.gaussians import Gaussians
 
 
 class Objective:
@@ -36,6 +37,13 @@ class Objective:
     def target(self, view: int, size: Size | None = None) -> Target:
         """A training view as the loss wants it, at its own size or a smaller one."""
         return prepare_target(self.images.pixels(view, size), self.images.ignored(view, size))
+
+    def wants_gaussians(self, view: int, iteration: int) -> bool:
+        """Whether `see` is to be called before this view's step, or its validation; a GPU's have to be fetched."""
+        return False
+
+    def see(self, gaussians: "Gaussians", view: int, iteration: int) -> None:
+        """Look at the Gaussians before a step, where a view's render does not say enough; they are not kept."""
 
     def compare(
         self, images: Sequence[Image], view: int, iteration: int, buffers: BufferPool

@@ -175,7 +175,13 @@ class SplattingTrainer:
             rates |= {FEATURES: self.objective.appearance.feature_rate(iteration)}
         step_options = config.strategy.step_options(iteration, float(rates["means"]), self.extent, self.seed)
         camera = schedule.shrunk(self.cameras[view], shrink)
+        self._show(view, iteration)
         return self.backend.step(camera, view, iteration, degree, rates, step_options)
+
+    def _show(self, view: int, iteration: int) -> None:
+        """Show the objective the Gaussians, if it wants to see them."""
+        if self.objective.wants_gaussians(view, iteration):
+            self.objective.see(self.state.gaussians, view, iteration)
 
     def _change_due(self) -> bool:
         """Whether `_change` has anything to do after so many steps."""
@@ -201,5 +207,7 @@ class SplattingTrainer:
             self._put(prune(state, config.pruning.use(self.backend, self.cameras), config.pruning, left))
         if self._validation_due():
             degree = schedule.sh_degree_at(done - 1, config.sh_degree_interval, config.sh_degree)
+            for view in self.validation_views:
+                self._show(view, done)
             losses = [self.backend.residual(self.cameras[view], view, degree) for view in self.validation_views]
             self._put(replace(self._placed, residuals=(*self._placed.residuals, float(np.mean(losses)))))

@@ -14,6 +14,8 @@ from splats import photographed
 from baselines.gaussian_splatting import BudgetedSplatting, GaussianSplatting
 from baselines.gs_w.config import SHORT
 from baselines.gs_w.method import GaussianInTheWild, GSWConfig
+from baselines.nimbus.config import MediumConfig, NimbusConfig, ResidualConfig
+from baselines.nimbus.method import Nimbus
 from baselines.splatting.backends.base import GSPLAT
 from baselines.splatting.config import EarlyStop, Pruning, TrainerConfig
 from baselines.splatting.strategies.densification import DefaultStrategy
@@ -43,6 +45,7 @@ TONES = WildConfig(
     UncertaintyConfig("alexnet", start=6, warm_up=2, protected=0, rate=1e-2, every=2),
     sky=50,
 )
+HAZY = NimbusConfig(HURRIED, MediumConfig(cells=8, first=0.1, renewed=3, least=0), ResidualConfig(first=0.3, every=0.2))
 METHODS = {  # and the most uploads, downloads and questions of a step, which sees its picture for the first time
     "3dgs": (GaussianSplatting, HURRIED, (7, 1, 0)),
     "relocating": (BudgetedSplatting, replace(HURRIED, strategy=RELOCATING), (7, 1, 0)),
@@ -52,6 +55,7 @@ METHODS = {  # and the most uploads, downloads and questions of a step, which se
     "wild": (WildGaussians, TONES, (16, 4, 2)),
     "gs-w": (GaussianInTheWild, GSWConfig(HURRIED, SHORT), (17, 3, 2)),
     "wild-gs": (WildGS, WildGSConfig(HURRIED, LOOK), (18, 7, 2)),
+    "nimbus": (Nimbus, HAZY, (21, 8, 1)),
 }
 
 

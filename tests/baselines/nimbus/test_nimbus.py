@@ -1,0 +1,210 @@
+"""NimbusGS on small made-up scenes. Thresholds of what it has to gain were written down before the first run."""
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from disturbed import assert_same_gaussians, disturbed, fitted, only_in_training, whole_and_resumed
+from splats import cloud, photographed
+from trainings import psnr
+
+import baselines.nimbus.method as nimbus
+from baselines.gaussian_splatting import GaussianSplatting
+from baselines.method import check_hidden, find_method
+from baselines.nimbus.config import MediumConfig, NimbusConfig, ResidualConfig
+from baselines.nimbus.method import Nimbus
+from baselines.nimbus.objective import NimbusObjective
+from baselines.splatting.config import EarlyStop, TrainerConfig
+from baselines.splatting.kernels.buffer_pool import BufferPool
+from baselines.splatting.kernels.rasterizer import depth, render
+from baselines.splatting.schedule import validation_views
+from baselines.splatting.strategies.densification import DefaultStrategy
+from hydroviews.errors import InputError
+
+GROWTH = DefaultStrategy(
+    start=20, stop=200, every=20, budget=300, grow_grad2d=5e-5, reset_every=None, prune_scale3d=1.0
+)
+SPLATTING = TrainerConfig(iterations=800, sh_degree=0, strategy=GROWTH, device="cpu", resolutions=((0.2, 2),))
+MEDIUM = MediumConfig(cells=12, rate=0.02, renewed=100, dark=0.05, ray_shrink=2)
+NO_MEDIUM, NO_RESIDUAL = MediumConfig(used=False), ResidualConfig(used=False)
+BRIEF = NimbusConfig(
+    replace(SPLATTING, iterations=16, checkpoint_seconds=0.0),
+    replace(MEDIUM, first=0.2, renewed=3, least=0.0),
+    ResidualConfig(first=0.4, every=0.2),
+)
+EXTINCTION, AIR, SKY = 0.15, np.array([0.75, 0.8, 0.85]), 6.0  # per world unit; SKY: how far the haze reaches
+
+
+def in_haze(scene, folder):
+    """Haze by the distance of what `photographed` shows, in the training views."""
+    truth = cloud(60, degree=0, seed=3, size=0.15)
+
+    def behind(image, index):
+        camera = scene.views[index].camera
+        _, state = render(truth, camera)
+        across, down = camera.slopes
+        longer = np.sqrt(1 + across[None] ** 2 + down[:, None] ** 2)
+        distance = np.where(state.transmittance < 0.5, depth(state) * longer, SKY)
+        share = np.exp(-EXTINCTION * distance)[..., None]
+        return share * image + (1 - share) * AIR
+
+    return disturbed(scene, folder, only_in_training(scene, behind))
+
+
+def in_specks(scene, folder):
+    """Bright specks of 3 x 3 pixels, elsewhere in each training view: a fifth of it."""
+    rng = np.random.default_rng(0)
+
+    def before(image, index):
+        height, width = image.shape[:2]
+        for top, left in zip(*(rng.integers(0, side - 2, 42) for side in (height, width)), strict=True):
+            image[top : top + 3, left : left + 3] = 0.95
+        return image
+
+    return disturbed(scene, folder, only_in_training(scene, before))
+
+
+def test_haze_stays_out_of_the_scene(tmp_path):
+    scene = photographed(tmp_path, n_views=16)
+    hazy = in_haze(scene, tmp_path / "hazy")
+    config = NimbusConfig(SPLATTING, MEDIUM, NO_RESIDUAL)
+    plain = fitted(GaussianSplatting, SPLATTING, hazy, tmp_path / "plain")
+    ours = fitted(Nimbus, config, hazy, tmp_path / "nimbus")
+    assert psnr(ours, scene.test_views) > psnr(plain, scene.test_views) + 1
+    assert "medium takes" in ours.summary().used
+    size = scene.views[0].camera.height, scene.views[0].camera.width
+    check_hidden(ours.hidden(0, size), size)
+    assert 0.1 < ours.hidden(0, size).mean() < 0.9
+
+
+def test_clear_air_has_no_medium(tmp_path):
+    scene = photographed(tmp_path, n_views=16)
+    ours = fitted(Nimbus, NimbusConfig(SPLATTING, MEDIUM, NO_RESIDUAL), scene, tmp_path / "nimbus")
+    plain = fitted(GaussianSplatting, SPLATTING, scene, tmp_path / "plain")
+    assert psnr(ours, scene.test_views) > psnr(plain, scene.test_views) - 1
+    assert "medium none" in ours.summary().used
+    assert ours._objective.given_up
+    assert (ours._objective.transmission(0, (9, 12)) == 1).all()
+
+
+def test_specks_stay_out_of_the_scene(tmp_path):
+    scene = photographed(tmp_path, n_views=16)
+    shown = in_specks(scene, tmp_path / "specks")
+    plain = fitted(GaussianSplatting, SPLATTING, shown, tmp_path / "plain")
+    ours = fitted(Nimbus, NimbusConfig(SPLATTING, NO_MEDIUM), shown, tmp_path / "nimbus")
+    assert psnr(ours, scene.test_views) > psnr(plain, scene.test_views) + 0.5
+    size = scene.views[0].camera.height, scene.views[0].camera.width
+    view = scene.views.index(scene.train_views[0])
+    speck = shown.views[view].image().min(axis=2) > 0.9
+    found = ours.hidden(0, size)
+    check_hidden(found, size)
+    assert found[speck].mean() > found[~speck].mean() + 0.5
+
+
+def test_gradients_are_those_of_the_loss(tmp_path):
+    """By the scene, through the medium, against differences: of parts of the picture, in the gradient's own direction.
+
+    Along others what is left of a slope is no more than the kinks of L1 that a step meets.
+    """
+    scene = photographed(tmp_path, n_views=3)
+    config = NimbusConfig(SPLATTING, replace(MEDIUM, dark=0.5, variation=0.0), NO_RESIDUAL)
+    rng, step = np.random.default_rng(0), 1e-3
+    start = rng.random((36, 48, 3)).astype(np.float32)
+
+    def compared(image):
+        objective = Nimbus(config, 0).objective(scene, tmp_path)
+        objective.medium.log_scale.data.fill_(1.0)
+        objective._depths[0] = 700, np.full((18, 24), 4, np.float32)
+        loss, gradient = objective(image.astype(np.float32), 0, 700, BufferPool())
+        return loss, gradient.astype(np.float64)
+
+    _, gradient = compared(start)
+    for _ in range(4):
+        way = np.sign(gradient) * (rng.random(start.shape) < 0.3)
+        slope = (compared(start + step * way)[0] - compared(start - step * way)[0]) / (2 * step)
+        assert slope == pytest.approx((gradient * way).sum(), rel=0.03)
+
+
+def test_an_interrupted_run_ends_with_the_same_bits(tmp_path):
+    scene = photographed(tmp_path, n_views=4)
+    whole, resumed = whole_and_resumed(Nimbus, BRIEF, scene, tmp_path, nimbus, "NimbusObjective")
+    assert resumed.summary().used == whole.summary().used
+    arrays, others = (method._objective.state_dict() for method in (whole, resumed))
+    assert arrays.keys() == others.keys()
+    assert any(name.startswith("medium.") for name in arrays)
+    assert any(name.startswith("depth.") for name in arrays)
+    assert [name for name in arrays if arrays[name].tobytes() != others[name].tobytes()] == []
+    with pytest.raises(InputError, match="checkpoint is of another run"):
+        fitted(Nimbus, replace(BRIEF, residual=replace(BRIEF.residual, threshold=0.3)), scene, tmp_path / "cut")
+
+
+@pytest.mark.parametrize("judged", [0.3, 0.8])
+def test_a_medium_that_was_given_up_stays_so_when_a_run_goes_on(tmp_path, judged):
+    """Before the interruption, and after it."""
+    config = replace(BRIEF, medium=replace(BRIEF.medium, judged=judged, least=0.9))
+    scene = photographed(tmp_path, n_views=4)
+    whole, resumed = whole_and_resumed(Nimbus, config, scene, tmp_path, nimbus, "NimbusObjective")
+    assert whole._objective.given_up
+    assert resumed._objective.given_up
+    assert "medium none" in resumed.summary().used
+
+
+@pytest.mark.parametrize("case", ["one view", "all outliers", "identical", "constant"])
+def test_views_that_teach_little_leave_a_finite_scene(tmp_path, case, caplog):
+    scene = photographed(tmp_path, n_views=8)
+    changes = {
+        "one view": lambda picture, index: picture,
+        "all outliers": lambda picture, index: np.random.default_rng(index).random(picture.shape),
+        "identical": lambda picture, index: scene.views[0].image(),
+        "constant": lambda picture, index: np.full_like(picture, 0.5),
+    }
+    scene = disturbed(scene, tmp_path / "changed", changes[case])
+    if case == "one view":
+        scene = replace(scene, split=replace(scene.split, train=scene.split.train[:1]))
+    with caplog.at_level(logging.INFO):
+        method = fitted(Nimbus, BRIEF, scene, tmp_path / "run")
+    assert all(np.isfinite(value).all() for value in method._trained.gaussians.state_dict().values())
+    learned = {name: value for name, value in method._objective.state_dict().items() if not name.startswith("depth.")}
+    assert all(np.isfinite(value).all() for value in learned.values())
+    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
+    said = " ".join(record.message for record in caplog.records)
+    assert ("one view cannot tell" in said) == (case == "one view")
+    assert ("residuals hold" in said) == (method._objective.residuals.share > 0.5)
+    if case == "all outliers":
+        assert "residuals hold" in said
+
+
+def test_the_method_is_found_and_its_model_is_the_scene_alone(tmp_path):
+    assert find_method("baselines.nimbus.method:Nimbus") is Nimbus
+    paper = Nimbus.configuration("paper")
+    assert (paper.medium, paper.residual) == (MediumConfig(), ResidualConfig())
+    scene = photographed(tmp_path, n_views=4)
+    method, view = fitted(Nimbus, BRIEF, scene, tmp_path / "run"), scene.test_views[0].camera
+    method.save(tmp_path / "run")
+    loaded = Nimbus.load(BRIEF, 0, tmp_path / "run")
+    assert np.array_equal(method.render(view), loaded.render(view))
+    assert loaded.summary().used == method.summary().used
+    assert_same_gaussians(method.export_gaussians(), loaded.export_gaussians())
+    image, _ = render(loaded._trained.gaussians, view, near=loaded._trained.near)
+    assert np.array_equal(np.clip(image, 0, 1), method.render(view))
+
+
+def test_views_that_validate_are_seen_through_the_medium(tmp_path, monkeypatch):
+    """Their depth is rendered as well, though nothing is learned from them."""
+    early = replace(BRIEF.splatting, early_stop=EarlyStop(views=1, every=8))
+    scene, seen = photographed(tmp_path, n_views=6), []
+    through = NimbusObjective._behind
+
+    def noted(objective, image, view, extinction):
+        if not torch.is_grad_enabled():
+            seen.append(view)
+        return through(objective, image, view, extinction)
+
+    monkeypatch.setattr(NimbusObjective, "_behind", noted)
+    method = fitted(Nimbus, replace(BRIEF, splatting=early), scene, tmp_path / "run")
+    validating = validation_views(len(scene.train_views), 1)[0]
+    assert seen == [validating] * 2
+    assert len(method._trained.residuals) == 2
+    assert validating in method._objective._depths
