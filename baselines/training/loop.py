@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
+from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from baselines.training.checkpoints import Tree, load_checkpoint, save_checkpoint
@@ -78,7 +79,7 @@ def run(trainer: Trainer, checkpoint: Path, fingerprint: Mapping[str, Any], chec
     saving = Saving(clock, checkpoint_seconds)
     bar = tqdm(total=trainer.iterations, initial=trainer.iteration, desc="training", unit="it", mininterval=1.0)
     smooth: float | None = None
-    with stop_signals() as stopped, bar, _noted():
+    with stop_signals() as stopped, bar, one_blas_thread(), _noted():
         while not trainer.finished:
             iteration, metrics = trainer.iteration, trainer.step()
             check_finite(metrics, iteration)
@@ -116,6 +117,11 @@ def timed_loops() -> Iterator[list[Interval]]:
         yield loops
     finally:
         _loops.reset(token)
+
+
+def one_blas_thread() -> threadpool_limits:
+    """For numpy's products: a step's matrices are small, and threads that wait for more keep processors busy."""
+    return threadpool_limits(1, user_api="blas")
 
 
 @contextmanager

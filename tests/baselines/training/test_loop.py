@@ -13,6 +13,7 @@ import pytest
 import tiny_attention
 import torch
 from splats import photographed
+from threadpoolctl import threadpool_info, threadpool_limits
 from tiny_network import TINY
 from trainings import BUDGETED, CONFIG
 from wet import lens, photograph
@@ -282,3 +283,36 @@ def test_a_checkpoint_without_a_learning_curve_is_gone_on_from(tmp_path):
 def test_progress_shows_the_first_loss_and_counts(tmp_path, capsys):
     loop.run(Counting(), tmp_path / CHECKPOINT, {}, 1e9)
     assert "loss 0.5000, 10 numbers" in capsys.readouterr().err
+
+
+class Counting:
+    """Trains nothing, and notes how many threads numpy's products have in each step."""
+
+    iterations, seconds, iteration = 2, 0.0, 0
+
+    def __init__(self):
+        self.threads = []
+
+    @property
+    def finished(self):
+        return self.iteration == self.iterations
+
+    def step(self):
+        self.threads.append(blas_threads())
+        self.iteration += 1
+        return {"loss": 0.0}
+
+    def state_dict(self):
+        return {}
+
+
+def blas_threads():
+    return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+
+
+def test_products_have_one_thread_while_a_training_runs(tmp_path):
+    trainer = Counting()
+    with threadpool_limits(2, user_api="blas"):
+        loop.run(trainer, tmp_path / CHECKPOINT, {}, 1e9)
+        assert blas_threads() == {2}
+    assert trainer.threads == [{1}, {1}]
