@@ -181,7 +181,7 @@ class SplattingTrainer:
     def _show(self, view: int, iteration: int) -> None:
         """Show the objective the Gaussians, if it wants to see them."""
         if self.objective.wants_gaussians(view, iteration):
-            self.objective.see(self.state.gaussians, view, iteration)
+            self.objective.see(self.backend.gaussians(), view, iteration)
 
     def _change_due(self) -> bool:
         """Whether `_change` has anything to do after so many steps."""

@@ -43,6 +43,9 @@ class Backend(Protocol):
     def get(self, iteration: int, seconds: float) -> TrainingState:
         """The state as numpy arrays, valid until the next step."""
 
+    def gaussians(self) -> Gaussians:
+        """The Gaussians of the state alone, valid until the next step."""
+
     def non_finite(self) -> int:
         """How many Gaussians have a parameter that is NaN or infinite; none of them is shown or learns."""
 
@@ -92,6 +95,11 @@ class CpuBackend:
         """The same arrays."""
         assert self._state is not None
         return replace(self._state, iteration=iteration, seconds=seconds)
+
+    def gaussians(self) -> Gaussians:
+        """See Backend: the same arrays."""
+        assert self._state is not None
+        return self._state.gaussians
 
     def non_finite(self) -> int:
         """See Backend."""

@@ -112,7 +112,7 @@ class CudaBackend:
         """Copy from the GPU."""
         state = self._current()
         return TrainingState(
-            gaussians=_download(state.parameters, state.origin),
+            gaussians=self.gaussians(),
             first=_download(state.first, state.origin),
             second=_download(state.second, state.origin),
             gradient_sum=state.gradient_sum.cpu().numpy(),
@@ -122,6 +122,11 @@ class CudaBackend:
             residuals=state.residuals,
             non_finite=state.non_finite,
         )
+
+    def gaussians(self) -> Gaussians:
+        """See Backend."""
+        state = self._current()
+        return _download(state.parameters, state.origin)
 
     def non_finite(self) -> int:
         """See Backend."""
@@ -157,8 +162,7 @@ class CudaBackend:
             image, details = self._rasterize(leaves, state.origin, camera, degree, absolute=True)
             details["means2d"].retain_grad()
             image.mean().backward()
-            half_size = total.new_tensor([camera.width / 2, camera.height / 2])
-            total += (details["means2d"].absgrad[0] * half_size).square().sum(dim=-1)
+            total += _by_half_image(details["means2d"].absgrad[0], camera).square()
         return total.cpu().numpy()
 
     def step(
@@ -305,9 +309,14 @@ def _observe(
     shown = (renders[0]["radii"][0] > 0).all(dim=-1)
     means2d = [details["means2d"] for details in renders]
     gradient = sum((m.absgrad if step_options.absolute else m.grad)[0] for m in means2d)
-    x, y = gradient.unbind(dim=-1)
-    state.gradient_sum[rows] += torch.hypot(x * (camera.width / 2), y * (camera.height / 2)) * shown
+    state.gradient_sum[rows] += _by_half_image(gradient, camera) * shown
     state.seen[rows] += shown
+
+
+def _by_half_image(gradient: Any, camera: Camera) -> Tensor:
+    """Lengths [N] of gradients by pixels [N, 2], by positions in units of half the image."""
+    x, y = gradient.unbind(dim=-1)
+    return torch.hypot(x * (camera.width / 2), y * (camera.height / 2))
 
 
 def _opacities(parameters: dict[str, Tensor], whole: bool) -> tuple[dict[str, Tensor], Tensor]:
