@@ -23,13 +23,12 @@ from baselines.splatting.backends.cuda import CudaBackend, _upload
 from baselines.splatting.files.checkpoints import state_to_tree
 from baselines.splatting.kernels.rasterizer import backward, render
 from baselines.splatting.objective import Objective
-from baselines.splatting.schedule import rates_at
 from baselines.splatting.state import fresh_state
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.training.checkpoints import save_checkpoint
 from benchmarks.methods import in_steps
 from benchmarks.splatting.scenes import picture, room, view
-from benchmarks.splatting.speed import STILL
+from benchmarks.splatting.speed import still
 from hydroviews.cli.commands import run_command
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_bytes
@@ -76,15 +75,7 @@ def agreement(n: int, size: tuple[int, int]) -> list[dict[str, Any]]:
     ours, rendered = render(gaussians, camera, BACKGROUND, 3, near=0.01)
     found = backward(rendered, gradient).parameters
     error = np.abs(image.detach().cpu().numpy() - ours)
-    rows = [
-        {
-            **about(n, size),
-            "of": "image",
-            "median": np.median(error),
-            "99 %": np.quantile(error, 0.99),
-            "most": error.max(),
-        }
-    ]
+    rows = [{**about(n, size), "of": "image", **spread(error)}]
     for name, leaf in leaves.items():
         theirs, mine = (value.reshape(n, -1) for value in (_gradient(leaf), getattr(found, name)))
         shown = np.abs(mine).max(1) > 0
@@ -122,7 +113,7 @@ def prepared(n: int, size: tuple[int, int]) -> tuple[Callable[[], Any], dict[str
     gaussians, images = room(n, camera), picture(camera)
     backend = CudaBackend(Objective(images), BACKGROUND, 0.01)
     backend.put(fresh_state(gaussians))
-    rates, options = rates_at(0, 1, STILL, 1.0, 3), DefaultStrategy().step_options(0, 0.0, 1.0, 0)
+    rates, options = still()
     leaves = {name: value.detach().requires_grad_() for name, value in backend._current().parameters.items()}
     image, _ = backend._rasterize(leaves, gaussians.origin, camera, 3)
     seen, ones = image.detach().requires_grad_(), torch.ones_like(image)
@@ -152,7 +143,7 @@ def cpu_step(n: int, size: tuple[int, int], repeats: int) -> float:
     camera = view(*size)
     backend = CpuBackend(Objective(picture(camera)), BACKGROUND, 0.01)
     backend.put(fresh_state(room(n, camera)))
-    rates, options = rates_at(0, 1, STILL, 1.0, 3), DefaultStrategy().step_options(0, 0.0, 1.0, 0)
+    rates, options = still()
     return milliseconds(lambda: backend.step(camera, 0, 100, 3, rates, options), repeats)
 
 
@@ -214,12 +205,9 @@ def methods(names: Sequence[str], size: tuple[int, int], profile: str, steps: in
             try:
                 method.fit(scene, run)
                 took = time.perf_counter() - start
-                training = method.summary().train_seconds
-                row = {
-                    "step ms": 1e3 * training / steps,
-                    "around s": took - training,
-                    "device": method.summary().device,
-                }
+                summary = method.summary()
+                training = summary.train_seconds
+                row = {"step ms": 1e3 * training / steps, "around s": took - training, "device": summary.device}
             except InputError as error:
                 row = {"device": str(error).splitlines()[0]}
             rows.append({"method": name, "size": "{}x{}".format(*size), **row})

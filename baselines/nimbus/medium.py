@@ -14,6 +14,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from baselines.gs_w.encoder import at_size
 from baselines.nimbus.config import MediumConfig
 from baselines.nimbus.view_rays import Box, Rays
 
@@ -74,7 +75,4 @@ def through(scene: Tensor, transmission: Tensor, airlight: Tensor) -> Tensor:
 
 def enlarged(transmission: Tensor, size: tuple[int, int]) -> Tensor:
     """T [h, w] at another size [H, W], bilinear."""
-    if transmission.shape == size:
-        return transmission
-    larger = functional.interpolate(transmission[None, None], size, mode="bilinear", align_corners=False)
-    return larger[0, 0]
+    return transmission if transmission.shape == size else at_size(transmission, size)

@@ -18,6 +18,7 @@ from baselines.splatting.kernels.rasterizer import backward, backward_sh_sets, r
 from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import LearningRates, rates_at
 from baselines.splatting.state import fresh_state
+from baselines.splatting.strategies.base import StepOptions
 from baselines.splatting.strategies.densification import DefaultStrategy
 from benchmarks.splatting.scenes import picture, room, view
 
@@ -92,6 +93,11 @@ def _seconds(work: Callable[[], None]) -> float:
     return time.perf_counter() - start
 
 
+def still() -> tuple[dict[str, Any], StepOptions]:
+    """Rates and options of a step that watches gradients and learns next to nothing, at degree 3."""
+    return rates_at(0, 1, STILL, 1.0, 3), DefaultStrategy().step_options(0, 0.0, 1.0, 0)
+
+
 def thread_counts() -> Sequence[int]:
     """1, 2, 4, ... up to what the machine has."""
     most = numba.config.NUMBA_NUM_THREADS
@@ -103,7 +109,7 @@ def speed(n: int, size: tuple[int, int], threads: int, repeats: int) -> dict[str
     camera = view(*size)
     backend = backends.CpuBackend(Objective(picture(camera)), np.zeros(3, np.float32), 0.01)
     backend.put(fresh_state(room(n, camera)))
-    rates, step_options = rates_at(0, 1, STILL, 1.0, 3), DefaultStrategy().step_options(0, 0.0, 1.0, 0)
+    rates, step_options = still()
     before = numba.get_num_threads()
     numba.set_num_threads(threads)
     turns = []
