@@ -51,7 +51,6 @@ class Running(nn.Module):
     def __init__(self, views: int, photographs: int, at_first: float, typical: str = "median"):
         super().__init__()
         self.average = torch.mean if typical == "mean" else torch.median
-        self.warned = False
         self.kept = KEPT ** (photographs / views)  # a step
         self.visits_a_step = photographs / views
         self.typical: Tensor  # median or mean of the squared errors
@@ -60,6 +59,8 @@ class Running(nn.Module):
         self.register_buffer("typical", torch.tensor(GREY))
         self.register_buffer("masked", torch.tensor(at_first))
         self.register_buffer("steps", torch.tensor(0))
+        self.warned: Tensor  # kept like the others: a training that is resumed says nothing twice
+        self.register_buffer("warned", torch.tensor(False))
 
     @torch.no_grad()
     def observe(self, errors: Tensor, m: Tensor, counts: Tensor) -> None:
@@ -77,7 +78,7 @@ class Running(nn.Module):
                 100 * float(self.masked),
                 self.visits,
             )
-            self.warned = True
+            self.warned.fill_(True)
 
     @property
     def visits(self) -> float:

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import torch
 
+from baselines.training.checkpoints import read_arrays, write_arrays
+from baselines.training.torch_state import module_arrays, restore_module
 from baselines.volumetric.masking import GREY, LEAST, PriceConfig, Running, price_of_masking
 
 RELATIVE = PriceConfig(price=3.5, price_at_first=3.5, price_fall=0.0, relative=True)
@@ -61,6 +63,23 @@ def test_the_typical_error_may_be_the_mean():
     running.observe(errors, m, torch.tensor([False, True, True, True]))
     kept = 0.5 ** (2 / 4)
     assert float(running.typical) == pytest.approx(kept * GREY + (1 - kept) * 0.03)
+
+
+def test_masks_that_hide_the_scene_are_spoken_of_once_though_a_training_is_resumed(tmp_path, caplog):
+    running = Running(4, 4, 0.9)
+    hiding = torch.full((4,), 0.1), torch.full((4,), 0.95), torch.ones(4, dtype=torch.bool)
+    for _ in range(2):
+        running.observe(*hiding)
+    assert not caplog.messages  # too early to say
+    running.observe(*hiding)
+    running.observe(*hiding)
+    assert len(caplog.messages) == 1
+    write_arrays(tmp_path / "state.safetensors", module_arrays(running), {})
+    resumed = Running(4, 4, 0.9)
+    restore_module(resumed, read_arrays(tmp_path / "state.safetensors")[0])
+    resumed.observe(*hiding)
+    assert resumed.visits == 5
+    assert len(caplog.messages) == 1
 
 
 def test_settings_that_make_no_sense_are_refused():
