@@ -41,7 +41,7 @@ def mist_bounds(
     cell = max(height, width) / config.cells
     times = count_time_knots(len(pictures), config.views_per_knot, config.max_time_knots)
     grid = (times, max(2, round(height / cell) + 1), max(2, round(width / cell) + 1))
-    colour = mist_light(pictures, config.brightest, config.tint)
+    colour = mist_light(pictures, config.brightest)
     bound = max_mist_alpha(pictures, colour, grid, config.dark_quantile, hidden)
     possible = bound - bound.min()
     even = config.evenness * np.median(possible)
@@ -49,16 +49,15 @@ def mist_bounds(
     return MistBounds(len(pictures), colour, np.minimum(bound, even), np.minimum(possible, even), suspected)
 
 
-def mist_light(pictures: Sequence[NDArray[np.uint8]], brightest: float, tint: float) -> NDArray[np.float32]:
-    """The linear light [3] that mist should have: that of the brightest pixels of all pictures [H, W, 3], paler.
+def mist_light(pictures: Sequence[NDArray[np.uint8]], brightest: float) -> NDArray[np.float32]:
+    """The linear light [3] that mist should have: grey, as light as the brightest pixels of all pictures [H, W, 3].
 
-    Mist is lit from all around, so it is as bright as the sky or what else is bright, and nearly grey.
+    Mist is lit from all around, so it is as bright as the sky or what else is bright. Its colour is learned.
     """
     samples = [picture[::8, ::8].reshape(-1, 3) for picture in pictures]
-    light = to_linear(np.concatenate(samples).astype(np.float32) / np.float32(255))
-    brightness = luminance(light)
-    bright = light[brightness >= np.quantile(brightness, 1 - brightest)].mean(axis=0)
-    return np.asarray(tint * bright + (1 - tint) * luminance(bright), np.float32)
+    light = luminance(to_linear(np.concatenate(samples).astype(np.float32) / np.float32(255)))
+    bright = light[light >= np.quantile(light, 1 - brightest)].mean()
+    return np.full(3, bright, np.float32)
 
 
 def max_mist_alpha(
