@@ -34,7 +34,8 @@ def test_the_page_has_the_value_that_the_code_has(setting, value):
 def test_the_page_has_all_settings_that_say_what_rain_is():
     """Settings that are not listed say how rain is learned, or how much work that is."""
     how = {
-        "mist": {"start", "slack", "rate", "colour_rate", "final_rate", "roughness_penalty", "max_alpha", "dark_quantile"},
+        "mist": {"start", "slack", "max_alpha", "dark_quantile"}
+        | {"rate", "colour_rate", "final_rate", "roughness_penalty"},
         "drops": {"long_side", "every", "start", "noise", "hidden", "shown"},
         "rain_layer": {"start", "settled", "updates", "memory", "max_alpha"},
         "streaks": {"smooth", "visits", "renewals", "max_alpha"},
