@@ -23,7 +23,7 @@ from leaderboard import estimated_cameras
 from leaderboard.evaluate import EvaluateRequest, evaluate
 from leaderboard.runs import Run
 
-pytestmark = pytest.mark.usefixtures("toys")
+pytestmark = pytest.mark.usefixtures("toys", "trained_here")
 
 ELSEWHERE = Similarity(0.3, rotations(np.random.default_rng(1), 1)[0], np.array([5.0, -2.0, 1.0]))
 LONGER = 1.02  # estimated over true focal length
