@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kept_blender import kept_blender  # noqa: F401
 from scipy.special import gamma
 
 from hydroviews.blender.embedded_scenes import captures, textures, textures_indoor
@@ -285,10 +286,12 @@ def test_a_rod_joins_its_ends():
 
 
 @pytest.fixture(scope="module", params=EMBEDDED)
-def capture(request, tmp_path_factory):
+def capture(request, tmp_path_factory, kept_blender):  # noqa: F811
     """The name and the folder of a small capture."""
     folder = tmp_path_factory.mktemp(request.param)
-    render_embedded(request.param, folder, VIEWS, *SIZE, seed=5)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(captures, "run_blender", kept_blender)
+        render_embedded(request.param, folder, VIEWS, *SIZE, seed=5)
     return request.param, folder
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kept_blender import kept_blender  # noqa: F401
 
 from hydroviews.blender.process import run_blender
 from hydroviews.errors import InputError
@@ -73,6 +74,12 @@ def composite(clean, layers):
 
 
 @pytest.fixture
+def kept(monkeypatch, kept_blender):  # noqa: F811
+    """Bakes are made by one Blender process, where the test is not about processes."""
+    monkeypatch.setattr(lens_bake, "run_blender", kept_blender)
+
+
+@pytest.fixture
 def waves():
     """A colourful picture of 80x60, encoded."""
     y, x = np.mgrid[0:60, 0:80] / 80
@@ -132,6 +139,7 @@ def test_meshes_are_closed_small_and_outside_the_lens():
         assert np.mean(up * side > 0) > 0.999
 
 
+@pytest.mark.usefixtures("kept")
 @pytest.mark.blender
 @needs_bpy
 @pytest.mark.parametrize(("lens_renderer", "least"), [("disk", 30), ("aperture", 34)])
@@ -152,6 +160,7 @@ def test_mattes_agree_with_full_path_tracing(tmp_path, waves, lens_renderer, lea
     assert psnr > least, psnr
 
 
+@pytest.mark.usefixtures("kept")
 @pytest.mark.blender
 @needs_bpy
 def test_the_traced_technique_goes_through_the_same_layers(tmp_path, monkeypatch, waves):
@@ -201,6 +210,7 @@ def test_a_blender_process_that_dies_is_named_and_finished_key_frames_are_kept(t
     assert len(started) == 3
 
 
+@pytest.mark.usefixtures("kept")
 @pytest.mark.blender
 @needs_bpy
 @pytest.mark.parametrize("size", [(1, 1), (17, 15), (200, 20)])
@@ -213,6 +223,7 @@ def test_any_size_of_picture(tmp_path, size):
     assert 0 <= layers["M"].min() <= layers["M"].max() <= 1
 
 
+@pytest.mark.usefixtures("kept")
 @pytest.mark.blender
 @needs_bpy
 @pytest.mark.parametrize("degrees", [50, 90])
@@ -229,6 +240,7 @@ def test_total_reflection_loses_no_sense_and_gains_no_light(tmp_path, degrees):
     np.testing.assert_allclose(drops, matte.mask[..., None] * grey, atol=1e-4)
 
 
+@pytest.mark.usefixtures("kept")
 @pytest.mark.blender
 @needs_bpy
 def test_drops_over_the_border_and_over_the_whole_lens(tmp_path):
@@ -241,6 +253,7 @@ def test_drops_over_the_border_and_over_the_whole_lens(tmp_path):
     assert np.all(np.isfinite(flood.apply(np.ones((32, 48, 3), np.float32))))
 
 
+@pytest.mark.usefixtures("kept")
 @pytest.mark.blender
 @needs_bpy
 def test_saturated_lamps_sparkle_in_drops(tmp_path):
@@ -259,6 +272,7 @@ def test_saturated_lamps_sparkle_in_drops(tmp_path):
     assert composite(night, layers).max() <= 1
 
 
+@pytest.mark.usefixtures("kept")
 @pytest.mark.blender
 @needs_bpy
 def test_one_drop_sits_where_it_should_and_turns_the_world_upside_down(tmp_path):
