@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from kept_blender import kept_blender  # noqa: F401
 from scipy.special import gamma
 
 from hydroviews.blender.embedded_scenes import captures, textures, textures_indoor
@@ -286,7 +285,7 @@ def test_a_rod_joins_its_ends():
 
 
 @pytest.fixture(scope="module", params=EMBEDDED)
-def capture(request, tmp_path_factory, kept_blender):  # noqa: F811
+def capture(request, tmp_path_factory, kept_blender):
     """The name and the folder of a small capture."""
     folder = tmp_path_factory.mktemp(request.param)
     with pytest.MonkeyPatch.context() as patch:

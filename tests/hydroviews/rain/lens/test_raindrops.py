@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from kept_blender import kept_blender  # noqa: F401
 
 from hydroviews.blender.process import run_blender
 from hydroviews.errors import InputError
@@ -74,7 +73,7 @@ def composite(clean, layers):
 
 
 @pytest.fixture
-def kept(monkeypatch, kept_blender):  # noqa: F811
+def kept(monkeypatch, kept_blender):
     """Bakes are made by one Blender process, where the test is not about processes."""
     monkeypatch.setattr(lens_bake, "run_blender", kept_blender)
 
@@ -175,12 +174,16 @@ def test_the_traced_technique_goes_through_the_same_layers(tmp_path, monkeypatch
 
 @pytest.mark.blender
 @needs_bpy
-def test_a_bake_is_the_same_in_two_processes_and_kept(tmp_path, monkeypatch):
+def test_a_bake_is_the_same_in_two_processes_and_kept(tmp_path, monkeypatch, kept_blender):
     lens = camera(33, 24)
     pattern = replace(PATTERN, focus_blur=0.05)
     first = bake_matte(pattern, lens, tmp_path / "a")
     bake_matte(pattern, lens, tmp_path / "b")
-    assert (tmp_path / "a" / "matte-0.npz").read_bytes() == (tmp_path / "b" / "matte-0.npz").read_bytes()
+    with monkeypatch.context() as patch:  # and in one that has made others before
+        patch.setattr(lens_bake, "run_blender", kept_blender)
+        bake_matte(pattern, lens, tmp_path / "c")
+    a, b, c = ((tmp_path / name / "matte-0.npz").read_bytes() for name in "abc")
+    assert a == b == c
     monkeypatch.setattr(lens_bake, "run_blender", pytest.fail)
     kept = bake_matte(replace(pattern, mist=0.9, air=(1.0, 1.0, 1.0)), lens, tmp_path / "a")
     assert np.array_equal(kept.mask, first.mask)

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from kept_blender import kept_blender  # noqa: F401
 
 from hydroviews.errors import InputError
 from hydroviews.rain.effect import fall
@@ -54,7 +53,7 @@ def prepared_lens(pattern, lens: Camera, folder: Path, count: int = 7) -> tuple[
 
 
 @pytest.fixture
-def kept(monkeypatch, kept_blender):  # noqa: F811
+def kept(monkeypatch, kept_blender):
     """Bakes are made by one Blender process, where the test is not about processes."""
     monkeypatch.setattr(lens_bake, "run_blender", kept_blender)
 

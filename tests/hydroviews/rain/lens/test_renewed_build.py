@@ -4,7 +4,6 @@ from dataclasses import replace
 from importlib.util import find_spec
 
 import pytest
-from kept_blender import kept_blender  # noqa: F401
 from synthetic import capture_in
 
 from hydroviews.dataset import rainy_variant
@@ -25,7 +24,7 @@ class Wiped(SharpRaindropEffect):
 
 @pytest.mark.blender
 @pytest.mark.skipif(find_spec("bpy") is None, reason="bpy is not installed: pip install 'hydroviews[blender]'")
-def test_an_interrupted_build_of_two_sizes_goes_on_and_verifies(tmp_path, monkeypatch, kept_blender):  # noqa: F811
+def test_an_interrupted_build_of_two_sizes_goes_on_and_verifies(tmp_path, monkeypatch, kept_blender):
     monkeypatch.setattr("hydroviews.rain.lens.bake.run_blender", kept_blender)
     monkeypatch.setattr("hydroviews.rain.lens.renewed.LENSES", 1)
     monkeypatch.syspath_prepend(tmp_path)
