@@ -123,8 +123,8 @@ def test_rescoring_on_other_data_is_refused(built, evaluated, tmp_path):
 def test_renders_that_were_interrupted_are_made_again(built, evaluated, tmp_path, monkeypatch):
     run = next(r for r in _runs(built, tmp_path))
     (run.folder / "record.json").unlink()
-    monkeypatch.setattr(predict_module, "render_views", lambda *_: sys.exit(130))
-    with pytest.raises(SystemExit):
+    with monkeypatch.context() as patch, pytest.raises(SystemExit):
+        patch.setattr(predict_module, "render_views", lambda *_: sys.exit(130))
         predict_module.train_and_render(run)
     with pytest.raises(InputError, match=r"not trained to its end[\s\S]*goes on where it stopped"):
         score(run)

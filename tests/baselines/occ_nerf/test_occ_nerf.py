@@ -215,8 +215,7 @@ def test_the_posts_are_found(occluded, trained):
 
 def test_where_nothing_stands_before_the_scene_little_is_lost(tmp_path):
     scene = wall.photographed(tmp_path, occluders=False)
-    short = replace(VOLUMETRIC, iterations=300)
-    plain, method = balls.Plain(short, 0), OccNerf(replace(CONFIG, volumetric=short), 0)
+    plain, method = balls.Plain(VOLUMETRIC, 0), OccNerf(CONFIG, 0)
     plain.fit(scene, tmp_path / "plain")
     method.fit(scene, tmp_path / "both")
     scores = [balls.psnr(method.render, scene.test_views) for method in (plain, method)]
