@@ -9,7 +9,7 @@ are not part of it, nor are readers of captures: what they read is in the reques
 import ast
 import hashlib
 import inspect
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -65,27 +65,29 @@ def python_files(names: Sequence[str]) -> list[Path]:
 
 def syntax_digest(source: bytes) -> str:
     """SHA-256 of a file's syntax tree without docstrings."""
-    digest = hashlib.sha256()
-    for word in _words(ast.parse(source)):
-        digest.update(f"{word}\n".encode())
-    return digest.hexdigest()
+    words: list[str] = []
+    _write_out(ast.parse(source), words)
+    return hashlib.sha256("".join(f"{word}\n" for word in words).encode()).hexdigest()
 
 
-def _words(node: Any) -> Iterator[str]:
-    """A tree written out, as `ast.dump` would but that its output differs between versions of Python."""
+def _write_out(node: Any, words: list[str]) -> None:
+    """Add a tree's words, as `ast.dump` would but that its output differs between versions of Python.
+
+    Every process that builds or runs something waits for this: a generator would hand each word up through all levels.
+    """
     if isinstance(node, ast.AST):
-        yield type(node).__name__
-        for name, value in ast.iter_fields(node):
-            value = _without_docstring(node) if name == "body" else value
+        words.append(type(node).__name__)
+        for name in node._fields:
+            value = _without_docstring(node) if name == "body" else getattr(node, name, None)
             if value is not None and value != []:  # new versions have new fields, which old code leaves empty
-                yield name
-                yield from _words(value)
+                words.append(name)
+                _write_out(value, words)
     elif isinstance(node, list):
-        yield f"[{len(node)}"
+        words.append(f"[{len(node)}")
         for item in node:
-            yield from _words(item)
+            _write_out(item, words)
     else:
-        yield repr(node)
+        words.append(repr(node))
 
 
 def _without_docstring(node: Any) -> Any:

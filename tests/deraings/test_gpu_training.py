@@ -89,7 +89,7 @@ def asked(request, monkeypatch):
 @pytest.mark.parametrize("name", METHODS)
 def test_a_method_trains_goes_on_on_another_card_and_comes_back(asked, tmp_path, monkeypatch, name):
     kind, config, most = METHODS[name]
-    scene, folder = photographed(tmp_path / "scene", n_views=5), tmp_path / "run"
+    scene, folder = photographed(tmp_path / "scene", 5, 40, 32), tmp_path / "run"
     with pytest.raises(KeyboardInterrupt):
         kind(config, 0).fit(scene, folder)
     monkeypatch.setattr(torch.cuda, "get_device_name", lambda *_: "another card")
@@ -109,7 +109,7 @@ def test_a_method_trains_goes_on_on_another_card_and_comes_back(asked, tmp_path,
 
 
 def test_the_cpu_does_not_go_on_from_a_gpu(asked, tmp_path, monkeypatch):
-    scene = photographed(tmp_path / "scene", n_views=5)
+    scene = photographed(tmp_path / "scene", 5, 40, 32)
     with pytest.raises(KeyboardInterrupt):
         GaussianSplatting(HURRIED, 0).fit(scene, tmp_path / "run")
     monkeypatch.setenv("HYDROVIEWS_DEVICE", "cpu")

@@ -120,7 +120,7 @@ def test_photographs_without_cameras_have_them_estimated(request_of, tmp_path, m
 
 
 def test_rainy_photographs_without_cameras_become_a_scene(tmp_path, monkeypatch, capsys, caplog):
-    for i, (name, image) in enumerate(flower_walk()):
+    for i, (name, image) in enumerate(flower_walk()[:6]):
         write_png(tmp_path / "walk" / f"{name}.png", rained_on(image, i))
     config = DeRainGSConfig(replace(CONFIG, iterations=60), rain=RainConfig(), prior="small")
     monkeypatch.setattr(Short, "profiles", {"demo": config})
@@ -130,7 +130,7 @@ def test_rainy_photographs_without_cameras_become_a_scene(tmp_path, monkeypatch,
     assert folder == tmp_path / "walk-scene"
     assert {path.name for path in folder.iterdir()} == {"capture", "reconstruction.json", TRAINING, FILM, SHEET}
     told = capsys.readouterr().out + caplog.text
-    assert "9 of 9 images registered" in told
+    assert "6 of 6 images registered" in told
     assert "found in the photographs: needed" in told
     assert len(read_ply(folder / TRAINING / SPLATS)) > 100
 

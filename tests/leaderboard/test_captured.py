@@ -18,7 +18,7 @@ from hydroviews.scene.images import read_image
 from hydroviews.scene.masks import mask_name, write_ignored
 from leaderboard.evaluate import EvaluateRequest, evaluate, outcome
 
-pytestmark = pytest.mark.usefixtures("toys")
+pytestmark = pytest.mark.usefixtures("toys", "trained_here")
 
 
 def capture(folder: Path) -> Path:

@@ -119,11 +119,12 @@ def test_rescoring_on_other_data_is_refused(built, evaluated, tmp_path):
         score(dataclasses.replace(_runs(built, tmp_path)[0], seed=5))
 
 
+@pytest.mark.usefixtures("trained_here")
 def test_renders_that_were_interrupted_are_made_again(built, evaluated, tmp_path, monkeypatch):
     run = next(r for r in _runs(built, tmp_path))
     (run.folder / "record.json").unlink()
-    monkeypatch.setattr(predict_module, "render_views", lambda *_: sys.exit(130))
-    with pytest.raises(SystemExit):
+    with monkeypatch.context() as patch, pytest.raises(SystemExit):
+        patch.setattr(predict_module, "render_views", lambda *_: sys.exit(130))
         predict_module.train_and_render(run)
     with pytest.raises(InputError, match=r"not trained to its end[\s\S]*goes on where it stopped"):
         score(run)
@@ -179,12 +180,14 @@ def _runs(built, tmp_path):
     return [run for run in plan if run.pattern == "streak-0"]
 
 
+@pytest.mark.usefixtures("trained_here")
 def test_a_method_that_sees_clean_views_needs_no_rain(built, tmp_path):
     evaluate(request(built, tmp_path, "MeanColourClean"))
     assert list(leaderboard(tmp_path).method) == ["toy_methods:MeanColourClean"]
     assert not (tmp_path / "data/demo/yard/streak-0").exists()
 
 
+@pytest.mark.usefixtures("trained_here")
 def test_the_sparse_track_trains_on_a_third_and_keeps_apart(built, evaluated, tmp_path):
     record = evaluate(request(built, tmp_path, "MeanColour", track="sparse-views"))[-1]
     table = leaderboard(tmp_path)
@@ -261,6 +264,7 @@ def test_a_configuration_that_raises_is_a_clear_error(built, tmp_path):
     assert not (tmp_path / "data").exists()
 
 
+@pytest.mark.usefixtures("trained_here")
 def test_other_settings_are_refused_unless_overwritten(built, evaluated, tmp_path, monkeypatch):
     monkeypatch.setenv("TOY_SHIFT", "0.1")
     sys.modules.pop("toy_methods", None)

@@ -48,7 +48,7 @@ def test_a_fetched_variant_trains_to_the_same_record(tmp_path, monkeypatch):
     assert ours["data_sha256"] == data_hash(built.parent, "yard", "streak-1")
 
 
-@pytest.mark.usefixtures("toys")
+@pytest.mark.usefixtures("toys", "trained_here")
 def test_an_evaluation_of_fetched_data_gives_the_records_of_the_original(tmp_path):
     capture = tmp_path / "yard"
     write_colmap(capture_in(capture), capture / "sparse" / "0")

@@ -15,7 +15,7 @@ from leaderboard.gather import collect, write_leaderboard
 from leaderboard.records import LONGEST, columns, printable
 
 RUN = "demo/toy_methods.MeanColour/yard/streak-0/seed-0"
-pytestmark = pytest.mark.usefixtures("toys")
+pytestmark = pytest.mark.usefixtures("toys", "trained_here")
 
 
 @pytest.fixture

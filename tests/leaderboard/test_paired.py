@@ -42,7 +42,7 @@ def built(tmp_path: Path, capture: Path) -> Path:
     return build_source(str(capture), tmp_path / "data" / "demo", find_profile("demo"))
 
 
-@pytest.mark.usefixtures("toys")
+@pytest.mark.usefixtures("toys", "trained_here")
 def test_of_both_photographs_ceiling_and_floor_are_scored(tmp_path, monkeypatch):
     capture = paired_capture(tmp_path / "walk")
     (capture / "LICENSE").write_text("CC0")
@@ -70,7 +70,7 @@ def test_of_both_photographs_ceiling_and_floor_are_scored(tmp_path, monkeypatch)
     assert run(tmp_path, capture) == [ceiling, floor]
 
 
-@pytest.mark.usefixtures("toys")
+@pytest.mark.usefixtures("toys", "trained_here")
 def test_of_other_views_there_is_no_ceiling(tmp_path, caplog):
     capture = paired_capture(tmp_path / "walk", NAMES[:6], NAMES[6:])
     (floor,) = run(tmp_path, capture)

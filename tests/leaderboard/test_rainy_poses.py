@@ -11,19 +11,22 @@ from captures import WALK, capture
 from random_cameras import rotations
 
 from hydroviews.captures.sfm.mapping import TooFewRegistered
+from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap
+from hydroviews.profiles import find_profile
 from hydroviews.scene.alignment import Similarity
 from hydroviews.scene.images import resize_area, write_png
 from hydroviews.scene.scenes import Points, View, make_scene
 from leaderboard import estimated_cameras
-from leaderboard.evaluate import EvaluateRequest, evaluate
+from leaderboard.evaluate import EvaluateRequest, carry_out, evaluate
 from leaderboard.runs import Run
+from leaderboard.supervision import Limits
 
-pytestmark = pytest.mark.usefixtures("toys")
+pytestmark = pytest.mark.usefixtures("toys", "trained_here")
 
 ELSEWHERE = Similarity(0.3, rotations(np.random.default_rng(1), 1)[0], np.array([5.0, -2.0, 1.0]))
 LONGER = 1.02  # estimated over true focal length
@@ -203,7 +206,8 @@ def test_photographs_of_a_flower_in_rain(tmp_path):
         write_png(path, resize_area(solved.views[i].image(), 320, 240))
         views.append(replace(solved.views[i], path=path, lens=None, camera=solved.views[i].camera.resized(320, 240)))
     write_colmap(make_scene("walk", views, solved.points), tmp_path / "walk/sparse/0")
-    record = evaluate(request(tmp_path, scene=str(tmp_path / "walk")))[-1]
+    build_source(str(tmp_path / "walk"), tmp_path / "data/demo", find_profile("demo"), patterns=("streak-0",))
+    record = carry_out(replace(run_of(tmp_path), scene="walk"), Limits(time=1, stall=1))
     assert (record.status, record.photographs, record.registered) == ("done", 7, 7)
     assert record.pose_auc_10 > 0.6
     assert record.rotation_error < 1

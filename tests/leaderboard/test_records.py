@@ -36,7 +36,7 @@ def test_a_record_of_before_is_read_and_a_metric_that_it_lacks_makes_it_partial(
     assert read_record(path).status == "partial"
 
 
-@pytest.mark.usefixtures("toys")
+@pytest.mark.usefixtures("toys", "trained_here")
 def test_a_metric_that_could_not_be_had_is_completed_by_the_next_evaluation(evaluated, evaluated_once, tmp_path):
     def offline(image, target, ignored):
         raise InputError("no weights", fix="go online")

@@ -21,7 +21,7 @@ from leaderboard.tables import scene_table
 ASH = "toy_effect.Ash"  # in names of folders, where a colon may not stand
 
 
-@pytest.mark.usefixtures("toys")
+@pytest.mark.usefixtures("toys", "trained_here")
 def test_from_build_to_table(tmp_path):
     capture = tmp_path / "capture" / "yard"
     write_colmap(capture_in(capture), capture / "sparse" / "0")

@@ -34,7 +34,7 @@ def register(tmp_path, monkeypatch):
     find_metrics.cache_clear()
 
 
-@pytest.mark.usefixtures("toys")
+@pytest.mark.usefixtures("toys", "trained_here")
 def test_a_registered_metric_goes_through_everything(tmp_path, register):
     register("toy_metric:LARGEST_ERROR")
     capture = tmp_path / "yard"

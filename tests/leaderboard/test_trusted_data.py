@@ -101,6 +101,7 @@ def test_a_full_disk_while_lending_is_told_and_leaves_nothing(place, evaluated, 
     assert not list(run.folder.glob(".*"))
 
 
+@pytest.mark.usefixtures("trained_here")
 def test_what_a_killed_run_was_lent_goes_with_the_next(place):
     left = run_of(place).folder / ".partial-host-0123456789ab-data"
     (left / "yard").mkdir(parents=True)

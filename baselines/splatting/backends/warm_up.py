@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -54,8 +55,9 @@ def compile_apart(code: str, sources: Iterable[Path]) -> None:
         write_bytes(mark, b"")
 
 
+@cache
 def exercise_kernels(sh_degree: int) -> None:
-    """One step of training on a scene of a few Gaussians, and two sets of their colours."""
+    """One step of training on a scene of a few Gaussians, and two sets of their colours; once a process."""
     camera = Camera(16, 16, 16.0, 16.0, 8.0, 8.0, np.diag([1.0, 1, 1, 1]))
     gaussians = initialise(no_points(), [camera], sh_degree, 0).select(np.arange(8))
     gaussians = replace(gaussians, means=gaussians.means + np.array([0, 0, 3], np.float32))

@@ -76,9 +76,9 @@ def parameters(method):
 
 
 def test_masks_bring_back_what_drops_cost(tmp_path, drops):
-    scene = rainy(tmp_path / "scene")
-    masked = fitted(DerainNeRF(DerainNeRFConfig(balls.SMALL, drops), 0), scene, tmp_path / "masked")
-    plain = fitted(PlainField(balls.SMALL, 0), scene, tmp_path / "plain")
+    scene, config = rainy(tmp_path / "scene"), replace(balls.SMALL, iterations=150, anneal=50, proposal_always=75)
+    masked = fitted(DerainNeRF(DerainNeRFConfig(config, drops), 0), scene, tmp_path / "masked")
+    plain = fitted(PlainField(config, 0), scene, tmp_path / "plain")
     with_masks, without = (balls.psnr(method.render, scene.test_views) for method in (masked, plain))
     assert with_masks > 16
     assert with_masks > without + 3

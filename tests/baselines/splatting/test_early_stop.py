@@ -39,6 +39,12 @@ def scene(tmp_path_factory):
     return photographed(tmp_path_factory.mktemp("scene"))
 
 
+@pytest.fixture(scope="module")
+def stopped(scene, tmp_path_factory):
+    """An undisturbed training."""
+    return train(scene, STOPPING, 0, tmp_path_factory.mktemp("undisturbed"))
+
+
 def test_validation_views_are_spread_evenly():
     assert validation_views(12, 3) == (2, 6, 10)
     assert validation_views(4, 3) == (0, 2, 3)
@@ -70,15 +76,14 @@ def test_patience_that_is_never_spent_changes_only_the_views(scene, tmp_path):
 
 
 @pytest.mark.parametrize("iteration", [10, 30, 76])
-def test_a_crash_leaves_no_trace(scene, tmp_path, iteration):
-    undisturbed = train(scene, STOPPING, 0, tmp_path / "undisturbed")
+def test_a_crash_leaves_no_trace(scene, stopped, tmp_path, iteration):
     config = replace(STOPPING, checkpoint_seconds=0.0)
     resumed = crashed_and_resumed(scene, config, iteration, tmp_path / "run")
-    assert_identical(undisturbed, resumed)
-    assert resumed.residuals == undisturbed.residuals
+    assert_identical(stopped, resumed)
+    assert resumed.residuals == stopped.residuals
     again = train(scene, config, 0, tmp_path / "run")  # it has stopped, and stays so
-    assert_identical(undisturbed, again)
-    assert again.iterations == undisturbed.iterations
+    assert_identical(stopped, again)
+    assert again.iterations == stopped.iterations
 
 
 def test_the_model_says_where_training_stopped(scene, tmp_path):

@@ -16,7 +16,7 @@ from baselines.splatting.backends import torch_ops
 from baselines.splatting.backends.torch_rasterizer import photometric_loss
 
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("triton") is None, reason="needs triton: pip install triton")
-SIZES = ((9, 14), (1, 1), (3, 200))  # the last is wider than a program's block
+SIZES = ((9, 14), (1, 1), (2, 171))  # the last is wider than a program's block
 
 
 def compare(device: str) -> None:

@@ -1,6 +1,9 @@
 import csv
+import shutil
+from copy import deepcopy
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -67,18 +70,36 @@ def weights_of(training):
     return flat(training.averaged)
 
 
-def test_training_removes_what_it_can(tmp_path):
-    config = replace(CONFIG, steps=60, rate=3e-3, batch=4, averaging=0.9)
-    training = learn(tmp_path, config, intervals=SELDOM)
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """The folder of a training, and the training."""
+    folder = tmp_path_factory.mktemp("undisturbed")
+    return folder, learn(folder)
+
+
+@pytest.fixture
+def finished(undisturbed, tmp_path):
+    """Its folder again, for the test to change."""
+    return Path(shutil.copytree(undisturbed[0], tmp_path / "finished"))
+
+
+@pytest.fixture(scope="module")
+def skilled(tmp_path_factory):
+    """A training that was long enough."""
+    config = replace(CONFIG, steps=40, rate=3e-3, averaging=0.9)
+    return learn(tmp_path_factory.mktemp("skilled"), config, intervals=SELDOM)
+
+
+def test_training_removes_what_it_can(skilled):
     rainy, clean = torch.full((1, 3, 32, 32), 0.6), torch.full((1, 3, 32, 32), 0.4)
-    assert (training.averaged(rainy) - clean).abs().mean() < 0.08
-    assert training.losses["loss"] < 1
+    assert (skilled.averaged(rainy) - clean).abs().mean() < 0.08
+    assert skilled.losses["loss"] < 1
 
 
 @pytest.mark.parametrize("precision", ["float32", "bfloat16"])
-def test_an_interrupted_training_ends_with_the_same_bits(tmp_path, precision):
+def test_an_interrupted_training_ends_with_the_same_bits(undisturbed, tmp_path, precision):
     config = replace(CONFIG, precision=precision)
-    whole = learn(tmp_path / "whole", config)
+    whole = undisturbed[1] if config == CONFIG else learn(tmp_path / "whole", config)
     with pytest.raises(KeyboardInterrupt):
         learn(tmp_path / "parts", config, Interrupting())
     parts = learn(tmp_path / "parts", config)
@@ -87,51 +108,46 @@ def test_an_interrupted_training_ends_with_the_same_bits(tmp_path, precision):
     assert whole.losses == parts.losses
 
 
-def test_a_training_begins_with_the_weights_it_is_given_and_goes_on_from_its_own(tmp_path):
-    start = learn(tmp_path / "first", replace(CONFIG, steps=12, rate=3e-3), intervals=SELDOM).averaged
+def test_a_training_begins_with_the_weights_it_is_given_and_goes_on_from_its_own(undisturbed, skilled, tmp_path):
+    start = skilled.averaged
     still = replace(CONFIG, rate=1e-9, final_rate=1e-9)
     assert torch.allclose(weights_of(learn(tmp_path / "still", still, start=start)), flat(start), atol=1e-6)
     whole = learn(tmp_path / "whole", start=start)
-    assert not torch.equal(weights_of(whole), weights_of(learn(tmp_path / "chance")))
+    assert not torch.equal(weights_of(whole), weights_of(undisturbed[1]))
     with pytest.raises(KeyboardInterrupt):
         learn(tmp_path / "parts", source=Interrupting(), start=start)
     assert torch.equal(weights_of(whole), weights_of(learn(tmp_path / "parts", start=start)))
 
 
-def test_workers_do_not_change_the_result(tmp_path):
-    alone = learn(tmp_path / "alone")
-    helped = learn(tmp_path / "helped", workers=2)
-    assert torch.equal(weights_of(alone), weights_of(helped))
+def test_workers_do_not_change_the_result(undisturbed, tmp_path):
+    helped = learn(tmp_path, workers=2)
+    assert torch.equal(weights_of(undisturbed[1]), weights_of(helped))
 
 
-def test_every_seed_is_another_training_and_zero_is_one(tmp_path):
-    first, again, other = (learn(tmp_path / str(i), replace(CONFIG, seed=seed)) for i, seed in enumerate((0, 0, 1)))
-    assert torch.equal(weights_of(first), weights_of(again))
-    assert not torch.equal(weights_of(first), weights_of(other))
+def test_every_seed_is_another_training_and_zero_is_one(undisturbed, tmp_path):
+    again, other = (learn(tmp_path / str(seed), replace(CONFIG, seed=seed)) for seed in (0, 1))
+    assert torch.equal(weights_of(undisturbed[1]), weights_of(again))
+    assert not torch.equal(weights_of(undisturbed[1]), weights_of(other))
 
 
-def test_a_finished_training_is_not_trained_again(tmp_path):
-    done = learn(tmp_path)
-    assert torch.equal(weights_of(done), weights_of(learn(tmp_path, source=Interrupting())))
+def test_a_finished_training_is_not_trained_again(undisturbed, finished):
+    assert torch.equal(weights_of(undisturbed[1]), weights_of(learn(finished, source=Interrupting())))
 
 
 @pytest.mark.parametrize("changed", [{"config": replace(CONFIG, rate=1.0)}, {"data": "darker"}])
-def test_a_checkpoint_of_another_training_is_refused(tmp_path, changed):
-    learn(tmp_path)
+def test_a_checkpoint_of_another_training_is_refused(finished, changed):
     with pytest.raises(InputError, match="another run"):
-        learn(tmp_path, **changed)
+        learn(finished, **changed)
 
 
-def test_a_damaged_checkpoint_is_refused(tmp_path):
-    learn(tmp_path)
-    (tmp_path / CHECKPOINT).write_bytes((tmp_path / CHECKPOINT).read_bytes()[:1000])
+def test_a_damaged_checkpoint_is_refused(finished):
+    (finished / CHECKPOINT).write_bytes((finished / CHECKPOINT).read_bytes()[:1000])
     with pytest.raises(InputError, match="damaged"):
-        learn(tmp_path)
+        learn(finished)
 
 
-def test_the_curve_has_a_row_a_validation(tmp_path):
-    learn(tmp_path)
-    rows = list(csv.DictReader((tmp_path / CURVE).open()))
+def test_the_curve_has_a_row_a_validation(undisturbed):
+    rows = list(csv.DictReader((undisturbed[0] / CURVE).open()))
     assert [int(row["step"]) for row in rows] == [3, 6]
     assert [float(row["score"]) for row in rows] == [0, 1]
     assert all(0 < float(row["loss"]) < 3 for row in rows)
@@ -184,10 +200,9 @@ def test_cover_is_learned_where_it_is_known():
     assert cover_loss(found, torch.full_like(cover, torch.nan)) == 0
 
 
-def test_the_network_finds_the_cover_and_says_nothing_of_what_nobody_knows(tmp_path):
-    training = learn(tmp_path, replace(CONFIG, steps=60, rate=3e-3, averaging=0.9))
+def test_the_network_finds_the_cover_and_says_nothing_of_what_nobody_knows(skilled):
     with torch.no_grad():
-        found = torch.sigmoid(training.averaged.alpha(training.averaged.features(torch.rand(1, 3, 32, 32))))
+        found = torch.sigmoid(skilled.averaged.alpha(skilled.averaged.features(torch.rand(1, 3, 32, 32))))
     assert (found - 0.25).abs().mean() < 0.1
     unknown = EnhancementTraining(CONFIG)
     part, whole, box = torch.rand(1, 3, 32, 32), torch.rand(1, 2, 3, 128, 128), torch.tensor([[0.0, 1.0, 0.0, 1.0]])
@@ -210,18 +225,18 @@ def test_a_gradient_that_is_not_finite_changes_no_weights():
     assert all(torch.equal(a, b) for a, b in zip(before, training.network.parameters(), strict=True))
 
 
-def test_weights_come_back_with_their_card(tmp_path):
-    training = learn(tmp_path)
+def test_weights_come_back_with_their_card(undisturbed, tmp_path):
+    averaged = deepcopy(undisturbed[1].averaged)
     card = {"data": "brighter", "steps": 6}
     path = tmp_path / "weights.safetensors"
-    save_network(path, TINY, training.averaged.state_dict(), card)
+    save_network(path, TINY, averaged.state_dict(), card)
     enhancer = load_enhancer(path)
     assert enhancer.card == card
     assert "6 steps on brighter" in enhancer.reason
     assert str(path) in enhancer.reason
     image = torch.rand(1, 3, 32, 32)
-    training.averaged.load_state_dict(rounded(training.averaged.state_dict()))
-    assert torch.equal(enhancer.network(image), training.averaged(image))
+    averaged.load_state_dict(rounded(averaged.state_dict()))
+    assert torch.equal(enhancer.network(image), averaged(image))
 
 
 def test_weights_that_are_not_there_or_of_something_else_are_refused(tmp_path):

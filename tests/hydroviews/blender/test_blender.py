@@ -285,10 +285,12 @@ def test_a_rod_joins_its_ends():
 
 
 @pytest.fixture(scope="module", params=EMBEDDED)
-def capture(request, tmp_path_factory):
+def capture(request, tmp_path_factory, kept_blender):
     """The name and the folder of a small capture."""
     folder = tmp_path_factory.mktemp(request.param)
-    render_embedded(request.param, folder, VIEWS, *SIZE, seed=5)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(captures, "run_blender", kept_blender)
+        render_embedded(request.param, folder, VIEWS, *SIZE, seed=5)
     return request.param, folder
 
 

@@ -22,11 +22,19 @@ from hydroviews.scene.images import read_image, write_png
 from hydroviews.scene.scenes import make_scene
 
 
-@pytest.fixture
-def built(tmp_path) -> Path:
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory) -> Path:
     """A scene in streaks and in a storm."""
+    folder = tmp_path_factory.mktemp("finished")
     patterns = [Pattern("streak", 1), Pattern("storm", 1)]
-    return build(capture_in(tmp_path / "capture" / "yard"), tmp_path / "data", patterns=patterns)
+    return build(capture_in(folder / "capture" / "yard"), folder / "data", patterns=patterns).parent
+
+
+@pytest.fixture
+def built(finished, tmp_path) -> Path:
+    """The scene, for the test to change."""
+    shutil.copytree(finished, tmp_path / "data", symlinks=True)
+    return tmp_path / "data" / "yard"
 
 
 def problems_after_signing(built: Path, every_view: bool = True) -> str:

@@ -6,12 +6,14 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from unittest import mock
 
 import pandas as pd
 import pytest
 from processes import PATIENCE, wait_until
 
 from hydroviews.errors import InputError
+from leaderboard.evaluate import carry_out
 from leaderboard.supervision import Limits
 from leaderboard.sweep import local, matrix
 from leaderboard.sweep.matrix import build_runs, matrix_of, read_matrix
@@ -40,6 +42,19 @@ def request_of(toys, evaluated_once, tmp_path, monkeypatch):
     )
 
 
+@pytest.fixture
+def scored_here(monkeypatch):
+    """Lets a sweep carry out its runs in this process: one of their own loads PyTorch for the scores, which is slow."""
+
+    def run_in_this(run, limits, environment, stop):
+        with mock.patch.dict(os.environ, environment):
+            carry_out(run, limits)
+        return ""
+
+    monkeypatch.setattr(local, "_run", run_in_this)
+
+
+@pytest.mark.usefixtures("scored_here")
 def test_a_failed_run_costs_its_row_only_and_what_is_done_is_skipped(request_of, tmp_path, caplog):
     request = request_of(["Raises", "MeanColour"])
     failures = sweep(request)
@@ -150,6 +165,7 @@ def test_killed_at_random_moments_the_row_is_that_of_an_evaluation(request_of, t
     pd.testing.assert_series_equal(row(tmp_path / "swept"), row(evaluated_once[0] / "results"))
 
 
+@pytest.mark.usefixtures("scored_here")  # the command that is interrupted is as it is
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_an_interruption_ends_all_processes_and_the_same_command_goes_on(request_of, tmp_path, number, status):
     request = request_of(["WaitsOnce"])

@@ -1,5 +1,8 @@
 import csv
+import shutil
+from copy import deepcopy
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -47,6 +50,19 @@ def weights_of(training):
     return torch.cat([p.detach().flatten() for network in networks for p in network.parameters()])
 
 
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """The folder of a training, and the training."""
+    folder = tmp_path_factory.mktemp("undisturbed")
+    return folder, learn(folder)
+
+
+@pytest.fixture
+def finished(undisturbed, tmp_path):
+    """Its folder again, for the test to change."""
+    return Path(shutil.copytree(undisturbed[0], tmp_path / "finished"))
+
+
 def test_patches_show_the_cover_of_their_own_place():
     rainy, clean, cover = Patches(drawn(), 48, 3, 2, 0)[0]
     assert rainy.shape == clean.shape == (6, 3, 48, 48)
@@ -81,9 +97,9 @@ def test_drops_are_learned_and_removed(tmp_path):
 
 
 @pytest.mark.parametrize("precision", ["float32", "bfloat16"])
-def test_an_interrupted_training_ends_with_the_same_bits(tmp_path, precision):
+def test_an_interrupted_training_ends_with_the_same_bits(undisturbed, tmp_path, precision):
     config = replace(TRAINING, precision=precision)
-    whole = learn(tmp_path / "whole", config)
+    whole = undisturbed[1] if config == TRAINING else learn(tmp_path / "whole", config)
     with pytest.raises(KeyboardInterrupt):
         learn(tmp_path / "parts", config, Interrupting)
     parts = learn(tmp_path / "parts", config)
@@ -92,29 +108,26 @@ def test_an_interrupted_training_ends_with_the_same_bits(tmp_path, precision):
     assert parts.losses == whole.losses
 
 
-def test_every_seed_is_another_training_and_zero_is_one(tmp_path):
-    first, again, other = (learn(tmp_path / str(i), replace(TRAINING, seed=s)) for i, s in enumerate((0, 0, 1)))
-    assert torch.equal(weights_of(first), weights_of(again))
-    assert not torch.equal(weights_of(first), weights_of(other))
+def test_every_seed_is_another_training_and_zero_is_one(undisturbed, tmp_path):
+    again, other = (learn(tmp_path / str(seed), replace(TRAINING, seed=seed)) for seed in (0, 1))
+    assert torch.equal(weights_of(undisturbed[1]), weights_of(again))
+    assert not torch.equal(weights_of(undisturbed[1]), weights_of(other))
 
 
 @pytest.mark.parametrize("changed", [{"config": replace(TRAINING, rate=1.0)}, {"data": "others"}])
-def test_a_checkpoint_of_another_training_is_refused(tmp_path, changed):
-    learn(tmp_path)
+def test_a_checkpoint_of_another_training_is_refused(finished, changed):
     with pytest.raises(InputError, match="another run"):
-        learn(tmp_path, **changed)
+        learn(finished, **changed)
 
 
-def test_a_damaged_checkpoint_is_refused(tmp_path):
-    learn(tmp_path)
-    (tmp_path / CHECKPOINT).write_bytes((tmp_path / CHECKPOINT).read_bytes()[:1000])
+def test_a_damaged_checkpoint_is_refused(finished):
+    (finished / CHECKPOINT).write_bytes((finished / CHECKPOINT).read_bytes()[:1000])
     with pytest.raises(InputError, match="damaged"):
-        learn(tmp_path)
+        learn(finished)
 
 
-def test_the_curve_has_a_row_a_validation(tmp_path):
-    learn(tmp_path)
-    rows = list(csv.DictReader((tmp_path / CURVE).open()))
+def test_the_curve_has_a_row_a_validation(undisturbed):
+    rows = list(csv.DictReader((undisturbed[0] / CURVE).open()))
     assert [int(row["step"]) for row in rows] == [3, 6]
     assert {"attention", "discriminator", "score"} <= set(rows[0])
 
@@ -155,15 +168,15 @@ def test_scores_of_a_network_that_changes_nothing():
     assert "| drops-light | 1 |" in table([drops, dry])
 
 
-def test_weights_come_back_with_their_card(tmp_path):
-    training = learn(tmp_path)
+def test_weights_come_back_with_their_card(undisturbed, tmp_path):
+    averaged = deepcopy(undisturbed[1].averaged)
     path = tmp_path / "weights.safetensors"
-    save_generator(path, GENERATOR, training.averaged.state_dict(), {"data": "drops"})
+    save_generator(path, GENERATOR, averaged.state_dict(), {"data": "drops"})
     detector = load_detector(path)
     assert detector.card == {"data": "drops"}
-    training.averaged.load_state_dict(rounded(training.averaged.state_dict()))
+    averaged.load_state_dict(rounded(averaged.state_dict()))
     image = torch.rand(1, 3, 32, 32)
-    assert torch.equal(detector.generator(image).maps[-1], training.averaged(image).maps[-1])
+    assert torch.equal(detector.generator(image).maps[-1], averaged(image).maps[-1])
 
 
 def test_weights_that_are_not_there_or_of_something_else_are_refused(tmp_path):

@@ -53,6 +53,12 @@ def prepared_lens(pattern, lens: Camera, folder: Path, count: int = 7) -> tuple[
 
 
 @pytest.fixture
+def kept(monkeypatch, kept_blender):
+    """Bakes are made by one Blender process, where the test is not about processes."""
+    monkeypatch.setattr(lens_bake, "run_blender", kept_blender)
+
+
+@pytest.fixture
 def waves():
     """A colourful picture of 80x60, encoded."""
     y, x = np.mgrid[0:60, 0:80] / 80
@@ -80,6 +86,7 @@ def test_a_dry_lens_needs_no_blender(tmp_path, monkeypatch, waves, changes):
     assert not any(plane.any() for view in views for plane in rain.layers(waves, view).values())
 
 
+@pytest.mark.usefixtures("kept")
 @pytest.mark.blender
 @needs_bpy
 def test_nothing_renewed_is_the_fixed_window(tmp_path, waves):
@@ -92,6 +99,7 @@ def test_nothing_renewed_is_the_fixed_window(tmp_path, waves):
     assert not list(tmp_path.rglob("drops-*"))
 
 
+@pytest.mark.usefixtures("kept")
 @pytest.mark.blender
 @needs_bpy
 def test_views_are_the_same_in_any_order_and_after_an_interruption(tmp_path, monkeypatch, waves):
@@ -114,6 +122,7 @@ def test_views_are_the_same_in_any_order_and_after_an_interruption(tmp_path, mon
             broken.layers(clean, view)
 
 
+@pytest.mark.usefixtures("kept")
 @pytest.mark.blender
 @needs_bpy
 def test_one_view_and_two_sizes_of_picture(tmp_path, monkeypatch):
@@ -132,6 +141,7 @@ def test_one_view_and_two_sizes_of_picture(tmp_path, monkeypatch):
     assert masks[0].mean() > 0.05
 
 
+@pytest.mark.usefixtures("kept")
 @pytest.mark.blender
 @needs_bpy
 def test_a_moved_drop_is_nearly_one_baked_at_its_place(tmp_path, waves):
@@ -150,6 +160,7 @@ def test_a_moved_drop_is_nearly_one_baked_at_its_place(tmp_path, waves):
     assert (error**2).mean() < 0.1 * (unmoved**2).mean()
 
 
+@pytest.mark.usefixtures("kept")
 @pytest.mark.blender
 @needs_bpy
 @pytest.mark.parametrize(("lens_renderer", "least"), [("disk", 30), ("aperture", 33)])
@@ -169,6 +180,7 @@ def test_drops_in_focus_agree_with_full_path_tracing(tmp_path, waves, lens_rende
     assert np.abs(np.diff(matte.mask, axis=1)).max() > 1.5 * np.abs(np.diff(defocus(matte.mask, disk), axis=1)).max()
 
 
+@pytest.mark.usefixtures("kept")
 @pytest.mark.blender
 @needs_bpy
 def test_a_drop_over_the_whole_lens_in_focus_hides_the_scene(tmp_path, waves):

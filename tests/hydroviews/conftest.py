@@ -1,0 +1,1 @@
+from kept_blender import kept_blender  # noqa: F401
