@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 from splats import camera, photographed
 from trainings import CONFIG, assert_identical, crashed_and_resumed
 
+from baselines.gaussian_splatting import BudgetedSplatting, GaussianSplatting
 from baselines.splatting.initialisation import BETWEEN, MIDDLE, filled_up, initialise
 from baselines.splatting.schedule import Stream, random_stream
 from baselines.splatting.trainer import TrainerConfig, train
@@ -82,3 +83,9 @@ def test_a_training_starts_with_a_share_of_its_budget_and_resumes_exactly(tmp_pa
 def test_impossible_shares_are_refused(share):
     with pytest.raises(ValueError, match="dense_start"):
         TrainerConfig(dense_start=share)
+
+
+def test_the_shortest_trainings_start_with_half_their_budget():
+    shares = {profile: GaussianSplatting.configuration(profile).dense_start for profile in ("demo", "quick", "paper")}
+    assert shares == {"demo": 0.5, "quick": 0.0, "paper": 0.0}
+    assert BudgetedSplatting.configuration("demo").dense_start == 0.5
