@@ -35,7 +35,8 @@ FOUND = "found.json"  # where methods look for more than the scene in their phot
 RECORDED = ("near", "seconds", "device", "extent", "iterations", "residuals", "non_finite")
 
 # Short runs: large steps that cool down at the end, the first third at half the size, no opacity resets, fast growth by
-# absolute gradients up to a budget that two cores can afford; what is nearly transparent makes room.
+# absolute gradients up to a budget that two cores can afford; what is nearly transparent makes room. Growth alone takes
+# too many of the steps of `demo` where a capture has few points.
 # Chosen on clean views of courtyard, LLFF flower and Mip-NeRF 360 bonsai: docs/experiments/2026-11-faster-training.md
 # has what was tried.
 SHORT_RATES = LearningRates(
@@ -60,7 +61,7 @@ SHORT = TrainerConfig(
     resolutions=((0.3, 2),),
 )
 PROFILES = {
-    "demo": SHORT,
+    "demo": replace(SHORT, dense_start=0.5),
     "quick": replace(
         SHORT,
         iterations=7500,

@@ -1,8 +1,8 @@
 """Any method of Gaussians, growing late (RobustSplat, Fu et al. 2025, section 3.1): `spotless+delayed-growth`.
 
-Gaussians that are added early fit distractors before masks know them. With the few that a training starts with, the
-scene is learned first; growth begins after a third of the iterations and ends after two thirds, as the authors', or
-when it would have ended anyway if that is later. Theirs holds opacity resets back as well; here they stay as they are.
+Gaussians that are added early fit distractors before masks know them. With those of the scene's points alone, the scene
+is learned first; growth begins after a third of the iterations and ends after two thirds, as the authors', or when it
+would have ended anyway if that is later. Theirs holds opacity resets back as well; here they stay as they are.
 """
 
 from dataclasses import replace
@@ -53,4 +53,5 @@ def delayed(config: Any, name: str) -> Any:
         raise InputError(f"{name}: no growth to delay", expected="a method with adaptive density control")
     strategy = config.strategy
     first, last = (round(share * config.iterations) for share in (FIRST, LAST))
-    return replace(config, strategy=replace(strategy, start=first, stop=max(last, strategy.stop)))
+    strategy = replace(strategy, start=first, stop=max(last, strategy.stop))
+    return replace(config, strategy=strategy, dense_start=0.0)

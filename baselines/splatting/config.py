@@ -32,7 +32,8 @@ class TrainerConfig:
     Lengths and iterations are in the units that each comment names; a training's own images set its resolution.
 
     Raises:
-        ValueError: shares of `resolutions` that add up to more than 1, or factors below 1.
+        ValueError: shares of `resolutions` that add up to more than 1, or factors below 1; a share of the budget that
+            is none.
     """
 
     iterations: int = 30_000
@@ -44,6 +45,7 @@ class TrainerConfig:
     resolutions: tuple[tuple[float, int], ...] = ()  # (share of the iterations, factor by which images are smaller)
     early_stop: EarlyStop | None = None
     pruning: Pruning | None = None
+    dense_start: float = 0.0  # share of the strategy's budget to start with, between the points if these are fewer
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
     antialiased: bool = False  # Gaussians smaller than a pixel become fainter as they are widened to it
     near: float = 0.01  # nothing nearer to a camera is shown; a share of the scene extent
@@ -56,3 +58,5 @@ class TrainerConfig:
             raise ValueError(
                 f"resolutions {self.resolutions}: expected shares that add up to at most 1, factors from 1"
             )
+        if not 0 <= self.dense_start <= 1:
+            raise ValueError(f"dense_start {self.dense_start}: expected a share of the budget, from 0 to 1")

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.sh_coefficients import coefficients, from_colour
+from baselines.splatting.schedule import Stream, random_stream
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.checks import usable
 from hydroviews.scene.scenes import Points
@@ -18,6 +19,8 @@ INITIAL_OPACITY = 0.1
 NEIGHBOURS = 3
 FEWEST_POINTS = 100  # with fewer scene points, random ones are added
 RANDOM_POINTS = 10_000
+BETWEEN = 4  # nearest neighbours between which and a point new ones are put
+MIDDLE = (0.25, 0.75)  # and where on the way
 LARGEST = 0.05  # of the extent: no Gaussian starts larger, however lonely its point
 STRAY = 2.0  # a camera this many times as far away as nine tenths of the others is taken for misplaced
 FAR_ORIGIN = 100.0  # extents from zero beyond which float32 positions would cost accuracy
@@ -36,11 +39,12 @@ def scene_extent(cameras: Sequence[Camera]) -> tuple[NDArray[np.float64], float]
     return middle, radius if radius > 0 else 1.0
 
 
-def initialise(points: Points, cameras: Sequence[Camera], sh_degree: int, seed: int) -> Gaussians:
+def initialise(points: Points, cameras: Sequence[Camera], sh_degree: int, seed: int, fewest: int = 0) -> Gaussians:
     """One Gaussian a scene point: round, as large as the distance to its neighbours, its colour the point's.
 
     Points that are not finite or impossibly far away are left out. Where the capture has fewer than 100 others, 10,000
-    grey ones are drawn in the cube around the cameras. The log says both.
+    grey ones are drawn in the cube around the cameras. The log says both. Where it has more than that but fewer than
+    `fewest`, others are put between them: see `filled_up`.
     """
     middle, extent = scene_extent(cameras)
     origin = middle if float(np.linalg.norm(middle)) > FAR_ORIGIN * extent else np.zeros(3)
@@ -54,6 +58,8 @@ def initialise(points: Points, cameras: Sequence[Camera], sh_degree: int, seed: 
         random = middle + extent * generator.uniform(-1, 1, (RANDOM_POINTS, 3))
         positions = np.concatenate([positions, random])
         colours = np.concatenate([colours, np.full((RANDOM_POINTS, 3), 0.5)])
+    elif len(positions) < fewest:
+        positions, colours = filled_up(positions, colours, fewest, random_stream(seed, Stream.START, 0))
 
     spread = np.clip(neighbour_distance(positions - origin), 1e-7 * extent, LARGEST * extent)
     n = len(positions)
@@ -69,6 +75,29 @@ def initialise(points: Points, cameras: Sequence[Camera], sh_degree: int, seed: 
         sh=sh,
         origin=origin,
     )
+
+
+def filled_up(
+    positions: NDArray[np.float64], colours: NDArray[np.float64], number: int, generator: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points [N, 3] and their colours [N, 3], followed by new ones up to a number.
+
+    Each new one lies between a point and one of its nearest neighbours, in a colour between theirs: what structure from
+    motion finds are mostly points of surfaces, which go on from one to the next. Every point is taken equally often.
+    """
+    from scipy.spatial import cKDTree
+
+    n, more = len(positions), number - len(positions)
+    rounds = -(-more // n)
+    rows = np.concatenate([generator.permutation(n) for _ in range(rounds)])[:more]
+    neighbours = cKDTree(positions).query(positions, BETWEEN + 1)[1]
+    others = neighbours[rows, generator.integers(1, BETWEEN + 1, more)]
+    way = generator.uniform(*MIDDLE, (more, 1))
+
+    def with_new(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.concatenate([values, (1 - way) * values[rows] + way * values[others]])
+
+    return with_new(positions), with_new(colours)
 
 
 def neighbour_distance(positions: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -31,6 +31,7 @@ class Stream(IntEnum):
     ABSENCE = 6  # GS-W's steps without a reference
     INLIERS = 7  # which pixels of a view count, by their probabilities
     LAYERS = 8  # of Gaussians before each camera
+    START = 9  # points between those of the capture
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ def test_every_method_of_gaussians_can_grow_late_and_does_not_unless_asked(name)
     assert other.strategy.start == round(one.iterations / 3) > one.strategy.start
     assert other.strategy.stop == max(one.strategy.stop, round(2 * one.iterations / 3))
     assert other.strategy.budget == one.strategy.budget
+    assert other.dense_start == 0
     assert issubclass(late, method)
     assert find_method(f"{name}+delayed-growth") is late
 

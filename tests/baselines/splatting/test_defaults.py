@@ -51,6 +51,7 @@ OURS = {
         "resolutions": (),
         "early_stop": None,
         "pruning": None,
+        "dense_start": 0.0,
         "antialiased": False,
         "near": 0.01,
         "device": "auto",
