@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+from baselines.splatting.backends.warm_up import warm_up
 from baselines.splatting.kernels.jit import FOLDER
 
 TESTS = Path(__file__).parents[2]
@@ -34,6 +35,7 @@ def trained(folder: Path, cache: Path) -> subprocess.CompletedProcess:
 
 def test_kernels_that_are_not_in_the_cache_give_the_same_bits(tmp_path):
     """Of one kernel: to compile all of them takes a minute or two, and most round the same way both times."""
+    warm_up(1)
     cache = tmp_path / "cache" / Path(FOLDER).name
     shutil.copytree(FOLDER, cache, ignore=shutil.ignore_patterns(FRESH, "compiled-*", "*.tmp.*"))
     first = trained(tmp_path / "first", cache.parent)

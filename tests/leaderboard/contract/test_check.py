@@ -1,7 +1,6 @@
 """What keeps the contract passes every check, and what breaks it once fails the one check for that."""
 
 import json
-import multiprocessing
 import os
 import subprocess
 import sys
@@ -37,13 +36,6 @@ def case(tmp_path, monkeypatch):
         return Case(f"contract_toys:{toy}", getattr(contract_toys, toy), "demo", 10, tmp_path)
 
     return of
-
-
-@pytest.fixture
-def forked(monkeypatch):
-    """Interrupted trainings are in copies of this process: a new one imports for a second."""
-    context = multiprocessing.get_context("fork")
-    monkeypatch.setattr(interruptions.multiprocessing, "get_context", lambda _: context)
 
 
 def results(case: Case, names=QUICK) -> dict[str, Result]:
@@ -136,7 +128,6 @@ def test_it_is_the_cpu_that_is_checked(only, monkeypatch, caplog):
     assert check("contract_toys:TellsDevice", steps=1)[0].reason.endswith(", cuda")
 
 
-@pytest.mark.usefixtures("forked")
 def test_without_a_checkpoint_some_checks_cannot_be_made(case, monkeypatch):
     monkeypatch.setattr(interruptions, "ATTEMPTS", 1)
     names = ["fitted twice", "other checkpoints refused", INTERRUPTED[0]]
@@ -144,7 +135,6 @@ def test_without_a_checkpoint_some_checks_cannot_be_made(case, monkeypatch):
     assert set(results(case("NoCheckpoint"), set(QUICK) - set(names)).values()) == {Result.PASSED}
 
 
-@pytest.mark.usefixtures("forked")
 @pytest.mark.parametrize(
     ("toy", "message"),
     [("GoesOnElsewhere", "it ends with other pixels"), ("EndsWhenInterrupted", "returned as if it had ended")],
