@@ -57,9 +57,10 @@ def share_of_gap(done: pd.DataFrame, method: str) -> float:
     for name, pattern, seed, data, psnr in zip(*(done[column] for column in SCORE), strict=True):
         scores[name][pattern, seed, data] = psnr
     floor, ceiling = scores[FLOOR], {seed: psnr for (_, seed, _), psnr in scores[CEILING].items()}
-    own = floor if method == CEILING else scores[method]  # the ceiling stands for itself wherever there is a floor
-    runs = [run for run in own if run in floor and run[1] in ceiling]
-    rows = [(ceiling[run[1]] if method == CEILING else own[run], floor[run], ceiling[run[1]]) for run in runs]
+    own = scores[method]
+    if method == CEILING:  # it stands for itself wherever there is a floor
+        own = {run: ceiling[run[1]] for run in floor if run[1] in ceiling}
+    rows = [(psnr, floor[run], ceiling[run[1]]) for run, psnr in own.items() if run in floor and run[1] in ceiling]
     means = pd.DataFrame(rows, columns=["psnr", "psnr_floor", "psnr_ceiling"], dtype=float).mean()
     gap = means["psnr_ceiling"] - means["psnr_floor"]
     return float((means["psnr"] - means["psnr_floor"]) / gap) if gap > 0 else float("nan")

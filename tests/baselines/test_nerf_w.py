@@ -152,8 +152,7 @@ def spoilt(tmp_path_factory):
 
 
 def test_casts_and_occluders_of_single_views_are_kept_out_of_the_scene(spoilt, tmp_path):
-    short = replace(balls.SMALL, iterations=200, anneal=66, proposal_always=100)
-    plain, nerf = balls.Plain(short, 0), NerfW(replace(CONFIG, volumetric=short), 0)
+    plain, nerf = balls.Plain(balls.SHORT, 0), NerfW(replace(CONFIG, volumetric=balls.SHORT), 0)
     plain.fit(spoilt, tmp_path / "plain")
     nerf.fit(spoilt, tmp_path / "nerf")
     scores = []

@@ -1,5 +1,6 @@
 """A ball with coloured stripes before a patterned sky, photographed by exact ray casting."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ SMALL = VolumetricConfig(
         grid=GridConfig(4, 12, 8, 64), hidden=16, colour_layers=1, proposal_grid=GridConfig(3, 10, 8, 32), rate=3e-2
     ),
 )
+SHORT = replace(SMALL, iterations=200, anneal=66, proposal_always=100)  # where that tells methods apart as well
 
 
 class Plain(RadianceMethod):

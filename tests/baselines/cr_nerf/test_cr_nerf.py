@@ -48,8 +48,7 @@ TRANSIENTS = TransientConfig(
     typical="mean",
 )
 TRANSFORM = TransformConfig(size=8, hidden=(16,), rate=2e-3)
-VOLUMETRIC = replace(balls.SMALL, iterations=200, anneal=66, proposal_always=100)
-CONFIG = CrNerfConfig(VOLUMETRIC, 8, STYLE, TRANSFORM, TRANSIENTS, photographs=16)
+CONFIG = CrNerfConfig(balls.SHORT, 8, STYLE, TRANSFORM, TRANSIENTS, photographs=16)
 SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, proposal_always=10))
 SPACE = Contracted((0.0, 0.0, 0.0), 1.0, 0.2, 5.0)
 
@@ -268,14 +267,14 @@ def ball(tmp_path_factory):
 
 def test_an_occluder_in_a_third_of_the_views_is_kept_out(ball, tmp_path):
     scene = behind_squares(ball, tmp_path)
-    plain = held_out(fitted(balls.Plain, VOLUMETRIC, scene, tmp_path / "plain"), scene)
+    plain = held_out(fitted(balls.Plain, balls.SHORT, scene, tmp_path / "plain"), scene)
     ours = held_out(fitted(CrNerf, CONFIG, scene, tmp_path / "ours"), scene)
     assert ours > plain + 1, (ours, plain)
 
 
 def test_colour_casts_of_the_views_are_kept_out(ball, tmp_path):
     scene = in_casts(ball, tmp_path)
-    plain = held_out(fitted(balls.Plain, VOLUMETRIC, scene, tmp_path / "plain"), scene, gains=True)
+    plain = held_out(fitted(balls.Plain, balls.SHORT, scene, tmp_path / "plain"), scene, gains=True)
     ours = held_out(fitted(CrNerf, CONFIG, scene, tmp_path / "ours"), scene, gains=True)
     assert ours > plain + 1.5, (ours, plain)
 

@@ -1,9 +1,7 @@
 import csv
-import shutil
 from copy import deepcopy
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -68,19 +66,6 @@ def flat(network):
 
 def weights_of(training):
     return flat(training.averaged)
-
-
-@pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory):
-    """The folder of a training, and the training."""
-    folder = tmp_path_factory.mktemp("undisturbed")
-    return folder, learn(folder)
-
-
-@pytest.fixture
-def finished(undisturbed, tmp_path):
-    """Its folder again, for the test to change."""
-    return Path(shutil.copytree(undisturbed[0], tmp_path / "finished"))
 
 
 @pytest.fixture(scope="module")

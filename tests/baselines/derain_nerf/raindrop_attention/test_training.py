@@ -1,8 +1,6 @@
 import csv
-import shutil
 from copy import deepcopy
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -48,19 +46,6 @@ def learn(folder, config=TRAINING, kind=Patches, data="drops"):
 def weights_of(training):
     networks = (training.averaged, training.generator, training.discriminator)
     return torch.cat([p.detach().flatten() for network in networks for p in network.parameters()])
-
-
-@pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory):
-    """The folder of a training, and the training."""
-    folder = tmp_path_factory.mktemp("undisturbed")
-    return folder, learn(folder)
-
-
-@pytest.fixture
-def finished(undisturbed, tmp_path):
-    """Its folder again, for the test to change."""
-    return Path(shutil.copytree(undisturbed[0], tmp_path / "finished"))
 
 
 def test_patches_show_the_cover_of_their_own_place():

@@ -53,12 +53,6 @@ def prepared_lens(pattern, lens: Camera, folder: Path, count: int = 7) -> tuple[
 
 
 @pytest.fixture
-def kept(monkeypatch, kept_blender):
-    """Bakes are made by one Blender process, where the test is not about processes."""
-    monkeypatch.setattr(lens_bake, "run_blender", kept_blender)
-
-
-@pytest.fixture
 def waves():
     """A colourful picture of 80x60, encoded."""
     y, x = np.mgrid[0:60, 0:80] / 80

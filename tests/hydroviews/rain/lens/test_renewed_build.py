@@ -22,10 +22,10 @@ class Wiped(SharpRaindropEffect):
 """
 
 
+@pytest.mark.usefixtures("kept")
 @pytest.mark.blender
 @pytest.mark.skipif(find_spec("bpy") is None, reason="bpy is not installed: pip install 'hydroviews[blender]'")
-def test_an_interrupted_build_of_two_sizes_goes_on_and_verifies(tmp_path, monkeypatch, kept_blender):
-    monkeypatch.setattr("hydroviews.rain.lens.bake.run_blender", kept_blender)
+def test_an_interrupted_build_of_two_sizes_goes_on_and_verifies(tmp_path, monkeypatch):
     monkeypatch.setattr("hydroviews.rain.lens.renewed.LENSES", 1)
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "wiped_in_focus.py").write_text(WIPED)

@@ -1,0 +1,1 @@
+from undisturbed_training import finished, undisturbed  # noqa: F401
