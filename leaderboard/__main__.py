@@ -1,6 +1,7 @@
 """python -m leaderboard evaluate | sweep | run | check | table | site | compare | publish | board | score | ..."""
 
 import inspect
+import json
 import sys
 from pathlib import Path
 from typing import Annotated, Literal
@@ -33,7 +34,7 @@ from leaderboard.rescore import TOLERANCE, rescore
 from leaderboard.run_options import MethodName, PatternNames, ProfileName, TrackName
 from leaderboard.runs import Run
 from leaderboard.score import score
-from leaderboard.severity import record_losses
+from leaderboard.severity import numbers_for_grades, record_losses
 from leaderboard.site.write import write_site
 from leaderboard.submission import submit
 from leaderboard.supervision import Limits
@@ -354,7 +355,9 @@ def card_command(data: tyro.conf.Positional[Path], scene: str = "", results: Pat
     failures = []
     for folder in built_scenes(data, scene):
         try:
-            print(f"{folder.name}\n{record_losses(folder, results).to_string(index=False)}\n")
+            losses = record_losses(folder, results)
+            print(f"{folder.name}\n{losses.to_string(index=False)}")
+            print(f"measured, for its capture.json: {json.dumps(numbers_for_grades(folder, losses))}\n")
         except InputError as error:  # a scene without runs does not hold up the others
             failures.append(str(error))
     if failures:

@@ -1,6 +1,8 @@
 """How much plain 3D Gaussian splatting loses to a scene's rain, taken from a results folder into its data card."""
 
+from dataclasses import fields, replace
 from pathlib import Path
+from statistics import mean, median
 
 import pandas as pd
 
@@ -10,6 +12,10 @@ from hydroviews.dataset.variants import is_captured
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, replacing
 from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.read import read_scene
+from hydroviews.rain.lens.pattern import RaindropPattern
+from hydroviews.rain.lens.severity import drops_harm, veil_harm
+from hydroviews.rain.scene_statistics import SceneStatistics, survey
 from leaderboard.records import LEADERBOARD, SCORED
 
 CEILING, FLOOR = "3dgs-clean", "3dgs"  # plain 3DGS trained on clean and on rainy views
@@ -87,3 +93,47 @@ def losses_of(folder: Path, leaderboard: pd.DataFrame) -> pd.DataFrame:
         numbers = (round(clean, 3), round(rainy, 3), round(clean - rainy, 3))
         rows.append((pattern, grade, track, profile, len(group), *numbers))
     return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def numbers_for_grades(folder: Path, losses: pd.DataFrame) -> dict[str, float]:
+    """What a capture's `capture.json` may say so that its grades are met.
+
+    Args:
+        folder: of the finished scene.
+        losses: of its variants, a table of `losses_of`.
+
+    Returns:
+        `clean_error` and, where `raindrop` patterns are among the losses, `drops_cost`, the median over them; two
+        decimals. See `formats.capture_json`.
+    """
+    statistics = survey(read_scene(folder), seed=0)
+    errors = [(row["pattern"], mse(row["clean"]), mse(row["rainy"])) for row in losses.to_dict("records")]
+    numbers = {"clean_error": mean(clean for _, clean, _ in errors) / statistics.detail}
+    costs = [
+        _drops_cost(pattern, rainy - clean, statistics)
+        for name, clean, rainy in errors
+        if (pattern := _drops_on_the_lens(folder / name)) is not None
+    ]
+    if costs and median(costs) > 0:
+        numbers["drops_cost"] = median(costs)
+    return {name: round(number, 2) for name, number in numbers.items()}
+
+
+def mse(psnr: float) -> float:
+    """Mean squared error of pictures in [0, 1] by their PSNR in dB."""
+    return float(10 ** (-psnr / 10))
+
+
+def _drops_cost(pattern: RaindropPattern, harm: float, statistics: SceneStatistics) -> float:
+    """What sharp drops cost over what is predicted: the error that a pattern added, less what its mist is to do."""
+    by_drops = harm - veil_harm(pattern, statistics)(pattern.mist)
+    return by_drops / drops_harm(pattern.coverage, replace(statistics, drops_cost=1.0))
+
+
+def _drops_on_the_lens(variant: Path) -> RaindropPattern | None:
+    """The pattern of a variant of the effect `raindrop`; None for others."""
+    facts = read_json(variant / "pattern.json")
+    if facts["effect"] != "raindrop":
+        return None
+    parameters = facts["parameters"]
+    return RaindropPattern(**{field.name: parameters[field.name] for field in fields(RaindropPattern)})

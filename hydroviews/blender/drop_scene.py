@@ -100,7 +100,6 @@ def add_picture(scene: bpy.types.Scene, camera: Camera, picture: NDArray[np.floa
     pixels = np.ones((height, width, 4), np.float32)
     pixels[..., :3] = picture[::-1]  # Blender's rows go up
     image.pixels.foreach_set(pixels.ravel())
-    image.pack()
     tree, place = _plane(scene, camera)
     # From the plane's coordinates to the image's, whose second one goes up.
     across = tree.nodes.new("ShaderNodeVectorMath")

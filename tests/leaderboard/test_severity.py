@@ -1,5 +1,6 @@
 """What plain 3DGS loses to a scene's rain, from a results folder into the scene's card."""
 
+from dataclasses import fields, replace
 from pathlib import Path
 
 import pandas as pd
@@ -10,9 +11,15 @@ from hydroviews.dataset.build import build
 from hydroviews.dataset.manifest import data_hash
 from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import read_json
+from hydroviews.formats.read import read_scene
+from hydroviews.rain.lens.pattern import RaindropPattern
+from hydroviews.rain.lens.severity import drops_harm, veil_harm
 from hydroviews.rain.patterns import Pattern
+from hydroviews.rain.scene_statistics import survey
+from hydroviews.rain.severity import wanted_harm
 from leaderboard.__main__ import card_command
-from leaderboard.severity import record_losses, rewrite_card
+from leaderboard.severity import numbers_for_grades, record_losses, rewrite_card
 
 STREAKS = (Pattern("streak", 0), Pattern("streak", 2))
 
@@ -96,3 +103,21 @@ def test_a_scene_may_be_called_by_a_number(tmp_path):
     built = build(scene, tmp_path / "data", patterns=STREAKS)
     losses = record_losses(built, results_in(tmp_path / "results", built))
     assert list(losses.pattern) == ["streak-0", "streak-2"] * 2
+
+
+def test_measured_numbers_meet_the_grade(tmp_path):
+    """With them the predicted loss is the one that was measured."""
+    built = build(capture_in(tmp_path / "capture" / "yard"), tmp_path / "data", patterns=(Pattern("raindrop", 1),))
+    losses = pd.DataFrame([("raindrop-1", 26.0, 20.0)], columns=["pattern", "clean", "rainy"])
+    numbers = numbers_for_grades(built, losses)
+    statistics = replace(survey(read_scene(built), 0), **numbers)
+    drawn = read_json(built / "raindrop-1" / "pattern.json")["parameters"]
+    pattern = RaindropPattern(**{field.name: drawn[field.name] for field in fields(RaindropPattern)})
+    harm = drops_harm(pattern.coverage, statistics) + veil_harm(pattern, statistics)(pattern.mist)
+    assert harm == pytest.approx(wanted_harm(6.0, statistics), rel=0.02)  # of numbers with two decimals
+
+
+def test_mist_that_explains_more_than_all_leaves_the_drops_unmeasured(tmp_path):
+    built = build(capture_in(tmp_path / "capture" / "yard"), tmp_path / "data", patterns=(Pattern("raindrop", 2),))
+    losses = pd.DataFrame([("raindrop-2", 26.0, 25.99)], columns=["pattern", "clean", "rainy"])
+    assert list(numbers_for_grades(built, losses)) == ["clean_error"]

@@ -81,5 +81,4 @@ def _image(name: str, values: NDArray, colour_space: str) -> bpy.types.Image:
     pixels = np.ones((SIZE, SIZE, 4), np.float32)
     pixels[..., :3] = values[::-1]  # Blender's rows go up
     image.pixels.foreach_set(pixels.ravel())
-    image.pack()
     return image

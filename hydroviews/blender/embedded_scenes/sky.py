@@ -20,7 +20,6 @@ def add_sky(scene: bpy.types.Scene, sky: Sky, rng: np.random.Generator) -> None:
     pixels = np.ones((HEIGHT, 2 * HEIGHT, 4), np.float32)
     pixels[..., :3] = _radiance(sky, _directions(), rng)
     image.pixels.foreach_set(pixels.ravel())
-    image.pack()
     scene.world = bpy.data.worlds.new("world")
     scene.world.use_nodes = True
     tree = scene.world.node_tree
