@@ -102,7 +102,7 @@ eval: $(READY)  ## build what is missing, run the method and the reference rows,
 check: $(READY)  ## whether METHOD= keeps the contract of a method, on a room that is learned in seconds
 	$(BIN)/python -m leaderboard check $(call quote,$(METHOD)) --profile $(profile)
 
-severity: $(READY)  ## what plain 3DGS loses to three patterns of every effect, or to PATTERNS=, entered into the data card
+severity: $(READY)  ## what plain 3DGS loses to three patterns of every effect, or to PATTERNS=, entered into data cards; then what capture.json may say to meet the grades
 	$(MAKE) eval METHOD=3dgs $(if $(names),,PATTERNS='$(strip $(every_pattern))')
 	$(BIN)/python -m leaderboard card $(data)/$(profile) --results $(results)
 
@@ -135,7 +135,7 @@ view: $(READY)  ## a trained scene in a browser: RUN=results/... [PORT=8080]
 film: $(READY)  ## a film of a trained scene: RUN=results/... [OUT=film.mp4] [FILM_ARGS="--seconds 8 --fps 30 --size 800"]
 	$(BIN)/python -m leaderboard film $(call quote,$(RUN)) --data $(data) --out $(call quote,$(OUT)) $(call quoted,$(FILM_ARGS))
 
-bench: $(READY)  ## speed against error: BENCH=splatting, quality, volumetric, enhancement, masking, methods, hard_rain, raindrops, streaks or dataset; interruptions for kills and full disks
+bench: $(READY)  ## speed against error: BENCH=splatting, quality, volumetric, methods, enhancement, masking, gpu; raindrops, renewed_drops, streaks, other_make, weather, rain_pictures, hard_rain; dataset, sharing, poses, site; interruptions for kills and full disks
 	$(BIN)/python -m $(call quote,benchmarks.$(BENCH)) $(call quoted,$(BENCH_ARGS))
 
 $(DOCS): $(READY)

@@ -22,14 +22,14 @@ WRAPPERS = "hydroviews.wrappers"  # entry points: functions that make a method o
 
 @dataclass(frozen=True)
 class TrainingSummary:
-    """What a trained model is and what it cost, as runs record it; None where a number could not be had.
+    """What a trained model is and what it cost, as runs record it.
 
     Raises:
         ValueError: a number that is negative or not finite, or something else than a number; no device.
     """
 
     train_seconds: float  # training alone, summed over resumed sessions
-    n_primitives: int | None  # Gaussians, for methods that have them
+    n_primitives: int | None  # Gaussians; None for methods that have none
     model_mb: float | None  # the saved model, in 10^6 bytes
     device: str  # "cpu" or the GPU's name
     used: str = ""  # in words, the parts that it switched on for these photographs; empty if it always uses all

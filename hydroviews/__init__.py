@@ -2,9 +2,9 @@
 
 files      writing whole or not at all, locks, folders that belong to one set of settings
 scene      cameras, lenses, views, images, masks, depth
-formats    captures on disk: COLMAP, nerfstudio, LLFF, NSVF; `formats.read.read_scene` reads any of them
+formats    captures on disk: `formats.read.read_scene` reads COLMAP, nerfstudio, LLFF and NSVF
 captures   captures by name, downloads, camera poses from photographs, captures from videos
-rain       effects, their severity, and their seeds
+rain       effects, their severity and patterns
 blender    rendering in Blender processes, and the embedded scenes
 dataset    building, verifying and describing a data set; `dataset.build` is the place to start
 pairs      rainy and clean pictures to train networks on

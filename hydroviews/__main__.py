@@ -21,6 +21,9 @@ from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.suites import build_suite, known_suites, read_suite
 from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import write_json
+from hydroviews.formats.capture_json import FILE as CAPTURE
+from hydroviews.formats.capture_json import RAINY, read_capture_json
 from hydroviews.profiles import PROFILES, Profile, find_profile
 from hydroviews.rain.registry import pattern_names
 from hydroviews.rain.scene_statistics import LensRenderer
@@ -125,7 +128,7 @@ def download_command(
 
 
 def verify_command(data: Annotated[Path, tyro.conf.Positional], every_view: bool = False) -> None:
-    """Recompute every hash, and re-derive rainy views from clean views, layers and parameters.
+    """Recompute every hash, and re-derive one rainy view of each variant from clean view, layers and parameters.
 
     Args:
         data: a data folder, which holds manifest.json.
@@ -162,11 +165,13 @@ def poses_command(images: Annotated[Path, tyro.conf.Positional], out: Path | Non
         images: the photographs.
         out: where the capture goes; `<images>-capture` if not given.
         rainy: they were taken in rain: what stays in one place of the lens is no feature, and matches may be less
-            distinct.
+            distinct. The capture's `capture.json` says so: nobody takes its photographs for clean views.
     """
     images = images.resolve()
     out = out or images.with_name(images.name + "-capture")
     scene = estimate_poses(images, out, rainy=rainy)
+    if rainy:
+        write_json(out / CAPTURE, {**read_capture_json(out), **RAINY})
     for note in scene.notes:
         print(note)
     print(f"capture: {out}; build it with `python -m hydroviews build --scene {out}`")

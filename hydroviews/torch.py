@@ -5,6 +5,7 @@ views = RainyViews(Path("courtyard-raindrop-1.zip"))    # read where it lies, no
 loader = torch.utils.data.DataLoader(views, batch_size=4, num_workers=2)
 """
 
+import logging
 import tempfile
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -21,15 +22,20 @@ from hydroviews.dataset.manifest import known_file, scene_entry
 from hydroviews.dataset.sharing.archive import open_archive
 from hydroviews.dataset.sharing.contents import IMAGES, LAYERS, variants_of
 from hydroviews.errors import InputError, unknown_name
+from hydroviews.files.atomic import read_json
 from hydroviews.formats.colmap_format import read_cameras, read_images
 from hydroviews.formats.photographs import SPLIT, read_split
 from hydroviews.formats.writers import MODEL
-from hydroviews.rain.compositing import COLOURS
+from hydroviews.rain.effect import Effect
 from hydroviews.rain.layers import read_layers
+from hydroviews.rain.registry import find_effect
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import read_image
 
+logger = logging.getLogger(__name__)
+
 Part = Literal["train", "test"]
+PATTERN = "pattern.json"
 
 
 class Files(Protocol):
@@ -60,14 +66,14 @@ class RainyViews(torch.utils.data.Dataset):
     |---|---|---|
     | name | | the view's name, a str |
     | rainy, clean | [3, H, W] | sRGB-encoded, [0, 1] |
-    | layers | a dict of [H, W] | what rain added, by plane: M, V and S are covers in [0, 1]; R, G, B linear light |
-    | cover | [1, H, W] | share of the background that rain hides, [0, 1]: 1 - (1 - M) (1 - V) (1 - S) |
+    | layers | a dict of [H, W] | what rain added, by plane of its effect; M, V, S are covers, R, G, B linear light |
+    | cover | [1, H, W] | share of the background that rain hides, [0, 1]: the union of all covers |
     | intrinsics | [3, 3] | pinhole camera in pixels, pixel centres at +0.5 |
     | world_to_camera | [4, 4] | rigid, OpenCV axes |
 
     What a variant does not have is not in its items: the clean scene has no rain, a capture taken in rain no clean
-    views and layers. Files are compared with the manifest when they are read. Copies for
-    workers hold nothing open.
+    views and layers. Without the package of an effect that is not HydroViews' own there is no cover; a warning
+    says so. Files are compared with the manifest when they are read. Copies for workers hold nothing open.
 
     Args:
         source: a built scene's folder, or an archive that `hydroviews pack` wrote.
@@ -96,11 +102,21 @@ class RainyViews(torch.utils.data.Dataset):
         pictures = CLEAN if self.variant == CLEAN else f"{self.variant}/{IMAGES}"
         if not any(name.startswith(f"{pictures}/") for name in self._listed):
             raise InputError(f"{source}: no pictures of {self.variant} in it", fix="fetch it into a built scene")
+        self._effect = self._find_effect() if f"{self.variant}/{PATTERN}" in self._listed else None
         self._cameras, names = _cameras(self._files, self._listed, split)
         self.names = tuple(name for name in names if f"{pictures}/{name}.png" in self._listed)
 
     def __len__(self) -> int:
         return len(self.names)
+
+    def _find_effect(self) -> Effect | None:
+        with self._files.file(f"{self.variant}/{PATTERN}") as path:
+            name = read_json(path)["effect"]
+        try:
+            return find_effect(name)
+        except InputError as error:
+            logger.warning("%s: items have no cover: %s", self.variant, error)
+            return None
 
     def __getitem__(self, index: int) -> dict[str, Any]:
         name = self.names[index]
@@ -115,7 +131,9 @@ class RainyViews(torch.utils.data.Dataset):
         if layers in self._listed:
             with self._files.file(layers) as path:
                 planes = read_layers(path)
-            item |= {"layers": {key: _tensor(plane) for key, plane in planes.items()}, "cover": _cover(planes)}
+            item["layers"] = {key: _tensor(plane) for key, plane in planes.items()}
+            if self._effect is not None:
+                item["cover"] = _cover(self._effect, planes)
         return {key: _tensor(value) if isinstance(value, np.ndarray) else value for key, value in item.items()}
 
 
@@ -137,13 +155,12 @@ def _cameras(files: Files, listed: frozenset[str], split: Part) -> tuple[dict[st
     return cameras, tuple(sorted(getattr(names, split)))
 
 
-def _cover(planes: dict[str, NDArray[np.float32]]) -> NDArray[np.float32]:
+def _cover(effect: Effect, planes: dict[str, NDArray[np.float32]]) -> NDArray[np.float32]:
     """Share of the background that rain hides, [1, H, W]."""
     passing = np.ones_like(next(iter(planes.values())))
-    for name, plane in planes.items():
-        if name not in COLOURS:
-            passing = passing * (1 - plane)
-    return (1 - np.clip(passing, 0, 1))[None]
+    for cover in effect.covers(planes).values():
+        passing = passing * (1 - np.clip(cover, 0, 1))
+    return (1 - passing)[None]
 
 
 def _tensor(array: NDArray) -> torch.Tensor:

@@ -177,7 +177,7 @@ def _changed(data: Path) -> Iterator[dict[str, Any]]:
 
 
 def data_hash(data: Path, scene: str, pattern: str) -> str:
-    """SHA-256 over the hashes of what a method sees.
+    """SHA-256 over the hashes of what a run is trained and scored on.
 
     That is clean views, cameras, split, masks, and the variant's images and drop masks.
 

@@ -1,1 +1,1 @@
-"""Captures on disk: the readers and writers of COLMAP, nerfstudio, LLFF and NSVF."""
+"""Captures on disk: readers of COLMAP, nerfstudio, LLFF and NSVF, writers of COLMAP and nerfstudio."""

@@ -8,7 +8,6 @@
     compositing.py       the planes of a layer file, and the equation of water and light
     layers.py            layer files
     light.py             clipped lamps, the light of the air, the light that drops gather
-    seeds.py             random generators named by what they draw
     lens/                drops and mist on the lens       (`raindrop`)
     streaks/             the paper's recipe of streaks    (`streak`)
     storm/               drops in space, seen by all views (`storm`)

@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 import torch
 from shared import built_in
+from synthetic import capture_in
 
+from hydroviews.dataset.build import build
 from hydroviews.dataset.sharing.pack import pack
 from hydroviews.dataset.variants import open_variant
 from hydroviews.errors import InputError
 from hydroviews.rain.compositing import add_water
 from hydroviews.rain.layers import read_layers
+from hydroviews.rain.patterns import Pattern
 from hydroviews.scene.images import read_image
 from hydroviews.torch import RainyViews
 
@@ -66,6 +69,25 @@ def test_the_cover_is_what_the_composite_hides(built):
     linear = np.where(left <= 0.04045, left / 12.92, ((left + 0.055) / 1.055) ** 2.4)[..., 0]
     assert np.allclose(1 - linear, item["cover"][0], atol=2e-6)
     assert 0 < item["cover"].max() <= 1
+
+
+def test_light_and_noise_are_no_cover(tmp_path):
+    built = build(capture_in(tmp_path / "yard"), tmp_path / "data", patterns=(Pattern("dark", 1), Pattern("haze", 1)))
+    assert RainyViews(built, "dark-1")[0]["cover"].max() == 0
+    hazy = RainyViews(built, "haze-1")[0]
+    assert torch.allclose(hazy["cover"][0], hazy["layers"]["H"], atol=1e-6)
+    assert hazy["cover"].max() > 0
+
+
+def test_an_effect_whose_package_is_not_there_leaves_the_cover_out(built, monkeypatch, caplog):
+    def missing(name):
+        raise InputError(f"{name}: not installed")
+
+    monkeypatch.setattr("hydroviews.torch.find_effect", missing)
+    item = RainyViews(built, "streak-1")[0]
+    assert "cover" not in item
+    assert item["layers"].keys() == {"S"}
+    assert "streak-1: items have no cover: streak: not installed" in caplog.text
 
 
 @pytest.mark.parametrize("kind", ["built", "packed"])

@@ -32,7 +32,7 @@ class StreakEffect(Effect):
     }
 
     def draw(self, pattern: Pattern, statistics: SceneStatistics) -> StreakPattern:
-        """Lengths, angles and widths of the paper's, n and if need be brightness by the grade."""
+        """l and w of the grade's part of the paper's ranges; n and if need be brightness that cost what it says."""
         drawn = draw_pattern(pattern_generator(pattern, statistics), pattern.level)
         return grade_streaks(drawn, pattern.grade, statistics)
 

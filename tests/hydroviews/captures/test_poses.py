@@ -15,11 +15,13 @@ from captures import WALK, capture, flower_walk
 from processes import PATIENCE, wait_until
 from synthetic import capture_in
 
+from hydroviews.__main__ import poses_command
 from hydroviews.captures.sfm import mapping, matching, pairs
 from hydroviews.captures.sfm.mapping import can_be_read
 from hydroviews.captures.sfm.poses import estimate_poses, triangulate
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import listing
+from hydroviews.formats.capture_json import captured_rainy
 from hydroviews.formats.geometry import misplaced, misplaced_note, rigid_pose
 from hydroviews.formats.read import read_scene
 from hydroviews.scene.images import write_png
@@ -282,3 +284,12 @@ def test_models_with_impossible_focal_lengths_are_left_out(focal, kept):
     model = pycolmap.Reconstruction()
     model.add_camera_with_trivial_rig(pycolmap.Camera.create_from_model_name(1, "SIMPLE_PINHOLE", focal, 320, 213))
     assert can_be_read(model) == kept
+
+
+def test_a_capture_in_rain_says_so(tmp_path, monkeypatch):
+    """Its photographs are not taken for clean views by the build that the command recommends."""
+    monkeypatch.setattr("hydroviews.__main__.estimate_poses", lambda images, out, rainy: capture_in(out))
+    for rainy in (False, True):
+        out = tmp_path / f"capture-{rainy}"
+        poses_command(tmp_path / "walk", out, rainy=rainy)
+        assert captured_rainy(out) == rainy
