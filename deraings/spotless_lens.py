@@ -34,7 +34,9 @@ class LensObjective(SpotlessObjective):
         others = {other: known for other, known in self._residuals.items() if other != view}
         mean = mean_around(view, others, size, LENS_VIEWS)
         limit = (self.histogram.percentile(self.trim.inlier_share) + 1) / BINS
-        self._residuals[view] = resized(residuals, size)
+        ignored = self.images.ignored(view, (residuals.shape[0], residuals.shape[1]))
+        shown = residuals if ignored is None else np.where(ignored, np.float32(limit), residuals)  # says nothing
+        self._residuals[view] = resized(shown, size)
         return [np.zeros(size, np.float32) if mean is None else np.log2((mean + limit) / (2 * limit), dtype=np.float32)]
 
     def state_dict(self) -> dict[str, NDArray]:

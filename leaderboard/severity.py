@@ -16,7 +16,7 @@ from hydroviews.formats.read import read_scene
 from hydroviews.rain.lens.pattern import RaindropPattern
 from hydroviews.rain.lens.severity import drops_harm, veil_harm
 from hydroviews.rain.scene_statistics import SceneStatistics, survey
-from leaderboard.records import LEADERBOARD, SCORED
+from leaderboard.records import GIVEN_POSES, LEADERBOARD, SCORED
 
 CEILING, FLOOR = "3dgs-clean", "3dgs"  # plain 3DGS trained on clean and on rainy views
 TEXT = ("method", "scene", "pattern", "track", "profile", "status", "data_sha256")  # names, even where they are digits
@@ -100,12 +100,13 @@ def numbers_for_grades(folder: Path, losses: pd.DataFrame) -> dict[str, float]:
 
     Args:
         folder: of the finished scene.
-        losses: of its variants, a table of `losses_of`.
+        losses: of its variants, a table of `losses_of`; runs of other tracks than GIVEN_POSES do not count.
 
     Returns:
         `clean_error` and, where `raindrop` patterns are among the losses, `drops_cost`, the median over them; two
         decimals. See `formats.capture_json`.
     """
+    losses = losses[losses.track == GIVEN_POSES]
     statistics = survey(read_scene(folder), seed=0)
     errors = [(row["pattern"], mse(row["clean"]), mse(row["rainy"])) for row in losses.to_dict("records")]
     numbers = {"clean_error": mean(clean for _, clean, _ in errors) / statistics.detail}

@@ -98,7 +98,10 @@ class DerainNeRF(RadianceMethod):
 
     def hidden(self, view: int, size: tuple[int, int]) -> NDArray[np.float32] | None:
         """See Method: M."""
-        return self._masks[view].astype(np.float32) if self._masks else None
+        if not self._masks:
+            return None
+        mask = self._masks[view].astype(np.float32)
+        return np.asarray(cv2.resize(mask, size[::-1], interpolation=cv2.INTER_AREA), np.float32)
 
     def summary(self) -> TrainingSummary:
         """See Method; `used` says how much of the photographs was hidden."""

@@ -44,13 +44,19 @@ def delayed(config: Any, name: str) -> Any:
         name: of the method, for errors.
 
     Raises:
-        InputError: there is no adaptive density control to delay.
+        InputError: there is no adaptive density control to delay, or its budget is kept by pruning.
     """
     inside = getattr(config, "splatting", None)
     if inside is not None:
         return replace(config, splatting=delayed(inside, name))
     if not isinstance(config, TrainerConfig) or not isinstance(config.strategy, DefaultStrategy):
         raise InputError(f"{name}: no growth to delay", expected="a method with adaptive density control")
+    if config.pruning is not None and config.pruning.budget is not None:
+        raise InputError(
+            f"{name}: a budget that is kept by pruning",
+            found="Gaussians that still grow after the last pruning",
+            expected="a method without `pruning.budget`",
+        )
     strategy = config.strategy
     first, last = (round(share * config.iterations) for share in (FIRST, LAST))
     strategy = replace(strategy, start=first, stop=max(last, strategy.stop))

@@ -13,7 +13,8 @@ Departures from the paper, in all profiles:
   - No batch normalisation in training; see `encoder`. ResNet-18 learns from scratch unless
     $HYDROVIEWS_RESNET18 names a file of its weights, which the record then names.
   - The coordinates' box is as large as the map from the start.
-Short profiles besides: a small U-Net on a reference of half the size, smaller networks, larger rates, no LPIPS.
+Short profiles besides: a small U-Net on a reference of half the size, smaller networks, a larger rate of coordinates,
+no LPIPS.
 """
 
 from collections.abc import Mapping

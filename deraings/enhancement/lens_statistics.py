@@ -102,7 +102,8 @@ def statistics_of_capture(
     """For every photograph of a capture, in order of name, those of its lens.
 
     Photographs of one size count as of one lens. Long captures are taken in runs, since rain on a lens changes; only
-    one run is in memory, at half the resolution. What masks hide counts as the mean of what others show there.
+    one run is in memory, at half the resolution. What masks hide counts as the mean of what others show there, or,
+    where all hide a place, of what is read there.
 
     Args:
         count: how many photographs there are.
@@ -149,5 +150,6 @@ def _visible(halves: NDArray[np.uint8]) -> Tensor:
     pictures, seen = planes[:, :3].float() / 255, planes[:, 3:] == 255
     if seen.all():
         return pictures
-    mean = (pictures * seen).sum(0) / seen.sum(0).clamp_min(1)
+    count = seen.sum(0)
+    mean = torch.where(count > 0, (pictures * seen).sum(0) / count.clamp_min(1), pictures.mean(0))
     return torch.where(seen, pictures, mean)

@@ -6,6 +6,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from tqdm import tqdm
 
 from baselines.training.images import TrainingImages
@@ -48,7 +49,7 @@ class EnhancedViews:
         """One picture as a PNG, written unless an earlier call has finished it; what drops cover of it is beside it."""
         path = self._kept / f"{self._names[index]}.png"
         if not path.is_file():
-            photograph = self._images.pixels(index).astype(np.float32) / 255
+            photograph = self._photograph(index).astype(np.float32) / 255
             lens = self._lenses[index]
             if self.tells_cover:
                 picture, cover = enhance_with_cover(photograph, self._enhancer, self.remove_mist, lens)
@@ -72,6 +73,13 @@ class EnhancedViews:
         self.file(index)
         return np.ascontiguousarray(read_image(self._cover_file(index))[..., 0])
 
+    def _photograph(self, index: int) -> NDArray[np.uint8]:
+        """One photograph; what is hidden has the mean of what is shown: black would say that there is no mist."""
+        pixels, hidden = self._images.pixels(index), self._images.ignored(index)
+        if hidden is None or hidden.all():
+            return pixels
+        return np.where(hidden[..., None], pixels[~hidden].mean(axis=0).round(), pixels).astype(np.uint8)
+
     def _cover_file(self, index: int) -> Path:
         return self._kept / "drops" / f"{self._names[index]}.png"
 
@@ -79,7 +87,7 @@ class EnhancedViews:
     def _lenses(self) -> list[Lens | None]:
         """What the photographs together say of the lens of each."""
         images = self._images
-        return lenses_of_capture(len(images), images.pixels, self._enhancer.network, images.ignored)
+        return lenses_of_capture(len(images), self._photograph, self._enhancer.network, images.ignored)
 
     def image(self, index: int) -> Image:
         """One picture [H, W, 3].

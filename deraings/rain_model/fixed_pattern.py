@@ -6,9 +6,9 @@ gradients' power that lies in their mean,
 
     F = sum_around |mean over views of the gradient|^2 / sum_around mean over views of |gradient|^2,
 
-is therefore one over the number of views on a clear lens, whether or not the scene can be learned; measured, sqrt(F) is
-0.9 to 1.1 times that on captures walked around a scene and on forward-facing ones. Nothing but the photographs is
-looked at.
+is therefore one over the number of views that show the place, on a clear lens, whether or not the scene can be learned;
+measured, sqrt(F) is 0.9 to 1.1 times what that says on captures walked around a scene and on forward-facing ones.
+Nothing but the photographs is looked at.
 """
 
 from collections.abc import Sequence
@@ -40,10 +40,10 @@ def fixed_pattern(
         knots: T.
     """
     means = np.zeros((knots, *size, 6), np.float32)  # sums over views of the gradient, three channels across and down
-    powers, seen = np.zeros((knots, *size), np.float32), np.zeros((knots, *size), np.float32)
+    powers, seen, squares = np.zeros((3, knots, *size), np.float32)  # of power, of weights, of squared weights
     for view, (picture, mask) in enumerate(zip(pictures, hidden, strict=True)):
         slopes = _slopes(_small(picture, size))
-        shown = wholly_shown(None if mask is None else (~mask).astype(np.float32), size).astype(np.float32)
+        shown = _slopes_shown(wholly_shown(None if mask is None else (~mask).astype(np.float32), size))
         power = np.square(slopes).sum(axis=2)
         for knot, weight in enumerate(time_weights(view, len(pictures), knots)):
             if weight > 0:
@@ -51,14 +51,8 @@ def fixed_pattern(
                 means[knot] += counted[..., None] * slopes
                 powers[knot] += counted * power
                 seen[knot] += counted
-    chance = _chance(len(pictures), knots)
-    return np.stack([_excess(*sums) for sums in zip(means, powers, seen, chance, strict=True)])
-
-
-def _chance(views: int, knots: int) -> list[float]:
-    """sqrt(F) of gradients that have nothing to do with each other, at each knot: their mean is not quite 0."""
-    weights = np.stack([time_weights(view, views, knots) for view in range(views)])
-    return [float(np.sqrt(np.square(of_knot).sum()) / of_knot.sum()) for of_knot in weights.T]
+                squares[knot] += weight * counted
+    return np.stack([_excess(*sums) for sums in zip(means, powers, seen, squares, strict=True)])
 
 
 def _small(picture: NDArray[np.uint8], size: tuple[int, int]) -> Image:
@@ -73,12 +67,25 @@ def _slopes(picture: Image) -> NDArray[np.float32]:
     return np.concatenate([across, down], axis=2)
 
 
-def _excess(mean: NDArray[np.float32], power: Plane, seen: Plane, chance: float) -> Plane:
-    """sqrt(F) [h, w] over what chance leaves of it, or over what it exceeds nearly everywhere; from sums over views."""
+def _slopes_shown(shown: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """1 where a pixel, its right and its lower neighbour are shown [h, w]: hidden ones are black, their edge a slope."""
+    right, below = np.pad(shown[:, 1:], ((0, 0), (0, 1)), "edge"), np.pad(shown[1:], ((0, 1), (0, 0)), "edge")
+    return (shown & right & below).astype(np.float32)
+
+
+def _excess(mean: NDArray[np.float32], power: Plane, seen: Plane, squares: Plane) -> Plane:
+    """sqrt(F) [h, w] over what chance leaves of it, or over what it exceeds nearly everywhere; from sums over views.
+
+    Of gradients that have nothing to do with each other the mean is not quite 0: of their power the sum of the squared
+    weights over the square of their sum is left, of more the fewer views show a place.
+    """
     side, reach = (max(LEAST_SIDE, round(share * max(seen.shape)) | 1) for share in (AROUND, REACH))
     total = np.maximum(seen, np.float32(1e-6))
-    fixed = np.square(mean / total[..., None]).sum(axis=2)
     noise = np.float32(mean.shape[2] * NOISE**2)
-    share = np.sqrt(cv2.blur(fixed, (side, side)) / (cv2.blur(power / total, (side, side)) + noise))
-    usual = max(chance, float(np.quantile(share, STILL)))
-    return np.asarray(cv2.dilate(share / np.float32(usual), np.ones((reach, reach), np.uint8)), np.float32)
+    fixed = np.square(mean / total[..., None]).sum(axis=2)
+    by_chance = squares / np.square(total) * (power / total + noise)
+    left = np.maximum(cv2.blur(by_chance, (side, side)), np.float32(1e-12))
+    excess = np.sqrt(cv2.blur(fixed, (side, side)) / left)
+    known = excess[seen > 0]
+    usual = max(1.0, float(np.quantile(known, STILL))) if known.size else 1.0
+    return np.asarray(cv2.dilate(excess / np.float32(usual), np.ones((reach, reach), np.uint8)), np.float32)

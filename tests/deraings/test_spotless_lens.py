@@ -39,6 +39,18 @@ def test_the_network_sees_what_other_views_miss_at_the_same_place():
     assert plane[6, 6] == pytest.approx(np.log2((0.01 + limit) / (2 * limit)), rel=1e-4)
 
 
+def test_what_is_hidden_says_nothing_to_other_views():
+    hidden = np.zeros((32, 48), bool)
+    hidden[8:16, 8:16] = True
+    pictures = [np.random.default_rng(k).integers(0, 255, (32, 48, 3), np.uint8) for k in range(3)]
+    images = TrainingImages(pictures, [hidden, None, None])
+    ours = LensObjective(images, CONFIG, MaskNetwork(images, frozen("vgg", "cpu"), CONFIG.network, 0, 1), 0)
+    ours.histogram.observe(np.full((32, 48), 0.0195, np.float32))
+    ours.context(np.where(hidden, np.float32(0.5), np.float32(0.0196)), 0)
+    (plane,) = ours.context(np.full((32, 48), 0.9, np.float32), 1)
+    assert np.abs(plane).max() < 0.01  # log2 of the inliers' limit over itself
+
+
 def test_an_interrupted_run_ends_with_the_same_bits(tmp_path):
     scene = photographed(tmp_path, n_views=5)
     whole_and_resumed(SpotlessLens, CONFIG, scene, tmp_path, spotless_lens, "LensObjective")

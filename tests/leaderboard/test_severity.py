@@ -108,7 +108,10 @@ def test_a_scene_may_be_called_by_a_number(tmp_path):
 def test_measured_numbers_meet_the_grade(tmp_path):
     """With them the predicted loss is the one that was measured."""
     built = build(capture_in(tmp_path / "capture" / "yard"), tmp_path / "data", patterns=(Pattern("raindrop", 1),))
-    losses = pd.DataFrame([("raindrop-1", 26.0, 20.0)], columns=["pattern", "clean", "rainy"])
+    losses = pd.DataFrame(
+        [("raindrop-1", "given-poses", 26.0, 20.0), ("raindrop-1", "sparse-views", 19.0, 17.0)],
+        columns=["pattern", "track", "clean", "rainy"],
+    )
     numbers = numbers_for_grades(built, losses)
     statistics = replace(survey(read_scene(built), 0), **numbers)
     drawn = read_json(built / "raindrop-1" / "pattern.json")["parameters"]
@@ -119,5 +122,6 @@ def test_measured_numbers_meet_the_grade(tmp_path):
 
 def test_mist_that_explains_more_than_all_leaves_the_drops_unmeasured(tmp_path):
     built = build(capture_in(tmp_path / "capture" / "yard"), tmp_path / "data", patterns=(Pattern("raindrop", 2),))
-    losses = pd.DataFrame([("raindrop-2", 26.0, 25.99)], columns=["pattern", "clean", "rainy"])
+    row = ("raindrop-2", "given-poses", 26.0, 25.99)
+    losses = pd.DataFrame([row], columns=["pattern", "track", "clean", "rainy"])
     assert list(numbers_for_grades(built, losses)) == ["clean_error"]

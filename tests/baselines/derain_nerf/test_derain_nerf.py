@@ -84,6 +84,8 @@ def test_masks_bring_back_what_drops_cost(tmp_path, drops):
     assert with_masks > without + 3
     assert f"{MASK.mean():.1%}" in masked.summary().used
     assert np.array_equal(masked.hidden(0, MASK.shape), MASK.astype(np.float32))
+    half = masked.hidden(0, (MASK.shape[0] // 2, MASK.shape[1] // 2))
+    assert half.mean() == pytest.approx(MASK.mean(), abs=1e-6)
     assert plain.hidden(0, MASK.shape) is None
 
 

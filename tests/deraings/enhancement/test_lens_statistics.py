@@ -10,7 +10,7 @@ from tiny_network import TINY
 from baselines.training.images import TrainingImages
 from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.data import Data, started_from
-from deraings.enhancement.enhance import enhance, enhance_with_cover
+from deraings.enhancement.enhance import enhance, enhance_with_cover, shipped
 from deraings.enhancement.lens_statistics import (
     COARSE,
     FINE,
@@ -165,6 +165,21 @@ def test_training_views_are_enhanced_with_what_all_of_them_say(tmp_path):
     _, cover = enhance_with_cover(image, listening(), lens=lens)
     np.testing.assert_allclose(views.drop_cover(1), cover[..., 1], atol=0.01)
     assert cover.std() > 0
+
+
+def test_what_is_hidden_does_not_decide_how_much_mist_there_is(tmp_path):
+    """Pixels that are hidden are black, and black is what mist would have lifted."""
+    photographs = [np.clip(picture // 2 + 120, 0, 255).astype(np.uint8) for picture in capture(3, 64, 96)]
+    hidden = np.zeros((64, 96), bool)
+    hidden[40:] = True
+    masked = EnhancedViews(TrainingImages(photographs, [hidden] * 3), ["a", "b", "c"], shipped(), tmp_path / "masked")
+    lens = masked._lenses[0]
+    shown = [np.where(hidden[..., None], p[~hidden].mean(0), p).astype(np.uint8) for p in photographs]
+    assert torch.allclose(lens.mist, lenses_of(shown, shipped())[0].mist, atol=0.02)
+    black = [np.where(hidden[..., None], 0, p).astype(np.uint8) for p in photographs]
+    assert not torch.allclose(lens.mist, lenses_of(black, shipped())[0].mist, atol=0.05)
+    seen = masked.image(0)[~hidden]
+    assert np.abs(seen - enhance(shown[0].astype(np.float32) / 255, shipped(), lens=lens)[~hidden]).max() < 0.02
 
 
 def test_the_mist_of_a_picture_depends_on_its_companions():

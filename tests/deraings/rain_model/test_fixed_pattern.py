@@ -58,3 +58,24 @@ def test_nothing_is_said_of_what_is_always_hidden_nor_of_grey_pictures():
     grey = measured([np.full((*SIZE, 3), 128, np.uint8)] * 12)
     assert np.isfinite(grey).all()
     assert grey.max() < 1.2
+
+
+def test_a_place_that_few_views_show_says_no_more_than_its_share():
+    """Few gradients leave more of their mean by chance."""
+    views = panorama.views_of(panorama.paint(), 40)
+    hidden = np.zeros(SIZE, bool)
+    hidden[PLACE] = True
+    shown = measured(pictures_of(views), hidden=[hidden if i % 13 else None for i in range(40)])[0]
+    assert shown[PLACE].max() < 2.2
+    assert shown[PLACE].max() > 0
+
+
+def test_the_edge_of_a_mask_is_no_detail():
+    """What is hidden is black in all views: its edge would be a slope that stays."""
+    views = panorama.views_of(panorama.paint(), 40)
+    hidden = np.zeros(SIZE, bool)
+    hidden[-12:] = True
+    views[:, hidden] = 0
+    shown = measured(pictures_of(views), hidden=[hidden] * 40)[0]
+    assert shown[~hidden].max() < 2.5
+    assert np.median(shown[:-14]) < 1.6
