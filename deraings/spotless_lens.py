@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from baselines.distractors.mask_network import MaskNetwork
 from baselines.distractors.residuals import BINS
 from baselines.distractors.spotless import Spotless, SpotlessConfig, SpotlessObjective
+from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import TrainingImages
 from deraings.image_planes import Plane, resized
 from deraings.masks.maps import mean_around
 
 LENS_VIEWS = 8.0  # standard deviation, in views before and after, as of the occlusion masks
-START = "lens."
+LENS = "lens"  # of names in a checkpoint
 
 
 class LensObjective(SpotlessObjective):
@@ -41,12 +42,12 @@ class LensObjective(SpotlessObjective):
 
     def state_dict(self) -> dict[str, NDArray]:
         """See Objective."""
-        return super().state_dict() | {f"{START}{view}": plane for view, plane in self._residuals.items()}
+        return super().state_dict() | prefixed(LENS, {str(view): plane for view, plane in self._residuals.items()})
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """See Objective."""
         super().load_state_dict(arrays)
-        self._residuals = {int(k.removeprefix(START)): v for k, v in arrays.items() if k.startswith(START)}
+        self._residuals = {int(view): plane for view, plane in below(LENS, arrays).items()}
 
 
 class SpotlessLens(Spotless):

@@ -38,6 +38,7 @@ from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Plane, photometric_loss
 from baselines.splatting.kernels.sh_coefficients import C0
 from baselines.splatting.schedule import LearningRates
+from baselines.training.checkpoints import below
 from baselines.training.images import TrainingImages, read_images
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
@@ -105,8 +106,7 @@ class DeSplatObjective(ReportingObjective):
         super().load_state_dict(arrays)
         self._cover = arrays["cover"].copy()
         for view in self.layers:
-            start = f"layer.{view}."
-            self.layers[view] = layer_from({k.removeprefix(start): v for k, v in arrays.items() if k.startswith(start)})
+            self.layers[view] = layer_from(below(f"layer.{view}", arrays))
 
 
 # A view is visited some forty times, the authors' a few hundred: steps four times as large, as plain splatting's. A

@@ -22,6 +22,7 @@ from baselines.splatting.backends.base import GSPLAT
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.kernels.photometric import Plane
 from baselines.splatting.strategies.utilisation import UtilisationPruning
+from baselines.training.checkpoints import below, prefixed
 from baselines.training.devices import chosen_device
 from baselines.training.images import TrainingImages, read_images
 from baselines.training.torch_state import one_thread
@@ -69,13 +70,12 @@ class SpotlessObjective(TrimmedObjective):
     def state_dict(self) -> dict[str, NDArray]:
         """See Objective."""
         learned = self.network.state_dict()
-        return super().state_dict() | {f"masks.{name}": value for name, value in learned.items()}
+        return super().state_dict() | prefixed("masks", learned)
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """See Objective."""
         super().load_state_dict(arrays)
-        start = "masks."
-        self.network.load_state_dict({k.removeprefix(start): v for k, v in arrays.items() if k.startswith(start)})
+        self.network.load_state_dict(below("masks", arrays))
 
 
 SHORT_NETWORK = MaskNetworkConfig("vgg", rate=5e-3, prior=0.9)

@@ -26,6 +26,7 @@ from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Plane, photometric_loss
 from baselines.splatting.kernels.rasterizer import depth, render
+from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import TrainingImages
 from baselines.training.torch_state import module_arrays, one_thread, restore_module
 from hydroviews.scene.cameras import Camera
@@ -33,7 +34,7 @@ from hydroviews.scene.images import Image
 
 logger = logging.getLogger(__name__)
 LEAST_COVERED = 0.5  # of a pixel by Gaussians, from which on it has a depth
-DEPTH, MEDIUM, RESIDUAL = "depth.", "medium.", "residual."  # of names in a checkpoint
+DEPTH, MEDIUM, RESIDUAL = "depth", "medium", "residual"  # of names in a checkpoint
 GIVEN_UP = "given_up"
 SMALL = (16, 16)  # size at which the light that a medium takes of a view is averaged
 
@@ -142,23 +143,23 @@ class NimbusObjective(ReportingObjective):
 
     def state_dict(self) -> dict[str, NDArray]:
         """See Objective: the medium, residuals, and depths."""
-        arrays = {f"{DEPTH}{view}.{made}": plane for view, (made, plane) in self._depths.items()}
-        arrays |= {RESIDUAL + name: value for name, value in self.residuals.state_dict().items()}
+        arrays = {f"{DEPTH}.{view}.{made}": plane for view, (made, plane) in self._depths.items()}
+        arrays |= prefixed(RESIDUAL, self.residuals.state_dict())
         if self.medium is not None:
-            arrays |= {MEDIUM + name: value for name, value in module_arrays(self.medium, self._adam).items()}
+            arrays |= prefixed(MEDIUM, module_arrays(self.medium, self._adam))
         return super().state_dict() | arrays | {GIVEN_UP: np.array([self.given_up], np.uint8)}
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """See Objective."""
         super().load_state_dict(arrays)
-        self.residuals.load_state_dict(_below(RESIDUAL, arrays))
+        self.residuals.load_state_dict(below(RESIDUAL, arrays))
         self.given_up = bool(arrays[GIVEN_UP][0])
         self._depths = {}
-        for name, plane in _below(DEPTH, arrays).items():
+        for name, plane in below(DEPTH, arrays).items():
             view, made = name.split(".")
             self._depths[int(view)] = int(made), plane.copy()
         if self.medium is not None:
-            restore_module(self.medium, _below(MEDIUM, arrays), self._adam)
+            restore_module(self.medium, below(MEDIUM, arrays), self._adam)
 
     def _judge(self, iteration: int) -> None:
         """Give the medium up, when it is time, if it takes hardly any light: the air is clear."""
@@ -200,7 +201,3 @@ class NimbusObjective(ReportingObjective):
         assert self.medium is not None
         share = self._transmission(view, (scene.shape[0], scene.shape[1]), extinction)
         return through(scene, share, self.medium.airlight)
-
-
-def _below(start: str, arrays: dict[str, NDArray]) -> dict[str, NDArray]:
-    return {name.removeprefix(start): value for name, value in arrays.items() if name.startswith(start)}

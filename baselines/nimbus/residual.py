@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.nimbus.config import ResidualConfig
+from baselines.training.checkpoints import below, prefixed
 from hydroviews.scene.images import Image
 from hydroviews.scene.masks import Ignored
 
@@ -67,13 +68,12 @@ class Residuals:
 
     def state_dict(self) -> dict[str, NDArray]:
         """For checkpoints."""
-        views = {f"view.{view}": chosen.astype(np.uint8) for view, chosen in self.chosen.items()}
+        views = prefixed("view", {str(view): chosen.astype(np.uint8) for view, chosen in self.chosen.items()})
         return {**views, "made": self._made, "shares": self._shares, "warned": np.array([self._warned], np.uint8)}
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """Take back what `state_dict` returned."""
-        start = "view."
-        self.chosen = {int(k.removeprefix(start)): v.astype(bool) for k, v in arrays.items() if k.startswith(start)}
+        self.chosen = {int(view): chosen.astype(bool) for view, chosen in below("view", arrays).items()}
         self._made, self._shares = arrays["made"].copy(), arrays["shares"].copy()
         self._warned = bool(arrays["warned"][0])
 

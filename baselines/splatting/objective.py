@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Target, photometric_loss, prepare_target
+from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import Size, TrainingImages
 from hydroviews.scene.images import Image
 
@@ -76,12 +77,9 @@ class Objective:
     def state_dict(self) -> dict[str, NDArray]:
         """What has been learned beside the Gaussians."""
         learned = {} if self.appearance is None else self.appearance.training_state()
-        return {f"appearance.{name}": value for name, value in learned.items()}
+        return prefixed("appearance", learned)
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """Take back what `state_dict` returned."""
         if self.appearance is not None:
-            start = "appearance."
-            self.appearance.load_training_state(
-                {k.removeprefix(start): v for k, v in arrays.items() if k.startswith(start)}
-            )
+            self.appearance.load_training_state(below("appearance", arrays))

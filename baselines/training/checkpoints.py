@@ -55,6 +55,17 @@ def read_arrays(path: Path) -> tuple[dict[str, NDArray], dict[str, Any]]:
     return arrays, json.loads(metadata["about"])
 
 
+def prefixed(part: str, arrays: Mapping[str, NDArray]) -> dict[str, NDArray]:
+    """Arrays by the names `part.name`: the state of a part, among the arrays of the whole."""
+    return {f"{part}.{name}": value for name, value in arrays.items()}
+
+
+def below(part: str, arrays: Mapping[str, NDArray]) -> dict[str, NDArray]:
+    """The arrays whose names begin with `part.`, without that beginning: what `prefixed` was given."""
+    start = f"{part}."
+    return {name.removeprefix(start): value for name, value in arrays.items() if name.startswith(start)}
+
+
 def save_checkpoint(path: Path, tree: Mapping[str, Any], fingerprint: Mapping[str, Any]) -> None:
     """Write a tree of states.
 

@@ -29,6 +29,7 @@ from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import LearningRates
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.trainer import train
+from baselines.training.checkpoints import below, prefixed
 from baselines.training.devices import chosen_device
 from baselines.training.images import Size, TrainingImages, read_images
 from baselines.training.torch_state import one_thread
@@ -130,16 +131,13 @@ class WildObjective(Objective):
     def state_dict(self) -> dict[str, NDArray]:
         """See Objective."""
         learned = self._uncertainty.state_dict() if self._uncertainty else {}
-        return super().state_dict() | {f"uncertainty.{name}": value for name, value in learned.items()}
+        return super().state_dict() | prefixed("uncertainty", learned)
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """See Objective."""
         super().load_state_dict(arrays)
         if self._uncertainty:
-            start = "uncertainty."
-            self._uncertainty.load_state_dict(
-                {k.removeprefix(start): v for k, v in arrays.items() if k.startswith(start)}
-            )
+            self._uncertainty.load_state_dict(below("uncertainty", arrays))
 
     def _weights(self, image: Image, view: int, iteration: int) -> NDArray[np.float32] | None:
         """What pixels of a view weigh; the uncertainty learns from its render."""

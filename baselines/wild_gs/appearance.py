@@ -13,6 +13,7 @@ from torch import Tensor
 from baselines.gs_w.encoded import EncodedAppearance
 from baselines.gs_w.encoder import at_size
 from baselines.splatting.gaussians import Gaussians
+from baselines.training.checkpoints import below
 from baselines.training.images import TrainingImages
 from baselines.wild_gs.colours import LookColours
 from baselines.wild_gs.config import LookConfig
@@ -21,7 +22,7 @@ from baselines.wild_gs.lifting import lifted, lifted_size, rendered_depth
 from baselines.wild_gs.triplane import TriplaneNetwork, plane_pictures, read
 from hydroviews.scene.cameras import Camera
 
-DEPTH = "depth."  # names of depths in a checkpoint: of which view, rendered in which step
+DEPTH = "depth"  # names of depths in a checkpoint: of which view, rendered in which step
 
 
 class LookAppearance(EncodedAppearance):
@@ -108,17 +109,16 @@ class LookAppearance(EncodedAppearance):
 
     def training_state(self) -> dict[str, NDArray]:
         """See EncodedAppearance; and the depths."""
-        depths = {f"{DEPTH}{view}.{step}": depth for view, (step, depth) in self._depths.items()}
+        depths = {f"{DEPTH}.{view}.{step}": depth for view, (step, depth) in self._depths.items()}
         return {**super().training_state(), **depths}
 
     def load_training_state(self, arrays: dict[str, NDArray]) -> None:
         """See EncodedAppearance."""
         super().load_training_state(arrays)
         self._depths = {}
-        for name in arrays:
-            if name.startswith(DEPTH):
-                view, step = name.removeprefix(DEPTH).split(".")
-                self._depths[int(view)] = int(step), arrays[name]
+        for name, depth in below(DEPTH, arrays).items():
+            view, step = name.split(".")
+            self._depths[int(view)] = int(step), depth
 
     def feature_rate(self, iteration: int) -> float:
         """See Appearance."""

@@ -21,6 +21,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from baselines.training.checkpoints import below
 from baselines.training.images import Size, TrainingImages
 from baselines.training.torch_state import module_arrays, one_thread, restore_module
 from deraings.image_planes import Plane, resized, shrunk
@@ -174,7 +175,9 @@ class OcclusionMasks:
         restore_module(self.network, arrays, self.adam)
         self._level = arrays["level"].copy()
         self._evidence = float(arrays["evidence"][0]) if "evidence" in arrays else None
-        self._losses, self._kept = _by_view(arrays, "loss."), _by_view(arrays, "mask.")
+        self._losses, self._kept = (
+            {int(view): plane for view, plane in below(part, arrays).items()} for part in ("loss", "mask")
+        )
 
     def _predicted(self, view: int) -> NDArray[np.uint8]:
         """M as the network predicts it without learning."""
@@ -224,10 +227,6 @@ class OcclusionMasks:
         }
         means = (mean_around(view, own, plane.shape, self.config.lens_views) for view, plane in own.items())
         return [own[view] if mean is None else mean for view, mean in enumerate(means)]
-
-
-def _by_view(arrays: dict[str, NDArray], prefix: str) -> dict[int, NDArray]:
-    return {int(name.removeprefix(prefix)): value for name, value in arrays.items() if name.startswith(prefix)}
 
 
 def _rounded(mask: Tensor) -> NDArray[np.uint8]:

@@ -68,7 +68,7 @@ def _slopes(picture: Image) -> NDArray[np.float32]:
 
 
 def _slopes_shown(shown: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """1 where a pixel, its right and its lower neighbour are shown [h, w]: hidden ones are black, their edge a slope."""
+    """1 where a pixel, its right and its lower neighbour are shown [h, w]: hidden ones are black, so no slope."""
     right, below = np.pad(shown[:, 1:], ((0, 0), (0, 1)), "edge"), np.pad(shown[1:], ((0, 1), (0, 0)), "edge")
     return (shown & right & below).astype(np.float32)
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
+from baselines.training.checkpoints import below
 from baselines.training.images import TrainingImages
 from deraings.enhancement.views import EnhancedViews
 from deraings.image_planes import Plane
@@ -173,7 +174,7 @@ class RainModel:
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """Take back what `state_dict` returned."""
         for part, model in self._parts():
-            model.load_state_dict(below(arrays, part))
+            model.load_state_dict(below(part, arrays))
 
     def _parts(self) -> list[tuple[str, Any]]:
         parts = ("mist", self.mist), ("drops", self.drops), ("rain_layer", self.rain_layer), ("streaks", self.streaks)
@@ -238,9 +239,3 @@ class RainModel:
         median = np.median(alpha if shown is None else alpha[shown > 0])
         layer.update_prior(float(median))
         return alpha - median if shown is None else (alpha - median) * shown
-
-
-def below(arrays: dict[str, NDArray], part: str) -> dict[str, NDArray]:
-    """The arrays whose names begin with `part.`, without that beginning."""
-    start = f"{part}."
-    return {name.removeprefix(start): value for name, value in arrays.items() if name.startswith(start)}

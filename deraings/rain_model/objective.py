@@ -13,11 +13,12 @@ from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.loss_map import loss_map
 from baselines.splatting.kernels.photometric import Target, photometric_loss
 from baselines.splatting.objective import Objective
+from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import TrainingImages
 from deraings.enhancement.views import EnhancedViews
 from deraings.image_planes import Plane
 from deraings.masks.occlusion_masks import OcclusionMasks
-from deraings.rain_model.model import Observation, RainConfig, RainModel, Seen, below
+from deraings.rain_model.model import Observation, RainConfig, RainModel, Seen
 from deraings.rain_model.report import report
 from hydroviews.scene.images import Image
 from hydroviews.scene.point_colours import PointColours
@@ -88,13 +89,13 @@ class RainObjective(Objective):
     def state_dict(self) -> dict[str, NDArray]:
         """See Objective."""
         masks = self.masks.state_dict() if self.masks else {}
-        return self.model.state_dict() | {f"masks.{name}": value for name, value in masks.items()}
+        return self.model.state_dict() | prefixed("masks", masks)
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """See Objective."""
         self.model.load_state_dict(arrays)
         if self.masks:
-            self.masks.load_state_dict(below(arrays, "masks"))
+            self.masks.load_state_dict(below("masks", arrays))
 
     def _mask_weights(self, seen: Seen, target: Target, buffers: BufferPool) -> Plane | None:
         """1 - M [H, W] of a view, which the masks learn from first if they are due; None where nothing is masked."""
