@@ -12,14 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.training.checkpoints import below
+from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import TrainingImages
 from deraings.enhancement.views import EnhancedViews
 from deraings.image_planes import Plane
 from deraings.rain_model.drops import DropLayer, LensDrops, LensDropsConfig
+from deraings.rain_model.falling_rain import FallingRain
 from deraings.rain_model.mist import Mist, MistConfig, MistGradient
-from deraings.rain_model.rain_layer import MIN_ALPHA, RainLayer, RainLayerConfig, alpha_between
-from deraings.rain_model.streaks import SingleStreaks, SingleStreaksConfig, along_rain
+from deraings.rain_model.observation import Observation
+from deraings.rain_model.rain_layer import RainLayerConfig
+from deraings.rain_model.streaks import SingleStreaksConfig
 from deraings.rain_model.warm_up import warm_up
 from hydroviews.scene.images import Image
 from hydroviews.scene.point_colours import PointColours
@@ -58,15 +60,6 @@ class Seen(NamedTuple):
     iteration: int
 
 
-class Observation(NamedTuple):
-    """A training photograph, and which of its pixels count."""
-
-    photograph: Image  # [H, W, 3]
-    photographed: Plane | None  # [H, W], 0 where the photograph's mask hides it; None where nothing is hidden
-    shown: Plane | None  # [H, W], the same, and 0 where the render is not finite
-    weights: Plane | None  # [H, W] factors on each pixel's share of the loss; None where all are 1
-
-
 class RainModel:
     """Mist, drops, the rain layer and single streaks of one scene's training views."""
 
@@ -93,12 +86,10 @@ class RainModel:
         count = len(images)
         pictures = [images.pixels(view) for view in range(count)]
         hidden = [images.ignored(view) for view in range(count)]
-        self._sizes = sizes = [(picture.shape[0], picture.shape[1]) for picture in pictures]
+        sizes = [(picture.shape[0], picture.shape[1]) for picture in pictures]
         self.mist = Mist(pictures, iterations, config.mist, hidden, points) if config.mist else None
-        self.rain_layer = RainLayer(iterations, config.rain_layer) if config.rain_layer else None
-        self.streaks = SingleStreaks(sizes, config.streaks) if config.rain_layer and config.streaks else None
-        renewals = config.streaks.renewals if config.streaks else ()
-        self._renewals = {round(share * iterations) for share in renewals}
+        layer, streaks = config.rain_layer, config.streaks
+        self.rain = FallingRain(sizes, iterations, layer, streaks, prior) if layer else None
         self.drops = LensDrops(pictures, iterations, config.drops, hidden) if config.drops else None
 
     def forward(self, scene_image: Image, view: int, iteration: int, buffers: BufferPool) -> Seen:
@@ -111,8 +102,10 @@ class RainModel:
             buffers: to reuse; what is seen may lie in one of them.
         """
         size = scene_image.shape[0], scene_image.shape[1]
-        rain_alpha, single = self._rain_alpha(view, size)
-        rained = self._rained(scene_image, rain_alpha, buffers.array("rained", scene_image.shape))
+        rain_alpha, single = self.rain.alpha(view, size) if self.rain else (None, False)
+        rained = scene_image
+        if self.rain and rain_alpha is not None:
+            rained = self.rain.layer.forward(scene_image, rain_alpha, buffers.array("rained", scene_image.shape))
         mist_root = self.mist.root(view, size) if self.mist and self.mist.due(iteration) else None
         misted = self._misted(rained, mist_root, buffers.array("misted", scene_image.shape))
         drops = self._drop_layer(view, size, iteration)
@@ -128,30 +121,31 @@ class RainModel:
             gradient, by_mist = self.mist.backward(
                 seen.rained, seen.without_drops, seen.mist_root, seen.view, gradient, buffers
             )
-        if self.rain_layer and seen.rain_alpha is not None:
+        if self.rain and seen.rain_alpha is not None:
             by_rained = buffers.array("g_rained", gradient.shape)
-            gradient = self.rain_layer.backward(gradient, seen.rain_alpha, by_rained)
+            gradient = self.rain.layer.backward(gradient, seen.rain_alpha, by_rained)
         return gradient, by_mist
 
     def update(self, seen: Seen, observed: Observation, by_mist: MistGradient | None, buffers: BufferPool) -> None:
         """Learn of the rain from a view: mist by its gradient, all else from photograph and render."""
-        if self.streaks and seen.iteration in self._renewals:
-            self.streaks.renew()
         if self.drops and self.drops.due(seen.iteration):
             self.drops.update(observed.photograph, seen.without_drops, seen.view, observed.shown)
-        if self.rain_layer:
-            self._update_rain(self.rain_layer, seen, observed, buffers)
+        if self.rain:
+            self.rain.renew(seen.iteration)
+            if self.rain.due(seen.view, (seen.image.shape[0], seen.image.shape[1]), seen.iteration):
+                even = self._behind_even_rain(self.rain, seen, buffers)
+                self.rain.update(observed, even, seen.view, seen.iteration)
         if self.mist and by_mist is not None:
             self.mist.update(by_mist, seen.iteration)
 
     @property
     def even_alpha(self) -> float:
         """S, the median rain_alpha, 0 to 1."""
-        return float(self.rain_layer.alpha[0]) if self.rain_layer else 0.0
+        return self.rain.even_alpha if self.rain else 0.0
 
     def rain_alpha(self, view: int, size: tuple[int, int]) -> Plane:
         """rain_alpha [H, W] of a training view at (height, width)."""
-        alpha, _ = self._rain_alpha(view, size)
+        alpha, _ = self.rain.alpha(view, size) if self.rain else (None, False)
         return np.zeros(size, np.float32) if alpha is None else alpha
 
     def mist_alpha(self, view: int, size: tuple[int, int]) -> Plane:
@@ -169,7 +163,10 @@ class RainModel:
 
     def state_dict(self) -> dict[str, NDArray]:
         """What has been learned of the rain, for checkpoints."""
-        return {f"{part}.{name}": value for part, model in self._parts() for name, value in model.state_dict().items()}
+        arrays: dict[str, NDArray] = {}
+        for part, model in self._parts():
+            arrays |= prefixed(part, model.state_dict())
+        return arrays
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """Take back what `state_dict` returned."""
@@ -177,19 +174,8 @@ class RainModel:
             model.load_state_dict(below(part, arrays))
 
     def _parts(self) -> list[tuple[str, Any]]:
-        parts = ("mist", self.mist), ("drops", self.drops), ("rain_layer", self.rain_layer), ("streaks", self.streaks)
+        parts = ("mist", self.mist), ("drops", self.drops), *(self.rain.parts() if self.rain else ())
         return [(name, model) for name, model in parts if model is not None]
-
-    def _rain_alpha(self, view: int, size: tuple[int, int]) -> tuple[Plane | None, bool]:
-        """rain_alpha [H, W], None where there is none, and whether a view's single streaks are part of it."""
-        if self.streaks and self.even_alpha > MIN_ALPHA:
-            alpha = self.streaks.alpha(view, self.even_alpha, size)
-            if alpha is not None:
-                return alpha, True
-        return (np.full(size, self.even_alpha, np.float32) if self.even_alpha else None), False
-
-    def _rained(self, image: Image, alpha: Plane | None, out: Image) -> Image:
-        return image if self.rain_layer is None or alpha is None else self.rain_layer.forward(image, alpha, out)
 
     def _misted(self, image: Image, root: Plane | None, out: Image) -> Image:
         return image if self.mist is None or root is None else self.mist.forward(image, root, out)
@@ -197,45 +183,10 @@ class RainModel:
     def _drop_layer(self, view: int, size: tuple[int, int], iteration: int) -> DropLayer | None:
         return self.drops.layer(view, size, iteration) if self.drops else None
 
-    def _update_rain(self, layer: RainLayer, seen: Seen, observed: Observation, buffers: BufferPool) -> None:
-        """Learn of falling rain from the view behind even rain, without its single streaks."""
-        if seen.image.shape[:2] != self._sizes[seen.view]:  # small ones hide streaks
-            return
-        streaks = self.streaks if self._streaks_due(seen) and layer.certainty() == 1 else None
-        due = layer.due(seen.iteration)
-        if not due and streaks is None:
-            return
-        even = self._behind_even_rain(seen, buffers)
-        if streaks is not None:
-            along, contrast = along_rain(observed.photograph, even, self.even_alpha, layer.brightness)
-            if observed.weights is not None:
-                along, contrast = along * observed.weights, contrast * observed.weights
-            prior = self._prior_deviation(layer, observed, seen.view)
-            streaks.update(along, contrast, layer.angle(), seen.view, prior)
-        if due:
-            layer.update(observed.photograph, even, observed.weights, seen.iteration)
-
-    def _streaks_due(self, seen: Seen) -> bool:
-        size = seen.image.shape[0], seen.image.shape[1]
-        return bool(self.streaks and self.even_alpha > MIN_ALPHA and self.streaks.due(seen.view, size))
-
-    def _behind_even_rain(self, seen: Seen, buffers: BufferPool) -> Image:
+    def _behind_even_rain(self, rain: FallingRain, seen: Seen, buffers: BufferPool) -> Image:
         """The view [H, W, 3] without its single streaks and without drops."""
         if not seen.single:
             return seen.without_drops
-        even = np.full(seen.image.shape[:2], self.even_alpha, np.float32)
-        rained = self._rained(seen.scene_image, even, buffers.array("rained_even", seen.image.shape))
+        even = np.full(seen.image.shape[:2], rain.even_alpha, np.float32)
+        rained = rain.layer.forward(seen.scene_image, even, buffers.array("rained_even", seen.image.shape))
         return self._misted(rained, seen.mist_root, buffers.array("misted_even", rained.shape))
-
-    def _prior_deviation(self, layer: RainLayer, observed: Observation, view: int) -> Plane | None:
-        """D of a view [H, W] as the prior sees it, whose median goes to the rain layer.
-
-        0 where the photograph is hidden; None where all of it is, or there is no prior.
-        """
-        shown = observed.photographed
-        if self._prior is None or (shown is not None and not shown.any()):
-            return None
-        alpha = alpha_between(observed.photograph, self._prior.image(view), layer.brightness)
-        median = np.median(alpha if shown is None else alpha[shown > 0])
-        layer.update_prior(float(median))
-        return alpha - median if shown is None else (alpha - median) * shown

@@ -18,7 +18,8 @@ from baselines.training.images import TrainingImages
 from deraings.enhancement.views import EnhancedViews
 from deraings.image_planes import Plane
 from deraings.masks.occlusion_masks import OcclusionMasks
-from deraings.rain_model.model import Observation, RainConfig, RainModel, Seen
+from deraings.rain_model.model import RainConfig, RainModel, Seen
+from deraings.rain_model.observation import Observation
 from deraings.rain_model.report import report
 from hydroviews.scene.images import Image
 from hydroviews.scene.point_colours import PointColours

@@ -29,11 +29,11 @@ def report(model: RainModel, masks: OcclusionMasks | None, view: int, size: tupl
             numbers["fog"] = model.mist.paleness.fog
     if model.drops:
         numbers["drops"] = (model.drop_alpha(view, size) > 0.5).mean()
-    if model.rain_layer:
-        numbers |= {"rain": model.even_alpha, "rain_certainty": model.rain_layer.certainty()}
-        numbers["rain_angle"] = model.rain_layer.angle()
-    if model.streaks:
-        numbers["streaks"] = np.abs(model.streaks.deviation(view)).mean()
+    if model.rain:
+        numbers |= {"rain": model.even_alpha, "rain_certainty": model.rain.layer.certainty()}
+        numbers["rain_angle"] = model.rain.layer.angle()
+        if model.rain.streaks:
+            numbers["streaks"] = np.abs(model.rain.streaks.deviation(view)).mean()
     if masks:
         numbers["masks"] = masks.report()["mask_mean"]
     rounded = {name: round(float(value), 4) for name, value in numbers.items()}

@@ -9,7 +9,8 @@ from baselines.splatting.kernels.photometric import photometric_loss, prepare_ta
 from baselines.training.images import TrainingImages
 from deraings.rain_model.drops import LensDropsConfig
 from deraings.rain_model.mist_config import MistConfig
-from deraings.rain_model.model import Observation, RainConfig, RainModel
+from deraings.rain_model.model import RainConfig, RainModel
+from deraings.rain_model.observation import Observation
 from deraings.rain_model.rain_layer import RainLayerConfig
 from hydroviews.rain.streaks.effect import StreakPattern, composite, streak_layer
 from hydroviews.scene.images import to_linear, to_srgb

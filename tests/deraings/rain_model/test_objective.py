@@ -65,7 +65,7 @@ def test_before_anything_is_looked_for_it_is_the_plain_loss():
 
 def rainy(objective, even=0.1, mist=0.3):
     """The objective with rain in it, as if it had been found."""
-    objective.model.rain_layer.alpha[0] = even
+    objective.model.rain.layer.alpha[0] = even
     objective.model.mist.roots[:] = np.sqrt(mist)
     objective.model.mist.wanted = True
     return objective

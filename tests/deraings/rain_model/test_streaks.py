@@ -239,7 +239,8 @@ def test_a_network_helps_where_it_rains_and_is_not_asked_where_not(scene):
     for prior in (None, Prior(scene)):
         objective = objective_of(rained_on(scene, covers), prior=prior)
         steps(objective, learned(scene), 0, 60)
-        found = [objective.model.streaks.deviation(view) - (covers[view] - np.median(covers)) for view in range(COUNT)]
+        streaks = objective.model.rain.streaks
+        found = [streaks.deviation(view) - (covers[view] - np.median(covers)) for view in range(COUNT)]
         errors.append(np.mean(np.square(found)))
     assert errors[1] < 0.8 * errors[0]
     assert prior.asked
@@ -260,7 +261,7 @@ def test_what_is_hidden_does_not_thin_the_rain_that_the_prior_sees(scene):
     photographs = [to_uint8(photograph) for photograph in rained_on(scene, covers)]
     objective = RainObjective(TrainingImages(photographs, [hidden] * COUNT), 100, EAGER, prior=Prior(scene))
     medians = []
-    objective.model.rain_layer.update_prior = medians.append
+    objective.model.rain.layer.update_prior = medians.append
     steps(objective, learned(scene), 0, 60)
     assert medians
     assert np.mean(medians) == pytest.approx(np.median(covers[:, :50]), abs=0.03)

@@ -1,0 +1,111 @@
+"""Falling rain, all of it: the even layer, in front of it each view's single streaks, and when they are learned.
+
+`rain_layer` says whether it rains and how much in the median, S; `streaks` what a view's rain is more or less than
+that, D. Both look at a view behind even rain alone: single streaks would hide from them what they are to find.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from deraings.enhancement.views import EnhancedViews
+from deraings.image_planes import Plane
+from deraings.rain_model.observation import Observation
+from deraings.rain_model.rain_layer import MIN_ALPHA, RainLayer, RainLayerConfig, alpha_between
+from deraings.rain_model.streaks import SingleStreaks, SingleStreaksConfig, along_rain
+from hydroviews.scene.images import Image
+
+Size = tuple[int, int]  # height and width
+
+
+class FallingRain:
+    """The rain layer, and the single streaks of the training views if they are looked for."""
+
+    def __init__(
+        self,
+        sizes: Sequence[Size],
+        iterations: int,
+        layer: RainLayerConfig,
+        streaks: SingleStreaksConfig | None,
+        prior: EnhancedViews | None = None,
+    ) -> None:
+        """Rain of which nothing is known yet.
+
+        Args:
+            sizes: of the training photographs.
+            iterations: of the training.
+            layer: settings of the even layer.
+            streaks: settings of single streaks; None leaves them out.
+            prior: the photographs without rain as far as a network sees it, for single streaks; asked only once it
+                surely rains.
+        """
+        self._sizes, self._prior = list(sizes), prior
+        self.layer = RainLayer(iterations, layer)
+        self.streaks = SingleStreaks(sizes, streaks) if streaks else None
+        self._renewals = {round(share * iterations) for share in streaks.renewals} if streaks else set()
+
+    @property
+    def even_alpha(self) -> float:
+        """S, the median rain_alpha, 0 to 1."""
+        return float(self.layer.alpha[0])
+
+    def alpha(self, view: int, size: Size) -> tuple[Plane | None, bool]:
+        """rain_alpha [H, W], None where there is none, and whether a view's single streaks are part of it."""
+        if self.streaks and self.even_alpha > MIN_ALPHA:
+            alpha = self.streaks.alpha(view, self.even_alpha, size)
+            if alpha is not None:
+                return alpha, True
+        return (np.full(size, self.even_alpha, np.float32) if self.even_alpha else None), False
+
+    def due(self, view: int, size: Size, iteration: int) -> bool:
+        """Whether to learn in this step from a view rendered at (height, width): small ones hide streaks."""
+        return size == self._sizes[view] and (self.layer.due(iteration) or self._streaks_due(view, size))
+
+    def renew(self, iteration: int) -> None:
+        """Take single streaks anew from here on, if it is time."""
+        if self.streaks and iteration in self._renewals:
+            self.streaks.renew()
+
+    def update(self, observed: Observation, even: Image, view: int, iteration: int) -> None:
+        """Learn from a view: single streaks if they are due, and the layer if it is.
+
+        Args:
+            observed: the photograph.
+            even: what the model expects of it behind even rain, [H, W, 3], without drops.
+            view: index of the view.
+            iteration: of the training.
+        """
+        if self.streaks and self._streaks_due(view, (even.shape[0], even.shape[1])):
+            along, contrast = along_rain(observed.photograph, even, self.even_alpha, self.layer.brightness)
+            if observed.weights is not None:
+                along, contrast = along * observed.weights, contrast * observed.weights
+            self.streaks.update(along, contrast, self.layer.angle(), view, self._prior_deviation(observed, view))
+        if self.layer.due(iteration):
+            self.layer.update(observed.photograph, even, observed.weights, iteration)
+
+    def parts(self) -> list[tuple[str, Any]]:
+        """What is learned, by the names of checkpoints."""
+        return [("rain_layer", self.layer), *([("streaks", self.streaks)] if self.streaks else [])]
+
+    def _streaks_due(self, view: int, size: Size) -> bool:
+        """Whether a view's single streaks are to be taken from it: it surely rains, and they are not known yet."""
+        return bool(
+            self.streaks
+            and self.even_alpha > MIN_ALPHA
+            and self.streaks.due(view, size)
+            and self.layer.certainty() == 1
+        )
+
+    def _prior_deviation(self, observed: Observation, view: int) -> Plane | None:
+        """D of a view [H, W] as the prior sees it, whose median goes to the rain layer.
+
+        0 where the photograph is hidden; None where all of it is, or there is no prior.
+        """
+        shown = observed.photographed
+        if self._prior is None or (shown is not None and not shown.any()):
+            return None
+        alpha = alpha_between(observed.photograph, self._prior.image(view), self.layer.brightness)
+        median = np.median(alpha if shown is None else alpha[shown > 0])
+        self.layer.update_prior(float(median))
+        return alpha - median if shown is None else (alpha - median) * shown
