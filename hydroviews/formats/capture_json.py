@@ -7,7 +7,7 @@ clean_error        mean squared error of plain 3DGS on held-out clean views over
                    detail, for grades (see `rain.severity`)
 licence            of the photographs: an SPDX identifier such as "CC-BY-4.0", or a text
 shareable          true if the photographs may be handed on under that licence
-drops_cost         factor by which sharp drops cost more than predicted (see `rain.severity`)
+drops_cost         factor by which drops that stay on the lens cost more than predicted (see `rain.severity`)
 """
 
 import math

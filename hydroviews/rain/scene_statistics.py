@@ -46,7 +46,7 @@ class SceneStatistics:
     detail: float  # mean squared fine detail of the clean views, encoded values: what is hardest to reconstruct
     light: Light
     clean_error: float | None = None  # of plain 3DGS on clean views, over `detail`, where it is known
-    drops_cost: float = 1.0  # error that sharp drops leave in plain 3DGS, over what is predicted, where it is known
+    drops_cost: float = 1.0  # error that drops that stay leave in plain 3DGS, over what is predicted, if known
     metres_per_unit: float | None = None  # of the capture, where it is known
     lens_renderer: LensRenderer = "disk"  # of water on the lens
 

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from hydroviews.rain.scene_statistics import SceneStatistics
 
 CLEAN_ERROR = 1.5  # mean squared error of a scene learned from clean views, in units of its fine detail, if not known
+MOST_BY_DROPS = 0.7  # share of a grade's harm that drops on the lens may do; the rest is mist's, which no pattern lacks
 STEPS = 12  # of a bisection
 
 

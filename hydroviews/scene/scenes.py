@@ -202,7 +202,7 @@ class Scene:
     clean_views: tuple[View, ...] = ()  # clean photographs beside those, of views of the same names and cameras
     metres_per_unit: float | None = None  # where it is known
     clean_error: float | None = None  # of plain 3DGS on clean views, see `formats.capture_json`; where it is known
-    drops_cost: float = 1.0  # measured over predicted cost of sharp drops to plain 3DGS; 1 where it is not known
+    drops_cost: float = 1.0  # measured over predicted cost of drops that stay to plain 3DGS; 1 where it is not known
 
     @property
     def train_views(self) -> tuple[View, ...]:

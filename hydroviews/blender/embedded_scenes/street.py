@@ -215,4 +215,4 @@ ACROSS = Path(
     span=np.radians(92),
     waves=(7.0, 13.0),
 )
-STREET = Design(make_street, DUSK, ACROSS, samples=16, clean_error=0.6, drops_cost=3.6)
+STREET = Design(make_street, DUSK, ACROSS, samples=16, clean_error=0.45, drops_cost=3.5)

@@ -2,8 +2,8 @@
 
 Water on the lens is at the same place in every view. A veil of mist is learned as part of the scene. Sharp drops cover
 other places of the scene in other views: of the error they make, one c-th is left where c views see a place. That is
-what drops leave that are new in every view, so renewed ones need no formula of their own. Where the lens is focused on
-the drops, the blur of the scene is learned as part of it.
+what drops leave that are new in every view; those that stay leave more on some scenes, `drops_cost` times as much.
+Where the lens is focused on the drops, the blur of the scene is learned as part of it.
 """
 
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from hydroviews.rain.lens.mist import mist_veil
 from hydroviews.rain.lens.path_matte import defocus
 from hydroviews.rain.lens.pattern import RaindropPattern
 from hydroviews.rain.scene_statistics import SceneStatistics, fine_detail
-from hydroviews.rain.severity import CLEAN_ERROR, solve, wanted_harm
+from hydroviews.rain.severity import CLEAN_ERROR, MOST_BY_DROPS, solve, wanted_harm
 from hydroviews.scene.images import to_linear, to_srgb
 
 LOSS = {"light": 1.5, "medium": 3.7, "heavy": 8.5}  # dB for plain 3DGS; medium drops cost 4 to 5 where 4 were predicted
@@ -33,8 +33,8 @@ def grade_raindrops(drawn: RaindropPattern, grade: str, statistics: SceneStatist
         blurred = blur_harm(statistics)
         aperture = round(solve(blurred, MOST_BLUR * wanted, 0.0, drawn.focus_blur), 5)
         left -= blurred(aperture)
-    full_cover = drops_harm(1.0, statistics)
-    coverage = min(drawn.coverage, left / full_cover if full_cover else 1.0)
+    full_cover = drops_harm(1.0, statistics, drawn.renewed)
+    coverage = min(drawn.coverage, MOST_BY_DROPS * left / full_cover if full_cover else 1.0)
     left -= full_cover * coverage
     mist = solve(veil_harm(drawn, statistics), left, 0.0, THICKEST_MIST)
     return replace(drawn, coverage=round(coverage, 4), mist=round(mist, 4), focus_blur=aperture)
@@ -58,14 +58,16 @@ def veil_harm(pattern: RaindropPattern, statistics: SceneStatistics) -> Callable
     return harm
 
 
-def drops_harm(coverage: float, statistics: SceneStatistics) -> float:
+def drops_harm(coverage: float, statistics: SceneStatistics, renewed: float = 0.0) -> float:
     """Mean squared error that sharp drops leave in what is learned, in encoded values.
 
     They show another place than the one they cover, and so err by twice the variance of the views; what is learned
-    from c views errs by one c-th of that, and in scenes with large smooth surfaces by more, where it was measured.
+    from c views errs by one c-th of that. Those that stay on the lens, all but the share `renewed`, leave more in some
+    scenes, where it was measured.
     """
+    cost = renewed + (1 - renewed) * statistics.drops_cost
     return (
-        statistics.drops_cost
+        cost
         * coverage
         * statistics.mean_inverse_visibility
         * 2

@@ -16,7 +16,7 @@ from hydroviews.rain.other_make.lens import map_lens, see_through
 from hydroviews.rain.other_make.mist import mist_cover
 from hydroviews.rain.other_make.rainfall import MOST, RainfallPattern, draw_rainfall, rain_over, sky_colour, veil_cover
 from hydroviews.rain.scene_statistics import SceneStatistics
-from hydroviews.rain.severity import solve, wanted_harm
+from hydroviews.rain.severity import MOST_BY_DROPS, solve, wanted_harm
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 from hydroviews.scene.seeds import generator
@@ -27,7 +27,6 @@ LOSS = {  # dB that plain 3DGS should lose against clean views
 }
 DROPS_LEFT = 1.0  # of the drops' squared error, times the mean inverse visibility: what is learned of them
 STREAKS_LEFT = 1.0  # the same of streaks
-MOST_BY_DROPS = 0.7  # share of a grade's harm that drops may do; the rest is mist's
 THICKEST_MIST = 0.95
 VEIL = {"light": 0.04, "medium": 0.1, "heavy": 0.2}  # cover by the veil when there are MOST strokes
 TRIALS = 8  # of the samples, at most, that it rains on to find how many strokes a grade takes
