@@ -10,7 +10,7 @@ from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.suites import DEVELOPMENT, TEST, read_suite, suite_of
 from hydroviews.errors import InputError, unknown_name
 from hydroviews.rain.patterns import GRADES
-from leaderboard.means import COSTS, compared_rows, method_means, shown_names
+from leaderboard.means import COSTS, compared_runs, method_means, shown_names
 from leaderboard.published import ABLATION
 from leaderboard.severity import CEILING, FLOOR
 
@@ -41,7 +41,7 @@ def _order(method: str) -> tuple[bool, bool, str]:
 
 
 def _effect_block(rows: pd.DataFrame) -> pd.DataFrame:
-    kept = compared_rows(rows)
+    kept = compared_runs(rows).rows
     means = method_means(rows, kept)
     means["gap"] = [share_of_gap(kept, method) for method in means.index]
     return means
@@ -128,10 +128,9 @@ def cost_means(rows: pd.DataFrame) -> pd.DataFrame:
     Besides the numbers of `method_means`, `device`: where they were trained; several are named, since seconds on one
     say nothing of another.
     """
-    means = method_means(rows)
-    devices = (
-        compared_rows(rows).groupby("method").device.agg(lambda names: "; ".join(sorted({*names.dropna()} - {""})))
-    )
+    kept = compared_runs(rows).rows
+    means = method_means(rows, kept)
+    devices = kept.groupby("method").device.agg(lambda names: "; ".join(sorted({*names.dropna()} - {""})))
     means["device"] = devices.reindex(means.index).fillna("")
     return means.loc[sorted(means.index, key=_order)]
 
