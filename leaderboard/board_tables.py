@@ -140,7 +140,7 @@ def _under(rows: pd.DataFrame, pattern: str) -> pd.DataFrame:
 
 
 def _told(pattern: str) -> str:
-    return f"{effect_of(pattern)}, {grade_of(pattern)}"
+    return ", ".join(filter(None, (effect_of(pattern), grade_of(pattern))))
 
 
 def _scores(rows: pd.DataFrame, kept: pd.DataFrame) -> dict[str, str]:

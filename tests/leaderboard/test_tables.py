@@ -5,7 +5,7 @@ from hydroviews.metrics import find_metrics
 from leaderboard.means import places, shared_runs
 from leaderboard.records import columns
 from leaderboard.table_text import to_markdown
-from leaderboard.tables import cost_means, scene_keys, scene_table
+from leaderboard.tables import cost_means, grade_of, scene_keys, scene_table
 
 
 def rows(*values: tuple) -> pd.DataFrame:
@@ -140,6 +140,14 @@ def test_the_ceiling_stands_under_every_effect():
     summary = scene_table(table, "yard", "demo", "given-poses")
     assert summary.loc["3dgs-clean", ("streak", "psnr")] == 30
     assert summary.loc["3dgs-clean", ("raindrop", "psnr")] == 30
+
+
+@pytest.mark.parametrize(
+    ("pattern", "grade"),
+    [("streak-0", "light"), ("raindrop-4", "medium"), ("storm-11", "heavy"), ("captured-0", ""), ("clean", "")],
+)
+def test_what_no_generator_graded_has_no_grade(pattern, grade):
+    assert grade_of(pattern) == grade
 
 
 def test_tracks_stand_apart():
