@@ -186,7 +186,7 @@ def test_a_slurm_script_whose_tasks_are_the_runs(request_of, tmp_path):
     request = request_of(["MeanColour"], slurm=script, seeds=(0, 1), time_limit=1.5, memory_limit=2.0, threads=2)
     assert sweep(request) == {}
     text = script.read_text()
-    for line in ("--array=0-1", "--cpus-per-task=2", "--mem=2000M", "--time=90"):
+    for line in ("--array=0-1", "--cpus-per-task=2", "--mem=3000M", "--time=120"):  # above the run's own limits
         assert f"#SBATCH {line}\n" in text
     _, environment = command(request, "0")
     task = {**environment, "SLURM_ARRAY_TASK_ID": "1"}
