@@ -151,7 +151,7 @@ def compare_command(
     """Compare methods on the runs that all of them have: means, differences, 95 % intervals, significance, ties.
 
     Args:
-        methods: those to compare, as tables name them; all there are if none is named.
+        methods: those to compare, as tables name them; if none is named all that do not lack too many runs.
         metric: psnr, ssim, lpips_alex, lpips_vgg, or one that is registered.
         suite: only its scenes; each suite apart if none is named.
         patterns: only these; all there are if none is named.

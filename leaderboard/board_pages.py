@@ -5,12 +5,13 @@ from pathlib import Path
 
 import pandas as pd
 
+from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_bytes
 from hydroviews.files.temporary import remove_tree
 from hydroviews.metrics import find_metrics
 from leaderboard.board_tables import filled
-from leaderboard.comparison import comparable, compare, in_words, not_compared
+from leaderboard.comparison import compare, in_words
 from leaderboard.gather import collect_views, run_folders, write_leaderboard
 from leaderboard.publish import PUBLISHED, publish
 from leaderboard.site.write import write_site
@@ -70,12 +71,11 @@ def comparisons_text(table: pd.DataFrame, views: pd.DataFrame) -> str:
     for profile, track, suite in suite_keys(table):
         rows = table.loc[rows_of(table, profile, track, suite).index]
         own = views[(views.profile == profile) & (views.track == track) & (views.suite == suite)]
-        methods, apart = comparable(rows)
-        for metric in find_metrics() if methods else ():
+        for metric in find_metrics() if (rows.pattern != CLEAN).any() else ():
             title = f"## {f'Suite {suite}' if suite else 'Other scenes'}, {profile}, {track}: {metric.title}"
             try:
-                text = in_words(compare(rows, own, metric.name, methods), title)
+                text = in_words(compare(rows, own, metric.name), title)
             except InputError as error:
                 text = f"{title}\n\n{error}\n"
-            parts.append("\n".join([text, *([f"{not_compared(apart)}\n"] if apart else [])]))
+            parts.append(text)
     return "\n".join(parts)

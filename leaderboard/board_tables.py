@@ -23,7 +23,7 @@ from hydroviews.errors import InputError, unknown_name
 from hydroviews.formats.markdown import markdown_table
 from hydroviews.metrics import find_metrics
 from leaderboard.comparison import differences, scene_scores
-from leaderboard.means import RUN, compared_rows, method_means, shown_names
+from leaderboard.means import RUN, Compared, compared_runs, method_means, shown_names
 from leaderboard.records import GIVEN_POSES, effect_of
 from leaderboard.severity import CEILING, FLOOR
 from leaderboard.statistics import estimate
@@ -109,14 +109,12 @@ def _suite_rows(rows: pd.DataFrame, views: pd.DataFrame, patterns: Sequence[str]
     for suite in (TEST, DEVELOPMENT):
         for pattern in patterns:
             own = _under(rows[rows.scene.map(suite_of) == suite], pattern)
-            kept = compared_rows(own)
-            rainy = kept[kept.pattern != CLEAN]
-            if rainy.empty:
+            found = compared_runs(own)
+            if not found.runs:
                 continue
-            kept = kept[kept.scene.isin(rainy.scene)]
-            gains = _gains(views[views.scene.isin(rainy.scene)], kept, pattern)
-            scores = _scores(own, kept)
-            scenes = rainy.scene.nunique()
+            gains = _gains(views, found, pattern)
+            scores = _scores(own, found.rows)
+            scenes = len({scene for scene, *_ in found.runs})
             names = [f"{suite}, {scenes} scene{'' if scenes == 1 else 's'}", _told(pattern)]
             yield names, {method: f"{score}{gains.get(method, '')}" for method, score in scores.items()}
 
@@ -127,11 +125,11 @@ def _scene_rows(rows: pd.DataFrame, patterns: Sequence[str]) -> Iterator[Row]:
         for scene in sorted(name for name in set(rows.scene) if suite_of(name) == suite):
             for pattern in patterns:
                 own = _under(rows[rows.scene == scene], pattern)
-                kept = compared_rows(own)
-                if (kept.pattern == CLEAN).all():
+                found = compared_runs(own)
+                if not found.runs:
                     continue
-                scores = _scores(own, kept)
-                shares = {name: share_of_gap(kept, name) for name in scores if name not in (CEILING, FLOOR)}
+                scores = _scores(own, found.rows)
+                shares = {name: share_of_gap(found.rows, name) for name in scores if name not in (CEILING, FLOOR)}
                 told = {name: f" ({100 * share:.0f} %)" for name, share in shares.items() if not math.isnan(share)}
                 names = [scene if suite == TEST else f"{scene} ({suite})", _told(pattern)]
                 yield names, {method: f"{score}{told.get(method, '')}" for method, score in scores.items()}
@@ -142,7 +140,7 @@ def _under(rows: pd.DataFrame, pattern: str) -> pd.DataFrame:
 
 
 def _told(pattern: str) -> str:
-    return f"{effect_of(pattern)}, {grade_of(pattern)}"
+    return ", ".join(filter(None, (effect_of(pattern), grade_of(pattern))))
 
 
 def _scores(rows: pd.DataFrame, kept: pd.DataFrame) -> dict[str, str]:
@@ -150,18 +148,17 @@ def _scores(rows: pd.DataFrame, kept: pd.DataFrame) -> dict[str, str]:
     return {str(method): cell for method, cell in cells.items() if cell}
 
 
-def _gains(views: pd.DataFrame, kept: pd.DataFrame, pattern: str) -> dict[str, str]:
+def _gains(views: pd.DataFrame, compared: Compared, pattern: str) -> dict[str, str]:
     """PSNR above the floor with half its interval, by method; the ceiling's as if it had been run under the pattern."""
-    runs = kept[kept.pattern == pattern]
+    runs = compared.rows[compared.rows.pattern == pattern]
     clean = views[views.method.eq(CEILING)].drop(columns=["pattern", "data_sha256"])
     clean = clean.merge(runs[RUN].drop_duplicates(), on=["scene", "seed"])
     own = pd.concat([views[views.pattern == pattern], clean], ignore_index=True)
-    common = set(map(tuple, runs[RUN].to_numpy()))
-    names = [name for name in sorted(set(runs.method)) if name != FLOOR]
-    names += [CEILING] if len(clean[RUN].drop_duplicates()) == len(common) else []
-    if FLOOR not in set(runs.method) or not names:
+    names = [name for name in sorted(compared.methods) if name != FLOOR]
+    names += [CEILING] if len(clean[RUN].drop_duplicates()) == len(compared.runs) else []
+    if FLOOR not in compared.methods or not names:
         return {}
-    scenes = scene_scores(own, "psnr", [FLOOR, *names], common)
+    scenes = scene_scores(own, "psnr", [FLOOR, *names], compared.runs)
     found = estimate(differences(scenes, [(i, 0) for i in range(1, len(names) + 1)]))
     halves = (found.high - found.low) / 2
     return {

@@ -17,8 +17,7 @@ from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.errors import InputError, unknown_name
 from hydroviews.formats.markdown import markdown_table
 from hydroviews.metrics import Metric, find_metrics
-from leaderboard.means import RUN, compared_rows, shown_names
-from leaderboard.records import SCORED
+from leaderboard.means import ENOUGH, RUN, compared_runs, shown_names
 from leaderboard.statistics import SIGNIFICANT, SceneScores, estimate, holm, seeds_needed, signed_rank_p
 
 
@@ -33,6 +32,7 @@ class Comparison:
     n_runs: int  # of each method that are compared
     n_views: int  # in all of these
     seeds: float  # a pattern, that would tell the first two apart; NaN if unknown, see `seeds_needed`
+    apart: Sequence[str]  # methods that are not compared, as they lack too many runs
 
 
 def compare(table: pd.DataFrame, views: pd.DataFrame, metric: str, methods: Sequence[str] = ()) -> Comparison:
@@ -42,7 +42,8 @@ def compare(table: pd.DataFrame, views: pd.DataFrame, metric: str, methods: Sequ
         table: runs, as `gather.collect` has them, of one profile and track.
         views: the scores of their views, as `gather.collect_views` has them.
         metric: its name.
-        methods: to compare; all there are if none is named. One without a finished run is listed, and not compared.
+        methods: to compare, on the runs that all of them have; if none is named all there are, without those that
+            lack too many runs. One without a finished run is listed, and not compared.
 
     Raises:
         InputError: no such metric or method, or no run that all of them have finished.
@@ -55,31 +56,26 @@ def compare(table: pd.DataFrame, views: pd.DataFrame, metric: str, methods: Sequ
     for method in methods:
         if method not in known:
             raise unknown_name(f"METHOD={method}", method, "method with runs on rainy views", known)
-    finished = {name: _finished(views[views.method == name], metric) for name in methods or known}
-    compared = [name for name in finished if finished[name]]
-    common = set.intersection(*(finished[name] for name in compared)) if compared else set()
-    if not common:
-        counts = ", ".join(f"{name} {len(runs)}" for name, runs in finished.items())
+    table = table[table.method.isin(methods or known)]
+    scored = _finished(table, views, metric)
+    finished = {name: int((scored.method == name).sum()) for name in methods or known}
+    shared = compared_runs(scored, least=0 if methods else ENOUGH)
+    if not shared.runs or (methods and shared.apart):
         raise InputError(
             "no run that all methods have finished",
-            found=counts or "no runs",
+            found=", ".join(f"{name} {n}" for name, n in finished.items()) or "no runs",
             fix="name those to compare with --methods, or evaluate what is missing",
         )
-    scenes = scene_scores(views, metric, compared, common)
+    finished = {name: n for name, n in finished.items() if name not in shared.apart}
+    compared = [name for name in finished if name in shared.methods]
+    scenes = scene_scores(views, metric, compared, shared.runs)
     planned = table[table.method.isin(finished)].drop_duplicates(["scene", "pattern", "seed"])
     pairs = _pairs(scenes, compared, found[metric])
     listed = _methods(scenes, finished, compared, len(planned), pairs, found[metric])
     first = [compared.index(name) for name in listed.method[:2] if name in compared]
     seeds = seeds_needed(differences(scenes, [(first[0], first[1])])) if len(first) == 2 else math.nan
     n_views = sum(scene.values.shape[0] * scene.values.shape[1] for scene in scenes)
-    return Comparison(found[metric], listed, pairs, len(scenes), len(common), n_views, seeds)
-
-
-def comparable(rows: pd.DataFrame) -> tuple[list[str], list[str]]:
-    """The methods that learn from rainy views and are compared with each other, and those that lack too many runs."""
-    named = _rainy(rows)
-    apart = set(named.method[named.status.isin(SCORED)]) - set(compared_rows(named).method)
-    return sorted(set(named.method) - apart), sorted(apart)
+    return Comparison(found[metric], listed, pairs, len(scenes), len(shared.runs), n_views, seeds, shared.apart)
 
 
 def not_compared(apart: Sequence[str]) -> str:
@@ -92,10 +88,10 @@ def _rainy(rows: pd.DataFrame) -> pd.DataFrame:
     return rows.assign(method=shown_names(rows))
 
 
-def _finished(views: pd.DataFrame, metric: str) -> set[tuple[Any, ...]]:
-    """The runs in which every view has a finite score."""
-    finite = views.assign(finite=np.isfinite(views[metric].to_numpy(float))).groupby(RUN).finite.all()
-    return set(finite.index[finite.to_numpy(bool)])
+def _finished(table: pd.DataFrame, views: pd.DataFrame, metric: str) -> pd.DataFrame:
+    """The rows of runs in which every view has a finite score."""
+    finite = views.assign(finite=np.isfinite(views[metric].to_numpy(float))).groupby(["method", *RUN]).finite.all()
+    return table[pd.MultiIndex.from_frame(table[["method", *RUN]]).isin(finite.index[finite.to_numpy(bool)])]
 
 
 def scene_scores(
@@ -140,7 +136,7 @@ def _pairs(scenes: Sequence[SceneScores], methods: Sequence[str], metric: Metric
 
 def _methods(
     scenes: Sequence[SceneScores],
-    finished: dict[str, set],
+    finished: Mapping[str, int],
     compared: Sequence[str],
     planned: int,
     pairs: pd.DataFrame,
@@ -153,12 +149,12 @@ def _methods(
     found = estimate(scenes)
     rows = pd.DataFrame({"method": compared, "mean": found.mean, "low": found.low, "high": found.high})
     rows = rows.set_index("method").reindex(list(finished))
-    rows["finished"] = [len(finished[name]) for name in rows.index]
+    rows["finished"] = [finished[name] for name in rows.index]
     rows["planned"] = planned
     beaten = {(pair["first"], pair["second"]) for pair in pairs.to_dict("records") if pair["significant"]}
-    counts = {name: len(finished[name]) for name in rows.index}
     rows["rank"] = [
-        1 + sum(counts[a] > counts[b] or (counts[a] == counts[b] and (a, b) in beaten) for a in counts) for b in counts
+        1 + sum(finished[a] > n or (finished[a] == n and (a, b) in beaten) for a in finished)
+        for b, n in finished.items()
     ]
     rows["order"] = -rows["mean"] if metric.higher_is_better else rows["mean"]
     rows = rows.sort_values(["finished", "order"], ascending=[False, True]).drop(columns="order")
@@ -166,7 +162,7 @@ def _methods(
 
 
 def in_words(comparison: Comparison, title: str) -> str:
-    """A comparison as Markdown: methods, pairs, and what it rests on."""
+    """A comparison as Markdown: methods, pairs, what it rests on, and who is not compared."""
     metric = comparison.metric
     methods = [
         (str(row["rank"]), row["method"], _interval(metric, row, "mean"), f"{row['finished']}/{row['planned']}")
@@ -180,7 +176,8 @@ def in_words(comparison: Comparison, title: str) -> str:
     if pairs:
         head = ("better", "than", f"{metric.title} by [95 %]", "p", "p (Holm)", "")
         parts.append(markdown_table(head, pairs, keep_empty=True))
-    return "\n\n".join([*parts, f"{basis(comparison)} {_seeds(comparison)}".rstrip()]) + "\n"
+    told = (f"{basis(comparison)} {_seeds(comparison)}".rstrip(), not_compared(comparison.apart))
+    return "\n\n".join([*parts, *filter(None, told)]) + "\n"
 
 
 def basis(comparison: Comparison) -> str:

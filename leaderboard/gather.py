@@ -67,13 +67,20 @@ def collect(results: Path) -> pd.DataFrame:
 def collect_views(table: pd.DataFrame, results: Path) -> pd.DataFrame:
     """The scores of every view of every scored run of a table, tidy: a row a view, in the order of the table.
 
+    A run that was removed since is left out with a warning.
+
     Returns:
         Columns VIEW_KEYS, `view`, and one a metric.
     """
     metrics = [metric.name for metric in find_metrics()]
     parts = []
     for run in table[table.status.isin(SCORED) & table[metrics].notna().any(axis=1)].to_dict("records"):
-        views = pd.read_csv(run_folder(results, *(run[name] for name in PLACE)) / PER_VIEW, converters={"view": str})
+        folder = run_folder(results, *(run[name] for name in PLACE))
+        try:
+            views = pd.read_csv(folder / PER_VIEW, converters={"view": str})
+        except FileNotFoundError:  # other processes may be at work here
+            logger.warning("%s: its views are not counted: removed since its record was read", folder)
+            continue
         keys = {name: run[name] for name in VIEW_KEYS if name != "suite"} | {"suite": suite_of(run["scene"])}
         parts.append(views.assign(**keys))
     found = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()

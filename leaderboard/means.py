@@ -1,8 +1,10 @@
 """Means over the runs that all compared methods have, and the order of methods by them."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from hydroviews.dataset.clean_views import CLEAN
@@ -19,33 +21,51 @@ def shown_names(rows: pd.DataFrame) -> pd.Series:
     return rows.method + rows.submitted_by.map(lambda by: " (submitted)" if by and pd.notna(by) else "")
 
 
-def shared_runs(runs: Mapping[str, set[Any]]) -> tuple[list[str], set[Any]]:
+@dataclass(frozen=True)
+class Compared:
+    """The methods of a table that are compared with each other, and what they are compared on."""
+
+    methods: list[str]
+    apart: list[str]  # have runs, and too few of those that the others share
+    runs: set[tuple[Any, ...]]  # what all compared methods have, as RUN
+    rows: pd.DataFrame  # these runs of the compared methods, and those on clean views with their scenes and seeds
+
+
+def shared_runs(runs: Mapping[str, set[Any]], least: float = ENOUGH) -> tuple[list[str], set[Any]]:
     """The methods that can be compared, and the runs that all of these have.
 
-    Methods join in the order of how many runs they have; one that has fewer than ENOUGH of what those before it share
-    stays out.
+    Methods join in the order of how many runs they have; one that has none, or a smaller share than `least` of what
+    those before it share, stays out.
     """
     compared: list[str] = []
     common: set[Any] = set()
     for name in sorted(runs, key=lambda name: (-len(runs[name]), name)):
         shared = runs[name] & common if compared else runs[name]
-        if shared and len(shared) >= ENOUGH * len(common):
+        if shared and len(shared) >= least * len(common):
             compared.append(name)
             common = shared
     return compared, common
 
 
-def compared_rows(rows: pd.DataFrame) -> pd.DataFrame:
-    """The scored runs that means are taken over: those that all compared methods have, and all on clean views.
+def compared_runs(rows: pd.DataFrame, least: float = ENOUGH) -> Compared:
+    """Which scored runs of a table are compared: whatever is said of several methods is said of these.
 
-    Methods that learn from clean views are references and are not compared.
+    Methods that learn from clean views are references and are not compared. Their runs are those of the scenes and
+    seeds that are, so that they stand for the same scenes; all of them where nothing is compared.
+
+    Args:
+        rows: runs as `gather.collect` has them, with methods as tables name them.
+        least: see `shared_runs`.
     """
     done = rows[rows.status.isin(SCORED)]
-    rainy = done[done.pattern != CLEAN]
-    runs = {str(name): set(map(tuple, group[RUN].to_numpy())) for name, group in rainy.groupby("method")}
-    methods, common = shared_runs(runs)
-    shared = pd.Series([tuple(run) in common for run in done[RUN].to_numpy()], index=done.index, dtype=bool)
-    return done[(done.pattern == CLEAN) | (shared & done.method.isin(methods))]
+    clean = done.pattern == CLEAN
+    own = {str(name): set(map(tuple, group[RUN].to_numpy())) for name, group in done[~clean].groupby("method")}
+    methods, common = shared_runs(own, least)
+    seeds = {(scene, seed) for scene, _, seed, _ in common}
+    shared = np.array([tuple(run) in common for run in done[RUN].to_numpy()], bool) & done.method.isin(methods)
+    beside = np.array([not common or run in seeds for run in zip(done.scene, done.seed, strict=True)], bool)
+    kept = done[np.where(clean, beside, shared)]
+    return Compared(methods, sorted(set(own) - set(methods)), common, kept)
 
 
 def method_means(rows: pd.DataFrame, kept: pd.DataFrame | None = None) -> pd.DataFrame:
@@ -56,13 +76,13 @@ def method_means(rows: pd.DataFrame, kept: pd.DataFrame | None = None) -> pd.Dat
 
     Args:
         rows: runs as `gather.collect` has them, with methods as tables name them.
-        kept: those that means are taken over, if they are known already: see `compared_rows`.
+        kept: those that means are taken over, if they are known already: see `compared_runs`.
 
     Returns:
         Columns: one a metric, those of COSTS, `finished` and `planned` (runs), `compared` (runs that the means are
         over), `reference` (learns from clean views).
     """
-    kept = compared_rows(rows) if kept is None else kept
+    kept = compared_runs(rows).rows if kept is None else kept
     names = [*(metric.name for metric in find_metrics()), *COSTS]
     numbers = kept[["method", "scene", "pattern", *names]].astype(dict.fromkeys(names, "float64"))
     for keys in (["method", "scene", "pattern"], ["method", "scene"], ["method"]):

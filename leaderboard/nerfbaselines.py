@@ -25,7 +25,7 @@ DIGITS = 5  # of means, as nerfbaselines rounds them
 
 
 def write_results(folder: Path, out: Path) -> None:
-    """Write a run's scores for nerfbaselines.
+    """Write a run's scores for nerfbaselines, without metrics that could not be had.
 
     Args:
         folder: of a run with scores.
@@ -40,7 +40,7 @@ def write_results(folder: Path, out: Path) -> None:
     if not record.scores:
         raise InputError(f"{folder}: has no scores", found=record.reason or record.status)
     views = pd.read_csv(folder / PER_VIEW, converters={"view": str})
-    scores = {NAMES.get(name, name): views[name].tolist() for name in views.columns if name != "view"}
+    scores = {NAMES.get(name, name): views[name].tolist() for name in views.columns if name in record.scores}
     write_json(out, as_results(record, scores))
 
 

@@ -9,8 +9,9 @@ import pandas as pd
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.suites import DEVELOPMENT, TEST, read_suite, suite_of
 from hydroviews.errors import InputError, unknown_name
+from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.rain.patterns import GRADES
-from leaderboard.means import COSTS, compared_rows, method_means, shown_names
+from leaderboard.means import COSTS, compared_runs, method_means, shown_names
 from leaderboard.published import ABLATION
 from leaderboard.severity import CEILING, FLOOR
 
@@ -41,7 +42,7 @@ def _order(method: str) -> tuple[bool, bool, str]:
 
 
 def _effect_block(rows: pd.DataFrame) -> pd.DataFrame:
-    kept = compared_rows(rows)
+    kept = compared_runs(rows).rows
     means = method_means(rows, kept)
     means["gap"] = [share_of_gap(kept, method) for method in means.index]
     return means
@@ -101,15 +102,15 @@ def rows_of(table: pd.DataFrame, profile: str, track: str, suite: str) -> pd.Dat
 
 
 def grade_of(pattern: str) -> str:
-    """light, medium or heavy; empty for what no generator graded, which has no number."""
+    """light, medium or heavy; empty for what no generator graded: clean views and real rain."""
     number = pattern.rpartition("-")[2]
-    return GRADES[int(number) % len(GRADES)] if number.isdecimal() else ""
+    return GRADES[int(number) % len(GRADES)] if number.isdecimal() and pattern != CAPTURED else ""
 
 
 def grade_means(rows: pd.DataFrame) -> pd.DataFrame:
     """Means of `method_means` over scenes by effect and grade: a row an effect, grade and method; may be empty.
 
-    Methods that learn from clean views, which have no grade, are not in it.
+    Clean views and real rain, which have no grade, are not in it.
     """
     rainy = rows[rows.pattern != CLEAN]
     rainy = rainy.assign(grade=rainy.pattern.map(grade_of))
@@ -128,10 +129,9 @@ def cost_means(rows: pd.DataFrame) -> pd.DataFrame:
     Besides the numbers of `method_means`, `device`: where they were trained; several are named, since seconds on one
     say nothing of another.
     """
-    means = method_means(rows)
-    devices = (
-        compared_rows(rows).groupby("method").device.agg(lambda names: "; ".join(sorted({*names.dropna()} - {""})))
-    )
+    kept = compared_runs(rows).rows
+    means = method_means(rows, kept)
+    devices = kept.groupby("method").device.agg(lambda names: "; ".join(sorted({*names.dropna()} - {""})))
     means["device"] = devices.reindex(means.index).fillna("")
     return means.loc[sorted(means.index, key=_order)]
 

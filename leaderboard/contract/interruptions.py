@@ -40,9 +40,31 @@ class LeftAlone:
     setup: float  # seconds from the start of `fit` to the first step
     seconds: float  # from there to the last
 
+    @property
+    def whole(self) -> float:
+        """Seconds that `fit` took."""
+        return self.setup + self.seconds
+
     def pixels(self, case: Case, folder: Path) -> list[Image]:
         """What a model renders that such a training has left in a folder."""
         return case.renders(case.kind.load(self.config, 0, folder))
+
+    def require_same(self, case: Case, folder: Path, told: str) -> None:
+        """Require of a training that it ended with the same pixels.
+
+        Raises:
+            Failed, NotTestable: as `Case.must_match`.
+        """
+        case.must_match(self.pixels(case, folder), self.pixels(case, self.folder), f"{told} other pixels")
+
+
+@dataclass(frozen=True)
+class Met:
+    """A training that was stopped half-way."""
+
+    folder: Path
+    moment: float  # seconds from the start of `fit`
+    left: list[str]  # files, to go on from
 
 
 def ctrl_c(case: Case) -> str:
@@ -56,30 +78,47 @@ def termination(case: Case) -> str:
 
 
 def _interrupted(case: Case, number: signal.Signals) -> str:
-    alone, reason = left_alone(case), ""
+    alone = left_alone(case)
     if alone.seconds < SHORTEST:
         raise NotTestable(f"done before it can be met: {alone.seconds:.2f} s of training")
-    expected = alone.pixels(case, alone.folder)
-    whole = alone.setup + alone.seconds
-    early, moment, late = 0.0, whole - alone.seconds / 2, whole  # bisected, as other things may keep the machine busy
+    return _goes_on(case, alone, _met(case, alone, number))
+
+
+def _met(case: Case, alone: LeftAlone, number: signal.Signals) -> Met:
+    """Meet a training half-way. The moment is bisected, as other things may keep the machine busy.
+
+    Raises:
+        Failed: interrupted, it ends as if it were done, with other pixels.
+        NotTestable: every attempt came too late, or before the first checkpoint.
+    """
+    reason, early, late = "", 0.0, alone.whole
+    moment = alone.whole - alone.seconds / 2
     for attempt in range(ATTEMPTS):
         folder = case.folder / f"{number.name}-{attempt}"
         exit_code = _run(case, alone.steps, folder, number, moment)
         left = files_in(folder)
         if (_notes(folder) / ENDED).exists():
             if exit_code == 0:
-                message = f"after {number.name} fit returned as if it had ended, with other pixels"
-                case.must_match(alone.pixels(case, folder), expected, message)
+                alone.require_same(case, folder, f"after {number.name} fit returned as if it had ended, with")
             reason, late = f"done before it is met: {alone.seconds:.2f} s of training", moment
-        elif not left:
-            reason, early = f"stopped after {moment:.1f} s, it leaves no checkpoint", moment
+        elif left:
+            return Met(folder, moment, left)
         else:
-            if _run(case, alone.steps, folder) != 0:
-                raise Failed(f"stopped after {moment:.1f} s, it does not go on: {_last_words(folder)}")
-            case.must_match(alone.pixels(case, folder), expected, "taken up again, it ends with other pixels")
-            return f"stopped after {moment:.1f} of {whole:.1f} s, goes on from {some(left)}: the same pixels"
+            reason, early = f"stopped after {moment:.1f} s, it leaves no checkpoint", moment
         moment = (early + late) / 2
     raise NotTestable(reason)
+
+
+def _goes_on(case: Case, alone: LeftAlone, met: Met) -> str:
+    """Take a training up again, and require that it ends as the one that was left alone.
+
+    Raises:
+        Failed: it does not go on, or ends with other pixels.
+    """
+    if _run(case, alone.steps, met.folder) != 0:
+        raise Failed(f"stopped after {met.moment:.1f} s, it does not go on: {_last_words(met.folder)}")
+    alone.require_same(case, met.folder, "taken up again, it ends with")
+    return f"stopped after {met.moment:.1f} of {alone.whole:.1f} s, goes on from {some(met.left)}: the same pixels"
 
 
 @cache

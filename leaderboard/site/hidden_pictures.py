@@ -17,7 +17,7 @@ from hydroviews.rain.registry import find_effect
 from hydroviews.scene.images import to_uint8
 from leaderboard.predict import HIDDEN
 from leaderboard.records import SCORED
-from leaderboard.site.pictures import IMAGES, RAINY_VIEW, Pictures, Thumbnails, built_scene, view_pictures
+from leaderboard.site.pictures import IMAGES, RAINY_VIEW, Pictures, Thumbnails, add_pictures, built_scene, view_pictures
 from leaderboard.site.runs import ShownRun
 
 logger = logging.getLogger(__name__)
@@ -35,12 +35,14 @@ def hidden_pictures(runs: Iterable[ShownRun], data: Path, thumbnails: Thumbnails
     """
     found: dict[str, Pictures] = {}
     for run in runs:
-        paths = sorted((run.folder / HIDDEN).glob("*.png"))
-        if paths and run.record["status"] in SCORED and run.record["pattern"] != CLEAN:
+        if run.record["status"] not in SCORED or run.record["pattern"] == CLEAN:
+            continue
+        paths = {path.stem: path for path in sorted((run.folder / HIDDEN).glob("*.png"))}
+        if shown := add_pictures(paths, thumbnails):
             title = f"{run.record['pattern']}, seed {run.record['seed']}"
             if title not in found:
-                found[title] = _given(run, data, [path.stem for path in paths], thumbnails)
-            found[title][run.name] = {path.stem: thumbnails.add(path) for path in paths}
+                found[title] = _given(run, data, list(paths), thumbnails)
+            found[title][run.name] = shown
     return found
 
 

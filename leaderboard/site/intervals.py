@@ -1,7 +1,7 @@
 """Comparisons of methods as the pages show them: ranks, means and intervals that are drawn."""
 
-from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,7 @@ import pandas as pd
 
 from hydroviews.errors import InputError
 from hydroviews.metrics import Metric, find_metrics
-from leaderboard.comparison import basis, comparable, compare, not_compared
+from leaderboard.comparison import basis, compare, not_compared
 
 
 @dataclass(frozen=True)
@@ -37,27 +37,25 @@ class Told:
 
 
 def comparisons(rows: pd.DataFrame, views: pd.DataFrame) -> list[Told]:
-    """The methods of a profile, track and suite by every metric; one that shares no run with the others stays out.
+    """The methods of a profile, track and suite by every metric; one that lacks too many runs stays out.
 
     Args:
         rows: runs.
         views: the scores of their views.
     """
-    methods, apart = comparable(rows)
-    told = [_told(rows, views, metric, methods) for metric in find_metrics()]
-    return [replace(one, basis=f"{one.basis} {not_compared(apart)}".rstrip()) for one in told]
+    return [_told(rows, views, metric) for metric in find_metrics()]
 
 
-def _told(rows: pd.DataFrame, views: pd.DataFrame, metric: Metric, methods: Sequence[str]) -> Told:
+def _told(rows: pd.DataFrame, views: pd.DataFrame, metric: Metric) -> Told:
     try:
-        found = compare(rows, views, metric.name, methods)
+        found = compare(rows, views, metric.name)
     except InputError as error:
         return Told(metric, (), (), f"{error}.")
     bounds = found.methods[["low", "mean", "high"]].astype(float)
     low, high = (float(end(bounds.to_numpy())) for end in (np.nanmin, np.nanmax))
     ranked = tuple(_ranked(row, metric, low, high) for row in found.methods.to_dict("records"))
     pairs = tuple(_pair(row, metric) for row in found.pairs.to_dict("records"))
-    return Told(metric, ranked, pairs, basis(found))
+    return Told(metric, ranked, pairs, f"{basis(found)} {not_compared(found.apart)}".rstrip())
 
 
 def _ranked(row: Mapping[Hashable, Any], metric: Metric, low: float, high: float) -> Ranked:

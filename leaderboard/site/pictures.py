@@ -1,7 +1,7 @@
 """Small pictures of renders and of rainy and clean views, each written once, under a name made of its content."""
 
 import logging
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from hashlib import sha256
@@ -66,8 +66,11 @@ class Thumbnails:
 
 
 def _opened(content: bytes) -> Image.Image:
-    with Image.open(BytesIO(content)) as picture:
-        return picture.convert("RGB")
+    try:
+        with Image.open(BytesIO(content)) as picture:
+            return picture.convert("RGB")
+    except (SyntaxError, ValueError) as error:  # as Pillow says of some damage
+        raise OSError(f"no picture: {error}") from None
 
 
 def scene_pictures(runs: Iterable[ShownRun], data: Path, thumbnails: Thumbnails) -> dict[str, Pictures]:
@@ -104,7 +107,7 @@ def scene_pictures(runs: Iterable[ShownRun], data: Path, thumbnails: Thumbnails)
 def _renders(run: ShownRun, thumbnails: Thumbnails) -> dict[str, str]:
     paths = sorted((run.folder / "renders").glob("*.png"))
     chosen = [paths[i] for i in np.unique(np.linspace(0, len(paths) - 1, VIEWS).round().astype(int))] if paths else []
-    return _added({path.stem: path for path in chosen}, thumbnails)
+    return add_pictures({path.stem: path for path in chosen}, thumbnails)
 
 
 def _given(run: ShownRun, data: Path, names: list[str], thumbnails: Thumbnails) -> Pictures:
@@ -140,7 +143,7 @@ def view_pictures(scene: Path, images: Path, views: Iterable[str], thumbnails: T
     """
     files = _view_files(scene)
     paths = {view: images / files[view] for view in views if view in files}
-    return _added({view: path for view, path in paths.items() if path.is_file()}, thumbnails)
+    return add_pictures({view: path for view, path in paths.items() if path.is_file()}, thumbnails)
 
 
 @lru_cache(maxsize=4)
@@ -152,7 +155,8 @@ def _view_files(folder: Path) -> dict[str, Path]:
     return {view.name: view.path.relative_to(root) for view in scene.views}
 
 
-def _added(paths: dict[str, Path], thumbnails: Thumbnails) -> dict[str, str]:
+def add_pictures(paths: Mapping[str, Path], thumbnails: Thumbnails) -> dict[str, str]:
+    """The names of the small pictures of some pictures, by view; one that is damaged is left out with a warning."""
     names = {}
     for view, path in paths.items():
         try:

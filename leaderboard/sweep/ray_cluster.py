@@ -3,6 +3,7 @@
 import socket
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 from urllib.parse import urlsplit
 
 from tqdm import tqdm
@@ -33,6 +34,15 @@ def run_on_ray(address: str, runs: Sequence[Run], limits: Limits, threads: int, 
     Raises:
         InputError: Ray is not installed, or nothing answers.
     """
+    ray = _connected(address, threads)
+    try:
+        return _collected(ray, _submitted(ray, runs, limits, threads, gpus))
+    finally:
+        ray.shutdown()  # ends what is still at work
+
+
+def _connected(address: str, threads: int) -> Any:
+    """The module of Ray, connected to a cluster."""
     try:
         import ray
     except ImportError:
@@ -42,30 +52,36 @@ def run_on_ray(address: str, runs: Sequence[Run], limits: Limits, threads: int, 
         ray.init(address=address, log_to_driver=False, runtime_env={"env_vars": run_environment(threads)})
     except (ConnectionError, RuntimeError, ValueError) as error:
         raise _no_answer(address, error) from None
-    try:
-        task = ray.remote(
-            num_cpus=threads,
-            num_gpus=gpus,
-            memory=int((limits.memory or MEMORY) * GB),
-            max_retries=RETRIES,
-            max_calls=1,  # the memory of a run goes with its process
-        )(_task)
-        waiting = {task.remote(_elsewhere(run), limits): run for run in runs}
-        failures = {}
-        with tqdm(desc="sweep", unit="run", total=len(runs)) as bar:
-            while waiting:
-                (ready,), _ = ray.wait(list(waiting), num_returns=1)
-                run = waiting.pop(ready)
-                try:
-                    reason = ray.get(ready)
-                except ray.exceptions.RayError as error:
-                    reason = f"lost by Ray: {str(error).splitlines()[0]}"
-                if reason:
-                    failures[run] = reason
-                bar.update()
-        return failures
-    finally:
-        ray.shutdown()  # ends what is still at work
+    return ray
+
+
+def _submitted(ray: Any, runs: Sequence[Run], limits: Limits, threads: int, gpus: float) -> dict[Any, Run]:
+    """Give the cluster a task a run; the runs by what Ray knows their tasks by."""
+    task = ray.remote(
+        num_cpus=threads,
+        num_gpus=gpus,
+        memory=int((limits.memory or MEMORY) * GB),
+        max_retries=RETRIES,
+        max_calls=1,  # the memory of a run goes with its process
+    )(_task)
+    return {task.remote(_elsewhere(run), limits): run for run in runs}
+
+
+def _collected(ray: Any, waiting: dict[Any, Run]) -> dict[Run, str]:
+    """Wait for all tasks; why runs have not come to a record."""
+    failures = {}
+    with tqdm(desc="sweep", unit="run", total=len(waiting)) as bar:
+        while waiting:
+            (ready,), _ = ray.wait(list(waiting), num_returns=1)
+            run = waiting.pop(ready)
+            try:
+                reason = ray.get(ready)
+            except ray.exceptions.RayError as error:
+                reason = f"lost by Ray: {str(error).splitlines()[0]}"
+            if reason:
+                failures[run] = reason
+            bar.update()
+    return failures
 
 
 def _task(run: Run, limits: Limits) -> str:

@@ -12,6 +12,12 @@ from leaderboard.supervision import Limits
 from leaderboard.sweep.local import LOGS, MEMORY, run_environment
 from leaderboard.sweep.one import options
 
+# A run has to meet its own limits before Slurm does, which kills it without a record. Not in its time limit: programs
+# that start, a method that is given time to stop, scores, whose networks are slow on large pictures. Not in its memory
+# limit, which is of the method's process: the one that watches it (0.2 GB), and files' pages, which Slurm counts too.
+SPARE_MINUTES = 30
+SPARE_MEMORY = 1.0  # 10^9 bytes
+
 SCRIPT = """\
 #!/bin/bash
 #SBATCH --job-name=hydroviews
@@ -41,8 +47,8 @@ def write_slurm(path: Path, runs: Sequence[Run], limits: Limits, threads: int) -
     text = SCRIPT.format(
         last=len(runs) - 1,
         threads=threads,
-        megabytes=math.ceil((limits.memory or MEMORY) * 1000),
-        minutes=math.ceil(limits.time * 60),
+        megabytes=math.ceil(((limits.memory or MEMORY) + SPARE_MEMORY) * 1000),
+        minutes=math.ceil(limits.time * 60) + SPARE_MINUTES,
         logs=logs.absolute(),
         results=shlex.quote(str(runs[0].results)),
         here=shlex.quote(str(Path.cwd())),

@@ -41,15 +41,19 @@ def board(methods=SHIFTS, seeds=(0, 1), n_views=4, missing=()):
 def results(tmp_path):
     """A results folder with two methods on a test scene, a development scene and one of somebody's own."""
     for method, scene, pattern in itertools.product(("a", "b"), ("room", "courtyard", "mine"), ("streak-0", "clean")):
-        folder = run_folder(tmp_path, "demo", method, scene, pattern, 0, "given-poses")
-        folder.mkdir(parents=True)
-        scores = {"psnr": 20.0 + (method == "a"), "ssim": 0.5, "lpips_alex": 0.2, "lpips_vgg": 0.3}
-        views = pd.DataFrame([{"view": f"0{i}"} | scores for i in range(3)])
-        views.to_csv(folder / "per_view.csv", index=False)
-        names = {"method": method, "scene": scene, "effect": pattern.partition("-")[0], "pattern": pattern, "seed": 0}
-        told = {"track": "given-poses", "status": "done", "reason": "", "profile": "demo", "data_sha256": scene}
-        write_record(folder, Record(**names, **told, n_train=7, n_test=3, width=1, height=1, scores=scores))
+        add_run(tmp_path, method, scene, pattern)
     return tmp_path
+
+
+def add_run(results, method, scene, pattern):
+    folder = run_folder(results, "demo", method, scene, pattern, 0, "given-poses")
+    folder.mkdir(parents=True)
+    scores = {"psnr": 20.0 + (method == "a"), "ssim": 0.5, "lpips_alex": 0.2, "lpips_vgg": 0.3}
+    views = pd.DataFrame([{"view": f"0{i}"} | scores for i in range(3)])
+    views.to_csv(folder / "per_view.csv", index=False)
+    names = {"method": method, "scene": scene, "effect": pattern.partition("-")[0], "pattern": pattern, "seed": 0}
+    told = {"track": "given-poses", "status": "done", "reason": "", "profile": "demo", "data_sha256": scene}
+    write_record(folder, Record(**names, **told, n_train=7, n_test=3, width=1, height=1, scores=scores))
 
 
 def test_suites_stand_apart_and_one_can_be_asked_for(results, capsys):
@@ -90,6 +94,22 @@ def test_a_suite_without_runs_is_told(results):
         shutil.rmtree(results / "demo" / method / "room")
     with pytest.raises(InputError, match=r"no run on a scene of the suite test[\s\S]*room, street, pond, market"):
         table_command(results, "test")
+
+
+def test_a_method_that_lacks_most_runs_is_not_compared_and_named(results, capsys):
+    for pattern in ("streak-1", "streak-2"):
+        for method in ("a", "b"):
+            add_run(results, method, "room", pattern)
+    add_run(results, "few", "room", "streak-1")
+    compare_command(suite="test", results=results)
+    printed = capsys.readouterr().out
+    assert "Means over the 3 runs that all of them have, on 1 scene, 9 views." in printed
+    assert "Not compared, since fewer than half of the runs are shared: few." in printed
+    assert "| few |" not in printed
+    compare_command(("a", "few"), suite="test", results=results)  # what is asked for by name is compared
+    printed = capsys.readouterr().out
+    assert "Means over the 1 runs that all of them have" in printed
+    assert "Not compared" not in printed
 
 
 def test_the_views_of_all_runs_are_one_tidy_file(results):
@@ -165,8 +185,9 @@ def test_runs_on_other_data_and_views_without_a_finite_score_do_not_count():
     runs, views = board()
     views.loc[views.index[:4], "psnr"] = [1.0, np.inf, 1.0, 1.0]
     assert compare(runs, views, "psnr").n_runs == 17
-    old = (views.method == "ours") & (views.scene == "pond")
-    views.loc[old, "data_sha256"] = "of an older build"
+    for table in (runs, views):
+        old = (table.method == "ours") & (table.scene == "pond")
+        table.loc[old, "data_sha256"] = "of an older build"
     assert compare(runs, views, "psnr").n_runs == 11
 
 
@@ -204,5 +225,7 @@ def test_bad_names_and_nothing_to_compare(metric, methods, message):
 def test_methods_without_a_common_run_are_named_with_what_they_have():
     half = [("ours", scene, pattern, 0) for scene in SCENES for pattern in PATTERNS]
     half += [("theirs", scene, pattern, 1) for scene in SCENES for pattern in PATTERNS]
-    with pytest.raises(InputError, match=r"no run that all methods have finished[\s\S]*ours 9, theirs 9"):
-        compare(*board(missing=half), "psnr")
+    with pytest.raises(InputError, match=r"no run that all methods have finished[\s\S]*3dgs 18, ours 9, theirs 9"):
+        compare(*board(missing=half), "psnr", ["3dgs", "ours", "theirs"])
+    found = compare(*board(missing=half), "psnr")
+    assert (set(found.methods.method), found.apart) == ({"3dgs", "ours"}, ["theirs"])

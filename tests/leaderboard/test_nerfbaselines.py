@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import write_json
 from leaderboard.__main__ import export_command
 
 
@@ -40,6 +41,15 @@ def test_its_own_reader_takes_them(run, tmp_path):
     (found,) = results._list_dataset_results(tmp_path / "out", "hydroviews-demo")
     assert found[1]["nb_info"]["method"] == "toy_methods:MeanColour"
     assert all(value is not None for value in read.values())  # of which it takes means
+
+
+def test_a_metric_that_could_not_be_had_is_left_out(run, tmp_path):
+    record = json.loads((run / "record.json").read_text())
+    write_json(run / "record.json", {**record, "lpips_vgg": None, "status": "partial"})
+    pd.read_csv(run / "per_view.csv", dtype={"view": str}).assign(lpips_vgg=None).to_csv(run / "per_view.csv")
+    export_command(run, tmp_path / "results.json", "nerfbaselines")
+    written = json.loads((tmp_path / "results.json").read_text(), parse_constant=pytest.fail)  # NaN is not JSON
+    assert list(written["metrics"]) == list(written["metrics_raw"]) == ["psnr", "ssim", "lpips"]
 
 
 def test_what_cannot_be_written(run, tmp_path):

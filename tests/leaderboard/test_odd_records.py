@@ -11,7 +11,7 @@ import pytest
 from hydroviews.errors import InputError
 from leaderboard.__main__ import table_command
 from leaderboard.evaluate import EvaluateRequest, evaluate
-from leaderboard.gather import collect, write_leaderboard
+from leaderboard.gather import collect, collect_views, write_leaderboard
 from leaderboard.records import LONGEST, columns, printable
 
 RUN = "demo/toy_methods.MeanColour/yard/streak-0/seed-0"
@@ -34,6 +34,14 @@ def row(results: Path) -> pd.Series:
     assert table.status[0] == "done"
     assert list(table.columns) == columns()
     return table.iloc[1]
+
+
+def test_a_run_that_is_removed_while_tables_are_written_is_left_out_of_the_views(results, caplog):
+    table = collect(results)
+    shutil.rmtree(results / RUN)  # as another process may, once its record has been read
+    views = collect_views(table, results)
+    assert set(views.method) == {"toy_methods:MeanColourClean"}
+    assert f"{RUN}: its views are not counted" in caplog.text
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from hydroviews.metrics import find_metrics
 from leaderboard.means import places, shared_runs
 from leaderboard.records import columns
 from leaderboard.table_text import to_markdown
-from leaderboard.tables import scene_keys, scene_table
+from leaderboard.tables import cost_means, grade_of, scene_keys, scene_table
 
 
 def rows(*values: tuple) -> pd.DataFrame:
@@ -116,6 +116,23 @@ def test_a_method_that_lacks_most_runs_leaves_the_others_theirs():
     assert shared_runs(runs) == (["ours", "theirs"], {1, 2, 3, 4})
 
 
+def test_references_are_taken_on_the_scenes_and_seeds_that_are_compared():
+    """Where methods were run on one scene alone, the ceiling's costs are of that scene too."""
+    table = pd.concat(
+        [
+            rows(("3dgs-clean", "clean", "done", 30.0), *((name, "streak", "done", 20.0) for name in ("3dgs", "ours"))),
+            rows(("3dgs-clean", "clean", "done", 10.0), ("3dgs-clean", "clean", "done", 10.0)).assign(scene="pond"),
+            rows(("3dgs-clean", "clean", "done", 10.0)).assign(seed=1),
+        ],
+        ignore_index=True,
+    ).assign(train_s=lambda found: found.psnr)
+    means = cost_means(table)
+    assert means.loc["3dgs-clean", ["psnr", "train_s", "finished", "compared"]].tolist() == [30, 30, 4, 1]
+    assert scene_table(table, "yard", "demo", "given-poses").loc["3dgs-clean", ("streak", "psnr")] == 30
+    alone = table[table.method == "3dgs-clean"]
+    assert cost_means(alone).loc["3dgs-clean", "psnr"] == 15  # where nothing is compared: scenes alike, then seeds
+
+
 def test_the_ceiling_stands_under_every_effect():
     table = rows(
         ("3dgs", "streak", "done", 20.0), ("3dgs", "raindrop", "done", 22.0), ("3dgs-clean", "clean", "done", 30.0)
@@ -123,6 +140,14 @@ def test_the_ceiling_stands_under_every_effect():
     summary = scene_table(table, "yard", "demo", "given-poses")
     assert summary.loc["3dgs-clean", ("streak", "psnr")] == 30
     assert summary.loc["3dgs-clean", ("raindrop", "psnr")] == 30
+
+
+@pytest.mark.parametrize(
+    ("pattern", "grade"),
+    [("streak-0", "light"), ("raindrop-4", "medium"), ("storm-11", "heavy"), ("captured-0", ""), ("clean", "")],
+)
+def test_what_no_generator_graded_has_no_grade(pattern, grade):
+    assert grade_of(pattern) == grade
 
 
 def test_tracks_stand_apart():

@@ -55,6 +55,21 @@ def test_the_page_of_the_scene_has_them(evaluated, tmp_path):
     assert text.count(f"<figcaption>{TRUTH}</figcaption>") == len(shown(tmp_path)["streak-0, seed 0"][TRUTH])
 
 
+def test_a_damaged_picture_is_left_out_with_a_warning(evaluated, tmp_path, caplog):
+    results = tmp_path / "results"
+    damaged, *whole = sorted((results / "demo/toy_methods.MeanColour/yard/streak-0/seed-0" / HIDDEN).glob("*.png"))
+    damaged.write_bytes(b"")
+    (pictures,) = shown(tmp_path).values()
+    assert list(pictures["toy_methods:MeanColour"]) == [path.stem for path in whole]
+    assert list(pictures[TRUTH]) == [damaged.stem, *(path.stem for path in whole)]  # other methods may have it
+    assert write_site(collect(results), results, tmp_path / "data").is_file()
+    assert f"{damaged}: not on the pages" in caplog.text
+    for path in whole:
+        path.write_bytes(path.read_bytes()[:100])
+    assert write_site(collect(results), results, tmp_path / "data").is_file()
+    assert shown(tmp_path) == {}
+
+
 def test_rain_of_other_data_is_not_shown(evaluated, tmp_path, caplog):
     shutil.rmtree(tmp_path / "data")
     with caplog.at_level(logging.WARNING):

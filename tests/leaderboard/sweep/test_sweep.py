@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 from unittest import mock
 
 import pandas as pd
@@ -186,7 +187,7 @@ def test_a_slurm_script_whose_tasks_are_the_runs(request_of, tmp_path):
     request = request_of(["MeanColour"], slurm=script, seeds=(0, 1), time_limit=1.5, memory_limit=2.0, threads=2)
     assert sweep(request) == {}
     text = script.read_text()
-    for line in ("--array=0-1", "--cpus-per-task=2", "--mem=2000M", "--time=90"):
+    for line in ("--array=0-1", "--cpus-per-task=2", "--mem=3000M", "--time=120"):  # above the run's own limits
         assert f"#SBATCH {line}\n" in text
     _, environment = command(request, "0")
     task = {**environment, "SLURM_ARRAY_TASK_ID": "1"}
@@ -205,6 +206,44 @@ def test_ray_is_not_installed_or_nothing_answers(request_of, monkeypatch):
     for address in ("127.0.0.1:1", "nowhere", "127.0.0.1:notaport"):
         with pytest.raises(InputError, match="no Ray cluster answers"):
             sweep(request_of(["MeanColour"], ray=address))
+
+
+class OneAfterTheOther:
+    """Stands for Ray where it is not installed: tasks are done when they are asked for, last first."""
+
+    exceptions = SimpleNamespace(RayError=ConnectionResetError)
+
+    def __init__(self, lost: str) -> None:
+        self.lost, self.connected, self.options = lost, False, {}
+
+    def init(self, address, log_to_driver, runtime_env):
+        self.connected = True
+
+    def remote(self, **options):
+        self.options = options
+        return lambda function: SimpleNamespace(remote=lambda run, limits: (function, run, limits))
+
+    def wait(self, waiting, num_returns):
+        return [waiting[-1]], waiting[:-1]
+
+    def get(self, task):
+        function, run, limits = task
+        if run.method == self.lost:
+            raise ConnectionResetError("node died\nat work")
+        return function(run, limits)
+
+    def shutdown(self):
+        self.connected = False
+
+
+def test_a_task_that_ray_loses_costs_its_row_only(request_of, tmp_path, monkeypatch):
+    ray = OneAfterTheOther(lost="toy_methods:Raises")
+    monkeypatch.setitem(sys.modules, "ray", ray)
+    failures = sweep(request_of(["MeanColour", "Raises"], ray="auto", threads=2, memory_limit=2.0))
+    assert {run.method: reason for run, reason in failures.items()} == {ray.lost: "lost by Ray: node died"}
+    assert list(pd.read_csv(tmp_path / "swept/leaderboard.csv").status) == ["done"]
+    assert (ray.options["num_cpus"], ray.options["memory"]) == (2, 2_000_000_000)
+    assert not ray.connected
 
 
 def test_a_ray_cluster_of_two_nodes(request_of, tmp_path, monkeypatch):
