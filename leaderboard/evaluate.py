@@ -1,6 +1,10 @@
 """The whole benchmark in one call: a scene, rain, a method, the two reference rows, a table.
 
 build what is missing -> for every variant: train, render to disk, score -> records -> tables
+
+A run: `carry_out` keeps a record that is done, else `_train_and_score`; `_train_in_process` guards the run's settings;
+`_train_on_copies` lends the training views and starts `leaderboard.predict`, a child process under the limits of
+`supervision`; then `score` reads the renders.
 """
 
 import dataclasses
@@ -133,7 +137,7 @@ def carry_out(run: Run, limits: Limits, overwrite: bool = False) -> Record:
         claim_folder(run, overwrite)
         record = kept_record(run)
         if record is None:
-            return _carry_out(run, limits)
+            return _train_and_score(run, limits)
     kept = "%s: kept, %s (version %s; remove %s to run it again)"
     logger.info(kept, run, _figures(record), record.version, run.folder)
     return record
@@ -151,7 +155,7 @@ def kept_record(run: Run) -> Record | None:
     return record if record.status == DONE else None
 
 
-def _carry_out(run: Run, limits: Limits) -> Record:
+def _train_and_score(run: Run, limits: Limits) -> Record:
     reason = run.estimate().reason if run.track == RAINY_POSES else ""
     if reason:
         return _record_failure(run, run.given_scene(), reason)
@@ -180,7 +184,7 @@ def _train_in_process(run: Run, limits: Limits) -> str:
     """
     config = run.folder / CONFIG
     settings = config.read_bytes()
-    reason = _train_on_loan(run, limits)
+    reason = _train_on_copies(run, limits)
     if not config.is_file() or config.read_bytes() != settings:
         write_bytes(config, settings)
         (run.folder / PREDICTION).unlink(missing_ok=True)
@@ -188,7 +192,7 @@ def _train_in_process(run: Run, limits: Limits) -> str:
     return reason
 
 
-def _train_on_loan(run: Run, limits: Limits) -> str:
+def _train_on_copies(run: Run, limits: Limits) -> str:
     """The process gets copies of the training views alone; held-out pictures are opened when it has ended."""
     with run.lent() as (lent, loan), tempfile.TemporaryDirectory(prefix="hydroviews-run-") as notes:
         options = [f"--run.{field.name}={getattr(lent, field.name)}" for field in dataclasses.fields(lent)]

@@ -1,7 +1,7 @@
 """Processes that run a method: what they may take, and how whoever started them learns how they ended.
 
 An exit status says nothing, as a method can end its process with any. So parent and child share a folder of notes
-that the method is not told of: the child leaves word there at its end, and touches a file whenever something is
+that the method is not told of: the child writes its outcome there at its end, and touches a file whenever something is
 printed.
 """
 
@@ -25,7 +25,7 @@ from hydroviews.files.atomic import read_json, write_json
 HOUR, GB = 3600, 10**9
 GRACE, PATIENCE = 3.0, 30.0  # seconds until a process that has to end gets SIGTERM, and until it is killed
 LOOK = 5.0  # seconds between two looks for signs of life, at most
-ALIVE, WORD = "alive", "word.json"  # notes
+ALIVE, OUTCOME = "alive", "outcome.json"  # notes
 WORKERS = "HYDROVIEWS_WORKERS"  # environment of a run: how many run at a time on its machine; empty if not known
 DONE, INPUT, METHOD = "done", "input", "method"  # how a process ended: well, by bad input, by the method
 
@@ -94,7 +94,7 @@ def run_tethered(
     Args:
         module: such as leaderboard.predict.
         arguments: of its command, without the tether.
-        notes: a new folder, for word between the two.
+        notes: a new folder, for what they tell each other.
         watch: says when it has to end.
         end: asks it to.
         memory: 10^9 bytes that it may have; what there is if not given.
@@ -112,14 +112,15 @@ def run_tethered(
     tether += [f"--tether.memory={memory}"] if memory else []
     command = [sys.executable, "-m", module, *tether, *arguments]
     status = run_child(command, end, environment, watch.overdue, output)
-    word = read_json(notes / WORD) if (notes / WORD).is_file() else {"kind": METHOD, "reason": in_words(status)}
-    if word["kind"] == DONE:
+    written = notes / OUTCOME
+    outcome = read_json(written) if written.is_file() else {"kind": METHOD, "reason": in_words(status)}
+    if outcome["kind"] == DONE:
         return ""
     if watch.reason:
         return watch.reason
-    if word["kind"] == INPUT:
-        raise InputError(word["reason"])
-    return str(word["reason"])
+    if outcome["kind"] == INPUT:
+        raise InputError(outcome["reason"])
+    return str(outcome["reason"])
 
 
 def end_gently(process: subprocess.Popen) -> None:
@@ -133,26 +134,26 @@ def end_gently(process: subprocess.Popen) -> None:
 
 @contextmanager
 def tethered(tether: Tether) -> Iterator[None]:
-    """Around the work of a child: it ends with its parent, keeps within its memory, and leaves word how it ended."""
+    """Around the work of a child: it ends with its parent, keeps within its memory, and writes how it ended."""
     end_with_parent(tether.parent)
     faulthandler.enable()  # a crash shows where it was
     if tether.memory:
         limit_memory(tether.memory)
     for name in ("stdout", "stderr"):
-        setattr(sys, name, Telling(getattr(sys, name), tether.notes / ALIVE))
+        setattr(sys, name, Heartbeat(getattr(sys, name), tether.notes / ALIVE))
     try:
         yield
     except InputError as error:
-        _leave_word(tether, INPUT, str(error))
+        _write_outcome(tether, INPUT, str(error))
         sys.exit(2)  # the parent tells the reason
     except KeyboardInterrupt:  # of the method's own making, unless the parent was interrupted as well: it knows
-        _leave_word(tether, METHOD, "KeyboardInterrupt")
+        _write_outcome(tether, METHOD, "KeyboardInterrupt")
         sys.exit(130)
     except BaseException as error:
         limit = f" (--memory-limit {tether.memory:g})" if tether.memory and isinstance(error, MemoryError) else ""
-        _leave_word(tether, METHOD, f"{type(error).__name__}: {error}{limit}")
+        _write_outcome(tether, METHOD, f"{type(error).__name__}: {error}{limit}")
         raise
-    _leave_word(tether, DONE, "")
+    _write_outcome(tether, DONE, "")
 
 
 def limit_memory(limit: float) -> None:
@@ -168,7 +169,7 @@ def limit_memory(limit: float) -> None:
 
 
 def in_words(status: int) -> str:
-    """How a process ended that has left no word."""
+    """How a process ended that has written no outcome."""
     if status >= 0:
         return f"its process ended before the work was done, with exit status {status}"
     return f"ended by {signal.Signals(-status).name}" + (" (out of memory?)" if status == -signal.SIGKILL else "")
@@ -210,7 +211,7 @@ def newest_change(folder: Path) -> int:
     return newest
 
 
-class Telling:
+class Heartbeat:
     """A text stream that touches a file when it is written to, once a second at most."""
 
     def __init__(self, stream: TextIO, alive: Path) -> None:
@@ -230,5 +231,5 @@ class Telling:
         return getattr(self._stream, name)
 
 
-def _leave_word(tether: Tether, kind: str, reason: str) -> None:
-    write_json(tether.notes / WORD, {"kind": kind, "reason": printable(reason)})
+def _write_outcome(tether: Tether, kind: str, reason: str) -> None:
+    write_json(tether.notes / OUTCOME, {"kind": kind, "reason": printable(reason)})

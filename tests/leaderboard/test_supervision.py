@@ -80,7 +80,7 @@ def test_who_prints_or_writes_is_not_taken_for_dead(tmp_path, hours, sign):
     notes.mkdir()
     folder.mkdir()
     watch = Watch(Limits(time=10, stall=1), [notes, folder])
-    stream = supervision.Telling(printed, notes / "alive")
+    stream = supervision.Heartbeat(printed, notes / "alive")
     for hour in (0.9, 1.8, 2.7):
         hours(hour)
         if sign == "line":
