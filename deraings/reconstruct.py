@@ -68,16 +68,8 @@ def reconstruct(request: Reconstruction) -> Path:
         InputError: nothing to reconstruct from, too few photographs register, settings that cannot be, or the folder
             holds a reconstruction with others.
     """
-    require_photographs(request.photographs)
-    require_outside(request)
-    folder, kind = request.folder, find_method(request.method)
-    if kind.trains_on != "rainy":
-        raise InputError(f"--method {request.method}: learns from clean views, and here are none", fix="choose another")
-    # Settings are checked before hours of work, and before the folder is claimed for them.
-    config, long_side = kind.configuration(request.profile), find_profile(request.profile).long_side
-    FrameChoice(request.rate, request.long_side)
-    require_seed(request.seed)
-    settings = settings_of(request)
+    method = checked_method(request)
+    folder, settings = request.folder, settings_of(request)
     claim_folder(
         folder / SETTINGS,
         settings,
@@ -91,17 +83,38 @@ def reconstruct(request: Reconstruction) -> Path:
     require_whole([view.path for view in scene.views], "looking for damage")
     for note in scene.notes:
         logger.info(note)
-    scene = all_views(scene.resized(long_side if request.long_side is None else request.long_side))
-    method = kind(config, request.seed)
+    scene = all_views(scene.resized(request.long_side or find_profile(request.profile).long_side))
     method.fit(scene, folder / TRAINING)
     method.save(folder / TRAINING)
+    show(method, scene, request, settings)
+    return folder
+
+
+def checked_method(request: Reconstruction) -> Method:
+    """The method that is to learn, before its folder is claimed and hours are spent on cameras.
+
+    Raises:
+        InputError: nothing to reconstruct from, a folder among the photographs, or settings that cannot be.
+    """
+    require_photographs(request.photographs)
+    require_outside(request)
+    kind = find_method(request.method)
+    if kind.trains_on != "rainy":
+        raise InputError(f"--method {request.method}: learns from clean views, and here are none", fix="choose another")
+    FrameChoice(request.rate, request.long_side)
+    require_seed(request.seed)
+    return kind(kind.configuration(request.profile), request.seed)
+
+
+def show(method: Method, scene: Scene, request: Reconstruction, settings: dict[str, Any]) -> None:
+    """Draw photographs beside renders and the film, and say what is where and what was found."""
+    folder = request.folder
     write_png(folder / SHEET, compared(method, scene, request.photographs.resolve().stem))
     draw_film(method, scene, folder / FILM, request.film, {"scene": settings})
     splats = (folder / TRAINING / SPLATS).is_file()  # methods without Gaussians write none
     model = f"{TRAINING}/{SPLATS} for splat viewers" if splats else f"the model in {TRAINING}"
     logger.info(f"{folder}: {model}, {FILM}, {SHEET}")
     logger.info(f"found in the photographs: {method.summary().used or 'nothing was looked for'}")
-    return folder
 
 
 def settings_of(request: Reconstruction) -> dict[str, Any]:
