@@ -11,6 +11,9 @@ class Camera:
     """One view's intrinsics in pixels and its pose.
 
     The top-left corner of the image is (0, 0), the centre of its first pixel (0.5, 0.5), as in COLMAP.
+
+    Raises:
+        ValueError: a pose that is not [4, 4].
     """
 
     width: int

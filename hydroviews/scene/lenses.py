@@ -45,7 +45,11 @@ class Pinhole(NamedTuple):
 
 @dataclass(frozen=True)
 class Lens:
-    """A COLMAP camera: model name (such as OPENCV_FISHEYE), the size it was calibrated at, and its parameters."""
+    """A COLMAP camera: model name (such as OPENCV_FISHEYE), the size it was calibrated at, and its parameters.
+
+    Raises:
+        InputError: an unknown model, a size or intrinsics that no camera has, or parameters of another number or not finite.
+    """
 
     model: str
     width: int
