@@ -152,8 +152,8 @@ def build_source(
         The built scene's folder.
 
     Raises:
-        InputError: no such capture or pattern, a capture that cannot be read, settings that cannot be, or a scene that is
-            there from another request.
+        InputError: no such capture or pattern, a capture that cannot be read, settings that cannot be, or a scene
+            that is there from another request.
     """
     require_long_side(long_side)
     require_seed(seed)

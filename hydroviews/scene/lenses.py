@@ -48,7 +48,8 @@ class Lens:
     """A COLMAP camera: model name (such as OPENCV_FISHEYE), the size it was calibrated at, and its parameters.
 
     Raises:
-        InputError: an unknown model, a size or intrinsics that no camera has, or parameters of another number or not finite.
+        InputError: an unknown model, a size or intrinsics that no camera has, or parameters too few, too many or not
+            finite.
     """
 
     model: str
