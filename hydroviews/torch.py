@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.manifest import known_file, scene_entry
 from hydroviews.dataset.sharing.archive import open_archive
-from hydroviews.dataset.sharing.contents import IMAGES, LAYERS, variants_of
+from hydroviews.dataset.sharing.contents import IMAGES, LAYERS, PATTERN, variants_of
 from hydroviews.errors import InputError, unknown_name
 from hydroviews.files.atomic import read_json
 from hydroviews.formats.colmap_format import read_cameras, read_images
@@ -35,7 +35,6 @@ from hydroviews.scene.images import read_image
 logger = logging.getLogger(__name__)
 
 Part = Literal["train", "test"]
-PATTERN = "pattern.json"
 
 
 class Files(Protocol):

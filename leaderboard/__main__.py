@@ -357,7 +357,8 @@ def card_command(data: tyro.conf.Positional[Path], scene: str = "", results: Pat
         try:
             losses = record_losses(folder, results)
             print(f"{folder.name}\n{losses.to_string(index=False)}")
-            print(f"measured, for its capture.json: {json.dumps(numbers_for_grades(folder, losses))}\n")
+            numbers = numbers_for_grades(folder, losses)
+            print(f"measured, for its capture.json: {json.dumps(numbers)}\n" if numbers else "")
         except InputError as error:  # a scene without runs does not hold up the others
             failures.append(str(error))
     if failures:

@@ -100,13 +100,16 @@ def numbers_for_grades(folder: Path, losses: pd.DataFrame) -> dict[str, float]:
 
     Args:
         folder: of the finished scene.
-        losses: of its variants, a table of `losses_of`; runs of other tracks than GIVEN_POSES do not count.
+        losses: of its variants, a table of `losses_of`; those of other tracks than GIVEN_POSES and of real rain do not
+            count.
 
     Returns:
         `clean_error` and, where `raindrop` patterns are among the losses, `drops_cost`, the median over them; two
-        decimals. See `formats.capture_json`.
+        decimals. Empty where no loss counts. See `formats.capture_json`.
     """
-    losses = losses[losses.track == GIVEN_POSES]
+    losses = losses[(losses.track == GIVEN_POSES) & (losses.pattern != CAPTURED)]
+    if losses.empty:
+        return {}
     statistics = survey(read_scene(folder), seed=0)
     errors = [(row["pattern"], mse(row["clean"]), mse(row["rainy"])) for row in losses.to_dict("records")]
     numbers = {"clean_error": mean(clean for _, clean, _ in errors) / statistics.detail}

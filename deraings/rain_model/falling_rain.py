@@ -9,14 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from baselines.training.images import Size
 from deraings.enhancement.views import EnhancedViews
 from deraings.image_planes import Plane
 from deraings.rain_model.observation import Observation
 from deraings.rain_model.rain_layer import MIN_ALPHA, RainLayer, RainLayerConfig, alpha_between
 from deraings.rain_model.streaks import SingleStreaks, SingleStreaksConfig, along_rain
 from hydroviews.scene.images import Image
-
-Size = tuple[int, int]  # height and width
 
 
 class FallingRain:

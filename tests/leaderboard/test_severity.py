@@ -125,3 +125,9 @@ def test_mist_that_explains_more_than_all_leaves_the_drops_unmeasured(tmp_path):
     row = ("raindrop-2", "given-poses", 26.0, 25.99)
     losses = pd.DataFrame([row], columns=["pattern", "track", "clean", "rainy"])
     assert list(numbers_for_grades(built, losses)) == ["clean_error"]
+
+
+@pytest.mark.parametrize("row", [("streak-0", "sparse-views", 20.0, 18.0), ("captured-0", "given-poses", 26.0, 20.0)])
+def test_other_tracks_and_real_rain_give_no_numbers(tmp_path, row):
+    losses = pd.DataFrame([row], columns=["pattern", "track", "clean", "rainy"])
+    assert numbers_for_grades(tmp_path, losses) == {}
