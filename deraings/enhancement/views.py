@@ -73,6 +73,14 @@ class EnhancedViews:
         self.file(index)
         return np.ascontiguousarray(read_image(self._cover_file(index))[..., 0])
 
+    def mist_light(self) -> float | None:
+        """Linear light that mist on the lens adds, the median over lens and photographs, as far as the network sees.
+
+        None where it does not tell: it looks at single pictures only, or no photograph has others of its lens.
+        """
+        mists = [lens.mist.cpu().numpy() for lens in self._lenses if lens is not None and lens.mist is not None]
+        return float(np.median([mist[0] * mist[1:].mean(axis=0) for mist in mists])) if mists else None
+
     def _photograph(self, index: int) -> NDArray[np.uint8]:
         """One photograph; what is hidden has the mean of what is shown: black would say that there is no mist."""
         pixels, hidden = self._images.pixels(index), self._images.ignored(index)

@@ -14,6 +14,7 @@ What the photographs cannot tell, and what decides it:
   Where every place shows something dark, there is no mist, and none is looked for.
 * Fog in the scene makes points paler with their distance, not with their place on the lens (`mist_or_fog`). Where it is
   foggy no mist is looked for.
+* Little mist makes points hardly paler. A network that has seen many lenses tells it from none.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,6 +26,7 @@ from numpy.typing import NDArray
 
 from baselines.splatting.kernels.adam import adam_step
 from baselines.splatting.kernels.buffer_pool import BufferPool
+from deraings.enhancement.views import EnhancedViews
 from deraings.image_planes import Plane
 from deraings.rain_model.mist_bounds import mist_bounds
 from deraings.rain_model.mist_config import MistConfig
@@ -55,6 +57,7 @@ class Mist:
         config: MistConfig,
         hidden: Sequence[NDArray[np.bool_] | None] = (),
         points: Callable[[], PointColours] | None = None,
+        prior: EnhancedViews | None = None,
     ) -> None:
         """Look for mist in the photographs.
 
@@ -64,7 +67,8 @@ class Mist:
             config: how mist is learned.
             hidden: masks [H, W] of pixels that are not looked at.
             points: looks up scene points in the pictures, called only where there may be mist. Without it, or with too
-                few points, what may be mist is taken for mist.
+                few points, what may be mist is taken for mist, unless the prior says otherwise.
+            prior: the photographs without rain as far as a network sees it, asked only where there may be mist.
         """
         self._config, self._n_views, self._iterations = config, len(pictures), iterations
         self._first = round(config.start * iterations)
@@ -72,7 +76,9 @@ class Mist:
         self.expected = bounds.colour  # a, before anything is learned
         self.colour = self.expected.copy()  # a [3], linear light
         self.paleness = paleness_of(bounds, points) if bounds.suspected and points is not None else None
-        self.wanted = bounds.suspected and (self.paleness is None or is_mist(self.paleness, config))
+        light = prior.mist_light() if bounds.suspected and prior is not None else None
+        self.seen = None if light is None else light / float(self.expected[0])  # mist_alpha, as the prior has it
+        self.wanted = bounds.suspected and is_mist(self.paleness, self.seen, config)
         self._max_roots = np.sqrt(np.minimum(config.slack * bounds.max_alpha, config.max_alpha))
         likely = config.likely * bounds.possible + MIN_ALPHA
         roots = np.minimum(np.sqrt(likely), self._max_roots) * self.wanted

@@ -54,9 +54,23 @@ def is_fog(paleness: Paleness, config: MistConfig) -> bool:
     return paleness.fog >= config.min_fog
 
 
-def is_mist(paleness: Paleness, config: MistConfig) -> bool:
-    """Whether mist on the lens makes points pale, be it little."""
-    return paleness.mist >= config.min_mist and not is_fog(paleness, config)
+def is_mist(paleness: Paleness | None, seen: float | None, config: MistConfig) -> bool:
+    """Whether there is mist on the lens, be it little, where photographs allow it.
+
+    Args:
+        paleness: what points show; None where they do not tell.
+        seen: mist_alpha as a network sees it, the median over the lens; it is believed before the points, but for fog,
+            which it takes for mist. None where there is no network.
+        config: from when on either is believed.
+
+    Returns:
+        True if nobody tells.
+    """
+    if paleness is not None and is_fog(paleness, config):
+        return False
+    if seen is not None:
+        return seen >= config.min_seen
+    return paleness is None or paleness.mist >= config.min_mist
 
 
 def paleness_of(bounds: MistBounds, points: Callable[[], PointColours]) -> Paleness | None:

@@ -77,8 +77,8 @@ class RainModel:
             images: the training photographs, in order of name.
             iterations: of the training.
             config: which kinds of rain are looked for.
-            prior: the photographs without rain as far as a network sees it, for single streaks; asked only once it
-                surely rains.
+            prior: the photographs without rain as far as a network sees it: whether there is mist, asked where there
+                may be some, and single streaks, once it surely rains.
             points: looks up scene points in the photographs, to tell mist on the lens from fog in the scene.
         """
         warm_up()
@@ -87,7 +87,7 @@ class RainModel:
         pictures = [images.pixels(view) for view in range(count)]
         hidden = [images.ignored(view) for view in range(count)]
         sizes = [(picture.shape[0], picture.shape[1]) for picture in pictures]
-        self.mist = Mist(pictures, iterations, config.mist, hidden, points) if config.mist else None
+        self.mist = Mist(pictures, iterations, config.mist, hidden, points, prior) if config.mist else None
         layer, streaks = config.rain_layer, config.streaks
         self.rain = FallingRain(sizes, iterations, layer, streaks, prior) if layer else None
         self.drops = LensDrops(pictures, iterations, config.drops, hidden) if config.drops else None

@@ -16,8 +16,8 @@ def report(model: RainModel, masks: OcclusionMasks | None, view: int, size: tupl
 
     Returns:
         `needed`: which of mist, drops, rain, streaks and masks were called for. Then numbers of each part that was
-        looked for: `mist_mean` and `mist_max` of mist_alpha, `mist_r`, `mist_g`, `mist_b` of its linear light, `fog`
-        (contrast lost over the median depth), `drops` (share of the lens more than half covered), `rain` (S),
+        looked for: `mist_mean` and `mist_max` of mist_alpha, `mist_r`, `mist_g`, `mist_b` of its linear light, `mist_seen`
+        (mist_alpha as the network has it), `fog` (contrast lost over the median depth), `drops` (share of the lens more than half covered), `rain` (S),
         `rain_certainty`, `rain_angle` in degrees, `streaks` (mean |D|), `masks` (their mean).
     """
     numbers: dict[str, Any] = {}
@@ -25,6 +25,8 @@ def report(model: RainModel, masks: OcclusionMasks | None, view: int, size: tupl
         alpha = model.mist_alpha(view, size)
         numbers |= {"mist_mean": alpha.mean(), "mist_max": alpha.max()}
         numbers |= {f"mist_{channel}": light for channel, light in zip("rgb", model.mist.colour, strict=True)}
+        if model.mist.seen is not None:
+            numbers["mist_seen"] = model.mist.seen
         if model.mist.paleness is not None:
             numbers["fog"] = model.mist.paleness.fog
     if model.drops:

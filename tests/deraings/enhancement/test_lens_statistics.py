@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import panorama
 import pytest
 import torch
 from tiny_network import TINY
@@ -180,6 +181,24 @@ def test_what_is_hidden_does_not_decide_how_much_mist_there_is(tmp_path):
     assert not torch.allclose(lens.mist, lenses_of(black, shipped())[0].mist, atol=0.05)
     seen = masked.image(0)[~hidden]
     assert np.abs(seen - enhance(shown[0].astype(np.float32) / 255, shipped(), lens=lens)[~hidden]).max() < 0.02
+
+
+def views_of(photographs, enhancer, folder):
+    names = [str(index) for index in range(len(photographs))]
+    return EnhancedViews(TrainingImages(photographs), names, enhancer, folder)
+
+
+def test_the_light_of_mist_on_a_lens_is_seen(tmp_path):
+    clean = panorama.views_of(panorama.paint(), 12)
+    alpha, light = panorama.slanted_mist(0.1), np.full(3, 0.7, np.float32)
+    misty = panorama.eight_bit(panorama.misted(clean, alpha, light))
+    assert abs(views_of(panorama.eight_bit(clean), shipped(), tmp_path).mist_light()) < 0.003
+    assert views_of(misty, shipped(), tmp_path).mist_light() == pytest.approx(0.7 * np.median(alpha), rel=0.5)
+
+
+def test_one_photograph_and_a_network_for_single_ones_say_nothing_of_mist_on_a_lens(tmp_path):
+    assert views_of(capture(1, 32, 64), listening(), tmp_path).mist_light() is None
+    assert views_of(capture(3, 32, 64), listening(replace(TINY, lens_mist=False)), tmp_path).mist_light() is None
 
 
 def test_the_mist_of_a_picture_depends_on_its_companions():

@@ -5,7 +5,7 @@ import panorama
 import pytest
 
 from deraings.rain_model.mist import Mist, MistConfig
-from deraings.rain_model.mist_or_fog import MIN_VIEWS, fit_paleness
+from deraings.rain_model.mist_or_fog import MIN_VIEWS, Paleness, fit_paleness, is_mist
 from hydroviews.scene.images import to_srgb
 from hydroviews.scene.point_colours import PointColours
 
@@ -90,6 +90,22 @@ def test_mist_is_looked_for_where_points_show_it_and_not_in_fog(mist, fog, wante
     mist_on_lens = Mist(pictures, 100, MistConfig(), points=lambda: looked_up(mist, fog, air=air))
     assert mist_on_lens.wanted == wanted
     assert mist_on_lens.alpha(0, scene[0].shape[:2]).any() == wanted
+
+
+@pytest.mark.parametrize(
+    ("points", "seen", "wanted"),
+    [
+        (None, None, True),
+        (None, 0.001, False),
+        (Paleness(0.9, 0.0), 0.001, False),
+        (Paleness(-0.2, 0.0), 0.01, True),
+        (Paleness(-0.2, 0.0), None, False),
+        (Paleness(0.2, 0.0), None, True),
+        (Paleness(0.9, 0.3), 0.01, False),
+    ],
+)
+def test_a_network_is_believed_before_points_but_not_in_fog(points, seen, wanted):
+    assert is_mist(points, seen, MistConfig()) == wanted
 
 
 def test_points_are_not_asked_where_photographs_have_no_mist():
