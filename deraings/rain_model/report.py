@@ -16,9 +16,10 @@ def report(model: RainModel, masks: OcclusionMasks | None, view: int, size: tupl
 
     Returns:
         `needed`: which of mist, drops, rain, streaks and masks were called for. Then numbers of each part that was
-        looked for: `mist_mean` and `mist_max` of mist_alpha, `mist_r`, `mist_g`, `mist_b` of its linear light, `mist_seen`
-        (mist_alpha as the network has it), `fog` (contrast lost over the median depth), `drops` (share of the lens more than half covered), `rain` (S),
-        `rain_certainty`, `rain_angle` in degrees, `streaks` (mean |D|), `masks` (their mean).
+        looked for: `mist_mean` and `mist_max` of mist_alpha, `mist_r`, `mist_g`, `mist_b` of its linear light,
+        `mist_seen` (mist_alpha as the network has it), `fog` (contrast lost over the median depth), `drops` (share of
+        the lens more than half covered), `rain` (S), `rain_certainty`, `rain_angle` in degrees, `streaks` (mean |D|),
+        `masks` (their mean).
     """
     numbers: dict[str, Any] = {}
     if model.mist:
