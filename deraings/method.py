@@ -40,8 +40,8 @@ class DeRainGSConfig:
         enhancement: weights, by name or path; the scene is then learned from enhanced photographs.
         masks: occlusion masks; None for none.
         rain: kinds of rain that are modelled where the photographs call for them.
-        prior: weights, by name or path; enhanced photographs then help to find single streaks, and the scene is
-            learned from the photographs as they are.
+        prior: weights, by name or path; the network is then a second opinion for the rain model, and the scene is
+            learned from the photographs as they are, and with rain on the lens at first from enhanced ones as well.
         weights_sha256: of the file of the weights: runs with other weights are other runs.
 
     Raises:
@@ -161,7 +161,7 @@ class DeRainGS(GaussianSplatting):
 class DeRainGSPlus(DeRainGS):
     """The rain is modelled: mist and drops on the lens, falling rain, single streaks; the network is a prior of these.
 
-    The scene is learned from the photographs as they are; where it rains, enhanced ones help to tell what is rain.
+    The scene is learned from the photographs as they are; where it rains, enhanced ones help to tell rain from scene.
     """
 
     profiles: ClassVar[Mapping[str, Any]] = profiles(
