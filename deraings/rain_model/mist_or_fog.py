@@ -57,20 +57,21 @@ def is_fog(paleness: Paleness, config: MistConfig) -> bool:
 def is_mist(paleness: Paleness | None, seen: float | None, config: MistConfig) -> bool:
     """Whether there is mist on the lens, be it little, where photographs allow it.
 
+    One witness is enough, as to miss mist costs more than to look for it in vain. But a network takes fog for mist.
+
     Args:
         paleness: what points show; None where they do not tell.
-        seen: mist_alpha as a network sees it, the median over the lens; it is believed before the points, but for fog,
-            which it takes for mist. None where there is no network.
+        seen: mist_alpha as a network sees it, the median over the lens; None where there is no network.
         config: from when on either is believed.
 
     Returns:
         True if nobody tells.
     """
-    if paleness is not None and is_fog(paleness, config):
+    if paleness is None:
+        return seen is None or seen >= config.min_seen
+    if is_fog(paleness, config):
         return False
-    if seen is not None:
-        return seen >= config.min_seen
-    return paleness is None or paleness.mist >= config.min_mist
+    return paleness.mist >= config.min_mist or (seen is not None and seen >= config.min_seen)
 
 
 def paleness_of(bounds: MistBounds, points: Callable[[], PointColours]) -> Paleness | None:

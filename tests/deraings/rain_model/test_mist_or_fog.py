@@ -97,14 +97,16 @@ def test_mist_is_looked_for_where_points_show_it_and_not_in_fog(mist, fog, wante
     [
         (None, None, True),
         (None, 0.001, False),
-        (Paleness(0.9, 0.0), 0.001, False),
+        (None, 0.01, True),
+        (Paleness(0.9, 0.0), 0.001, True),
+        (Paleness(0.1, 0.0), 0.001, False),
         (Paleness(-0.2, 0.0), 0.01, True),
         (Paleness(-0.2, 0.0), None, False),
         (Paleness(0.2, 0.0), None, True),
         (Paleness(0.9, 0.3), 0.01, False),
     ],
 )
-def test_a_network_is_believed_before_points_but_not_in_fog(points, seen, wanted):
+def test_mist_is_believed_where_a_network_sees_it_or_points_show_it_but_not_in_fog(points, seen, wanted):
     assert is_mist(points, seen, MistConfig()) == wanted
 
 
