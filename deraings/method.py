@@ -40,8 +40,8 @@ class DeRainGSConfig:
         enhancement: weights, by name or path; the scene is then learned from enhanced photographs.
         masks: occlusion masks; None for none.
         rain: kinds of rain that are modelled where the photographs call for them.
-        prior: weights, by name or path; the network is then a second opinion for the rain model, and the scene is
-            learned from the photographs as they are, and with rain on the lens at first from enhanced ones as well.
+        prior: weights, by name or path; the network is then a second opinion on mist and single streaks, and the
+            scene is learned from the photographs as they are.
         weights_sha256: of the file of the weights: runs with other weights are other runs.
 
     Raises:

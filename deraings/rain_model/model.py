@@ -36,15 +36,12 @@ class RainConfig:
         drops: on the lens.
         rain_layer: falling rain, even.
         streaks: single ones, looked for only where falling rain is.
-        enhanced_until: share of the iterations, [0, 1], up to which, where something is on the lens, the scene is
-            learned from enhanced photographs as well, if there are any (docs/experiments/2026-11-rain-model.md).
     """
 
     mist: MistConfig | None = field(default_factory=MistConfig)
     drops: LensDropsConfig | None = field(default_factory=LensDropsConfig)
     rain_layer: RainLayerConfig | None = field(default_factory=RainLayerConfig)
     streaks: SingleStreaksConfig | None = field(default_factory=SingleStreaksConfig)
-    enhanced_until: float = 0.6
 
 
 class Seen(NamedTuple):
@@ -128,11 +125,6 @@ class RainModel:
             by_rained = buffers.array("g_rained", gradient.shape)
             gradient = self.rain.layer.backward(gradient, seen.rain_alpha, by_rained)
         return gradient, by_mist
-
-    def learns_from(self, view: int, size: tuple[int, int], iteration: int) -> bool:
-        """Whether drops or falling rain are learned in this step from the view, rendered at (height, width)."""
-        drops = self.drops is not None and self.drops.due(iteration)
-        return drops or (self.rain is not None and self.rain.due(view, size, iteration))
 
     def update(self, seen: Seen, observed: Observation, by_mist: MistGradient | None, buffers: BufferPool) -> None:
         """Learn of the rain from a view: mist by its gradient, all else from photograph and render."""

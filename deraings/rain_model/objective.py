@@ -1,14 +1,9 @@
 """What DeRainGS compares photographs with: the rendered scene as it is seen through the rain.
 
 loss = photometric(model.forward(scene_image).image, photograph; weights of the pixels)
-
-Where mist or drops are on the lens and a network has enhanced the photographs, every second one of the earlier steps
-compares the scene as it is with the enhanced photograph. Rain model and network are wrong at different places, and each
-keeps the scene from learning the other's errors. The last steps compare with the photographs alone: details are there.
 """
 
 from collections.abc import Callable
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,7 +11,7 @@ from numpy.typing import NDArray
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.loss_map import loss_map
-from baselines.splatting.kernels.photometric import Target, photometric_loss, prepare_target
+from baselines.splatting.kernels.photometric import Target, photometric_loss
 from baselines.splatting.objective import Objective
 from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import TrainingImages
@@ -53,15 +48,12 @@ class RainObjective(Objective):
         super().__init__(images, lambda_dssim)
         self.model = RainModel(images, iterations, config or RainConfig(), prior, points)
         self.masks = masks
-        self._prior = prior
 
     def __call__(self, image: Image, view: int, iteration: int, buffers: BufferPool) -> tuple[float, Image]:
         """See Objective; learns of the rain as well. Pixels that are not finite count for nothing."""
+        target = self.target(view, (image.shape[0], image.shape[1]))
         image, finite = _finite(image)
         seen = self.model.forward(image, view, iteration, buffers)
-        if self._compares_enhanced(seen):
-            return self._compare_enhanced(seen, finite, buffers)
-        target = self.target(view, (image.shape[0], image.shape[1]))
         shown = _product(target.shown, finite)
         weights = _product(seen.weights, self._mask_weights(seen, target, buffers), shown)
         loss, gradient = photometric_loss(seen.image, target, self.lambda_dssim, weights, buffers)
@@ -105,28 +97,6 @@ class RainObjective(Objective):
         self.model.load_state_dict(arrays)
         if self.masks:
             self.masks.load_state_dict(below("masks", arrays))
-
-    def _compares_enhanced(self, seen: Seen) -> bool:
-        """Whether the scene is learned from the enhanced photograph in this step."""
-        until = self.model.config.enhanced_until * self.model.iterations
-        if self._prior is None or seen.iteration % 2 == 0 or seen.iteration >= until:
-            return False
-        on_lens = seen.mist_root is not None or seen.drops is not None
-        size = seen.image.shape[0], seen.image.shape[1]
-        return on_lens and not self.model.learns_from(seen.view, size, seen.iteration)
-
-    def _compare_enhanced(self, seen: Seen, finite: Plane | None, buffers: BufferPool) -> tuple[float, Image]:
-        """Loss and gradient of the scene as it is; what drops hide counts no more than in the photograph."""
-        size = seen.image.shape[0], seen.image.shape[1]
-        target = prepare_target(self._enhanced.pixels(seen.view, size), self._enhanced.ignored(seen.view, size))
-        masked = self.masks.weights(seen.view, size, seen.iteration) if self.masks else None
-        weights = _product(seen.weights, masked, target.shown, finite)
-        return photometric_loss(seen.scene_image, target, self.lambda_dssim, weights, buffers)
-
-    @cached_property
-    def _enhanced(self) -> TrainingImages:
-        assert self._prior is not None  # it is asked for only then
-        return self._prior.training_images()
 
     def _mask_weights(self, seen: Seen, target: Target, buffers: BufferPool) -> Plane | None:
         """1 - M [H, W] of a view, which the masks learn from first if they are due; None where nothing is masked."""

@@ -169,61 +169,6 @@ def test_masks_learn_from_the_loss_and_weigh_it():
     assert gradient[:, 36:].any()
 
 
-class Enhanced:
-    """Photographs without their rain, as a network makes them that errs a little."""
-
-    digest, remove_mist = "of a test", True
-
-    def __init__(self, scene):
-        self.pictures, self.asked = TrainingImages(panorama.eight_bit(renders(scene, seed=5))), 0
-
-    def mist_light(self):
-        return 0.1
-
-    def training_images(self):
-        self.asked += 1
-        return self.pictures
-
-
-def on_lens(scene, **more):
-    """An objective of photographs behind mist, and what enhanced them."""
-    enhanced = Enhanced(scene)
-    misted = panorama.misted(scene, panorama.slanted_mist(0.4), np.array([0.6, 0.65, 0.7], np.float32))
-    config = replace(EAGER, rain_layer=None, **more)
-    return objective_of(misted, config, prior=enhanced), enhanced
-
-
-def test_in_every_second_of_the_earlier_steps_the_scene_is_compared_with_the_enhanced_photograph():
-    scene = scene_of(8)
-    images, buffers = renders(scene), BufferPool()
-    objective, enhanced = on_lens(scene, drops=None)
-    plain = Objective(enhanced.pictures)
-    for step in range(STEPS):
-        view = step % len(scene)
-        before = objective.model.mist.roots.copy()
-        loss, gradient = objective(images[view], view, step, buffers)
-        expected, g = plain(images[view], view, step, BufferPool())
-        same = loss == expected and np.array_equal(gradient, g)
-        assert same == (step % 2 == 1 and step < 0.6 * STEPS)
-        assert np.array_equal(before, objective.model.mist.roots) == same
-    assert enhanced.asked == 1
-
-
-def test_a_step_in_which_drops_are_looked_at_compares_with_the_photograph():
-    scene = scene_of(8)
-    objective, _ = on_lens(scene, drops=LensDropsConfig(start=0, every=1))
-    plain = Objective(Enhanced(scene).pictures)
-    loss, _ = objective(renders(scene)[1], 1, 1, BufferPool())
-    assert loss != plain(renders(scene)[1], 1, 1, BufferPool())[0]
-
-
-def test_the_enhanced_photographs_of_a_clear_lens_are_not_asked_for():
-    scene = scene_of(8)
-    enhanced = Enhanced(scene)
-    steps(objective_of(scene, prior=enhanced), renders(scene), 0, STEPS)
-    assert not enhanced.asked
-
-
 def test_what_is_hidden_is_the_union_of_rain_and_masks():
     scene = scene_of(8)
     masks = OcclusionMasks(TrainingImages(panorama.eight_bit(scene)), 10, 0, MaskConfig())
