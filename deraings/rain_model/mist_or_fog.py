@@ -67,11 +67,10 @@ def is_mist(paleness: Paleness | None, seen: float | None, config: MistConfig) -
     Returns:
         True if nobody tells.
     """
+    network_sees = seen is not None and seen >= config.min_seen
     if paleness is None:
-        return seen is None or seen >= config.min_seen
-    if is_fog(paleness, config):
-        return False
-    return paleness.mist >= config.min_mist or (seen is not None and seen >= config.min_seen)
+        return network_sees or seen is None
+    return not is_fog(paleness, config) and (network_sees or paleness.mist >= config.min_mist)
 
 
 def paleness_of(bounds: MistBounds, points: Callable[[], PointColours]) -> Paleness | None:

@@ -40,6 +40,11 @@ def planes(photographs) -> torch.Tensor:
     return torch.from_numpy(np.stack(photographs)).permute(0, 3, 1, 2).float() / 255
 
 
+def enhanced_views(photographs, enhancer: Enhancer, folder, hidden=()) -> EnhancedViews:
+    names = [f"view-{index}" for index in range(len(photographs))]
+    return EnhancedViews(TrainingImages(photographs, hidden), names, enhancer, folder)
+
+
 def test_fine_statistics_are_those_of_places():
     pictures = torch.rand(9, 3, 12, 16, generator=torch.Generator().manual_seed(0))
     found = fine_statistics(pictures)
@@ -157,7 +162,7 @@ def test_a_network_that_looks_for_no_mist_on_a_lens_looks_for_it_in_each_photogr
 
 def test_training_views_are_enhanced_with_what_all_of_them_say(tmp_path):
     photographs = capture(3, 40, 64)
-    views = EnhancedViews(TrainingImages(photographs), ["a", "b", "c"], listening(), tmp_path)
+    views = enhanced_views(photographs, listening(), tmp_path)
     lens = lenses_of(photographs, listening())[1]
     image = photographs[1].astype(np.float32) / 255
     np.testing.assert_allclose(views.image(1), enhance(image, listening(), lens=lens), atol=0.01)
@@ -173,7 +178,7 @@ def test_what_is_hidden_does_not_decide_how_much_mist_there_is(tmp_path):
     photographs = [np.clip(picture // 2 + 120, 0, 255).astype(np.uint8) for picture in capture(3, 64, 96)]
     hidden = np.zeros((64, 96), bool)
     hidden[40:] = True
-    masked = EnhancedViews(TrainingImages(photographs, [hidden] * 3), ["a", "b", "c"], shipped(), tmp_path / "masked")
+    masked = enhanced_views(photographs, shipped(), tmp_path, [hidden] * 3)
     lens = masked._lenses[0]
     shown = [np.where(hidden[..., None], p[~hidden].mean(0), p).astype(np.uint8) for p in photographs]
     assert torch.allclose(lens.mist, lenses_of(shown, shipped())[0].mist, atol=0.02)
@@ -183,22 +188,17 @@ def test_what_is_hidden_does_not_decide_how_much_mist_there_is(tmp_path):
     assert np.abs(seen - enhance(shown[0].astype(np.float32) / 255, shipped(), lens=lens)[~hidden]).max() < 0.02
 
 
-def views_of(photographs, enhancer, folder):
-    names = [str(index) for index in range(len(photographs))]
-    return EnhancedViews(TrainingImages(photographs), names, enhancer, folder)
-
-
 def test_the_light_of_mist_on_a_lens_is_seen(tmp_path):
     clean = panorama.views_of(panorama.paint(), 12)
     alpha, light = panorama.slanted_mist(0.1), np.full(3, 0.7, np.float32)
     misty = panorama.eight_bit(panorama.misted(clean, alpha, light))
-    assert abs(views_of(panorama.eight_bit(clean), shipped(), tmp_path).mist_light()) < 0.003
-    assert views_of(misty, shipped(), tmp_path).mist_light() == pytest.approx(0.7 * np.median(alpha), rel=0.5)
+    assert abs(enhanced_views(panorama.eight_bit(clean), shipped(), tmp_path).mist_light()) < 0.003
+    assert enhanced_views(misty, shipped(), tmp_path).mist_light() == pytest.approx(0.7 * np.median(alpha), rel=0.5)
 
 
 def test_one_photograph_and_a_network_for_single_ones_say_nothing_of_mist_on_a_lens(tmp_path):
-    assert views_of(capture(1, 32, 64), listening(), tmp_path).mist_light() is None
-    assert views_of(capture(3, 32, 64), listening(replace(TINY, lens_mist=False)), tmp_path).mist_light() is None
+    assert enhanced_views(capture(1, 32, 64), listening(), tmp_path).mist_light() is None
+    assert enhanced_views(capture(3, 32, 64), listening(replace(TINY, lens_mist=False)), tmp_path).mist_light() is None
 
 
 def test_the_mist_of_a_picture_depends_on_its_companions():
