@@ -1,4 +1,4 @@
-"""Planes of one value a pixel, at other sizes."""
+"""Planes of one value a pixel: at other sizes, and as weights."""
 
 import cv2
 import numpy as np
@@ -31,3 +31,9 @@ def within_side(size: tuple[int, ...], long_side: int) -> tuple[int, int]:
 def shrunk(size: tuple[int, ...], factor: float) -> tuple[int, int]:
     """Height and width so many times smaller, at least one pixel."""
     return max(1, round(size[0] / factor)), max(1, round(size[1] / factor))
+
+
+def smooth_rise(values: Plane, low: float, high: float) -> Plane:
+    """A smooth rise from 0 where values are `low` to 1 where they are `high`."""
+    rise = np.clip((values - np.float32(low)) / np.float32(high - low), 0, 1)
+    return np.asarray(rise * rise * (3 - 2 * rise), np.float32)

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from deraings.image_planes import Plane, resized, wholly_shown, within_side
+from deraings.image_planes import Plane, resized, smooth_rise, wholly_shown, within_side
 from deraings.rain_model.drops_kernels import SUMS, add_view, fit_lines
 from deraings.rain_model.fixed_pattern import fixed_pattern
 from deraings.rain_model.layer_kernels import behind_drops, shade
@@ -135,7 +135,12 @@ class LensDrops:
         self._size = height, width = within_side((pictures[0].shape[0], pictures[0].shape[1]), config.long_side)
         self.sums = np.zeros((times, height, SUMS, width), np.float32)
         masks = tuple(hidden) or (None,) * n_views
-        self._believed = step(fixed_pattern(pictures, masks, self._size, times), config.usual, config.fixed)
+        self._believed = smooth_rise(fixed_pattern(pictures, masks, self._size, times), config.usual, config.fixed)
+
+    @property
+    def staying(self) -> float:
+        """Share of the lens that shows detail which stays, at any time."""
+        return float((self._believed > HALF).mean())
 
     def due(self, iteration: int) -> bool:
         """Whether to add a view in this step."""
@@ -199,9 +204,3 @@ class LensDrops:
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """Take back what `state_dict` returned."""
         self.sums = arrays["rows"].copy()
-
-
-def step(values: NDArray[np.float32], low: float, high: float) -> NDArray[np.float32]:
-    """A smooth rise from 0 at `low` to 1 at `high`."""
-    rise = np.clip((values - np.float32(low)) / np.float32(high - low), 0, 1)
-    return np.asarray(rise * rise * (3 - 2 * rise), np.float32)

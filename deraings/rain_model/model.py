@@ -21,6 +21,7 @@ from deraings.rain_model.falling_rain import FallingRain
 from deraings.rain_model.mist import Mist, MistConfig, MistGradient
 from deraings.rain_model.observation import Observation
 from deraings.rain_model.rain_layer import RainLayerConfig
+from deraings.rain_model.renewed_drops import RenewedDrops, RenewedDropsConfig
 from deraings.rain_model.streaks import SingleStreaksConfig
 from deraings.rain_model.warm_up import warm_up
 from hydroviews.scene.images import Image
@@ -33,13 +34,15 @@ class RainConfig:
 
     Attributes:
         mist: on the lens.
-        drops: on the lens.
+        drops: on the lens, where they stay.
+        renewed: drops on the lens that are new in every view; looked for only with a prior, and beside `drops`.
         rain_layer: falling rain, even.
         streaks: single ones, looked for only where falling rain is.
     """
 
     mist: MistConfig | None = field(default_factory=MistConfig)
     drops: LensDropsConfig | None = field(default_factory=LensDropsConfig)
+    renewed: RenewedDropsConfig | None = field(default_factory=RenewedDropsConfig)
     rain_layer: RainLayerConfig | None = field(default_factory=RainLayerConfig)
     streaks: SingleStreaksConfig | None = field(default_factory=SingleStreaksConfig)
 
@@ -78,7 +81,7 @@ class RainModel:
             iterations: of the training.
             config: which kinds of rain are looked for.
             prior: the photographs without rain as far as a network sees it, asked only where rain may be: whether
-                there is mist, and what are single streaks.
+                there is mist, what drops cover that are new in every view, and what are single streaks.
             points: looks up scene points in the photographs, to tell mist on the lens from fog in the scene.
         """
         warm_up()
@@ -91,6 +94,9 @@ class RainModel:
         layer, streaks = config.rain_layer, config.streaks
         self.rain = FallingRain(sizes, iterations, layer, streaks, prior) if layer else None
         self.drops = LensDrops(pictures, iterations, config.drops, hidden) if config.drops else None
+        self.renewed = None
+        if config.renewed and self.drops and prior is not None and prior.tells_cover:
+            self.renewed = RenewedDrops(prior, count, self.drops.staying, iterations, config.renewed)
 
     def forward(self, scene_image: Image, view: int, iteration: int, buffers: BufferPool) -> Seen:
         """A rendered view [H, W, 3], at its own size or a smaller one, through all that is known of the rain.
@@ -138,6 +144,10 @@ class RainModel:
         if self.mist and by_mist is not None:
             self.mist.update(by_mist, seen.iteration)
 
+    def renewed_weights(self, seen: Seen, photograph: Image) -> Plane | None:
+        """Factors [H, W] on pixels' shares of the loss, less where this view alone shows a drop; None: all 1."""
+        return self.renewed.weights(photograph, seen.image, seen.view, seen.iteration) if self.renewed else None
+
     @property
     def even_alpha(self) -> float:
         """S, the median rain_alpha, 0 to 1."""
@@ -156,6 +166,10 @@ class RainModel:
         """drop_alpha [H, W] of a training view at (height, width), at the end of the training."""
         drops = self._drop_layer(view, size, self.iterations)
         return np.zeros(size, np.float32) if drops is None else drops.alpha
+
+    def renewed_cover(self, view: int, size: tuple[int, int]) -> Plane:
+        """What drops that are new in every view cover of each pixel [H, W] of a training view at (height, width)."""
+        return self.renewed.cover(view, size) if self.renewed else np.zeros(size, np.float32)
 
     def settings(self) -> dict[str, Any]:
         """The settings; a checkpoint made with others is refused."""

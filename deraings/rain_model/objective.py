@@ -55,7 +55,8 @@ class RainObjective(Objective):
         image, finite = _finite(image)
         seen = self.model.forward(image, view, iteration, buffers)
         shown = _product(target.shown, finite)
-        weights = _product(seen.weights, self._mask_weights(seen, target, buffers), shown)
+        renewed = self.model.renewed_weights(seen, target.image)
+        weights = _product(seen.weights, renewed, self._mask_weights(seen, target, buffers), shown)
         loss, gradient = photometric_loss(seen.image, target, self.lambda_dssim, weights, buffers)
         by_scene, by_mist = self.model.backward(seen, gradient, buffers)
         observed = Observation(target.image, target.shown, shown, weights)
@@ -70,7 +71,8 @@ class RainObjective(Objective):
     def hidden(self, view: int, size: tuple[int, int]) -> Plane:
         """How much of each pixel [H, W] of a view of (height, width) is taken for rain, or masked, after training."""
         model = self.model
-        covers = [alpha(view, size) for alpha in (model.mist_alpha, model.drop_alpha, model.rain_alpha)]
+        parts = model.mist_alpha, model.drop_alpha, model.renewed_cover, model.rain_alpha
+        covers = [cover(view, size) for cover in parts]
         if self.masks:
             covers.append(self.masks.mask(view, size))
         left = np.prod([1 - cover for cover in covers], axis=0)

@@ -8,18 +8,18 @@ from deraings.masks.occlusion_masks import OcclusionMasks
 from deraings.rain_model.model import RainModel
 from deraings.rain_model.rain_layer import MIN_ALPHA
 
-NEEDED_FROM = {"mist_mean": 0.0, "drops": 0.0, "rain": MIN_ALPHA, "streaks": 0.0, "masks": 0.0}
+NEEDED_FROM = {"mist_mean": 0.0, "drops": 0.0, "renewed": 0.0, "rain": MIN_ALPHA, "streaks": 0.0, "masks": 0.0}
 
 
 def report(model: RainModel, masks: OcclusionMasks | None, view: int, size: tuple[int, int]) -> dict[str, Any]:
     """What was found, as one view of (height, width) shows it.
 
     Returns:
-        `needed`: which of mist, drops, rain, streaks and masks were called for. Then numbers of each part that was
-        looked for: `mist_mean` and `mist_max` of mist_alpha, `mist_r`, `mist_g`, `mist_b` of its linear light,
-        `mist_seen` (mist_alpha as the network has it), `fog` (contrast lost over the median depth), `drops` (share of
-        the lens more than half covered), `rain` (S), `rain_certainty`, `rain_angle` in degrees, `streaks` (mean |D|),
-        `masks` (their mean).
+        `needed`: which of mist, drops, renewed drops, rain, streaks and masks were called for. Then numbers of each
+        part that was looked for: `mist_mean` and `mist_max` of mist_alpha, `mist_r`, `mist_g`, `mist_b` of its linear
+        light, `mist_seen` (mist_alpha as the network has it), `fog` (contrast lost over the median depth), `drops`
+        (share of the lens more than half covered), `renewed` (share of pixels behind drops that are new in every view),
+        `rain` (S), `rain_certainty`, `rain_angle` in degrees, `streaks` (mean |D|), `masks` (their mean).
     """
     numbers: dict[str, Any] = {}
     if model.mist:
@@ -32,6 +32,8 @@ def report(model: RainModel, masks: OcclusionMasks | None, view: int, size: tupl
             numbers["fog"] = model.mist.paleness.fog
     if model.drops:
         numbers["drops"] = (model.drop_alpha(view, size) > 0.5).mean()
+    if model.renewed and model.renewed.wanted:
+        numbers["renewed"] = model.renewed.share
     if model.rain:
         numbers |= {"rain": model.even_alpha, "rain_certainty": model.rain.layer.certainty()}
         numbers["rain_angle"] = model.rain.layer.angle()

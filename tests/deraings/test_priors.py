@@ -37,6 +37,7 @@ def test_the_page_has_all_settings_that_say_what_rain_is():
         "mist": {"start", "slack", "max_alpha", "dark_quantile"}
         | {"rate", "colour_rate", "final_rate", "roughness_penalty"},
         "drops": {"long_side", "every", "start", "noise", "hidden", "shown"},
+        "renewed": {"covered", "sample", "start", "shown", "hidden", "least", "around", "long_side"},
         "rain_layer": {"start", "settled", "updates", "memory", "max_alpha"},
         "streaks": {"smooth", "visits", "renewals", "max_alpha"},
     }

@@ -208,6 +208,7 @@ class Prior:
     """What a network that errs makes of the photographs, and how often it was asked."""
 
     digest = "of a test"
+    tells_cover = False
 
     def __init__(self, scene):
         self.pictures, self.asked = [to_uint8(view).astype(np.float32) / 255 for view in learned(scene, seed=9)], []
