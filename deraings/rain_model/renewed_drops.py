@@ -1,10 +1,10 @@
-"""Drops that are new in every view: no place of the lens shows them for long, so single photographs have to tell of them.
+"""Drops that are new in every view: no place of the lens shows them for long, so single photographs must tell of them.
 
 An enhancement network sees drops in a single photograph, and takes some of the scene for drops. The scene as it is
 learned from the other views tells the two apart: behind a drop, photograph and render differ. A pixel counts less in
 the loss where both say drop,
 
-    weight = 1 - (1 - least) rise(cover sqrt(r / (2 median r))),      r = |photograph - seen|, averaged around the pixel,
+    weight = 1 - (1 - least) rise(cover sqrt(r / (2 median r))),    r = |photograph - seen| averaged around the pixel,
 
 with the median over the view, so that a scene that is not learned yet hides nothing in particular. What is hidden in
 one view is learned from others. A little of every pixel counts: what is taken for a drop in all views, because it is

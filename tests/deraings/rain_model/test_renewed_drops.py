@@ -44,7 +44,7 @@ def scene():
 def places():
     """Where the drop of each view is."""
     rng = np.random.default_rng(5)
-    corners = rng.integers(0, [panorama.HEIGHT - DROP, panorama.WIDTH - DROP - 20], (COUNT, 2)) + [0, 20]
+    corners = rng.integers((0, 20), (panorama.HEIGHT - DROP, panorama.WIDTH - DROP), (COUNT, 2))
     return [(slice(row, row + DROP), slice(column, column + DROP)) for row, column in corners]
 
 
@@ -147,7 +147,9 @@ def test_a_training_takes_drops_out_of_the_gradient_and_says_so(scene, places, p
     with_network, without = (objective_of(photographs, prior) for prior in (Prior(covers), None))
     buffers = BufferPool()
     for view in range(COUNT):
-        pulls = [np.abs(o(seen[view], view, STEPS - 1, buffers)[1][places[view]]).sum() for o in (with_network, without)]
+        pulls = [
+            np.abs(o(seen[view], view, STEPS - 1, buffers)[1][places[view]]).sum() for o in (with_network, without)
+        ]
         assert pulls[0] < 0.7 * pulls[1]
     found = with_network.report()
     assert "renewed" in found["needed"]
