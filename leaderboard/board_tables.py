@@ -7,13 +7,16 @@
 
     <!-- /board -->
 
-The first comment names the profile, what has rows (suites or scenes), and patterns, a row each. The head is the page's
-own: two columns of names, then a method a column, in backticks. Rows are written anew, and a sentence on what they are.
+The first comment names the profile, what has rows (suites, scenes or methods), and patterns. The head is the page's own.
+Suites and scenes have a row for each pattern: two columns of names, then a method a column, in backticks. Methods have
+a row each: a scene a column, in backticks, with the scores under all patterns in a cell; last, if wanted, `seconds`.
+Rows are written anew, and a sentence on what they are.
 """
 
 import math
 import re
 from collections.abc import Iterator, Sequence
+from itertools import product
 
 import pandas as pd
 
@@ -24,17 +27,22 @@ from hydroviews.formats.markdown import markdown_table
 from hydroviews.metrics import find_metrics
 from leaderboard.comparison import differences, scene_scores
 from leaderboard.means import RUN, Compared, compared_runs, method_means, shown_names
-from leaderboard.records import GIVEN_POSES, effect_of
+from leaderboard.records import GIVEN_POSES, SCORED, effect_of
 from leaderboard.severity import CEILING, FLOOR
 from leaderboard.statistics import estimate
 from leaderboard.table_text import score_cells
 from leaderboard.tables import grade_of, share_of_gap
 
 START, END = "<!-- board: ", "<!-- /board -->"
-BLOCK = re.compile(rf"{START}(\S+) (suites|scenes) (\S+(?: \S+)*) -->\s*\n(.*?){END}", re.DOTALL)
-METHOD = re.compile(r"`([^`]+)`")
+BLOCK = re.compile(rf"{START}(\S+) (suites|scenes|methods) (\S+(?: \S+)*) -->\s*\n(.*?){END}", re.DOTALL)
+NAME = re.compile(r"`([^`]+)`")
 SUITES_LEGEND = f"PSNR, means over scenes; in brackets above `{FLOOR}`, ± half a 95 % interval for scenes like these."
+SECONDS = "seconds"
 SCENES_LEGEND = f"PSNR; in brackets the share of the gap between `{FLOOR}` and `{CEILING}`."
+
+
+Row = tuple[list[str], dict[str, str]]  # names, cells by method
+Filled = tuple[list[list[str]], str]  # rows, and what they are
 
 
 def filled(text: str, table: pd.DataFrame, views: pd.DataFrame) -> str:
@@ -52,7 +60,7 @@ def filled(text: str, table: pd.DataFrame, views: pd.DataFrame) -> str:
         raise InputError(
             "a table of the board is not as it has to be",
             found=", ".join(line for line in text.splitlines() if line.startswith((START, END))),
-            expected=f"{START}PROFILE suites|scenes PATTERN ... -->, a table, and {END}",
+            expected=f"{START}PROFILE suites|scenes|methods PATTERN ... -->, a table, and {END}",
         )
     rows, views = (_given(one.assign(method=shown_names(one))) for one in (table, views))
     return BLOCK.sub(lambda block: _block(block, rows, views), text)
@@ -64,32 +72,84 @@ def _given(rows: pd.DataFrame) -> pd.DataFrame:
 
 def _block(block: re.Match, rows: pd.DataFrame, views: pd.DataFrame) -> str:
     profile, kind, patterns, body = block.groups()
-    start = block[0].splitlines()[0]
-    head, methods = _head(start, body)
+    start, names, head = block[0].splitlines()[0], patterns.split(" "), _head(body)
     rows, views = (one[one.profile == profile] for one in (rows, views))
-    known = sorted(set(rows.method))
-    for method in methods:
-        if method not in known:
-            raise unknown_name(f"{method} in {start}", method, "method with runs", known)
+    if kind == "methods":
+        lines, legend = _of_methods(start, head, rows, names)
+    else:
+        lines, legend = _of_places(start, head, rows, views, names, kind == "suites")
+    return f"{start}\n\n{markdown_table(head, lines, True)}\n\n{legend}\n\n{END}"
+
+
+def _of_places(
+    start: str, head: Sequence[str], rows: pd.DataFrame, views: pd.DataFrame, patterns: Sequence[str], suites: bool
+) -> Filled:
+    """Rows of suites or scenes, a method a column."""
+    methods = _named(start, head[2:], "method", rows.method, f"| suite | rain | `{FLOOR}` |")
     rows, views = (one[one.method.isin(methods)] for one in (rows, views))
-    of_suites, names = kind == "suites", patterns.split(" ")
-    lines = list(_suite_rows(rows, views, names) if of_suites else _scene_rows(rows, names))
-    if not lines:
-        raise InputError(f"{start}: no such run", expected=f"{', '.join(methods)} under {patterns}")
-    body = markdown_table(
-        head, [[*line, *(cells.get(method, "") for method in methods)] for line, cells in lines], True
-    )
-    return f"{start}\n\n{body}\n\n{SUITES_LEGEND if of_suites else SCENES_LEGEND} {_basis(rows, names)}\n\n{END}"
+    found = list(_suite_rows(rows, views, patterns) if suites else _scene_rows(rows, patterns))
+    if not found:
+        raise InputError(f"{start}: no such run", expected=f"{', '.join(methods)} under {', '.join(patterns)}")
+    lines = [[*names, *(cells.get(method, "") for method in methods)] for names, cells in found]
+    return lines, f"{SUITES_LEGEND if suites else SCENES_LEGEND} {_basis(rows, patterns)}"
 
 
-def _head(start: str, body: str) -> tuple[list[str], list[str]]:
-    """The cells of a table's head, and the methods that it names."""
+def _of_methods(start: str, head: Sequence[str], rows: pd.DataFrame, patterns: Sequence[str]) -> Filled:
+    """Rows of methods, a scene a column."""
+    with_seconds = head[-1] == SECONDS
+    scenes = _named(start, head[1 : len(head) - with_seconds], "scene", rows.scene, "| method | `room` | `pond` |")
+    rows = rows[rows.scene.isin(scenes) & rows.pattern.isin([*patterns, CLEAN]) & rows.status.isin(SCORED)]
+    asked = list(product(scenes, patterns))
+    clean = [(scene, CLEAN) for scene in scenes]
+    scores = rows.pivot_table(index="method", columns=["scene", "pattern"], values="psnr")
+    scores = scores.reindex(columns=[*asked, *clean])
+    if scores[asked].isna().all(axis=None):
+        raise InputError(f"{start}: no such run", expected=f"{', '.join(scenes)} under {', '.join(patterns)}")
+    best = scores[asked].max()
+    seconds = (rows.before_s.fillna(0) + rows.train_s).groupby(rows.method).mean()
+    lines = []
+    for method in _ranked(scores, asked):
+        cells = [_scene_cell(scores.loc[method][scene], best[scene], patterns) for scene in scenes]
+        lines.append([f"`{method}`", *cells, *([f"{seconds[method]:.0f}"] if with_seconds else [])])
+    legend = f"PSNR under {', '.join(patterns)}" + (", and mean seconds of a run." if with_seconds else ".")
+    return lines, f"{legend} {_basis(rows, patterns)}"
+
+
+def _scene_cell(scores: pd.Series, best: pd.Series, patterns: Sequence[str]) -> str:
+    """A method's scores on a scene, one a pattern; the one of a method that learns from clean views alone."""
+    values = {pattern: scores[pattern] for pattern in (*patterns, CLEAN)}
+    texts = {name: "" if math.isnan(value) else f"{value:.2f}" for name, value in values.items()}
+    if texts.pop(CLEAN):
+        return f"{values[CLEAN]:.2f}"
+    if not any(texts.values()):
+        return ""
+    return ", ".join(f"**{text}**" if values[name] == best[name] else text or "-" for name, text in texts.items())
+
+
+def _ranked(scores: pd.DataFrame, asked: Sequence[tuple[str, str]]) -> list[str]:
+    """Methods with scores: references, then all that lack nothing by their mean, then by how much they lack."""
+    own = scores[list(asked)]
+    lacking, mean = own.isna().sum(axis=1), own.mean(axis=1)
+    reference = lacking == len(asked)
+    order = pd.DataFrame({"lacking": lacking.where(~reference, -1), "mean": -mean, "name": scores.index.astype(str)})
+    return list(order.sort_values(["lacking", "mean", "name"]).index)
+
+
+def _head(body: str) -> list[str]:
+    """The cells of a table's head."""
     line = body.lstrip().partition("\n")[0].strip()
-    head = [cell.strip() for cell in line.removeprefix("|").removesuffix("|").split("|")]
-    methods = [found[1] for cell in head[2:] if (found := METHOD.search(cell))]
-    if not methods or len(methods) != len(head) - 2:
-        raise InputError(f"{start}: a head without methods", found=line, expected=f"as in | suite | rain | `{FLOOR}` |")
-    return head, methods
+    return [cell.strip() for cell in line.removeprefix("|").removesuffix("|").split("|")]
+
+
+def _named(start: str, cells: Sequence[str], kind: str, known: pd.Series, form: str) -> list[str]:
+    """What each cell of a head names in backticks."""
+    names = [found[1] for cell in cells if (found := NAME.search(cell))]
+    if not names or len(names) != len(cells):
+        raise InputError(f"{start}: a head without {kind}s", found=" | ".join(cells), expected=f"as in {form}")
+    for name in names:
+        if name not in set(known):
+            raise unknown_name(f"{name} in {start}", name, f"{kind} with runs", sorted(set(known)))
+    return names
 
 
 def _basis(rows: pd.DataFrame, patterns: Sequence[str]) -> str:
@@ -99,9 +159,6 @@ def _basis(rows: pd.DataFrame, patterns: Sequence[str]) -> str:
     return (
         f"Profile `{own.profile.iloc[0]}`, seed{'s' * (len(seeds) > 1)} {', '.join(seeds)}, code {', '.join(versions)}."
     )
-
-
-Row = tuple[list[str], dict[str, str]]  # names, cells by method
 
 
 def _suite_rows(rows: pd.DataFrame, views: pd.DataFrame, patterns: Sequence[str]) -> Iterator[Row]:

@@ -85,6 +85,36 @@ def test_scenes_have_scores_and_shares_of_the_gap():
     assert found["pond", "streak, medium"] == shown
 
 
+def test_methods_have_a_row_each_in_order_of_their_means():
+    table, views = board(without=[("theirs", "pond")])
+    table["before_s"], table["train_s"] = 5.0, np.where(table.method == "ours", 70.0, 30.0)
+    head = "| method | `room` | `courtyard` (development) | `pond` | seconds |\n|---|---|---|---|---|"
+    text = filled(page("methods", "raindrop-1", "streak-1", head=head), table, views)
+    found = cells(text)
+    assert [method for method, _ in found] == ["`3dgs-clean`", "`ours`", "`3dgs`", "`theirs`"]  # it lacks a scene
+    own = views[views.scene.isin(["room", "courtyard", "pond"])]
+    means = own.groupby(["method", "scene", "pattern"]).psnr.mean()
+    shown = {method: [first, *others] for (method, first), others in found.items()}
+    assert shown["`3dgs-clean`"][:2] == [
+        f"{means['3dgs-clean', scene, 'clean']:.2f}" for scene in ("room", "courtyard")
+    ]
+    drops, streaks = means["theirs", "room"][["raindrop-1", "streak-1"]]
+    assert shown["`theirs`"] == [f"**{drops:.2f}**, **{streaks:.2f}**", *shown["`theirs`"][1:2], "", "35"]
+    drops, streaks = means["ours", "pond"][["raindrop-1", "streak-1"]]
+    assert shown["`ours`"][2:] == [f"**{drops:.2f}**, **{streaks:.2f}**", "75"]
+    assert "PSNR under raindrop-1, streak-1, and mean seconds of a run. Profile `demo`, seed 0" in text
+    assert filled(text, table, views) == text
+
+
+def test_a_pattern_that_a_method_lacks_is_a_dash():
+    table, views = board()
+    table = table[(table.method != "ours") | (table.pattern != "streak-1") | (table.scene != "pond")]
+    head = "| method | `pond` |\n|---|---|"
+    text = filled(page("methods", "raindrop-1", "streak-1", head=head), table, views)
+    assert re.search(r"\| `ours` \| [\d.]+, - \|", text)
+    assert "seconds" not in text
+
+
 def test_methods_that_no_column_names_change_nothing():
     text = page("suites", "streak-1")
     everything = filled(text, *board())
@@ -130,6 +160,9 @@ def test_what_is_around_a_table_stays_and_a_second_time_changes_nothing():
         (page("suites", "streak-1", head=""), "a head without methods"),
         (page("suites", "streak-1", head="| a | b | `3dgz` |"), "did you mean 3dgs"),
         (page("suites", "storm-1"), "no such run"),
+        (page("methods", "storm-1", head="| method | `pond` |\n|---|---|"), "no such run"),
+        (page("methods", "streak-1", head="| method | pond |\n|---|---|"), "a head without scenes"),
+        (page("methods", "streak-1", head="| method | `pund` |\n|---|---|"), "did you mean pond"),
     ],
 )
 def test_odd_tables_are_refused(text, message):
