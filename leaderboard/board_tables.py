@@ -7,7 +7,7 @@
 
     <!-- /board -->
 
-The first comment names the profile, what has rows (suites, scenes or methods), and patterns. The head is the page's own.
+The first comment names the profile, what has rows (suites, scenes or methods), and patterns. The head is the page's.
 Suites and scenes have a row for each pattern: two columns of names, then a method a column, in backticks. Methods have
 a row each: a scene a column, in backticks, with the scores under all patterns in a cell; last, if wanted, `seconds`.
 Rows are written anew, and a sentence on what they are.
