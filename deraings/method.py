@@ -28,7 +28,8 @@ from hydroviews.files.atomic import sha256
 from hydroviews.scene.scenes import Scene
 
 SHORT = 2000  # iterations below which a training is short
-NO_RAIN = RainConfig(mist=None, drops=None, rain_layer=None, streaks=None)
+RENEWED_DROPS_ALONE = RainConfig(mist=None, drops=None, rain_layer=None, streaks=None)
+NO_RAIN = replace(RENEWED_DROPS_ALONE, renewed=None)
 
 
 @dataclass(frozen=True)
@@ -82,10 +83,15 @@ def profiles(
 
 
 class DeRainGS(GaussianSplatting):
-    """DeRainGS (the paper): enhanced photographs, and masks with spectral channel attention."""
+    """DeRainGS (the paper): enhanced photographs, and masks with spectral channel attention.
+
+    Drops that are new in every view, which leave no trace for masks, are hidden as the network sees them.
+    """
 
     profiles: ClassVar[Mapping[str, Any]] = profiles(
-        lambda splatting: DeRainGSConfig(splatting, enhancement=DEFAULT, masks=masks_for(splatting))
+        lambda splatting: DeRainGSConfig(
+            splatting, enhancement=DEFAULT, masks=masks_for(splatting), rain=RENEWED_DROPS_ALONE
+        )
     )
 
     def __init__(self, config: DeRainGSConfig, seed: int) -> None:
@@ -123,6 +129,7 @@ class DeRainGS(GaussianSplatting):
             masks=self._masks(images, views if config.enhancement else None),
             prior=views if config.prior else None,
             points=points,
+            covers=views,
         )
         return self._objective
 
@@ -189,7 +196,9 @@ class WithoutAttention(DeRainGS):
     """Ablation (e): all of the paper's method but the attention in the mask network."""
 
     profiles: ClassVar[Mapping[str, Any]] = profiles(
-        lambda splatting: DeRainGSConfig(splatting, enhancement=DEFAULT, masks=masks_for(splatting, attention=False))
+        lambda splatting: DeRainGSConfig(
+            splatting, enhancement=DEFAULT, masks=masks_for(splatting, attention=False), rain=RENEWED_DROPS_ALONE
+        )
     )
 
 

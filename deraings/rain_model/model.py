@@ -35,7 +35,7 @@ class RainConfig:
     Attributes:
         mist: on the lens.
         drops: on the lens, where they stay.
-        renewed: drops on the lens that are new in every view; looked for only with a prior, and beside `drops`.
+        renewed: drops on the lens that are new in every view; looked for only where a network says what drops cover.
         rain_layer: falling rain, even.
         streaks: single ones, looked for only where falling rain is.
     """
@@ -73,6 +73,7 @@ class RainModel:
         config: RainConfig,
         prior: EnhancedViews | None = None,
         points: Callable[[], PointColours] | None = None,
+        covers: EnhancedViews | None = None,
     ) -> None:
         """A model that knows nothing of the rain yet.
 
@@ -81,8 +82,9 @@ class RainModel:
             iterations: of the training.
             config: which kinds of rain are looked for.
             prior: the photographs without rain as far as a network sees it, asked only where rain may be: whether
-                there is mist, what drops cover that are new in every view, and what are single streaks.
+                there is mist, and what are single streaks.
             points: looks up scene points in the photographs, to tell mist on the lens from fog in the scene.
+            covers: what drops cover of the photographs, as a network sees it; for renewed drops.
         """
         warm_up()
         self.config, self.iterations, self._prior = config, iterations, prior
@@ -95,8 +97,9 @@ class RainModel:
         self.rain = FallingRain(sizes, iterations, layer, streaks, prior) if layer else None
         self.drops = LensDrops(pictures, iterations, config.drops, hidden) if config.drops else None
         self.renewed = None
-        if config.renewed and self.drops and prior is not None and prior.tells_cover:
-            self.renewed = RenewedDrops(prior, count, self.drops.staying, iterations, config.renewed)
+        if config.renewed and covers is not None and covers.tells_cover:
+            lens = self.drops or LensDrops(pictures, iterations, LensDropsConfig(), hidden)
+            self.renewed = RenewedDrops(covers, count, lens.staying, iterations, config.renewed)
 
     def forward(self, scene_image: Image, view: int, iteration: int, buffers: BufferPool) -> Seen:
         """A rendered view [H, W, 3], at its own size or a smaller one, through all that is known of the rain.

@@ -37,8 +37,9 @@ class RainObjective(Objective):
         masks: OcclusionMasks | None = None,
         prior: EnhancedViews | None = None,
         points: Callable[[], PointColours] | None = None,
+        covers: EnhancedViews | None = None,
     ) -> None:
-        """An objective that knows nothing of the rain yet; `images`, `iterations`, `prior`, `points`: see `RainModel`.
+        """An objective that knows nothing of the rain yet; what is not explained: see `RainModel`.
 
         Args:
             config: which kinds of rain are looked for; all of them by default.
@@ -46,7 +47,7 @@ class RainObjective(Objective):
             masks: occlusion masks to be learned as well; they weigh the loss that the rain model leaves.
         """
         super().__init__(images, lambda_dssim)
-        self.model = RainModel(images, iterations, config or RainConfig(), prior, points)
+        self.model = RainModel(images, iterations, config or RainConfig(), prior, points, covers)
         self.masks = masks
 
     def __call__(self, image: Image, view: int, iteration: int, buffers: BufferPool) -> tuple[float, Image]:

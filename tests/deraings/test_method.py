@@ -170,7 +170,7 @@ def test_methods_are_found_and_differ_in_their_switches():
     paper = DeRainGS.configuration("demo")
     assert paper.enhancement
     assert paper.masks
-    assert paper.rain == methods.NO_RAIN
+    assert paper.rain == methods.RENEWED_DROPS_ALONE
     assert paper.splatting == GaussianSplatting.configuration("demo")
     assert paper.splatting == plus.splatting
     less = WithoutAttention.configuration("demo")

@@ -75,7 +75,7 @@ def looked_at(prior, staying=0.0, config=CONFIG):
 
 def objective_of(photographs, prior, config=None):
     config = config or RainConfig(mist=None, rain_layer=None, streaks=None)
-    return RainObjective(TrainingImages(panorama.eight_bit(photographs)), STEPS, config, prior=prior)
+    return RainObjective(TrainingImages(panorama.eight_bit(photographs)), STEPS, config, covers=prior)
 
 
 def test_a_drop_is_hidden_and_what_looks_like_the_scene_is_not(scene, places, photographs, covers):
@@ -156,6 +156,14 @@ def test_a_training_takes_drops_out_of_the_gradient_and_says_so(scene, places, p
     assert found["renewed"] == pytest.approx((covers > 0.2).mean(), rel=0.2)
     assert "renewed" not in without.report()
     assert with_network.hidden(0, (45, 61))[places[0]].mean() == pytest.approx(0.25, abs=0.01)
+
+
+def test_without_lines_the_lens_is_looked_at_all_the_same(scene, photographs, covers):
+    alone = RainConfig(mist=None, drops=None, rain_layer=None, streaks=None)
+    assert objective_of(photographs, Prior(covers), alone).model.renewed.wanted
+    stays = scene.copy()
+    stays[:, 15:35, 15:45] = panorama.shaded_drop(20, 30)
+    assert not objective_of(stays, Prior(covers), alone).model.renewed.wanted
 
 
 def test_a_network_that_does_not_tell_cover_is_not_asked(photographs, covers):
