@@ -25,6 +25,7 @@ from deraings.image_planes import Plane, resized, smooth_rise, within_side
 from hydroviews.scene.images import Image, to_uint8
 
 TYPICAL = 2.0  # median residuals of a pixel whose cover is taken as the network has it
+LEAST_MEDIAN = 1 / 255  # of residuals: what an 8-bit photograph cannot show says nothing
 BOUNDS = 0.5, 2**0.5  # of what the residual makes of a cover
 
 
@@ -66,23 +67,23 @@ class RenewedDrops:
     """Which pixels of which view drops hide that are seen there alone."""
 
     def __init__(
-        self, prior: EnhancedViews, n_views: int, staying: float, iterations: int, config: RenewedDropsConfig
+        self, enhanced: EnhancedViews, n_views: int, staying: float, iterations: int, config: RenewedDropsConfig
     ) -> None:
         """Look at a few photographs, if hardly any detail stays on the lens.
 
         Args:
-            prior: the photographs as a network sees them that tells what drops cover.
+            enhanced: the photographs as a network sees them that tells what drops cover.
             n_views: how many there are.
             staying: share of the lens that shows detail which stays.
             iterations: of the training.
             config: settings.
         """
-        self._prior, self._config = prior, config
+        self._enhanced, self._config = enhanced, config
         self._first = config.start * iterations
         self._covers: dict[int, NDArray[np.uint8]] = {}  # by view, as far as they were asked for
         sample = np.unique(np.linspace(0, n_views - 1, min(n_views, config.sample)).round().astype(int))
         looked_for = staying <= config.max_staying
-        shares = [float((prior.drop_cover(int(view)) > config.covered).mean()) for view in sample if looked_for]
+        shares = [float((enhanced.drop_cover(int(view)) > config.covered).mean()) for view in sample if looked_for]
         self.share = float(np.mean(shares)) if shares else 0.0  # of pixels that the network sees covered
         self.wanted = self.share >= config.min_share
 
@@ -91,7 +92,7 @@ class RenewedDrops:
         if not self.wanted:
             return np.zeros(size, np.float32)
         if view not in self._covers:
-            cover = self._prior.drop_cover(view)
+            cover = self._enhanced.drop_cover(view)
             self._covers[view] = to_uint8(resized(cover, within_side(cover.shape, self._config.long_side)))
         return resized(self._covers[view].astype(np.float32) / 255, size)
 
@@ -109,7 +110,7 @@ class RenewedDrops:
         config = self._config
         side = max(3, round(config.around * max(seen.shape)) | 1)
         residual = cv2.blur(np.abs(photograph - seen).mean(axis=2), (side, side))
-        typical = TYPICAL * max(float(np.median(residual)), 1 / 255)
+        typical = TYPICAL * max(float(np.median(residual)), LEAST_MEDIAN)
         agreed = np.clip(np.sqrt(residual / np.float32(typical)), *BOUNDS)
         hidden = smooth_rise(self.cover(view, seen.shape[:2]) * agreed, config.shown, config.hidden)
         return 1 - np.float32(1 - config.least) * hidden
