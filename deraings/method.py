@@ -71,6 +71,12 @@ def masks_for(splatting: TrainerConfig, **changed: Any) -> MaskConfig:
     return MaskConfig(every=6 if splatting.iterations < SHORT else 12, **changed)
 
 
+def paper_config(splatting: TrainerConfig, **changed: Any) -> DeRainGSConfig:
+    """The paper's method, with masks that are changed in some settings."""
+    masks = masks_for(splatting, **changed)
+    return DeRainGSConfig(splatting, enhancement=DEFAULT, masks=masks, rain=RENEWED_DROPS_ALONE)
+
+
 # Streaks are found as well in the fewer steps of plain splatting in `demo`; in `quick` that has not been measured.
 RAIN_LAYER_PROFILES = {**PROFILES, "quick": with_iterations(12_000, PROFILES_WITH_NETWORKS["quick"])}
 
@@ -88,11 +94,7 @@ class DeRainGS(GaussianSplatting):
     Drops that are new in every view, which leave no trace for masks, are hidden as the network sees them.
     """
 
-    profiles: ClassVar[Mapping[str, Any]] = profiles(
-        lambda splatting: DeRainGSConfig(
-            splatting, enhancement=DEFAULT, masks=masks_for(splatting), rain=RENEWED_DROPS_ALONE
-        )
-    )
+    profiles: ClassVar[Mapping[str, Any]] = profiles(paper_config)
 
     def __init__(self, config: DeRainGSConfig, seed: int) -> None:
         super().__init__(config, seed)
@@ -195,11 +197,7 @@ class Masks(DeRainGS):
 class WithoutAttention(DeRainGS):
     """Ablation (e): all of the paper's method but the attention in the mask network."""
 
-    profiles: ClassVar[Mapping[str, Any]] = profiles(
-        lambda splatting: DeRainGSConfig(
-            splatting, enhancement=DEFAULT, masks=masks_for(splatting, attention=False), rain=RENEWED_DROPS_ALONE
-        )
-    )
+    profiles: ClassVar[Mapping[str, Any]] = profiles(lambda splatting: paper_config(splatting, attention=False))
 
 
 class Everything(DeRainGS):

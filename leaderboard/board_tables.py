@@ -37,9 +37,8 @@ START, END = "<!-- board: ", "<!-- /board -->"
 BLOCK = re.compile(rf"{START}(\S+) (suites|scenes|methods) (\S+(?: \S+)*) -->\s*\n(.*?){END}", re.DOTALL)
 NAME = re.compile(r"`([^`]+)`")
 SUITES_LEGEND = f"PSNR, means over scenes; in brackets above `{FLOOR}`, ± half a 95 % interval for scenes like these."
-SECONDS = "seconds"
 SCENES_LEGEND = f"PSNR; in brackets the share of the gap between `{FLOOR}` and `{CEILING}`."
-
+SECONDS = "seconds"  # the head of a last column of costs
 
 Row = tuple[list[str], dict[str, str]]  # names, cells by method
 Filled = tuple[list[list[str]], str]  # rows, and what they are

@@ -82,11 +82,14 @@ class RenewedDrops:
         self._enhanced, self._config = enhanced, config
         self._first = config.start * iterations
         self._covers: dict[int, NDArray[np.uint8]] = {}  # by view, as far as they were asked for
-        sample = np.unique(np.linspace(0, n_views - 1, min(n_views, config.sample)).round().astype(int))
-        looked_for = staying <= config.max_staying
-        shares = [float((enhanced.drop_cover(int(view)) > config.covered).mean()) for view in sample if looked_for]
-        self.share = float(np.mean(shares)) if shares else 0.0  # of pixels that the network sees covered
+        self.share = self._share(n_views) if staying <= config.max_staying else 0.0  # of pixels, as the network sees it
         self.wanted = self.share >= config.min_share
+
+    def _share(self, n_views: int) -> float:
+        """The share of pixels that the network sees covered, in a few photographs of all times."""
+        sample = np.unique(np.linspace(0, n_views - 1, self._config.sample).round().astype(int))
+        covers = (self._enhanced.drop_cover(int(view)) for view in sample)
+        return float(np.mean([(cover > self._config.covered).mean() for cover in covers]))
 
     def cover(self, view: int, size: tuple[int, ...]) -> Plane:
         """What drops cover of each pixel of a view [H, W], as the network has it; 0 where no such drops are."""
