@@ -25,7 +25,7 @@ COUNT, STEPS = 14, 280
 MIST = panorama.slanted_mist(0.4)
 AIR = np.array([0.55, 0.6, 0.65], np.float32)
 DROP = (slice(18, 30), slice(5, 17))  # of the lens, in pixels, where there is hardly any mist
-WET = RainConfig(MistConfig(start=0), LensDropsConfig(min_share=0.01), rain_layer=None)
+WET = RainConfig(mist=MistConfig(start=0), drops=LensDropsConfig(min_share=0.01), rain_layer=None)
 
 
 def views(folder: Path, count: int) -> list[View]:

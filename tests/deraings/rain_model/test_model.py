@@ -18,9 +18,9 @@ from hydroviews.scene.images import to_linear, to_srgb
 COUNT, SIZE, STEPS, BETA = 10, (121, 160), 100, 0.88
 PATTERN = StreakPattern(n=200, length=40, angle=75, width=7)
 CONFIG = RainConfig(
-    MistConfig(start=0),
-    LensDropsConfig(start=0.05, min_share=0.01),
-    RainLayerConfig(min_updates=0, start=0, rainy=0.07),
+    mist=MistConfig(start=0),
+    drops=LensDropsConfig(start=0.05, min_share=0.01),
+    rain_layer=RainLayerConfig(min_updates=0, start=0, rainy=0.07),
 )
 
 

@@ -16,7 +16,9 @@ from deraings.rain_model.objective import RainConfig, RainObjective
 from deraings.rain_model.rain_layer import RainLayerConfig
 
 STEPS = 60
-EAGER = RainConfig(MistConfig(start=0), LensDropsConfig(start=0.1), RainLayerConfig(start=0))
+EAGER = RainConfig(mist=MistConfig(start=0), drops=LensDropsConfig(start=0.1), rain_layer=RainLayerConfig(start=0))
+
+NOTHING = RainConfig(mist=None, drops=None, renewed=None, rain_layer=None, streaks=None)
 
 
 def scene_of(count):
@@ -46,7 +48,7 @@ def steps(objective, images, first, last):
 def test_without_any_rain_to_look_for_it_is_the_plain_loss():
     scene = scene_of(4)
     plain = Objective(TrainingImages(panorama.eight_bit(scene)))
-    ours = objective_of(scene, RainConfig(None, None, None))
+    ours = objective_of(scene, NOTHING)
     for (loss, gradient), (expected, g) in zip(
         steps(ours, renders(scene), 0, 4), steps(plain, renders(scene), 0, 4), strict=True
     ):
@@ -161,7 +163,7 @@ def test_masks_learn_from_the_loss_and_weigh_it():
             return plane
 
     masks = Left(TrainingImages(panorama.eight_bit(scene)), 10, 0, MaskConfig(start=0.2, warm_up=0.2, every=2))
-    objective = objective_of(scene, RainConfig(None, None, None), masks=masks)
+    objective = objective_of(scene, NOTHING, masks=masks)
     (_, gradient), *_ = steps(objective, renders(scene), 0, 3)
     size = panorama.HEIGHT, panorama.WIDTH
     assert learned == [(0, 0, size), (2, 2, size)]
@@ -173,7 +175,7 @@ def test_what_is_hidden_is_the_union_of_rain_and_masks():
     scene = scene_of(8)
     masks = OcclusionMasks(TrainingImages(panorama.eight_bit(scene)), 10, 0, MaskConfig())
     masks.mask = lambda view, size: np.full(size, 0.5, np.float32)
-    objective = objective_of(scene, RainConfig(None, None, None))
+    objective = objective_of(scene, NOTHING)
     size = panorama.HEIGHT, panorama.WIDTH
     assert not objective.hidden(0, size).any()
     objective.masks = masks
