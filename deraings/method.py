@@ -28,7 +28,7 @@ from hydroviews.files.atomic import sha256
 from hydroviews.scene.scenes import Scene
 
 SHORT = 2000  # iterations below which a training is short
-RENEWED_DROPS_ALONE = RainConfig(mist=None, drops=None, rain_layer=None, streaks=None)
+RENEWED_DROPS_ALONE = RainConfig(mist=None, drops=None, rain_layer=None, streaks=None, enhanced=None)
 NO_RAIN = replace(RENEWED_DROPS_ALONE, renewed=None)
 
 
@@ -41,8 +41,9 @@ class DeRainGSConfig:
         enhancement: weights, by name or path; the scene is then learned from enhanced photographs.
         masks: occlusion masks; None for none.
         rain: kinds of rain that are modelled where the photographs call for them.
-        prior: weights, by name or path; the network is then a second opinion on mist and single streaks, and the
-            scene is learned from the photographs as they are.
+        prior: weights, by name or path; the network is then a second opinion on mist and single streaks; the
+            scene is learned from the photographs as they are, and behind mist that the network knows from enhanced
+            ones as well.
         weights_sha256: of the file of the weights: runs with other weights are other runs.
 
     Raises:

@@ -16,7 +16,7 @@ from deraings.enhancement.lenses import Lens, lenses_of_capture
 from deraings.enhancement.weights import Enhancer
 from deraings.image_planes import Plane
 from hydroviews.cli.threads import side_by_side
-from hydroviews.scene.images import Image, read_image, write_png
+from hydroviews.scene.images import Image, read_image, to_uint8, write_png
 
 DROPS = 1  # channel of drops in what rain covers
 
@@ -104,6 +104,15 @@ class EnhancedViews:
             InputError: a kept picture is damaged.
         """
         return read_image(self.file(index))
+
+    def training_images(self) -> TrainingImages:
+        """All pictures, as training images that hide what the photographs hide; shows progress.
+
+        Raises:
+            InputError: a kept picture is damaged.
+        """
+        pictures = [to_uint8(read_image(path)) for path in self.files()]
+        return TrainingImages(pictures, [self._images.ignored(index) for index in range(len(pictures))])
 
     def files(self) -> list[Path]:
         """All pictures as PNG, in the order of the photographs, two at a time, showing progress."""

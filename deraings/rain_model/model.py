@@ -12,11 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
+from baselines.splatting.kernels.photometric import Target
 from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import TrainingImages
 from deraings.enhancement.views import EnhancedViews
 from deraings.image_planes import Plane
 from deraings.rain_model.drops import DropLayer, LensDrops, LensDropsConfig
+from deraings.rain_model.enhanced_target import EnhancedTarget, EnhancedTargetConfig
 from deraings.rain_model.falling_rain import FallingRain
 from deraings.rain_model.mist import Mist, MistConfig, MistGradient
 from deraings.rain_model.observation import Observation
@@ -38,6 +40,7 @@ class RainConfig:
         renewed: drops on the lens that are new in every view; looked for only where a network says what drops cover.
         rain_layer: falling rain, even.
         streaks: single ones, looked for only where falling rain is.
+        enhanced: photographs that a network enhanced, which a scene behind mist is learned from as well.
     """
 
     mist: MistConfig | None = field(default_factory=MistConfig)
@@ -45,6 +48,7 @@ class RainConfig:
     renewed: RenewedDropsConfig | None = field(default_factory=RenewedDropsConfig)
     rain_layer: RainLayerConfig | None = field(default_factory=RainLayerConfig)
     streaks: SingleStreaksConfig | None = field(default_factory=SingleStreaksConfig)
+    enhanced: EnhancedTargetConfig | None = field(default_factory=EnhancedTargetConfig)
 
 
 class Seen(NamedTuple):
@@ -82,7 +86,7 @@ class RainModel:
             iterations: of the training.
             config: which kinds of rain are looked for.
             prior: the photographs without rain as far as a network sees it, asked only where rain may be: whether
-                there is mist, and what are single streaks.
+                there is mist, what is behind it, and what are single streaks.
             points: looks up scene points in the photographs, to tell mist on the lens from fog in the scene.
             covers: what drops cover of the photographs, as a network sees it; for renewed drops.
         """
@@ -93,6 +97,9 @@ class RainModel:
         hidden = [images.ignored(view) for view in range(count)]
         sizes = [(picture.shape[0], picture.shape[1]) for picture in pictures]
         self.mist = Mist(pictures, iterations, config.mist, hidden, points, prior) if config.mist else None
+        self.enhanced = None
+        if config.mist and self.mist and self.mist.wanted and config.enhanced and prior is not None:
+            self.enhanced = EnhancedTarget(images, prior, iterations, config.mist, config.enhanced)
         layer, streaks = config.rain_layer, config.streaks
         self.rain = FallingRain(sizes, iterations, layer, streaks, prior) if layer else None
         self.drops = LensDrops(pictures, iterations, config.drops, hidden) if config.drops else None
@@ -146,6 +153,20 @@ class RainModel:
                 self.rain.update(observed, even, seen.view, seen.iteration)
         if self.mist and by_mist is not None:
             self.mist.update(by_mist, seen.iteration)
+
+    def enhanced_target(self, seen: Seen) -> Target | None:
+        """The enhanced photograph that the scene is compared with in this step instead of learning of the rain, if any.
+
+        Steps in which drops or falling rain are to be learned have the photograph.
+        """
+        if self.enhanced is None or seen.mist_root is None or not self.enhanced.due(seen.iteration):
+            return None
+        size = seen.image.shape[0], seen.image.shape[1]
+        if self.drops and self.drops.due(seen.iteration):
+            return None
+        if self.rain and self.rain.due(seen.view, size, seen.iteration):
+            return None
+        return self.enhanced.target(seen.view, size)
 
     def renewed_weights(self, seen: Seen, photograph: Image) -> Plane | None:
         """Factors [H, W] on pixels' shares of the loss, less where this view alone shows a drop; None: all 1."""

@@ -1,6 +1,9 @@
 """What DeRainGS compares photographs with: the rendered scene as it is seen through the rain.
 
 loss = photometric(model.forward(scene_image).image, photograph; weights of the pixels)
+
+Behind mist that a network knows, every second one of the earlier steps compares the scene as it is with the photograph
+that the network enhanced (`enhanced_target`).
 """
 
 from collections.abc import Callable
@@ -58,6 +61,9 @@ class RainObjective(Objective):
         shown = _product(target.shown, finite)
         renewed = self.model.renewed_weights(seen, target.image)
         weights = _product(seen.weights, renewed, self._mask_weights(seen, target, buffers), shown)
+        enhanced = self.model.enhanced_target(seen)
+        if enhanced is not None:
+            return photometric_loss(seen.scene_image, enhanced, self.lambda_dssim, weights, buffers)
         loss, gradient = photometric_loss(seen.image, target, self.lambda_dssim, weights, buffers)
         by_scene, by_mist = self.model.backward(seen, gradient, buffers)
         observed = Observation(target.image, target.shown, shown, weights)

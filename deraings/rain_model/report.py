@@ -17,7 +17,8 @@ def report(model: RainModel, masks: OcclusionMasks | None, view: int, size: tupl
     Returns:
         `needed`: which of mist, drops, renewed drops, rain, streaks and masks were called for. Then numbers of each
         part that was looked for: `mist_mean` and `mist_max` of mist_alpha, `mist_r`, `mist_g`, `mist_b` of its linear
-        light, `mist_seen` (mist_alpha as the network has it), `fog` (contrast lost over the median depth), `drops`
+        light, `mist_seen` (mist_alpha as the network has it), `mist_removed` (share of the possible
+        mist that the network takes away), `fog` (contrast lost over the median depth), `drops`
         (share of the lens more than half covered), `renewed` (share of pixels behind drops that are new in every view),
         `rain` (S), `rain_certainty`, `rain_angle` in degrees, `streaks` (mean |D|), `masks` (their mean).
     """
@@ -28,6 +29,8 @@ def report(model: RainModel, masks: OcclusionMasks | None, view: int, size: tupl
         numbers |= {f"mist_{channel}": light for channel, light in zip("rgb", model.mist.colour, strict=True)}
         if model.mist.seen is not None:
             numbers["mist_seen"] = model.mist.seen
+        if model.enhanced is not None:
+            numbers["mist_removed"] = model.enhanced.removed
         if model.mist.paleness is not None:
             numbers["fog"] = model.mist.paleness.fog
     if model.drops:

@@ -10,7 +10,7 @@ from trainings import CONFIG, assert_identical
 
 from baselines.gaussian_splatting import FOUND, GaussianSplatting
 from baselines.method import find_method
-from baselines.training.images import read_images
+from baselines.training.images import TrainingImages, read_images
 from deraings import method as methods
 from deraings.enhancement import views as enhanced_views
 from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
@@ -147,6 +147,20 @@ def test_photographs_are_enhanced_only_when_they_are_asked_for(scene, weights, t
     before = kept.stat().st_mtime_ns
     assert np.array_equal(views.image(2), views.image(2))
     assert kept.stat().st_mtime_ns == before
+
+
+def test_enhanced_photographs_hide_what_the_photographs_hide(scene, weights, tmp_path):
+    photographs = read_images(scene.train_views)
+    hidden = np.zeros(photographs.pixels(0).shape[:2], bool)
+    hidden[:20] = True
+    count = len(photographs)
+    images = TrainingImages([photographs.pixels(index) for index in range(count)], [hidden] * count)
+    names = [view.name for view in scene.train_views]
+    found = EnhancedViews(images, names, load_enhancer(weights), tmp_path).training_images()
+    assert len(found) == count
+    assert all(np.array_equal(found.ignored(index), hidden) for index in range(count))
+    expected = np.clip(images.pixels(1)[~hidden] / 255 - 0.1, 0, 1)
+    assert np.abs(found.pixels(1)[~hidden] / 255 - expected).max() < 0.01
 
 
 def test_enhanced_photographs_are_learned_from_or_a_prior():
