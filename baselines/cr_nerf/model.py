@@ -104,29 +104,43 @@ class CrNerfModel(RadianceModel):
         density, features = self.field.geometry(samples.points)
         weights, left = compositing_weights(density, samples.lengths)
         seen = along_ray(weights, self.field.colour(features, rays.viewing))
-        mean_style, mean_matrix = self.style_means.mean(0, keepdim=True), self.style_matrices.mean(0, keepdim=True)
-        extras: dict[str, Tensor] = {}
-        if context is None:
-            matrices = mean_matrix @ self.content_matrix
-            colours = self.transform(seen - self.content_mean, matrices, mean_style)
-        else:
-            centred = seen - (content_mean := seen.mean(0))
-            content_matrix = self.content(centred[None])[0]
-            visited, which = torch.unique_consecutive(context.views, return_inverse=True)
-            maps, means, matrices = self._styles(visited)
-            extras = self._masked(visited, which, context) | {
-                "maps": maps,
-                "style_means": means,
-                "style_matrices": matrices,
-                "content_mean": content_mean,
-                "content_matrix": content_matrix,
-            }
-            as_mean = rays_of_the_mean(len(seen), self.settings.style.mean_share, seen.device)
-            which = torch.where(as_mean, len(visited), which)
-            transforms = torch.cat([matrices, mean_matrix]) @ content_matrix
-            colours = self.transform(centred, transforms[which], torch.cat([means, mean_style])[which])
+        colours, extras = self._in_mean_style(seen) if context is None else self._in_styles(seen, context)
         colour = self.over_background(colours * (1 - left[:, None]), left)
         return Rendering(colour, weights, samples, samples.edges, weights, extras=extras)
+
+    def _mean_style(self) -> tuple[Tensor, Tensor]:
+        """Of all views, as last visited: S [1, C] and A_s(S0) [1, m, m]."""
+        return self.style_means.mean(0, keepdim=True), self.style_matrices.mean(0, keepdim=True)
+
+    def _in_mean_style(self, seen: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
+        """Colours [N, 3] of what rays saw [N, C]; a ray's depends on no other ray."""
+        style, matrix = self._mean_style()
+        return self.transform(seen - self.content_mean, matrix @ self.content_matrix, style), {}
+
+    def _in_styles(self, seen: Tensor, context: TrainingContext) -> tuple[Tensor, dict[str, Tensor]]:
+        """Colours [N, 3] of a step's rays, each in its view's style and a few in the mean one, and what is learned by.
+
+        Args:
+            seen: features along the rays [N, C].
+            context: their views and places.
+        """
+        content_mean = seen.mean(0)
+        centred = seen - content_mean
+        content_matrix = self.content(centred[None])[0]
+        visited, which = torch.unique_consecutive(context.views, return_inverse=True)
+        maps, means, matrices = self._styles(visited)
+        extras = self._masked(visited, which, context) | {
+            "maps": maps,
+            "style_means": means,
+            "style_matrices": matrices,
+            "content_mean": content_mean,
+            "content_matrix": content_matrix,
+        }
+        style, matrix = self._mean_style()
+        as_mean = rays_of_the_mean(len(seen), self.settings.style.mean_share, seen.device)
+        which = torch.where(as_mean, len(visited), which)
+        transforms = torch.cat([matrices, matrix]) @ content_matrix
+        return self.transform(centred, transforms[which], torch.cat([means, style])[which]), extras
 
     def _masked(self, visited: Tensor, which: Tensor, context: TrainingContext) -> dict[str, Tensor]:
         """Masks of a step's rays, and what masking costs."""

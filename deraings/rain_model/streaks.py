@@ -77,7 +77,7 @@ class SingleStreaks:
         self.power[:], self.spectra[:], self.visits[:] = 0, 0, 0
 
     def update(self, difference: Plane, contrast: Plane, angle: float, view: int, prior: Plane | None = None) -> None:
-        """Take a view's streaks from it.
+        """Take a view's streaks from it; first, until there is one of every view, its power.
 
         Args:
             difference: of photograph and render [H, W], and
@@ -87,19 +87,25 @@ class SingleStreaks:
             prior: D [H, W] by other means, which counts as much.
         """
         size = self._small[view]
-        difference, contrast = resized(difference, size), resized(contrast, size)
-        spectrum = fft.rfft2(difference, self._canvas)
+        spectrum = fft.rfft2(resized(difference, size), self._canvas)
         spectrum[0, 0] = 0  # the mean belongs to S
         if self.spectra < len(self.visits):
-            self.spectra += 1
-            self.power += spectrum.real**2 + spectrum.imag**2
-            if self.spectra == len(self.visits):
-                self.gain = wiener_gain(self.power, self._canvas[1], angle, self._config)
+            self._add_power(spectrum, angle)
             return
         streaks = fft.irfft2(spectrum * self.gain, self._canvas)[: size[0], : size[1]]
+        contrast = resized(contrast, size)
         found = streaks * contrast / (contrast**2 + np.float32(MIN_CONTRAST**2))
-        if prior is not None:
-            found = (found + resized(prior, size)) / 2
+        self._add_deviation(view, found if prior is None else (found + resized(prior, size)) / 2)
+
+    def _add_power(self, spectrum: NDArray[np.complexfloating], angle: float) -> None:
+        """One more view's power; after the last one the gain follows."""
+        self.spectra += 1
+        self.power += spectrum.real**2 + spectrum.imag**2
+        if self.spectra == len(self.visits):
+            self.gain = wiener_gain(self.power, self._canvas[1], angle, self._config)
+
+    def _add_deviation(self, view: int, found: Plane) -> None:
+        """D as found in one more visit of a view, to the mean of all."""
         n = self.visits[view]
         mean = (n * self.deviation(view) + found) / (n + 1)
         self.deviations[view] = np.clip(np.rint(mean / STEP) + ZERO, 0, 255).astype(np.uint8)
