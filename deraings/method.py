@@ -123,6 +123,7 @@ class DeRainGS(GaussianSplatting):
         views = enhanced_views(scene, images, config.weights, folder / KEPT, points) if config.weights else None
         if views and config.enhancement:
             images = read_images(enhanced_scene(scene, views).train_views)
+            points = cache(partial(point_colours, scene, images))
             self.found["enhancement"] = config.enhancement + ("" if views.remove_mist else " leaving fog as it is")
         self._objective = RainObjective(
             images,
@@ -148,9 +149,9 @@ class DeRainGS(GaussianSplatting):
         super().fit(scene, folder)
         self.found |= self.learned().report()
 
-    def hidden(self, view: int, size: tuple[int, int]) -> Plane:
+    def hidden(self, view: int, size: tuple[int, int]) -> Plane | None:
         """See Method; mist, drops, falling rain, and what masks hide."""
-        return self.learned().hidden(view, size)
+        return None if self._objective is None else self._objective.hidden(view, size)
 
     def learned(self) -> RainObjective:
         """What was learned of the rain in the training views, after `fit`.

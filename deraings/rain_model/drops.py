@@ -135,12 +135,16 @@ class LensDrops:
         self._size = height, width = within_side((pictures[0].shape[0], pictures[0].shape[1]), config.long_side)
         self.sums = np.zeros((times, height, SUMS, width), np.float32)
         masks = tuple(hidden) or (None,) * n_views
+        self._known = np.logical_or.reduce(
+            [wholly_shown(None if mask is None else (~mask).astype(np.float32), self._size) for mask in masks]
+        )
         self._believed = smooth_rise(fixed_pattern(pictures, masks, self._size, times), config.usual, config.fixed)
 
     @property
     def staying(self) -> float:
-        """Share of the lens that shows detail which stays, at any time."""
-        return float((self._believed > HALF).mean())
+        """Share of the lens that shows detail which stays, at any time, of what any photograph shows of the lens."""
+        believed = self._believed[:, self._known]
+        return float((believed > HALF).mean()) if believed.size else 0.0
 
     def due(self, iteration: int) -> bool:
         """Whether to add a view in this step."""

@@ -94,5 +94,5 @@ def removed_mist(images: TrainingImages, enhanced: EnhancedViews, mist: MistConf
     hidden = [images.ignored(view) for view in views]
     left = [to_uint8(enhanced.image(view)) for view in tqdm(views, desc="mist removed", unit="view", leave=False)]
     kinds = [images.pixels(view) for view in views], left
-    before, after = (float(np.median(mist_bounds(pictures, mist, hidden).possible)) for pictures in kinds)
+    before, after = (mist_bounds(pictures, mist, hidden).usual for pictures in kinds)
     return 1 - after / before if before > 0 else 0.0

@@ -84,6 +84,7 @@ class Mist:
         roots = np.minimum(np.sqrt(likely), self._max_roots) * self.wanted
         self.roots = roots.astype(np.float32)  # sqrt(mist_alpha) [T, h, w] at the knots
         learned = {"roots": self.roots, "colour": self.colour}
+        self.steps = np.zeros(1, np.int64)  # of Adam: mist is not learned in every iteration
         self._adam = {f"{name}.{order}": np.zeros_like(v) for name, v in learned.items() for order in ADAM_MOMENTS}
 
     def due(self, iteration: int) -> bool:
@@ -126,25 +127,27 @@ class Mist:
     def update(self, gradient: MistGradient, iteration: int) -> None:
         """One step of Adam, within what the photographs allow."""
         config = self._config
+        self.steps += 1
         decay = config.final_rate ** (iteration / max(self._iterations, 1))
-        self._step("roots", self.roots, gradient.roots, iteration, config.rate * decay)
-        self._step("colour", self.colour, gradient.colour, iteration, config.colour_rate * decay)
+        self._step("roots", self.roots, gradient.roots, config.rate * decay)
+        self._step("colour", self.colour, gradient.colour, config.colour_rate * decay)
         np.clip(self.roots, 0, self._max_roots, out=self.roots)
         np.clip(self.colour, 0, 1, out=self.colour)
 
     def state_dict(self) -> dict[str, NDArray]:
         """All that is learned, for checkpoints."""
-        return {"roots": self.roots, "colour": self.colour, **self._adam}
+        return {"roots": self.roots, "colour": self.colour, "steps": self.steps, **self._adam}
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """Take back what `state_dict` returned."""
         self.roots, self.colour = arrays["roots"].copy(), arrays["colour"].copy()
+        self.steps = arrays["steps"].copy()
         self._adam = {name: arrays[name].copy() for name in self._adam}
 
-    def _step(self, name: str, values: NDArray, gradient: NDArray, iteration: int, rate: float) -> None:
+    def _step(self, name: str, values: NDArray, gradient: NDArray, rate: float) -> None:
         first, second = (self._adam[f"{name}.{order}"] for order in ADAM_MOMENTS)
-        step = iteration - self._first + 1
-        adam_step(values, np.ascontiguousarray(gradient, np.float32), first, second, step, rate)
+        gradient = np.ascontiguousarray(gradient, np.float32)
+        adam_step(values, gradient, first, second, int(self.steps[0]), rate)
 
 
 def roughness_gradient(knots: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -23,6 +23,7 @@ class MistBounds:
     colour: NDArray[np.float32]  # a [3], linear light
     max_alpha: NDArray[np.float32]  # the most that mist_alpha can be
     possible: NDArray[np.float32]  # the same, less its smallest value
+    usual: float  # the median of `possible` over the places that are shown
     suspected: bool  # whether it is enough to look for mist
 
     def at(self, view: int, places: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -41,21 +42,30 @@ def mist_bounds(
     cell = max(height, width) / config.cells
     times = count_time_knots(len(pictures), config.views_per_knot, config.max_time_knots)
     grid = (times, max(2, round(height / cell) + 1), max(2, round(width / cell) + 1))
-    colour = mist_light(pictures, config.brightest)
+    colour = mist_light(pictures, config.brightest, hidden)
     bound = max_mist_alpha(pictures, colour, grid, config.dark_quantile, hidden)
-    possible = bound - bound.min()
-    even = config.evenness * np.median(possible)
-    suspected = bool(np.quantile(possible, 0.25) >= config.min_possible)
-    return MistBounds(len(pictures), colour, np.minimum(bound, even), np.minimum(possible, even), suspected)
+    known = bound[np.isfinite(bound)]
+    least = known.min() if known.size else np.float32(1)
+    usual = float(np.median(known - least)) if known.size else 0.0
+    suspected = known.size > 0 and bool(np.quantile(known - least, 0.25) >= config.min_possible)
+    bound = np.where(np.isfinite(bound), bound, np.float32(1))
+    even = np.float32(config.evenness * usual)
+    return MistBounds(len(pictures), colour, np.minimum(bound, even), np.minimum(bound - least, even), usual, suspected)
 
 
-def mist_light(pictures: Sequence[NDArray[np.uint8]], brightest: float) -> NDArray[np.float32]:
+def mist_light(
+    pictures: Sequence[NDArray[np.uint8]], brightest: float, hidden: Sequence[NDArray[np.bool_] | None] = ()
+) -> NDArray[np.float32]:
     """The linear light [3] that mist should have: grey, as light as the brightest pixels of all pictures [H, W, 3].
 
     Mist is lit from all around, so it is as bright as the sky or what else is bright. Its colour is learned.
     """
-    samples = [picture[::8, ::8].reshape(-1, 3) for picture in pictures]
+    masks = tuple(hidden) or (None,) * len(pictures)
+    shown = (slice(None) if mask is None else ~mask[::8, ::8] for mask in masks)
+    samples = [picture[::8, ::8][part].reshape(-1, 3) for picture, part in zip(pictures, shown, strict=True)]
     light = luminance(to_linear(np.concatenate(samples).astype(np.float32) / np.float32(255)))
+    if not light.size:
+        return np.ones(3, np.float32)
     bright = light[light >= np.quantile(light, 1 - brightest)].mean()
     return np.full(3, bright, np.float32)
 
@@ -77,7 +87,7 @@ def max_mist_alpha(
         hidden: masks [H, W] of pixels that are not looked at.
 
     Returns:
-        The largest bound of the cells around each knot; 1 where nothing was seen.
+        The largest bound of the cells around each knot; NaN where nothing was seen.
     """
     times, height, width = grid
     masks = tuple(hidden) or (None,) * len(pictures)
@@ -89,15 +99,16 @@ def max_mist_alpha(
         for index in near[:: -(-len(near) // MAX_PICTURES)]:
             alpha, mask = (table[pictures[index]] / np.maximum(colour, MIN_LIGHT)).min(axis=2), masks[index]
             planes.append(alpha if mask is None else np.where(mask, np.float32(np.nan), alpha))
-        cells = np.pad(_cell_quantiles(planes, (height - 1, width - 1), dark_quantile), 1)
+        cells = _cell_quantiles(planes, (height - 1, width - 1), dark_quantile)
+        cells = np.pad(cells, 1, constant_values=np.nan)
         around = [cells[i : i + height, j : j + width] for i in (0, 1) for j in (0, 1)]
-        bound[time] = np.maximum.reduce(around)
+        bound[time] = np.fmax.reduce(around)
     return bound
 
 
 def _cell_quantiles(planes: list[NDArray[np.float32]], cells: tuple[int, int], share: float) -> NDArray[np.float32]:
-    """A quantile of all values of several planes, of any sizes, in each of h x w cells; 1 where all values are NaN."""
-    quantiles = np.ones(cells, np.float32)
+    """A quantile of all values of several planes, of any sizes, in each of h x w cells; NaN where all values are."""
+    quantiles = np.full(cells, np.nan, np.float32)
     rows = [np.array_split(plane, cells[0], axis=0) for plane in planes]
     for i in range(cells[0]):
         across = [np.array_split(row[i], cells[1], axis=1) for row in rows]

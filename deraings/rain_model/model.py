@@ -106,7 +106,12 @@ class RainModel:
         self.renewed = None
         if config.renewed and covers is not None and covers.tells_cover:
             lens = self.drops or LensDrops(pictures, iterations, LensDropsConfig(), hidden)
-            self.renewed = RenewedDrops(covers, count, lens.staying, iterations, config.renewed)
+            self.renewed = RenewedDrops(covers, images, lens.staying, iterations, config.renewed)
+
+    def begin(self, iteration: int) -> None:
+        """What a step begins with, whatever it compares: from here on single streaks are taken anew, if it is time."""
+        if self.rain:
+            self.rain.renew(iteration)
 
     def forward(self, scene_image: Image, view: int, iteration: int, buffers: BufferPool) -> Seen:
         """A rendered view [H, W, 3], at its own size or a smaller one, through all that is known of the rain.
@@ -146,11 +151,10 @@ class RainModel:
         """Learn of the rain from a view: mist by its gradient, all else from photograph and render."""
         if self.drops and self.drops.due(seen.iteration):
             self.drops.update(observed.photograph, seen.without_drops, seen.view, observed.shown)
-        if self.rain:
-            self.rain.renew(seen.iteration)
-            if self.rain.due(seen.view, (seen.image.shape[0], seen.image.shape[1]), seen.iteration):
-                even = self._behind_even_rain(self.rain, seen, buffers)
-                self.rain.update(observed, even, seen.view, seen.iteration)
+        size = seen.image.shape[0], seen.image.shape[1]
+        if self.rain and self.rain.due(seen.view, size, seen.iteration):
+            even = self._behind_even_rain(self.rain, seen, buffers)
+            self.rain.update(observed, even, seen.view, seen.iteration)
         if self.mist and by_mist is not None:
             self.mist.update(by_mist, seen.iteration)
 
@@ -168,9 +172,9 @@ class RainModel:
             return None
         return self.enhanced.target(seen.view, size)
 
-    def renewed_weights(self, seen: Seen, photograph: Image) -> Plane | None:
+    def renewed_weights(self, seen: Seen, target: Target) -> Plane | None:
         """Factors [H, W] on pixels' shares of the loss, less where this view alone shows a drop; None: all 1."""
-        return self.renewed.weights(photograph, seen.image, seen.view, seen.iteration) if self.renewed else None
+        return self.renewed.weights(target, seen.image, seen.view, seen.iteration) if self.renewed else None
 
     @property
     def even_alpha(self) -> float:

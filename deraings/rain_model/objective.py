@@ -57,9 +57,10 @@ class RainObjective(Objective):
         """See Objective; learns of the rain as well. Pixels that are not finite count for nothing."""
         target = self.target(view, (image.shape[0], image.shape[1]))
         image, finite = _finite(image)
+        self.model.begin(iteration)
         seen = self.model.forward(image, view, iteration, buffers)
         shown = _product(target.shown, finite)
-        renewed = self.model.renewed_weights(seen, target.image)
+        renewed = self.model.renewed_weights(seen, target)
         weights = _product(seen.weights, renewed, self._mask_weights(seen, target, buffers), shown)
         enhanced = self.model.enhanced_target(seen)
         if enhanced is not None:

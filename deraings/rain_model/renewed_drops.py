@@ -20,12 +20,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.splatting.kernels.photometric import Target
+from baselines.training.images import TrainingImages
 from deraings.enhancement.views import EnhancedViews
 from deraings.image_planes import Plane, resized, smooth_rise, within_side
 from hydroviews.scene.images import Image, to_uint8
 
 TYPICAL = 2.0  # median residuals of a pixel whose cover is taken as the network has it
 LEAST_MEDIAN = 1 / 255  # of residuals: what an 8-bit photograph cannot show says nothing
+LEAST_SHARE = 1e-3  # of shown pixels around one: what none is known of has no residual
 CHANNEL_MEAN = np.full((1, 3), 1 / 3, np.float32)
 BOUNDS = 0.5, 2**0.5  # of what the residual makes of a cover
 
@@ -68,13 +71,18 @@ class RenewedDrops:
     """Which pixels of which view drops hide that are seen there alone."""
 
     def __init__(
-        self, enhanced: EnhancedViews, n_views: int, staying: float, iterations: int, config: RenewedDropsConfig
+        self,
+        enhanced: EnhancedViews,
+        images: TrainingImages,
+        staying: float,
+        iterations: int,
+        config: RenewedDropsConfig,
     ) -> None:
         """Look at a few photographs, if hardly any detail stays on the lens.
 
         Args:
             enhanced: the photographs as a network sees them that tells what drops cover.
-            n_views: how many there are.
+            images: the photographs.
             staying: share of the lens that shows detail which stays.
             iterations: of the training.
             config: settings.
@@ -82,14 +90,18 @@ class RenewedDrops:
         self._enhanced, self._config = enhanced, config
         self._first = config.start * iterations
         self._covers: dict[int, NDArray[np.uint8]] = {}  # by view, as far as they were asked for
-        self.share = self._share(n_views) if staying <= config.max_staying else 0.0  # of pixels, as the network sees it
+        self.share = self._share(images) if staying <= config.max_staying else 0.0  # of pixels, as the network sees it
         self.wanted = self.share >= config.min_share
 
-    def _share(self, n_views: int) -> float:
-        """The share of pixels that the network sees covered, in a few photographs of all times."""
-        sample = np.unique(np.linspace(0, n_views - 1, self._config.sample).round().astype(int))
-        covers = (self._enhanced.drop_cover(int(view)) for view in sample)
-        return float(np.mean([(cover > self._config.covered).mean() for cover in covers]))
+    def _share(self, images: TrainingImages) -> float:
+        """The share of pixels that the network sees covered, of those shown in a few photographs of all times."""
+        shares = []
+        for view in np.unique(np.linspace(0, len(images) - 1, self._config.sample).round().astype(int)).tolist():
+            covered, hidden = self._enhanced.drop_cover(view) > self._config.covered, images.ignored(view)
+            shown = covered if hidden is None else covered[~hidden]
+            if shown.size:
+                shares.append(shown.mean())
+        return float(np.mean(shares)) if shares else 0.0
 
     def cover(self, view: int, size: tuple[int, ...]) -> Plane:
         """What drops cover of each pixel of a view [H, W], as the network has it; 0 where no such drops are."""
@@ -100,11 +112,11 @@ class RenewedDrops:
             self._covers[view] = to_uint8(resized(cover, within_side(cover.shape, self._config.long_side)))
         return resized(self._covers[view].astype(np.float32) / 255, size)
 
-    def weights(self, photograph: Image, seen: Image, view: int, iteration: int) -> Plane | None:
+    def weights(self, target: Target, seen: Image, view: int, iteration: int) -> Plane | None:
         """Factors [H, W] on each pixel's share of the loss; None where all are 1.
 
         Args:
-            photograph: [H, W, 3].
+            target: the photograph, and what its mask shows.
             seen: its render [H, W, 3], finite, seen through the rest of the rain.
             view: index of the view.
             iteration: of the training.
@@ -112,10 +124,23 @@ class RenewedDrops:
         if not self.wanted or iteration < self._first:
             return None
         config = self._config
-        side = max(3, round(config.around * max(seen.shape)) | 1)
-        residual = cv2.blur(cv2.transform(cv2.absdiff(photograph, seen), CHANNEL_MEAN), (side, side))
-        median = np.median(residual[::2, ::2])  # of one pixel in four: they are averages
-        typical = TYPICAL * max(float(median), LEAST_MEDIAN)
-        agreed = np.clip(np.sqrt(residual / np.float32(typical)), *BOUNDS)
+        agreed = _agreed(target, seen, max(3, round(config.around * max(seen.shape)) | 1))
         hidden = smooth_rise(self.cover(view, seen.shape[:2]) * agreed, config.shown, config.hidden)
         return 1 - np.float32(1 - config.least) * hidden
+
+
+def _agreed(target: Target, seen: Image, side: int) -> Plane:
+    """What residuals, averaged over squares of a side, make of covers [H, W]: a factor within BOUNDS.
+
+    Hidden pixels are black in the photograph and say nothing.
+    """
+    residual, shown = cv2.transform(cv2.absdiff(target.image, seen), CHANNEL_MEAN), target.shown
+    if shown is None:
+        residual = cv2.blur(residual, (side, side))
+        known = residual[::2, ::2]  # one pixel in four: they are averages
+    else:
+        shares = np.maximum(cv2.blur(shown, (side, side)), np.float32(LEAST_SHARE))
+        residual = cv2.blur(residual * shown, (side, side)) / shares
+        known = residual[::2, ::2][shown[::2, ::2] > 0]
+    typical = TYPICAL * max(float(np.median(known)) if known.size else 0.0, LEAST_MEDIAN)
+    return np.asarray(np.clip(np.sqrt(residual / np.float32(typical)), *BOUNDS), np.float32)

@@ -99,12 +99,16 @@ def test_mist_is_not_taken_off_where_it_is_foggy(scene, weights, tmp_path, monke
 
 @pytest.mark.parametrize(
     "switches",
-    [{"masks": MASKED}, {"rain": RainConfig()}, {"masks": MASKED, "rain": RainConfig(), "enhancement": True}],
-    ids=["masks", "rain", "all"],
+    [
+        {"masks": MASKED},
+        {"rain": RainConfig()},
+        {"rain": RainConfig(), "prior": True},
+        {"masks": MASKED, "rain": RainConfig(), "enhancement": True},
+    ],
+    ids=["masks", "rain", "prior", "all"],
 )
 def test_it_learns_resumes_and_comes_back(scene, weights, tmp_path, switches, monkeypatch):
-    if "enhancement" in switches:
-        switches = {**switches, "enhancement": str(weights)}
+    switches = {name: str(weights) if value is True else value for name, value in switches.items()}
     config = DeRainGSConfig(replace(CONFIG, iterations=100, checkpoint_seconds=0.0), **switches)
     undisturbed = DeRainGS(config, 0)
     undisturbed.fit(scene, tmp_path / "undisturbed")

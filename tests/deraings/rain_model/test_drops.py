@@ -217,3 +217,13 @@ def test_before_any_view_nothing_is_known():
     drops = looked_at(panorama.views_of(panorama.paint(), 14))
     assert not any(plane.any() for plane in drops.line(0))
     assert layer_of(drops) is None
+
+
+def test_the_share_of_the_lens_that_stays_is_of_what_any_photograph_shows():
+    photographs = behind_drops(panorama.views_of(panorama.paint(), 14))
+    hidden = np.ones(photographs.shape[1:3], bool)
+    hidden[10:40, 15:50] = False  # around the drop
+    dark = np.where(hidden[..., None], 0, photographs)
+    shown = looked_at(photographs).staying, looked_at(dark, hidden=[hidden] * 14).staying
+    assert 0.02 < shown[0] < 0.3 < shown[1]
+    assert looked_at(dark, hidden=[np.ones_like(hidden)] * 14).staying == 0

@@ -12,6 +12,7 @@ from deraings.rain_model.enhanced_target import EnhancedTarget, EnhancedTargetCo
 from deraings.rain_model.mist import MistConfig
 from deraings.rain_model.model import RainConfig
 from deraings.rain_model.objective import RainObjective
+from deraings.rain_model.streaks import SingleStreaksConfig
 
 STEPS, COUNT, CONFIG = 60, 8, EnhancedTargetConfig()
 BEHIND_MIST = RainConfig(mist=MistConfig(start=0), drops=None, rain_layer=None)
@@ -130,3 +131,12 @@ def test_without_it_the_photographs_alone_are_compared_with(scene):
     loss, _ = objective(scene[1], 1, 1, BufferPool())
     assert not enhanced.asked
     assert loss != Objective(enhanced.pictures)(scene[1], 1, 1, BufferPool())[0]
+
+
+def test_single_streaks_are_renewed_in_a_step_that_has_the_enhanced_photograph(scene):
+    config = replace(BEHIND_MIST, rain_layer=RainConfig().rain_layer, streaks=SingleStreaksConfig(renewals=(0.45,)))
+    objective, renewal = objective_of(scene, Enhanced(scene), config), round(0.45 * STEPS)
+    objective.model.rain.streaks.visits[:] = 3
+    objective(scene[0], 0, renewal, BufferPool())
+    assert objective.model.enhanced.due(renewal)
+    assert not objective.model.rain.streaks.visits.any()

@@ -5,8 +5,8 @@ import pytest
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import photometric_loss, prepare_target
-from deraings.rain_model.mist import Mist, MistConfig, _gather, _spread, roughness_gradient
-from deraings.rain_model.mist_bounds import max_mist_alpha
+from deraings.rain_model.mist import Mist, MistConfig, MistGradient, _gather, _spread, roughness_gradient
+from deraings.rain_model.mist_bounds import max_mist_alpha, mist_bounds
 
 AIR = np.array([0.55, 0.6, 0.65], np.float32)
 STEPS = 400
@@ -62,7 +62,43 @@ def test_mist_is_never_lighter_than_the_dark_things_behind_it():
     knots = np.linspace(0, 0.4, 5)
     assert (MistConfig().slack * bound > knots - 0.03).all()
     assert np.abs(bound - knots).max() < 0.2
-    assert (max_mist_alpha(pictures, AIR, (1, 4, 5), 0.05, [hidden] * 12)[0, :, 0] == 1).all()
+    assert np.isnan(max_mist_alpha(pictures, AIR, (1, 4, 5), 0.05, [hidden] * 12)[0, :, 0]).all()
+
+
+@pytest.mark.parametrize("most", [0.0, 0.4])
+def test_places_that_all_photographs_hide_say_nothing_of_mist(most):
+    scene = panorama.views_of(panorama.paint(), 12)
+    pictures = panorama.eight_bit(panorama.misted(scene, panorama.slanted_mist(most), AIR))
+    hidden = np.zeros(scene.shape[1:3], bool)
+    hidden[: int(0.7 * len(hidden))] = True  # mist is alike in all rows
+    black = [np.where(hidden[..., None], np.uint8(0), picture) for picture in pictures]
+    whole, part = mist_bounds(pictures, MistConfig()), mist_bounds(black, MistConfig(), [hidden] * 12)
+    assert part.suspected == whole.suspected == (most > 0)
+    assert part.usual == pytest.approx(whole.usual, abs=0.03)
+    assert part.colour == pytest.approx(whole.colour, abs=0.1)
+    assert np.isfinite(part.possible).all()
+    assert np.isfinite(part.max_alpha).all()
+
+
+def test_photographs_that_hide_everything_have_no_mist():
+    pictures, hidden = np.zeros((8, 30, 40, 3), np.uint8), np.ones((30, 40), bool)
+    bounds = mist_bounds(list(pictures), MistConfig(), [hidden] * 8)
+    assert not bounds.suspected
+    assert np.isfinite(bounds.possible).all()
+    assert np.isfinite(bounds.colour).all()
+
+
+def test_adam_counts_the_steps_that_mist_takes():
+    mist = Mist(panorama.eight_bit(panorama.views_of(panorama.paint(), 8)), STEPS, MistConfig(start=0))
+    late = Mist(panorama.eight_bit(panorama.views_of(panorama.paint(), 8)), STEPS, MistConfig(start=0, final_rate=1.0))
+    every = Mist(panorama.eight_bit(panorama.views_of(panorama.paint(), 8)), STEPS, MistConfig(start=0, final_rate=1.0))
+    gradient = MistGradient(np.full_like(mist.roots, -1e-3), np.zeros(3, np.float32))
+    for step in range(10):
+        every.update(gradient, step)
+        late.update(gradient, 2 * step)
+    assert np.array_equal(every.roots, late.roots)
+    mist.load_state_dict({name: value.copy() for name, value in late.state_dict().items()})
+    assert mist.steps == 10
 
 
 def test_pictures_of_other_sizes_show_the_same_lens():

@@ -37,6 +37,7 @@ def rainy_views():
 def step(model, photograph, scene_image, view, iteration, buffers):
     """One step of a training, as the objective does it; returns what was seen, and the gradients."""
     target = prepare_target((255 * photograph).round().astype(np.uint8))
+    model.begin(iteration)
     seen = model.forward(scene_image, view, iteration, buffers)
     _, gradient = photometric_loss(seen.image, target, 0.2, seen.weights, buffers)
     by_scene, by_mist = model.backward(seen, gradient, buffers)

@@ -6,6 +6,7 @@ import panorama
 import pytest
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
+from baselines.splatting.kernels.photometric import prepare_target
 from baselines.training.images import TrainingImages
 from deraings.rain_model.model import RainConfig
 from deraings.rain_model.objective import RainObjective
@@ -69,8 +70,13 @@ def rendered(scene):
     return np.clip(scene + 0.03 * np.random.default_rng(2).standard_normal(scene.shape), 0, 1).astype(np.float32)
 
 
-def looked_at(prior, staying=0.0, config=CONFIG):
-    return RenewedDrops(prior, COUNT, staying, STEPS, config)
+def looked_at(prior, staying=0.0, config=CONFIG, hidden=()):
+    images = TrainingImages(np.zeros((COUNT, panorama.HEIGHT, panorama.WIDTH, 3), np.uint8), hidden)
+    return RenewedDrops(prior, images, staying, STEPS, config)
+
+
+def weights_of(renewed, photograph, seen, view=0, iteration=STEPS, ignored=None):
+    return renewed.weights(prepare_target(photograph, ignored), seen, view, iteration)
 
 
 def objective_of(photographs, prior, config=None):
@@ -81,7 +87,7 @@ def objective_of(photographs, prior, config=None):
 def test_a_drop_is_hidden_and_what_looks_like_the_scene_is_not(scene, places, photographs, covers):
     renewed = looked_at(Prior(covers))
     for view in range(COUNT):
-        weights = renewed.weights(photographs[view], rendered(scene)[view], view, STEPS)
+        weights = weights_of(renewed, photographs[view], rendered(scene)[view], view)
         inside = weights[places[view]][2:-2, 2:-2]
         assert inside.mean() < 0.45
         assert np.median(weights[MISTAKE]) > inside.mean() + 0.2
@@ -98,18 +104,39 @@ def test_the_weights_are_what_the_page_says(scene, photographs, covers):
     cover = np.round(covers[view] * 255) / 255
     rise = np.clip((cover * agreed - 0.1) / 0.25, 0, 1)
     expected = 1 - 0.8 * rise**2 * (3 - 2 * rise)
-    assert looked_at(Prior(covers)).weights(photographs[view], seen, view, STEPS) == pytest.approx(expected, abs=1e-4)
+    assert weights_of(looked_at(Prior(covers)), photographs[view], seen, view) == pytest.approx(expected, abs=1e-4)
 
 
 def test_dry_photographs_are_left_alone_and_few_are_asked_for(scene):
     prior = Prior(np.full((COUNT, 45, 61), 0.02, np.float32))
     renewed = looked_at(prior)
-    assert renewed.weights(scene[0], rendered(scene)[0], 0, STEPS) is None
+    assert weights_of(renewed, scene[0], rendered(scene)[0]) is None
     assert not renewed.cover(0, (45, 61)).any()
     assert len(prior.asked) == CONFIG.sample
     assert prior.asked[0] == 0
     assert prior.asked[-1] == COUNT - 1
     assert all(first < second for first, second in pairwise(prior.asked))
+
+
+def test_what_masks_hide_says_nothing_of_drops(scene, places, photographs, covers):
+    """Hidden pixels are black: against the render they would be the largest residuals."""
+    view, ignored = 3, np.zeros((panorama.HEIGHT, panorama.WIDTH), bool)
+    ignored[:, : panorama.WIDTH // 2] = True
+    ignored[places[view]] = False
+    seen = rendered(scene)[view]
+    whole, part = (
+        weights_of(looked_at(Prior(covers)), photographs[view], seen, view, ignored=mask) for mask in (None, ignored)
+    )
+    assert np.abs(part - whole)[~ignored].max() < 0.2
+    assert part[places[view]].mean() < 0.5
+    nothing = weights_of(looked_at(Prior(covers)), photographs[view], seen, view, ignored=np.ones_like(ignored))
+    assert np.isfinite(nothing).all()
+
+
+def test_the_share_behind_drops_is_of_what_is_shown(covers):
+    ignored = covers[0] == 0
+    assert looked_at(Prior(covers), hidden=[ignored] * COUNT).share > 2 * looked_at(Prior(covers)).share
+    assert looked_at(Prior(covers), hidden=[np.ones_like(ignored)] * COUNT).share == 0
 
 
 def test_drops_that_stay_are_left_to_the_lens(covers):
@@ -120,14 +147,14 @@ def test_drops_that_stay_are_left_to_the_lens(covers):
 
 def test_nothing_is_hidden_before_views_are_learned(scene, photographs, covers):
     renewed = looked_at(Prior(covers), config=replace(CONFIG, start=0.2))
-    assert renewed.weights(photographs[0], scene[0], 0, 19) is None
-    assert renewed.weights(photographs[0], scene[0], 0, 20) is not None
+    assert weights_of(renewed, photographs[0], scene[0], 0, 19) is None
+    assert weights_of(renewed, photographs[0], scene[0], 0, 20) is not None
 
 
 def test_a_perfect_render_and_an_even_residual_give_finite_weights(scene, covers):
     renewed = looked_at(Prior(covers))
     for seen in (scene[0], scene[0] + np.float32(0.1)):
-        weights = renewed.weights(scene[0], seen, 0, STEPS)
+        weights = weights_of(renewed, scene[0], seen)
         assert np.isfinite(weights).all()
         assert weights.min() >= CONFIG.least
         assert weights.max() == 1
@@ -136,7 +163,7 @@ def test_a_perfect_render_and_an_even_residual_give_finite_weights(scene, covers
 def test_half_sized_views_are_weighed_alike(scene, places, photographs, covers):
     renewed = looked_at(Prior(covers))
     half = [np.ascontiguousarray(image[:44:2, :60:2]) for image in (photographs[1], rendered(scene)[1])]
-    weights = renewed.weights(*half, 1, STEPS)
+    weights = weights_of(renewed, *half, 1)
     assert weights.shape == (22, 30)
     rows, columns = (slice(side.start // 2 + 2, side.stop // 2 - 2) for side in places[1])
     assert weights[rows, columns].mean() < 0.5
