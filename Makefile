@@ -34,6 +34,13 @@ KERNEL_TESTS := $(addprefix tests/baselines/splatting/test_,rasterizer.py hard_c
 READY    := $(VENV)/.ready
 DOCS     := $(VENV)/.ready-docs
 
+# Whoever sets up with settings of their own means the environment that is there, too.
+own       = $(filter command environment,$(firstword $(origin $(1))))
+ifneq ($(and $(filter setup,$(MAKECMDGOALS)),$(strip $(foreach name,PYTHON EXTRAS PIP_ARGS,$(call own,$(name))))),)
+  .PHONY: $(READY)
+endif
+anew     := $(if $(call own,PYTHON),--clear)
+
 # Settings reach the programs as they were given: make does not expand what is in them, and no shell reads it.
 GIVEN    := METHOD SCENE PROFILE SEED TRACK DATA RESULTS SEEDS METHODS BENCH PORT OUT EXTRAS
 OPTIONAL := SUITE CAPTURES PATTERNS PHOTOGRAPHS RUN SCENES OVERWRITE REPAIR BENCH_ARGS PIP_ARGS FILM_ARGS
@@ -88,7 +95,7 @@ endif
 setup: $(READY)  ## everything into .venv, at the versions of constraints.txt
 
 $(READY): pyproject.toml constraints.txt
-	$(PYTHON) -m venv $(VENV)
+	$(PYTHON) -m venv $(strip $(anew) $(VENV))
 	$(BIN)/python -m pip install --upgrade --constraint constraints.txt pip setuptools
 	$(BIN)/python -m pip install --constraint constraints.txt $(call quoted,$(PIP_ARGS)) --editable $(call quote,.[$(EXTRAS)])
 	touch $(READY)
@@ -116,7 +123,7 @@ enhancer: $(READY)  ## train the enhancement network: PHOTOGRAPHS=a folder of cl
 drop-finder: $(READY)  ## train the network that finds drops for derain-nerf: PHOTOGRAPHS=a folder of clean photographs
 	$(BIN)/python -m baselines.derain_nerf.raindrop_attention train --photographs $(call quote,$(PHOTOGRAPHS)) --cache $(results)/enhancement/rain --out $(results)/raindrop-attention/small
 
-compare: $(READY)  ## METHODS="..." or all of them, on SCENES="..." or SCENE=, for every seed of SEEDS="0 1 2"
+compare: $(READY)  ## METHODS="..." or the seven of the Makefile, on SCENES="..." or SCENE=, for every seed of SEEDS="0 1 2"
 	+$(call sweep,$(METHODS))
 
 ablation: $(READY)  ## the same for DeRainGS with parts left out and with the rain model

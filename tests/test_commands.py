@@ -80,6 +80,21 @@ def recorded(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        ([], "Nothing to be done"),
+        (["EXTRAS=dev"], "--editable '.[dev]'"),
+        (["PIP_ARGS=--quiet"], "'--quiet' --editable"),
+        (["PYTHON=python3.13"], "python3.13 -m venv --clear"),
+    ],
+)
+def test_an_environment_is_set_up_anew_with_other_settings(recorded, settings, expected):
+    said = recorded("--no-silent", "--just-print", "setup", *settings)
+    assert expected in said.stdout
+    assert "venv" not in recorded("--no-silent", "--just-print", "eval", *settings).stdout
+
+
+@pytest.mark.parametrize(
     ("target", "name", "expected"),
     [
         ("dataset", "SCENE", {"--scene": STRANGE}),
