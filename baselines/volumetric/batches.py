@@ -55,7 +55,7 @@ class TrainingPixels:
         sizes = np.array([camera.width * camera.height for camera in cameras])
         self._ends = np.cumsum(sizes)
         self._starts = self._ends - sizes
-        self._colours = np.concatenate([images.pixels(view).reshape(-1, 3) for view in range(len(cameras))])
+        self._colours = images.all_pixels()
         self._weights = _counting(images, weights)
         if self._weights is not None and not self._weights.any():
             raise _nothing_counts(images)
