@@ -55,7 +55,7 @@ class LearningCurve:
     def load_state_dict(self, tree: Tree) -> None:
         """Take over what `state_dict` gave."""
         self.columns, self.rows, self._sums = tree["columns"] or self.columns, tree["rows"], tree["sums"]
-        steps = tree["steps"]
+        steps: int | dict[str, int] = tree["steps"]
         self._steps = steps if isinstance(steps, dict) else dict.fromkeys(self._sums, steps)  # older ones have a number
 
 
