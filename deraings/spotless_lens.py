@@ -17,6 +17,7 @@ from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import TrainingImages
 from deraings.image_planes import Plane, resized
 from deraings.masks.maps import mean_around
+from hydroviews.scene.masks import Ignored
 
 LENS_VIEWS = 8.0  # standard deviation, in views before and after, as of the occlusion masks
 LENS = "lens"  # of names in a checkpoint
@@ -29,16 +30,24 @@ class LensObjective(SpotlessObjective):
         super().__init__(images, config, network, seed)
         self._residuals: dict[int, Plane] = {}  # last ones of views, at the size of their features
 
-    def context(self, residuals: Plane, view: int) -> Sequence[Plane]:
+    def probability(self, residuals: Plane, view: int, ignored: Ignored | None) -> Plane:
+        """See TrimmedObjective; the residuals are remembered for the other views."""
+        p = super().probability(residuals, view, ignored)
+        shown = residuals if ignored is None else np.where(ignored, np.float32(self._limit), residuals)  # says nothing
+        self._residuals[view] = resized(shown, self.network.size(view))
+        return p
+
+    def context(self, view: int) -> Sequence[Plane]:
         """log2 of the others' mean residual over the inliers' limit; 0 while there are none."""
-        size = self.network.size(view)
+        size, limit = self.network.size(view), self._limit
         others = {other: known for other, known in self._residuals.items() if other != view}
         mean = mean_around(view, others, size, LENS_VIEWS)
-        limit = (self.histogram.percentile(self.trim.inlier_share) + 1) / BINS
-        ignored = self.images.ignored(view, (residuals.shape[0], residuals.shape[1]))
-        shown = residuals if ignored is None else np.where(ignored, np.float32(limit), residuals)  # says nothing
-        self._residuals[view] = resized(shown, size)
         return [np.zeros(size, np.float32) if mean is None else np.log2((mean + limit) / (2 * limit), dtype=np.float32)]
+
+    @property
+    def _limit(self) -> float:
+        """The largest residual of an inlier."""
+        return (self.histogram.percentile(self.trim.inlier_share) + 1) / BINS
 
     def state_dict(self) -> dict[str, NDArray]:
         """See Objective."""

@@ -37,7 +37,7 @@ def with_delayed_growth(method: type[Method]) -> type[Method]:
 
 
 def delayed(config: Any, name: str) -> Any:
-    """Settings with late growth: a TrainerConfig's, or those that hold one as `splatting`.
+    """Settings with late growth: a TrainerConfig's, or those that hold one as `splatting`, or as a wrapped `method`.
 
     Args:
         config: the settings.
@@ -46,9 +46,10 @@ def delayed(config: Any, name: str) -> Any:
     Raises:
         InputError: there is no adaptive density control to delay, or its budget is kept by pruning.
     """
-    inside = getattr(config, "splatting", None)
-    if inside is not None:
-        return replace(config, splatting=delayed(inside, name))
+    for part in ("splatting", "method"):
+        inside = getattr(config, part, None)
+        if inside is not None:
+            return replace(config, **{part: delayed(inside, name)})
     if not isinstance(config, TrainerConfig) or not isinstance(config.strategy, DefaultStrategy):
         raise InputError(f"{name}: no growth to delay", expected="a method with adaptive density control")
     if config.pruning is not None and config.pruning.budget is not None:

@@ -85,7 +85,8 @@ class MaskNetwork:
         """
         self.config, self.seed = config, seed
         pictures = tqdm(range(len(images)), desc="features of the photographs", unit="image", leave=False)
-        self._seen = standardised([features(images.pixels(view) / np.float32(255)) for view in pictures])
+        self._seen = [features(images.pixels(view) / np.float32(255)) for view in pictures]
+        standardise(self._seen)
         inputs = len(self._seen[0]) + 4 * config.octaves + extra
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
@@ -166,10 +167,11 @@ def encoded_places(height: int, width: int, octaves: int) -> Tensor:
     return torch.from_numpy(encoded.astype(np.float32))
 
 
-def standardised(features: Sequence[Tensor]) -> list[Tensor]:
-    """Features [C, h, w] of pictures with mean 0 and deviation 1 over all of them, in half precision, to keep many.
+def standardise(features: list[Tensor]) -> None:
+    """Give features [C, h, w] of pictures mean 0 and deviation 1 over all of them, in half precision, to keep many.
 
-    What does not vary, as in pictures of one colour, becomes 0.
+    They are replaced one by one, so that both precisions of all are never there at once. What does not vary, as in
+    pictures of one colour, becomes 0.
     """
     number = sum(seen[0].numel() for seen in features)
     mean = sum((seen.double().sum(dim=(1, 2)) for seen in features), torch.zeros(())) / number
@@ -178,7 +180,8 @@ def standardised(features: Sequence[Tensor]) -> list[Tensor]:
     )
     deviation = (squares / number).sqrt()
     factor = torch.where(deviation > FLAT, 1 / deviation.clamp(min=FLAT), 0.0)
-    return [((seen.double() - mean[:, None, None]) * factor[:, None, None]).half() for seen in features]
+    for view, seen in enumerate(features):
+        features[view] = ((seen.double() - mean[:, None, None]) * factor[:, None, None]).half()
 
 
 def enlarged(p: Tensor, size: tuple[int, ...]) -> Plane:

@@ -52,14 +52,14 @@ class SpotlessObjective(TrimmedObjective):
             self.below(residuals, share, ignored) for share in (self.network.config.lower, self.network.config.upper)
         )
         with one_thread():
-            return self.network.learn(view, lower, upper, ignored, self.context(residuals, view))
+            return self.network.learn(view, lower, upper, ignored, self.context(view))
 
     def predicted(self, residuals: Plane, view: int, ignored: Ignored | None) -> Plane:
         """See TrimmedObjective."""
         with one_thread():
-            return self.network.probability(view, residuals.shape, self.context(residuals, view))
+            return self.network.probability(view, residuals.shape, self.context(view))
 
-    def context(self, residuals: Plane, view: int) -> Sequence[Plane]:
+    def context(self, view: int) -> Sequence[Plane]:
         """What the network sees of a view beside its features; here nothing."""
         return ()
 

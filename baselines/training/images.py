@@ -53,6 +53,17 @@ class TrainingImages:
         """What is hidden of one picture, bool [H, W]; None where nothing is."""
         return self._at(index, size)[1]
 
+    def all_pixels(self) -> NDArray[np.uint8]:
+        """The pixels [N, 3] of one picture after the other, of which the pictures are parts from here on: no copy."""
+        ends = np.cumsum([pixels.shape[0] * pixels.shape[1] for pixels, _ in self._full])
+        whole = np.empty((ends[-1], 3), np.uint8)
+        for index, end in enumerate(ends):  # one by one, so that all of them are never there twice
+            pixels, ignored = self._full[index]
+            part = whole[end - pixels.shape[0] * pixels.shape[1] : end].reshape(pixels.shape)
+            part[...] = pixels
+            self._full[index] = part, ignored
+        return whole
+
     def digest(self) -> str:
         """SHA-256 of all pixels, and of what is hidden of them."""
         digest = hashlib.sha256()

@@ -14,6 +14,7 @@ resolution; dropout is for learning only, not for the weights; features of photo
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -34,6 +35,7 @@ from baselines.wild_gaussians.features import Features, Network, unlikeness
 from hydroviews.scene.images import Image
 
 FLAT = 1e-6  # features that vary less are left out
+CHANNELS = 16  # of which all pictures' features are gathered at once
 
 
 @dataclass(frozen=True)
@@ -78,15 +80,14 @@ class Uncertainty:
         self._last = strategy.stop
         pictures = tqdm(range(len(images)), desc="features of the photographs", unit="image", leave=False)
         self._seen = [features(images.pixels(view) / np.float32(255)) for view in pictures]
-        everywhere = torch.cat([seen.flatten(1) for seen in self._seen], dim=1)
-        self._mean, deviation = everywhere.mean(dim=1)[:, None, None], everywhere.std(dim=1)[:, None, None]
+        self._mean, deviation = statistics(self._seen)
         self._factor = torch.where(deviation > FLAT, 1 / deviation.clamp(min=FLAT), 0.0)
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
-            self.head = nn.Linear(len(everywhere), 1)
+            self.head = nn.Linear(len(self._mean), 1)
             nn.init.normal_(self.head.weight, 0, 0.01)
             nn.init.constant_(self.head.bias, math.log(math.expm1(config.prior)))  # softplus of it is the prior
-        self.head.to(everywhere.device)
+        self.head.to(self._mean.device)
         self._adam = torch.optim.Adam(self.head.parameters(), config.rate)
 
     def weights(self, view: int, size: Size, iteration: int) -> NDArray[np.float32] | None:
@@ -160,6 +161,16 @@ class Uncertainty:
             return 1.0
         size = like.shape[1], like.shape[0]
         return torch.from_numpy(cv2.resize((~ignored).astype(np.float32), size, interpolation=cv2.INTER_AREA)).to(like)
+
+
+def statistics(features: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
+    """Mean and deviation [C, 1, 1] of features [C, h, w] over all pictures; few channels at a time, to spare memory."""
+    parts = []
+    for some in zip(*(seen.split(CHANNELS) for seen in features), strict=True):
+        everywhere = torch.cat([seen.flatten(1) for seen in some], dim=1)
+        parts.append(torch.stack([everywhere.mean(dim=1), everywhere.std(dim=1)]))
+    mean, deviation = torch.cat(parts, dim=1)[..., None, None]
+    return mean, deviation
 
 
 def uncertainty_loss(unlike: Tensor, u: Tensor, regulariser: float) -> Tensor:

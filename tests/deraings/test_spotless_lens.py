@@ -11,6 +11,7 @@ from baselines.distractors.residuals import BINS
 from baselines.distractors.spotless import SpotlessConfig
 from baselines.method import find_method
 from baselines.splatting.config import TrainerConfig
+from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.training.images import TrainingImages
 from deraings.spotless_lens import LensObjective, SpotlessLens
@@ -32,8 +33,10 @@ def test_the_network_sees_what_other_views_miss_at_the_same_place():
     drop[8:16, 8:16] = 0.5
     ours.histogram.observe(np.full((32, 48), 0.0195, np.float32))
     limit = 196 / BINS
-    assert not ours.context(drop, 0)[0].any()  # nothing is known of others
-    (plane,) = ours.context(np.full_like(drop, 0.9), 1)  # its own residuals are not shown
+    assert not ours.context(0)[0].any()  # nothing is known of others
+    ours.probability(drop, 0, None)
+    ours.probability(np.full_like(drop, 0.9), 1, None)
+    (plane,) = ours.context(1)  # its own residuals are not shown
     assert plane.shape == (8, 12)
     assert plane[2:4, 2:4] == pytest.approx(np.log2((0.5 + limit) / (2 * limit)), rel=1e-4)
     assert plane[6, 6] == pytest.approx(np.log2((0.01 + limit) / (2 * limit)), rel=1e-4)
@@ -46,9 +49,21 @@ def test_what_is_hidden_says_nothing_to_other_views():
     images = TrainingImages(pictures, [hidden, None, None])
     ours = LensObjective(images, CONFIG, MaskNetwork(images, frozen("vgg", "cpu"), CONFIG.network, 0, 1), 0)
     ours.histogram.observe(np.full((32, 48), 0.0195, np.float32))
-    ours.context(np.where(hidden, np.float32(0.5), np.float32(0.0196)), 0)
-    (plane,) = ours.context(np.full((32, 48), 0.9, np.float32), 1)
+    ours.probability(np.where(hidden, np.float32(0.5), np.float32(0.0196)), 0, hidden)
+    (plane,) = ours.context(1)
     assert np.abs(plane).max() < 0.01  # log2 of the inliers' limit over itself
+
+
+def test_asking_what_is_left_out_changes_nothing():
+    ours, render = objective(), np.full((32, 48, 3), 0.2, np.float32)
+    for view in (0, 1):
+        ours(render, view, view, BufferPool())
+    before = {name: array.copy() for name, array in ours.state_dict().items()}
+    for view in range(3):  # of the last one nothing was learned yet
+        ours.left_out(render / 2, view)
+    after = ours.state_dict()
+    assert after.keys() == before.keys()
+    assert [name for name, array in before.items() if array.tobytes() != after[name].tobytes()] == []
 
 
 def test_an_interrupted_run_ends_with_the_same_bits(tmp_path):

@@ -26,6 +26,17 @@ def test_growth_of_the_paper_is_that_of_the_authors():
     assert (strategy.start, strategy.stop) == (10_000, 20_000)
 
 
+@pytest.mark.parametrize("name", ["3dgs", "spotless"])
+def test_the_order_of_wrappers_does_not_matter(name):
+    one, other = (find_method(f"{name}+{order}") for order in ("enhance+delayed-growth", "delayed-growth+enhance"))
+    late = one.configuration("demo")
+    assert late == other.configuration("demo")
+    assert late.method == find_method(f"{name}+delayed-growth").configuration("demo")
+    assert late.method != find_method(f"{name}+enhance").configuration("demo").method
+    with pytest.raises(InputError, match="no growth to delay"):
+        find_method("nerf-w+enhance+delayed-growth").configuration("demo")
+
+
 def test_what_does_not_grow_is_refused():
     with pytest.raises(InputError, match="no growth to delay"):
         find_method("nerf-w+delayed-growth").configuration("demo")

@@ -1,3 +1,5 @@
+import weakref
+
 import numpy as np
 import pytest
 import torch
@@ -9,7 +11,7 @@ from baselines.distractors.mask_network import (
     encoded_places,
     frozen,
     hinge,
-    standardised,
+    standardise,
     vgg_features,
 )
 from baselines.training.images import TrainingImages
@@ -57,10 +59,29 @@ def test_features_are_standardised_over_all_pictures_and_constant_ones_vanish():
     made = [3 + 2 * torch.randn(5, 8, 6, generator=torch.Generator().manual_seed(k)) for k in range(3)]
     for seen in made:
         seen[4] = 7
-    found = torch.cat([seen.double().flatten(1) for seen in standardised(made)], dim=1)
+    standardise(made)
+    found = torch.cat([seen.double().flatten(1) for seen in made], dim=1)
     assert torch.allclose(found[:4].mean(dim=1), torch.zeros(4, dtype=torch.float64), atol=1e-3)
     assert torch.allclose(found[:4].std(dim=1, correction=0), torch.ones(4, dtype=torch.float64), atol=1e-3)
     assert not found[4].any()
+
+
+def test_features_of_both_precisions_are_never_there_of_all_pictures(monkeypatch):
+    alive, half = [], torch.Tensor.half
+
+    def counted(tensor):
+        alive.append(sum(seen() is not None for seen in whole))
+        return half(tensor)
+
+    def features(image):
+        seen = blocks(image)
+        whole.append(weakref.ref(seen))
+        return seen
+
+    whole = []
+    monkeypatch.setattr(torch.Tensor, "half", counted)
+    MaskNetwork(photographs(4), features, CONFIG, 0)
+    assert alive == [4, 3, 2, 1]
 
 
 @pytest.mark.parametrize("level", [0, 128, 255])

@@ -33,6 +33,7 @@ from deraings.enhancement import training as enhancement
 from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.pairs import Pairs
 from hydroviews.pairs.rainy_pairs import DrawnRain
+from leaderboard.site.learning_curves import learning_curves
 
 SIGNALS = [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit)]
 INTERVALS = Intervals(checkpoint_seconds=1e9, validate_every=2)
@@ -271,6 +272,55 @@ def test_the_learning_curve_goes_on_over_sessions(tmp_path, monkeypatch):
     loop.run(Counting(250, losses), tmp_path / CHECKPOINT, {}, 1e9)
     (rows, expected) = (learning_curve(folder) for folder in (tmp_path, tmp_path / "alone"))
     assert [row | {"seconds": ""} for row in rows] == [row | {"seconds": ""} for row in expected]
+
+
+class Changing(Counting):
+    """Has a loss in every fourth step alone, and from step 100 on another one and another count."""
+
+    def step(self):
+        done, metrics = self.iteration, super().step()
+        some = {"now and then": float(done)} if done % 4 == 0 else {}
+        return metrics | some | ({"late": 2.0 * done, "late numbers": done} if done >= 100 else {})
+
+
+def test_losses_that_come_later_or_are_not_in_every_step_have_columns_and_means_of_their_own(tmp_path):
+    loop.run(Changing(250), tmp_path / CHECKPOINT, {}, 1e9)
+    rows = learning_curve(tmp_path)  # every third step
+    assert list(rows[0]) == ["step", "seconds", "loss", "numbers", "now and then", "late", "late numbers"]
+    told = [(row["step"], row["now and then"], row["late"], row["late numbers"]) for row in rows]
+    assert told[:4] == [
+        ("3", "0", "nan", "nan"),
+        ("6", "4", "nan", "nan"),
+        ("9", "8", "nan", "nan"),
+        ("12",) + 3 * ("nan",),
+    ]
+    assert told[33:35] == [("102", "100", "201", "101"), ("105", "104", "206", "104")]  # the first has steps 99 to 101
+    assert {curve.name: len(curve.points.split()) for curve in learning_curves(tmp_path)} == {
+        "loss": 84, "numbers": 84, "now and then": 63, "late": 51, "late numbers": 51
+    }  # fmt: skip
+
+
+def test_a_learning_curve_whose_losses_change_goes_on_over_sessions(tmp_path, monkeypatch):
+    loop.run(Changing(250), tmp_path / "alone" / CHECKPOINT, {}, 1e9)
+    for moment in (0, 1, 98, 100, 103):  # the first before any row is there, others within one
+        with monkeypatch.context() as patch:
+            interrupting(patch, moment, signal.SIGINT)
+            with pytest.raises(KeyboardInterrupt):
+                loop.run(Changing(250), tmp_path / CHECKPOINT, {}, 1e9)
+    loop.run(Changing(250), tmp_path / CHECKPOINT, {}, 1e9)
+    (rows, expected) = (learning_curve(folder) for folder in (tmp_path, tmp_path / "alone"))
+    assert [row | {"seconds": ""} for row in rows] == [row | {"seconds": ""} for row in expected]
+
+
+@pytest.mark.parametrize("columns", [[], ["step", "seconds", "loss", "numbers"]])
+def test_a_learning_curve_of_an_older_checkpoint_goes_on(tmp_path, columns):
+    path, rows = tmp_path / CHECKPOINT, [[3, 1.0, 1.0, 3]] if columns else []
+    curve = {"columns": columns, "rows": rows, "sums": {"loss": 7.0, "numbers": 5}, "steps": 2}
+    state = {"iteration": 5, "seconds": 1.0, "sums": {"total": np.zeros(1)}, "learning curve": curve}
+    save_checkpoint(path, state, {})
+    loop.run(Counting(250, {5: 5.0}), path, {}, 1e9)
+    row = learning_curve(tmp_path)[len(rows)]
+    assert (row["step"], row["loss"], row["numbers"]) == ("6", "4", "6")
 
 
 def test_a_checkpoint_without_a_learning_curve_is_gone_on_from(tmp_path):

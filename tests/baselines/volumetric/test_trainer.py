@@ -11,12 +11,13 @@ import torch
 from balls import SMALL, photographed
 
 from baselines.training.checkpoints import CHECKPOINT
+from baselines.training.images import TrainingImages
 from baselines.volumetric.config import MlpFieldConfig
 from baselines.volumetric.losses import photometric_losses
 from baselines.volumetric.model import RadianceModel
 from baselines.volumetric.trainer import rate_at, train
 from hydroviews.errors import InputError
-from hydroviews.scene.images import write_png
+from hydroviews.scene.images import to_uint8, write_png
 
 SHORT = replace(SMALL, iterations=30, rays=64, proposal_always=10)
 
@@ -154,11 +155,26 @@ def test_bad_input_is_refused(scene, tmp_path):
     for weights in ([np.ones((24, 32), np.float32)], [np.full((24, 32), 1.5, np.float32) for _ in scene.train_views]):
         with pytest.raises(InputError, match="weights of the pixels"):
             fit(scene, SHORT, tmp_path, weights=weights)
-    with pytest.raises(InputError, match="no pixel counts"):
-        fit(scene, SHORT, tmp_path, weights=[np.zeros((24, 32), np.float32) for _ in scene.train_views])
     (tmp_path / CHECKPOINT).write_bytes(b"nothing")
     with pytest.raises(InputError, match="damaged"):
         fit(scene, SHORT, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("masked", "weight", "message"),
+    [
+        (0, 0.0, "weights of the method itself"),
+        (10, 0.0, "weights of the method itself"),  # a part is masked, the rest is the method's doing
+        (32, 1.0, "masks that hide all of them\n.*hide less of the photographs"),
+    ],
+)
+def test_where_nothing_counts_it_is_told_why(scene, tmp_path, masked, weight, message):
+    mask = np.broadcast_to(np.arange(32) < masked, (24, 32))
+    pictures = [to_uint8(view.image()) for view in scene.train_views]
+    images = TrainingImages(pictures, [mask if masked else None for _ in pictures])
+    weights = [np.full((24, 32), weight, np.float32) for _ in pictures]
+    with pytest.raises(InputError, match=f"no pixel counts\n.*{message}"):
+        fit(scene, SHORT, tmp_path, images=images, weights=weights)
 
 
 def test_rates_rise_and_fall():

@@ -160,6 +160,23 @@ def test_alexnet_tells_a_blurred_picture_from_another():
     assert shrunk(np.zeros((700, 525, 3), np.float32)).shape == (350, 262, 3)
 
 
+def test_features_of_all_pictures_are_not_gathered_a_second_time_for_their_statistics(monkeypatch):
+    random = torch.Generator().manual_seed(0)
+    made = [3 + 2 * torch.randn(384, *size, generator=random) for size in [(9, 7), (7, 9), (9, 7)]]
+    everywhere, gathered, cat = torch.cat([seen.flatten(1) for seen in made], dim=1), [], torch.cat
+
+    def noted(tensors, dim=0):
+        gathered.append(sum(tensor.numel() for tensor in tensors))
+        return cat(tensors, dim)
+
+    monkeypatch.setattr(torch, "cat", noted)
+    given = iter(made)
+    taught = model(photographs(3), features=lambda _: next(given))
+    assert max(gathered) < everywhere.numel() / 10
+    assert torch.equal(taught._mean[:, 0, 0], everywhere.mean(dim=1))
+    assert torch.equal(taught._factor[:, 0, 0], 1 / everywhere.std(dim=1))
+
+
 def test_the_features_are_recorded():
     named = [model(features=network).settings()["features"] for network in (Colours(), AlexNet("cpu"))]
     assert named == ["colours", "alexnet"]
