@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.training.images import evenly_spread
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.variants import open_variant
 from hydroviews.errors import InputError
@@ -28,7 +29,7 @@ def write_preview(run: Run, scene: Scene) -> None:
         scene: the clean views; those captured in rain where there are no clean ones.
     """
     names = scene.split.test
-    chosen = [names[i] for i in np.unique(np.linspace(0, len(names) - 1, ROWS).round().astype(int))]
+    chosen = [names[i] for i in evenly_spread(len(names), ROWS)]
     views = {view.name: view for view in scene.test_views}
     shown = () if run.pattern == CLEAN else open_variant(run.data / run.scene, run.pattern).views
     rainy = {view.name: view for view in shown if view.path.is_file()}

@@ -27,6 +27,12 @@ def read_images(views: Sequence[View]) -> "TrainingImages":
     return TrainingImages([pixels for pixels, _ in read], [ignored for _, ignored in read])
 
 
+def evenly_spread(count: int, most: int) -> list[int]:
+    """Indices of at most `most` of `count` things in a row, first and last among them, as evenly as it goes."""
+    places = np.linspace(0, max(count - 1, 0), min(most, count))
+    return [int(place) for place in np.unique(places.round())]
+
+
 class TrainingImages:
     """The training photographs [H, W, 3], kept with 8 bits a channel.
 

@@ -11,11 +11,10 @@ has taken most of the mist away that the photographs allow (`mist_bounds`).
 
 from dataclasses import dataclass
 
-import numpy as np
 from tqdm import tqdm
 
 from baselines.splatting.kernels.photometric import Target, prepare_target
-from baselines.training.images import Size, TrainingImages
+from baselines.training.images import Size, TrainingImages, evenly_spread
 from deraings.enhancement.views import EnhancedViews
 from deraings.rain_model.mist_bounds import mist_bounds
 from deraings.rain_model.mist_config import MistConfig
@@ -90,7 +89,7 @@ def removed_mist(images: TrainingImages, enhanced: EnhancedViews, mist: MistConf
     Raises:
         InputError: a kept picture is damaged.
     """
-    views = np.unique(np.linspace(0, len(images) - 1, min(sample, len(images))).round().astype(int)).tolist()
+    views = evenly_spread(len(images), sample)
     hidden = [images.ignored(view) for view in views]
     left = [to_uint8(enhanced.image(view)) for view in tqdm(views, desc="mist removed", unit="view", leave=False)]
     kinds = [images.pixels(view) for view in views], left

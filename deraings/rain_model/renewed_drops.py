@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.kernels.photometric import Target
-from baselines.training.images import TrainingImages
+from baselines.training.images import TrainingImages, evenly_spread
 from deraings.enhancement.views import EnhancedViews
 from deraings.image_planes import Plane, resized, smooth_rise, within_side
 from hydroviews.scene.images import Image, to_uint8
@@ -96,7 +96,7 @@ class RenewedDrops:
     def _share(self, images: TrainingImages) -> float:
         """The share of pixels that the network sees covered, of those shown in a few photographs of all times."""
         shares = []
-        for view in np.unique(np.linspace(0, len(images) - 1, self._config.sample).round().astype(int)).tolist():
+        for view in evenly_spread(len(images), self._config.sample):
             covered, hidden = self._enhanced.drop_cover(view) > self._config.covered, images.ignored(view)
             shown = covered if hidden is None else covered[~hidden]
             if shown.size:

@@ -167,7 +167,7 @@ def mask_beside(folder: Path, photographs: Path, file: Path) -> Path | None:
 
 
 def read_split(folder: Path) -> Split | None:
-    """The split in `split.json`, of the folder itself or of the built scene it is a rainy variant of.
+    """The split in `split.json`, of the folder itself or of the built scene it is a rainy variant of, in order of name.
 
     None where there is no file, or one that numbers photographs.
 
@@ -186,7 +186,7 @@ def read_split(folder: Path) -> Split | None:
     parts = ("train", "test", "sparse")
     if not all(_is_names(content.get(part)) for part in parts):
         raise InputError(f"{path}: not a split", expected='{"train": [view names], "test": [view names]}')
-    train, test, sparse = (tuple(content[part]) for part in parts)
+    train, test, sparse = (tuple(sorted(content[part])) for part in parts)
     return Split(train, test, sparse)
 
 

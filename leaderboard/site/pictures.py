@@ -8,10 +8,10 @@ from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
 
-import numpy as np
 from PIL import Image
 from tqdm import tqdm
 
+from baselines.training.images import evenly_spread
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.manifest import data_hash
 from hydroviews.dataset.variants import has_clean, open_clean, open_variant
@@ -106,7 +106,7 @@ def scene_pictures(runs: Iterable[ShownRun], data: Path, thumbnails: Thumbnails)
 
 def _renders(run: ShownRun, thumbnails: Thumbnails) -> dict[str, str]:
     paths = sorted((run.folder / "renders").glob("*.png"))
-    chosen = [paths[i] for i in np.unique(np.linspace(0, len(paths) - 1, VIEWS).round().astype(int))] if paths else []
+    chosen = [paths[i] for i in evenly_spread(len(paths), VIEWS)]
     return add_pictures({path.stem: path for path in chosen}, thumbnails)
 
 

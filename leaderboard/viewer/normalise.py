@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baselines.splatting.gaussians import Gaussians
+from baselines.training.images import evenly_spread
 from hydroviews.scene.cameras import Camera
 
 SIZE = 10.0  # median distance from the cameras' centre of what is shown, in the browser's units
@@ -81,7 +82,7 @@ def _mean_colours(gaussians: Gaussians, cameras: Sequence[Camera]) -> NDArray[np
 
     from baselines.splatting.backends.torch_rasterizer import basis
 
-    chosen = np.unique(np.linspace(0, len(cameras) - 1, min(DIRECTIONS, len(cameras))).round().astype(int))
+    chosen = evenly_spread(len(cameras), DIRECTIONS)
     total = np.zeros((len(gaussians), 3))
     for index in chosen:
         directions = gaussians.means - (cameras[index].centre - gaussians.origin)

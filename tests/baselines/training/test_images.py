@@ -3,8 +3,9 @@
 import weakref
 
 import numpy as np
+import pytest
 
-from baselines.training.images import TrainingImages
+from baselines.training.images import TrainingImages, evenly_spread
 from baselines.volumetric.batches import TrainingPixels
 from hydroviews.scene.cameras import Camera
 
@@ -39,3 +40,11 @@ def test_a_field_learns_from_the_pictures_themselves():
     pixels = TrainingPixels(cameras, images)
     assert [picture() for picture in alone] == [None] * 3
     assert all(np.shares_memory(pixels._colours, images.pixels(index)) for index in range(3))
+
+
+@pytest.mark.parametrize(
+    ("count", "most", "expected"),
+    [(0, 3, []), (1, 3, [0]), (3, 8, [0, 1, 2]), (8, 3, [0, 4, 7]), (8, 1, [0]), (9, 5, [0, 2, 4, 6, 8])],
+)
+def test_what_is_chosen_is_evenly_spread(count, most, expected):
+    assert evenly_spread(count, most) == expected

@@ -117,4 +117,4 @@ def test_a_split_file_without_sparse_views_is_one(tmp_path):
     (tmp_path / "split.json").write_text('{"train": ["a"], "test": ["b"]}')
     assert read_split(tmp_path) == Split(("a",), ("b",), ())
     (tmp_path / "split.json").write_text('{"train": ["a", "c"], "test": ["b"], "sparse": ["c", "a"]}')
-    assert read_split(tmp_path) == Split(("a", "c"), ("b",), ("c", "a"))
+    assert read_split(tmp_path) == Split(("a", "c"), ("b",), ("a", "c"))  # in order of name, which is time
