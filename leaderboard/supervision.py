@@ -35,7 +35,7 @@ class Limits:
     """What a process may take.
 
     Raises:
-        InputError: a limit that is not above 0.
+        InputError: a limit that is not above 0, or infinite.
     """
 
     time: float  # hours in all
@@ -205,9 +205,10 @@ def newest_change(folder: Path) -> int:
     What other processes remove meanwhile does not count.
     """
     newest = 0
-    for path in folder.rglob("*"):
-        with suppress(OSError):
-            newest = max(newest, path.lstat().st_mtime_ns)
+    for parent, folders, files in os.walk(folder):  # which passes over a folder that is gone by now
+        for name in (*folders, *files):
+            with suppress(OSError):
+                newest = max(newest, os.lstat(os.path.join(parent, name)).st_mtime_ns)
     return newest
 
 
