@@ -12,9 +12,10 @@ import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
+from urllib.parse import urlsplit
 
 import pydantic
-from pydantic import Field, StringConstraints
+from pydantic import AfterValidator, Field, StringConstraints
 from pydantic.dataclasses import dataclass
 
 from baselines.method import METHODS
@@ -43,7 +44,16 @@ ABOUT = "submission.toml"
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 Words = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]+$")]
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]
-Link = Annotated[str, StringConstraints(max_length=200, pattern=r"^https?://[!-~]+$")]
+
+
+def _with_host(link: str) -> str:
+    """Refuse, with a ValueError, an address that has no host or cannot be taken apart."""
+    if not urlsplit(link).hostname:
+        raise ValueError("no host in it")
+    return link
+
+
+Link = Annotated[str, StringConstraints(max_length=200, pattern=r"^https?://[!-~]+$"), AfterValidator(_with_host)]
 Digest = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
 
 

@@ -55,8 +55,17 @@ def _shown(row: dict[str, Any], results: Path) -> ShownRun:
         page_name(*(str(row[key]) for key in PLACE)),
         "" if row["submitted_by"] else _command(row),
         _files(folder, results),
-        row["link"] if urlsplit(row["link"] or "").scheme in ("http", "https") else "",
+        _web_address(row["link"] or ""),
     )
+
+
+def _web_address(link: str) -> str:
+    """The link, if it leads to the web; records of before may hold any text."""
+    try:
+        parts = urlsplit(link)
+    except ValueError:
+        return ""
+    return link if parts.scheme in ("http", "https") and parts.hostname else ""
 
 
 def page_name(*names: str) -> str:

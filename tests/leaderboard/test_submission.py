@@ -127,6 +127,8 @@ def folder_as_link(theirs: Path) -> None:
         (lambda t: edit(t, "their-method", "../../x"), r"method '\.\./\.\./x'"),
         (lambda t: edit(t, "their-method", "<script>"), "method '<script>'"),
         (lambda t: edit(t, "https://", "javascript:"), "link 'javascript:"),
+        (lambda t: edit(t, "https://example.org", "https://[abc"), r"link 'https://\[abc/paper'"),
+        (lambda t: edit(t, "https://example.org", "https://"), "link 'https:///paper': value error, no host in it"),
         (lambda t: edit(t, '["Ada", "Grace"]', "[]"), r"authors \[\]"),
         (lambda t: edit(t, "hardware =", "colour ="), "no hardware; unknown colour"),
         (lambda t: edit(t, "12.5", "nan"), "runs.0.seconds nan"),

@@ -22,6 +22,7 @@ from leaderboard.site.runs import page_name
 from leaderboard.site.write import write_site
 
 THEIRS = "<img src=x onerror=alert(1)>\"'& <\\script><script>alert(2)< (submitted)"
+THEIRS_IN_RECORDS = THEIRS.removesuffix(" (submitted)")
 VOID = {"meta", "link", "img", "input", "br", "line", "rect", "circle", "polyline"}
 
 
@@ -151,6 +152,16 @@ def test_names_run_no_script(pages):
     text = "".join(text for page in pages.values() for text in page.text)
     assert "onerror=alert(1)>" in text  # shown as it is
     assert "</td></script><script>alert(3)</script>" in text
+
+
+def test_a_link_that_is_no_address_is_none(copied):
+    """Records of before may hold one."""
+    folder = run_folder(copied, "demo", THEIRS_IN_RECORDS, "pond", "raindrop-0", 0, "given-poses")
+    write_json(folder / "record.json", read_json(folder / "record.json") | {"link": "https://[abc"})
+    write_site(collect(copied), copied, copied / "no data")
+    page = copied / "site" / "runs" / page_name("demo", THEIRS_IN_RECORDS, "pond", "raindrop-0", "0", "given-poses")
+    assert "Submitted by <b>Ada</b>" in "".join(Page(page).text)
+    assert "what they did" not in "".join(Page(page).text)
 
 
 def test_names_become_plain_file_names():
