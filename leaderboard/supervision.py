@@ -6,6 +6,7 @@ printed.
 """
 
 import faulthandler
+import math
 import os
 import resource
 import signal
@@ -47,6 +48,9 @@ class Limits:
             value = getattr(self, name)
             if value is not None and not value > 0:
                 raise InputError(f"--{name}-limit {value:g}: too little", expected="more than 0")
+            if value == math.inf:
+                otherwise = "no limit" if name == "memory" else "the default"
+                raise InputError(f"--{name}-limit inf: not finite", fix=f"leave it out for {otherwise}")
 
 
 @dataclass(frozen=True)

@@ -117,6 +117,14 @@ def test_a_limit_is_above_nothing(limits):
         Limits(**{"time": 1.0, "stall": 1.0, **limits})
 
 
+@pytest.mark.parametrize(
+    ("name", "otherwise"), [("time", "the default"), ("stall", "the default"), ("memory", "no limit")]
+)
+def test_a_limit_is_finite(name, otherwise):
+    with pytest.raises(InputError, match=rf"--{name}-limit inf[\s\S]*leave it out for {otherwise}"):
+        Limits(**{"time": 1.0, "stall": 1.0, name: float("inf")})
+
+
 @pytest.mark.parametrize(("deed", "options"), [("holds the lock", []), ("hangs", ["--portable"])])
 def test_a_child_does_not_outlive_a_parent_that_is_killed(tmp_path, deed, options):
     child = ["-m", "tethered_toy", *options, f"--deed={deed}", f"--tether.notes={tmp_path}"]
