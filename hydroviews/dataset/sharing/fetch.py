@@ -7,6 +7,7 @@ already is added to it, if both have the same clean views, cameras and split.
 
 import hashlib
 import os
+import shlex
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -191,9 +192,10 @@ def _can_be_made(packed: Packed, folder: Path, name: str) -> bool:
 def _command(packed: Packed) -> str:
     """The build that makes the scene again."""
     entry = packed.entry
-    size = f" --long-side {entry['long_side']}" if entry["long_side"] else ""
-    patterns = f" --patterns {' '.join(entry['patterns'])}" if entry["patterns"] else ""
-    return f"python -m hydroviews build --scene {entry['source']}{size} --seed {entry['seed']}{patterns}"
+    size = ["--long-side", entry["long_side"]] if entry["long_side"] else []
+    patterns = ["--patterns", *entry["patterns"]] if entry["patterns"] else []
+    options = ["--scene", entry["source"], *size, "--seed", entry["seed"], *patterns]
+    return shlex.join(["python", "-m", "hydroviews", "build", *map(str, options)])
 
 
 def _move(staged: Path, folder: Path, names: Collection[str]) -> None:
