@@ -256,6 +256,16 @@ def test_a_task_that_ray_loses_costs_its_row_only(request_of, tmp_path, monkeypa
     assert not ray.connected
 
 
+def test_a_log_is_named_where_there_is_one(request_of, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", OneAfterTheOther(lost=""))
+    request = request_of(["Raises"], ray="auto")
+    [(run, reason)] = sweep(request).items()
+    assert reason == "ArithmeticError: diverged at step 7"
+    local.log_path(run).parent.mkdir()
+    local.log_path(run).write_text("step 6")
+    assert list(sweep(request).values()) == [f"{reason} (what it printed: {local.log_path(run)})"]
+
+
 def test_a_ray_cluster_of_two_nodes(request_of, tmp_path, monkeypatch):
     pytest.importorskip("ray", reason="Ray is not installed")
     from ray.cluster_utils import Cluster
