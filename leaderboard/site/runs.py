@@ -86,5 +86,8 @@ def _command(row: Mapping[str, Any]) -> str:
 
 def _files(folder: Path, results: Path) -> tuple[tuple[str, str], ...]:
     below = "/".join(["..", "..", *folder.relative_to(results).parts])
-    names = sorted(f"{path.name}{'/' if path.is_dir() else ''}" for path in folder.iterdir() if path.name[0] != ".")
+    try:
+        names = sorted(f"{path.name}{'/' if path.is_dir() else ''}" for path in folder.iterdir() if path.name[0] != ".")
+    except FileNotFoundError:  # removed since its record was read
+        names = []
     return tuple((name, quote(f"{below}/{name}")) for name in names)

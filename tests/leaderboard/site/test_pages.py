@@ -248,6 +248,29 @@ def test_pictures_are_written_once_and_what_is_gone_goes(copied):
     assert sorted(path.suffix for path in gone) == [".html", ".webp", ".webp", ".webp"]
 
 
+@pytest.mark.parametrize("removed", ["before", "while"])
+def test_a_run_that_is_removed_meanwhile_does_not_end_the_pages(copied, monkeypatch, removed):
+    table = collect(copied)
+    folder = run_folder(copied, "demo", "3dgs", "pond", "streak-1", 0, "given-poses")
+    is_file = Path.is_file
+
+    def removing(path):
+        there = is_file(path)
+        if path == folder / LEARNING_CURVE:
+            assert there
+            shutil.rmtree(folder)
+        return there
+
+    if removed == "before":
+        shutil.rmtree(folder)
+    else:
+        monkeypatch.setattr(Path, "is_file", removing)
+    write_site(table, copied, copied / "no data")
+    assert not folder.exists()
+    page = copied / "site" / "runs" / page_name("demo", "3dgs", "pond", "streak-1", "0", "given-poses")
+    assert Page(page).all("svg") == []
+
+
 def test_a_render_that_is_no_picture_is_left_out_with_a_warning(copied, caplog):
     folder = run_folder(copied, "demo", "deraings", "pond", "streak-1", 0, "given-poses")
     (folder / "renders" / "016.png").write_bytes(b"not a picture")
