@@ -33,7 +33,7 @@ from hydroviews.scene.images import read_pixels
 from hydroviews.scene.scenes import View
 from leaderboard.gather import write_leaderboard
 from leaderboard.predict import PREDICTION
-from leaderboard.records import NOTED, STRICT, SUBMITTED, Count, Number, Record, in_words
+from leaderboard.records import NOTED, RAINY_POSES, STRICT, SUBMITTED, Count, Number, Record, in_words
 from leaderboard.runs import Run
 from leaderboard.score import renders_sha256, score
 from leaderboard.sessions import CONFIG
@@ -125,13 +125,20 @@ def read_submission(folder: Path) -> Submission:
         raise InputError(f"{path}: not valid TOML", found=error) from None
     except pydantic.ValidationError as error:
         raise InputError(f"{path}: not a submission", found=in_words(error), fix="docs/topics/submissions.md") from None
-    if submission.method in registered(METHODS):
-        raise InputError(f"{path}: method {submission.method} is one of ours", fix="choose another name")
+    if submission.method.casefold() in _taken_names():
+        raise InputError(f"{path}: the name {submission.method} is one of ours", fix="choose another name")
     names = [(run.scene, run.pattern, run.seed) for run in submission.runs]
     twice = [name for i, name in enumerate(names) if name in names[:i]]
     if twice:
         raise InputError(f"{path}: a run is listed twice", found=twice[0])
     return submission
+
+
+def _taken_names() -> set[str]:
+    """Folders beside those of methods, and of methods by name or by class, as file systems without case see them."""
+    methods = registered(METHODS)
+    names = {RAINY_POSES, *methods, *(target.replace(":", ".") for target in methods.values())}
+    return {name.casefold() for name in names}
 
 
 def _run(submission: Submission, one: SubmittedRun, data: Path, results: Path) -> Run:
