@@ -1,5 +1,6 @@
 """python -m hydroviews build | scenes | verify | sheet | poses | video | download | pack | fetch."""
 
+import shlex
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -174,7 +175,7 @@ def poses_command(images: Annotated[Path, tyro.conf.Positional], out: Path | Non
         write_json(out / CAPTURE, {**read_capture_json(out), **RAINY})
     for note in scene.notes:
         print(note)
-    print(f"capture: {out}; build it with `python -m hydroviews build --scene {out}`")
+    print(f"capture: {out}; build it with `python -m hydroviews build --scene {shlex.quote(str(out))}`")
 
 
 def video_command(
@@ -222,7 +223,7 @@ def video_command(
         return
     for note in scene.notes:
         print(note)
-    print(f"capture: {out}; train it with `make eval METHOD=3dgs SCENE={out}`")
+    print(f"capture: {out}; train it with `make eval METHOD=3dgs SCENE={shlex.quote(str(out))}`")
 
 
 def pack_command(

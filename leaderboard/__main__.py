@@ -165,10 +165,18 @@ def compare_command(
     suites = [name for name in SUITES if name in set(table.scene.map(suite_of))]
     if not suites:
         raise InputError(f"{results}: no such run", expected=", ".join([profile, track, *patterns]))
+    texts, failures = [], []
     for name in suites:
         rows = table[table.scene.map(suite_of) == name]
         title = ", ".join([f"suite {name}" if name else "other scenes", profile, track, *patterns])
-        print(f"\n{comparison_text(compare(rows, collect_views(rows, results), metric, methods), title)}", end="")
+        try:
+            texts.append(comparison_text(compare(rows, collect_views(rows, results), metric, methods), title))
+        except InputError as error:  # a suite that cannot be compared does not hold up the others
+            texts.append(f"{title}\n\n{error}\n")
+            failures.append(str(error))
+    if len(failures) == len(suites):
+        raise InputError("\n".join(dict.fromkeys(failures)))
+    print(*(f"\n{text}" for text in texts), sep="", end="")
 
 
 def publish_command(

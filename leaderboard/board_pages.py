@@ -32,16 +32,28 @@ def write_board(board: Path, out: Path, pages: Sequence[Path] = ()) -> Path:
         The pages' index.
 
     Raises:
-        InputError: no runs, `out` is the board itself or holds runs of its own, or a table is not as it has to be.
+        InputError: no runs, `out` is the board itself or holds runs of its own, a page cannot be read (then nothing is
+            written), or a table is not as it has to be.
     """
+    texts = {page: _read_page(page) for page in pages}
     _copy_runs(board, out)
     table = write_leaderboard(out)
     views = collect_views(table, out)
     write_bytes(out / COMPARISONS, comparisons_text(table, views).encode())
     index = write_site(table, out, data=out)  # without renders, no picture is looked for
-    for page in pages:
-        write_bytes(page, filled(page.read_text("utf-8"), table, views).encode())
+    for page, text in {page: filled(text, table, views) for page, text in texts.items()}.items():
+        write_bytes(page, text.encode())
     return index
+
+
+def _read_page(page: Path) -> str:
+    """A page's text, with line endings as they are."""
+    try:
+        return page.read_bytes().decode("utf-8")
+    except OSError as error:
+        raise InputError(f"{page}: cannot be read", found=error.strerror, expected="a page of Markdown") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"{page}: not text in UTF-8", found=error, expected="a page of Markdown") from None
 
 
 def _copy_runs(board: Path, out: Path) -> None:

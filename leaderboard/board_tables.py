@@ -62,7 +62,12 @@ def filled(text: str, table: pd.DataFrame, views: pd.DataFrame) -> str:
             expected=f"{START}PROFILE suites|scenes|methods PATTERN ... -->, a table, and {END}",
         )
     rows, views = (_given(one.assign(method=shown_names(one))) for one in (table, views))
-    return BLOCK.sub(lambda block: _block(block, rows, views), text)
+    return BLOCK.sub(lambda block: _as_ended(_block(block, rows, views), block[0]), text)
+
+
+def _as_ended(text: str, before: str) -> str:
+    """The text with the line endings of what it replaces."""
+    return text.replace("\n", "\r\n") if "\r\n" in before else text
 
 
 def _given(rows: pd.DataFrame) -> pd.DataFrame:
@@ -90,7 +95,8 @@ def _of_places(
     if not found:
         raise InputError(f"{start}: no such run", expected=f"{', '.join(methods)} under {', '.join(patterns)}")
     lines = [[*names, *(cells.get(method, "") for method in methods)] for names, cells in found]
-    return lines, f"{SUITES_LEGEND if suites else SCENES_LEGEND} {_basis(rows, patterns)}"
+    shown = rows[rows.scene.map(suite_of) != ""]
+    return lines, f"{SUITES_LEGEND if suites else SCENES_LEGEND} {_basis(shown, patterns)}"
 
 
 def _of_methods(start: str, head: Sequence[str], rows: pd.DataFrame, patterns: Sequence[str]) -> Filled:
@@ -109,9 +115,14 @@ def _of_methods(start: str, head: Sequence[str], rows: pd.DataFrame, patterns: S
     lines = []
     for method in _ranked(scores, asked):
         cells = [_scene_cell(scores.loc[method][scene], best[scene], patterns) for scene in scenes]
-        lines.append([f"`{method}`", *cells, *([f"{seconds[method]:.0f}"] if with_seconds else [])])
+        lines.append([f"`{method}`", *cells, *([_seconds_cell(seconds[method])] if with_seconds else [])])
     legend = f"PSNR under {', '.join(patterns)}" + (", and mean seconds of a run." if with_seconds else ".")
     return lines, f"{legend} {_basis(rows, patterns)}"
+
+
+def _seconds_cell(seconds: float) -> str:
+    """Empty where nobody said how long it took, as of runs that were submitted."""
+    return "" if math.isnan(seconds) else f"{seconds:.0f}"
 
 
 def _scene_cell(scores: pd.Series, best: pd.Series, patterns: Sequence[str]) -> str:
@@ -153,7 +164,7 @@ def _named(start: str, cells: Sequence[str], kind: str, known: pd.Series, form: 
 
 def _basis(rows: pd.DataFrame, patterns: Sequence[str]) -> str:
     """Which runs a table is of."""
-    own = rows[rows.pattern.isin([*patterns, CLEAN]) & (rows.scene.map(suite_of) != "")]
+    own = rows[rows.pattern.isin([*patterns, CLEAN])]
     seeds, versions = (sorted(map(str, set(own[name]))) for name in ("seed", "version"))
     return (
         f"Profile `{own.profile.iloc[0]}`, seed{'s' * (len(seeds) > 1)} {', '.join(seeds)}, code {', '.join(versions)}."

@@ -10,12 +10,11 @@ from baselines.splatting.gaussians import Gaussians
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from leaderboard.predict import PREDICTION
-from leaderboard.records import LEADERBOARD
+from leaderboard.records import LEADERBOARD, LEVELS, results_above
 from leaderboard.runs import CONFIG, Run, refuse_other_data
 
 logger = logging.getLogger(__name__)
 
-LEVELS = 5  # profile, method, scene, pattern, seed: see `leaderboard.runs`
 LISTED = 12  # runs that an error names
 
 
@@ -30,7 +29,7 @@ def open_run(folder: Path, data: Path) -> Run:
         InputError: no finished run, one that was moved, or other data than it was trained on.
     """
     require_finished(folder)
-    settings, results = read_json(folder / CONFIG), folder.resolve().parents[LEVELS - 1]
+    settings, results = read_json(folder / CONFIG), results_above(folder.resolve())
     names = ("method", "profile", "seed", "scene", "pattern", "track")
     run = Run(data=data / settings["profile"], results=results, **{name: settings[name] for name in names})
     if run.folder != folder.resolve():

@@ -18,6 +18,7 @@ from hydroviews.metrics import find_metrics
 from leaderboard.records import (
     GIVEN_POSES,
     LEADERBOARD,
+    LEVELS,
     PER_VIEW,
     PLACE,
     RECORD,
@@ -30,6 +31,7 @@ from leaderboard.records import (
     columns,
     effect_of,
     read_record,
+    results_above,
     run_folder,
 )
 from leaderboard.table_files import write_tables
@@ -37,7 +39,6 @@ from leaderboard.table_files import write_tables
 logger = logging.getLogger(__name__)
 
 BOARD = Path(__file__).with_name("board")  # the runs that ship: `publish` alone writes there
-LEVELS = 5  # profile, method, scene, pattern, seed: see `leaderboard.runs`
 LAST = re.compile(rf"seed-[0-9]{{1,9}}(-({'|'.join(TRACKS)}))?")  # folder of a seed, with its track
 COUNTS = ("n_train", "n_test", "width", "height", "n_primitives", "workers", "sessions", "photographs", "registered")
 VIEW_KEYS = (
@@ -99,7 +100,7 @@ def trusted_record(folder: Path) -> Record:
         InputError: there is none or an odd one, it is another run's, or `per_view.csv` says otherwise.
     """
     record = read_record(folder / RECORD)
-    belongs = run_folder(folder.parents[LEVELS - 1], *(getattr(record, name) for name in PLACE))
+    belongs = run_folder(results_above(folder), *(getattr(record, name) for name in PLACE))
     if belongs != folder:
         raise InputError(
             f"{folder / RECORD}: the record of another run", found=belongs, fix="move the run back, or remove it"

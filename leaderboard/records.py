@@ -203,6 +203,7 @@ def effect_of(pattern: str) -> str:
     return pattern.rpartition("-")[0] or pattern
 
 
+LEVELS = 5  # folders below a results folder: profile, method, scene, pattern, seed
 PLACE = ("profile", "method", "scene", "pattern", "seed", "track")  # what says where a run's files go
 
 
@@ -210,6 +211,11 @@ def run_folder(results: Path, profile: str, method: str, scene: str, pattern: st
     """Where a run's files go; `package.module:Class` becomes a plain folder name."""
     last = f"seed-{seed}" if track == GIVEN_POSES else f"seed-{seed}-{track}"
     return results / profile / method.replace(":", ".") / scene / pattern / last
+
+
+def results_above(folder: Path) -> Path:
+    """The results folder that a run's folder lies in; of one that lies too high to be a run's, some folder above it."""
+    return [*folder.parents, folder][:LEVELS][-1]
 
 
 def write_record(folder: Path, record: Record) -> None:

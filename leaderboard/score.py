@@ -147,9 +147,12 @@ def mean_scores(views: Sequence[Mapping[str, Any]], reasons: dict[str, str]) -> 
     """Rounded means over views; a metric without a score of a view, or an infinite one, is left out, with a reason."""
     table, means = pd.DataFrame(views), {}
     for metric in find_metrics():
-        mean = float(table[metric.name].astype(float).mean(skipna=False))
+        scores = table[metric.name].astype(float)
+        mean, unknown = float(scores.mean(skipna=False)), int(scores.isna().sum())
         if np.isfinite(mean):
             means[metric.name] = round(mean, 5)
+        elif unknown:
+            reasons.setdefault(metric.name, f"not a number for {unknown} of {len(scores)} views")
         else:
             reasons.setdefault(metric.name, "infinite: a render equals its clean view")
     return means

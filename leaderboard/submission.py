@@ -12,9 +12,10 @@ import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
+from urllib.parse import urlsplit
 
 import pydantic
-from pydantic import Field, StringConstraints
+from pydantic import AfterValidator, Field, StringConstraints
 from pydantic.dataclasses import dataclass
 
 from baselines.method import METHODS
@@ -32,7 +33,7 @@ from hydroviews.scene.images import read_pixels
 from hydroviews.scene.scenes import View
 from leaderboard.gather import write_leaderboard
 from leaderboard.predict import PREDICTION
-from leaderboard.records import NOTED, STRICT, SUBMITTED, Count, Number, Record, in_words
+from leaderboard.records import NOTED, RAINY_POSES, STRICT, SUBMITTED, Count, Number, Record, in_words
 from leaderboard.runs import Run
 from leaderboard.score import renders_sha256, score
 from leaderboard.sessions import CONFIG
@@ -43,7 +44,16 @@ ABOUT = "submission.toml"
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 Words = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]+$")]
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]
-Link = Annotated[str, StringConstraints(max_length=200, pattern=r"^https?://[!-~]+$")]
+
+
+def _with_host(link: str) -> str:
+    """Refuse, with a ValueError, an address that has no host or cannot be taken apart."""
+    if not urlsplit(link).hostname:
+        raise ValueError("no host in it")
+    return link
+
+
+Link = Annotated[str, StringConstraints(max_length=200, pattern=r"^https?://[!-~]+$"), AfterValidator(_with_host)]
 Digest = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
 
 
@@ -115,13 +125,20 @@ def read_submission(folder: Path) -> Submission:
         raise InputError(f"{path}: not valid TOML", found=error) from None
     except pydantic.ValidationError as error:
         raise InputError(f"{path}: not a submission", found=in_words(error), fix="docs/topics/submissions.md") from None
-    if submission.method in registered(METHODS):
-        raise InputError(f"{path}: method {submission.method} is one of ours", fix="choose another name")
+    if submission.method.casefold() in _taken_names():
+        raise InputError(f"{path}: the name {submission.method} is one of ours", fix="choose another name")
     names = [(run.scene, run.pattern, run.seed) for run in submission.runs]
     twice = [name for i, name in enumerate(names) if name in names[:i]]
     if twice:
         raise InputError(f"{path}: a run is listed twice", found=twice[0])
     return submission
+
+
+def _taken_names() -> set[str]:
+    """Folders beside those of methods, and of methods by name or by class, as file systems without case see them."""
+    methods = registered(METHODS)
+    names = {RAINY_POSES, *methods, *(target.replace(":", ".") for target in methods.values())}
+    return {name.casefold() for name in names}
 
 
 def _run(submission: Submission, one: SubmittedRun, data: Path, results: Path) -> Run:

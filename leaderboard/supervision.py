@@ -6,6 +6,7 @@ printed.
 """
 
 import faulthandler
+import math
 import os
 import resource
 import signal
@@ -35,7 +36,7 @@ class Limits:
     """What a process may take.
 
     Raises:
-        InputError: a limit that is not above 0.
+        InputError: a limit that is not above 0, or infinite.
     """
 
     time: float  # hours in all
@@ -47,6 +48,9 @@ class Limits:
             value = getattr(self, name)
             if value is not None and not value > 0:
                 raise InputError(f"--{name}-limit {value:g}: too little", expected="more than 0")
+            if value == math.inf:
+                otherwise = "no limit" if name == "memory" else "the default"
+                raise InputError(f"--{name}-limit inf: not finite", fix=f"leave it out for {otherwise}")
 
 
 @dataclass(frozen=True)
@@ -205,9 +209,10 @@ def newest_change(folder: Path) -> int:
     What other processes remove meanwhile does not count.
     """
     newest = 0
-    for path in folder.rglob("*"):
-        with suppress(OSError):
-            newest = max(newest, path.lstat().st_mtime_ns)
+    for parent, folders, files in os.walk(folder):  # which passes over a folder that is gone by now
+        for name in (*folders, *files):
+            with suppress(OSError):
+                newest = max(newest, os.lstat(os.path.join(parent, name)).st_mtime_ns)
     return newest
 
 

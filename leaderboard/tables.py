@@ -51,8 +51,8 @@ def _effect_block(rows: pd.DataFrame) -> pd.DataFrame:
 def share_of_gap(done: pd.DataFrame, method: str) -> float:
     """(PSNR - floor) / (ceiling - floor), means over the runs that have both references.
 
-    A run's floor has its pattern, seed and data, its ceiling its seed. NaN where no run has both, or the
-    ceiling is not above the floor.
+    A run's floor has its pattern, seed and data, its ceiling its seed. NaN where no run has both, one of them lacks its
+    PSNR, or the ceiling is not above the floor.
     """
     scores: dict[str, dict[tuple[str, int, str], float]] = defaultdict(dict)  # without merges, which cost milliseconds
     for name, pattern, seed, data, psnr in zip(*(done[column] for column in SCORE), strict=True):
@@ -62,7 +62,7 @@ def share_of_gap(done: pd.DataFrame, method: str) -> float:
     if method == CEILING:  # it stands for itself wherever there is a floor
         own = {run: ceiling[run[1]] for run in floor if run[1] in ceiling}
     rows = [(psnr, floor[run], ceiling[run[1]]) for run, psnr in own.items() if run in floor and run[1] in ceiling]
-    means = pd.DataFrame(rows, columns=["psnr", "psnr_floor", "psnr_ceiling"], dtype=float).mean()
+    means = pd.DataFrame(rows, columns=["psnr", "psnr_floor", "psnr_ceiling"], dtype=float).mean(skipna=False)
     gap = means["psnr_ceiling"] - means["psnr_floor"]
     return float((means["psnr"] - means["psnr_floor"]) / gap) if gap > 0 else float("nan")
 

@@ -4,17 +4,20 @@ Written on urllib: requests and urllib3 repeat whole requests, but neither conti
 pooch restarts a download from its beginning; archives here have up to 12 GB.
 """
 
+import base64
 import hashlib
 import http.client
 import os
+import re
 import shutil
 import ssl
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from urllib.parse import unquote, urlsplit
 
 from tqdm import tqdm
 
@@ -44,7 +47,7 @@ class ConnectionEnded(Exception):
 class PartialDownload:
     """A download of which a part is on disk."""
 
-    url: str
+    url: str  # without password
     size: int | None  # bytes of the whole file; None where the server did not say
     tag: str | None  # the server's version of the file: a strong ETag, or Last-Modified
 
@@ -63,7 +66,7 @@ def fetch(
     of two servers are joined only where a checksum tells whether they fit.
 
     Args:
-        urls: addresses of the file, tried in order.
+        urls: addresses of the file, tried in order; one may have a name and password: see `request_for`.
         target: where to write it.
         sha256: the expected hash in hexadecimal; None if it is not known.
         refuse: what is wrong with a complete file, "" if nothing is.
@@ -81,7 +84,7 @@ def fetch(
         try:
             return _fetch_from(url, target, sha256, refuse, known_from)
         except Refused as reason:
-            reasons.append(f"{url}: {reason}")
+            reasons.append(f"{without_password(url)}: {reason}")
     raise InputError(
         f"{target.name}: no server delivers it",
         found="\n    ".join(["", *reasons]),
@@ -155,7 +158,8 @@ def _connect_once(url: str, target: Path, joinable: bool) -> None:
         Refused: the server does not have the file.
     """
     known = _read_record(target)
-    same = known is not None and known.url == url and (known.tag or known.size) is not None
+    shown = without_password(url)
+    same = known is not None and known.url == shown and (known.tag or known.size) is not None
     have = _size(_part(target)) if known and (same or joinable) else 0
     if known and have and have == known.size:
         return
@@ -169,7 +173,7 @@ def _connect_once(url: str, target: Path, joinable: bool) -> None:
             _refuse_if_too_large(target, total, start)
             if not start:
                 _part(target).unlink(missing_ok=True)  # before it is recorded as a part of this file
-            write_json(_record_path(target), asdict(PartialDownload(url, total, _tag(response))))
+            write_json(_record_path(target), asdict(PartialDownload(shown, total, _tag(response))))
             _receive(response, target, start, total)
     except urllib.error.HTTPError as error:
         if error.code == http.client.REQUESTED_RANGE_NOT_SATISFIABLE:
@@ -199,15 +203,38 @@ def _open(url: str, have: int, known: PartialDownload | None) -> http.client.HTT
     headers = {"User-Agent": f"hydroviews/{hydroviews.__version__}", "Accept-Encoding": "identity"}
     if have:
         headers["Range"] = f"bytes={have}-"
-        if known and known.tag and known.url == url:
+        if known and known.tag and known.url == without_password(url):
             headers["If-Range"] = known.tag
     try:
-        response: http.client.HTTPResponse = urllib.request.urlopen(
-            urllib.request.Request(url, headers=headers), timeout=TIMEOUT
-        )
+        response: http.client.HTTPResponse = urllib.request.urlopen(request_for(url, headers), timeout=TIMEOUT)
     except (ValueError, OverflowError) as error:  # no host name, no port: this address, or one that it leads to
         raise Refused(f"not an address to download from ({error})") from None
     return response
+
+
+def request_for(url: str, headers: Mapping[str, str]) -> urllib.request.Request:
+    """A request whose name and password, if `url` has any (https://name:password@host/), are sent as Basic auth.
+
+    They go to that host alone, not to where it leads.
+
+    Raises:
+        ValueError: not an address.
+    """
+    parts = urlsplit(url)
+    try:
+        _ = parts.port
+    except ValueError:  # what stands there may be a part of the password
+        raise ValueError("its port is no number; write what is odd in a password as %XX") from None
+    request = urllib.request.Request(parts._replace(netloc=parts.netloc.rpartition("@")[2]).geturl(), headers=headers)
+    if parts.username:
+        login = f"{unquote(parts.username)}:{unquote(parts.password or '')}"
+        request.add_unredirected_header("Authorization", f"Basic {base64.b64encode(login.encode()).decode()}")
+    return request
+
+
+def without_password(url: str) -> str:
+    """The address to show or to keep: without what stands before its last @, odd as it may be."""
+    return re.sub(r"//.*@", "//", url)
 
 
 def _total(response: http.client.HTTPResponse, start: int, asked: int) -> int | None:

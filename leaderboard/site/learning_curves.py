@@ -40,7 +40,9 @@ def learning_curves(folder: Path) -> list[Curve]:
         columns, *rows = csv.reader(path.read_text(encoding="utf-8").splitlines())
         numbers = np.array(rows, float).reshape(len(rows), len(columns))
         seconds = numbers[:, columns.index(SECONDS)]
-    except ValueError as error:  # also text that is none, no row at all, a column that is missing
+    except FileNotFoundError:  # removed meanwhile, with its run
+        return []
+    except (ValueError, csv.Error) as error:  # also text that is none, no row at all, a column that is missing
         logger.warning("%s: not drawn: %s", path, error)
         return []
     known = np.isfinite(numbers) & np.isfinite(seconds)[:, None]

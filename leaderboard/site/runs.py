@@ -55,8 +55,17 @@ def _shown(row: dict[str, Any], results: Path) -> ShownRun:
         page_name(*(str(row[key]) for key in PLACE)),
         "" if row["submitted_by"] else _command(row),
         _files(folder, results),
-        row["link"] if urlsplit(row["link"] or "").scheme in ("http", "https") else "",
+        _web_address(row["link"] or ""),
     )
+
+
+def _web_address(link: str) -> str:
+    """The link, if it leads to the web; records of before may hold any text."""
+    try:
+        parts = urlsplit(link)
+    except ValueError:
+        return ""
+    return link if parts.scheme in ("http", "https") and parts.hostname else ""
 
 
 def page_name(*names: str) -> str:
@@ -77,5 +86,8 @@ def _command(row: Mapping[str, Any]) -> str:
 
 def _files(folder: Path, results: Path) -> tuple[tuple[str, str], ...]:
     below = "/".join(["..", "..", *folder.relative_to(results).parts])
-    names = sorted(f"{path.name}{'/' if path.is_dir() else ''}" for path in folder.iterdir() if path.name[0] != ".")
+    try:
+        names = sorted(f"{path.name}{'/' if path.is_dir() else ''}" for path in folder.iterdir() if path.name[0] != ".")
+    except FileNotFoundError:  # removed since its record was read
+        names = []
     return tuple((name, quote(f"{below}/{name}")) for name in names)

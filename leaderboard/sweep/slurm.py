@@ -26,7 +26,7 @@ SCRIPT = """\
 #SBATCH --mem={megabytes}M
 #SBATCH --time={minutes}
 #SBATCH --requeue
-#SBATCH --output={logs}/slurm-%A-%a.log
+#SBATCH --output={output}
 # Options of sbatch on its command line go before these: sbatch --gres=gpu:1 --time=120 THIS_FILE
 # When all tasks have ended: python -m leaderboard table --results {results}
 set -e
@@ -49,7 +49,7 @@ def write_slurm(path: Path, runs: Sequence[Run], limits: Limits, threads: int) -
         threads=threads,
         megabytes=math.ceil(((limits.memory or MEMORY) + SPARE_MEMORY) * 1000),
         minutes=math.ceil(limits.time * 60) + SPARE_MINUTES,
-        logs=logs.absolute(),
+        output=shlex.quote(f"{logs.absolute()}/".replace("%", "%%") + "slurm-%A-%a.log"),  # sbatch takes quotes off
         results=shlex.quote(str(runs[0].results)),
         here=shlex.quote(str(Path.cwd())),
         settings=" ".join(f"{name}={value}" for name, value in run_environment(threads).items()),

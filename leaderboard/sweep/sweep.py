@@ -69,11 +69,12 @@ def _carry_out(request: SweepRequest, runs: list[Run], limits: Limits) -> dict[R
 
 def _failed(runs: list[Run], without_record: dict[Run, str]) -> dict[Run, str]:
     records = {run: trusted_record(run.folder) for run in runs if run not in without_record}
-    return {
-        run: f"{record.reason} (what it printed: {log_path(run)})"
-        for run, record in records.items()
-        if record.status == FAILED
-    }
+    return {run: f"{record.reason}{_printed(run)}" for run, record in records.items() if record.status == FAILED}
+
+
+def _printed(run: Run) -> str:
+    """Where to read what a run printed; empty for one that has no log here, as on a Ray cluster."""
+    return f" (what it printed: {log_path(run)})" if log_path(run).is_file() else ""
 
 
 def _matrix(request: SweepRequest) -> Matrix:

@@ -18,6 +18,7 @@ class Server:
     tag: str | None = '"one"'
     cut_after: list[int] = field(default_factory=list)  # bytes sent of each of the next answers before it hangs up
     status: list[int] = field(default_factory=list)  # of the next answers, instead of the file
+    login: str | None = None  # header Authorization, without which it answers 401
     asked: list[tuple[str, str | None]] = field(default_factory=list)  # paths and ranges
     address: str = ""
 
@@ -50,6 +51,9 @@ def answer(request: BaseHTTPRequestHandler, server: Server) -> None:
     """The file or the rest of it, with If-Range honoured (RFC 9110, 13.1.5 and 14)."""
     wanted = request.headers.get("Range")
     server.asked.append((request.path, wanted))
+    if server.login not in (None, request.headers.get("Authorization")):
+        request.send_error(401)
+        return
     if server.status or request.path not in server.files:
         request.send_error(server.status.pop(0) if server.status else 404)
         return

@@ -112,6 +112,25 @@ def test_tables_and_comparisons_of_the_board_that_ships_are_printed_and_nothing_
     assert len(run_folders(board)) == 15
 
 
+def test_pages_are_read_before_anything_is_written(board, tmp_path):
+    (tmp_path / "latin.md").write_bytes(b"\xe9")
+    for name, message in (("absent.md", "No such file"), ("latin.md", "not text in UTF-8"), (".", "cannot be read")):
+        with pytest.raises(InputError, match=message):
+            write_board(board, tmp_path / "out", [tmp_path / name])
+    assert not (tmp_path / "out").exists()
+
+
+def test_line_endings_of_a_page_stay(board, tmp_path):
+    page, table = tmp_path / "page.md", "| suite | rain | `ours` |\n|---|---|---|\n\n"
+    text = f"Unix\n<!-- board: demo suites streak-1 -->\n\n{table}<!-- /board -->\n"
+    page.write_bytes(text.encode() + text.replace("Unix", "DOS").replace("\n", "\r\n").encode())
+    write_board(board, tmp_path / "out", (page,))
+    unix, dos = page.read_bytes().split(b"DOS\r\n")
+    assert unix.startswith(b"Unix\n")
+    assert b"| streak, medium | **" in unix
+    assert dos == unix.removeprefix(b"Unix\n").replace(b"\n", b"\r\n")
+
+
 def test_the_command_fills_the_tables_of_pages(board, tmp_path, capsys):
     page = tmp_path / "page.md"
     page.write_text(

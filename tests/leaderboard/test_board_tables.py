@@ -115,6 +115,19 @@ def test_a_pattern_that_a_method_lacks_is_a_dash():
     assert "seconds" not in text
 
 
+def test_scenes_of_no_suite_have_a_table_of_methods_and_unknown_seconds_are_empty():
+    table, views = board()
+    table["before_s"], table["train_s"] = np.nan, np.where(table.method == "ours", np.nan, 30.0)
+    text = filled(page("methods", "streak-1", head="| method | `mine` | seconds |\n|---|---|---|"), table, views)
+    assert {method: row[-1] for (method, _), row in cells(text).items()} == {
+        "`3dgs-clean`": "30",
+        "`theirs`": "30",
+        "`ours`": "",
+        "`3dgs`": "30",
+    }
+    assert "Profile `demo`, seed 0, code 0.2.0+1, 0.2.0+2." in text
+
+
 def test_methods_that_no_column_names_change_nothing():
     text = page("suites", "streak-1")
     everything = filled(text, *board())

@@ -89,6 +89,23 @@ def test_what_is_not_there_cannot_be_compared(results, options, message):
         compare_command(results=results, **options)
 
 
+def test_a_suite_that_cannot_be_compared_does_not_hold_up_the_others(results, capsys):
+    add_run(results, "c", "mine", "streak-0")
+    shutil.rmtree(results / "demo/a/courtyard")
+    shutil.rmtree(results / "demo/b/courtyard")
+    add_run(results, "3dgs-clean", "courtyard", "clean")  # a ceiling alone
+    compare_command(("a", "c"), results=results)
+    printed = capsys.readouterr().out
+    assert "suite test, demo, given-poses\n\nMETHOD=c: no such method with runs on rainy views" in printed
+    assert "suite development, demo, given-poses\n\nMETHOD=a: no such method" in printed
+    assert "Means over the 1 runs that all of them have, on 1 scene, 3 views." in printed.split("other scenes")[1]
+    compare_command(results=results)
+    assert "suite development, demo, given-poses\n\nno run that all methods" in capsys.readouterr().out
+    with pytest.raises(InputError, match="no such method"):
+        compare_command(("a", "c"), suite="test", results=results)
+    assert capsys.readouterr().out == ""
+
+
 def test_a_suite_without_runs_is_told(results):
     for method in ("a", "b"):
         shutil.rmtree(results / "demo" / method / "room")

@@ -11,8 +11,8 @@ import pytest
 from hydroviews.errors import InputError
 from leaderboard.__main__ import table_command
 from leaderboard.evaluate import EvaluateRequest, evaluate
-from leaderboard.gather import collect, collect_views, write_leaderboard
-from leaderboard.records import LONGEST, columns, printable
+from leaderboard.gather import collect, collect_views, trusted_record, write_leaderboard
+from leaderboard.records import LONGEST, columns, printable, read_record
 
 RUN = "demo/toy_methods.MeanColour/yard/streak-0/seed-0"
 pytestmark = pytest.mark.usefixtures("toys", "trained_here")
@@ -114,6 +114,13 @@ def test_a_run_that_was_moved_is_a_row_and_a_copy_beside_it_is_told(results, cap
     ]
     assert "move the run back, or remove it" in table.reason[0]
     assert "seed-0 of before/record.json: the record of another run" in caplog.text
+
+
+def test_a_record_that_lies_too_high_is_another_runs(results, monkeypatch):
+    monkeypatch.setattr("leaderboard.gather.read_record", lambda path: read_record(results / RUN / "record.json"))
+    for folder in (Path("seed-0"), Path("/seed-0"), Path("/a/seed-0")):
+        with pytest.raises(InputError, match="the record of another run"):
+            trusted_record(folder)
 
 
 def test_tables_are_printed_whatever_the_records(results, capsys):

@@ -66,6 +66,17 @@ def test_a_metric_that_cannot_be_had_is_not_asked_for_every_view(rendered, monke
     assert len(asked) <= threads.AT_ONCE
 
 
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [(float("nan"), "not a number for 1 of 2 views"), (float("inf"), "infinite: a render equals its clean view")],
+)
+def test_a_mean_that_is_no_number_has_its_own_reason(monkeypatch, value, reason):
+    monkeypatch.setattr(score, "find_metrics", lambda: metrics.METRICS[:1])
+    reasons = {}
+    assert score.mean_scores([{"psnr": 20.0}, {"psnr": value}], reasons) == {}
+    assert reasons == {"psnr": reason}
+
+
 def test_a_render_of_another_size_is_refused(rendered):
     views, renders = rendered
     write_png(renders / f"{views[3].name}.png", np.zeros((10, 12, 3), np.float32))

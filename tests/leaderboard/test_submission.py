@@ -12,6 +12,8 @@ import PIL.Image
 import pytest
 from finished_runs import finished_run
 
+from baselines.method import METHODS
+from hydroviews.cli.plugins import registered
 from hydroviews.errors import InputError
 from leaderboard.__main__ import submit_command
 from leaderboard.records import UNREADABLE
@@ -32,6 +34,7 @@ pattern = "streak-0"
 seconds = 12.5
 data_sha256 = "{data_sha256}"
 """
+OURS = registered(METHODS)["3dgs"]
 VIEW = "yard/streak-0/seed-0/view-00.png"
 
 
@@ -124,9 +127,14 @@ def folder_as_link(theirs: Path) -> None:
         (lambda t: edit(t, "data_sha256 = ", 'data_sha256 = "' + 64 * "0" + '" #'), "trained on other data"),
         (lambda t: edit(t, "data_sha256 = ", 'data_sha256 = "short" #'), "data_sha256 'short'"),
         (lambda t: edit(t, "their-method", "3dgs"), "is one of ours"),
+        (lambda t: edit(t, "their-method", "DeRainGS"), "is one of ours"),
+        (lambda t: edit(t, "their-method", "rainy-poses"), "is one of ours"),
+        (lambda t: edit(t, "their-method", OURS.replace(":", ".")), "is one of ours"),
         (lambda t: edit(t, "their-method", "../../x"), r"method '\.\./\.\./x'"),
         (lambda t: edit(t, "their-method", "<script>"), "method '<script>'"),
         (lambda t: edit(t, "https://", "javascript:"), "link 'javascript:"),
+        (lambda t: edit(t, "https://example.org", "https://[abc"), r"link 'https://\[abc/paper'"),
+        (lambda t: edit(t, "https://example.org", "https://"), "link 'https:///paper': value error, no host in it"),
         (lambda t: edit(t, '["Ada", "Grace"]', "[]"), r"authors \[\]"),
         (lambda t: edit(t, "hardware =", "colour ="), "no hardware; unknown colour"),
         (lambda t: edit(t, "12.5", "nan"), "runs.0.seconds nan"),

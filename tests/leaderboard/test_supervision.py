@@ -14,7 +14,7 @@ from processes import wait_until
 
 from hydroviews.errors import InputError
 from leaderboard import supervision
-from leaderboard.supervision import HOUR, WORKERS, Limits, Watch, end_gently, known_workers, run_tethered
+from leaderboard.supervision import HOUR, WORKERS, Limits, Watch, end_gently, known_workers, newest_change, run_tethered
 
 PLACES = os.pathsep.join([str(Path(tethered_toy.__file__).parent), str(Path(__file__).parents[2])])
 LONG = Limits(time=1, stall=1)
@@ -94,10 +94,35 @@ def test_who_prints_or_writes_is_not_taken_for_dead(tmp_path, hours, sign):
     assert watch.reason.startswith("no line")
 
 
+def test_what_is_removed_while_it_is_looked_for_does_not_count(tmp_path, monkeypatch):
+    gone, kept = tmp_path / "a" / "gone", tmp_path / "b" / "deep"
+    gone.mkdir(parents=True)
+    kept.mkdir(parents=True)
+    (kept / "file").touch()
+    scandir = os.scandir
+
+    def removing(path):
+        if str(path) == str(gone):
+            gone.rmdir()
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", removing)
+    assert newest_change(tmp_path) >= (kept / "file").stat().st_mtime_ns
+    assert not gone.exists()
+
+
 @pytest.mark.parametrize("limits", [{"time": 0.0}, {"stall": -1.0}, {"memory": float("nan")}])
 def test_a_limit_is_above_nothing(limits):
     with pytest.raises(InputError, match=r"-limit .*too little"):
         Limits(**{"time": 1.0, "stall": 1.0, **limits})
+
+
+@pytest.mark.parametrize(
+    ("name", "otherwise"), [("time", "the default"), ("stall", "the default"), ("memory", "no limit")]
+)
+def test_a_limit_is_finite(name, otherwise):
+    with pytest.raises(InputError, match=rf"--{name}-limit inf[\s\S]*leave it out for {otherwise}"):
+        Limits(**{"time": 1.0, "stall": 1.0, name: float("inf")})
 
 
 @pytest.mark.parametrize(("deed", "options"), [("holds the lock", []), ("hangs", ["--portable"])])

@@ -110,7 +110,7 @@ def take_frames(path: Path, out: Path, choice: FrameChoice) -> list[str]:
         state: dict[str, Any] = read_json(out / FILE) if (out / FILE).is_file() else {}
         if not state or not all((out / IMAGES / frame["name"]).is_file() for frame in state["frames"]):
             state = _take(video, out, choice)
-        if state["seconds"] * choice.rate < FEWEST or len(state["frames"]) < FEWEST:
+        if len(state["frames"]) < FEWEST:
             raise _too_few_frames(video, choice, state)
     return list(state["notes"])
 

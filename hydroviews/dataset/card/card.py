@@ -6,6 +6,7 @@ like others, with their hashes in the manifest.
 """
 
 import math
+import shlex
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -188,11 +189,11 @@ def _losses(folder: Path) -> str:
 def _origin(folder: Path, request: Mapping[str, Any], patterns: Sequence[str], licence: Licence | None) -> str:
     source, size = request["source"], request["long_side"]
     path = f"path/to/{_display_name(source)}" if _display_name(source) != source else source
-    command = ["python -m hydroviews build", f"--scene {path}", *_profile(folder)]
-    command += [f"--long-side {size}"] if size else []
-    command += [f"--lens-renderer {request['lens_renderer']}"] if request["lens_renderer"] != "disk" else []
+    command = ["python", "-m", "hydroviews", "build", "--scene", path, *_profile(folder)]
+    command += ["--long-side", size] if size else []
+    command += ["--lens-renderer", request["lens_renderer"]] if request["lens_renderer"] != "disk" else []
     added = [name for name in patterns if name != CAPTURED]
-    command += [f"--seed {request['seed']}"] + ([f"--patterns {' '.join(added)}"] if added else [])
+    command += ["--seed", request["seed"], *(["--patterns", *added] if added else [])]
     kept = sorted((folder / LICENCE).iterdir()) if (folder / LICENCE).is_dir() else []
     words = [f"From `{LICENCE}/{file.name}`:\n\n" + _quoted(file) for file in kept if file.name not in NOT_QUOTED]
     if source in EMBEDDED:
@@ -201,7 +202,7 @@ def _origin(folder: Path, request: Mapping[str, Any], patterns: Sequence[str], l
         words.insert(0, f"Licence of the photographs, as stated by {licence.said_by}: {licence.text}")
     elif not words:
         words = ["The photographs' licence is unknown: none lay beside them."]
-    made = f"Made by {request['generator']} with\n\n```\n{' '.join(command)}\n```"
+    made = f"Made by {request['generator']} with\n\n```\n{shlex.join(map(str, command))}\n```"
     return "\n\n".join(["## Origin", made, *words])
 
 
@@ -211,7 +212,7 @@ def _profile(folder: Path) -> list[str]:
     count = len(split["train"]) + len(split["test"])
     source = read_json(folder / "request.json")["source"]
     fitting = [profile.name for profile in PROFILES.values() if profile.embedded_views == count]
-    return [f"--profile {fitting[0]}"] if source in EMBEDDED and fitting else []
+    return ["--profile", fitting[0]] if source in EMBEDDED and fitting else []
 
 
 def _display_name(source: str) -> str:

@@ -9,6 +9,7 @@ The same files give the same bytes: members stand in order of name, with one dat
 """
 
 import hashlib
+import importlib.machinery
 import stat
 import struct
 import tempfile
@@ -35,6 +36,7 @@ BLOCK = 1 << 20  # bytes
 DATE = (1980, 1, 1, 0, 0, 0)  # the earliest that a zip can say
 UNIX, PLAIN_FILE = 3, (stat.S_IFREG | 0o644) << 16
 LOCAL_HEADER, LENGTHS = 30, struct.Struct("<26x2H")  # bytes of a member's header before its name; name and extra field
+CODE = tuple(importlib.machinery.all_suffixes())  # of files that Python would import
 REPACK = "pack it again, or fetch it again from where it was published"
 
 
@@ -140,7 +142,7 @@ def open_archive(path: Path) -> Packed:
     """Look through an archive that `pack` wrote; files are compared with the manifest as they are read.
 
     Whatever it could harm with is refused: names that lead out of the scene, come twice or differ only by case, links,
-    compressed members (which may be small here and huge unpacked), files that the manifest does not list.
+    compressed members (which may be small here and huge unpacked), code, files that the manifest does not list.
 
     Raises:
         BadArchive: it is damaged, or not such an archive.
@@ -175,6 +177,8 @@ def _refuse_odd_members(path: Path, infos: Sequence[zipfile.ZipInfo]) -> None:
             raise refused(path, info.orig_filename, "a name that was cut")
         if info.is_dir() or not stat.S_ISREG(mode):
             raise refused(path, info.filename, "a link" if stat.S_ISLNK(mode) else "no plain file")
+        if info.filename.casefold().endswith(CODE):
+            raise refused(path, info.filename, "a file that Python could import")
         if info.flag_bits & 1 or info.compress_type != zipfile.ZIP_STORED or info.compress_size != info.file_size:
             raise refused(path, info.filename, "an encrypted or compressed file")
     total, size = sum(info.file_size for info in infos), path.stat().st_size

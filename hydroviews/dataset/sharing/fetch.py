@@ -7,7 +7,8 @@ already is added to it, if both have the same clean views, cameras and split.
 
 import hashlib
 import os
-from collections.abc import Collection, Mapping
+import shlex
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -15,6 +16,7 @@ from tqdm import tqdm
 
 from hydroviews.captures.download.archives import refuse_if_too_large
 from hydroviews.dataset.card.card import CARD, LOSSES, write_card
+from hydroviews.dataset.card.markdown import CAPTURED_EFFECT
 from hydroviews.dataset.checks.rain import read_facts
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.manifest import changed_files, enter_scene, read_manifest, scene_files
@@ -26,6 +28,7 @@ from hydroviews.dataset.sharing.download import archive_on_disk
 from hydroviews.dataset.sharing.fetched import FETCHED
 from hydroviews.dataset.statistics import STATISTICS, write_statistics
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import read_json
 from hydroviews.files.full_disk import plain_write_errors
 from hydroviews.files.known_bytes import changed, current_sha256, read_only
 from hydroviews.files.locks import BUSY, locked
@@ -33,7 +36,7 @@ from hydroviews.files.temporary import PARTIAL, remove_tree
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.photographs import some
 from hydroviews.rain.layers import read_layers
-from hydroviews.rain.registry import find_effect, parse_pattern
+from hydroviews.rain.registry import GROUP, find_effect, parse_pattern, registered_effects
 from hydroviews.scene.images import read_image, write_png
 
 SUMMARIES = (CARD, STATISTICS, LOSSES)  # of a scene with all its variants: made anew when one is added
@@ -53,7 +56,8 @@ def fetch(address: str, data: Path) -> Path:
 
     Raises:
         BadArchive: the archive is damaged, or could do harm.
-        InputError: it cannot be had, another scene of that name is there, or the disk is full.
+        InputError: it cannot be had, its rain is of an effect that is not installed, another scene of that name is
+            there, or the disk is full.
     """
     with archive_on_disk(address, data) as path:
         packed = open_archive(path)
@@ -64,18 +68,43 @@ def fetch(address: str, data: Path) -> Path:
 
 
 def _take_in(packed: Packed, data: Path, folder: Path) -> None:
+    _require_installed(packed, (name.replace(":", ".").rpartition("-")[0] for name in packed.entry["patterns"]))
     entry = read_manifest(data)["scenes"].get(packed.scene)
     there = _compared(packed, folder, entry)
     missing = [name for name in packed.entry["files"] if name not in there]
     if entry and not set(missing) - set(SUMMARIES) and set(packed.entry["patterns"]) <= set(entry["patterns"]):
         return
     staged = data / f"{PARTIAL}fetched-{_digest(packed)}" / packed.scene
-    _stage(packed, staged, [name for name in missing if name in packed.places])
+    unpacked = [name for name in missing if name in packed.places]
+    _stage(packed, staged, unpacked)
+    _require_installed(packed, (_effect(staged / name) for name in unpacked if PurePosixPath(name).name == PATTERN))
     _composite(packed, folder, staged, [name for name in missing if name in packed.left_out])
     with plain_write_errors(folder):
         _move(staged, folder, missing)
     _finish(packed, data, folder, entry)
     remove_tree(staged.parent)
+
+
+def _require_installed(packed: Packed, effects: Iterable[str]) -> None:
+    """Refuse effects of somebody's own: they are imported by their names, and an archive must not say what runs here.
+
+    Raises:
+        InputError: an effect is not registered.
+    """
+    foreign = set(effects) - {*registered_effects(), CAPTURED_EFFECT}
+    if foreign:
+        raise InputError(
+            f"{packed.path}: rain of an effect that is not installed here",
+            found=some(sorted(foreign)),
+            expected=f"one of {', '.join(registered_effects())}",
+            fix=f"install its package, if you trust it; it has to register the effect (entry points {GROUP})",
+        )
+
+
+def _effect(path: Path) -> str:
+    """The effect that a `pattern.json` names; empty for none."""
+    facts = read_json(path)
+    return str(facts.get("effect", "")) if isinstance(facts, dict) else ""
 
 
 def _digest(packed: Packed) -> str:
@@ -163,9 +192,10 @@ def _can_be_made(packed: Packed, folder: Path, name: str) -> bool:
 def _command(packed: Packed) -> str:
     """The build that makes the scene again."""
     entry = packed.entry
-    size = f" --long-side {entry['long_side']}" if entry["long_side"] else ""
-    patterns = f" --patterns {' '.join(entry['patterns'])}" if entry["patterns"] else ""
-    return f"python -m hydroviews build --scene {entry['source']}{size} --seed {entry['seed']}{patterns}"
+    size = ["--long-side", entry["long_side"]] if entry["long_side"] else []
+    patterns = ["--patterns", *entry["patterns"]] if entry["patterns"] else []
+    options = ["--scene", entry["source"], *size, "--seed", entry["seed"], *patterns]
+    return shlex.join(["python", "-m", "hydroviews", "build", *map(str, options)])
 
 
 def _move(staged: Path, folder: Path, names: Collection[str]) -> None:

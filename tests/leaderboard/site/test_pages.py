@@ -22,6 +22,7 @@ from leaderboard.site.runs import page_name
 from leaderboard.site.write import write_site
 
 THEIRS = "<img src=x onerror=alert(1)>\"'& <\\script><script>alert(2)< (submitted)"
+THEIRS_IN_RECORDS = THEIRS.removesuffix(" (submitted)")
 VOID = {"meta", "link", "img", "input", "br", "line", "rect", "circle", "polyline"}
 
 
@@ -153,6 +154,16 @@ def test_names_run_no_script(pages):
     assert "</td></script><script>alert(3)</script>" in text
 
 
+def test_a_link_that_is_no_address_is_none(copied):
+    """Records of before may hold one."""
+    folder = run_folder(copied, "demo", THEIRS_IN_RECORDS, "pond", "raindrop-0", 0, "given-poses")
+    write_json(folder / "record.json", read_json(folder / "record.json") | {"link": "https://[abc"})
+    write_site(collect(copied), copied, copied / "no data")
+    page = copied / "site" / "runs" / page_name("demo", THEIRS_IN_RECORDS, "pond", "raindrop-0", "0", "given-poses")
+    assert "Submitted by <b>Ada</b>" in "".join(Page(page).text)
+    assert "what they did" not in "".join(Page(page).text)
+
+
 def test_names_become_plain_file_names():
     names = [page_name("a:B", "x"), page_name("a.B", "x"), page_name("../../etc", "<>"), page_name("ü" * 300)]
     assert len(set(names)) == 4
@@ -235,6 +246,29 @@ def test_pictures_are_written_once_and_what_is_gone_goes(copied):
     write_site(write_leaderboard(copied), copied, copied / "no data")
     gone = set(before) - set(site.rglob("*.*"))
     assert sorted(path.suffix for path in gone) == [".html", ".webp", ".webp", ".webp"]
+
+
+@pytest.mark.parametrize("removed", ["before", "while"])
+def test_a_run_that_is_removed_meanwhile_does_not_end_the_pages(copied, monkeypatch, removed):
+    table = collect(copied)
+    folder = run_folder(copied, "demo", "3dgs", "pond", "streak-1", 0, "given-poses")
+    is_file = Path.is_file
+
+    def removing(path):
+        there = is_file(path)
+        if path == folder / LEARNING_CURVE:
+            assert there
+            shutil.rmtree(folder)
+        return there
+
+    if removed == "before":
+        shutil.rmtree(folder)
+    else:
+        monkeypatch.setattr(Path, "is_file", removing)
+    write_site(table, copied, copied / "no data")
+    assert not folder.exists()
+    page = copied / "site" / "runs" / page_name("demo", "3dgs", "pond", "streak-1", "0", "given-poses")
+    assert Page(page).all("svg") == []
 
 
 def test_a_render_that_is_no_picture_is_left_out_with_a_warning(copied, caplog):

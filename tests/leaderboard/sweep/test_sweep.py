@@ -1,6 +1,7 @@
 import json
 import os
 import random
+import shlex
 import signal
 import subprocess
 import sys
@@ -198,6 +199,15 @@ def test_a_slurm_script_whose_tasks_are_the_runs(request_of, tmp_path):
     assert "#SBATCH --array=0-0\n" in script.read_text()
 
 
+def test_a_slurm_script_of_a_folder_with_an_odd_name(request_of, tmp_path):
+    script, results = tmp_path / "array.sh", tmp_path / "20 % #1"
+    sweep(request_of(["MeanColour"], slurm=script, results=results))
+    output = next(line for line in script.read_text().splitlines() if "--output" in line)
+    assert shlex.split(output.removeprefix("#SBATCH "), comments=True) == [
+        f"--output={tmp_path}/20 %% #1/logs/slurm-%A-%a.log"
+    ]
+
+
 def test_ray_is_not_installed_or_nothing_answers(request_of, monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(InputError, match="Ray is not installed"):
@@ -244,6 +254,16 @@ def test_a_task_that_ray_loses_costs_its_row_only(request_of, tmp_path, monkeypa
     assert list(pd.read_csv(tmp_path / "swept/leaderboard.csv").status) == ["done"]
     assert (ray.options["num_cpus"], ray.options["memory"]) == (2, 2_000_000_000)
     assert not ray.connected
+
+
+def test_a_log_is_named_where_there_is_one(request_of, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", OneAfterTheOther(lost=""))
+    request = request_of(["Raises"], ray="auto")
+    [(run, reason)] = sweep(request).items()
+    assert reason == "ArithmeticError: diverged at step 7"
+    local.log_path(run).parent.mkdir()
+    local.log_path(run).write_text("step 6")
+    assert list(sweep(request).values()) == [f"{reason} (what it printed: {local.log_path(run)})"]
 
 
 def test_a_ray_cluster_of_two_nodes(request_of, tmp_path, monkeypatch):

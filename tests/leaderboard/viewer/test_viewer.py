@@ -277,6 +277,12 @@ class TestRuns:
         with pytest.raises(InputError, match="training has not finished"):
             open_run(folder, tmp_path)
 
+    def test_a_run_that_lies_too_high_is_refused(self, run, tmp_path, monkeypatch):
+        (tmp_path / "seed-0").symlink_to(run.folder)
+        monkeypatch.setattr(Path, "resolve", lambda path: Path("/data/seed-0"))
+        with pytest.raises(InputError, match="not where this run belongs"):
+            open_run(tmp_path / "seed-0", run.data.parent)
+
     def test_other_data_are_refused(self, run, tmp_path):
         with pytest.raises(InputError, match="no finished scene yard"):
             open_run(run.folder, tmp_path)

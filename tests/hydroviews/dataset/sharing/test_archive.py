@@ -113,6 +113,46 @@ def test_names_that_lead_elsewhere_are_refused_in_the_manifest_too(archive, tmp_
     refused(rewritten(archive, tmp_path / "bad.zip", change), tmp_path, "not an archive that `hydroviews pack` wrote")
 
 
+@pytest.mark.parametrize("name", ["boom.py", "boom.PYC", "boom.so", "boom.abi3.so"])
+def test_a_file_that_python_could_import(archive, tmp_path, name):
+    path = rewritten(archive, tmp_path / "bad.zip", lambda members: [*members, (member(f"yard/{name}"), b"harm")])
+    refused(path, tmp_path, "a file that Python could import")
+
+
+EFFECT = "harm.Boom"
+
+
+def in_manifest(name, content):
+    if name != "manifest.json":
+        return content
+    manifest = json.loads(content)
+    manifest["scenes"]["yard"]["patterns"] = [f"{EFFECT}-0"]
+    return json.dumps(manifest).encode()
+
+
+def in_pattern(name, content):
+    if name == "manifest.json":
+        manifest = json.loads(content)
+        manifest["scenes"]["yard"]["files"]["streak-1/pattern.json"] = hashlib.sha256(FACTS).hexdigest()
+        return json.dumps(manifest).encode()
+    return FACTS if name.endswith("streak-1/pattern.json") else content
+
+
+FACTS = json.dumps({"effect": EFFECT, "parameters": {}}).encode()
+
+
+@pytest.mark.parametrize("change", [in_manifest, in_pattern])
+def test_an_archive_does_not_say_what_is_imported(archive, tmp_path, monkeypatch, change):
+    """Not even what lies in the folder where the command is started."""
+    (tmp_path / "harm.py").write_text("from pathlib import Path\nPath('was run').touch()\n")
+    monkeypatch.chdir(tmp_path)
+    path = rewritten(
+        archive, tmp_path / "bad.zip", lambda members: [(member(i.filename), change(i.filename, b)) for i, b in members]
+    )
+    refused(path, tmp_path, r"an effect that is not installed here\n  found: harm\.Boom")
+    assert not (tmp_path / "was run").exists()
+
+
 @pytest.mark.parametrize("mode", [stat.S_IFLNK | 0o777, stat.S_IFIFO | 0o644, 0])
 def test_links_and_other_things_that_are_no_files(archive, tmp_path, mode):
     def change(members):
