@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from baselines.training.images import TrainingImages
-from baselines.training.torch_state import picture_threads
+from baselines.training.torch_state import one_thread
 from deraings.enhancement.enhance import enhance, enhance_with_cover
 from deraings.enhancement.lenses import Lens, lenses_of_capture
 from deraings.enhancement.weights import Enhancer
@@ -22,7 +22,11 @@ DROPS = 1  # channel of drops in what rain covers
 
 
 class EnhancedViews:
-    """The photographs enhanced, each when it is first asked for, with what all of them say of their lens."""
+    """The photographs enhanced, each when it is first asked for, with what all of them say of their lens.
+
+    Each is the work of one thread: the last bits of what torch adds up, and with them a training's end, depend on the
+    number of threads.
+    """
 
     def __init__(
         self,
@@ -49,15 +53,19 @@ class EnhancedViews:
         """One picture as a PNG, written unless an earlier call has finished it; what drops cover of it is beside it."""
         path = self._kept / f"{self._names[index]}.png"
         if not path.is_file():
-            photograph = self._photograph(index).astype(np.float32) / 255
-            lens = self._lenses[index]
-            if self.tells_cover:
-                picture, cover = enhance_with_cover(photograph, self._enhancer, self.remove_mist, lens)
-                write_png(self._cover_file(index), cover[..., [DROPS] * 3])
-            else:
-                picture = enhance(photograph, self._enhancer, remove_mist=self.remove_mist, lens=lens)
-            write_png(path, picture)
+            with one_thread():
+                self._enhance(index, path)
         return path
+
+    def _enhance(self, index: int, path: Path) -> None:
+        photograph = self._photograph(index).astype(np.float32) / 255
+        lens = self._lenses[index]
+        if self.tells_cover:
+            picture, cover = enhance_with_cover(photograph, self._enhancer, self.remove_mist, lens)
+            write_png(self._cover_file(index), cover[..., [DROPS] * 3])
+        else:
+            picture = enhance(photograph, self._enhancer, remove_mist=self.remove_mist, lens=lens)
+        write_png(path, picture)
 
     @property
     def tells_cover(self) -> bool:
@@ -95,7 +103,8 @@ class EnhancedViews:
     def _lenses(self) -> list[Lens | None]:
         """What the photographs together say of the lens of each."""
         images = self._images
-        return lenses_of_capture(len(images), self._photograph, self._enhancer.network, images.ignored)
+        with one_thread():
+            return lenses_of_capture(len(images), self._photograph, self._enhancer.network, images.ignored)
 
     def image(self, index: int) -> Image:
         """One picture [H, W, 3].
@@ -117,7 +126,7 @@ class EnhancedViews:
     def files(self) -> list[Path]:
         """All pictures as PNG, in the order of the photographs, two at a time, showing progress."""
         count, _ = len(self._images), self._lenses  # before several threads ask for them
-        with picture_threads():
+        with one_thread():
             paths = side_by_side(self.file, range(count))
             return list(tqdm(paths, desc="enhancing", unit="view", total=count, leave=False))
 

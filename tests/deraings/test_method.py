@@ -11,6 +11,7 @@ from trainings import CONFIG, assert_identical
 from baselines.gaussian_splatting import FOUND, GaussianSplatting
 from baselines.method import find_method
 from baselines.training.images import TrainingImages, read_images
+from baselines.training.torch_state import torch_threads
 from deraings import method as methods
 from deraings.enhancement import views as enhanced_views
 from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
@@ -151,6 +152,23 @@ def test_photographs_are_enhanced_only_when_they_are_asked_for(scene, weights, t
     before = kept.stat().st_mtime_ns
     assert np.array_equal(views.image(2), views.image(2))
     assert kept.stat().st_mtime_ns == before
+
+
+@pytest.mark.parametrize("together", [True, False])
+def test_each_photograph_is_enhanced_by_one_thread(scene, weights, tmp_path, monkeypatch, together):
+    """The last bits depend on how many there are."""
+    images, names, seen = read_images(scene.train_views), [view.name for view in scene.train_views], []
+
+    def enhance(image, *_, **__):
+        seen.append(torch.get_num_threads())
+        return image
+
+    monkeypatch.setattr(enhanced_views, "enhance", enhance)
+    with torch_threads(3):
+        views = EnhancedViews(images, names, load_enhancer(weights), tmp_path)
+        made = views.files() if together else [views.file(0)]
+        assert torch.get_num_threads() == 3
+    assert seen == [1] * len(made)
 
 
 def test_enhanced_photographs_hide_what_the_photographs_hide(scene, weights, tmp_path):
