@@ -23,6 +23,11 @@ def wholly_shown(shown: Plane | None, size: tuple[int, int]) -> NDArray[np.bool_
     return np.ones(size, np.bool_) if shown is None else resized(shown, size) > WHOLE
 
 
+def shown_beside(mask: NDArray[np.bool_] | None, size: tuple[int, int]) -> NDArray[np.bool_]:
+    """Which pixels at (height, width) the mask of a picture, True where it hides, does not touch."""
+    return wholly_shown(None if mask is None else (~mask).astype(np.float32), size)
+
+
 def within_side(size: tuple[int, ...], long_side: int) -> tuple[int, int]:
     """Height and width of the same shape, the longer of which is at most `long_side`."""
     return shrunk(size, max(1.0, max(size) / long_side))

@@ -14,7 +14,7 @@ from baselines.gaussian_splatting import PROFILES, PROFILES_WITH_NETWORKS, Gauss
 from baselines.method import TrainingSummary
 from baselines.splatting.config import TrainerConfig
 from baselines.training.images import TrainingImages, read_images
-from deraings.enhanced_method import KEPT, enhanced_scene, enhanced_views
+from deraings.enhanced_method import KEPT, enhanced_views
 from deraings.enhancement.views import EnhancedViews
 from deraings.enhancement.weights import DEFAULT, find_weights
 from deraings.image_planes import Plane
@@ -122,7 +122,7 @@ class DeRainGS(GaussianSplatting):
         points = cache(partial(point_colours, scene, images))
         views = enhanced_views(scene, images, config.weights, folder / KEPT, points) if config.weights else None
         if views and config.enhancement:
-            images = read_images(enhanced_scene(scene, views).train_views)
+            images = views.training_images()
             points = cache(partial(point_colours, scene, images))
             self.found["enhancement"] = config.enhancement + ("" if views.remove_mist else " leaving fog as it is")
         self._objective = RainObjective(

@@ -214,7 +214,7 @@ def run_folder(results: Path, profile: str, method: str, scene: str, pattern: st
 
 
 def results_above(folder: Path) -> Path:
-    """The results folder that a run's folder lies in; of one that lies too high to be a run's, some folder above it."""
+    """The results folder that a run's folder lies in; of one that lies too high to be a run's, that folder itself."""
     return [*folder.parents, folder][:LEVELS][-1]
 
 

@@ -126,7 +126,7 @@ class EnhancedViews:
     def files(self) -> list[Path]:
         """All pictures as PNG, in the order of the photographs, two at a time, showing progress."""
         count, _ = len(self._images), self._lenses  # before several threads ask for them
-        with one_thread():
+        with one_thread():  # around all: each leaves behind the number of threads that it found
             paths = side_by_side(self.file, range(count))
             return list(tqdm(paths, desc="enhancing", unit="view", total=count, leave=False))
 

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from deraings.image_planes import Plane, resized, smooth_rise, wholly_shown, within_side
+from deraings.image_planes import Plane, resized, shown_beside, smooth_rise, wholly_shown, within_side
 from deraings.rain_model.drops_kernels import SUMS, add_view, fit_lines
 from deraings.rain_model.fixed_pattern import fixed_pattern
 from deraings.rain_model.layer_kernels import behind_drops, shade
@@ -135,9 +135,7 @@ class LensDrops:
         self._size = height, width = within_side((pictures[0].shape[0], pictures[0].shape[1]), config.long_side)
         self.sums = np.zeros((times, height, SUMS, width), np.float32)
         masks = tuple(hidden) or (None,) * n_views
-        self._known = np.logical_or.reduce(
-            [wholly_shown(None if mask is None else (~mask).astype(np.float32), self._size) for mask in masks]
-        )
+        self._known = np.logical_or.reduce([shown_beside(mask, self._size) for mask in masks])
         self._believed = smooth_rise(fixed_pattern(pictures, masks, self._size, times), config.usual, config.fixed)
 
     @property

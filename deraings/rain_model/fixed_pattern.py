@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from deraings.image_planes import Plane, wholly_shown
+from deraings.image_planes import Plane, shown_beside
 from deraings.rain_model.time_knots import time_weights
 from hydroviews.scene.images import Image
 
@@ -43,7 +43,7 @@ def fixed_pattern(
     powers, seen, squares = np.zeros((3, knots, *size), np.float32)  # of power, of weights, of squared weights
     for view, (picture, mask) in enumerate(zip(pictures, hidden, strict=True)):
         slopes = _slopes(_small(picture, size))
-        shown = _slopes_shown(wholly_shown(None if mask is None else (~mask).astype(np.float32), size))
+        shown = _slopes_shown(shown_beside(mask, size))
         power = np.square(slopes).sum(axis=2)
         for knot, weight in enumerate(time_weights(view, len(pictures), knots)):
             if weight > 0:
