@@ -18,8 +18,8 @@ class MaskConfig:
         regularisation: lambda_reg in typical losses, positive; the paper does not say.
         penalty: losses up to this many typical ones, from 0, are not worth masking; the paper has 0.
         min_typical: least that the typical loss is taken to be, positive, so that well-fitted scenes stay unmasked.
-        min_evidence: for something on the lens (see `maps.evidence`), from 0, below which nothing is masked: dry
-            scenes have 1.2 to 3.2, drops 9.5 and more. 0 masks always.
+        min_evidence: for something on the lens (see `maps.evidence`), [0, 1], below which nothing is masked: dry
+            scenes have 0 to 0.06, drops 0.2 and more. 0 masks always.
         rate: of Adam, positive; the paper has 1e-3, for 70,000 iterations.
         shrink: the network works at this fraction of the picture's resolution, at least 1.
         fine: mask pixels a side, a divisor of `shrink`, for each pixel of the network.
@@ -36,7 +36,7 @@ class MaskConfig:
     regularisation: float = 0.5
     penalty: float = 1.0
     min_typical: float = 0.02
-    min_evidence: float = 5.0
+    min_evidence: float = 0.1
     rate: float = 5e-3
     shrink: int = 4
     fine: int = 2

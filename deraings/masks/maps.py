@@ -14,11 +14,11 @@ BLUR = 3.0  # pixels of the network's resolution: coarser features of a loss are
 
 
 def evidence(losses: Sequence[Plane]) -> float:
-    """How much more alike the fine detail of views' losses is, place by place on the lens, than by chance.
+    """The share of the fine detail of views' losses that is the same in all of them, place by place on the lens.
 
-    The variance, over the lens, of the mean over n views, times n, over the variance of a single view about that mean:
-    about 1 where views have nothing in common, as when it is dry or rain falls in front of the lens; 0 for fewer than
-    two views.
+    The intraclass correlation of places (Shrout and Fleiss 1979), which does not depend on the number of views: about 0
+    where views have nothing in common, as when it is dry or rain falls in front of the lens, and 1 where they are
+    alike; 0 for fewer than two views.
 
     Args:
         losses: of views, [h, w] each; others than the first are brought to its size.
@@ -27,7 +27,9 @@ def evidence(losses: Sequence[Plane]) -> float:
         return 0.0
     size = losses[0].shape
     fine = np.stack([loss - cv2.GaussianBlur(loss, (0, 0), BLUR) for loss in (resized(x, size) for x in losses)])
-    return float(len(fine) * fine.mean(axis=0).var() / max(float(fine.var(axis=0, ddof=1).mean()), 1e-12))
+    within = float(fine.var(axis=0, ddof=1).mean())
+    common = max(0.0, float(fine.mean(axis=0).var()) - within / len(fine))
+    return common / max(common + within, 1e-12)
 
 
 def filled(plane: NDArray, block: int) -> NDArray:

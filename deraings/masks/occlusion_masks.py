@@ -88,7 +88,7 @@ class OcclusionMasks:
         means = [float(mask.mean()) / 255 for mask in self._kept.values()]
         used = self._evidence is not None and self.needed
         return {
-            "evidence": round(self._evidence or 0.0, 2),
+            "evidence": round(self._evidence or 0.0, 3),
             "used": used,
             "mask_mean": round(float(np.mean(means)), 4) if used and means else 0.0,
         }
