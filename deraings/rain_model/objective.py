@@ -87,10 +87,10 @@ class RainObjective(Objective):
         return np.clip(1 - left, 0, 1).astype(np.float32)
 
     def report(self) -> dict[str, Any]:
-        """What was found of the rain, in the middle of the capture; see `report`."""
-        middle = len(self.images) // 2
-        height, width = self.images.pixels(middle).shape[:2]
-        return report(self.model, self.masks, middle, (height, width))
+        """What was found of the rain, in the first, the middle and the last view; see `report`."""
+        last = len(self.images) - 1
+        shapes = {view: self.images.pixels(view).shape for view in (0, last // 2, last)}
+        return report(self.model, self.masks, {view: (shape[0], shape[1]) for view, shape in shapes.items()})
 
     def settings(self) -> dict[str, Any]:
         """See Objective."""

@@ -35,6 +35,7 @@ OUTLIER = 4.0  # standard deviations beyond which a difference along a line is c
 MIN_CONTRAST = 0.1  # encoded; in front of what is nearer to beta than that, streaks are hardly seen
 TELLING = 0.2  # the same; what is nearer is not counted
 HALF = 0.5
+MIN_CLEAR = 0.05  # share of a view's pixels that tell; the skewness of fewer is chance
 LEAST = 1e-12  # that is divided by
 # kappa_1 kappa_3 / kappa_2^2 of streaks that are even along and soft across, 2 / sqrt(3), and a little uneven.
 SHOT_RATIO = 1.2
@@ -117,7 +118,7 @@ class RainLayer:
         return iteration >= self._first and iteration % self._every == 0
 
     def update(self, photograph: Image, seen: Image, weights: NDArray[np.float32] | None, iteration: int) -> None:
-        """Add a view to the statistics, and renew S.
+        """Add a view to the statistics, and renew S; a view that is too light nearly everywhere tells nothing.
 
         Args:
             photograph: [H, W, 3].
@@ -130,6 +131,8 @@ class RainLayer:
         clear = self.brightness - seen @ THIRDS > TELLING
         if weights is not None:
             clear &= weights > HALF
+        if clear.mean() < MIN_CLEAR:
+            return
         powers = line_powers(_small(alpha), config.line_length, _small(clear.astype(np.float32)) > HALF)
         self.powers = (1 - 1 / config.memory) * self.powers + powers
         if iteration < self._settled or self.certainty() < 1:
@@ -240,9 +243,12 @@ def alpha_of_shot_noise(powers: NDArray) -> float:
 def directed_skew(powers: NDArray) -> float:
     """By how much the skewness along one direction exceeds what that along most others allows; 0 before any update.
 
-    Where drops on the lens make all directions skewed, one stands out a little more. Falling rain stands out alone.
+    Rain is lighter than the scene: where all directions are skewed to the dark side, it is 0. Where drops on the lens
+    make all directions skewed, one stands out a little more. Falling rain stands out alone.
     """
     skews = _skews(powers)
+    if skews.max() <= 0:
+        return 0.0
     usual = float(np.median(skews))
     return float(skews.max()) - usual - COMMON * max(0.0, usual)
 

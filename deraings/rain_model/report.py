@@ -1,5 +1,6 @@
 """What a rain model and masks have found, for a run's record."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,8 @@ from deraings.rain_model.rain_layer import MIN_ALPHA
 NEEDED_FROM = {"mist_mean": 0.0, "drops": 0.0, "renewed": 0.0, "rain": MIN_ALPHA, "streaks": 0.0, "masks": 0.0}
 
 
-def report(model: RainModel, masks: OcclusionMasks | None, view: int, size: tuple[int, int]) -> dict[str, Any]:
-    """What was found, as one view of (height, width) shows it.
+def report(model: RainModel, masks: OcclusionMasks | None, views: Mapping[int, tuple[int, int]]) -> dict[str, Any]:
+    """What was found, as that of some views, of (height, width) each, shows it that shows most.
 
     Returns:
         `needed`: which of mist, drops, renewed drops, rain, streaks and masks were called for. Then numbers of each
@@ -24,8 +25,8 @@ def report(model: RainModel, masks: OcclusionMasks | None, view: int, size: tupl
     """
     numbers: dict[str, Any] = {}
     if model.mist:
-        alpha = model.mist_alpha(view, size)
-        numbers |= {"mist_mean": alpha.mean(), "mist_max": alpha.max()}
+        alphas = [model.mist_alpha(view, size) for view, size in views.items()]
+        numbers |= {"mist_mean": max(a.mean() for a in alphas), "mist_max": max(a.max() for a in alphas)}
         numbers |= {f"mist_{channel}": light for channel, light in zip("rgb", model.mist.colour, strict=True)}
         if model.mist.seen is not None:
             numbers["mist_seen"] = model.mist.seen
@@ -34,14 +35,14 @@ def report(model: RainModel, masks: OcclusionMasks | None, view: int, size: tupl
         if model.mist.paleness is not None:
             numbers["fog"] = model.mist.paleness.fog
     if model.drops:
-        numbers["drops"] = (model.drop_alpha(view, size) > 0.5).mean()
+        numbers["drops"] = max((model.drop_alpha(view, size) > 0.5).mean() for view, size in views.items())
     if model.renewed and model.renewed.wanted:
         numbers["renewed"] = model.renewed.share
     if model.rain:
         numbers |= {"rain": model.even_alpha, "rain_certainty": model.rain.layer.certainty()}
         numbers["rain_angle"] = model.rain.layer.angle()
         if model.rain.streaks:
-            numbers["streaks"] = np.abs(model.rain.streaks.deviation(view)).mean()
+            numbers["streaks"] = max(np.abs(model.rain.streaks.deviation(view)).mean() for view in views)
     if masks:
         numbers["masks"] = masks.report()["mask_mean"]
     rounded = {name: round(float(value), 4) for name, value in numbers.items()}

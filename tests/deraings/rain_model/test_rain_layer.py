@@ -91,6 +91,22 @@ def test_more_light_in_one_direction_is_skew():
     assert wet > 0.3
 
 
+def test_dark_specks_are_no_rain():
+    rng = np.random.default_rng(0)
+    specks = (rng.uniform(size=(120, 120)) > 0.98).astype(np.float32)
+    noise = 0.02 * rng.standard_normal(specks.shape).astype(np.float32)
+    assert directed_skew(line_powers(noise - specks, 7 / 120, None)) == 0
+
+
+def test_a_view_that_is_nearly_all_light_tells_nothing(scene):
+    photographs, layers = rained_on(scene)
+    seen = learned(scene, float(np.median(layers)))
+    snow = np.ones(SIZE, bool)
+    snow[:4] = False  # less than a twentieth is left
+    photographs[:, snow], seen[:, snow] = 0.9, 0.8
+    assert not watch(photographs, seen).powers.any()
+
+
 def test_powers_along_lines_are_the_plain_moments():
     rng = np.random.default_rng(1)
     picture = rng.standard_normal((31, 45)).astype(np.float32) ** 3  # with outliers
