@@ -25,6 +25,7 @@ NOTEBOOK = DOCS / "experiments"
 PAGES = sorted(path for path in DOCS.rglob("*.md") if NOTEBOOK not in path.parents)
 READ = [REPOSITORY / "README.md", REPOSITORY / "CONTRIBUTING.md", *PAGES]  # by people, as what is
 FENCED = re.compile(r"^```(\w*)[^\n]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
+CODE = re.compile(r"`((?:hydroviews|baselines|deraings|leaderboard|tests|benchmarks|examples)/[\w/.-]+)`")
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 CHEAP = ["python -m deraings.enhancement describe --network small"]  # seconds, and without data
 MOST_WORDS, MOST_LINES = 800, 150
@@ -92,6 +93,11 @@ def test_links_and_pictures_are_there(page):
     targets = [target.partition("#")[0] for target in LINK.findall(prose(page)) if "://" not in target]
     missing = [target for target in targets if target and not (page.parent / target).exists()]
     assert not missing
+
+
+@pytest.mark.parametrize("page", READ, ids=name)
+def test_files_that_a_page_names_are_there(page):
+    assert [path for path in CODE.findall(page.read_text()) if not (REPOSITORY / path).exists()] == []
 
 
 def test_pages_that_the_code_names_are_there():
