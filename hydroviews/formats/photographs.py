@@ -1,8 +1,9 @@
 """Matching a camera file's image names to the files on disk, and making views of both."""
 
+import unicodedata
 from collections import Counter
 from collections.abc import Callable, Sequence
-from pathlib import Path, PurePosixPath
+from pathlib import Path, PurePath, PurePosixPath
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,16 +81,22 @@ def one_by_one(pictures: Path, out: Path) -> dict[Path, Path]:
 def match_files(folder: Path, names: Sequence[str]) -> list[Path | None]:
     """The file in `folder` for each name in a camera file, None where there is none.
 
-    A file of the same name with another suffix counts: smaller copies are often stored in another format.
+    A file of the same name with another suffix counts: smaller copies are often stored in another format. So does one
+    whose umlauts are stored as letter and mark, as macOS does.
     """
-    by_stem = {stem(path.relative_to(folder).as_posix()): path for path in photographs_below(folder)}
-    return [folder / name if (folder / name).is_file() else by_stem.get(stem(name)) for name in names]
+    by_stem = {composed_stem(path.relative_to(folder).as_posix()): path for path in photographs_below(folder)}
+    return [folder / name if (folder / name).is_file() else by_stem.get(composed_stem(name)) for name in names]
 
 
 def stem(name: str) -> str:
     """A photograph's name without its suffix, with the folders before it."""
     path = PurePosixPath(name)
     return str(path.with_suffix("")) if path.suffix.lower() in SUFFIXES else str(path)
+
+
+def composed_stem(name: str) -> str:
+    """`stem` for comparing names: a letter and its mark are one character (Unicode's NFC)."""
+    return unicodedata.normalize("NFC", stem(name))
 
 
 def all_files(camera_file: Path, folder: Path, names: Sequence[str], match: Match = match_files) -> list[Path]:
@@ -164,6 +171,11 @@ def mask_beside(folder: Path, photographs: Path, file: Path) -> Path | None:
     """
     name = file.relative_to(photographs).as_posix() if file.is_relative_to(photographs) else file.name
     return find_mask(folder / MASKS, name)
+
+
+def below_first(name: PurePath) -> PurePosixPath:
+    """A photograph's name in a capture as seen from the folder that the photographs are in."""
+    return PurePosixPath(*(name.parts[1:] or name.parts))
 
 
 def read_split(folder: Path) -> Split | None:
