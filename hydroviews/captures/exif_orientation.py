@@ -8,11 +8,14 @@ import PIL.Image
 import PIL.ImageOps
 from PIL.ExifTags import Base
 
+from hydroviews.errors import InputError
 from hydroviews.files.atomic import replacing
+from hydroviews.formats.photographs import some
 from hydroviews.scene.images import image_size
 
 logger = logging.getLogger(__name__)
 
+TIFF = (".tif", ".tiff")
 AS_STORED, TURNS = 1, range(2, 9)
 QUALITY = 95  # of JPEG files after turning
 
@@ -32,9 +35,20 @@ def common_turn(paths: Iterable[Path]) -> bool:
 
     Photographs of several orientations stay as they are stored, and the log says so: drops on the lens then have
     the same place in all of them.
+
+    Raises:
+        InputError: TIFF files among such ones, which OpenCV and Pillow turn as they read them and COLMAP does not.
     """
-    ways = {orientation(path) for path in paths}
+    tags = {path: orientation(path) for path in paths}
+    ways = set(tags.values())
     if len(ways) > 1:
+        turned = [path for path, tag in tags.items() if tag != AS_STORED and path.suffix.lower() in TIFF]
+        if turned:
+            raise InputError(
+                f"{turned[0].parent}: photographs of several orientations, TIFF files among those to be turned",
+                found=f"{some([path.name for path in turned])} with an Orientation tag",
+                fix="save them the way up that they are to have, without the tag",
+            )
         logger.info("photographs held upright and sideways: all are left as they are stored, one way up is better")
     return len(ways) == 1 and AS_STORED not in ways
 

@@ -69,6 +69,17 @@ def test_all_are_turned_or_none(tmp_path, caplog):
     assert "upright and sideways" in caplog.text
 
 
+def test_tiff_files_are_turned_or_refused(tmp_path):
+    """Their pixels are read upright here, and as they are stored by COLMAP: the cameras would be of other pictures."""
+    for name, tag in (("a", 6), ("b", 6), ("c", 1), ("d", 3)):
+        PIL.Image.fromarray(np.zeros((6, 8, 3), np.uint8)).save(tmp_path / f"{name}.tif", tiffinfo={ORIENTATION: tag})
+    turned, upright = [tmp_path / "a.tif", tmp_path / "b.tif"], [tmp_path / "c.tif"]
+    assert common_turn(turned)
+    assert not common_turn(upright)
+    with pytest.raises(InputError, match=r"a\.tif, b\.tif, d\.tif with an Orientation tag"):
+        common_turn([*turned, *upright, tmp_path / "d.tif"])
+
+
 def test_photographs_of_a_size_share_a_camera(tmp_path):
     names = [f"{i}.jpg" for i in range(5)]
     for i, name in enumerate(names):
