@@ -2,7 +2,7 @@
 
 import unicodedata
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path, PurePath, PurePosixPath
 
 import numpy as np
@@ -18,7 +18,8 @@ from hydroviews.scene.lenses import Lens
 from hydroviews.scene.masks import MASKS, find_mask
 from hydroviews.scene.scenes import Split, View, wrong_size
 
-UNREAD = (".heic", ".heif", ".avif", ".jxl", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2", ".gif")
+RAW = (".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2")
+UNREAD = (".heic", ".heif", ".avif", ".jxl", ".jfif", ".jpe", ".jp2", ".ppm", ".gif", *RAW)
 SPLIT = "split.json"
 NUMBERED = ("clutter", "extra")  # parts of a split that numbers photographs (see `paired_pictures`)
 Match = Callable[[Path, Sequence[str]], list[Path | None]]  # of a folder and a camera file's names, as `match_files`
@@ -43,14 +44,18 @@ def image_folder(folder: Path, given: str | None = None) -> Path:
 
 def photographs_below(folder: Path) -> list[Path]:
     """All pictures in `folder` and the folders in it, sorted; hidden and partial files are left out."""
-    found = (path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES)
+    return _files_below(folder, SUFFIXES)
+
+
+def _files_below(folder: Path, suffixes: Collection[str]) -> list[Path]:
+    found = (path for path in folder.rglob("*") if path.suffix.lower() in suffixes)
     return sorted(p for p in found if not any(part.startswith(".") for part in p.relative_to(folder).parts))
 
 
 def unreadable_photographs(folder: Path) -> str:
     """How many files are photographs in formats that are not read here, such as "50 .heic"; empty if none are."""
-    suffixes = [path.suffix.lower() for path in folder.rglob("*") if path.suffix.lower() in UNREAD]
-    return ", ".join(f"{count} {suffix}" for suffix, count in sorted(Counter(suffixes).items()))
+    suffixes = Counter(path.suffix.lower() for path in _files_below(folder, UNREAD))
+    return ", ".join(f"{count} {suffix}" for suffix, count in sorted(suffixes.items()))
 
 
 def not_read(folder: Path) -> str:
