@@ -57,7 +57,7 @@ def test_two_captures_of_one_name_are_told_apart(tmp_path):
         build_source(str(second), tmp_path / "data", find_profile("demo"), long_side=24)
 
 
-@pytest.mark.parametrize("content", ['{"sou', "[]"])
+@pytest.mark.parametrize("content", ['{"sou', "[1]"])
 def test_a_damaged_request_is_overwritten(tmp_path, content):
     capture = colmap_capture(tmp_path / "room")
     request = tmp_path / "data" / "room" / "request.json"
