@@ -10,6 +10,7 @@ import tyro
 from hydroviews.blender.embedded_scenes.captures import EMBEDDED
 from hydroviews.captures.catalogue.catalogue import Capture, all_captures, captures_root, locate
 from hydroviews.captures.download.captures import download_captures
+from hydroviews.captures.photographs import check_photographs
 from hydroviews.captures.sfm.poses import Matcher, estimate_poses
 from hydroviews.captures.video.capture import capture_video
 from hydroviews.captures.video.frames import FrameChoice
@@ -25,6 +26,7 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.formats.capture_json import FILE as CAPTURE
 from hydroviews.formats.capture_json import RAINY, read_capture_json
+from hydroviews.formats.photographs import FOLDERS
 from hydroviews.profiles import PROFILES, Profile, find_profile
 from hydroviews.rain.registry import pattern_names
 from hydroviews.rain.scene_statistics import LensRenderer
@@ -164,18 +166,25 @@ def poses_command(images: Annotated[Path, tyro.conf.Positional], out: Path | Non
 
     Args:
         images: the photographs.
-        out: where the capture goes; `<images>-capture` if not given.
+        out: where the capture goes; `<images>-capture` if not given, `walk-capture` for `walk/images`.
         rainy: they were taken in rain: what stays in one place of the lens is no feature, and matches may be less
             distinct. The capture's `capture.json` says so: nobody takes its photographs for clean views.
     """
     images = images.resolve()
-    out = out or images.with_name(images.name + "-capture")
+    out = out or _capture_beside(images)
+    check_photographs(images, out)
     scene = estimate_poses(images, out, rainy=rainy)
     if rainy:
         write_json(out / CAPTURE, {**read_capture_json(out), **RAINY})
     for note in scene.notes:
         print(note)
     print(f"capture: {out}; build it with `python -m hydroviews build --scene {shlex.quote(str(out))}`")
+
+
+def _capture_beside(images: Path) -> Path:
+    """The capture's folder, called after that of the photographs, or the one above where each capture has one."""
+    named = images.parent if images.name in FOLDERS and images.parent.name else images
+    return named.with_name(named.name + "-capture")
 
 
 def video_command(

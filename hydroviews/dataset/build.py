@@ -22,6 +22,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from hydroviews.blender.embedded_scenes.captures import EMBEDDED
 from hydroviews.dataset.card.card import keep_licence, write_card
 from hydroviews.dataset.clean_views import CLEAN, write_cameras, write_views
 from hydroviews.dataset.drawing_code import VERSION, drawing_code
@@ -115,7 +116,8 @@ def build(
     rains = sorted({*patterns, *map(parse_pattern, entry["patterns"])})  # those of an earlier call too
     _write_rain(clean, folder, rains, outdated, entry, request)
     names = [pattern.name for pattern in rains]
-    keep_licence(scene, folder)
+    if request.source not in EMBEDDED:
+        keep_licence(scene, folder)
     write_card(folder, [CAPTURED] if scene.captured_rainy else names, clean.notes)
     facts: dict[str, Any] = {"seed": seed, "long_side": long_side, "source": request.source, "views": len(clean.views)}
     made = {"generator": request.generator, "drawing_code": request.drawing_code}

@@ -168,7 +168,7 @@ def build_source(
         logger.info("%s: %s", scene.name, note)
     with locked(out / scene.name, BUSY):
         remove_leftovers(out / MANIFEST)
-        built = _built_request(out / scene.name)
+        built = _built_request(out / scene.name, overwrite)
         folder = build(
             scene,
             out,
@@ -194,7 +194,13 @@ def _beside(reserved: Sequence[str], scene: Scene) -> Scene:
     return replace(scene, name=name, notes=(*scene.notes, note))
 
 
-def _built_request(folder: Path) -> dict[str, Any]:
-    """What a scene that is already there was asked to be; empty where there is none."""
-    request = folder / REQUEST
-    return dict(read_json(request)) if request.is_file() else {}
+def _built_request(folder: Path, overwrite: bool) -> dict[str, Any]:
+    """What a scene that is already there was asked to be; empty where none is, or one to overwrite that is damaged."""
+    path = folder / REQUEST
+    try:
+        request = read_json(path, fix="add --overwrite to build the scene anew") if path.is_file() else {}
+    except InputError:
+        if not overwrite:
+            raise
+        request = {}
+    return request if isinstance(request, dict) else {}

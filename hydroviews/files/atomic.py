@@ -60,7 +60,7 @@ def read_json(path: Path, fix: str = "restore the file or write it again") -> An
         InputError: the file is missing, is not JSON, or is nested too deeply.
     """
     try:
-        text = path.read_text("utf-8")
+        text = path.read_text("utf-8-sig")  # some editors begin a file with a byte order mark
         value = json.loads(text, parse_int=_integer)
         if _SURROGATE.search(text):
             json.dumps(value, ensure_ascii=False).encode()

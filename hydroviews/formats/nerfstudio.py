@@ -1,14 +1,25 @@
 """nerfstudio, instant-ngp and Blender captures: `transforms.json` with OpenGL camera-to-world matrices."""
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from hydroviews.formats.geometry import OPENGL_TO_OPENCV, inverse, misplaced_note, rigid_pose
-from hydroviews.formats.photographs import Match, make_view, match_files, other_images, read_split, some, view_names
+from hydroviews.formats.photographs import (
+    Match,
+    below_first,
+    make_view,
+    match_files,
+    other_images,
+    read_split,
+    some,
+    stem,
+    view_names,
+)
 from hydroviews.formats.ply import read_ply
 from hydroviews.scene.checks import check_file_name
 from hydroviews.scene.images import image_size
@@ -41,9 +52,10 @@ def read_nerfstudio(folder: Path, name: str, match: Match = match_files) -> Scen
     files = match(folder, names)
     if not any(files):
         raise other_images(path, folder, names)
+    counts = Counter(PurePosixPath(stem(frame_name)).name for frame_name in names)
     views = [
-        _view(path, view_name, file, {**content, **frame}, _mask(folder, frame))
-        for view_name, file, frame in zip(view_names(names), files, frames, strict=True)
+        _view(path, view_name, file, {**content, **frame}, _mask(folder, frame, file, frame_name, counts))
+        for view_name, frame_name, file, frame in zip(view_names(names), names, files, frames, strict=True)
         if file
     ]
     points, notes = _points(folder, content), []
@@ -64,10 +76,16 @@ def _file_name(path: Path, which: str, frame: Mapping[str, Any]) -> str:
     return str(Path(check_file_name(f"{path}: {which}", frame["file_path"])))  # without a leading ./
 
 
-def _mask(folder: Path, frame: Mapping[str, Any]) -> Path | None:
-    """The mask a frame names, else the one of its image's name in `masks`."""
+def _mask(folder: Path, frame: Mapping[str, Any], file: Path, name: str, counts: Mapping[str, int]) -> Path | None:
+    """The mask a frame names, else the one in `masks` of its file's name, or of the name that the frame has for it.
+
+    A name without its folders counts where it is one frame's alone, by the `counts` of names without suffix.
+    """
     if not frame.get("mask_path"):
-        return find_mask(folder / MASKS, Path(frame["file_path"]).name)
+        alone = counts[PurePosixPath(stem(name)).name] == 1
+        both = [PurePosixPath(file.relative_to(folder)), PurePosixPath(name)]
+        images = [str(way) for one in both for way in (one, below_first(one), *([one.name] if alone else []))]
+        return next((mask for image in images if (mask := find_mask(folder / MASKS, image))), None)
     path = folder / check_file_name(f"{folder / CAMERA_FILE}: mask_path", frame["mask_path"])
     if not path.is_file():
         raise InputError(f"{path}: no such mask", fix="copy it back, or remove mask_path from the frame")

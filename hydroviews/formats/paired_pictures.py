@@ -23,7 +23,7 @@ from pathlib import Path, PurePosixPath
 
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
-from hydroviews.formats.photographs import FOLDERS, NUMBERED, SPLIT, not_read, photographs_below, some, stem
+from hydroviews.formats.photographs import FOLDERS, NUMBERED, SPLIT, composed_stem, not_read, photographs_below, some
 
 RAINY, CLEAN = "rainy", "clean"
 CLUTTER, EXTRA = "clutter", "extra"
@@ -57,7 +57,7 @@ class Pictures:
 
 
 def _key(name: str) -> str:
-    return stem(name).lower()
+    return composed_stem(name).lower()
 
 
 def _keys(name: str) -> Iterator[str]:

@@ -1,8 +1,9 @@
 """Matching a camera file's image names to the files on disk, and making views of both."""
 
+import unicodedata
 from collections import Counter
-from collections.abc import Callable, Sequence
-from pathlib import Path, PurePosixPath
+from collections.abc import Callable, Collection, Sequence
+from pathlib import Path, PurePath, PurePosixPath
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,8 @@ from hydroviews.scene.lenses import Lens
 from hydroviews.scene.masks import MASKS, find_mask
 from hydroviews.scene.scenes import Split, View, wrong_size
 
-UNREAD = (".heic", ".heif", ".avif", ".jxl", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2", ".gif")
+RAW = (".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2")
+UNREAD = (".heic", ".heif", ".avif", ".jxl", ".jfif", ".jpe", ".jp2", ".ppm", ".gif", *RAW)
 SPLIT = "split.json"
 NUMBERED = ("clutter", "extra")  # parts of a split that numbers photographs (see `paired_pictures`)
 Match = Callable[[Path, Sequence[str]], list[Path | None]]  # of a folder and a camera file's names, as `match_files`
@@ -42,14 +44,18 @@ def image_folder(folder: Path, given: str | None = None) -> Path:
 
 def photographs_below(folder: Path) -> list[Path]:
     """All pictures in `folder` and the folders in it, sorted; hidden and partial files are left out."""
-    found = (path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES)
+    return _files_below(folder, SUFFIXES)
+
+
+def _files_below(folder: Path, suffixes: Collection[str]) -> list[Path]:
+    found = (path for path in folder.rglob("*") if path.suffix.lower() in suffixes)
     return sorted(p for p in found if not any(part.startswith(".") for part in p.relative_to(folder).parts))
 
 
 def unreadable_photographs(folder: Path) -> str:
     """How many files are photographs in formats that are not read here, such as "50 .heic"; empty if none are."""
-    suffixes = [path.suffix.lower() for path in folder.rglob("*") if path.suffix.lower() in UNREAD]
-    return ", ".join(f"{count} {suffix}" for suffix, count in sorted(Counter(suffixes).items()))
+    suffixes = Counter(path.suffix.lower() for path in _files_below(folder, UNREAD))
+    return ", ".join(f"{count} {suffix}" for suffix, count in sorted(suffixes.items()))
 
 
 def not_read(folder: Path) -> str:
@@ -80,16 +86,22 @@ def one_by_one(pictures: Path, out: Path) -> dict[Path, Path]:
 def match_files(folder: Path, names: Sequence[str]) -> list[Path | None]:
     """The file in `folder` for each name in a camera file, None where there is none.
 
-    A file of the same name with another suffix counts: smaller copies are often stored in another format.
+    A file of the same name with another suffix counts: smaller copies are often stored in another format. So does one
+    whose umlauts are stored as letter and mark, as macOS does.
     """
-    by_stem = {stem(path.relative_to(folder).as_posix()): path for path in photographs_below(folder)}
-    return [folder / name if (folder / name).is_file() else by_stem.get(stem(name)) for name in names]
+    by_stem = {composed_stem(path.relative_to(folder).as_posix()): path for path in photographs_below(folder)}
+    return [folder / name if (folder / name).is_file() else by_stem.get(composed_stem(name)) for name in names]
 
 
 def stem(name: str) -> str:
     """A photograph's name without its suffix, with the folders before it."""
     path = PurePosixPath(name)
     return str(path.with_suffix("")) if path.suffix.lower() in SUFFIXES else str(path)
+
+
+def composed_stem(name: str) -> str:
+    """`stem` for comparing names: a letter and its mark are one character (Unicode's NFC)."""
+    return unicodedata.normalize("NFC", stem(name))
 
 
 def all_files(camera_file: Path, folder: Path, names: Sequence[str], match: Match = match_files) -> list[Path]:
@@ -164,6 +176,11 @@ def mask_beside(folder: Path, photographs: Path, file: Path) -> Path | None:
     """
     name = file.relative_to(photographs).as_posix() if file.is_relative_to(photographs) else file.name
     return find_mask(folder / MASKS, name)
+
+
+def below_first(name: PurePath) -> PurePosixPath:
+    """A photograph's name in a capture as seen from the folder that the photographs are in."""
+    return PurePosixPath(*(name.parts[1:] or name.parts))
 
 
 def read_split(folder: Path) -> Split | None:

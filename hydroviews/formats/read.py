@@ -13,7 +13,7 @@ from hydroviews.formats.nerfstudio import read_nerfstudio
 from hydroviews.formats.nsvf import is_nsvf, read_nsvf
 from hydroviews.formats.paired import paired_scene
 from hydroviews.formats.paired_pictures import find_pictures
-from hydroviews.formats.photographs import Match, match_files, not_read, photographs_below, read_split
+from hydroviews.formats.photographs import Match, below_first, match_files, not_read, photographs_below, read_split
 from hydroviews.scene.masks import MASKS, mask_name
 from hydroviews.scene.scenes import Scene
 
@@ -58,7 +58,8 @@ def read_scene(folder: Path, name: str | None = None, images: str | None = None)
     if masked:
         notes.append(f"{masked} of {len(scene.views)} views have a mask")
     elif (folder / MASKS).is_dir() and (pictures := photographs_below(folder / MASKS)):
-        wanted = mask_name(scene.views[0].path.name)
+        first = scene.views[0].path
+        wanted = mask_name(str(below_first(first.relative_to(folder))) if first.is_relative_to(folder) else first.name)
         notes.append(
             f"no masks: of {len(pictures)} pictures in {MASKS} none is named as it should be, such as {wanted}"
         )

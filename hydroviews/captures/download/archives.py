@@ -24,6 +24,7 @@ from hydroviews.files.full_disk import plain_write_errors
 UNFINISHED = ".unpacked-"  # folder that an interrupted call resumes
 DEPTH = 3  # how far down an archive the scene's folder may be
 LONGEST = 255  # bytes of a name, on every common file system
+ANOTHER = "delete it and run the same command again, or ask its authors"
 ENCRYPTED = 1  # zip's flag
 BLOCK = 1 << 20  # bytes
 DAMAGE = (
@@ -161,27 +162,23 @@ def _scene_files(archive: Path, members: list[Member], scene: str) -> dict[PureP
     return files
 
 
-def safe_parts(archive: Path, name: str) -> tuple[str, ...]:
-    """The parts of a member's path.
+def safe_parts(archive: Path, name: str, fix: str = ANOTHER) -> tuple[str, ...]:
+    """The parts of a member's path; `fix` is what to do about one that is refused.
 
     Checked here, because the libraries unpack where this refuses: zipfile drops `..` from a name without a word, and
     tarfile's data filter a leading slash.
     """
     parts = PurePosixPath(name).parts
     if not parts or ".." in parts or parts[0] == "/" or "\\" in name or "\0" in name or ":" in parts[0]:
-        raise refused(archive, name, "a name that leads outside")
+        raise refused(archive, name, "a name that leads outside", fix)
     if any(len(os.fsencode(part)) > LONGEST for part in parts):
-        raise refused(archive, name[:LONGEST], "a name too long for a file")
+        raise refused(archive, name[:LONGEST], "a name too long for a file", fix)
     return parts
 
 
-def refused(archive: Path, name: str, what: str) -> BadArchive:
+def refused(archive: Path, name: str, what: str, fix: str = ANOTHER) -> BadArchive:
     """The error for a member that is no plain file with a name of its own."""
-    return BadArchive(
-        f"{archive}: cannot be unpacked safely",
-        found=f"{what}: {name!r}",
-        fix="delete it and run the same command again, or ask its authors",
-    )
+    return BadArchive(f"{archive}: cannot be unpacked safely", found=f"{what}: {name!r}", fix=fix)
 
 
 def _is_there(path: Path, member: Member) -> bool:

@@ -12,7 +12,7 @@ from hydroviews.captures.video.user_masks import put_masks
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, write_json
 from hydroviews.formats.capture_json import FILE as CAPTURE
-from hydroviews.formats.capture_json import RAINY
+from hydroviews.formats.capture_json import RAINY, read_capture_json
 from hydroviews.profiles import require_seed
 from hydroviews.scene.masks import MASKS
 from hydroviews.scene.scenes import Scene
@@ -69,7 +69,8 @@ def capture_video(
     elif (out / MASK_SETTINGS).is_file():
         raise InputError(f"{out}: begun with masks", fix="give the same --masks again, or choose another --out")
     rain = {"rain": "none"} if dry else RAINY
-    write_json(out / CAPTURE, {**rain, **read_json(out / SETTINGS), "frames": len(frames), "inpainted": inpaint})
+    facts = {**rain, **read_json(out / SETTINGS), "frames": len(frames), "inpainted": inpaint}
+    write_json(out / CAPTURE, {**read_capture_json(out), **facts})  # what people added stays
     if frames_only:
         return None
     advice = advise(choice, masks is not None)

@@ -12,6 +12,7 @@ import PIL.Image
 from hydroviews.errors import InputError
 from hydroviews.formats.photographs import UNREAD
 
+LOG_ERRORS = 2  # OpenCV's level without warnings
 WHOLE = 0.98  # share of readable frames below which a video counts as cut short
 
 
@@ -35,8 +36,9 @@ def open_video(path: Path) -> Iterator[Video]:
         raise InputError(f"{path}: no such file")
     if _is_picture(path):
         raise InputError(f"{path}: a picture, not a film", fix="name the folder that all photographs are in")
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # InputError below replaces its messages
-    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # InputError below replaces its messages, and OpenCV's own
+    cv2.setLogLevel(LOG_ERRORS)
+    capture = cv2.VideoCapture(os.path.abspath(path), cv2.CAP_FFMPEG)  # it takes "12:30.mp4" for protocol 12
     try:
         if not capture.isOpened():
             raise InputError(
@@ -82,5 +84,8 @@ def frame_times(video: Video) -> Iterator[float]:
 
 
 def is_cut_short(video: Video, frames: int) -> bool:
-    """Whether so many fewer frames can be read than the header says that the video is damaged."""
+    """Whether so many fewer frames can be read than the header says that the video is damaged.
+
+    Or that it was trimmed without being encoded anew: all frames are still in the file then.
+    """
     return frames < WHOLE * video.length

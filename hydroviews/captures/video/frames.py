@@ -175,7 +175,8 @@ def _fitted(pixels: Pixels, long_side: int | None) -> Pixels:
 def _notes(video: Video, choice: FrameChoice, seen: Progress, taken: int) -> list[str]:
     notes = []
     if is_cut_short(video, seen.frames):
-        notes.append(f"{video.path.name} is cut short: {seen.frames} of its {video.length} frames could be read")
+        read = f"{seen.frames} of its {video.length} frames could be read"
+        notes.append(f"{video.path.name} is cut short or was trimmed: {read}")
     wanted = int(seen.seconds * choice.rate) + 1
     if taken < wanted:
         notes.append(f"{wanted - taken} of {wanted} instants have no frame near them: the video has too few a second")
@@ -185,17 +186,17 @@ def _notes(video: Video, choice: FrameChoice, seen: Progress, taken: int) -> lis
 def _too_few_frames(video: Video, choice: FrameChoice, state: dict[str, Any]) -> InputError:
     seconds, taken = state["seconds"], len(state["frames"])
     expected = f"at least {FEWEST} frames, better 20 or more"
+    more = f"take more a second, such as --rate {20 / seconds if seconds else 0.0:.1f}, into another folder"
     if is_cut_short(video, state["frames_in_video"]):
         return InputError(
-            f"{video.path}: damaged after {seconds:.1f} s",
+            f"{video.path}: damaged or trimmed after {seconds:.1f} s",
             found=f"{state['frames_in_video']} of its {video.length} frames can be read, which gives {taken}",
             expected=expected,
-            fix="copy the video again; ffmpeg may be able to mend it",
+            fix=f"if it was trimmed, {more}; if not, copy it again, or let ffmpeg try to mend it",
         )
-    rate = 20 / seconds if seconds else 0.0
     return InputError(
         f"{video.path}: too short at a rate of {choice.rate:g} a second",
         found=f"{seconds:.1f} s, which gives {taken} frames",
         expected=expected,
-        fix=f"take more a second, such as --rate {rate:.1f}, into another folder; or film for longer",
+        fix=f"{more}; or film for longer",
     )

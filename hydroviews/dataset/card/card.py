@@ -20,8 +20,8 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, replacing, write_bytes, write_json
 from hydroviews.formats.capture_json import CAPTURED, described_licence
 from hydroviews.formats.markdown import markdown_table
-from hydroviews.formats.paired_pictures import RAINY
 from hydroviews.formats.photographs import FOLDERS
+from hydroviews.formats.read import has_cameras
 from hydroviews.profiles import PROFILES
 from hydroviews.scene.images import image_size, list_images
 from hydroviews.scene.scenes import Scene
@@ -62,20 +62,31 @@ class Licence:
 
 
 def keep_licence(capture: Scene, folder: Path) -> None:
-    """Copy the capture's own word on its origin and licence, if it lies beside its photographs, to `licence/`.
+    """Copy the capture's own word on its origin and licence, from its folder and its photographs', to `licence/`.
 
     Args:
         capture: as read, before it is built.
         folder: of the built scene.
+
+    Raises:
+        InputError: see `described_licence`.
     """
-    images = capture.views[0].path.parent
-    for place in (images.parent, images) if images.name.lower() in (*FOLDERS, RAINY) else (images,):
+    places = _capture_folders(capture.views[0].path)
+    for place in places:
         for file in sorted(path for pattern in LICENCE_FILES for path in place.glob(pattern) if path.is_file()):
             with replacing(folder / LICENCE / file.name) as temporary:
                 shutil.copyfile(file, temporary)
-    stated = described_licence(images.parent if images.name in FOLDERS else images)
+    stated = described_licence(places[0])
     if stated:
         write_json(folder / LICENCE / STATED, asdict(Licence(*stated, said_by="the capture")))
+
+
+def _capture_folders(photograph: Path) -> list[Path]:
+    """From the capture's folder, which has the cameras, down to the photograph's; where none has, the last two."""
+    above = list(photograph.parents)
+    usual = 1 if above[0].name in FOLDERS else 0
+    capture = next((i for i, folder in enumerate(above) if has_cameras(folder)), usual)
+    return above[capture::-1]
 
 
 def find_licence(folder: Path) -> Licence | None:

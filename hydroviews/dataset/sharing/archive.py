@@ -24,7 +24,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from hydroviews.captures.download.archives import BadArchive, opened_archive, refused, safe_parts
+from hydroviews.captures.download.archives import ANOTHER, BadArchive, opened_archive, refused, safe_parts
 from hydroviews.dataset.manifest import MANIFEST, read_manifest
 from hydroviews.dataset.sharing.croissant import CROISSANT
 from hydroviews.errors import InputError
@@ -170,8 +170,8 @@ def open_archive(path: Path) -> Packed:
 
 def _refuse_odd_members(path: Path, infos: Sequence[zipfile.ZipInfo]) -> None:
     """Refuse what `write_archive` never writes."""
+    refuse_odd_names(path, [info.filename for info in infos])
     for info in infos:
-        safe_parts(path, info.filename)
         mode = info.external_attr >> 16
         if info.orig_filename != info.filename:
             raise refused(path, info.orig_filename, "a name that was cut")
@@ -184,16 +184,21 @@ def _refuse_odd_members(path: Path, infos: Sequence[zipfile.ZipInfo]) -> None:
     total, size = sum(info.file_size for info in infos), path.stat().st_size
     if total > size:
         raise refused(path, f"{total} bytes", f"more than the {size} bytes of the archive")
-    _refuse_colliding_names(path, [info.filename for info in infos])
 
 
-def _refuse_colliding_names(path: Path, names: Collection[str]) -> None:
-    """Refuse names that some file system takes for one, or of which one is the folder of another."""
+def refuse_odd_names(path: Path, names: Collection[str], fix: str = ANOTHER) -> None:
+    """Refuse names that lead outside, that some file system takes for one, or of which one is the folder of another.
+
+    Raises:
+        BadArchive: there are such names; `fix` says what to do.
+    """
+    for name in names:
+        safe_parts(path, name, fix)
     folded = Counter(unicodedata.normalize("NFC", name).casefold() for name in names)
     above = {parent.as_posix() for name in folded for parent in PurePosixPath(name).parents}
     twice = sorted(name for name, count in folded.items() if count > 1 or name in above)
     if twice:
-        raise refused(path, twice[0], "a name that comes twice, or differs only by case")
+        raise refused(path, twice[0], "a name that comes twice, or differs only by case", fix)
 
 
 def _refuse_other_members(path: Path, found: set[str], expected: Collection[str]) -> None:

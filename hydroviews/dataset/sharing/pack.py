@@ -12,7 +12,7 @@ from typing import Any
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.manifest import MANIFEST, built_scenes, scene_entry
 from hydroviews.dataset.request import REQUEST
-from hydroviews.dataset.sharing.archive import LEFT_OUT, write_archive
+from hydroviews.dataset.sharing.archive import LEFT_OUT, refuse_odd_names, write_archive
 from hydroviews.dataset.sharing.contents import IMAGES, LAYERS, Contents, contents, variants_of
 from hydroviews.dataset.sharing.croissant import CROISSANT, FileFacts, Pictures, croissant
 from hydroviews.errors import InputError, unknown_name
@@ -22,6 +22,7 @@ from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.photographs import SPLIT
 
 ZIP = ".zip"
+RENAME = "rename the capture's folder or that photograph, and build the scene again"
 NOTHING: Mapping[str, Any] = {"files": {}, "patterns": []}
 
 
@@ -51,7 +52,8 @@ def pack(
 
     Raises:
         InputError: nothing to pack, a build that is not finished, a file that is not what the manifest says, a licence
-            that does not allow it, another archive of that name, or a full disk.
+            that does not allow it, a name that cannot be unpacked everywhere, another archive of that name, or a full
+            disk.
     """
     folders = built_scenes(data, scene)
     if not scene and (data / MANIFEST).is_file():
@@ -103,6 +105,7 @@ def _write(packed: Contents, path: Path) -> str:
     described = FileFacts(MANIFEST, "application/json", len(manifest), _sha256(manifest))
     members: dict[str, Path | bytes] = {MANIFEST: manifest, CROISSANT: json_bytes(_metadata(packed, described, here))}
     members |= {f"{packed.folder.name}/{name}": content for name, content in here.items()}
+    refuse_odd_names(path, members, RENAME)
     with replacing(path) as temporary:
         digest = write_archive(temporary, members, {f"{packed.folder.name}/{name}": hashes[name] for name in here})
         if path.is_file() and sha256(path) != digest:

@@ -1,6 +1,8 @@
 """Photographs as phones store them: pixels as the sensor lay, a tag for the turn, a focal length."""
 
 import logging
+import struct
+import zlib
 
 import cv2
 import numpy as np
@@ -11,7 +13,7 @@ import pytest
 from hydroviews.captures.exif_orientation import common_turn, orientation, write_upright
 from hydroviews.captures.sfm import matching
 from hydroviews.errors import InputError
-from hydroviews.scene.images import image_size, read_image, write_png
+from hydroviews.scene.images import image_size, read_image, read_pixels, write_png
 
 ORIENTATION, EXIF, FOCAL_35 = 0x0112, 0x8769, 0xA405
 TURNS = {1: 0, 8: 1, 3: 2, 6: 3}  # quarter turns counter-clockwise to upright
@@ -67,6 +69,38 @@ def test_all_are_turned_or_none(tmp_path, caplog):
     assert caplog.text == ""
     assert not common_turn([upright, portrait])
     assert "upright and sideways" in caplog.text
+
+
+def test_tiff_files_are_turned_or_refused(tmp_path):
+    """Their pixels are read upright here, and as they are stored by COLMAP: the cameras would be of other pictures."""
+    for name, tag in (("a", 6), ("b", 6), ("c", 1), ("d", 3)):
+        PIL.Image.fromarray(np.zeros((6, 8, 3), np.uint8)).save(tmp_path / f"{name}.tif", tiffinfo={ORIENTATION: tag})
+    turned, upright = [tmp_path / "a.tif", tmp_path / "b.tif"], [tmp_path / "c.tif"]
+    assert common_turn(turned)
+    assert not common_turn(upright)
+    with pytest.raises(InputError, match=r"a\.tif, b\.tif, d\.tif with an Orientation tag"):
+        common_turn([*turned, *upright, tmp_path / "d.tif"])
+
+
+@pytest.mark.parametrize("tag", TURNS)
+@pytest.mark.parametrize("suffix", ["png", "tif"])
+def test_16_bits_stay_16_bits(tmp_path, suffix, tag):
+    colours = np.random.default_rng(0).integers(0, 65536, (6, 8, 3), np.uint16)
+    source, target = tmp_path / f"a.{suffix}", tmp_path / f"upright.{suffix}"
+    content = cv2.imencode(f".{suffix}", colours)[1].tobytes()
+    if suffix == "png":
+        exif = PIL.Image.Exif()
+        exif[ORIENTATION] = tag
+        chunk = b"eXIf" + exif.tobytes().removeprefix(b"Exif\0\0")
+        chunk = struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk))
+        source.write_bytes(content[:33] + chunk + content[33:])  # after the header
+    else:
+        planar = struct.pack("<HHII", 0x011C, 3, 1, 1)  # a tag that says what readers assume without it
+        source.write_bytes(content.replace(planar, struct.pack("<HHII", ORIENTATION, 3, 1, tag)))
+    assert orientation(source) == tag
+    write_upright(source, target)
+    assert orientation(target) == 1
+    assert np.array_equal(read_pixels(target), np.rot90(colours, TURNS[tag]))
 
 
 def test_photographs_of_a_size_share_a_camera(tmp_path):

@@ -138,7 +138,7 @@ def test_other_settings_and_another_video_are_refused(video, tmp_path):
     take_frames(video.rename(tmp_path / "renamed.mkv"), tmp_path / "out", FrameChoice())
 
 
-def test_no_videos(tmp_path):
+def test_no_videos(tmp_path, capfd):
     with pytest.raises(InputError, match=r"none\.mp4: no such file"):
         take_frames(tmp_path / "none.mp4", tmp_path / "out", FrameChoice())
     (tmp_path / "text.mp4").write_text("not a video " * 100)
@@ -148,6 +148,7 @@ def test_no_videos(tmp_path):
     with pytest.raises(InputError, match=r"empty\.avi: cannot be read as a video"):
         take_frames(tmp_path / "empty.avi", tmp_path / "out", FrameChoice())
     assert not (tmp_path / "out").exists()
+    assert "WARN" not in capfd.readouterr().err  # of OpenCV
 
 
 @pytest.mark.parametrize(
@@ -193,13 +194,47 @@ def test_a_video_cut_short_gives_what_can_be_read(tmp_path):
     assert take_frames(cut, tmp_path / "out", FrameChoice()) == notes  # told again
 
 
+def trimmed(path: Path, source: Path) -> Path:
+    """The first half of an MP4 film, as telephones trim it: all frames stay, and an edit list says which are shown."""
+    content = bytearray(source.read_bytes())
+    duration = content.index(b"elst") + 12  # after type, version and number of entries
+    (whole,) = struct.unpack_from(">I", content, duration)
+    struct.pack_into(">I", content, duration, whole // 2)
+    path.write_bytes(content)
+    return path
+
+
+def test_a_trimmed_video_is_not_called_damaged_alone(tmp_path):
+    film = write_video(tmp_path / "film.mp4", [picture(i) for i in range(60)], codec="mp4v")
+    notes = take_frames(trimmed(tmp_path / "half.mp4", film), tmp_path / "out", FrameChoice())
+    assert notes == ["half.mp4 is cut short or was trimmed: 30 of its 60 frames could be read"]
+    film = write_video(tmp_path / "film.mp4", [picture(i) for i in range(40)], codec="mp4v")
+    with pytest.raises(InputError, match=r"damaged or trimmed after 2\.0 s[\s\S]*if it was trimmed.*--rate 10\.0"):
+        take_frames(trimmed(tmp_path / "quarter.mp4", film), tmp_path / "short", FrameChoice())
+
+
+def test_a_colon_in_a_name_is_no_protocol(video, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    take_frames(video.rename("12:30.mkv"), tmp_path / "out", FrameChoice())
+    assert len(taken(tmp_path / "out")) == 5
+
+
+def test_what_people_add_to_capture_json_stays(video, tmp_path):
+    capture_video(video, tmp_path / "out", FrameChoice(), frames_only=True)
+    path = tmp_path / "out" / "capture.json"
+    made = json.loads(path.read_text())
+    path.write_text(json.dumps({**made, "metres_per_unit": 0.5, "rain": "unknown"}))
+    capture_video(video, tmp_path / "out", FrameChoice(), frames_only=True)
+    assert json.loads(path.read_text()) == {**made, "metres_per_unit": 0.5}
+
+
 def test_a_damaged_video_is_not_called_short(tmp_path):
     whole = write_video(tmp_path / "whole.avi", [picture(i, 160, 120) for i in range(100)], codec="MJPG")
     content = bytearray(whole.read_bytes())
     size = len(content)
     content[size // 20 : -size // 20] = np.random.default_rng(0).bytes(len(content[size // 20 : -size // 20]))
     (tmp_path / "noisy.avi").write_bytes(content)
-    with pytest.raises(InputError, match=r"noisy\.avi: damaged after 0\.\d s\n.*\d of its 100 frames"):
+    with pytest.raises(InputError, match=r"noisy\.avi: damaged or trimmed after 0\.\d s\n.*\d of its 100 frames"):
         take_frames(tmp_path / "noisy.avi", tmp_path / "out", FrameChoice())
 
 

@@ -1,14 +1,17 @@
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from synthetic import capture_in
 
 from hydroviews.dataset.build import build
+from hydroviews.dataset.card.card import Licence, find_licence, keep_licence
 from hydroviews.dataset.card.markdown import describe_rain
 from hydroviews.dataset.manifest import built_scenes, read_manifest
 from hydroviews.dataset.statistics import read_statistics
 from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import write_json
 from hydroviews.formats.markdown import markdown_table
 from hydroviews.rain.patterns import Pattern
 
@@ -22,6 +25,24 @@ def built(tmp_path) -> Path:
     scene = capture_in(capture)
     (capture / "SOURCE.md").write_text("# From a garden\nLicence: CC-BY\n")
     return build(scene, tmp_path / "data", patterns=STREAKS, seed=5, source=str(capture))
+
+
+@pytest.mark.parametrize("photographs", ["images", "images/cam0", "frames", "rainy", "Images"])
+def test_a_capture_states_its_licence_wherever_its_photographs_lie(tmp_path, photographs):
+    scene = capture_in(tmp_path / "made", n_views=3)
+    folder = tmp_path / "yard" / photographs
+    folder.parent.mkdir(parents=True)
+    (tmp_path / "made" / "images").rename(folder)
+    scene = replace(scene, views=tuple(replace(view, path=folder / view.path.name) for view in scene.views))
+    write_json(tmp_path / "yard" / "transforms.json", {})
+    write_json(tmp_path / "yard" / "capture.json", {"licence": "CC-BY-4.0", "shareable": True})
+    (tmp_path / "yard" / "LICENSE.txt").write_text("By Ada")
+    (folder / "SOURCE.md").write_text("From a garden")
+    (tmp_path / "LICENSE.other").write_text("Of another thing")
+    keep_licence(scene, tmp_path / "built")
+    assert find_licence(tmp_path / "built") == Licence("CC-BY-4.0", True, "the capture")
+    kept = {path.name for path in (tmp_path / "built" / "licence").iterdir()}
+    assert kept == {"LICENSE.txt", "SOURCE.md", "licence.json"}
 
 
 def test_the_command_of_a_capture_with_an_odd_name_can_be_pasted(tmp_path):

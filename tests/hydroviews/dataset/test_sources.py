@@ -57,6 +57,19 @@ def test_two_captures_of_one_name_are_told_apart(tmp_path):
         build_source(str(second), tmp_path / "data", find_profile("demo"), long_side=24)
 
 
+@pytest.mark.parametrize("content", ['{"sou', "[1]"])
+def test_a_damaged_request_is_overwritten(tmp_path, content):
+    capture = colmap_capture(tmp_path / "room")
+    request = tmp_path / "data" / "room" / "request.json"
+    request.parent.mkdir(parents=True)
+    request.write_text(content)
+    settings = {"profile": find_profile("demo"), "long_side": 24}
+    with pytest.raises(InputError, match="--overwrite"):
+        build_source(str(capture), tmp_path / "data", **settings)
+    build_source(str(capture), tmp_path / "data", **settings, overwrite=True)
+    assert verify(tmp_path / "data") == []
+
+
 def find(source, root=None, long_side=20):
     return find_capture(source, Path("rendered"), 40, long_side, root)
 

@@ -33,6 +33,11 @@ def test_broken_json(tmp_path):
         read_json(tmp_path / "b.json")
 
 
+def test_a_byte_order_mark_does_not_matter(tmp_path):
+    (tmp_path / "a.json").write_text('{"rain": "none"}', "utf-8-sig")
+    assert read_json(tmp_path / "a.json") == {"rain": "none"}
+
+
 @pytest.mark.parametrize("number", [errno.EDQUOT, errno.EACCES, errno.EROFS])
 def test_disks_that_may_not_be_written_are_told_plainly(tmp_path, number):
     with pytest.raises(InputError, match=r"no space left|cannot be written"), replacing(tmp_path / "a.txt"):

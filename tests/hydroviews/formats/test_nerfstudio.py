@@ -1,5 +1,6 @@
 import json
 import math
+import unicodedata
 from pathlib import Path
 
 import cv2
@@ -10,9 +11,11 @@ from distorted import LENS, arc, write_photographs
 from plyfile import PlyData, PlyElement
 
 from hydroviews.errors import InputError
+from hydroviews.formats.photographs import match_files
 from hydroviews.formats.read import read_scene
 from hydroviews.scene.images import to_uint8, write_png
 from hydroviews.scene.lenses import Lens
+from hydroviews.scene.masks import write_ignored
 
 TO_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 SHARED = dict(zip(("fl_x", "fl_y", "cx", "cy", "k1", "k2", "p1", "p2", "w", "h"), (*LENS.params, 96, 72), strict=True))
@@ -99,6 +102,35 @@ def test_no_frame_with_an_image(tmp_path):
     other = [{**frame, "file_path": f"elsewhere/{i}.png"} for i, frame in enumerate(frames())]
     with pytest.raises(InputError, match="a camera file for other images"):
         read_scene(write_capture(tmp_path, {**SHARED, "frames": other}))
+
+
+@pytest.mark.parametrize("masks", ["00.png.png", "00.png", "images/00.png.png"])
+@pytest.mark.parametrize("suffix", ["", ".png", ".jpg"])
+def test_masks_by_the_file_or_by_the_frame(tmp_path, masks, suffix):
+    write_capture(tmp_path, {**SHARED, "frames": frames(suffix=suffix)})
+    write_ignored(tmp_path / "masks" / masks, np.ones((72, 96), bool))
+    assert [view.mask is not None for view in read_scene(tmp_path).views] == [True, False, False, False]
+
+
+def test_masks_of_several_cameras_whose_photographs_share_names(tmp_path):
+    paths = [f"images/cam{i % 2}/{i // 2}.png" for i in range(4)]
+    write_photographs(tmp_path, paths)
+    own = [{**frame, "file_path": path} for frame, path in zip(frames(), paths, strict=True)]
+    (tmp_path / "transforms.json").write_text(json.dumps({**SHARED, "frames": own}))
+    write_ignored(tmp_path / "masks" / "0.png.png", np.ones((72, 96), bool))  # of which camera?
+    scene = read_scene(tmp_path)
+    assert not any(view.mask for view in scene.views)
+    assert scene.notes[-1] == "no masks: of 1 pictures in masks none is named as it should be, such as cam0/0.png.png"
+    write_ignored(tmp_path / "masks" / "cam1" / "0.png.png", np.ones((72, 96), bool))
+    assert [view.mask is not None for view in read_scene(tmp_path).views] == [False, False, True, False]
+
+
+def test_umlauts_may_be_stored_in_either_way(tmp_path):
+    composed, decomposed = (unicodedata.normalize(form, "images/B\u00e4ume.png") for form in ("NFC", "NFD"))
+    for stored, named in ((composed, decomposed), (decomposed, composed)):
+        write_photographs(tmp_path, [stored])
+        assert match_files(tmp_path, [named]) == [tmp_path / stored]
+        (tmp_path / stored).unlink()
 
 
 def test_points_of_a_ply_file(tmp_path):

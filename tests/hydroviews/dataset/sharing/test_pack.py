@@ -63,6 +63,13 @@ def test_no_local_path_is_in_an_archive(built, tmp_path):
         assert str(built.parents[1]).encode() not in path.read_bytes()
 
 
+def test_what_nobody_could_unpack_is_not_packed(tmp_path):
+    odd = built_in(tmp_path, patterns=(), name="walk-12:30")
+    with pytest.raises(InputError, match=r"a name that leads outside: 'walk-12:30/.*\n.*rename"):
+        next(pack(odd, tmp_path / "out"))
+    assert not list(tmp_path.glob("out/*"))
+
+
 def test_remarks_that_name_a_folder_of_this_machine_stay_here(tmp_path):
     """Neither manifest nor card says them, whoever made the remark; the others are packed."""
     built = built_in(tmp_path, patterns=("streak-1",))

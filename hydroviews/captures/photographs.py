@@ -1,0 +1,43 @@
+"""What is wrong with a folder of photographs, as far as it can be told before cameras are estimated for them."""
+
+import logging
+from pathlib import Path
+
+from hydroviews.captures.sfm.sources import link_names
+from hydroviews.errors import InputError
+from hydroviews.formats.photographs import not_read, photographs_below, some
+
+logger = logging.getLogger(__name__)
+
+NOT_IN_COLMAP = (".webp",)  # formats read everywhere else
+
+
+def check_photographs(images: Path, out: Path) -> None:
+    """Warn of photographs that will be left out, and refuse what `estimate_poses` cannot take.
+
+    Args:
+        images: folder of the photographs and of folders with more; it need not exist.
+        out: folder of the capture. Links to the photographs go to its `images`.
+
+    Raises:
+        InputError: formats that COLMAP does not read; or `images` is that of `out`, and links would have other names
+            than the photographs that lie beside them.
+    """
+    if not images.is_dir():
+        return
+    sources = photographs_below(images)
+    foreign = [path.name for path in sources if path.suffix.lower() in NOT_IN_COLMAP]
+    if foreign:
+        raise InputError(
+            f"{images}: photographs that COLMAP does not read", found=some(foreign), fix="convert them to .png or .jpg"
+        )
+    if images.resolve() == (out / "images").resolve():
+        renamed = [str(path) for name, path in link_names(images, sources).items() if path != images / name]
+        if renamed:
+            raise InputError(
+                f"{out}: links without blanks and folders in their names would lie among the photographs",
+                found=some(renamed),
+                fix="choose another --out",
+            )
+    if left_out := not_read(images):
+        logger.warning("%s: %s", images, left_out)
