@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import PIL.Image
 import pytest
 from captures import flower_walk, rained_on
 from splats import photographed
@@ -221,3 +222,11 @@ def test_formats_that_are_not_read_are_named(tmp_path, caplog):
     with caplog.at_level("INFO"):
         require_photographs(tmp_path)
     assert "3 .heic left out" in caplog.text
+
+
+def test_formats_that_colmap_does_not_read_are_refused_before_cameras_are_estimated(request_of, tmp_path):
+    (tmp_path / "walk").mkdir()
+    for name in "abc":
+        PIL.Image.fromarray(np.zeros((4, 4, 3), np.uint8)).save(tmp_path / "walk" / f"{name}.webp")
+    with pytest.raises(InputError, match="COLMAP does not read"):
+        find_scene(request_of(photographs=tmp_path / "walk"), tmp_path / "capture")
