@@ -152,9 +152,9 @@ $(DOCS): $(READY)
 docs: $(DOCS)  ## the site into build/site: open build/site/index.html
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
 
-# A file's tests share what they build, so they stay in one process.
+# A file's tests share what they build, so they stay in one process; tests/conftest.py has the order of files.
 test: $(READY)  ## all tests, shared out to up to four processes
-	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
+	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder --durations=25
 
 fuzz: $(READY)  ## damaged captures and pictures, other ones than in the tests: EXAMPLES=1000 a reader
 	FUZZ_EXAMPLES=$(EXAMPLES) $(BIN)/python -m pytest tests/hydroviews/formats/test_fuzzed_readers.py

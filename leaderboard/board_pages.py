@@ -32,8 +32,8 @@ def write_board(board: Path, out: Path, pages: Sequence[Path] = ()) -> Path:
         The pages' index.
 
     Raises:
-        InputError: no runs, `out` is the board itself or holds runs of its own, a page cannot be read (then nothing is
-            written), or a table is not as it has to be.
+        InputError: no runs, or some that are partial or cannot be trusted; `out` is the board itself or holds runs of
+            its own; a page cannot be read (then nothing is written); or a table is not as it has to be.
     """
     texts = {page: _read_page(page) for page in pages}
     _copy_runs(board, out)
@@ -69,7 +69,14 @@ def _copy_runs(board: Path, out: Path) -> None:
     for folder in folders:
         if folder.relative_to(out) not in names:
             remove_tree(folder)
-    publish(board, out, submitted=True, overwrite=True)
+    left_out = publish(board, out, submitted=True, overwrite=True).left_out
+    if left_out:
+        raise InputError(
+            f"{board}: runs that cannot be shown",
+            found="; ".join(f"{name}: {reason}" for name, reason in left_out.items()),
+            expected="runs as python -m leaderboard publish writes them",
+            fix="restore them, or remove their folders",
+        )
 
 
 def comparisons_text(table: pd.DataFrame, views: pd.DataFrame) -> str:

@@ -111,12 +111,12 @@ def _of_methods(start: str, head: Sequence[str], rows: pd.DataFrame, patterns: S
     if scores[asked].isna().all(axis=None):
         raise InputError(f"{start}: no such run", expected=f"{', '.join(scenes)} under {', '.join(patterns)}")
     best = scores[asked].max()
-    seconds = (rows.before_s.fillna(0) + rows.train_s).groupby(rows.method).mean()
+    seconds = (rows.train_s + rows.before_s.fillna(0) + rows.after_s.fillna(0)).groupby(rows.method).mean()
     lines = []
     for method in _ranked(scores, asked):
         cells = [_scene_cell(scores.loc[method][scene], best[scene], patterns) for scene in scenes]
         lines.append([f"`{method}`", *cells, *([_seconds_cell(seconds[method])] if with_seconds else [])])
-    legend = f"PSNR under {', '.join(patterns)}" + (", and mean seconds of a run." if with_seconds else ".")
+    legend = f"PSNR under {', '.join(patterns)}" + (", and mean seconds of training." if with_seconds else ".")
     return lines, f"{legend} {_basis(rows, patterns)}"
 
 

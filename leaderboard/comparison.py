@@ -97,13 +97,19 @@ def _finished(table: pd.DataFrame, views: pd.DataFrame, metric: str) -> pd.DataF
 def scene_scores(
     views: pd.DataFrame, metric: str, methods: Sequence[str], runs: set[tuple[Any, ...]]
 ) -> list[SceneScores]:
-    """The scores of some methods on the same runs, scenes in order; M is the number of methods."""
+    """The scores of some methods on the same runs, scenes in order; M is the number of methods.
+
+    Raises:
+        InputError: methods have scores of other views on the same data.
+    """
     wanted = views[views.method.isin(methods)].set_index(RUN)
     wanted = wanted[wanted.index.isin(runs)].reset_index()
     scenes = []
     for _, rows in wanted.groupby("scene"):
+        names = sorted(set(rows.view))
         cube = rows.pivot_table(index=["pattern", "seed", "data_sha256"], columns=["view", "method"], values=metric)
-        values = np.stack([cube.xs(name, axis=1, level="method").to_numpy(float) for name in methods], axis=2)
+        own = [cube.xs(method, axis=1, level="method").reindex(columns=names) for method in methods]
+        values = np.stack([scores.to_numpy(float) for scores in own], axis=2)
         if np.isnan(values).any():
             raise InputError(f"{rows.scene.iloc[0]}: runs on the same data have other views", fix="evaluate them anew")
         patterns = np.unique(cube.index.get_level_values("pattern"), return_inverse=True)[1]

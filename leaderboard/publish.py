@@ -9,6 +9,7 @@ import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from baselines.training.learning_curve import LEARNING_CURVE
 from hydroviews.errors import InputError
@@ -16,7 +17,7 @@ from hydroviews.files.atomic import read_json
 from hydroviews.files.full_disk import plain_write_errors
 from hydroviews.files.temporary import remove_leftovers, remove_tree, temporary_beside
 from leaderboard.gather import run_folders, trusted_record
-from leaderboard.records import DONE, FAILED, PER_VIEW, RECORD, RESCORE, SCHEMA, Record
+from leaderboard.records import DONE, FAILED, FIELDS, PER_VIEW, RECORD, RESCORE, SCHEMA, Record
 
 PUBLISHED = (RECORD, PER_VIEW, LEARNING_CURVE)  # a failed run has no scores, a submission no training
 
@@ -82,13 +83,19 @@ def _read(results: Path) -> tuple[dict[Path, _Run], dict[Path, str]]:
         except InputError as error:
             left_out[name] = str(error)
             continue
-        if record.status in (DONE, FAILED):
-            schema = read_json(folder / RECORD, RESCORE).get("schema", 1)
+        written = read_json(folder / RECORD, RESCORE)
+        if _is_whole(record, written):
             files = {file: (folder / file).read_bytes() for file in PUBLISHED if (folder / file).is_file()}
-            runs[name] = _Run(record, schema, files)
+            runs[name] = _Run(record, written.get("schema", 1), files)
         else:
             left_out[name] = f"{record.status}: {record.reason}".removesuffix(": ")
     return runs, left_out
+
+
+def _is_whole(record: Record, written: Mapping[str, Any]) -> bool:
+    """Whether a run is failed, or done by the metrics that it was scored with: others may be registered since."""
+    lacking = [name for name, value in written.items() if value is None and name not in FIELDS]
+    return record.status in (DONE, FAILED) or (written["status"] == DONE and not lacking)
 
 
 def _differs(folder: Path, run: _Run) -> bool:

@@ -159,21 +159,27 @@ def mean_scores(views: Sequence[Mapping[str, Any]], reasons: dict[str, str]) -> 
 
 
 def score_views(renders: Path, views: Sequence[View], reasons: dict[str, str]) -> list[dict[str, Any]]:
-    """All metrics of all views, two views at a time, showing progress; what cannot be had goes to `reasons`."""
+    """All metrics of all views, two views at a time, showing progress; why one cannot be had goes to `reasons`.
+
+    What a metric cannot score of one view, of the first such view, says nothing of the others: each view's scores are
+    its own, whichever is looked at first.
+    """
     from baselines.training.torch_state import picture_threads
 
     find_metrics()  # once, not in both threads
 
-    def row(view: View) -> dict[str, Any]:
-        return {"view": view.name, **score_view(renders / f"{view.name}.png", view, reasons)}
+    def scored(view: View) -> tuple[Scores, dict[str, str]]:
+        return _score_view(renders / f"{view.name}.png", view, reasons)
 
     with picture_threads():
-        rows = side_by_side(row, views)
-        return list(tqdm(rows, desc="scoring", unit="view", total=len(views)))
+        found = list(tqdm(side_by_side(scored, views), desc="scoring", unit="view", total=len(views)))
+    for _, faults in found:
+        reasons.update(faults | reasons)
+    return [{"view": view.name, **scores} for view, (scores, _) in zip(views, found, strict=True)]
 
 
-def score_view(render: Path, clean: View, reasons: dict[str, str]) -> Scores:
-    """All metrics of one view, from pictures on disk; what cannot be had goes to `reasons`."""
+def _score_view(render: Path, clean: View, reasons: dict[str, str]) -> tuple[Scores, dict[str, str]]:
+    """All metrics of one view, from pictures on disk, as `_scores` has them."""
     try:
         image = read_image(render)
     except InputError as error:
@@ -199,22 +205,32 @@ def score_image(image: Image, clean: View, reasons: dict[str, str], metrics: Seq
         metrics: all there are if not given.
     """
     rounded = to_uint8(image).astype(np.float32) / 255
-    return _scores(rounded, clean.image(), clean.ignored(), reasons, metrics or find_metrics())
+    scores, faults = _scores(rounded, clean.image(), clean.ignored(), reasons, metrics or find_metrics())
+    reasons.update(faults)
+    return scores
 
 
 def _scores(
     image: Image, target: Image, ignored: Ignored | None, reasons: dict[str, str], metrics: Sequence[Metric]
-) -> Scores:
-    """Metrics of an image of 8 bits a channel against its target, both [H, W, 3] in [0, 1]."""
-    scores: Scores = {}
+) -> tuple[Scores, dict[str, str]]:
+    """Metrics of an image of 8 bits a channel against its target, both [H, W, 3] in [0, 1].
+
+    Returns:
+        The scores, and by metric why these two images have none. What holds for all images, as that there are no
+        weights, goes to `reasons` instead; metrics in it are not tried.
+    """
+    scores: Scores = dict.fromkeys(metric.name for metric in metrics)
+    faults: dict[str, str] = {}
     for metric in metrics:
-        name = metric.name
+        if metric.name in reasons:
+            continue
         try:
-            scores[name] = None if name in reasons else float(metric.function(image, target, ignored=ignored))
-        except (InputError, ValueError) as error:
-            scores[name] = None
-            reasons.setdefault(name, str(error).splitlines()[0])
-    return scores
+            scores[metric.name] = float(metric.function(image, target, ignored=ignored))
+        except InputError as error:
+            reasons.setdefault(metric.name, str(error).splitlines()[0])
+        except ValueError as error:
+            faults[metric.name] = str(error).splitlines()[0]
+    return scores, faults
 
 
 def describe(run: Run, scene: Scene, *, status: Status, reason: str, numbers: Mapping[str, Any]) -> Record:

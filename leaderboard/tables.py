@@ -49,7 +49,7 @@ def _effect_block(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def share_of_gap(done: pd.DataFrame, method: str) -> float:
-    """(PSNR - floor) / (ceiling - floor), means over the runs that have both references.
+    """(PSNR - floor) / (ceiling - floor), means over a scene's runs that have both references, weighed as elsewhere.
 
     A run's floor has its pattern, seed and data, its ceiling its seed. NaN where no run has both, one of them lacks its
     PSNR, or the ceiling is not above the floor.
@@ -61,10 +61,11 @@ def share_of_gap(done: pd.DataFrame, method: str) -> float:
     own = scores[method]
     if method == CEILING:  # it stands for itself wherever there is a floor
         own = {run: ceiling[run[1]] for run in floor if run[1] in ceiling}
-    rows = [(psnr, floor[run], ceiling[run[1]]) for run, psnr in own.items() if run in floor and run[1] in ceiling]
-    means = pd.DataFrame(rows, columns=["psnr", "psnr_floor", "psnr_ceiling"], dtype=float).mean(skipna=False)
-    gap = means["psnr_ceiling"] - means["psnr_floor"]
-    return float((means["psnr"] - means["psnr_floor"]) / gap) if gap > 0 else float("nan")
+    both = [run for run in own if run in floor and run[1] in ceiling]
+    rows = pd.DataFrame([(own[run], floor[run], ceiling[run[1]]) for run in both], columns=range(3), dtype=float)
+    patterns = rows.groupby([pattern for pattern, *_ in both]).mean(skipna=False)
+    psnr, low, high = patterns.mean(skipna=False)
+    return float((psnr - low) / (high - low)) if high > low else float("nan")
 
 
 def scene_keys(table: pd.DataFrame) -> list[tuple[str, str, str]]:

@@ -1,5 +1,6 @@
 """What a board shows: written elsewhere, whole, and without what is no longer there; the board stays as it is."""
 
+import json
 import shutil
 from pathlib import Path
 
@@ -84,6 +85,16 @@ def test_runs_that_left_the_board_go(board, shown, tmp_path):
     write_board(board, out)
     assert set(collect(out).method) == {"3dgs", "3dgs-clean"}
     assert len(list((out / "site" / "runs").iterdir())) == 9
+
+
+def test_runs_of_a_board_that_cannot_be_used_are_named(board, tmp_path):
+    damaged, partial = (board / "demo" / method / "pond/streak-1/seed-0/record.json" for method in ("3dgs", "ours"))
+    damaged.write_text("{")
+    record = json.loads(partial.read_text())
+    partial.write_text(json.dumps(record | {"status": "partial", "reason": "no weights", "lpips_vgg": None}))
+    told = r"runs that cannot be shown[\s\S]*demo/3dgs/pond/.*not valid JSON[\s\S]*demo/ours/pond/.*: partial: no weights"
+    with pytest.raises(InputError, match=told):
+        write_board(board, tmp_path / "out")
 
 
 def test_folders_that_are_something_else_are_refused(board, made, tmp_path):

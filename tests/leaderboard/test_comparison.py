@@ -208,6 +208,21 @@ def test_runs_on_other_data_and_views_without_a_finite_score_do_not_count():
     assert compare(runs, views, "psnr").n_runs == 11
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda views, ours: views.assign(view=views.view.mask(ours & (views.view == "v3"), "v9")),  # one other
+        lambda views, ours: views[~(ours & (views.view == "v3"))],  # one less
+        lambda views, ours: views[~(ours & (views.view == "v3") & (views.seed == 0))],  # in some of its runs
+    ],
+)
+def test_runs_on_the_same_data_with_other_views_are_refused(change):
+    runs, views = board()
+    views = change(views, (views.method == "ours") & (views.scene == "pond"))
+    with pytest.raises(InputError, match="pond: runs on the same data have other views"):
+        compare(runs, views, "psnr")
+
+
 def test_methods_that_are_named_are_compared_alone():
     found = compare(*board(), "psnr", ["3dgs", "ours"])
     assert list(found.methods.method) == ["ours", "3dgs"]

@@ -21,11 +21,12 @@ from hydroviews.files.locks import BUSY, locked
 from hydroviews.scene.images import read_image
 from leaderboard import evaluate as evaluate_module
 from leaderboard import predict as predict_module
-from leaderboard.__main__ import evaluate_command, overview_command, score_command
+from leaderboard.__main__ import evaluate_command, one_run_command, overview_command, score_command
 from leaderboard.evaluate import EvaluateRequest, evaluate, outcome
 from leaderboard.probe import probe
 from leaderboard.records import as_row, code_version, columns
 from leaderboard.score import score
+from leaderboard.supervision import Limits
 
 pytestmark = pytest.mark.usefixtures("toys")
 
@@ -212,8 +213,6 @@ def test_the_sparse_track_trains_on_a_third_and_keeps_apart(built, evaluated, tm
     [
         ("Raises", "ArithmeticError: diverged at step 7"),
         ("Killed", "ended by SIGKILL"),
-        ("RendersNan", "view-00: rendered NaN in 1,728 of 1,728 pixels"),
-        ("NothingLeft", "training has left no Gaussians"),
     ],
 )
 def test_a_failed_run_is_a_row_without_numbers(built, evaluated, tmp_path, method, reason):
@@ -223,6 +222,15 @@ def test_a_failed_run_is_a_row_without_numbers(built, evaluated, tmp_path, metho
     assert reason in row.reason
     assert row[["psnr", "ssim", "lpips_alex", "train_s", "model_mb"]].isna().all()
     assert (leaderboard(tmp_path).status == "done").sum() == 2
+
+
+@pytest.mark.usefixtures("trained_here")
+def test_the_command_of_one_run_says_by_its_status_whether_it_failed(built, evaluated, tmp_path):
+    (run,) = _runs(built, tmp_path)
+    one_run_command(run, Limits(1, 1))  # is done
+    with pytest.raises(SystemExit) as ended:
+        one_run_command(dataclasses.replace(run, method="toy_methods:Raises"), Limits(1, 1))
+    assert ended.value.code == 1
 
 
 def test_trouble_of_one_kind_or_another_is_a_row_and_the_next_pattern_runs(built, evaluated, tmp_path):

@@ -18,7 +18,6 @@ REPOSITORY = Path(__file__).parents[2]
     [
         ("group", signal.SIGINT, 130),  # Ctrl-C in a terminal
         ("run", signal.SIGINT, 1),  # by somebody else: the run has failed, and is tried again
-        ("command", signal.SIGINT, 130),
         ("command", signal.SIGTERM, 143),
         ("command twice", signal.SIGINT, 130),
     ],

@@ -2,14 +2,17 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import pandas as pd
 import pytest
 from finished_runs import finished_run
 
 from hydroviews.errors import InputError
+from hydroviews.metrics import METRICS
 from hydroviews.scene.images import read_image, write_png
 from leaderboard.__main__ import rescore_command
+from leaderboard.finished_runs import open_run
 from leaderboard.rescore import rescore
 from leaderboard.score import score
 
@@ -60,6 +63,21 @@ def test_a_render_that_was_painted_over_is_told(run, tmp_path, caplog):
     assert {one.view for one in found.differences} == {"view-00", "mean"}
     assert {one.metric for one in found.differences} == {"psnr", "ssim", "lpips_alex", "lpips_vgg"}
     assert "its renders are not those that were scored" in caplog.text
+
+
+def test_of_a_partial_run_what_is_missing_is_told_only_where_it_can_be_had_now(run, tmp_path, monkeypatch):
+    def no_weights(image, target, ignored):
+        raise InputError("no weights")
+
+    psnr, ssim, alex, vgg = METRICS
+    with monkeypatch.context() as offline:
+        offline.setattr("leaderboard.score.find_metrics", lambda: (psnr, ssim, replace(alex, function=no_weights), vgg))
+        assert score(open_run(run, tmp_path / "data")).status == "partial"
+        assert rescore(tmp_path / "results", tmp_path / "data").agrees
+    found = rescore(tmp_path / "results", tmp_path / "data").differences
+    assert [(one.view, one.metric, one.recorded) for one in found] == [
+        (view, "lpips_alex", None) for view in ("view-00", "view-08", "mean")
+    ]
 
 
 @pytest.mark.parametrize(

@@ -66,6 +66,21 @@ def test_a_metric_that_cannot_be_had_is_not_asked_for_every_view(rendered, monke
     assert len(asked) <= threads.AT_ONCE
 
 
+def test_a_view_without_a_score_leaves_the_others_theirs(rendered, monkeypatch):
+    views, renders = rendered
+    hidden = {view.image().tobytes(): view.name for view in (views[1], views[3])}
+
+    def of_some(image, target, ignored):
+        if target.tobytes() in hidden:
+            raise ValueError(f"all of {hidden[target.tobytes()]} is hidden")
+        return 1.0
+
+    monkeypatch.setattr(score, "find_metrics", lambda: (replace(metrics.METRICS[0], function=of_some),))
+    reasons = {}
+    assert [row["psnr"] for row in score_views(renders, views, reasons)] == [1.0, None, 1.0, None, 1.0]
+    assert reasons == {"psnr": f"all of {views[1].name} is hidden"}
+
+
 @pytest.mark.parametrize(
     ("value", "reason"),
     [(float("nan"), "not a number for 1 of 2 views"), (float("inf"), "infinite: a render equals its clean view")],

@@ -7,12 +7,16 @@ import pandas as pd
 import pytest
 from synthetic import capture_in
 
+from benchmarks.site import write_board as write_runs
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.formats.writers import write_colmap
 from hydroviews.metrics import METRICS, find_metrics
 from hydroviews.scene.images import read_image
+from leaderboard.board_pages import write_board
 from leaderboard.evaluate import EvaluateRequest, evaluate
+from leaderboard.gather import collect
+from leaderboard.publish import publish
 from leaderboard.records import read_record
 
 
@@ -65,6 +69,18 @@ def test_a_registered_metric_goes_through_everything(tmp_path, register):
     assert f" | **{record.scores['largest_error']:.3f}** | " in text
     assert "\nPSNR, SSIM: higher is better; LPIPS, LPIPS-VGG, largest error: lower is better. Bold: the best;" in text
     find_metrics.cache_clear()
+
+
+def test_runs_of_before_a_metric_was_registered_are_published_and_shown(tmp_path, register):
+    results, board, out = (tmp_path / name for name in ("results", "board", "out"))
+    write_runs(results, ("3dgs", "3dgs-clean", "ours"), ("pond",), ("streak-1",), size=(16, 16))
+    register("toy_metric:LARGEST_ERROR")
+    assert len(publish(results, board).written) == 3
+    assert write_board(board, out).is_file()
+    assert set(collect(out).status) == {"partial"}  # here: on the board they are done
+    comparisons = (out / "comparisons.md").read_text()
+    assert "given-poses: PSNR\n\n| rank | method |" in comparisons
+    assert "given-poses: largest error\n\nno run that all methods have finished" in comparisons
 
 
 def test_a_record_outlives_a_metric_that_is_no_longer_registered(tmp_path, register):

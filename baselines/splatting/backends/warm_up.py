@@ -24,6 +24,7 @@ from baselines.splatting.strategies.relocation import MCMCStrategy
 from baselines.training.images import TrainingImages
 from hydroviews.cli.processes import run_process
 from hydroviews.files.atomic import write_bytes
+from hydroviews.files.locks import BUSY, locked
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.scenes import no_points
 
@@ -43,16 +44,20 @@ def compile_apart(code: str, sources: Iterable[Path]) -> None:
 
     Numba compiles the body of a parallel loop alone, and again within its kernel. Fresh from the compiler the first
     runs, and from the cache the second, which may round differently; a run must not depend on being the first.
+    Of several that start together one compiles, and the others wait.
 
     Args:
         code: calls them all.
         sources: the files that they are in; an edited one is compiled again.
     """
     mark = Path(FOLDER) / f"compiled-{digest(sources)}"
-    if not mark.is_file():
-        logger.warning("compiling the kernels: once, up to a minute")
-        run_process([sys.executable, "-c", code], {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})
-        write_bytes(mark, b"")
+    if mark.is_file():
+        return
+    with locked(mark, BUSY):
+        if not mark.is_file():  # nor while waiting for another process
+            logger.warning("compiling the kernels: once, up to a minute")
+            run_process([sys.executable, "-c", code], {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})
+            write_bytes(mark, b"")
 
 
 @cache

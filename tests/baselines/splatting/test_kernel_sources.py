@@ -6,12 +6,14 @@ import pkgutil
 import shutil
 import subprocess
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 from numba.core.dispatcher import Dispatcher
 
 import baselines
 import deraings
+from baselines.splatting.backends import warm_up
 from baselines.splatting.backends.warm_up import compile_apart
 from baselines.splatting.kernels import jit, simd
 
@@ -63,13 +65,29 @@ def test_an_edited_file_changes_what_kernels_calculate(tmp_path):
 
 def test_edited_sources_are_compiled_apart_once(tmp_path, monkeypatch, caplog):
     source = tmp_path / "kernel.py"
-    monkeypatch.setattr("baselines.splatting.backends.warm_up.FOLDER", str(tmp_path))
+    monkeypatch.setattr(warm_up, "FOLDER", str(tmp_path))
     code = f"from pathlib import Path; Path({str(tmp_path)!r}, 'runs').open('a').write('.')"
     for content in ("one", "one", "two"):
         source.write_text(content)
         compile_apart(code, [source])
     assert (tmp_path / "runs").read_text() == ".."
     assert len([message for message in caplog.messages if "compiling the kernels" in message]) == 2
+
+
+def test_what_another_process_has_compiled_meanwhile_is_not_compiled_again(tmp_path, monkeypatch):
+    source = tmp_path / "kernel.py"
+    source.write_text("")
+
+    @contextmanager
+    def done_by_another(mark, waiting):
+        """What the lock is like where another process held it."""
+        mark.touch()
+        yield
+
+    monkeypatch.setattr(warm_up, "FOLDER", str(tmp_path))
+    monkeypatch.setattr(warm_up, "locked", done_by_another)
+    compile_apart(f"open({str(tmp_path / 'ran')!r}, 'w')", [source])
+    assert not (tmp_path / "ran").exists()
 
 
 def test_machine_code_is_not_shared_by_instructions_or_processors():

@@ -1,6 +1,5 @@
 import json
 import os
-import random
 import shlex
 import signal
 import subprocess
@@ -22,8 +21,7 @@ from leaderboard.sweep.matrix import build_runs, matrix_of, read_matrix
 from leaderboard.sweep.sweep import SweepRequest, sweep
 
 REPOSITORY = Path(__file__).parents[3]
-KILLS = int(os.environ.get("SWEEP_KILLS", "1"))
-LONG = 8.0  # seconds in which a sweep of one run is done
+WAITS_ONCE = "swept/demo/toy_methods.WaitsOnce/yard/streak-0/seed-0"
 TIMES = ["train_s", "before_s", "after_s", "render_fps", "peak_mem_mb", "sessions"]  # of a run that was started again
 
 
@@ -148,35 +146,39 @@ def command(request: SweepRequest, seeds: str) -> tuple[list[str], dict[str, str
     }
 
 
-def row(results: Path) -> pd.Series:
-    table = pd.read_csv(results / "leaderboard.csv").set_index("method").drop(columns=TIMES)
-    return table.loc["toy_methods:MeanColour"]
-
-
-def test_killed_at_random_moments_the_row_is_that_of_an_evaluation(request_of, tmp_path, evaluated_once):
-    line, environment = command(request_of(["MeanColour"]), "0")
-    chance = random.Random(0)
-    for _ in range(KILLS):
-        process = subprocess.Popen(line, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        try:
-            process.wait(chance.uniform(0, LONG))
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-    subprocess.run(line, env=environment, check=True, capture_output=True)
-    pd.testing.assert_series_equal(row(tmp_path / "swept"), row(evaluated_once[0] / "results"))
-
-
-@pytest.mark.usefixtures("scored_here")  # the command that is interrupted is as it is
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_an_interruption_ends_all_processes_and_the_same_command_goes_on(request_of, tmp_path, number, status):
-    request = request_of(["WaitsOnce"])
+def begun(request: SweepRequest, run: Path) -> subprocess.Popen:
+    """The command of a sweep, whose method is at its training."""
     line, environment = command(request, "0")
     process = subprocess.Popen(line, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True)
-    wait_until((tmp_path / "swept/demo/toy_methods.WaitsOnce/yard/streak-0/seed-0/begun").exists, process)
-    os.killpg(process.pid, number)
+    wait_until((run / "begun").exists, process)
+    return process
+
+
+def row(results: Path, method: str) -> pd.Series:
+    table = pd.read_csv(results / "leaderboard.csv").set_index("method").drop(columns=TIMES)
+    return table.loc[f"toy_methods:{method}"]
+
+
+@pytest.mark.usefixtures("scored_here")  # the command that is killed is as it is
+def test_killed_in_training_the_row_is_that_of_an_evaluation(request_of, tmp_path, evaluated_once):
+    """Nobody can tell the run to end, and the next sweep must not meet it at work."""
+    request = request_of(["WaitsOnce"])
+    process = begun(request, tmp_path / WAITS_ONCE)
+    process.kill()
+    process.communicate(timeout=PATIENCE)
+    assert process.returncode == -signal.SIGKILL
+    assert sweep(request) == {}
+    done = row(tmp_path / "swept", "WaitsOnce")
+    pd.testing.assert_series_equal(done, row(evaluated_once[0] / "results", "MeanColour"), check_names=False)
+
+
+@pytest.mark.usefixtures("scored_here")  # SIGINT goes the same way: see test_interruption.py
+def test_an_interruption_ends_all_processes_and_the_same_command_goes_on(request_of, tmp_path):
+    request = request_of(["WaitsOnce"])
+    process = begun(request, tmp_path / WAITS_ONCE)
+    os.killpg(process.pid, signal.SIGTERM)
     _, errors = process.communicate(timeout=PATIENCE)
-    assert process.returncode == status
+    assert process.returncode == 143
     assert "Traceback" not in errors
     with pytest.raises(ProcessLookupError):
         os.killpg(process.pid, 0)
