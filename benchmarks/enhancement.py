@@ -43,7 +43,7 @@ from deraings.enhancement.enhance import enhance
 from deraings.enhancement.network import CONFIGS, EnhancementNetwork
 from deraings.enhancement.weights import Enhancer
 from dataclasses import replace
-from leaderboard.predict import peak_memory_mb
+from leaderboard.runs.train_and_render import peak_memory_mb
 torch.set_num_threads(1)
 width, columns, rows = (int(word) for word in sys.argv[2:])
 network = EnhancementNetwork(replace(CONFIGS[sys.argv[1]], width=width, head_width=width)).eval()

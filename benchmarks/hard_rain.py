@@ -28,7 +28,7 @@ from hydroviews.rain.registry import find_effect
 from hydroviews.scene.depth import view_depth
 from hydroviews.scene.images import Image, to_linear, to_srgb, write_png
 from hydroviews.scene.scenes import Scene, View
-from leaderboard.predict import only_training
+from leaderboard.runs.train_and_render import only_training
 
 PATTERNS = ("raindrop-1", "raindrop-2", "streak-1", "streak-2")
 AIR = 0.75  # encoded grey of fog and of the photograph that shows mist alone

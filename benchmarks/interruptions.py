@@ -38,9 +38,9 @@ from hydroviews.files.locks import LOCK
 from hydroviews.formats.writers import MODEL, write_colmap
 from hydroviews.scene.seeds import generator
 from leaderboard.contract.toy_scene import draw_room
-from leaderboard.predict import PREDICTION
-from leaderboard.runs import Run, claim_folder
-from leaderboard.sessions import SESSIONS
+from leaderboard.runs.run import Run, claim_folder
+from leaderboard.runs.sessions import SESSIONS
+from leaderboard.runs.train_and_render import PREDICTION
 
 METHOD, PROFILE = "benchmarks.interruptions:Brief", "demo"
 ITERATIONS, CHECKPOINT_SECONDS = 200, 0.2
@@ -51,7 +51,7 @@ IMPORTED = [
     "baselines.gaussian_splatting",
     "hydroviews.__main__",
     "leaderboard.__main__",
-    "leaderboard.predict",
+    "leaderboard.runs.train_and_render",
 ]
 SERVER = multiprocessing.get_context("forkserver")
 SHARES = 0.05, 0.9  # of the space needed, on the smallest and the largest disk that is too small
@@ -96,7 +96,7 @@ def stages(out: Path, patterns: Sequence[str]) -> Iterator[Stage]:
         run = Run(METHOD, PROFILE, 0, built / PROFILE, "room", patterns[0], folder)
         claim_folder(run, overwrite=False)
         settings = [f"--run.{field.name}={getattr(run, field.name)}" for field in fields(run)]
-        return ["leaderboard.predict", f"--tether.notes={notes}", f"--tether.parent={PARENT}", *settings]
+        return ["leaderboard.runs.train_and_render", f"--tether.notes={notes}", f"--tether.parent={PARENT}", *settings]
 
     def score(folder: Path) -> list[str]:
         shutil.copytree(trained, folder, dirs_exist_ok=True)

@@ -26,7 +26,7 @@ from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.files.atomic import read_json, write_bytes, write_json
 from hydroviews.profiles import find_profile
 from hydroviews.scene.scenes import Scene
-from leaderboard.predict import only_training
+from leaderboard.runs.train_and_render import only_training
 
 METHODS = ("3dgs-clean", "3dgs", "nerf-w", "derain-nerf", "wild-gaussians", "gs-w", "deraings", "deraings-plus")
 PROBE = 100  # steps that tell a method's speed at first

@@ -29,7 +29,7 @@ from hydroviews.files.atomic import write_bytes
 from hydroviews.metrics import find_metrics
 from hydroviews.profiles import find_profile
 from hydroviews.scene.scenes import Scene
-from leaderboard.score import score_image
+from leaderboard.scoring.score import score_image
 
 logger = logging.getLogger(__name__)
 

@@ -20,9 +20,9 @@ from hydroviews.errors import InputError
 from hydroviews.scene.images import read_image, write_png
 from hydroviews.scene.picture_grid import Row, Tile, draw_sheet
 from hydroviews.scene.scenes import View
-from leaderboard.finished_runs import open_run
-from leaderboard.predict import only_training
-from leaderboard.runs import Run
+from leaderboard.runs.finished_runs import open_run
+from leaderboard.runs.run import Run
+from leaderboard.runs.train_and_render import only_training
 
 WIDTH = 1800  # pixels of the picture
 

@@ -31,7 +31,7 @@ from hydroviews.dataset.variants import open_clean
 from hydroviews.files.atomic import write_bytes
 from hydroviews.metrics import METRICS
 from hydroviews.scene.scenes import Scene
-from leaderboard.score import score_image
+from leaderboard.scoring.score import score_image
 
 RAYS, SAMPLES = 1024, 24
 GRIDS = (GridConfig(8, 14), GridConfig(8, 16), GridConfig(8, 18), GridConfig(5, 14, 16, 256), GridConfig(16, 16))

@@ -18,30 +18,30 @@ from hydroviews.dataset.suites import DEVELOPMENT, TEST, suite_of
 from hydroviews.errors import InputError
 from hydroviews.profiles import find_profile
 from hydroviews.rain.registry import choose_patterns
-from leaderboard.board_pages import write_board
-from leaderboard.comparison import compare
-from leaderboard.comparison import in_words as comparison_text
 from leaderboard.contract.check import MINUTES, check
 from leaderboard.contract.trials import Result
 from leaderboard.evaluate import EvaluateRequest, carry_out, evaluate, outcome
-from leaderboard.film import film
 from leaderboard.gather import BOARD, collect_views, is_board, read_leaderboard, write_leaderboard
-from leaderboard.nerfbaselines import write_results
-from leaderboard.previews import write_overview
-from leaderboard.publish import publish
+from leaderboard.publishing.board_pages import write_board
+from leaderboard.publishing.nerfbaselines import write_results
+from leaderboard.publishing.publish import publish
 from leaderboard.records import FAILED, GIVEN_POSES, LEADERBOARD
-from leaderboard.rescore import TOLERANCE, rescore
-from leaderboard.run_options import MethodName, PatternNames, ProfileName, TrackName
-from leaderboard.runs import Run
-from leaderboard.score import score
-from leaderboard.severity import numbers_for_grades, record_losses
+from leaderboard.runs.run import Run
+from leaderboard.runs.run_options import MethodName, PatternNames, ProfileName, TrackName
+from leaderboard.runs.supervision import Limits
+from leaderboard.scoring.previews import write_overview
+from leaderboard.scoring.rescore import TOLERANCE, rescore
+from leaderboard.scoring.score import score
+from leaderboard.scoring.submission import submit
 from leaderboard.site.write import write_site
-from leaderboard.submission import submit
-from leaderboard.supervision import Limits
 from leaderboard.sweep.sweep import SweepRequest, sweep
-from leaderboard.table_text import legend, scene_text
-from leaderboard.tables import SUITES, of_suite, scene_keys
+from leaderboard.tables.comparison import compare
+from leaderboard.tables.comparison import in_words as comparison_text
+from leaderboard.tables.dataframes import SUITES, of_suite, scene_keys
+from leaderboard.tables.markdown import legend, scene_text
+from leaderboard.tables.rain_losses import numbers_for_grades, record_losses
 from leaderboard.viewer.export import Format, export
+from leaderboard.viewer.film import film
 from leaderboard.viewer.viewer import HOST, PORT, view
 
 DATA = Path("data")  # where `make eval` builds

@@ -3,8 +3,8 @@
 build what is missing -> for every variant: train, render to disk, score -> records -> tables
 
 A run: `carry_out` keeps a record that is done, else `_train_and_score`; `_train_in_process` guards the run's settings;
-`_train_on_copies` lends the training views and starts `leaderboard.predict`, a child process under the limits of
-`supervision`; then `score` reads the renders.
+`_train_on_copies` lends the training views and starts `runs.train_and_render`, a child process under the limits of
+`runs.supervision`; then `scoring.score` reads the renders.
 """
 
 import dataclasses
@@ -27,8 +27,6 @@ from hydroviews.profiles import Profile, find_profile
 from hydroviews.rain.registry import choose_patterns
 from hydroviews.scene.scenes import Scene
 from leaderboard.gather import collect, trusted_record, write_leaderboard
-from leaderboard.predict import PREDICTION
-from leaderboard.probe import probe
 from leaderboard.records import (
     DONE,
     FAILED,
@@ -39,12 +37,14 @@ from leaderboard.records import (
     check_track,
     write_record,
 )
-from leaderboard.run_options import MethodName, RunOptions
-from leaderboard.runs import CONFIG, Run, claim_folder
-from leaderboard.score import UnusableRun, describe, score
-from leaderboard.severity import CEILING, FLOOR
-from leaderboard.supervision import Limits, Watch, end_gently, run_tethered
-from leaderboard.table_text import scene_text
+from leaderboard.runs.probe import probe
+from leaderboard.runs.run import CONFIG, Run, claim_folder
+from leaderboard.runs.run_options import MethodName, RunOptions
+from leaderboard.runs.supervision import Limits, Watch, end_gently, run_tethered
+from leaderboard.runs.train_and_render import PREDICTION
+from leaderboard.scoring.score import UnusableRun, describe, score
+from leaderboard.tables.markdown import scene_text
+from leaderboard.tables.rain_losses import CEILING, FLOOR
 
 logger = logging.getLogger(__name__)
 
@@ -197,7 +197,9 @@ def _train_on_copies(run: Run, limits: Limits) -> str:
     with run.lent() as (lent, loan), tempfile.TemporaryDirectory(prefix="hydroviews-run-") as notes:
         options = [f"--run.{field.name}={getattr(lent, field.name)}" for field in dataclasses.fields(lent)]
         watch = Watch(limits, [Path(notes), run.folder])
-        reason = run_tethered("leaderboard.predict", options, Path(notes), watch, end_gently, limits.memory)
+        reason = run_tethered(
+            "leaderboard.runs.train_and_render", options, Path(notes), watch, end_gently, limits.memory
+        )
         spoilt = loan.spoilt()
     return f"wrote into the data that it was lent: {some(spoilt)}" if spoilt else reason
 

@@ -34,7 +34,7 @@ from leaderboard.records import (
     results_above,
     run_folder,
 )
-from leaderboard.table_files import write_tables
+from leaderboard.tables.table_files import write_tables
 
 logger = logging.getLogger(__name__)
 

@@ -10,7 +10,10 @@ import pytest
     ("modules", "unwanted"),
     [
         # what a run of 3dgs imports before it trains
-        ("leaderboard.predict, baselines.gaussian_splatting", {"torch", "pandas", "scipy.special", "viser"}),
+        (
+            "leaderboard.runs.train_and_render, baselines.gaussian_splatting",
+            {"torch", "pandas", "scipy.special", "viser"},
+        ),
         ("hydroviews.__main__", {"torch", "pandas", "numba", "scipy"}),
         # every command, before it is known which
         (

@@ -13,7 +13,7 @@ from hydroviews.errors import InputError
 from hydroviews.scene.images import Image
 from hydroviews.scene.scenes import Scene
 from leaderboard.contract.toy_scene import draw_room
-from leaderboard.predict import only_training
+from leaderboard.runs.train_and_render import only_training
 
 ODD_SIZE = 53, 37
 

@@ -24,7 +24,7 @@ from hydroviews.files.atomic import write_json
 from hydroviews.profiles import find_profile
 from leaderboard.contract.trials import CHECKS, Outcome, Result
 from leaderboard.records import printable
-from leaderboard.supervision import run_tethered
+from leaderboard.runs.supervision import run_tethered
 
 logger = logging.getLogger(__name__)
 

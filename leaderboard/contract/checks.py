@@ -29,7 +29,7 @@ from leaderboard.contract.case import (
     some,
 )
 from leaderboard.contract.toy_scene import HEIGHT, WIDTH
-from leaderboard.runs import as_json
+from leaderboard.runs.run import as_json
 
 HIDDEN = slice(8, 24), slice(10, 34)  # rows and columns that masks hide
 

@@ -21,7 +21,7 @@ from hydroviews.files.atomic import read_json, write_json
 from hydroviews.scene.images import Image
 from hydroviews.scene.scenes import Scene
 from leaderboard.contract.case import Case, Failed, NotTestable, files_in, some
-from leaderboard.predict import only_training
+from leaderboard.runs.train_and_render import only_training
 
 SECONDS = 3.0  # of training, as far as the configured steps reach
 SHORTEST = 0.1  # seconds of training below which nobody can meet it half-way

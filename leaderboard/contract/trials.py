@@ -13,7 +13,7 @@ from baselines.method import find_method
 from hydroviews.cli.commands import run_command
 from leaderboard.contract import checks, interruptions
 from leaderboard.contract.case import Case, Failed, NotTestable
-from leaderboard.supervision import Tether, tethered
+from leaderboard.runs.supervision import Tether, tethered
 
 CHECKS: dict[str, Callable[[Case], str]] = {
     "found by its name": checks.found,

@@ -15,8 +15,8 @@ from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.rain.layers import read_layers
 from hydroviews.rain.registry import find_effect
 from hydroviews.scene.images import to_uint8
-from leaderboard.predict import HIDDEN
 from leaderboard.records import SCORED
+from leaderboard.runs.train_and_render import HIDDEN
 from leaderboard.site.pictures import IMAGES, RAINY_VIEW, Pictures, Thumbnails, add_pictures, built_scene, view_pictures
 from leaderboard.site.runs import ShownRun
 

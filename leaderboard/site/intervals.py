@@ -9,7 +9,7 @@ import pandas as pd
 
 from hydroviews.errors import InputError
 from hydroviews.metrics import Metric, find_metrics
-from leaderboard.comparison import basis, compare, not_compared
+from leaderboard.tables.comparison import basis, compare, not_compared
 
 
 @dataclass(frozen=True)

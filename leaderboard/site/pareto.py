@@ -8,7 +8,7 @@ import pandas as pd
 
 from hydroviews.metrics import Metric
 from leaderboard.site.axes import LEFT, WIDTH, Ticks, across, log_ticks, ticks, up, widened
-from leaderboard.table_text import cost_text
+from leaderboard.tables.markdown import cost_text
 
 LINE = 13  # least distance of two labels
 

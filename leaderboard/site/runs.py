@@ -14,9 +14,9 @@ import pandas as pd
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.suites import suite_of
 from hydroviews.formats.capture_json import CAPTURED
-from leaderboard.means import shown_names
 from leaderboard.records import PLACE, run_folder
-from leaderboard.tables import grade_of
+from leaderboard.tables.dataframes import grade_of
+from leaderboard.tables.means import shown_names
 
 OTHER = "other"  # the suite of a scene that is in none
 

@@ -16,16 +16,16 @@ from hydroviews.files.locks import BUSY, locked
 from hydroviews.metrics import find_metrics
 from hydroviews.rain.patterns import GRADES
 from leaderboard.gather import collect_views
-from leaderboard.means import incomplete, places
-from leaderboard.published import NOTE, published_scores
 from leaderboard.site.hidden_pictures import hidden_pictures
 from leaderboard.site.intervals import Told, comparisons
 from leaderboard.site.learning_curves import learning_curves
 from leaderboard.site.pareto import Plot, draw
 from leaderboard.site.pictures import Pictures, Thumbnails, scene_pictures
 from leaderboard.site.runs import ShownRun, page_name, shown_runs
-from leaderboard.table_text import COST_TITLES, basis, cost_text
-from leaderboard.tables import SuiteTables, Tables, all_tables, rows_of
+from leaderboard.tables.dataframes import SuiteTables, Tables, all_tables, rows_of
+from leaderboard.tables.markdown import COST_TITLES, basis, cost_text
+from leaderboard.tables.means import incomplete, places
+from leaderboard.tables.paper_numbers import NOTE, published_scores
 
 SITE = "site"  # in a results folder
 INDEX = "index.html"

@@ -14,8 +14,8 @@ from tqdm import tqdm
 from hydroviews.cli.processes import held_signals
 from hydroviews.cli.threads import cores
 from hydroviews.errors import InputError
-from leaderboard.runs import Run
-from leaderboard.supervision import GB, WORKERS, Limits, end_gently, run_tethered
+from leaderboard.runs.run import Run
+from leaderboard.runs.supervision import GB, WORKERS, Limits, end_gently, run_tethered
 from leaderboard.sweep.one import options
 
 LOGS = "logs"  # in the results folder: what each run prints

@@ -19,9 +19,9 @@ from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.profiles import Profile, find_profile
 from hydroviews.rain.registry import choose_patterns
 from leaderboard.evaluate import kept_record, needed_patterns
-from leaderboard.probe import probe
 from leaderboard.records import GIVEN_POSES, check_track, in_words
-from leaderboard.runs import CONFIG, Run, has_settings
+from leaderboard.runs.probe import probe
+from leaderboard.runs.run import CONFIG, Run, has_settings
 
 logger = logging.getLogger(__name__)
 

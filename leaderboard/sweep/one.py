@@ -4,8 +4,8 @@ import dataclasses
 
 from hydroviews.cli.commands import run_command
 from leaderboard.evaluate import carry_out
-from leaderboard.runs import Run
-from leaderboard.supervision import Limits, Tether, tethered
+from leaderboard.runs.run import Run
+from leaderboard.runs.supervision import Limits, Tether, tethered
 
 
 def options(run: Run, limits: Limits) -> list[str]:

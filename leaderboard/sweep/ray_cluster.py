@@ -10,8 +10,8 @@ from tqdm import tqdm
 
 from hydroviews.errors import InputError
 from leaderboard.evaluate import carry_out
-from leaderboard.runs import Run
-from leaderboard.supervision import GB, Limits
+from leaderboard.runs.run import Run
+from leaderboard.runs.supervision import GB, Limits
 from leaderboard.sweep.local import MEMORY, run_environment
 
 PATIENCE = 5.0  # seconds that an address has to answer

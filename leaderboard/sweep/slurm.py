@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hydroviews.files.atomic import write_bytes
-from leaderboard.runs import Run
-from leaderboard.supervision import Limits
+from leaderboard.runs.run import Run
+from leaderboard.runs.supervision import Limits
 from leaderboard.sweep.local import LOGS, MEMORY, run_environment
 from leaderboard.sweep.one import options
 

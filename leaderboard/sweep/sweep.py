@@ -7,9 +7,9 @@ from pathlib import Path
 from hydroviews.errors import InputError
 from leaderboard.gather import run_folders, trusted_record, write_leaderboard
 from leaderboard.records import FAILED
-from leaderboard.run_options import MethodName, RunOptions
-from leaderboard.runs import Run
-from leaderboard.supervision import Limits
+from leaderboard.runs.run import Run
+from leaderboard.runs.run_options import MethodName, RunOptions
+from leaderboard.runs.supervision import Limits
 from leaderboard.sweep.local import fitting_workers, log_path, run_here
 from leaderboard.sweep.matrix import Matrix, build_runs, is_finished, matrix_of, read_matrix
 from leaderboard.sweep.ray_cluster import run_on_ray

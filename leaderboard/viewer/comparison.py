@@ -7,9 +7,9 @@ from hydroviews.dataset.variants import has_clean
 from hydroviews.metrics import METRICS
 from hydroviews.scene.images import Image, to_uint8
 from hydroviews.scene.scenes import View
-from leaderboard.previews import error_map
-from leaderboard.runs import Run
-from leaderboard.score import score_image
+from leaderboard.runs.run import Run
+from leaderboard.scoring.previews import error_map
+from leaderboard.scoring.score import score_image
 
 SHOWN = METRICS[0]  # the one that takes no time to compute
 

@@ -7,7 +7,7 @@ from typing import Literal
 from baselines.splatting.files.compact import cut_to_degree, without_unseen, write_compressed_ply
 from baselines.splatting.files.ply import write_ply
 from hydroviews.errors import InputError
-from leaderboard.finished_runs import find_splats, require_finished
+from leaderboard.runs.finished_runs import find_splats, require_finished
 
 logger = logging.getLogger(__name__)
 

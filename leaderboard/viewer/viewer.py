@@ -19,8 +19,8 @@ from baselines.splatting.gaussians import Gaussians
 from hydroviews.errors import InputError
 from hydroviews.scene.cameras import Camera, fitted_size
 from hydroviews.scene.images import resize_area, to_uint8
-from leaderboard.finished_runs import find_splats, load_method, open_run
-from leaderboard.runs import Run
+from leaderboard.runs.finished_runs import find_splats, load_method, open_run
+from leaderboard.runs.run import Run
 from leaderboard.viewer.comparison import SHOWN, ComparedView, Shot, compare, list_shots
 from leaderboard.viewer.normalise import (
     SIZE,

@@ -9,7 +9,7 @@ from finished_runs import finished_run
 
 from examples.brightness import brightness_error
 from hydroviews.metrics import find_metrics
-from leaderboard.score import score
+from leaderboard.scoring.score import score
 
 REPOSITORY = Path(__file__).parents[2]
 

@@ -14,7 +14,7 @@ from hydroviews.scene.scenes import no_points
 from leaderboard.contract.case import Case
 from leaderboard.contract.toy_scene import draw_room
 from leaderboard.contract.trials import CHECKS, Result, try_check
-from leaderboard.predict import only_training
+from leaderboard.runs.train_and_render import only_training
 
 REPOSITORY = Path(__file__).parents[2]
 MANY = 40  # views, as close to one another as those of a capture

@@ -18,8 +18,8 @@ from hydroviews.profiles import find_profile
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 from hydroviews.scene.scenes import Points, Scene, View
-from leaderboard.predict import train_and_render
-from leaderboard.runs import Run, claim_folder
+from leaderboard.runs.run import Run, claim_folder
+from leaderboard.runs.train_and_render import train_and_render
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import time
 
 from hydroviews.cli.commands import run_command
 from hydroviews.errors import InputError
-from leaderboard.supervision import Tether, tethered
+from leaderboard.runs.supervision import Tether, tethered
 
 
 def fails(error: BaseException) -> None:

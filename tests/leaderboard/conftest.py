@@ -10,9 +10,10 @@ from synthetic import capture_in
 
 from hydroviews.errors import InputError
 from hydroviews.formats.writers import write_colmap
-from leaderboard import evaluate, tables
-from leaderboard.predict import train_and_render
-from leaderboard.runs import Run, recorded_configuration
+from leaderboard import evaluate
+from leaderboard.runs.run import Run, recorded_configuration
+from leaderboard.runs.train_and_render import train_and_render
+from leaderboard.tables import dataframes as tables
 
 
 @pytest.fixture

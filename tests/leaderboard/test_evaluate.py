@@ -20,13 +20,13 @@ from hydroviews.errors import InputError
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.scene.images import read_image
 from leaderboard import evaluate as evaluate_module
-from leaderboard import predict as predict_module
 from leaderboard.__main__ import evaluate_command, one_run_command, overview_command, score_command
 from leaderboard.evaluate import EvaluateRequest, evaluate, outcome
-from leaderboard.probe import probe
 from leaderboard.records import as_row, code_version, columns
-from leaderboard.score import score
-from leaderboard.supervision import Limits
+from leaderboard.runs import train_and_render as predict_module
+from leaderboard.runs.probe import probe
+from leaderboard.runs.supervision import Limits
+from leaderboard.scoring.score import score
 
 pytestmark = pytest.mark.usefixtures("toys")
 
@@ -133,7 +133,7 @@ def test_renders_that_were_interrupted_are_made_again(built, evaluated, tmp_path
 
 
 def test_the_version_is_that_of_the_code_that_trained(built, evaluated, tmp_path, monkeypatch):
-    monkeypatch.setattr("leaderboard.score.code_version", lambda: "of another day")
+    monkeypatch.setattr("leaderboard.scoring.score.code_version", lambda: "of another day")
     assert score(next(r for r in _runs(built, tmp_path))).version == evaluated.version
 
 

@@ -14,11 +14,13 @@ from baselines.training import loop
 from hydroviews import metrics
 from hydroviews.errors import InputError
 from hydroviews.scene.images import read_image, write_png
-from leaderboard import gather, score, sessions
+from leaderboard import gather
 from leaderboard.evaluate import EvaluateRequest, evaluate
 from leaderboard.gather import write_leaderboard
-from leaderboard.predict import train_and_render
 from leaderboard.records import SCHEMA, read_record, write_record
+from leaderboard.runs import sessions
+from leaderboard.runs.train_and_render import train_and_render
+from leaderboard.scoring import score
 
 RUN = "demo/toy_methods.MeanColour/yard/streak-0/seed-0"
 NEW = ("schema", "before_s", "after_s", "sessions", "renders_sha256", "submitted_by", "link")

@@ -15,8 +15,8 @@ from hydroviews.formats.writers import write_colmap
 from hydroviews.rain.registry import choose_patterns, find_effect
 from hydroviews.scene.images import read_image, write_png
 from leaderboard.evaluate import EvaluateRequest, evaluate
-from leaderboard.table_text import to_markdown
-from leaderboard.tables import scene_table
+from leaderboard.tables.dataframes import scene_table
+from leaderboard.tables.markdown import to_markdown
 
 ASH = "toy_effect.Ash"  # in names of folders, where a colon may not stand
 

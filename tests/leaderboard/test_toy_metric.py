@@ -13,10 +13,10 @@ from hydroviews.files.atomic import write_json
 from hydroviews.formats.writers import write_colmap
 from hydroviews.metrics import METRICS, find_metrics
 from hydroviews.scene.images import read_image
-from leaderboard.board_pages import write_board
 from leaderboard.evaluate import EvaluateRequest, evaluate
 from leaderboard.gather import collect
-from leaderboard.publish import publish
+from leaderboard.publishing.board_pages import write_board
+from leaderboard.publishing.publish import publish
 from leaderboard.records import read_record
 
 

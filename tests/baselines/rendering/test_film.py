@@ -10,7 +10,7 @@ from finished_runs import Cloud, finished_run
 from baselines.rendering.film import FilmChoice, fitted
 from hydroviews.errors import InputError
 from hydroviews.scene.images import read_image
-from leaderboard.film import film
+from leaderboard.viewer.film import film
 
 CHOICE = FilmChoice(seconds=0.5, fps=12, size=64)
 

@@ -5,9 +5,9 @@ import dataclasses
 import pytest
 
 from benchmarks.site import write_board as make_runs
-from leaderboard.board_pages import write_board
 from leaderboard.gather import write_leaderboard
-from leaderboard.publish import publish
+from leaderboard.publishing.board_pages import write_board
+from leaderboard.publishing.publish import publish
 from leaderboard.records import Record, read_record, run_folder, write_record
 from leaderboard.site.write import write_site
 

@@ -14,12 +14,12 @@ from PIL import Image
 from baselines.training.learning_curve import LEARNING_CURVE
 from hydroviews.files.atomic import read_json, write_json
 from hydroviews.metrics import find_metrics
-from leaderboard.comparison import compare
 from leaderboard.gather import collect, collect_views, write_leaderboard
-from leaderboard.means import shown_names
 from leaderboard.records import run_folder
 from leaderboard.site.runs import page_name
 from leaderboard.site.write import write_site
+from leaderboard.tables.comparison import compare
+from leaderboard.tables.means import shown_names
 
 THEIRS = "<img src=x onerror=alert(1)>\"'& <\\script><script>alert(2)< (submitted)"
 THEIRS_IN_RECORDS = THEIRS.removesuffix(" (submitted)")

@@ -15,7 +15,7 @@ from processes import PATIENCE, wait_until
 
 from hydroviews.errors import InputError
 from leaderboard.evaluate import carry_out
-from leaderboard.supervision import Limits
+from leaderboard.runs.supervision import Limits
 from leaderboard.sweep import local, matrix
 from leaderboard.sweep.matrix import build_runs, matrix_of, read_matrix
 from leaderboard.sweep.sweep import SweepRequest, sweep

@@ -17,8 +17,8 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.metrics import psnr
 from hydroviews.scene.images import read_image
-from leaderboard.finished_runs import find_splats, finished_runs, load_method, open_run
-from leaderboard.runs import Run
+from leaderboard.runs.finished_runs import find_splats, finished_runs, load_method, open_run
+from leaderboard.runs.run import Run
 from leaderboard.viewer.comparison import compare, list_shots
 from leaderboard.viewer.normalise import (
     SIZE,

@@ -1,0 +1,152 @@
+"""What a board shows: written elsewhere, whole, and without what is no longer there; the board stays as it is."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from benchmarks.site import write_board as make_runs
+from hydroviews.errors import InputError
+from leaderboard import gather
+from leaderboard.__main__ import board_command, compare_command, site_command, table_command
+from leaderboard.gather import collect, collect_views, run_folders
+from leaderboard.publishing.board_pages import comparisons_text, write_board
+from leaderboard.publishing.publish import publish
+from leaderboard.tables.comparison import compare
+
+METHODS = ("3dgs", "3dgs-clean", "ours")
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A results folder with renders, and a board of it."""
+    folder = tmp_path_factory.mktemp("made")
+    make_runs(folder / "results", METHODS, ("pond", "room", "courtyard"), ("raindrop-1", "streak-1"), size=(16, 16))
+    publish(folder / "results", folder / "board")
+    return folder
+
+
+@pytest.fixture
+def board(made, tmp_path, monkeypatch):
+    """The board, in place of the one that ships."""
+    folder = Path(shutil.copytree(made / "board", tmp_path / "board"))
+    monkeypatch.setattr(gather, "BOARD", folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def shown(made):
+    """What the board shows."""
+    assert write_board(made / "board", made / "out") == made / "out" / "site" / "index.html"
+    return made / "out"
+
+
+def files(folder: Path) -> dict[Path, bytes]:
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_all_tables_comparisons_and_pages_are_written_beside_a_board_that_stays_as_it_is(made, shown):
+    publish(made / "results", made / "again")
+    board = {path.relative_to(made / "board"): content for path, content in files(made / "board").items()}
+    assert board == {path.relative_to(made / "again"): content for path, content in files(made / "again").items()}
+    names = {"leaderboard.csv", "per_view.csv", "tables.md", "tables.tex", "tables.csv", "grades.csv", "costs.csv"}
+    written = {path.name for path in shown.iterdir() if path.is_file() and path.name[0] != "."}
+    assert written == {*names, "comparisons.md"}
+    assert len(pd.read_csv(shown / "leaderboard.csv")) == 15
+    assert list((shown / "site" / "pictures").iterdir()) == []
+    assert len(list((shown / "site" / "runs").iterdir())) == 15
+
+
+def test_comparisons_are_of_every_suite_and_metric(board, shown):
+    text = (shown / "comparisons.md").read_text()
+    assert text.count("## Suite test, demo, given-poses: ") == text.count("## Suite development, demo, ") == 4
+    table = collect(board)
+    rows = table[table.scene != "courtyard"]
+    row = compare(rows, collect_views(rows, board), "psnr").methods.iloc[0]
+    section = text.split("## ")[1]
+    assert section.startswith("Suite test, demo, given-poses: PSNR")
+    assert f"| 1 | {row.method} | {row['mean']:.2f} [{row.low:.2f}, {row.high:.2f}] | 4/4 |" in section
+
+
+def test_a_method_that_shares_no_run_does_not_leave_the_others_without_comparison(board, tmp_path):
+    make_runs(tmp_path / "more", ["theirs"], ["courtyard"], ["storm-1"], size=(16, 16))
+    publish(tmp_path / "more", board)
+    table = collect(board)
+    section = comparisons_text(table, collect_views(table, board)).split("## Suite development")[1]
+    assert "| better | than |" in section
+    assert "Not compared, since fewer than half of the runs are shared: theirs." in section
+
+
+def test_runs_that_left_the_board_go(board, shown, tmp_path):
+    out = Path(shutil.copytree(shown, tmp_path / "out"))
+    shutil.rmtree(board / "demo" / "ours")
+    write_board(board, out)
+    assert set(collect(out).method) == {"3dgs", "3dgs-clean"}
+    assert len(list((out / "site" / "runs").iterdir())) == 9
+
+
+def test_runs_of_a_board_that_cannot_be_used_are_named(board, tmp_path):
+    damaged, partial = (board / "demo" / method / "pond/streak-1/seed-0/record.json" for method in ("3dgs", "ours"))
+    damaged.write_text("{")
+    record = json.loads(partial.read_text())
+    partial.write_text(json.dumps(record | {"status": "partial", "reason": "no weights", "lpips_vgg": None}))
+    told = r"cannot be shown[\s\S]*demo/3dgs/pond/.*not valid JSON[\s\S]*demo/ours/pond/.*: partial: no weights"
+    with pytest.raises(InputError, match=told):
+        write_board(board, tmp_path / "out")
+
+
+def test_folders_that_are_something_else_are_refused(board, made, tmp_path):
+    before = files(made)
+    with pytest.raises(InputError, match="the board itself"):
+        write_board(board, board)
+    with pytest.raises(InputError, match="holds runs of its own"):
+        write_board(board, made / "results")
+    assert files(made) == before
+    with pytest.raises(InputError, match="no published run"):
+        write_board(tmp_path / "nothing", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_tables_and_comparisons_of_the_board_that_ships_are_printed_and_nothing_is_written(board, capsys):
+    before = files(board)
+    table_command(board)
+    printed = capsys.readouterr().out
+    assert "pond (demo, given-poses, test suite)" in printed
+    assert "all runs:" not in printed
+    compare_command(results=board, suite="test")
+    assert "Means over the 4 runs that all of them have, on 2 scenes" in capsys.readouterr().out
+    with pytest.raises(InputError, match="python -m leaderboard board"):
+        site_command(board)
+    assert files(board) == before
+    assert len(run_folders(board)) == 15
+
+
+def test_pages_are_read_before_anything_is_written(board, tmp_path):
+    (tmp_path / "latin.md").write_bytes(b"\xe9")
+    for name, message in (("absent.md", "No such file"), ("latin.md", "not text in UTF-8"), (".", "cannot be read")):
+        with pytest.raises(InputError, match=message):
+            write_board(board, tmp_path / "out", [tmp_path / name])
+    assert not (tmp_path / "out").exists()
+
+
+def test_line_endings_of_a_page_stay(board, tmp_path):
+    page, table = tmp_path / "page.md", "| suite | rain | `ours` |\n|---|---|---|\n\n"
+    text = f"Unix\n<!-- board: demo suites streak-1 -->\n\n{table}<!-- /board -->\n"
+    page.write_bytes(text.encode() + text.replace("Unix", "DOS").replace("\n", "\r\n").encode())
+    write_board(board, tmp_path / "out", (page,))
+    unix, dos = page.read_bytes().split(b"DOS\r\n")
+    assert unix.startswith(b"Unix\n")
+    assert b"| streak, medium | **" in unix
+    assert dos == unix.removeprefix(b"Unix\n").replace(b"\n", b"\r\n")
+
+
+def test_the_command_fills_the_tables_of_pages(board, tmp_path, capsys):
+    page = tmp_path / "page.md"
+    page.write_text(
+        "<!-- board: demo suites streak-1 -->\n\n| suite | rain | `ours` |\n|---|---|---|\n\n<!-- /board -->\n"
+    )
+    board_command(board, tmp_path / "out", (page,))
+    assert "| test, 2 scenes | streak, medium | **" in page.read_text()
+    assert capsys.readouterr().out == f"open {tmp_path / 'out/site/index.html'}\n"

@@ -1,0 +1,184 @@
+"""Tables on pages of Markdown, filled from records: numbers against pandas, what is odd refused, the rest untouched."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from hydroviews.errors import InputError
+from leaderboard.gather import VIEW_KEYS
+from leaderboard.publishing.board_tables import filled
+from leaderboard.records import columns
+from leaderboard.tables.comparison import compare
+
+SHIFT = {"3dgs-clean": 6.0, "3dgs": 0.0, "ours": 3.0, "theirs": 4.0}
+PLACES = ("room", "pond", "street", "courtyard", "llff_flower", "mine")
+PATTERNS = ("raindrop-1", "raindrop-2", "streak-1")
+HEAD = "| suite | rain | `3dgs-clean`, the ceiling | [`ours`](ours.md) | `3dgs` |\n|---|---|---|---|---|"
+
+
+def board(without=()):
+    """Runs and views with scores of a scene, a method and luck; `without` are methods and scenes that have no run."""
+    rng = np.random.default_rng(0)
+    views = []
+    for method in SHIFT:
+        for number, scene in enumerate(PLACES):
+            for pattern in ["clean"] if method == "3dgs-clean" else PATTERNS:
+                keys = {"method": method, "scene": scene, "pattern": pattern, "seed": 0, "profile": "demo"}
+                keys |= {"submitted_by": "", "track": "given-poses", "data_sha256": scene + pattern}
+                keys["effect"] = pattern.rpartition("-")[0] or pattern
+                if (method, scene) not in without:
+                    scores = rng.normal(20 + number + SHIFT[method], 0.5, 4)
+                    views += [keys | {"view": f"v{i}", "psnr": score} for i, score in enumerate(scores)]
+    found = pd.DataFrame(views, columns=[*VIEW_KEYS, "view", "psnr"])
+    runs = found.groupby([name for name in VIEW_KEYS if name != "suite"], as_index=False).psnr.mean()
+    runs["version"] = runs.method.map(lambda method: "0.2.0+1" if method == "3dgs" else "0.2.0+2")
+    return runs.assign(status="done").reindex(columns=columns()), found
+
+
+def page(kind: str, *patterns: str, head: str = HEAD) -> str:
+    start = f"<!-- board: demo {kind} {' '.join(patterns)} -->"
+    return f"# Title\n\nBefore.\n\n{start}\n\n{head}\n\n<!-- /board -->\n\nAfter.\n"
+
+
+def cells(text: str) -> dict[tuple[str, str], list[str]]:
+    lines = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:1] == "|"]
+    return {(row[0], row[1]): row[2:] for row in lines[2:]}
+
+
+def test_suites_have_means_over_scenes_and_gains_with_the_interval_of_the_comparison():
+    table, views = board()
+    found = cells(filled(page("suites", "raindrop-1", "streak-1"), table, views))
+    assert list(found) == [
+        ("test, 3 scenes", "raindrop, medium"),
+        ("test, 3 scenes", "streak, medium"),
+        ("development, 2 scenes", "raindrop, medium"),
+        ("development, 2 scenes", "streak, medium"),
+    ]
+    own = views[views.scene.isin(PLACES[:3]) & views.pattern.isin(["streak-1", "clean"])]
+    scenes = own.pivot_table(index="scene", columns="method", values="psnr")
+    ceiling, ours, floor = found["test, 3 scenes", "streak, medium"]
+    assert floor == f"{scenes['3dgs'].mean():.2f}"
+    pair = compare(
+        table[table.scene.isin(PLACES[:3]) & (table.pattern == "streak-1")], own, "psnr", ["ours", "3dgs"]
+    ).pairs
+    gain, half = pair.difference[0], (pair.high[0] - pair.low[0]) / 2
+    assert ours == f"**{scenes['ours'].mean():.2f}** ({gain:+.2f} ± {half:.2f})"
+    gains = scenes["3dgs-clean"] - scenes["3dgs"]  # Student's t of three scenes
+    half = 4.302653 * gains.std(ddof=1) / np.sqrt(3)
+    told = re.fullmatch(r"([\d.]+) \((\+[\d.]+) ± ([\d.]+)\)", ceiling)
+    assert float(told[1]) == pytest.approx(scenes["3dgs-clean"].mean(), abs=0.005)
+    assert float(told[2]) == pytest.approx(gains.mean(), abs=0.005)
+    assert float(told[3]) == pytest.approx(half, rel=0.05)  # the bootstrap draws
+
+
+def test_scenes_have_scores_and_shares_of_the_gap():
+    table, views = board()
+    head = HEAD.replace("suite", "")  # its cell may be empty
+    found = cells(filled(page("scenes", "streak-1", head=head), table, views))
+    names = ["pond", "room", "street", "courtyard (development)", "llff_flower (development)"]
+    assert [scene for scene, _ in found] == names  # none that is in no suite
+    means = views[(views.scene == "pond") & views.pattern.isin(["streak-1", "clean"])].groupby("method").psnr.mean()
+    share = (means["ours"] - means["3dgs"]) / (means["3dgs-clean"] - means["3dgs"])
+    shown = [f"{means['3dgs-clean']:.2f}", f"**{means['ours']:.2f}** ({100 * share:.0f} %)", f"{means['3dgs']:.2f}"]
+    assert found["pond", "streak, medium"] == shown
+
+
+def test_methods_have_a_row_each_in_order_of_their_means():
+    table, views = board(without=[("theirs", "pond")])
+    table["before_s"], table["train_s"] = 5.0, np.where(table.method == "ours", 70.0, 30.0)
+    table["after_s"] = np.where(table.method == "ours", 20.0, np.nan)  # older records have none
+    head = "| method | `room` | `courtyard` (development) | `pond` | seconds |\n|---|---|---|---|---|"
+    text = filled(page("methods", "raindrop-1", "streak-1", head=head), table, views)
+    found = cells(text)
+    assert [method for method, _ in found] == ["`3dgs-clean`", "`ours`", "`3dgs`", "`theirs`"]  # it lacks a scene
+    own = views[views.scene.isin(["room", "courtyard", "pond"])]
+    means = own.groupby(["method", "scene", "pattern"]).psnr.mean()
+    shown = {method: [first, *others] for (method, first), others in found.items()}
+    assert shown["`3dgs-clean`"][:2] == [
+        f"{means['3dgs-clean', scene, 'clean']:.2f}" for scene in ("room", "courtyard")
+    ]
+    drops, streaks = means["theirs", "room"][["raindrop-1", "streak-1"]]
+    assert shown["`theirs`"] == [f"**{drops:.2f}**, **{streaks:.2f}**", *shown["`theirs`"][1:2], "", "35"]
+    drops, streaks = means["ours", "pond"][["raindrop-1", "streak-1"]]
+    assert shown["`ours`"][2:] == [f"**{drops:.2f}**, **{streaks:.2f}**", "95"]
+    assert "PSNR under raindrop-1, streak-1, and mean seconds of training. Profile `demo`, seed 0" in text
+    assert filled(text, table, views) == text
+
+
+def test_a_pattern_that_a_method_lacks_is_a_dash():
+    table, views = board()
+    table = table[(table.method != "ours") | (table.pattern != "streak-1") | (table.scene != "pond")]
+    head = "| method | `pond` |\n|---|---|"
+    text = filled(page("methods", "raindrop-1", "streak-1", head=head), table, views)
+    assert re.search(r"\| `ours` \| [\d.]+, - \|", text)
+    assert "seconds" not in text
+
+
+def test_scenes_of_no_suite_have_a_table_of_methods_and_unknown_seconds_are_empty():
+    table, views = board()
+    table[["before_s", "after_s"]], table["train_s"] = np.nan, np.where(table.method == "ours", np.nan, 30.0)
+    text = filled(page("methods", "streak-1", head="| method | `mine` | seconds |\n|---|---|---|"), table, views)
+    assert {method: row[-1] for (method, _), row in cells(text).items()} == {
+        "`3dgs-clean`": "30",
+        "`theirs`": "30",
+        "`ours`": "",
+        "`3dgs`": "30",
+    }
+    assert "Profile `demo`, seed 0, code 0.2.0+1, 0.2.0+2." in text
+
+
+def test_methods_that_no_column_names_change_nothing():
+    text = page("suites", "streak-1")
+    everything = filled(text, *board())
+    assert filled(text, *board(without=[("theirs", scene) for scene in PLACES[:5]])) == everything
+
+
+def test_means_are_over_the_scenes_that_all_of_them_have():
+    table, views = board(without=[("ours", "room"), ("3dgs-clean", "street")])
+    found = cells(filled(page("suites", "streak-1"), table, views))
+    ceiling, ours, floor = found["test, 2 scenes", "streak, medium"]  # pond and street
+    own = views[views.scene.isin(["pond", "street"]) & (views.pattern == "streak-1")]
+    means = own.groupby(["method", "scene"]).psnr.mean().groupby("method").mean()
+    assert ours.startswith(f"<u>{means['ours']:.2f}</u> (+")
+    assert floor == f"**{means['3dgs']:.2f}**"
+    assert "(" not in ceiling  # street has none: a gain would be of other scenes
+    scenes = cells(filled(page("scenes", "streak-1"), table, views))
+    assert scenes["room", "streak, medium"][1] == ""
+    assert scenes["street", "streak, medium"][0] == ""
+
+
+def test_what_is_around_a_table_stays_and_a_second_time_changes_nothing():
+    text = page("suites", "streak-1") + page("scenes", "raindrop-2")
+    once = filled(text, *board())
+    assert once.startswith(
+        "# Title\n\nBefore.\n\n<!-- board: demo suites streak-1 -->\n\n| suite | rain | `3dgs-clean`, the"
+    )
+    assert once.count("\n\nAfter.\n") == 2
+    assert "raindrop, heavy" in once
+    assert once.count("Profile `demo`, seed 0, code 0.2.0+1, 0.2.0+2.\n") == 2
+    assert filled(once, *board()) == once
+    assert filled("No table.", *board()) == "No table."
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (page("suits", "streak-1"), "not as it has to be"),
+        (page("suites", "streak-1").replace("<!-- /board -->", ""), "not as it has to be"),
+        (page("suites", "streak-1").replace("demo ", ""), "not as it has to be"),
+        ("<!-- /board -->", "not as it has to be"),
+        (page("suites", "streak-1", head="| a | b |\n|---|---|"), "a head without methods"),
+        (page("suites", "streak-1", head="| a | b | `3dgs` | ours |"), "a head without methods"),
+        (page("suites", "streak-1", head=""), "a head without methods"),
+        (page("suites", "streak-1", head="| a | b | `3dgz` |"), "did you mean 3dgs"),
+        (page("suites", "storm-1"), "no such run"),
+        (page("methods", "storm-1", head="| method | `pond` |\n|---|---|"), "no such run"),
+        (page("methods", "streak-1", head="| method | pond |\n|---|---|"), "a head without scenes"),
+        (page("methods", "streak-1", head="| method | `pund` |\n|---|---|"), "did you mean pond"),
+    ],
+)
+def test_odd_tables_are_refused(text, message):
+    with pytest.raises(InputError, match=message):
+        filled(text, *board())

@@ -1,0 +1,165 @@
+"""Runs published onto a board: records and scores alone, whole or not at all, and none that does not belong there."""
+
+import json
+import os
+import shutil
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from benchmarks.site import write_board
+from hydroviews.errors import InputError
+from leaderboard.__main__ import publish_command
+from leaderboard.gather import collect, collect_views, run_folders
+from leaderboard.publishing.publish import publish
+
+RUN = "demo/3dgs/pond/streak-1/seed-0"
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    results = tmp_path_factory.mktemp("made")
+    write_board(
+        results, ("3dgs", "3dgs-clean", "ours"), ("pond", "courtyard"), ("raindrop-1", "streak-1"), size=(16, 16)
+    )
+    return results
+
+
+@pytest.fixture
+def results(made, tmp_path):
+    return Path(shutil.copytree(made, tmp_path / "results"))
+
+
+@pytest.fixture
+def board(tmp_path):
+    return tmp_path / "board"
+
+
+def edit(results: Path, run: str = RUN, **changes) -> None:
+    path = results / run / "record.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), **changes}))
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_a_board_is_records_and_scores_and_reads_as_the_results_do(results, board):
+    outcome = publish(results, board)
+    assert (len(outcome.written), outcome.kept, outcome.left_out) == (10, 0, {})
+    assert files(board) == {
+        name: content
+        for name, content in files(results).items()
+        if name.endswith(("record.json", "per_view.csv", "learning_curve.csv"))
+    }
+    pd.testing.assert_frame_equal(collect(board), collect(results))
+    table = collect(board)
+    pd.testing.assert_frame_equal(collect_views(table, board), collect_views(table, results))
+
+
+def test_what_is_partial_or_not_trusted_is_left_out_with_the_reason(results, board, capsys):
+    edit(results, psnr=None)
+    edit(results, "demo/ours/pond/streak-1/seed-0", psnr=99.0)
+    shutil.rmtree(results / "demo/ours/courtyard/streak-1/seed-0")
+    publish_command(results, board)
+    printed = capsys.readouterr().out
+    assert f"{RUN}: left out: partial" in printed
+    assert "its scores are not those of its views" in printed
+    assert f"{board}: 7 runs written, 0 there already, 2 left out" in printed
+    assert set(collect(board).status) == {"done"}
+
+
+def test_a_failed_run_is_published_as_its_record_alone_and_counts_in_tables(results, board):
+    name = "demo/ours/pond/raindrop-1/seed-0"
+    done = files(results / name)
+    for scored in ("per_view.csv", "learning_curve.csv"):
+        (results / name / scored).unlink()
+    edit(results, name, status="failed", reason="no memory", psnr=None, ssim=None, lpips_alex=None, lpips_vgg=None)
+    assert Path(name) in publish(results, board).written
+    assert set(files(board / name)) == {"record.json"}
+    pd.testing.assert_frame_equal(collect(board), collect(results))
+    assert list(collect(board).query("status == 'failed'").reason) == ["no memory"]
+    assert publish(results, board).written == ()
+    for path, content in done.items():
+        (results / name / path).write_bytes(content)
+    assert publish(results, board, overwrite=True).written == (Path(name),)
+    assert set(files(board / name)) == {"record.json", "per_view.csv", "learning_curve.csv"}
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"version": "0.2.0+1234567-dirty"}, "of a changed checkout, version 0.2.0+1234567-dirty"),
+        ({"version": "0.2.0+1234567-dirty, 0.2.0+7654321"}, "of a changed checkout"),
+        ({"schema": 1}, "record of schema 1, expected 2"),
+        ({"submitted_by": "Ada"}, "submitted by Ada; --submitted takes it"),
+    ],
+)
+def test_what_does_not_belong_on_a_board_is_named_and_nothing_is_written(results, board, changes, reason):
+    edit(results, **changes)
+    edit(results, "demo/ours/pond/streak-1/seed-0", **changes)
+    with pytest.raises(InputError) as error:
+        publish(results, board)
+    assert str(error.value).count(reason) == 2
+    assert f"{RUN}: {reason}" in str(error.value)
+    assert not board.exists()
+
+
+def test_submitted_runs_are_taken_when_asked_for(results, board):
+    edit(results, submitted_by="Ada")
+    assert Path(RUN) in publish(results, board, submitted=True).written
+
+
+def test_runs_on_other_data_are_refused_unless_all_of_a_variant_are_replaced(results, board):
+    publish(results, board)
+    edit(results, data_sha256="of a newer build")
+    with pytest.raises(InputError, match=r"demo/pond/streak-1: runs on other data: (pond streak-|of a newer b)"):
+        publish(results, board, overwrite=True)
+    for folder in ("demo/3dgs", "demo/3dgs-clean"):
+        shutil.rmtree(results / folder)
+    edit(results, "demo/ours/pond/streak-1/seed-0", data_sha256="of a newer build")
+    with pytest.raises(InputError, match="runs on other data"):  # the one of 3dgs on the board is of the older
+        publish(results, board, overwrite=True)
+    shutil.rmtree(board / "demo/3dgs")
+    publish(results, board, overwrite=True)
+    assert set(collect(board).query("pattern == 'streak-1' and scene == 'pond'").data_sha256) == {"of a newer build"}
+
+
+def test_what_is_there_is_kept_and_another_run_in_its_place_needs_to_be_asked_for(results, board):
+    publish(results, board)
+    before = {path: path.stat().st_mtime_ns for path in board.rglob("*.*")}
+    outcome = publish(results, board)
+    assert (outcome.written, outcome.kept) == ((), 10)
+    assert {path: path.stat().st_mtime_ns for path in board.rglob("*.*")} == before
+    edit(results, train_s=1.0)
+    with pytest.raises(InputError, match=f"{RUN}: on the board, as another run; --overwrite replaces it"):
+        publish(results, board)
+    assert publish(results, board, overwrite=True).written == (Path(RUN),)
+    assert json.loads((board / RUN / "record.json").read_text())["train_s"] == 1.0
+
+
+def test_an_interruption_leaves_no_half_run_and_the_same_command_does_the_rest(results, board, monkeypatch):
+    replace, left = os.replace, [3]
+
+    def interrupted(*paths):
+        left[0] -= 1
+        if left[0] < 0:
+            raise KeyboardInterrupt
+        replace(*paths)
+
+    monkeypatch.setattr(os, "replace", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        publish(results, board)
+    monkeypatch.undo()
+    assert [len(list(folder.iterdir())) for folder in run_folders(board)] == [3, 3, 3]
+    killed = board / "demo/3dgs/pond/streak-1/.partial-host-0-seed-0"
+    killed.mkdir(parents=True)
+    (killed / "record.json").write_text("{")
+    assert len(publish(results, board).written) == 7
+    assert len(files(board)) == 30
+
+
+def test_nothing_to_publish_is_told(tmp_path, board):
+    with pytest.raises(InputError, match="no run that is done or failed"):
+        publish(tmp_path, board)

@@ -1,0 +1,101 @@
+"""A packed variant that came from a server trains to the same record as the one that was built."""
+
+import json
+from dataclasses import asdict
+
+import pytest
+from servers import serving
+from shared import SHAREABLE, built_in
+from synthetic import capture_in
+
+from hydroviews.dataset.manifest import data_hash
+from hydroviews.dataset.sharing.fetch import fetch
+from hydroviews.dataset.sharing.pack import pack
+from hydroviews.dataset.sources import build_source
+from hydroviews.errors import InputError
+from hydroviews.formats.writers import write_colmap
+from hydroviews.profiles import find_profile
+from leaderboard.evaluate import EvaluateRequest, evaluate
+from leaderboard.records import NOTED
+from leaderboard.runs.run import Run, claim_folder
+from leaderboard.runs.train_and_render import train_and_render
+from leaderboard.scoring.score import score
+
+
+def trained_record(data, results):
+    run = Run("short_splatting:ShortSplatting", "demo", 0, data, "yard", "streak-1", results)
+    claim_folder(run, overwrite=False)
+    train_and_render(run)
+    return comparable(score(run))
+
+
+def comparable(record):
+    """What a record says of data and scores, not of the machine and the time that it took."""
+    return {name: value for name, value in asdict(record).items() if name not in NOTED}
+
+
+def test_a_fetched_variant_trains_to_the_same_record(tmp_path, monkeypatch):
+    for name in ("http_proxy", "HTTP_PROXY"):
+        monkeypatch.delenv(name, raising=False)
+    built = built_in(tmp_path)
+    [(path, digest)] = pack(built, tmp_path / "out", patterns=["streak-1"])
+    with serving({"/a.zip": path.read_bytes()}) as server:
+        fetch(f"{server.address}/a.zip#sha256={digest}", tmp_path / "fetched")
+    ours, theirs = (trained_record(data, tmp_path / data.name / "r") for data in (built.parent, tmp_path / "fetched"))
+    assert ours == theirs
+    assert ours["status"] == "done"
+    assert ours["scores"]["psnr"] > 5
+    assert ours["data_sha256"] == data_hash(built.parent, "yard", "streak-1")
+
+
+@pytest.mark.usefixtures("toys", "trained_here")
+def test_an_evaluation_of_fetched_data_gives_the_records_of_the_original(tmp_path):
+    capture = tmp_path / "yard"
+    write_colmap(capture_in(capture), capture / "sparse" / "0")
+    (capture / "capture.json").write_text(json.dumps(SHAREABLE))
+    ours, theirs = tmp_path / "ours", tmp_path / "theirs"
+    records = [evaluated(str(capture), ours)]
+    [(path, _)] = pack(ours / "data/demo/yard", tmp_path / "out", patterns=["streak-1"])
+    fetch(str(path), theirs / "data/demo")
+    records.append(evaluated("yard", theirs))
+    assert records[0] == records[1]
+    assert [(one["status"], one["pattern"]) for one in records[0]] == [("done", "clean"), ("done", "streak-1")]
+    hashes = [data_hash(ours / "data/demo", "yard", name) for name in ("clean", "streak-1")]
+    assert [one["data_sha256"] for one in records[1]] == hashes
+    assert records[0][0]["scores"]["psnr"] > records[0][1]["scores"]["psnr"] > 5
+
+
+def evaluated(scene, folder):
+    request = EvaluateRequest(
+        "toy_methods:MeanColour", scene, patterns=("streak-1",), data=folder / "data", results=folder / "results"
+    )
+    return [comparable(record) for record in evaluate(request)]
+
+
+def test_an_evaluation_needs_no_capture_for_what_was_fetched(tmp_path):
+    """It takes the scene as it is, by its name, and compares it with the manifest; what is missing has to be built."""
+    built = built_in(tmp_path)
+    for path, _ in pack(built, tmp_path / "out", patterns=["streak-1", "clean"]):
+        fetch(str(path), tmp_path / "data/fetched")
+    data, demo = tmp_path / "data/fetched", find_profile("demo")
+    assert build_source("yard", data, demo, patterns=("streak-1",), captures=tmp_path / "none") == data / "yard"
+    assert build_source("./yard", data, demo, captures=tmp_path / "none") == data / "yard"
+    for settings in ({"patterns": ("storm-1",)}, {"all_patterns": True}, {"seed": 3}, {"long_side": 20}):
+        with pytest.raises(InputError, match="no such capture"):
+            build_source("yard", data, demo, captures=tmp_path / "none", **settings)
+    again = build_source(str(tmp_path / "captures/yard"), data, demo, patterns=("storm-1",))
+    assert data_hash(data, "yard", "storm-1") == data_hash(built.parent, "yard", "storm-1")
+    (again / "clean/view-00.png").unlink()
+    fetched = fetch(str(tmp_path / "out/yard-clean.zip"), tmp_path / "other")
+    (fetched / "clean/view-00.png").unlink()
+    (fetched / "clean/view-00.png").write_bytes(b"changed")
+    with pytest.raises(InputError, match="not what the manifest says"):
+        build_source("yard", tmp_path / "other", demo, captures=tmp_path / "none")
+
+
+def test_a_fetched_capture_taken_in_rain_needs_no_patterns(tmp_path):
+    built = built_in(tmp_path, patterns=(), says={"rain": "captured", **SHAREABLE})
+    [(path, _)] = pack(built, tmp_path / "out")
+    folder = fetch(str(path), tmp_path / "fetched")
+    demo = find_profile("demo")
+    assert build_source("yard", tmp_path / "fetched", demo, all_patterns=True, captures=tmp_path / "none") == folder

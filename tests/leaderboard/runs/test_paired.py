@@ -1,0 +1,173 @@
+"""Paired captures from the folder to the table: trained on rainy photographs, scored on clean ones."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from paired import NAMES, paired_capture
+from synthetic import capture_in
+
+from baselines.gaussian_splatting import GaussianSplatting
+from baselines.method import find_method
+from baselines.splatting.config import TrainerConfig
+from hydroviews import metrics
+from hydroviews.dataset.contact_sheet import write_sheets
+from hydroviews.dataset.sources import build_source
+from hydroviews.dataset.variants import has_ceiling, open_clean, open_variant
+from hydroviews.dataset.verify import verify
+from hydroviews.errors import InputError
+from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.writers import write_colmap
+from hydroviews.profiles import find_profile
+from hydroviews.scene.images import read_image, write_png
+from leaderboard.evaluate import EvaluateRequest, evaluate, outcome
+from leaderboard.runs.run import Run, claim_folder
+from leaderboard.runs.train_and_render import train_and_render
+from leaderboard.scoring.score import score
+from leaderboard.tables import rain_losses as severity
+from leaderboard.viewer.comparison import list_shots
+
+STEPS = 20
+
+
+def run(tmp_path: Path, scene: Path, method: str = "MeanColour"):
+    where = {"data": tmp_path / "data", "results": tmp_path / "results"}
+    return evaluate(EvaluateRequest(f"toy_methods:{method}", str(scene), **where))
+
+
+def built(tmp_path: Path, capture: Path) -> Path:
+    return build_source(str(capture), tmp_path / "data" / "demo", find_profile("demo"))
+
+
+@pytest.mark.usefixtures("toys", "trained_here")
+def test_of_both_photographs_ceiling_and_floor_are_scored(tmp_path, monkeypatch):
+    capture = paired_capture(tmp_path / "walk")
+    (capture / "LICENSE").write_text("CC0")
+    ceiling, floor = run(tmp_path, capture)
+    assert (floor.status, floor.effect, floor.pattern, floor.reason) == ("done", "captured", CAPTURED, "")
+    assert (ceiling.pattern, ceiling.status) == ("clean", "done")
+    folder = tmp_path / "results/demo/toy_methods.MeanColour/walk/captured-0/seed-0"
+    pairs = [
+        (read_image(folder / f"renders/{name}.png"), read_image(capture / f"clean/{name}.png"))
+        for name in (NAMES[0], NAMES[8])
+    ]
+    assert floor.scores["psnr"] == pytest.approx(np.mean([metrics.psnr(*pair) for pair in pairs]), abs=1e-4)
+    assert read_image(folder / "preview.png").shape[1] == 4 * 48  # rainy view, render, clean view, error
+    assert "| 100 % |" in outcome(floor, tmp_path / "results")  # of the gap, in the ceiling's row
+    scene = tmp_path / "data/demo/walk"
+    assert verify(scene.parent) == []
+    assert (scene / "licence" / "LICENSE").is_file()
+    monkeypatch.setattr(severity, "CEILING", "toy_methods:MeanColourClean")
+    monkeypatch.setattr(severity, "FLOOR", "toy_methods:MeanColour")
+    losses = severity.record_losses(scene, tmp_path / "results")
+    assert losses.pattern.tolist() == [CAPTURED]
+    assert losses.loss[0] == pytest.approx(ceiling.scores["psnr"] - floor.scores["psnr"], abs=2e-3)
+    assert f"{losses.loss[0]:.2f} dB" in (scene / "README.md").read_text()
+    assert verify(scene.parent) == []
+    assert run(tmp_path, capture) == [ceiling, floor]
+
+
+@pytest.mark.usefixtures("toys", "trained_here")
+def test_of_other_views_there_is_no_ceiling(tmp_path, caplog):
+    capture = paired_capture(tmp_path / "walk", NAMES[:6], NAMES[6:])
+    (floor,) = run(tmp_path, capture)
+    assert (floor.status, floor.n_train, floor.n_test) == ("done", 6, 3)
+    assert floor.scores["psnr"] > 0
+    assert "walk: its training views have no clean photographs: no row of toy_methods:MeanColourClean" in caplog.text
+    with pytest.raises(InputError, match="learns from clean views, and walk was taken in rain, without them"):
+        run(tmp_path, capture, "MeanColourClean")
+    preview = "results/demo/toy_methods.MeanColour/walk/captured-0/seed-0/preview.png"
+    assert read_image(tmp_path / preview).shape[1] == 3 * 48  # there is no rainy view
+    row = pd.read_csv(tmp_path / "results/leaderboard.csv").iloc[0]
+    assert row.psnr == floor.scores["psnr"]
+
+
+def test_of_other_views_the_data_set_is_whole(tmp_path):
+    folder = built(tmp_path, paired_capture(tmp_path / "walk", NAMES[:6], NAMES[6:]))
+    assert sorted(path.stem for path in (folder / CAPTURED / "images").iterdir()) == NAMES[:6]
+    assert sorted(path.stem for path in (folder / "clean").iterdir()) == NAMES[6:]
+    assert verify(folder.parent) == []
+    assert len(open_variant(folder, CAPTURED).train_views) == 6
+    assert [view.image().shape for view in open_clean(folder).test_views] == [(36, 48, 3)] * 3
+    assert not has_ceiling(folder)
+    (sheet,) = write_sheets(folder)
+    assert sheet.is_file()
+    stamp = (folder.parent / "manifest.json").stat().st_mtime_ns
+    built(tmp_path, tmp_path / "walk")
+    assert (folder.parent / "manifest.json").stat().st_mtime_ns == stamp
+    (folder / "clean" / f"{NAMES[7]}.png").unlink()
+    assert any("clean/view-07.png: missing" in problem for problem in verify(folder.parent))
+
+
+def test_another_clean_photograph_is_another_capture(tmp_path):
+    capture = paired_capture(tmp_path / "walk")
+    built(tmp_path, capture)
+    write_png(capture / "clean" / "view-00.png", np.zeros((36, 48, 3), np.uint8))
+    with pytest.raises(InputError, match="built from another request"):
+        built(tmp_path, capture)
+
+
+@pytest.mark.parametrize("clean", [NAMES, NAMES[6:]])
+def test_a_method_gets_no_clean_photograph(tmp_path, clean):
+    rainy = NAMES if clean == NAMES else NAMES[:6]
+    folder = built(tmp_path, paired_capture(tmp_path / "walk", rainy, clean))
+    one = Run("3dgs", "demo", 0, folder.parent, "walk", CAPTURED, tmp_path / "results")
+    one.folder.mkdir(parents=True)
+    with one.lent() as (lent, _):
+        pictures = {path.relative_to(lent.data).as_posix() for path in lent.data.rglob("*.png")}
+        train = open_clean(folder).split.train
+        assert pictures == {f"walk/{CAPTURED}/images/{name}.png" for name in train}
+        assert [view.name for view in lent.training_scene().views] == NAMES  # of the others there are cameras
+
+
+@pytest.mark.parametrize("name", ["deraings", "deraings-plus"])
+def test_deraings_learns_from_paired_photographs(tmp_path, monkeypatch, name):
+    """As on a built variant, in few steps: from the rainy photographs alone, scored on clean ones of other views."""
+    method = find_method(name)
+    short = replace(method.profiles["demo"], splatting=TrainerConfig(iterations=STEPS, device="cpu"))
+    monkeypatch.setattr(method, "configuration", lambda _: short)
+    folder = built(tmp_path, paired_capture(tmp_path / "walk", NAMES[:6], NAMES[6:]))
+    run, record = trained(tmp_path / "data", CAPTURED, tmp_path / "results", name, "walk")
+    assert (record.status, record.n_train, record.n_test) == ("done", 6, 3)
+    enhanced = {path.stem for path in run.folder.glob("enhanced/*/*.png")}
+    assert enhanced
+    assert enhanced <= set(NAMES[:6])
+    places = run.folder / "renders", folder / "clean"
+    pairs = [[read_image(place / f"{view}.png") for place in places] for view in NAMES[6:]]
+    assert record.scores["psnr"] == pytest.approx(np.mean([metrics.psnr(*pair) for pair in pairs]), abs=1e-4)
+    assert record.scores["psnr"] > 5
+    assert not np.array_equal(pairs[0][0], pairs[1][0])
+
+
+def trained(data: Path, pattern: str, results: Path, method: str = "3dgs", scene: str = "yard"):
+    one = Run(method, "demo", 0, data / "demo", scene, pattern, results)
+    claim_folder(one, overwrite=False)
+    with one.lent() as (lent, _):
+        train_and_render(lent)
+    return one, score(one)
+
+
+def test_photographs_of_a_built_variant_give_the_scores_of_that_variant(tmp_path, monkeypatch):
+    monkeypatch.setattr(GaussianSplatting, "configuration", lambda _: TrainerConfig(iterations=STEPS, device="cpu"))
+    capture = tmp_path / "yard"
+    write_colmap(capture_in(capture), capture / "sparse" / "0")
+    demo = find_profile("demo")
+    ordinary = build_source(str(capture), tmp_path / "ordinary" / "demo", demo, patterns=["streak-1"])
+    pair = tmp_path / "pair" / "yard"
+    shutil.copytree(ordinary / "sparse", pair / "sparse")
+    shutil.copytree(ordinary / "clean", pair / "clean")
+    shutil.copytree(ordinary / "streak-1" / "images", pair / "rainy")
+    paired = build_source(str(pair), tmp_path / "paired" / "demo", demo)
+    assert verify(paired.parent) == []
+    one, first = trained(tmp_path / "ordinary", "streak-1", tmp_path / "results-1")
+    two, second = trained(tmp_path / "paired", CAPTURED, tmp_path / "results-2")
+    assert first.scores == second.scores
+    assert first.scores["psnr"] > 5
+    renders = [read_image(run.folder / "renders" / "view-08.png") for run in (one, two)]
+    assert np.array_equal(*renders)
+    shots = list_shots(two)
+    assert [shot.scored for shot in shots if shot.held_out] == [True, True]
+    assert {shot.view.path.parent.name for shot in shots if shot.held_out} == {"clean"}

@@ -1,0 +1,213 @@
+import shutil
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from captures import WALK, capture
+from random_cameras import rotations
+
+from hydroviews.captures.sfm.mapping import TooFewRegistered
+from hydroviews.dataset.sources import build_source
+from hydroviews.dataset.variants import open_clean
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import read_json
+from hydroviews.formats.read import read_scene
+from hydroviews.formats.writers import write_colmap
+from hydroviews.profiles import find_profile
+from hydroviews.scene.alignment import Similarity
+from hydroviews.scene.images import resize_area, write_png
+from hydroviews.scene.scenes import Points, View, make_scene
+from leaderboard.evaluate import EvaluateRequest, carry_out, evaluate
+from leaderboard.runs import estimated_cameras
+from leaderboard.runs.run import Run
+from leaderboard.runs.supervision import Limits
+
+pytestmark = pytest.mark.usefixtures("toys", "trained_here")
+
+ELSEWHERE = Similarity(0.3, rotations(np.random.default_rng(1), 1)[0], np.array([5.0, -2.0, 1.0]))
+LONGER = 1.02  # estimated over true focal length
+
+
+@pytest.fixture
+def built(evaluated_once, tmp_path):
+    """A data folder with a built scene, and an empty results folder beside it."""
+    for name in ("data", "yard"):
+        shutil.copytree(evaluated_once[0] / name, tmp_path / name)
+    return tmp_path
+
+
+def request(built: Path, method: str = "MeanColour", **changes) -> EvaluateRequest:
+    settings = {
+        "scene": str(built / "yard"),
+        "patterns": ("streak-0",),
+        "data": built / "data",
+        "results": built / "results",
+        "track": "rainy-poses",
+    }
+    return EvaluateRequest(method=f"toy_methods:{method}", **{**settings, **changes})
+
+
+def run_of(built: Path, method: str = "MeanColour", pattern: str = "streak-0") -> Run:
+    name = f"toy_methods:{method}"
+    return Run(name, "demo", 0, built / "data/demo", "yard", pattern, built / "results", "rainy-poses")
+
+
+def pretend(built: Path, monkeypatch, registered: int, move=lambda pose: ELSEWHERE.poses(pose), begun=lambda: None):
+    """Let the first few photographs get their true cameras in another world, of longer focal length; counts calls."""
+    calls = []
+
+    def estimate(images, out, camera_model, **options):
+        calls.append((images, options))
+        begun()
+        true = open_clean(built / "data/demo/yard").train_views
+        files = sorted(images.iterdir())
+        assert len(files) == len(true)
+        if registered < 3:
+            raise TooFewRegistered(images, registered, len(files), "take more")
+        cameras = [replace(view.camera, fx=view.camera.fx * LONGER, fy=view.camera.fy * LONGER) for view in true]
+        cameras = [replace(camera, world_to_camera=move(camera.world_to_camera)) for camera in cameras]
+        views = [View(file.stem, camera, file) for file, camera in zip(files, cameras, strict=True)][:registered]
+        points = Points(ELSEWHERE.points(np.eye(3)), np.full((3, 3), 7, np.uint8))
+        return make_scene("capture", views, points)
+
+    monkeypatch.setattr(estimated_cameras, "estimate_poses", estimate)
+    return calls
+
+
+def test_trains_on_registered_views_in_the_clean_world_and_scores_all_held_out_ones(built, monkeypatch):
+    calls = pretend(built, monkeypatch, registered=5)
+    record = evaluate(request(built))[-1]
+    assert (record.status, record.track, record.n_train, record.n_test) == ("done", "rainy-poses", 5, 2)
+    assert (record.registered, record.photographs) == (5, 7)
+    assert record.pose_auc_5 == pytest.approx(10 / 21, abs=1e-6)
+    assert record.rotation_error == pytest.approx(0, abs=1e-6)
+    assert record.position_error == pytest.approx(0, abs=1e-6)
+    assert calls[-1][1]["rainy"]
+
+    true, seen = open_clean(built / "data/demo/yard"), run_of(built).training_scene()
+    assert [view.name for view in seen.train_views] == [view.name for view in true.train_views[:5]]
+    for found, wanted in zip(
+        seen.views, (v for v in true.views if v.name in {s.name for s in seen.views}), strict=True
+    ):
+        np.testing.assert_allclose(found.camera.world_to_camera, wanted.camera.world_to_camera, atol=1e-9)
+        assert found.camera.fx == pytest.approx(LONGER * wanted.camera.fx)  # the held-out ones' as well
+    np.testing.assert_allclose(seen.points.positions, np.eye(3), atol=1e-9)
+
+    row = pd.read_csv(built / "results/leaderboard.csv").query("pattern == 'streak-0'").iloc[-1]
+    assert (row.track, row.registered, row.photographs) == ("rainy-poses", 5, 7)
+
+
+def test_a_method_is_lent_estimated_cameras_and_no_others(built, monkeypatch):
+    pretend(built, monkeypatch, registered=5)
+    run = run_of(built)
+    run.estimate()
+    with run.lent() as (lent, loan):
+        files = {path.relative_to(loan.data / "yard").as_posix() for path in loan.files}
+        assert len([name for name in files if name.startswith("streak-0/images/")]) == 5
+        model = loan.data / "yard/sparse/0/cameras.bin"
+        assert model.read_bytes() == (run.cameras / "sparse/0/cameras.bin").read_bytes()
+        assert model.read_bytes() != (run.data / "yard/sparse/0/cameras.bin").read_bytes()
+        seen, wanted = lent.training_scene(), run.training_scene()
+        assert [view.name for view in seen.views] == [view.name for view in wanted.views]
+        assert not loan.spoilt()
+
+
+def test_methods_share_cameras_and_clean_views_have_their_own(built, monkeypatch):
+    calls = pretend(built, monkeypatch, registered=7)
+    evaluate(request(built))
+    rainy = {images.parent.parent.name: options["rainy"] for images, options in calls}
+    assert rainy == {"clean": False, "streak-0": True}  # the ceiling's, the floor's
+    evaluate(request(built, "Raises"))
+    assert len(calls) == 2
+
+
+def test_two_evaluations_at_once_estimate_once(built, monkeypatch):
+    begun, both = [], threading.Barrier(2)
+
+    def start():
+        begun.append(threading.get_ident())
+        both.wait(0.5) if len(begun) > 1 else None  # passes only if both are in here
+
+    calls = pretend(built, monkeypatch, registered=7, begun=start)
+    run = run_of(built)
+    with ThreadPoolExecutor(2) as pool:
+        first, second = pool.map(lambda _: run.estimate(), range(2))
+    assert first == second
+    assert len(calls) == 1
+
+
+def test_goes_on_after_an_interruption(built, monkeypatch):
+    def stop():
+        raise KeyboardInterrupt
+
+    pretend(built, monkeypatch, registered=7, begun=stop)
+    with pytest.raises(KeyboardInterrupt):
+        evaluate(request(built))
+    cameras = run_of(built, pattern="clean").cameras
+    linked = sorted(path.name for path in (cameras / "photographs").iterdir())
+    assert not (cameras / "errors.json").exists()
+    pretend(built, monkeypatch, registered=7)
+    assert evaluate(request(built))[-1].status == "done"
+    assert sorted(path.name for path in (cameras / "photographs").iterdir()) == linked
+
+
+@pytest.mark.parametrize(
+    ("registered", "reason"),
+    [(3, "3 of 7 photographs registered, fewer than 4"), (2, "only 2 of 7 photographs could be registered")],
+)
+def test_too_few_registered_views_are_a_failed_row_with_the_reason(built, monkeypatch, registered, reason):
+    pretend(built, monkeypatch, registered=registered)
+    record = evaluate(request(built))[-1]
+    assert record.status == "failed"
+    assert reason in record.reason
+    assert (record.registered, record.photographs, record.scores) == (registered, 7, {})
+    row = pd.read_csv(built / "results/leaderboard.csv").iloc[-1]
+    assert (row.status, row.registered) == ("failed", registered)
+    with pytest.raises(InputError, match="no cameras to train on"):
+        run_of(built).training_scene()
+
+
+def test_cameras_that_cannot_be_aligned_are_a_failed_row(built, monkeypatch):
+    def in_one_place(pose):
+        return np.vstack([np.hstack([pose[:3, :3], np.zeros((3, 1))]), pose[3:]])
+
+    pretend(built, monkeypatch, registered=7, move=in_one_place)
+    record = evaluate(request(built))[-1]
+    assert record.status == "failed"
+    assert "in one place" in record.reason
+    assert (record.registered, record.rotation_error) == (7, None)
+
+
+def test_other_data_are_estimated_anew(built, monkeypatch):
+    calls = pretend(built, monkeypatch, registered=7)
+    run = run_of(built)
+    run.estimate()
+    scene = run.given_scene()
+    estimated_cameras.estimate_cameras(run.cameras, scene, 0, "of other data", rainy=True)
+    assert len(calls) == 2
+    assert read_json(run.cameras / "settings.json")["data_sha256"] == "of other data"
+
+
+def test_a_run_without_its_cameras_says_so(built):
+    with pytest.raises(InputError, match=r"no estimated cameras\n.*evaluate the run again"):
+        run_of(built).training_scene()
+
+
+def test_photographs_of_a_flower_in_rain(tmp_path):
+    """The whole way once, with photographs that register."""
+    solved = read_scene(capture("llff_flower"))
+    views = []
+    for i in WALK:
+        path = tmp_path / "walk/images" / f"{solved.views[i].name}.png"
+        write_png(path, resize_area(solved.views[i].image(), 320, 240))
+        views.append(replace(solved.views[i], path=path, lens=None, camera=solved.views[i].camera.resized(320, 240)))
+    write_colmap(make_scene("walk", views, solved.points), tmp_path / "walk/sparse/0")
+    build_source(str(tmp_path / "walk"), tmp_path / "data/demo", find_profile("demo"), patterns=("streak-0",))
+    record = carry_out(replace(run_of(tmp_path), scene="walk"), Limits(time=1, stall=1))
+    assert (record.status, record.photographs, record.registered) == ("done", 7, 7)
+    assert record.pose_auc_10 > 0.6
+    assert record.rotation_error < 1
