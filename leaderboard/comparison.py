@@ -108,8 +108,8 @@ def scene_scores(
     for _, rows in wanted.groupby("scene"):
         names = sorted(set(rows.view))
         cube = rows.pivot_table(index=["pattern", "seed", "data_sha256"], columns=["view", "method"], values=metric)
-        own = [cube.xs(method, axis=1, level="method").reindex(columns=names) for method in methods]
-        values = np.stack([scores.to_numpy(float) for scores in own], axis=2)
+        cube = cube.reindex(columns=pd.MultiIndex.from_product([names, methods]))
+        values = cube.to_numpy(float).reshape(len(cube), len(names), len(methods))
         if np.isnan(values).any():
             raise InputError(f"{rows.scene.iloc[0]}: runs on the same data have other views", fix="evaluate them anew")
         patterns = np.unique(cube.index.get_level_values("pattern"), return_inverse=True)[1]

@@ -92,7 +92,9 @@ def test_runs_of_a_board_that_cannot_be_used_are_named(board, tmp_path):
     damaged.write_text("{")
     record = json.loads(partial.read_text())
     partial.write_text(json.dumps(record | {"status": "partial", "reason": "no weights", "lpips_vgg": None}))
-    told = r"runs that cannot be shown[\s\S]*demo/3dgs/pond/.*not valid JSON[\s\S]*demo/ours/pond/.*: partial: no weights"
+    told = (
+        r"runs that cannot be shown[\s\S]*demo/3dgs/pond/.*not valid JSON[\s\S]*demo/ours/pond/.*: partial: no weights"
+    )
     with pytest.raises(InputError, match=told):
         write_board(board, tmp_path / "out")
 
