@@ -7,6 +7,8 @@ from torch import Tensor
 
 from baselines.splatting.backends.torch_rasterizer import basis
 
+HARMONICS = 16  # up to degree 3
+
 
 def positional(values: Tensor, octaves: int) -> Tensor:
     """The values [..., C] and sines and cosines of 2^k pi times them, octave after octave: [..., C (1 + 2 octaves)].
@@ -18,9 +20,9 @@ def positional(values: Tensor, octaves: int) -> Tensor:
     return torch.cat([values, scaled.sin(), scaled.cos()], -1)
 
 
-def harmonics(directions: Tensor, degree: int = 3) -> Tensor:
-    """Spherical harmonics [R, (degree + 1)^2] of unit vectors [R, 3]."""
-    return basis(degree, directions)
+def harmonics(directions: Tensor) -> Tensor:
+    """Spherical harmonics [R, HARMONICS] of unit vectors [R, 3]."""
+    return basis(3, directions)
 
 
 def linear(inputs: int, outputs: int, generator: torch.Generator, bias: bool = True) -> torch.nn.Linear:
