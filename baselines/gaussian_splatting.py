@@ -17,6 +17,7 @@ from baselines.splatting.files.checkpoints import read_model, write_model
 from baselines.splatting.files.ply import SPLATS, write_ply
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.buffer_pool import BufferPool
+from baselines.splatting.kernels.photometric import Plane
 from baselines.splatting.kernels.rasterizer import render
 from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import LearningRates
@@ -135,6 +136,7 @@ class GaussianSplatting(Method):
     def __init__(self, config: Any, seed: int) -> None:
         super().__init__(config, seed)
         self.found: dict[str, Any] = {}  # in the photographs, beside the scene
+        self._objective: Objective | None = None  # after `fit`
         self._trained: TrainedScene | None = None
         self._model_mb: float | None = None
         self._buffers = BufferPool()
@@ -150,7 +152,14 @@ class GaussianSplatting(Method):
 
     def fit(self, scene: Scene, folder: Path) -> None:
         """See Method."""
-        self._trained = train(scene, self.splatting, self.seed, folder, self.objective(scene, folder))
+        self._objective = self.objective(scene, folder)
+        self._trained = train(scene, self.splatting, self.seed, folder, self._objective)
+        if self._objective is not None:
+            self.found |= self._objective.report()
+
+    def hidden(self, view: int, size: tuple[int, int]) -> Plane | None:
+        """See Method."""
+        return None if self._objective is None else self._objective.hidden(view, size)
 
     @property
     def splatting(self) -> TrainerConfig:
@@ -159,7 +168,10 @@ class GaussianSplatting(Method):
         return config
 
     def objective(self, scene: Scene, folder: Path) -> Objective | None:
-        """What renders are compared with in `fit`, where it is not the photographs; `folder` may keep what it needs."""
+        """What renders are compared with in `fit`, where it is not the photographs; `folder` may keep what it needs.
+
+        What it finds beside the scene it says itself, by `report` and `hidden`.
+        """
         return None
 
     def render(self, camera: Camera) -> Image:
@@ -211,11 +223,11 @@ class GaussianSplatting(Method):
         return method
 
     def summary(self) -> TrainingSummary:
-        """See Method."""
+        """See Method; `used` lists what was found in the photographs."""
         trained = self._require()
-        return TrainingSummary(
-            trained.seconds, len(trained.gaussians), self._model_mb, trained.device, render_device="cpu"
-        )
+        texts = {name: " and ".join(v) or "nothing" if isinstance(v, list) else v for name, v in self.found.items()}
+        used = ", ".join(f"{name} {text}" for name, text in texts.items())
+        return TrainingSummary(trained.seconds, len(trained.gaussians), self._model_mb, trained.device, used, "cpu")
 
     def _require(self) -> TrainedScene:
         if self._trained is None:

@@ -63,6 +63,10 @@ class SpotlessObjective(TrimmedObjective):
         """What the network sees of a view beside its features; here nothing."""
         return ()
 
+    def report(self) -> dict[str, Any]:
+        """See Objective; the features that the network saw as well."""
+        return {"features": self.network.config.features, **super().report()}
+
     def settings(self) -> dict[str, Any]:
         """See Objective."""
         return {**super().settings(), "network": self.network.settings()}
@@ -98,7 +102,6 @@ class Spotless(TrimmedMethod):
         features = frozen(config.network.features, chosen_device(config.splatting.device, GSPLAT))
         with one_thread():
             network = MaskNetwork(images, features, config.network, self.seed, self.extra)
-        self.found["features"] = config.network.features
         return self.compared_by(images, network)
 
     def compared_by(self, images: TrainingImages, network: MaskNetwork) -> SpotlessObjective:

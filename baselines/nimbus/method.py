@@ -15,7 +15,8 @@ from typing import Any, ClassVar
 
 import torch
 
-from baselines.distractors.method import SPLATTING, DistractorMethod
+from baselines.distractors.method import SPLATTING
+from baselines.gaussian_splatting import GaussianSplatting
 from baselines.nimbus.config import MediumConfig, NimbusConfig, ResidualConfig
 from baselines.nimbus.medium import Medium
 from baselines.nimbus.objective import NimbusObjective
@@ -36,7 +37,7 @@ SHORT_MEDIUM = MediumConfig(cells=48, rate=0.02, renewed=100)
 SHORT_RESIDUAL = ResidualConfig(threshold=0.07, first=0.75)
 
 
-class Nimbus(DistractorMethod):
+class Nimbus(GaussianSplatting):
     """NimbusGS (2026): a medium in space where one is found, and a residual of each view."""
 
     profiles: ClassVar[Mapping[str, Any]] = {

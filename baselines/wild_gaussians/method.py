@@ -119,7 +119,7 @@ class WildObjective(Objective):
         return total, gradients
 
     def hidden(self, view: int, size: Size) -> NDArray[np.float32] | None:
-        """See Method: what does not count at the end of the training."""
+        """See Objective: what does not count at the end of the training."""
         if self._uncertainty is None:
             return None
         return (~counted(self._uncertainty.uncertainty(view, size))).astype(np.float32)
@@ -155,7 +155,6 @@ class WildGaussians(GaussianSplatting):
     """
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
-    _objective: WildObjective | None = None  # after `fit`
 
     @classmethod
     def configuration(cls, profile: str) -> Any:
@@ -192,10 +191,6 @@ class WildGaussians(GaussianSplatting):
                 trained = replace(trained, gaussians=shown)
         self._trained, self._objective = trained, objective
         self.found["sky"] = len(scene.points) - before
-
-    def hidden(self, view: int, size: Size) -> NDArray[np.float32] | None:
-        """See Method."""
-        return self._objective.hidden(view, size) if self._objective else None
 
     def _uncertainty(self, images: TrainingImages) -> Uncertainty | None:
         """Before its first step, if it is wanted; `used` will name the features."""
