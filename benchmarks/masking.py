@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from baselines.gaussian_splatting import PROFILES, GaussianSplatting
+from baselines.gaussian_splatting import GaussianSplatting
+from baselines.splatting_profiles import PROFILES
 from benchmarks.ground_truth import COVERED, true_covers
 from benchmarks.quality import held_out, slug
 from deraings.masks.config import MaskConfig

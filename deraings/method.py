@@ -10,8 +10,9 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, ClassVar
 
-from baselines.gaussian_splatting import PROFILES, PROFILES_WITH_NETWORKS, GaussianSplatting, with_iterations
+from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting.config import TrainerConfig
+from baselines.splatting_profiles import PROFILES, PROFILES_WITH_NETWORKS, with_iterations
 from baselines.training.images import TrainingImages, read_images
 from deraings.enhanced_method import KEPT, enhanced_views
 from deraings.enhancement.views import EnhancedViews
@@ -25,7 +26,7 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import sha256
 from hydroviews.scene.scenes import Scene
 
-SHORT = 2000  # iterations below which a training is short
+SHORT_TRAINING = 2000  # iterations, below which a training is short
 RENEWED_DROPS_ALONE = RainConfig(mist=None, drops=None, rain_layer=None, streaks=None, enhanced=None)
 NO_RAIN = replace(RENEWED_DROPS_ALONE, renewed=None)
 
@@ -67,7 +68,7 @@ class DeRainGSConfig:
 
 def masks_for(splatting: TrainerConfig, **changed: Any) -> MaskConfig:
     """Masks whose network learns in every twelfth iteration, in the shortest trainings in every sixth."""
-    return MaskConfig(every=6 if splatting.iterations < SHORT else 12, **changed)
+    return MaskConfig(every=6 if splatting.iterations < SHORT_TRAINING else 12, **changed)
 
 
 def paper_config(splatting: TrainerConfig, **changed: Any) -> DeRainGSConfig:

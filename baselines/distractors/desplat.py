@@ -20,7 +20,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.distractors.method import SPLATTING
 from baselines.distractors.view_layers import (
     LayerConfig,
     composited,
@@ -40,6 +39,7 @@ from baselines.splatting.kernels.photometric import Plane, photometric_loss
 from baselines.splatting.kernels.sh_coefficients import C0
 from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import LearningRates
+from baselines.splatting_profiles import PROFILES_WITHOUT_RESETS
 from baselines.training.checkpoints import below
 from baselines.training.images import TrainingImages, read_images
 from hydroviews.scene.cameras import Camera
@@ -129,9 +129,9 @@ class DeSplat(GaussianSplatting):
     """DeSplat (Wang et al. 2025): distractors go to a layer of Gaussians of each view."""
 
     profiles: ClassVar[Mapping[str, Any]] = {
-        "demo": DeSplatConfig(SPLATTING["demo"], SHORT_LAYERS),
-        "quick": DeSplatConfig(SPLATTING["quick"], SHORT_LAYERS),
-        "paper": DeSplatConfig(SPLATTING["paper"]),
+        "demo": DeSplatConfig(PROFILES_WITHOUT_RESETS["demo"], SHORT_LAYERS),
+        "quick": DeSplatConfig(PROFILES_WITHOUT_RESETS["quick"], SHORT_LAYERS),
+        "paper": DeSplatConfig(PROFILES_WITHOUT_RESETS["paper"]),
     }
 
     def objective(self, scene: Scene, folder: Path) -> DeSplatObjective:

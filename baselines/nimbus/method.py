@@ -15,7 +15,6 @@ from typing import Any, ClassVar
 
 import torch
 
-from baselines.distractors.method import SPLATTING
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.nimbus.config import MediumConfig, NimbusConfig, ResidualConfig
 from baselines.nimbus.medium import Medium
@@ -23,6 +22,7 @@ from baselines.nimbus.objective import NimbusObjective
 from baselines.nimbus.view_rays import box_around
 from baselines.splatting.backends.base import GSPLAT
 from baselines.splatting.initialisation import scene_extent
+from baselines.splatting_profiles import PROFILES_WITHOUT_RESETS
 from baselines.training.devices import chosen_device
 from baselines.training.images import read_images
 from hydroviews.scene.cameras import Camera
@@ -41,9 +41,11 @@ class Nimbus(GaussianSplatting):
     """NimbusGS (2026): a medium in space where one is found, and a residual of each view."""
 
     profiles: ClassVar[Mapping[str, Any]] = {
-        "demo": NimbusConfig(SPLATTING["demo"], SHORT_MEDIUM, SHORT_RESIDUAL),
-        "quick": NimbusConfig(SPLATTING["quick"], replace(SHORT_MEDIUM, cells=64, renewed=200), SHORT_RESIDUAL),
-        "paper": NimbusConfig(SPLATTING["paper"]),
+        "demo": NimbusConfig(PROFILES_WITHOUT_RESETS["demo"], SHORT_MEDIUM, SHORT_RESIDUAL),
+        "quick": NimbusConfig(
+            PROFILES_WITHOUT_RESETS["quick"], replace(SHORT_MEDIUM, cells=64, renewed=200), SHORT_RESIDUAL
+        ),
+        "paper": NimbusConfig(PROFILES_WITHOUT_RESETS["paper"]),
     }
 
     def objective(self, scene: Scene, folder: Path) -> NimbusObjective:

@@ -18,7 +18,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.gaussian_splatting import PROFILES_WITH_NETWORKS, GaussianSplatting
+from baselines.gaussian_splatting import GaussianSplatting
 from baselines.method import TrainingSummary
 from baselines.splatting.backends.base import GSPLAT
 from baselines.splatting.config import TrainerConfig
@@ -29,6 +29,7 @@ from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import LearningRates
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.trainer import train
+from baselines.splatting_profiles import PROFILES_WITH_NETWORKS
 from baselines.training.checkpoints import below, prefixed
 from baselines.training.devices import chosen_device
 from baselines.training.images import Size, TrainingImages, read_images

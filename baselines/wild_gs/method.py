@@ -24,12 +24,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
-from baselines.gaussian_splatting import PROFILES_WITH_NETWORKS, GaussianSplatting, with_iterations
+from baselines.gaussian_splatting import GaussianSplatting
 from baselines.gs_w.objective import VisibleObjective
 from baselines.gs_w.weights import encoder_used, load_resnet, with_named_weights
 from baselines.method import TrainingSummary
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.initialisation import scene_extent
+from baselines.splatting_profiles import PROFILES_WITH_NETWORKS, with_iterations
 from baselines.training.images import read_images
 from baselines.wild_gs.appearance import LookAppearance
 from baselines.wild_gs.config import SHORT, LookConfig
