@@ -157,6 +157,13 @@ def check_hidden(plane: Any, size: tuple[int, int]) -> None:
         raise ValueError(f"hidden is {plane.min():g} to {plane.max():g}, expected finite values in [0, 1]")
 
 
+def named(kind: type[Method], name: str, text: str) -> type[Method]:
+    """The class under another name and with another docstring: what a wrapper makes is named after what it wraps."""
+    kind.__name__ = kind.__qualname__ = name
+    kind.__doc__ = text
+    return kind
+
+
 def settings_of(profile: str, profiles: Mapping[str, Any]) -> Any:
     """A method's settings for a profile, where it keeps them by name.
 
