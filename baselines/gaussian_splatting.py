@@ -21,13 +21,13 @@ from baselines.splatting.kernels.rasterizer import render
 from baselines.splatting.objective import Objective
 from baselines.splatting.trainer import TrainedScene, train
 from baselines.splatting_profiles import BUDGETED, PROFILES
+from baselines.training.checkpoints import MODEL
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, write_json
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 from hydroviews.scene.scenes import Scene
 
-MODEL = "model.safetensors"
 FOUND = "found.json"  # where methods look for more than the scene in their photographs
 # Of a training, in the model.
 RECORDED = ("near", "seconds", "device", "extent", "iterations", "residuals", "non_finite")

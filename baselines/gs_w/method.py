@@ -24,7 +24,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from baselines.gaussian_splatting import MODEL, GaussianSplatting
+from baselines.gaussian_splatting import GaussianSplatting
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT, ReferenceConfig
 from baselines.gs_w.fusion import Fusion
@@ -37,7 +37,7 @@ from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.schedule import LearningRates
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting_profiles import PROFILES_WITH_NETWORKS, with_iterations
-from baselines.training.checkpoints import read_arrays, write_arrays
+from baselines.training.checkpoints import MODEL, read_arrays, write_arrays
 from baselines.training.images import read_images
 from baselines.training.torch_state import module_arrays, restore_module
 from hydroviews.errors import InputError
