@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from baselines.clean_wrapper import on_clean
-from baselines.method import Method, TrainingSummary, settings_of
+from baselines.method import Method, TrainingSummary, profile_settings
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.files.checkpoints import read_model, write_model
 from baselines.splatting.files.ply import SPLATS, write_ply
@@ -53,7 +53,7 @@ class GaussianSplatting(Method):
         Raises:
             InputError: no such profile.
         """
-        return settings_of(profile, cls.profiles)
+        return profile_settings(profile, cls.profiles)
 
     def fit(self, scene: Scene, folder: Path) -> None:
         """See Method."""

@@ -164,7 +164,7 @@ def named(kind: type[Method], name: str, text: str) -> type[Method]:
     return kind
 
 
-def settings_of(profile: str, profiles: Mapping[str, Any]) -> Any:
+def profile_settings(profile: str, profiles: Mapping[str, Any]) -> Any:
     """A method's settings for a profile, where it keeps them by name.
 
     Raises:

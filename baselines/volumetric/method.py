@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from baselines.method import Method, TrainingSummary, settings_of
+from baselines.method import Method, TrainingSummary, profile_settings
 from baselines.training.checkpoints import MODEL, read_arrays, write_arrays
 from baselines.training.devices import chosen_device
 from baselines.training.images import TrainingImages, read_images
@@ -51,7 +51,7 @@ class RadianceMethod(Method):
         Raises:
             InputError: no such profile.
         """
-        return settings_of(profile, cls.profiles)
+        return profile_settings(profile, cls.profiles)
 
     @property
     def volumetric(self) -> VolumetricConfig:
