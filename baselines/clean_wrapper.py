@@ -5,11 +5,14 @@ Its scores bound what the method could gain by removing rain, and show whether i
 
 from functools import cache
 
-from baselines.method import Method
+from baselines.method import Method, named
 
 
 @cache
 def on_clean(method: type[Method]) -> type[Method]:
     """The same method, shown the clean photographs; `3dgs-clean` is `3dgs+clean` by another name."""
-    about = {"__module__": __name__, "__doc__": f"{method.__name__} on clean photographs.", "trains_on": "clean"}
-    return type(f"{method.__name__}OnClean", (method,), about)
+
+    class OnClean(method):  # type: ignore[misc, valid-type]
+        trains_on = "clean"
+
+    return named(OnClean, f"{method.__name__}OnClean", f"{method.__name__} on clean photographs.")

@@ -96,7 +96,7 @@ class Method(ABC):
         """The learned scene without rain: float32 [H, W, 3], sRGB-encoded, [0, 1]."""
 
     def hidden(self, view: int, size: tuple[int, int]) -> NDArray[np.float32] | None:
-        """How much of each pixel of a training view the method takes for something before the scene, after `fit`.
+        """How much of each pixel of a training view is attributed to occluders in front of the scene, after `fit`.
 
         Args:
             view: index among the training views.
@@ -157,7 +157,14 @@ def check_hidden(plane: Any, size: tuple[int, int]) -> None:
         raise ValueError(f"hidden is {plane.min():g} to {plane.max():g}, expected finite values in [0, 1]")
 
 
-def settings_of(profile: str, profiles: Mapping[str, Any]) -> Any:
+def named(kind: type[Method], name: str, text: str) -> type[Method]:
+    """The class under another name and with another docstring: what a wrapper makes is named after what it wraps."""
+    kind.__name__ = kind.__qualname__ = name
+    kind.__doc__ = text
+    return kind
+
+
+def profile_settings(profile: str, profiles: Mapping[str, Any]) -> Any:
     """A method's settings for a profile, where it keeps them by name.
 
     Raises:

@@ -27,9 +27,10 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from baselines.gaussian_splatting import MODEL as MODEL_FILE
-from baselines.gaussian_splatting import PROFILES, GaussianSplatting
+from baselines.gaussian_splatting import GaussianSplatting
+from baselines.splatting_profiles import PROFILES
 from baselines.training.checkpoints import CHECKPOINT
+from baselines.training.checkpoints import MODEL as MODEL_FILE
 from benchmarks.small_disks import space_of, twice_on_a_disk
 from hydroviews.cli.commands import run_command
 from hydroviews.errors import InputError

@@ -14,11 +14,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from baselines.gaussian_splatting import PROFILES, GaussianSplatting
+from baselines.gaussian_splatting import GaussianSplatting
+from baselines.splatting_profiles import PROFILES
+from benchmarks.ground_truth import COVERED, true_covers
 from benchmarks.quality import held_out, slug
 from deraings.masks.config import MaskConfig
 from deraings.method import DeRainGSConfig, Masks
-from deraings.rain_model.ground_truth import COVERED, true_covers
 from hydroviews.cli.commands import run_command
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean, open_variant

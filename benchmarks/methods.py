@@ -15,9 +15,9 @@ from typing import Any
 import pandas as pd
 import plotly.graph_objects as go
 
-from baselines.gaussian_splatting import with_iterations
 from baselines.method import Method, find_method
 from baselines.splatting.config import TrainerConfig
+from baselines.splatting_profiles import with_iterations
 from baselines.volumetric.config import VolumetricConfig
 from benchmarks.quality import held_out, slug
 from hydroviews.cli.commands import run_command

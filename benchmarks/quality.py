@@ -16,12 +16,13 @@ from typing import Any
 import pandas as pd
 from tqdm import tqdm
 
-from baselines.gaussian_splatting import PROFILES, GaussianSplatting, pruned_to_budget
+from baselines.gaussian_splatting import GaussianSplatting
 from baselines.method import Method
 from baselines.splatting.config import EarlyStop, Pruning, TrainerConfig
 from baselines.splatting.files.ply import SPLATS
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.strategies.relocation import MCMCStrategy
+from baselines.splatting_profiles import PROFILES, pruned_to_budget
 from hydroviews.cli.commands import run_command
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean

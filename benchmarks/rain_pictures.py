@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from baselines.method import find_method
+from benchmarks.ground_truth import true_covers
 from deraings.image_planes import Plane
 from deraings.method import DeRainGS
-from deraings.rain_model.ground_truth import true_covers
 from deraings.rain_model.objective import RainObjective
 from hydroviews.cli.commands import run_command
 from hydroviews.errors import InputError

@@ -11,7 +11,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-from baselines.method import Method, TrainingSummary
+from baselines.method import Method, TrainingSummary, named
 from baselines.training.images import TrainingImages, read_images
 from deraings.enhancement.views import EnhancedViews
 from deraings.enhancement.weights import DEFAULT, find_weights, load_enhancer
@@ -99,12 +99,14 @@ class OnEnhanced(Method):
 
 
 @cache
-def on_enhanced(method: type[Method]) -> type[Method]:
-    """The method that learns from enhanced photographs what `method` learns from them as they are."""
-    about = {"__module__": __name__, "__doc__": f"{method.__name__} on enhanced photographs."}
-    return type(
-        f"{method.__name__}OnEnhanced", (OnEnhanced,), {**about, "method": method, "trains_on": method.trains_on}
-    )
+def on_enhanced(wrapped: type[Method]) -> type[Method]:
+    """The method that learns from enhanced photographs what `wrapped` learns from them as they are."""
+
+    class Enhanced(OnEnhanced):
+        method = wrapped
+        trains_on = wrapped.trains_on
+
+    return named(Enhanced, f"{wrapped.__name__}OnEnhanced", f"{wrapped.__name__} on enhanced photographs.")
 
 
 def enhanced_views(

@@ -10,14 +10,13 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, ClassVar
 
-from baselines.gaussian_splatting import PROFILES, PROFILES_WITH_NETWORKS, GaussianSplatting, with_iterations
-from baselines.method import TrainingSummary
+from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting.config import TrainerConfig
+from baselines.splatting_profiles import PROFILES, PROFILES_WITH_NETWORKS, with_iterations
 from baselines.training.images import TrainingImages, read_images
 from deraings.enhanced_method import KEPT, enhanced_views
 from deraings.enhancement.views import EnhancedViews
 from deraings.enhancement.weights import DEFAULT, find_weights
-from deraings.image_planes import Plane
 from deraings.masks.config import MaskConfig
 from deraings.masks.occlusion_masks import OcclusionMasks
 from deraings.rain_model.mist_or_fog import point_colours
@@ -27,7 +26,7 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import sha256
 from hydroviews.scene.scenes import Scene
 
-SHORT = 2000  # iterations below which a training is short
+SHORT_TRAINING = 2000  # iterations, below which a training is short
 RENEWED_DROPS_ALONE = RainConfig(mist=None, drops=None, rain_layer=None, streaks=None, enhanced=None)
 NO_RAIN = replace(RENEWED_DROPS_ALONE, renewed=None)
 
@@ -69,7 +68,7 @@ class DeRainGSConfig:
 
 def masks_for(splatting: TrainerConfig, **changed: Any) -> MaskConfig:
     """Masks whose network learns in every twelfth iteration, in the shortest trainings in every sixth."""
-    return MaskConfig(every=6 if splatting.iterations < SHORT else 12, **changed)
+    return MaskConfig(every=6 if splatting.iterations < SHORT_TRAINING else 12, **changed)
 
 
 def paper_config(splatting: TrainerConfig, **changed: Any) -> DeRainGSConfig:
@@ -97,9 +96,7 @@ class DeRainGS(GaussianSplatting):
 
     profiles: ClassVar[Mapping[str, Any]] = profiles(paper_config)
 
-    def __init__(self, config: DeRainGSConfig, seed: int) -> None:
-        super().__init__(config, seed)
-        self._objective: RainObjective | None = None
+    _objective: RainObjective | None
 
     @classmethod
     def configuration(cls, profile: str) -> Any:
@@ -125,7 +122,7 @@ class DeRainGS(GaussianSplatting):
             images = views.training_images()
             points = cache(partial(point_colours, scene, images))
             self.found["enhancement"] = config.enhancement + ("" if views.remove_mist else " leaving fog as it is")
-        self._objective = RainObjective(
+        return RainObjective(
             images,
             config.splatting.iterations,
             config.rain,
@@ -135,7 +132,6 @@ class DeRainGS(GaussianSplatting):
             points=points,
             covers=views,
         )
-        return self._objective
 
     def _masks(self, images: TrainingImages, enhanced: EnhancedViews | None) -> OcclusionMasks | None:
         config: DeRainGSConfig = self.config
@@ -143,15 +139,6 @@ class DeRainGS(GaussianSplatting):
             return None
         cover = enhanced.drop_cover if enhanced and enhanced.tells_cover else None
         return OcclusionMasks(images, config.splatting.iterations, self.seed, config.masks, cover)
-
-    def fit(self, scene: Scene, folder: Path) -> None:
-        """See Method."""
-        super().fit(scene, folder)
-        self.found |= self.learned().report()
-
-    def hidden(self, view: int, size: tuple[int, int]) -> Plane | None:
-        """See Method; mist, drops, falling rain, and what masks hide."""
-        return None if self._objective is None else self._objective.hidden(view, size)
 
     def learned(self) -> RainObjective:
         """What was learned of the rain in the training views, after `fit`.
@@ -162,11 +149,6 @@ class DeRainGS(GaussianSplatting):
         if self._objective is None:
             raise InputError(f"{type(self).__name__}: nothing learned of the rain", fix="call fit first")
         return self._objective
-
-    def summary(self) -> TrainingSummary:
-        """See Method; `used` lists what was found in the photographs."""
-        texts = {name: " and ".join(v) or "nothing" if isinstance(v, list) else v for name, v in self.found.items()}
-        return replace(super().summary(), used=", ".join(f"{name} {text}" for name, text in texts.items()))
 
 
 class DeRainGSPlus(DeRainGS):

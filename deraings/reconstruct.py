@@ -70,7 +70,7 @@ def reconstruct(request: Reconstruction) -> Path:
             holds a reconstruction with others.
     """
     method = checked_method(request)
-    folder, settings = request.folder, settings_of(request)
+    folder, settings = request.folder, recorded_settings(request)
     claim_folder(
         folder / SETTINGS,
         settings,
@@ -118,7 +118,7 @@ def show(method: Method, scene: Scene, request: Reconstruction, settings: dict[s
     logger.info(f"found in the photographs: {method.summary().used or 'nothing was looked for'}")
 
 
-def settings_of(request: Reconstruction) -> dict[str, Any]:
+def recorded_settings(request: Reconstruction) -> dict[str, Any]:
     """The settings on which a reconstruction depends, for JSON: not its folder, nor the rate where there is no film."""
     settings = asdict(request) | {"photographs": str(request.photographs.resolve())}
     del settings["out"]

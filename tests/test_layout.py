@@ -146,13 +146,13 @@ def test_no_method_and_no_training_knows_the_other_make():
 
 
 def test_the_rain_model_and_the_masks_share_no_rule_with_the_generator():
-    """Only the scores of what was found read a built variant's layers; training of the network draws rain itself."""
+    """Training of the enhancement network draws rain itself, and is the one place where both meet."""
     own = {
         name: names for name, names in imports().items() if name.startswith(("deraings.rain_model", "deraings.masks"))
     }
     assert own
     shared = {name for name, names in own.items() if any(other.startswith("hydroviews.rain") for other in names)}
-    assert shared == {"deraings.rain_model.ground_truth"}
+    assert shared == set()
 
 
 def test_the_other_make_shares_no_drawing_with_the_first():
@@ -184,3 +184,9 @@ def test_the_tree_in_contributing_is_the_tree_on_disk():
     assert [str(path) for path in sorted(named) if not (ROOT / path).exists()] == []
     folders = {PurePosixPath(path.parent.relative_to(ROOT)) for path in modules().values()}
     assert [str(folder) for folder in sorted(folders - named) if len(folder.parts) <= 3] == []
+
+
+def test_the_list_of_helpers_names_them_all():
+    helpers = ROOT / "tests/helpers"
+    listed = re.findall(r"^\| `(\w+\.py)` \|", (helpers / "README.md").read_text(), re.MULTILINE)
+    assert sorted(listed) == sorted(path.name for path in helpers.glob("*.py"))

@@ -16,10 +16,9 @@ from baselines.volumetric.batches import Batch
 from baselines.volumetric.compositing import along_ray, compositing_weights
 from baselines.volumetric.masking import Running, pixel_places, price_of_masking
 from baselines.volumetric.model import RadianceModel, Rendering, Samples, TrainingContext
-from baselines.volumetric.photographs import as_seen, rays_of_the_mean, small_pictures
+from baselines.volumetric.photographs import AT_ONCE, as_seen, rays_of_the_mean, small_pictures
 from baselines.volumetric.spaces import Rays, Space
 
-AT_ONCE = 16  # pictures, when all are looked at
 KEPT = 0.99  # of the statistics of the rays, a step
 
 

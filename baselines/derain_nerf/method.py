@@ -111,12 +111,6 @@ class DerainNeRF(RadianceMethod):
         return replace(super().summary(), used=f"{share:.1%} of the pixels hidden as drops")
 
 
-class PlainField(RadianceMethod):
-    """The same field with every pixel counting: what the masks are worth."""
-
-    profiles: ClassVar[Mapping[str, Any]] = {name: config.volumetric for name, config in PROFILES.items()}
-
-
 def drop_masks(
     images: TrainingImages, names: Sequence[str], config: DropDetectionConfig, folder: Path
 ) -> list[Ignored]:

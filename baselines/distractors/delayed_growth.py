@@ -9,7 +9,7 @@ from dataclasses import replace
 from functools import cache
 from typing import Any
 
-from baselines.method import Method
+from baselines.method import Method, named
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.strategies.densification import DefaultStrategy
 from hydroviews.errors import InputError
@@ -31,9 +31,7 @@ def with_delayed_growth(method: type[Method]) -> type[Method]:
             """
             return delayed(super().configuration(profile), method.__name__)
 
-    Delayed.__name__ = Delayed.__qualname__ = f"{method.__name__}DelayedGrowth"
-    Delayed.__doc__ = f"{method.__name__} with growth delayed."
-    return Delayed
+    return named(Delayed, f"{method.__name__}DelayedGrowth", f"{method.__name__} with growth delayed.")
 
 
 def delayed(config: Any, name: str) -> Any:

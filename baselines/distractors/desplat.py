@@ -1,4 +1,4 @@
-"""DeSplat (Wang et al. 2025): what single views show lies in layers of Gaussians before their cameras.
+"""DeSplat (Wang et al. 2025): what single views show lies in layers of Gaussians in front of their cameras.
 
 Every training view has a layer (`view_layers.py`) that is composited in front of the scene and learned with it, from
 the same loss of the composite,
@@ -20,7 +20,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.distractors.method import SPLATTING, DistractorMethod, ReportingObjective
 from baselines.distractors.view_layers import (
     LayerConfig,
     composited,
@@ -33,11 +32,14 @@ from baselines.distractors.view_layers import (
     learn,
     render_layer,
 )
+from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Plane, photometric_loss
 from baselines.splatting.kernels.sh_coefficients import C0
+from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import LearningRates
+from baselines.splatting_profiles import PROFILES_WITHOUT_RESETS
 from baselines.training.checkpoints import below
 from baselines.training.images import TrainingImages, read_images
 from hydroviews.scene.cameras import Camera
@@ -53,7 +55,7 @@ class DeSplatConfig:
     layers: LayerConfig = field(default_factory=LayerConfig)
 
 
-class DeSplatObjective(ReportingObjective):
+class DeSplatObjective(Objective):
     """The photometric loss of the scene under each view's own layer."""
 
     def __init__(self, images: TrainingImages, cameras: Sequence[Camera], config: DeSplatConfig, seed: int) -> None:
@@ -79,12 +81,12 @@ class DeSplatObjective(ReportingObjective):
         return loss + self.config.cover_penalty * float(self._cover[view]), by_scene
 
     def hidden(self, view: int, size: tuple[int, int]) -> Plane:
-        """See ReportingObjective: A_d."""
+        """See Objective: A_d."""
         camera = self.cameras[view].resized(size[1], size[0])
         return np.clip(render_layer(self.layers[view].gaussians, camera, self._buffers).cover, 0, 1)
 
     def report(self) -> dict[str, str]:
-        """See ReportingObjective: the mean cover of the layers, and how many Gaussians they have."""
+        """See Objective: the mean cover of the layers, and how many Gaussians they have."""
         number = np.mean([len(state.gaussians) for state in self.layers.values()])
         return {"layers": f"cover {self._cover.mean():.1%} with {number:.0f} Gaussians each"}
 
@@ -123,13 +125,13 @@ SHORT_LAYERS = LayerConfig(
 )
 
 
-class DeSplat(DistractorMethod):
+class DeSplat(GaussianSplatting):
     """DeSplat (Wang et al. 2025): distractors go to a layer of Gaussians of each view."""
 
     profiles: ClassVar[Mapping[str, Any]] = {
-        "demo": DeSplatConfig(SPLATTING["demo"], SHORT_LAYERS),
-        "quick": DeSplatConfig(SPLATTING["quick"], SHORT_LAYERS),
-        "paper": DeSplatConfig(SPLATTING["paper"]),
+        "demo": DeSplatConfig(PROFILES_WITHOUT_RESETS["demo"], SHORT_LAYERS),
+        "quick": DeSplatConfig(PROFILES_WITHOUT_RESETS["quick"], SHORT_LAYERS),
+        "paper": DeSplatConfig(PROFILES_WITHOUT_RESETS["paper"]),
     }
 
     def objective(self, scene: Scene, folder: Path) -> DeSplatObjective:

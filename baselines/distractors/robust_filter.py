@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
-from baselines.distractors.method import SPLATTING
 from baselines.distractors.trimming import TrimConfig, TrimmedMethod, TrimmedObjective
 from baselines.splatting.config import TrainerConfig
+from baselines.splatting_profiles import PROFILES_WITHOUT_RESETS
 from baselines.training.images import read_images
 from hydroviews.scene.scenes import Scene
 
@@ -35,9 +35,9 @@ class RobustFilter(TrimmedMethod):
     """Splatting on the pixels with the smaller residuals (RobustNeRF's filter)."""
 
     profiles: ClassVar[Mapping[str, Any]] = {
-        "demo": RobustFilterConfig(SPLATTING["demo"], SHORT_TRIM),
-        "quick": RobustFilterConfig(SPLATTING["quick"], SHORT_TRIM),
-        "paper": RobustFilterConfig(SPLATTING["paper"]),
+        "demo": RobustFilterConfig(PROFILES_WITHOUT_RESETS["demo"], SHORT_TRIM),
+        "quick": RobustFilterConfig(PROFILES_WITHOUT_RESETS["quick"], SHORT_TRIM),
+        "paper": RobustFilterConfig(PROFILES_WITHOUT_RESETS["paper"]),
     }
 
     def objective(self, scene: Scene, folder: Path) -> TrimmedObjective:

@@ -16,12 +16,12 @@ from typing import Any, ClassVar
 from numpy.typing import NDArray
 
 from baselines.distractors.mask_network import MaskNetwork, MaskNetworkConfig, frozen
-from baselines.distractors.method import SPLATTING
 from baselines.distractors.trimming import TrimConfig, TrimmedMethod, TrimmedObjective
 from baselines.splatting.backends.base import GSPLAT
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.kernels.photometric import Plane
 from baselines.splatting.strategies.utilisation import UtilisationPruning
+from baselines.splatting_profiles import PROFILES_WITHOUT_RESETS
 from baselines.training.checkpoints import below, prefixed
 from baselines.training.devices import chosen_device
 from baselines.training.images import TrainingImages, read_images
@@ -63,6 +63,10 @@ class SpotlessObjective(TrimmedObjective):
         """What the network sees of a view beside its features; here nothing."""
         return ()
 
+    def report(self) -> dict[str, Any]:
+        """See Objective; the features that the network saw as well."""
+        return {"features": self.network.config.features, **super().report()}
+
     def settings(self) -> dict[str, Any]:
         """See Objective."""
         return {**super().settings(), "network": self.network.settings()}
@@ -86,9 +90,9 @@ class Spotless(TrimmedMethod):
 
     extra: ClassVar[int] = 0  # planes that the network sees beside the features
     profiles: ClassVar[Mapping[str, Any]] = {
-        "demo": SpotlessConfig(SPLATTING["demo"], network=SHORT_NETWORK),
-        "quick": SpotlessConfig(SPLATTING["quick"], network=SHORT_NETWORK),
-        "paper": SpotlessConfig(SPLATTING["paper"]),
+        "demo": SpotlessConfig(PROFILES_WITHOUT_RESETS["demo"], network=SHORT_NETWORK),
+        "quick": SpotlessConfig(PROFILES_WITHOUT_RESETS["quick"], network=SHORT_NETWORK),
+        "paper": SpotlessConfig(PROFILES_WITHOUT_RESETS["paper"]),
     }
 
     def objective(self, scene: Scene, folder: Path) -> SpotlessObjective:
@@ -98,7 +102,6 @@ class Spotless(TrimmedMethod):
         features = frozen(config.network.features, chosen_device(config.splatting.device, GSPLAT))
         with one_thread():
             network = MaskNetwork(images, features, config.network, self.seed, self.extra)
-        self.found["features"] = config.network.features
         return self.compared_by(images, network)
 
     def compared_by(self, images: TrainingImages, network: MaskNetwork) -> SpotlessObjective:

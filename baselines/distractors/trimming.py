@@ -15,11 +15,12 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.distractors.method import DistractorMethod, ReportingObjective
 from baselines.distractors.residuals import ResidualHistogram, inliers, residuals_of
+from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Plane, photometric_loss
+from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import Stream, random_stream
 from baselines.training.images import Size, TrainingImages
 from hydroviews.scene.cameras import Camera
@@ -65,7 +66,7 @@ class HoldsSplatting(Protocol):
         """Which pixels count."""
 
 
-class TrimmedObjective(ReportingObjective):
+class TrimmedObjective(Objective):
     """The photometric loss over the inliers of the residuals (RobustNeRF's filter)."""
 
     def __init__(self, images: TrainingImages, config: HoldsSplatting, seed: int) -> None:
@@ -107,7 +108,7 @@ class TrimmedObjective(ReportingObjective):
         return inliers(residuals, self.histogram.percentile(share), ignored)
 
     def report(self) -> dict[str, str]:
-        """See ReportingObjective: the share of pixels that count, or that masks were given up."""
+        """See Objective: the share of pixels that count, or that masks were given up."""
         return {"pixels": "all, masks given up"} if self.given_up else {"pixels": f"{self._counted[0]:.0%}"}
 
     def settings(self) -> dict[str, Any]:
@@ -157,7 +158,7 @@ def faded(progress: float, fade_in: float) -> float:
     return math.exp(-progress / fade_in)
 
 
-class TrimmedMethod(DistractorMethod):
+class TrimmedMethod(GaussianSplatting):
     """Splatting on what is taken for the scene; it can say of its training views what it leaves out."""
 
     _objective: TrimmedObjective | None

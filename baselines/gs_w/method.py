@@ -23,9 +23,8 @@ from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from baselines.gaussian_splatting import MODEL, PROFILES_WITH_NETWORKS, GaussianSplatting, with_iterations
+from baselines.gaussian_splatting import GaussianSplatting
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT, ReferenceConfig
 from baselines.gs_w.fusion import Fusion
@@ -37,7 +36,8 @@ from baselines.splatting.config import TrainerConfig
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.schedule import LearningRates
 from baselines.splatting.strategies.densification import DefaultStrategy
-from baselines.training.checkpoints import read_arrays, write_arrays
+from baselines.splatting_profiles import PROFILES_WITH_NETWORKS, with_iterations
+from baselines.training.checkpoints import MODEL, read_arrays, write_arrays
 from baselines.training.images import read_images
 from baselines.training.torch_state import module_arrays, restore_module
 from hydroviews.errors import InputError
@@ -73,7 +73,6 @@ class GaussianInTheWild(GaussianSplatting):
 
     def __init__(self, config: GSWConfig, seed: int) -> None:
         super().__init__(config, seed)
-        self._appearance: ReferenceAppearance | None = None
         self._fusion = Fusion(config.appearance, config.splatting.sh_degree)
         self._shown = np.zeros((0, 3), np.float32)
 
@@ -95,28 +94,24 @@ class GaussianInTheWild(GaussianSplatting):
         """
         config: GSWConfig = self.config
         splatting, images = config.splatting, read_images(scene.train_views)
-        self._appearance = ReferenceAppearance(
+        appearance = ReferenceAppearance(
             images, config.appearance, splatting.sh_degree, splatting.iterations, self.seed
         )
         if config.appearance.weights:
-            load_resnet(self._appearance.encoder.backbone, Path(config.appearance.weights))
-        return VisibleObjective(images, splatting.lambda_dssim, self._appearance)
+            load_resnet(appearance.encoder.backbone, Path(config.appearance.weights))
+        return VisibleObjective(images, splatting.lambda_dssim, appearance)
 
     def fit(self, scene: Scene, folder: Path) -> None:
         """See Method; then the references have done their part."""
         super().fit(scene, folder)
-        trained, appearance = self._require(), self._appearance
-        assert appearance is not None
+        trained, appearance = self._require(), self._objective and self._objective.appearance
+        assert isinstance(appearance, ReferenceAppearance)
         cameras = [view.camera for view in scene.train_views]
         seen_with = trained.near, self.splatting.antialiased
         gaussians = average_features(trained.gaussians, appearance, cameras, *seen_with)
         self._trained = replace(trained, gaussians=gaussians)
         self._fusion = appearance.cpu().fusion
         self._shown = mean_colours(gaussians, self._fusion, cameras, *seen_with)
-
-    def hidden(self, view: int, size: tuple[int, int]) -> NDArray[np.float32] | None:
-        """See Method: 1 - m."""
-        return None if self._appearance is None else self._appearance.hidden(view, size)
 
     def gaussians_for_camera(self, camera: Camera) -> Gaussians:
         """See GaussianSplatting; with the mean appearance."""

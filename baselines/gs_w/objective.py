@@ -45,6 +45,10 @@ class VisibleObjective(Objective):
             loss, gradient = loss + self.appearance.config.lpips * value, gradient + self.appearance.config.lpips * more
         return loss, gradient
 
+    def hidden(self, view: int, size: tuple[int, int]) -> NDArray[np.float32]:
+        """See Objective: 1 - m."""
+        return self.appearance.hidden(view, size)
+
 
 def visibility_loss(visible: Tensor, losses: Tensor, price: float) -> tuple[Tensor, Tensor]:
     """mean(m l) + price mean((1 - m)^2), and m at the loss's size.

@@ -13,10 +13,8 @@ from baselines.training.images import TrainingImages
 from baselines.volumetric.batches import Batch
 from baselines.volumetric.masking import Running, price_of_masking
 from baselines.volumetric.model import RadianceModel, Rendering, Samples, TrainingContext
-from baselines.volumetric.photographs import as_seen, rays_of_the_mean, small_pictures
+from baselines.volumetric.photographs import AT_ONCE, as_seen, rays_of_the_mean, small_pictures
 from baselines.volumetric.spaces import Rays, Space
-
-AT_ONCE = 16  # pictures, when all are looked at
 
 
 class HaNerfModel(RadianceModel):

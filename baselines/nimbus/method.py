@@ -15,13 +15,14 @@ from typing import Any, ClassVar
 
 import torch
 
-from baselines.distractors.method import SPLATTING, DistractorMethod
+from baselines.gaussian_splatting import GaussianSplatting
 from baselines.nimbus.config import MediumConfig, NimbusConfig, ResidualConfig
 from baselines.nimbus.medium import Medium
 from baselines.nimbus.objective import NimbusObjective
 from baselines.nimbus.view_rays import box_around
 from baselines.splatting.backends.base import GSPLAT
 from baselines.splatting.initialisation import scene_extent
+from baselines.splatting_profiles import PROFILES_WITHOUT_RESETS
 from baselines.training.devices import chosen_device
 from baselines.training.images import read_images
 from hydroviews.scene.cameras import Camera
@@ -36,13 +37,15 @@ SHORT_MEDIUM = MediumConfig(cells=48, rate=0.02, renewed=100)
 SHORT_RESIDUAL = ResidualConfig(threshold=0.07, first=0.75)
 
 
-class Nimbus(DistractorMethod):
+class Nimbus(GaussianSplatting):
     """NimbusGS (2026): a medium in space where one is found, and a residual of each view."""
 
     profiles: ClassVar[Mapping[str, Any]] = {
-        "demo": NimbusConfig(SPLATTING["demo"], SHORT_MEDIUM, SHORT_RESIDUAL),
-        "quick": NimbusConfig(SPLATTING["quick"], replace(SHORT_MEDIUM, cells=64, renewed=200), SHORT_RESIDUAL),
-        "paper": NimbusConfig(SPLATTING["paper"]),
+        "demo": NimbusConfig(PROFILES_WITHOUT_RESETS["demo"], SHORT_MEDIUM, SHORT_RESIDUAL),
+        "quick": NimbusConfig(
+            PROFILES_WITHOUT_RESETS["quick"], replace(SHORT_MEDIUM, cells=64, renewed=200), SHORT_RESIDUAL
+        ),
+        "paper": NimbusConfig(PROFILES_WITHOUT_RESETS["paper"]),
     }
 
     def objective(self, scene: Scene, folder: Path) -> NimbusObjective:

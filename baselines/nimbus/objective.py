@@ -16,7 +16,6 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from baselines.distractors.method import ReportingObjective
 from baselines.nimbus.config import NimbusConfig
 from baselines.nimbus.losses import dark_loss, finite_or_zero, total_variation
 from baselines.nimbus.medium import Medium, enlarged, through
@@ -26,6 +25,7 @@ from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Plane, photometric_loss
 from baselines.splatting.kernels.rasterizer import depth, render
+from baselines.splatting.objective import Objective
 from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import TrainingImages
 from baselines.training.torch_state import module_arrays, one_thread, restore_module
@@ -39,7 +39,7 @@ GIVEN_UP = "given_up"
 SMALL = (16, 16)  # size at which the light that a medium takes of a view is averaged
 
 
-class NimbusObjective(ReportingObjective):
+class NimbusObjective(Objective):
     """The photometric loss of the scene behind a medium and residuals."""
 
     def __init__(
@@ -119,7 +119,7 @@ class NimbusObjective(ReportingObjective):
             return self._transmission(view, size, self.medium.extinction).cpu().numpy()
 
     def hidden(self, view: int, size: tuple[int, int]) -> Plane:
-        """See ReportingObjective: 1 - T, and all of what is the residual's."""
+        """See Objective: 1 - T, and all of what is the residual's."""
         left = self.transmission(view, size)
         chosen = self.residuals.chosen.get(view)
         if chosen is not None:
@@ -128,7 +128,7 @@ class NimbusObjective(ReportingObjective):
         return np.clip(1 - left, 0, 1).astype(np.float32)
 
     def report(self) -> dict[str, str]:
-        """See ReportingObjective: how much of the light the medium takes, and the share of the residuals' pixels."""
+        """See Objective: how much of the light the medium takes, and the share of the residuals' pixels."""
         medium = "none" if self.given_up else f"takes {self.light_taken():.1%} of the light"
         return {"medium": medium, "residuals": f"{self.residuals.share:.0%} of the pixels"}
 

@@ -24,9 +24,22 @@ logger = logging.getLogger(__name__)
 FEWEST = 0.05  # of a step's rays; if fewer are background, the detector is not followed
 
 
+class WarnOnce:
+    """Logs its first warning and no other."""
+
+    def __init__(self) -> None:
+        self._warned = False
+
+    def __call__(self, message: str, *values: float) -> None:
+        """Log, with values for the message's %, unless it has been done."""
+        if not self._warned:
+            logger.warning(message, *values)
+        self._warned = True
+
+
 def occ_nerf_losses(config: OccNerfConfig) -> Loss:
     """The losses of a step; those of the background where the rendering has one."""
-    told: list[bool] = []
+    warn = WarnOnce()
 
     def loss(rendering: Rendering, batch: Batch) -> Losses:
         alone = "background_colour" not in rendering.extras
@@ -37,15 +50,15 @@ def occ_nerf_losses(config: OccNerfConfig) -> Loss:
             "detector": weight * correlation_loss(m, gap, config.gap, batch.weights),
             **proposal_losses(rendering, batch, config.volumetric),
         }
-        return losses if alone else losses | background_losses(rendering, batch, config, told)
+        return losses if alone else losses | background_losses(rendering, batch, config, warn)
 
     return loss
 
 
-def background_losses(rendering: Rendering, batch: Batch, config: OccNerfConfig, told: list[bool]) -> Losses:
-    """Those of the background; `told` has an entry once there was a warning."""
+def background_losses(rendering: Rendering, batch: Batch, config: OccNerfConfig, warn: WarnOnce) -> Losses:
+    """Those of the background; warns where the detector leaves it next to nothing."""
     extras = rendering.extras
-    learned = _learned(extras["foreground"], batch.weights, told)
+    learned = _learned(extras["foreground"], batch.weights, warn)
     error = (extras["background_colour"] - batch.colours).square().mean(1)
     apart = (extras["background_depth"] - extras["depth"].detach()).abs()
     losses = {
@@ -59,16 +72,14 @@ def background_losses(rendering: Rendering, batch: Batch, config: OccNerfConfig,
     return losses
 
 
-def _learned(m: Tensor, counts: Tensor, told: list[bool]) -> Tensor:
+def _learned(m: Tensor, counts: Tensor, warn: WarnOnce) -> Tensor:
     """How much each ray [R] counts for the background; all as they are, if next to all are taken for foreground."""
     kept = counts * (m.detach() < 0.5)
     if kept.sum() >= FEWEST * counts.sum():
         return kept
-    if not told:
-        told.append(True)
-        logger.warning(
-            "training: the detector takes %.1f %% of the rays for foreground, which leaves the background next to "
-            "nothing to learn from; in such steps all rays count, as if there were no foreground",
-            100 * float(1 - kept.sum() / counts.sum()),
-        )
+    warn(
+        "training: the detector takes %.1f %% of the rays for foreground, which leaves the background next to "
+        "nothing to learn from; in such steps all rays count, as if there were no foreground",
+        100 * float(1 - kept.sum() / counts.sum()),
+    )
     return counts

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.photometric import Target, photometric_loss, prepare_target
+from baselines.splatting.kernels.photometric import Plane, Target, photometric_loss, prepare_target
 from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import Size, TrainingImages
 from hydroviews.scene.images import Image
@@ -68,6 +68,14 @@ class Objective:
     def residual(self, image: Image, view: int, buffers: BufferPool) -> float:
         """The loss of a rendered validation view; learns nothing from it."""
         return photometric_loss(image, self.target(view), self.lambda_dssim, buffers=buffers)[0]
+
+    def report(self) -> dict[str, Any]:
+        """What it found in the photographs beside the scene, by name: words, numbers or lists of words, for JSON."""
+        return {}
+
+    def hidden(self, view: int, size: Size) -> Plane | None:
+        """See Method; None where it looks for nothing in front of the scene."""
+        return None
 
     def settings(self) -> dict[str, Any]:
         """The settings; a checkpoint made with others is refused."""

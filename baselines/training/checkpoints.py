@@ -24,6 +24,7 @@ from hydroviews.scene.scenes import Scene
 
 FORMAT = "hydroviews-splatting-1"
 CHECKPOINT = "checkpoint.safetensors"
+MODEL = "model.safetensors"  # once it is trained
 SEPARATOR = "/"
 
 Tree = dict[str, Any]  # of dictionaries, numpy arrays and JSON values

@@ -1,4 +1,4 @@
-"""What networks are given instead of positions and directions."""
+"""Encodings of positions and directions: what networks are given instead."""
 
 import math
 
@@ -6,6 +6,8 @@ import torch
 from torch import Tensor
 
 from baselines.splatting.backends.torch_rasterizer import basis
+
+HARMONICS = 16  # up to degree 3
 
 
 def positional(values: Tensor, octaves: int) -> Tensor:
@@ -18,9 +20,9 @@ def positional(values: Tensor, octaves: int) -> Tensor:
     return torch.cat([values, scaled.sin(), scaled.cos()], -1)
 
 
-def harmonics(directions: Tensor, degree: int = 3) -> Tensor:
-    """Spherical harmonics [R, (degree + 1)^2] of unit vectors [R, 3]."""
-    return basis(degree, directions)
+def harmonics(directions: Tensor) -> Tensor:
+    """Spherical harmonics [R, HARMONICS] of unit vectors [R, 3]."""
+    return basis(3, directions)
 
 
 def linear(inputs: int, outputs: int, generator: torch.Generator, bias: bool = True) -> torch.nn.Linear:

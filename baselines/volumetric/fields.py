@@ -10,11 +10,10 @@ import torch
 from torch import Tensor, nn
 
 from baselines.volumetric.config import HashFieldConfig, MlpFieldConfig
-from baselines.volumetric.encodings import harmonics, linear, positional
+from baselines.volumetric.encodings import HARMONICS, harmonics, linear, positional
 from baselines.volumetric.hash_grid import HashGrid
 
 LARGEST = 12.0  # of the logarithm of a density
-HARMONICS = 16  # up to degree 3
 
 
 class Field(Protocol):

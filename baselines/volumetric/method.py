@@ -9,8 +9,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from baselines.method import Method, TrainingSummary, settings_of
-from baselines.training.checkpoints import read_arrays, write_arrays
+from baselines.method import Method, TrainingSummary, profile_settings
+from baselines.training.checkpoints import MODEL, read_arrays, write_arrays
 from baselines.training.devices import chosen_device
 from baselines.training.images import TrainingImages, read_images
 from baselines.training.torch_state import module_arrays, restore_module
@@ -24,8 +24,6 @@ from hydroviews.errors import InputError
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 from hydroviews.scene.scenes import Scene
-
-MODEL = "model.safetensors"
 
 
 @dataclass(frozen=True)
@@ -53,7 +51,7 @@ class RadianceMethod(Method):
         Raises:
             InputError: no such profile.
         """
-        return settings_of(profile, cls.profiles)
+        return profile_settings(profile, cls.profiles)
 
     @property
     def volumetric(self) -> VolumetricConfig:

@@ -8,6 +8,8 @@ from torch import Tensor, nn
 
 from baselines.training.images import TrainingImages
 
+AT_ONCE = 16  # pictures, when all are looked at
+
 
 def convolution(
     inputs: int, outputs: int, side: int, stride: int, pad: int, generator: torch.Generator, dilation: int = 1

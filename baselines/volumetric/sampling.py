@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 PADDING = 0.01  # of all weight, spread evenly, so that every part of a ray is sampled now and then (Mip-NeRF 360)
+BIAS = 10.0  # of `annealed`: how early the exponent rises; the paper's
 
 
 def even_edges(rays: int, samples: int, jitter: Tensor | None, device: torch.device) -> Tensor:
@@ -51,10 +52,10 @@ def _positions(rays: int, samples: int, jitter: Tensor | None, device: torch.dev
     return torch.cat([torch.zeros_like(moved[:, :1]), moved[:, 1:-1], torch.ones_like(moved[:, :1])], 1)
 
 
-def annealed(iteration: int, iterations: int, bias: float = 10.0) -> float:
+def annealed(iteration: int, iterations: int) -> float:
     """Exponent of the proposals' weights: rises from 0 to 1 (Mip-NeRF 360, equation 18)."""
     share = min(1.0, iteration / iterations) if iterations else 1.0
-    return bias * share / ((bias - 1) * share + 1)
+    return BIAS * share / ((BIAS - 1) * share + 1)
 
 
 def interlevel_loss(edges: Tensor, weights: Tensor, proposal_edges: Tensor, proposal_weights: Tensor) -> Tensor:

@@ -21,9 +21,9 @@ from torch.nn.functional import gelu, interpolate, scaled_dot_product_attention
 
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import sha256
+from hydroviews.files.cache import cache_folder
 from hydroviews.files.http_download import fetch
 from hydroviews.files.locks import locked
-from hydroviews.metrics.lpips_weights import cache_folder
 
 WEIGHTS = "HYDROVIEWS_DINOV2"  # environment variable: the weights' file, where it is not to be fetched
 URL = "https://dl.fbaipublicfiles.com/dinov2/dinov2_vits14/dinov2_vits14_reg4_pretrain.pth"

@@ -18,7 +18,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.gaussian_splatting import PROFILES_WITH_NETWORKS, GaussianSplatting
+from baselines.gaussian_splatting import GaussianSplatting
 from baselines.method import TrainingSummary
 from baselines.splatting.backends.base import GSPLAT
 from baselines.splatting.config import TrainerConfig
@@ -29,6 +29,7 @@ from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import LearningRates
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.trainer import train
+from baselines.splatting_profiles import PROFILES_WITH_NETWORKS
 from baselines.training.checkpoints import below, prefixed
 from baselines.training.devices import chosen_device
 from baselines.training.images import Size, TrainingImages, read_images
@@ -119,7 +120,7 @@ class WildObjective(Objective):
         return total, gradients
 
     def hidden(self, view: int, size: Size) -> NDArray[np.float32] | None:
-        """See Method: what does not count at the end of the training."""
+        """See Objective: what does not count at the end of the training."""
         if self._uncertainty is None:
             return None
         return (~counted(self._uncertainty.uncertainty(view, size))).astype(np.float32)
@@ -155,7 +156,6 @@ class WildGaussians(GaussianSplatting):
     """
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
-    _objective: WildObjective | None = None  # after `fit`
 
     @classmethod
     def configuration(cls, profile: str) -> Any:
@@ -192,10 +192,6 @@ class WildGaussians(GaussianSplatting):
                 trained = replace(trained, gaussians=shown)
         self._trained, self._objective = trained, objective
         self.found["sky"] = len(scene.points) - before
-
-    def hidden(self, view: int, size: Size) -> NDArray[np.float32] | None:
-        """See Method."""
-        return self._objective.hidden(view, size) if self._objective else None
 
     def _uncertainty(self, images: TrainingImages) -> Uncertainty | None:
         """Before its first step, if it is wanted; `used` will name the features."""

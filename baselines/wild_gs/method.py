@@ -24,15 +24,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
-from baselines.gaussian_splatting import PROFILES_WITH_NETWORKS, GaussianSplatting, with_iterations
+from baselines.gaussian_splatting import GaussianSplatting
 from baselines.gs_w.objective import VisibleObjective
 from baselines.gs_w.weights import encoder_used, load_resnet, with_named_weights
 from baselines.method import TrainingSummary
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.initialisation import scene_extent
+from baselines.splatting_profiles import PROFILES_WITH_NETWORKS, with_iterations
 from baselines.training.images import read_images
 from baselines.wild_gs.appearance import LookAppearance
 from baselines.wild_gs.config import SHORT, LookConfig
@@ -64,10 +62,6 @@ class WildGS(GaussianSplatting):
         "paper": WildGSConfig(),
     }
 
-    def __init__(self, config: WildGSConfig, seed: int) -> None:
-        super().__init__(config, seed)
-        self._appearance: LookAppearance | None = None
-
     @classmethod
     def configuration(cls, profile: str) -> Any:
         """See GaussianSplatting.
@@ -86,28 +80,24 @@ class WildGS(GaussianSplatting):
         """
         splatting, look, images = self.splatting, self.config.look, read_images(scene.train_views)
         near = splatting.near * scene_extent([view.camera for view in scene.train_views])[1]
-        self._appearance = LookAppearance(
+        appearance = LookAppearance(
             images, look, splatting.sh_degree, splatting.iterations, self.seed, near, splatting.antialiased
         )
         if look.weights:
-            load_resnet(self._appearance.encoder.backbone, Path(look.weights))
-        return VisibleObjective(images, splatting.lambda_dssim, self._appearance)
+            load_resnet(appearance.encoder.backbone, Path(look.weights))
+        return VisibleObjective(images, splatting.lambda_dssim, appearance)
 
     def fit(self, scene: Scene, folder: Path) -> None:
         """See Method; then the references have done their part."""
         super().fit(scene, folder)
-        trained, appearance = self._require(), self._appearance
-        assert appearance is not None
+        trained, appearance = self._require(), self._objective and self._objective.appearance
+        assert isinstance(appearance, LookAppearance)
         cameras = [view.camera for view in scene.train_views]
         shown, masked = mean_look(trained.gaussians, appearance, cameras, trained.near, self.splatting.antialiased)
         self._trained = replace(trained, gaussians=shown)
         self.found[MASKED] = masked
         if masked > MOST:
             logger.warning("masks hide %.0f %% of the photographs: the scene is learned from the rest", 100 * masked)
-
-    def hidden(self, view: int, size: tuple[int, int]) -> NDArray[np.float32] | None:
-        """See Method: 1 - m."""
-        return None if self._appearance is None else self._appearance.hidden(view, size)
 
     def summary(self) -> TrainingSummary:
         """See Method; `used` names the encoder, and how much of the photographs was masked at the end."""

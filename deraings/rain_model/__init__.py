@@ -25,7 +25,6 @@ for drop_alpha.
     enhanced_target.py where the scene is learned from enhanced photographs as well
     objective.py       RainObjective, the photometric loss of O against the photograph
     report.py          what was found, for a run's record
-    ground_truth.py    what was found against the layers of a built data set, for tests and tables
 
 Every part switches itself on only where the photographs call for it, and can be left out: see `model.RainConfig`.
 """

@@ -23,12 +23,12 @@ from pathlib import Path, PurePosixPath
 
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
+from hydroviews.formats.nerfstudio import CAMERA_FILE
 from hydroviews.formats.photographs import FOLDERS, NUMBERED, SPLIT, composed_stem, not_read, photographs_below, some
 
 RAINY, CLEAN = "rainy", "clean"
 CLUTTER, EXTRA = "clutter", "extra"
 PREFIX = re.compile(rf"\d*({CLUTTER}|{CLEAN}|{EXTRA})(.*)")
-TRANSFORMS = "transforms.json"
 Files = Mapping[str, Path]
 
 
@@ -119,7 +119,7 @@ def _by_prefix(folder: Path, photographs: Files, parts: Mapping[str, re.Match[st
 
 
 def _by_number(path: Path, folder: Path, photographs: Files, numbers: Mapping[str, Sequence[int]]) -> Pictures:
-    cameras = path.with_name(TRANSFORMS)
+    cameras = path.with_name(CAMERA_FILE)
     if cameras.is_file():
         frames = read_json(cameras).get("frames", [])
         names = sorted(_key(PurePosixPath(str(frame.get("file_path", ""))).name) for frame in frames)

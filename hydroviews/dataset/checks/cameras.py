@@ -11,12 +11,11 @@ from hydroviews.dataset.variants import has_clean, is_captured, open_clean, open
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, sha256
 from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.nerfstudio import CAMERA_FILE
 from hydroviews.formats.photographs import SPLIT, some
 from hydroviews.formats.writers import MODEL, POINT_CLOUD, write_nerfstudio
 from hydroviews.scene.images import list_images
 from hydroviews.scene.scenes import Scene
-
-TRANSFORMS = "transforms.json"
 
 
 def check_cameras(folder: Path, entry: Mapping[str, Any]) -> list[str]:
@@ -48,10 +47,10 @@ def _check_names(images: Path, names: set[str]) -> list[str]:
 
 def _check_transforms(project: Path, scene: Scene, images: str) -> list[str]:
     """Does `transforms.json` hold the cameras of the scene?"""
-    path = project / TRANSFORMS
+    path = project / CAMERA_FILE
     with tempfile.TemporaryDirectory(prefix="hydroviews-") as folder:
-        write_nerfstudio(scene, Path(folder) / TRANSFORMS, images)
-        expected = read_json(Path(folder) / TRANSFORMS)
+        write_nerfstudio(scene, Path(folder) / CAMERA_FILE, images)
+        expected = read_json(Path(folder) / CAMERA_FILE)
     try:
         found = read_json(path)
     except InputError as error:

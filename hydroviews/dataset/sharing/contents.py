@@ -14,12 +14,13 @@ from hydroviews.dataset.statistics import STATISTICS, summarise
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import json_bytes, read_json
 from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.nerfstudio import CAMERA_FILE
 from hydroviews.formats.photographs import SPLIT
 from hydroviews.rain.compositing import COLOURS
 from hydroviews.rain.registry import find_effect
 
 APACHE_TEXT = Path(__file__).with_name(APACHE)
-IMAGES, LAYERS, PATTERN, CAMERAS = "images", "layers", "pattern.json", "transforms.json"
+IMAGES, LAYERS, PATTERN = "images", "layers", "pattern.json"
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,7 @@ def _is_ours(folder: Path, name: str, rains: list[str], shareable: bool) -> bool
         return False
     if below.startswith(f"{LAYERS}/"):
         return shareable or not set(_planes(folder / top)) & set(COLOURS)
-    return below in (PATTERN, STATISTICS, CAMERAS)
+    return below in (PATTERN, STATISTICS, CAMERA_FILE)
 
 
 def _planes(variant: Path) -> Mapping[str, Any]:

@@ -15,7 +15,6 @@ from baselines.derain_nerf.method import (
     DerainNeRF,
     DerainNeRFConfig,
     DropDetectionConfig,
-    PlainField,
     attention_of,
     drop_masks,
     hidden,
@@ -78,7 +77,7 @@ def parameters(method):
 def test_masks_bring_back_what_drops_cost(tmp_path, drops):
     scene, config = rainy(tmp_path / "scene"), replace(balls.SMALL, iterations=150, anneal=50, proposal_always=75)
     masked = fitted(DerainNeRF(DerainNeRFConfig(config, drops), 0), scene, tmp_path / "masked")
-    plain = fitted(PlainField(config, 0), scene, tmp_path / "plain")
+    plain = fitted(balls.Plain(config, 0), scene, tmp_path / "plain")
     with_masks, without = (balls.psnr(method.render, scene.test_views) for method in (masked, plain))
     assert with_masks > 16
     assert with_masks > without + 3
@@ -95,7 +94,7 @@ def test_hidden_pixels_do_not_count(tmp_path, drops):
     other = rainy(tmp_path / "other", lambda image, _: np.where(MASK[..., None], 0.5, image))
     trained = [fitted(DerainNeRF(config, 0), scene, tmp_path / f"run-{i}") for i, scene in enumerate((one, other))]
     assert torch.equal(*map(parameters, trained))
-    plain = [fitted(PlainField(SHORT, 0), scene, tmp_path / f"plain-{i}") for i, scene in enumerate((one, other))]
+    plain = [fitted(balls.Plain(SHORT, 0), scene, tmp_path / f"plain-{i}") for i, scene in enumerate((one, other))]
     assert not torch.equal(*map(parameters, plain))
 
 

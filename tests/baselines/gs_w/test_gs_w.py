@@ -113,7 +113,7 @@ def test_the_mean_appearance_is_that_of_the_views_where_they_agree(tmp_path):
     for view in scene.train_views:
         write_png(view.path, np.full((36, 48, 3), 0.4, np.float32))
     method = fitted(GaussianInTheWild, GSWConfig(GROWING, replace(SHORT, dropout=0.0)), scene, tmp_path)
-    appearance, trained = method._appearance, method._trained
+    appearance, trained = method._objective.appearance, method._trained
     cameras = [view.camera for view in scene.train_views]
     flat = appearance.encode(0)[0].detach().mean(dim=(1, 2), keepdim=True).expand(-1, 4, 4)
     appearance.encode = lambda view: (flat, None)
@@ -153,4 +153,4 @@ def test_the_papers_networks_take_a_step(tmp_path):
     method = fitted(GaussianInTheWild, config, scene, tmp_path)
     assert np.isfinite(method.render(scene.test_views[0].camera)).all()
     assert method.summary().used == "encoder resnet18 from scratch"
-    assert torch.isfinite(method._appearance.encode(0)[0]).all()
+    assert torch.isfinite(method._objective.appearance.encode(0)[0]).all()

@@ -10,7 +10,7 @@ import torch
 from splats import camera, cloud, photographed, with_values
 from trainings import BUDGETED, CONFIG, DENSIFY, RELOCATION, assert_identical, psnr
 
-from baselines.gaussian_splatting import BudgetedSplatting, GaussianSplatting, pruned_to_budget, with_iterations
+from baselines.gaussian_splatting import BudgetedSplatting, GaussianSplatting
 from baselines.method import find_method
 from baselines.splatting.backends.torch_ops import penalty_gradient, position_moves
 from baselines.splatting.gaussians import FIELDS
@@ -30,6 +30,7 @@ from baselines.splatting.strategies.relocation import (
     shared,
 )
 from baselines.splatting.trainer import train
+from baselines.splatting_profiles import pruned_to_budget, with_iterations
 from hydroviews.scene.quaternions import rotation_matrices
 
 

@@ -132,13 +132,13 @@ def test_an_interrupted_run_ends_with_the_same_bits_as_a_whole_one(tmp_path):
         fitted(WildGS, config, scene, tmp_path / "cut")
     resumed = fitted(WildGS, config, scene, tmp_path / "cut")
     finished = fitted(WildGS, config, scene, tmp_path / "whole")  # from the checkpoint of the end
-    assert len(resumed._appearance._depths) > 1
+    assert len(resumed._objective.appearance._depths) > 1
     for other in (resumed, finished):
         theirs = other._trained.gaussians.state_dict()
         assert all(np.array_equal(v, theirs[k]) for k, v in whole._trained.gaussians.state_dict().items())
-        depths = other._appearance._depths
-        assert depths.keys() == whole._appearance._depths.keys()
-        for view, (step, depth) in whole._appearance._depths.items():
+        depths = other._objective.appearance._depths
+        assert depths.keys() == whole._objective.appearance._depths.keys()
+        for view, (step, depth) in whole._objective.appearance._depths.items():
             assert step == depths[view][0]
             assert np.array_equal(depth, depths[view][1], equal_nan=True)
     other = replace(config, look=replace(look, price_last=0.2))
@@ -206,7 +206,7 @@ def test_photographs_of_one_colour_leave_everything_finite(tmp_path, value):
         write_png(view.path, np.full((36, 48, 3), value, np.float32))
     method = fitted(WildGS, WildGSConfig(GROWING, BRIEF), scene, tmp_path / "run")
     assert np.isfinite(method.render(scene.test_views[0].camera)).all()
-    assert all(parameter.isfinite().all() for parameter in method._appearance.parameters())
+    assert all(parameter.isfinite().all() for parameter in method._objective.appearance.parameters())
 
 
 def test_one_view_and_a_scene_that_it_does_not_show(tmp_path):

@@ -4,8 +4,8 @@ import pandas as pd
 import pytest
 from balls import photographed
 
-from baselines.gaussian_splatting import PROFILES
 from baselines.method import find_method
+from baselines.splatting_profiles import PROFILES
 from benchmarks import methods
 from benchmarks.methods import METHODS, Course, curves, in_steps
 
