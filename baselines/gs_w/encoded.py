@@ -65,7 +65,7 @@ class EncodedAppearance(Appearance):
         height, width = self._images.pixels(view).shape[:2]
         multiple = self.encoder.multiple
         size = [max(1, round(side / self.config.shrink / multiple)) * multiple for side in (height, width)]
-        pixels = self._images.pixels(view, (size[0], size[1])).astype(np.float32) / 255 - 0.5
+        pixels = self._images.pixels_once(view, (size[0], size[1])).astype(np.float32) / 255 - 0.5
         picture = torch.from_numpy(pixels).permute(2, 0, 1)[None]
         code, visible = self.encoder(picture.to(self.device))
         return code, visible

@@ -4,10 +4,13 @@ import weakref
 
 import numpy as np
 import pytest
+from splats import photographed
 
-from baselines.training.images import TrainingImages, evenly_spread
+from baselines.training.images import TrainingImages, evenly_spread, read_images
 from baselines.volumetric.batches import TrainingPixels
 from hydroviews.scene.cameras import Camera
+from hydroviews.scene.images import to_uint8
+from hydroviews.scene.scenes import View
 
 SIZES = ((4, 6), (5, 3), (4, 6))
 
@@ -40,6 +43,24 @@ def test_a_field_learns_from_the_pictures_themselves():
     pixels = TrainingPixels(cameras, images)
     assert [picture() for picture in alone] == [None] * 3
     assert all(np.shares_memory(pixels._colours, images.pixels(index)) for index in range(3))
+
+
+def test_pictures_are_read_in_eight_bits(tmp_path, monkeypatch):
+    """A photograph in float32, larger than its camera, would be there as planes and as a picture at once."""
+    views = photographed(tmp_path, n_views=6).views
+    expected = [to_uint8(view.image()) for view in views]
+    monkeypatch.setattr(View, "image", None)
+    images = read_images(views)
+    assert all(np.array_equal(images.pixels(index), picture) for index, picture in enumerate(expected))
+
+
+def test_a_size_that_is_asked_for_once_is_not_kept():
+    mask = np.zeros(SIZES[0], bool)
+    mask[2:] = True
+    images = TrainingImages(pictures()[:1], [mask])
+    assert np.array_equal(images.pixels_once(0, (2, 3)), TrainingImages(pictures()[:1], [mask]).pixels(0, (2, 3)))
+    assert np.array_equal(images.pixels_once(0, SIZES[0]), images.pixels(0))
+    assert not images._smaller
 
 
 @pytest.mark.parametrize(
