@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from hydroviews.cli.threads import side_by_side
+from hydroviews.errors import InputError
 from hydroviews.scene.masks import Ignored, fit_ignored
 from hydroviews.scene.scenes import View
 
@@ -19,10 +20,17 @@ def read_images(views: Sequence[View]) -> "TrainingImages":
     """Read the pictures and masks of all views, two at a time, showing progress.
 
     Raises:
-        InputError: a picture or mask that cannot be read or has another size than its camera.
+        InputError: a picture or mask that cannot be read or has another size than its camera; masks hide all pixels.
     """
     pictures = side_by_side(lambda view: (view.rounded(), view.ignored()), views)
     read = list(tqdm(pictures, desc="reading images", unit="image", total=len(views), leave=False))
+    if read and all(ignored is not None and ignored.all() for _, ignored in read):
+        raise InputError(
+            "the training views: no pixel counts",
+            found=f"masks that hide all of them, {views[0].mask} and the others",
+            expected="masks that are black where a photograph is to be ignored, and white elsewhere",
+            fix="invert the masks, or hide less of the photographs",
+        )
     return TrainingImages([pixels for pixels, _ in read], [ignored for _, ignored in read])
 
 

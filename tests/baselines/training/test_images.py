@@ -1,6 +1,7 @@
 """The photographs in memory: once, also where their pixels are wanted in one array."""
 
 import weakref
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,8 +9,10 @@ from splats import photographed
 
 from baselines.training.images import TrainingImages, evenly_spread, read_images
 from baselines.volumetric.batches import TrainingPixels
+from hydroviews.errors import InputError
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import to_uint8
+from hydroviews.scene.masks import write_ignored
 from hydroviews.scene.scenes import View
 
 SIZES = ((4, 6), (5, 3), (4, 6))
@@ -52,6 +55,18 @@ def test_pictures_are_read_in_eight_bits(tmp_path, monkeypatch):
     monkeypatch.setattr(View, "image", None)
     images = read_images(views)
     assert all(np.array_equal(images.pixels(index), picture) for index, picture in enumerate(expected))
+
+
+def test_photographs_that_masks_hide_entirely_are_refused(tmp_path):
+    views, hidden = photographed(tmp_path, n_views=6).views, np.ones((36, 48), bool)
+    write_ignored(tmp_path / "all.png", hidden)
+    write_ignored(tmp_path / "part.png", np.indices(hidden.shape)[0] > 5)
+    masked = [replace(view, mask=tmp_path / "all.png") for view in views]
+    with pytest.raises(InputError, match=r"no pixel counts\n.*all\.png and the others"):
+        read_images(masked)
+    for shown in (views[0], replace(views[0], mask=tmp_path / "part.png")):
+        assert len(read_images([shown, *masked])) == 7
+    assert len(read_images([])) == 0
 
 
 def test_a_size_that_is_asked_for_once_is_not_kept():
