@@ -85,7 +85,8 @@ class WildGS(GaussianSplatting):
             InputError: an unreadable picture, or weights that are none.
         """
         splatting, look, images = self.splatting, self.config.look, read_images(scene.train_views)
-        near = splatting.near * scene_extent([view.camera for view in scene.train_views])[1]
+        cameras = [view.camera for view in scene.train_views]
+        near = splatting.near * scene_extent(cameras, scene.points.positions)[1]
         self._appearance = LookAppearance(
             images, look, splatting.sh_degree, splatting.iterations, self.seed, near, splatting.antialiased
         )
