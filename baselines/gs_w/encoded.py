@@ -20,7 +20,7 @@ from baselines.gs_w.encoder import PictureEncoder, at_size
 from baselines.splatting.appearance.base import Appearance
 from baselines.splatting.schedule import Stream, random_stream
 from baselines.training.images import TrainingImages
-from baselines.training.torch_state import module_arrays, restore_module
+from baselines.training.torch_state import module_arrays, one_thread, restore_module
 
 STEPS = "steps"
 
@@ -70,6 +70,7 @@ class EncodedAppearance(Appearance):
         code, visible = self.encoder(picture.to(self.device))
         return code, visible
 
+    @one_thread()
     @torch.no_grad()
     def hidden(self, view: int, size: tuple[int, int]) -> NDArray[np.float32]:
         """1 - m [H, W] of a training view at (height, width)."""

@@ -39,7 +39,7 @@ from baselines.splatting.schedule import LearningRates
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.training.checkpoints import read_arrays, write_arrays
 from baselines.training.images import read_images
-from baselines.training.torch_state import module_arrays, restore_module
+from baselines.training.torch_state import module_arrays, one_thread, restore_module
 from hydroviews.errors import InputError
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.scenes import Scene
@@ -102,6 +102,7 @@ class GaussianInTheWild(GaussianSplatting):
             load_resnet(self._appearance.encoder.backbone, Path(config.appearance.weights))
         return VisibleObjective(images, splatting.lambda_dssim, self._appearance)
 
+    @one_thread()
     def fit(self, scene: Scene, folder: Path) -> None:
         """See Method; then the references have done their part."""
         super().fit(scene, folder)

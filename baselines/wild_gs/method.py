@@ -34,6 +34,7 @@ from baselines.method import TrainingSummary
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.initialisation import scene_extent
 from baselines.training.images import read_images
+from baselines.training.torch_state import one_thread
 from baselines.wild_gs.appearance import LookAppearance
 from baselines.wild_gs.config import SHORT, LookConfig
 from baselines.wild_gs.mean_look import mean_look
@@ -94,6 +95,7 @@ class WildGS(GaussianSplatting):
             load_resnet(self._appearance.encoder.backbone, Path(look.weights))
         return VisibleObjective(images, splatting.lambda_dssim, self._appearance)
 
+    @one_thread()
     def fit(self, scene: Scene, folder: Path) -> None:
         """See Method; then the references have done their part."""
         super().fit(scene, folder)
