@@ -12,7 +12,7 @@ Departures from the paper, in all profiles:
   - The mask weighs the loss of each pixel; the authors' code multiplies both pictures by it.
   - No batch normalisation in training; see `encoder`. ResNet-18 learns from scratch unless
     $HYDROVIEWS_RESNET18 names a file of its weights, which the record then names.
-  - The coordinates' box is as large as the map from the start.
+  - The coordinates' box is as large as the map from the start; they move at a rate of 0.004, theirs at 1.
 Short profiles besides: a small U-Net on a reference of half the size, smaller networks, a larger rate of coordinates,
 no LPIPS.
 """
