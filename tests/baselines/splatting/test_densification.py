@@ -116,12 +116,13 @@ def test_when_things_are_due():
 def test_initial_gaussians_sit_on_the_points():
     grid = np.stack(np.meshgrid(*[np.arange(6.0)] * 3), -1).reshape(-1, 3)
     colours = np.random.default_rng(0).integers(0, 256, grid.shape, np.uint8)
-    gaussians = initialise(Points(grid, colours), [camera(10, 10, a) for a in (0, 2, 4)], 2, 0)
+    cameras = [camera(10, 10, a) for a in (0, 2, 4)]
+    gaussians = initialise(Points(grid, colours), cameras, 2, 0)
     assert np.allclose(gaussians.means, grid)
-    assert np.allclose(np.exp(gaussians.log_scales), 0.05 * scene_extent([camera(10, 10, a) for a in (0, 2, 4)], grid)[1])
+    assert np.allclose(np.exp(gaussians.log_scales), 0.05 * scene_extent(cameras, grid)[1])
     assert np.allclose(0.5 + 0.28209479 * gaussians.sh[:, 0], colours / 255, atol=1e-6)
     assert np.allclose(1 / (1 + np.exp(-gaussians.opacity_logits)), 0.1)
-    fine = initialise(Points(grid / 100, colours), [camera(10, 10, a) for a in (0, 2, 4)], 2, 0)
+    fine = initialise(Points(grid / 100, colours), cameras, 2, 0)
     assert np.allclose(np.exp(fine.log_scales), 0.01)
 
 

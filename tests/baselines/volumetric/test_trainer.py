@@ -166,7 +166,7 @@ def test_where_a_method_hides_what_masks_do_not_it_is_told(scene, tmp_path, mask
     pictures = [to_uint8(view.image()) for view in scene.train_views]
     images = TrainingImages(pictures, [mask if masked else None for _ in pictures])
     weights = [np.zeros((24, 32), np.float32) for _ in pictures]
-    with pytest.raises(InputError, match="no pixel counts\n.*weights of the method itself"):
+    with pytest.raises(InputError, match=r"no pixel counts\n.*weights of the method itself"):
         fit(scene, SHORT, tmp_path, images=images, weights=weights)
 
 
