@@ -5,7 +5,7 @@ Section 4.1, latent appearance: every training view i has an embedding l_i^(a), 
 uncertainty of what is in view i alone. Rendered without that head and with the mean embedding, the scene is as it is
 without the rain.
 
-Where this deviates, and why:
+Where this deviates, beside what all radiance fields here share (docs/topics/radiance-fields.md), and why:
 
 * Static and transient share what an interval emits in proportion to their densities, the exact integral over matter
   that is mixed evenly; the paper's alphas of both (its equation 8) add up to more than one where both are opaque, as in
@@ -17,8 +17,7 @@ Where this deviates, and why:
 * Small profiles have a hash grid for the networks' eight layers, and proposals for the coarse network (which then has
   no colours: its loss is Mip-NeRF 360's). The paper profile has the networks; its units are the public
   implementation's (256, not 512).
-* The coarse network has no embeddings, as in the public implementation; in the paper it is given the appearance. Adam's
-  constants are those of instant-ngp (0.9, 0.99, 1e-15).
+* The coarse network has no embeddings, as in the public implementation; in the paper it is given the appearance.
 * Test views are rendered with the mean embedding; the paper fits one to one half of each test view.
 """
 

@@ -8,10 +8,10 @@ last attention map reaches a threshold a pixel is hidden, M = 1, and the field i
 Rays are drawn over all pixels; those that are hidden count nothing. The network's other half, the photographs without
 their drops, is not used: C* is the photograph as it was taken, as in the paper.
 
-Where this deviates: the map is widened by a few pixels, since attention fades at the rims of drops, which are the
-darkest part of them; the field is a hash grid in the short profiles, that of NeRF in `paper`; scenes that are seen from
-all sides are contracted and not in normalised device coordinates, which have no room for them; no noise is added to
-densities.
+Where this deviates, beside what all radiance fields here share (docs/topics/radiance-fields.md): the map is widened
+by one pixel of the photograph, whatever its size, since attention fades at the rims of drops, their darkest part; the
+field is a hash grid in the short profiles, that of NeRF in `paper`; scenes that are seen from all sides are
+contracted and not in normalised device coordinates, which have no room for them; no noise is added to densities.
 """
 
 import hashlib
@@ -45,7 +45,7 @@ class DropDetectionConfig:
 
     weights: str = "small"  # of the network, by name or path
     threshold: float = 0.2  # attention from which on a pixel is hidden
-    widened: int = 1  # pixels by which masks grow on every side
+    widened: int = 1  # pixels of the photograph, whatever its size, by which masks grow on every side
     longest: int = 480  # pixels a side; drops are detected in larger pictures at this size, that of the training
     weights_sha256: str | None = None  # of their file: runs with other weights are other runs
 

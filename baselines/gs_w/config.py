@@ -28,7 +28,10 @@ class EncoderConfig:
 
 @dataclass(frozen=True)
 class ReferenceConfig(EncoderConfig):
-    """Settings beside those of the Gaussians; the defaults are those of Zhang et al. 2024 and of their public code."""
+    """Settings beside those of the Gaussians; the defaults are those of Zhang et al. 2024 and of their public code.
+
+    But for `rate_coordinates`: theirs move at 1 in a box that is scaled, ours in one from -1 to 1 from the start.
+    """
 
     maps: int = 2  # K, adaptive feature maps; there is one projection map besides
     channels: int = 16  # of each map

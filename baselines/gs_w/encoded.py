@@ -20,7 +20,7 @@ from baselines.gs_w.encoder import PictureEncoder, at_size
 from baselines.splatting.appearance.base import Appearance
 from baselines.splatting.schedule import Stream, random_stream
 from baselines.training.images import TrainingImages
-from baselines.training.torch_state import module_arrays, restore_module
+from baselines.training.torch_state import module_arrays, one_thread, restore_module
 
 STEPS = "steps"
 
@@ -65,11 +65,12 @@ class EncodedAppearance(Appearance):
         height, width = self._images.pixels(view).shape[:2]
         multiple = self.encoder.multiple
         size = [max(1, round(side / self.config.shrink / multiple)) * multiple for side in (height, width)]
-        pixels = self._images.pixels(view, (size[0], size[1])).astype(np.float32) / 255 - 0.5
+        pixels = self._images.pixels_once(view, (size[0], size[1])).astype(np.float32) / 255 - 0.5
         picture = torch.from_numpy(pixels).permute(2, 0, 1)[None]
         code, visible = self.encoder(picture.to(self.device))
         return code, visible
 
+    @one_thread()
     @torch.no_grad()
     def hidden(self, view: int, size: tuple[int, int]) -> NDArray[np.float32]:
         """1 - m [H, W] of a training view at (height, width)."""

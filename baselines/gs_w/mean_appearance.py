@@ -13,6 +13,7 @@ from baselines.gs_w.fusion import Fusion
 from baselines.splatting.appearance.gaussians import in_sight, moved, tensors
 from baselines.splatting.appearance.view_averages import mean_over_views
 from baselines.splatting.gaussians import Gaussians
+from baselines.training.torch_state import one_thread
 from hydroviews.scene.cameras import Camera
 
 
@@ -36,6 +37,7 @@ def average_features(
     return replace(gaussians, features=features)
 
 
+@one_thread()
 @torch.no_grad()
 def coloured_for(gaussians: Gaussians, fusion: Fusion, camera: Camera) -> Gaussians:
     """Gaussians with average features in the colours they show to a camera, those in sight, ready to be rendered."""

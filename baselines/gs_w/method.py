@@ -12,7 +12,7 @@ Departures from the paper, in all profiles:
   - The mask weighs the loss of each pixel; the authors' code multiplies both pictures by it.
   - No batch normalisation in training; see `encoder`. ResNet-18 learns from scratch unless
     $HYDROVIEWS_RESNET18 names a file of its weights, which the record then names.
-  - The coordinates' box is as large as the map from the start.
+  - The coordinates' box is as large as the map from the start; they move at a rate of 0.004, theirs at 1.
 Short profiles besides: a small U-Net on a reference of half the size, smaller networks, a larger rate of coordinates,
 no LPIPS.
 """
@@ -39,7 +39,7 @@ from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting_profiles import PROFILES_WITH_NETWORKS, with_iterations
 from baselines.training.checkpoints import MODEL, read_arrays, write_arrays
 from baselines.training.images import read_images
-from baselines.training.torch_state import module_arrays, restore_module
+from baselines.training.torch_state import module_arrays, one_thread, restore_module
 from hydroviews.errors import InputError
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.scenes import Scene
@@ -101,6 +101,7 @@ class GaussianInTheWild(GaussianSplatting):
             load_resnet(appearance.encoder.backbone, Path(config.appearance.weights))
         return VisibleObjective(images, splatting.lambda_dssim, appearance)
 
+    @one_thread()
     def fit(self, scene: Scene, folder: Path) -> None:
         """See Method; then the references have done their part."""
         super().fit(scene, folder)

@@ -5,7 +5,7 @@ network of a view's code and a place in the picture says what the scene need not
 step sees a grid of rays in one photograph (`volumetric.grids`). Held-out views have the mean look of the training
 views.
 
-Where this deviates, and why:
+Where this deviates, beside what all radiance fields here share (docs/topics/radiance-fields.md), and why:
 
 * Held-out views are not looked at. The authors take the look of the whole held-out photograph.
 * Two losses, that of looks encoded again from what is rendered in another photograph's look, and that of looks that
@@ -18,8 +18,7 @@ Where this deviates, and why:
   is a multiple of the running median of the error: at a constant price what is not learned yet is masked for good.
   They colour half of the rays in the mean look, as nerf-w does: what a stretch of views has in common would be missing
   in it otherwise.
-* No noise is added to densities, which kept the authors' code from learning some scenes; near, far and space are those
-  of all radiance fields here.
+* No noise is added to densities, which kept the authors' code from learning some scenes.
 """
 
 from collections.abc import Mapping

@@ -55,7 +55,7 @@ class Nimbus(GaussianSplatting):
             InputError: an unreadable picture, or no such device.
         """
         cameras = [view.camera for view in scene.train_views]
-        near = self.splatting.near * scene_extent(cameras)[1]
+        near = self.splatting.near * scene_extent(cameras, scene.points.positions)[1]
         images = read_images(scene.train_views)
         return NimbusObjective(images, cameras, self.config, self._first_medium(scene, cameras), near)
 

@@ -47,7 +47,7 @@ def box_around(points: NDArray[np.floating], cameras: Sequence[Camera], factor: 
 
     Without points it is a cube around the cameras.
     """
-    middle, extent = scene_extent(cameras)
+    middle, extent = scene_extent(cameras, points)
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points):
         return Box(middle, np.full(3, factor * extent), extent)

@@ -3,7 +3,7 @@
 A field of everything is trained on the photographs. Along its rays a detector compares the depth of what is seen first
 with that of the last surface (`depths.py`, `detector.py`); a second field learns where both agree, and is shown.
 
-Where this deviates from the public code, beside what docs/topics/occ-nerf.md has in a table:
+Where this deviates from the public code, beside what docs/topics/occ-nerf.md and radiance-fields.md have in tables:
 
 * Rays are drawn from all views, not 32 x 32 from one photograph: without features of pictures no loss looks at
   neighbours, and a step that sees all views is steadier.

@@ -22,7 +22,8 @@ class TrainerConfig:
     """How to train. The default numbers are those of Kerbl et al. 2023; this is what differs from their code.
 
     * `near` is a hundredth of the scene's extent; theirs is 0.2 world units, whatever these are.
-    * The extent leaves out cameras that lie far from all others (`initialisation.scene_extent`).
+    * The extent leaves out cameras that lie far from all others, and comes of the points where cameras stand in one
+      place (`initialisation.scene_extent`).
     * No Gaussian starts larger than a twentieth of the extent; fewer than 100 scene points are filled up with 10,000
       random ones (`initialisation.initialise`).
     * The spherical-harmonic degree rises one step later, and the positions' rate falls from the first step on: steps

@@ -10,7 +10,7 @@ from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.sh_coefficients import coefficients, from_colour
 from baselines.splatting.schedule import Stream, random_stream
 from hydroviews.scene.cameras import Camera
-from hydroviews.scene.checks import usable
+from hydroviews.scene.checks import FARTHEST, usable
 from hydroviews.scene.scenes import Points
 
 logger = logging.getLogger(__name__)
@@ -23,19 +23,27 @@ BETWEEN = 4  # nearest neighbours between which and a point new ones are put
 MIDDLE = (0.25, 0.75)  # and where on the way
 LARGEST = 0.05  # of the extent: no Gaussian starts larger, however lonely its point
 STRAY = 2.0  # a camera this many times as far away as nine tenths of the others is taken for misplaced
+ONE_PLACE = 0.01  # of the points' median distance: cameras that are no further apart stand in one place
+FROM_ONE_PLACE = 0.25  # of that distance: the extent then; it is 0.1 for LLFF flower, 0.5 for Mip-NeRF 360 bonsai
 FAR_ORIGIN = 100.0  # extents from zero beyond which float32 positions would cost accuracy
 
 
-def scene_extent(cameras: Sequence[Camera]) -> tuple[NDArray[np.float64], float]:
+def scene_extent(cameras: Sequence[Camera], points: NDArray[np.floating]) -> tuple[NDArray[np.float64], float]:
     """Mean camera position [3] and 1.1 times the largest distance from it, the length unit of learning rates.
 
-    Cameras that lie far from all others, misplaced by the pose estimation, are left out.
+    Cameras that lie far from all others, misplaced by the pose estimation, are left out. Of one camera, or of several
+    in one place as on a tripod, that distance says nothing of the scene: then it is a share of the distance of its
+    points [N, 3], or for fewer than 100 of them that of the cameras, if there is any, or 1.
     """
     centres = np.stack([camera.centre for camera in cameras])
     distances = np.linalg.norm(centres - np.median(centres, axis=0), axis=1)
     kept = centres[distances <= STRAY * np.quantile(distances, 0.9)]
     middle = kept.mean(axis=0)
     radius = 1.1 * float(np.linalg.norm(kept - middle, axis=1).max())
+    usual = points[(np.abs(points) <= FARTHEST).all(axis=1)]
+    if len(usual) >= FEWEST_POINTS:
+        away = float(np.median(np.linalg.norm(usual - middle, axis=1)))
+        radius = radius if radius > ONE_PLACE * away else FROM_ONE_PLACE * away
     return middle, radius if radius > 0 else 1.0
 
 
@@ -46,9 +54,9 @@ def initialise(points: Points, cameras: Sequence[Camera], sh_degree: int, seed: 
     grey ones are drawn in the cube around the cameras. The log says both. Where it has more than that but fewer than
     `fewest`, others are put between them: see `filled_up`.
     """
-    middle, extent = scene_extent(cameras)
-    origin = middle if float(np.linalg.norm(middle)) > FAR_ORIGIN * extent else np.zeros(3)
     positions, colours = np.asarray(points.positions, np.float64), np.asarray(points.colours) / 255.0
+    middle, extent = scene_extent(cameras, positions)
+    origin = middle if float(np.linalg.norm(middle)) > FAR_ORIGIN * extent else np.zeros(3)
     kept = usable("training", positions)
     positions, colours = positions[kept], colours[kept]
     if len(positions) < FEWEST_POINTS:

@@ -61,7 +61,7 @@ def train(
     """
     cameras = tuple(view.camera for view in scene.train_views)
     objective = objective or Objective(read_images(scene.train_views), config.lambda_dssim)
-    extent = scene_extent(cameras)[1]
+    extent = scene_extent(cameras, scene.points.positions)[1]
     near = config.near * extent
     backend = make_backend(
         config.device, objective, np.asarray(config.background, np.float32), near, config.antialiased

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from hydroviews.cli.threads import side_by_side
-from hydroviews.scene.images import to_uint8
+from hydroviews.errors import InputError
 from hydroviews.scene.masks import Ignored, fit_ignored
 from hydroviews.scene.scenes import View
 
@@ -20,10 +20,17 @@ def read_images(views: Sequence[View]) -> "TrainingImages":
     """Read the pictures and masks of all views, two at a time, showing progress.
 
     Raises:
-        InputError: a picture or mask that cannot be read or has another size than its camera.
+        InputError: a picture or mask that cannot be read or has another size than its camera; masks hide all pixels.
     """
-    pictures = side_by_side(lambda view: (to_uint8(view.image()), view.ignored()), views)
+    pictures = side_by_side(lambda view: (view.rounded(), view.ignored()), views)
     read = list(tqdm(pictures, desc="reading images", unit="image", total=len(views), leave=False))
+    if read and all(ignored is not None and ignored.all() for _, ignored in read):
+        raise InputError(
+            "the training views: no pixel counts",
+            found=f"masks that hide all of them, {views[0].mask} and the others",
+            expected="masks that are black where a photograph is to be ignored, and white elsewhere",
+            fix="invert the masks, or hide less of the photographs",
+        )
     return TrainingImages([pixels for pixels, _ in read], [ignored for _, ignored in read])
 
 
@@ -55,6 +62,10 @@ class TrainingImages:
         """One picture [H, W, 3]."""
         return self._at(index, size)[0]
 
+    def pixels_once(self, index: int, size: Size) -> NDArray[np.uint8]:
+        """One picture at a size that nobody else asks for: the same pixels, which are not kept."""
+        return _averaged(self._full[index][0], size)
+
     def ignored(self, index: int, size: Size | None = None) -> Ignored | None:
         """What is hidden of one picture, bool [H, W]; None where nothing is."""
         return self._at(index, size)[1]
@@ -83,7 +94,10 @@ class TrainingImages:
             return pixels, ignored
         if (index, size) not in self._smaller:
             height, width = size
-            averaged = np.asarray(cv2.resize(pixels, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
             mask = None if ignored is None else fit_ignored(ignored, width, height)
-            self._smaller[index, size] = averaged, mask
+            self._smaller[index, size] = _averaged(pixels, size), mask
         return self._smaller[index, size]
+
+
+def _averaged(pixels: NDArray[np.uint8], size: Size) -> NDArray[np.uint8]:
+    return np.asarray(cv2.resize(pixels, size[::-1], interpolation=cv2.INTER_AREA), np.uint8)

@@ -87,8 +87,9 @@ def run(trainer: Trainer, checkpoint: Path, fingerprint: Mapping[str, Any], chec
             curve.add(trainer.iteration, trainer.seconds, metrics, trainer.finished)
             if stopped or saving.due or trainer.finished:
                 with saving.timed():
-                    save_checkpoint(checkpoint, {**trainer.state_dict(), _CURVE: curve.state_dict()}, fingerprint)
+                    # Rows first: from a finished checkpoint, after a kill between the two, nobody would write them.
                     write_rows(checkpoint.with_name(LEARNING_CURVE), curve.columns, curve.rows)
+                    save_checkpoint(checkpoint, {**trainer.state_dict(), _CURVE: curve.state_dict()}, fingerprint)
             end_stopped(stopped)
             smooth = smoothed(smooth, next(iter(metrics.values())), SMOOTHING)
             bar.set_postfix_str(_in_words(metrics, smooth), refresh=False)

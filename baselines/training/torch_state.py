@@ -65,9 +65,11 @@ def torch_threads(count: int) -> Iterator[None]:
         torch.set_num_threads(before)
 
 
-def one_thread() -> AbstractContextManager[None]:
-    """The order in which torch adds up, and so the last bits, depends on the number of threads."""
-    return torch_threads(1)
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """The order in which torch adds up, and so the last bits, depends on the number of threads. Also a decorator."""
+    with torch_threads(1):
+        yield
 
 
 def picture_threads() -> AbstractContextManager[None]:

@@ -58,7 +58,11 @@ class TrainingPixels:
         self._colours = images.all_pixels()
         self._weights = _counting(images, weights)
         if self._weights is not None and not self._weights.any():
-            raise _nothing_counts(images)
+            raise InputError(
+                "the training views: no pixel counts",
+                found="weights of the method itself that are 0 wherever the photographs are not masked",
+                fix="take another method, or settings with which it hides less",
+            )
 
     def digest(self) -> str:
         """SHA-256 of all weights, of nothing where all count 1; that of the pixels is `images.digest()`."""
@@ -108,15 +112,6 @@ def _counting(images: TrainingImages, weights: Sequence[NDArray[np.float32]] | N
         part = np.ones(images.pixels(view).shape[:2], np.float32) if weights is None else weights[view]
         parts.append((part if mask is None else np.where(mask, np.float32(0), part)).ravel())
     return np.concatenate(parts)
-
-
-def _nothing_counts(images: TrainingImages) -> InputError:
-    """The error where no pixel counts: because of the masks, or of what the method itself hides of the rest."""
-    what, masks = "the training views: no pixel counts", [images.ignored(view) for view in range(len(images))]
-    if all(mask is not None and mask.all() for mask in masks):
-        return InputError(what, found="masks that hide all of them", fix="hide less of the photographs")
-    found = "weights of the method itself that are 0 wherever the photographs are not masked"
-    return InputError(what, found=found, fix="take another method, or settings with which it hides less")
 
 
 def _check_weights(weights: Sequence[NDArray[np.float32]], images: TrainingImages) -> None:

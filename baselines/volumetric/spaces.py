@@ -167,7 +167,7 @@ def choose_space(cameras: Sequence[Camera], points: Points, kind: str = "auto") 
         raise InputError("no training views", expected="at least one")
     if kind not in KINDS:
         raise InputError(f"space {kind}: unknown", expected=", ".join(KINDS))
-    middle, extent = scene_extent(cameras)
+    middle, extent = scene_extent(cameras, points.positions)
     near, far = depth_range(cameras, points, extent)
     pose = mean_pose(cameras)
     steepest = min(_steepness(camera, pose) for camera in cameras)

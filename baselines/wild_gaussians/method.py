@@ -177,8 +177,8 @@ class WildGaussians(GaussianSplatting):
         """See Method."""
         config: WildConfig = self.config
         bounds, before = bounds_of(scene), len(scene.points)
-        extent = scene_extent([view.camera for view in scene.train_views])[1]
         scene = with_sky(scene, bounds, config.sky)
+        extent = scene_extent([view.camera for view in scene.train_views], scene.points.positions)[1]
         splatting = with_room(config.splatting, bounds, config.sky, extent)
         images, appearance = read_images(scene.train_views), None
         if config.appearance:

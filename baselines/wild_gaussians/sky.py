@@ -31,7 +31,7 @@ def bounds_of(scene: Scene) -> Bounds:
     """The mean of the points and the 97th percentile of their distances from it; for few points the cameras' extent."""
     positions = finite(scene.points)
     if len(positions) < FEWEST_POINTS:
-        return Bounds(*scene_extent([view.camera for view in scene.train_views]))
+        return Bounds(*scene_extent([view.camera for view in scene.train_views], positions))
     centre = positions.mean(axis=0)
     radius = float(np.quantile(np.linalg.norm(positions - centre, axis=1), QUANTILE))
     return Bounds(centre, radius or 1.0)

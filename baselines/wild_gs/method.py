@@ -32,6 +32,7 @@ from baselines.splatting.config import TrainerConfig
 from baselines.splatting.initialisation import scene_extent
 from baselines.splatting_profiles import PROFILES_WITH_NETWORKS, with_iterations
 from baselines.training.images import read_images
+from baselines.training.torch_state import one_thread
 from baselines.wild_gs.appearance import LookAppearance
 from baselines.wild_gs.config import SHORT, LookConfig
 from baselines.wild_gs.mean_look import mean_look
@@ -79,7 +80,8 @@ class WildGS(GaussianSplatting):
             InputError: an unreadable picture, or weights that are none.
         """
         splatting, look, images = self.splatting, self.config.look, read_images(scene.train_views)
-        near = splatting.near * scene_extent([view.camera for view in scene.train_views])[1]
+        cameras = [view.camera for view in scene.train_views]
+        near = splatting.near * scene_extent(cameras, scene.points.positions)[1]
         appearance = LookAppearance(
             images, look, splatting.sh_degree, splatting.iterations, self.seed, near, splatting.antialiased
         )
@@ -87,6 +89,7 @@ class WildGS(GaussianSplatting):
             load_resnet(appearance.encoder.backbone, Path(look.weights))
         return VisibleObjective(images, splatting.lambda_dssim, appearance)
 
+    @one_thread()
     def fit(self, scene: Scene, folder: Path) -> None:
         """See Method; then the references have done their part."""
         super().fit(scene, folder)

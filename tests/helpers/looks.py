@@ -6,7 +6,9 @@ from unittest import mock
 
 import numpy as np
 import pytest
+import torch
 from splats import BACKGROUND, cloud, photographed
+from torch.nn.modules.module import register_module_forward_pre_hook
 
 from baselines.gs_w.objective import VisibleObjective
 from baselines.splatting.appearance.gaussians import with_appearance
@@ -18,6 +20,7 @@ from baselines.splatting.strategies.base import StepOptions
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting_profiles import SHORT_RATES
 from baselines.training.images import read_images
+from baselines.training.torch_state import torch_threads
 from hydroviews.scene.images import write_png
 
 SPLATTING = TrainerConfig(
@@ -50,6 +53,22 @@ def occlude(scene, side=24):
         top, left = rng.integers(0, image.shape[0] - side + 1), rng.integers(0, image.shape[1] - side + 1)
         image[top : top + side, left : left + side] = (1, 0.9, 0.2)
         write_png(view.path, image)
+
+
+def threads_of_networks(kind, config, folder):
+    """The numbers of threads that networks ran with, of three, in a method's training, a render and a mask."""
+    scene, seen = photographed(folder, n_views=6), set()
+    noting = register_module_forward_pre_hook(lambda module, inputs: seen.add(torch.get_num_threads()))
+    try:
+        with torch_threads(3):
+            method = kind(config, 0)
+            method.fit(scene, folder)
+            method.render(scene.views[0].camera)
+            method.hidden(0, (36, 48))
+            assert torch.get_num_threads() == 3
+    finally:
+        noting.remove()
+    return seen
 
 
 @contextmanager

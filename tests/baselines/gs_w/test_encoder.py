@@ -84,3 +84,9 @@ def test_settings_that_cannot_be():
         ReferenceConfig(maps=0)
     with pytest.raises(ValueError, match="positive"):
         ReferenceConfig(visible_price=0)
+
+
+def test_no_photograph_is_kept_at_the_encoders_size():
+    images = TrainingImages([np.random.default_rng(0).integers(0, 255, (70, 90, 3), np.uint8)])
+    ReferenceAppearance(images, SHORT, 1, 100, 0).encode(0)
+    assert not images._smaller

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 from disturbed import fitted
-from looks import GROWING, SPLATTING, cast, lessons_cut, occlude, true_pictures
+from looks import GROWING, SPLATTING, cast, lessons_cut, occlude, threads_of_networks, true_pictures
 from splats import photographed
 
 from baselines.gaussian_splatting import GaussianSplatting
@@ -85,6 +85,12 @@ def test_the_same_pixels_from_disk_and_colours_for_viewers(tmp_path):
     other = replace(config, appearance=replace(SHORT, fused=16))
     with pytest.raises(InputError, match="another network"):
         GaussianInTheWild.load(other, 0, tmp_path)
+
+
+def test_networks_have_one_thread(tmp_path):
+    """The last bits of what torch adds up depend on how many there are."""
+    config = GSWConfig(replace(GROWING, iterations=2), SHORT)
+    assert threads_of_networks(GaussianInTheWild, config, tmp_path) == {1}
 
 
 def test_an_interrupted_run_ends_with_the_same_bits_as_a_whole_one(tmp_path):

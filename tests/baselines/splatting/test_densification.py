@@ -116,12 +116,13 @@ def test_when_things_are_due():
 def test_initial_gaussians_sit_on_the_points():
     grid = np.stack(np.meshgrid(*[np.arange(6.0)] * 3), -1).reshape(-1, 3)
     colours = np.random.default_rng(0).integers(0, 256, grid.shape, np.uint8)
-    gaussians = initialise(Points(grid, colours), [camera(10, 10, a) for a in (0, 2, 4)], 2, 0)
+    cameras = [camera(10, 10, a) for a in (0, 2, 4)]
+    gaussians = initialise(Points(grid, colours), cameras, 2, 0)
     assert np.allclose(gaussians.means, grid)
-    assert np.allclose(np.exp(gaussians.log_scales), 0.05 * scene_extent([camera(10, 10, a) for a in (0, 2, 4)])[1])
+    assert np.allclose(np.exp(gaussians.log_scales), 0.05 * scene_extent(cameras, grid)[1])
     assert np.allclose(0.5 + 0.28209479 * gaussians.sh[:, 0], colours / 255, atol=1e-6)
     assert np.allclose(1 / (1 + np.exp(-gaussians.opacity_logits)), 0.1)
-    fine = initialise(Points(grid / 100, colours), [camera(10, 10, a) for a in (0, 2, 4)], 2, 0)
+    fine = initialise(Points(grid / 100, colours), cameras, 2, 0)
     assert np.allclose(np.exp(fine.log_scales), 0.01)
 
 
@@ -154,12 +155,32 @@ def test_a_far_scene_is_recentred():
 
 def test_a_misplaced_camera_does_not_count():
     cameras = [camera(10, 10, a) for a in np.linspace(0, 6, 40)]
-    extent = scene_extent(cameras)[1]
+    nothing, extent = no_points().positions, scene_extent(cameras, no_points().positions)[1]
     pose = np.eye(4)
     pose[0, 3] = 1000
     stray = Camera(10, 10, 10, 10, 5, 5, pose)
-    assert scene_extent([*cameras, stray])[1] == pytest.approx(extent)
-    assert scene_extent(cameras[:1])[1] == 1.0
+    assert scene_extent([*cameras, stray], nothing)[1] == pytest.approx(extent)
+
+
+@pytest.mark.parametrize("scale", [0.001, 1.0, 1000.0])
+def test_cameras_in_one_place_have_an_extent_in_the_units_of_the_points(scale):
+    """A fixed one would put `near` behind a small scene, and that of a tripod's jitter make Gaussians tiny."""
+    points = np.random.default_rng(0).uniform(-1, 1, (150, 3))
+    points[0], points[1] = 1e300, np.nan
+    ring = [camera(10, 10, a) for a in (0, 2, 4)]
+    tripod = [camera(10, 10, a, (a * 1e-4, 0, 0)) for a in (0, 0.0001, 0.0002)]
+
+    def extent(cameras, positions=points):
+        moved = [replace(c, world_to_camera=scaled(c.world_to_camera)) for c in cameras]
+        return scene_extent(moved, scale * positions)[1] / scale
+
+    def scaled(pose):
+        return np.block([[pose[:3, :3], scale * pose[:3, 3:]], [pose[3:]]])
+
+    assert extent(ring[:1]) == pytest.approx(1, rel=0.1)  # they look at the points from four units away
+    assert extent(tripod) == pytest.approx(1, rel=0.1)
+    assert extent(ring) == extent(ring, no_points().positions) > 4  # others are what they are without points
+    assert extent(ring[:1], points[:50]) == 1 / scale
 
 
 def test_schedule():

@@ -274,6 +274,20 @@ def test_the_learning_curve_goes_on_over_sessions(tmp_path, monkeypatch):
     assert [row | {"seconds": ""} for row in rows] == [row | {"seconds": ""} for row in expected]
 
 
+def test_a_kill_after_the_last_checkpoint_leaves_the_whole_learning_curve(tmp_path, monkeypatch):
+    """A finished training has no further step after which it could be written."""
+
+    def killed(*arguments):
+        save_checkpoint(*arguments)
+        raise SystemExit
+
+    monkeypatch.setattr(loop, "save_checkpoint", killed)
+    with pytest.raises(SystemExit):
+        loop.run(Counting(), tmp_path / CHECKPOINT, {}, 1e9)
+    loop.run(Counting(), tmp_path / CHECKPOINT, {}, 1e9)
+    assert learning_curve(tmp_path)[-1]["step"] == "10"
+
+
 class Changing(Counting):
     """Has a loss in every fourth step alone, and from step 100 on another one and another count."""
 

@@ -160,20 +160,13 @@ def test_bad_input_is_refused(scene, tmp_path):
         fit(scene, SHORT, tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("masked", "weight", "message"),
-    [
-        (0, 0.0, "weights of the method itself"),
-        (10, 0.0, "weights of the method itself"),  # a part is masked, the rest is the method's doing
-        (32, 1.0, "masks that hide all of them\n.*hide less of the photographs"),
-    ],
-)
-def test_where_nothing_counts_it_is_told_why(scene, tmp_path, masked, weight, message):
+@pytest.mark.parametrize("masked", [0, 10])  # the rest is the method's doing
+def test_where_a_method_hides_what_masks_do_not_it_is_told(scene, tmp_path, masked):
     mask = np.broadcast_to(np.arange(32) < masked, (24, 32))
     pictures = [to_uint8(view.image()) for view in scene.train_views]
     images = TrainingImages(pictures, [mask if masked else None for _ in pictures])
-    weights = [np.full((24, 32), weight, np.float32) for _ in pictures]
-    with pytest.raises(InputError, match=f"no pixel counts\n.*{message}"):
+    weights = [np.zeros((24, 32), np.float32) for _ in pictures]
+    with pytest.raises(InputError, match=r"no pixel counts\n.*weights of the method itself"):
         fit(scene, SHORT, tmp_path, images=images, weights=weights)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 from disturbed import fitted
-from looks import GROWING, SPLATTING, cast, lessons_cut, occlude, true_pictures
+from looks import GROWING, SPLATTING, cast, lessons_cut, occlude, threads_of_networks, true_pictures
 from splats import cloud, photographed
 
 from baselines.gaussian_splatting import GaussianSplatting
@@ -119,6 +119,12 @@ def test_the_same_pixels_from_disk_and_in_viewers(tmp_path):
     assert method.summary().used == "encoder small from scratch, 0.0% of the pixels masked"
     shown = read_ply(tmp_path / SPLATS)
     assert np.array_equal(shown.sh, method._trained.gaussians.sh)  # all of the look is in the file
+
+
+def test_networks_have_one_thread(tmp_path):
+    """The last bits of what torch adds up depend on how many there are."""
+    config = WildGSConfig(replace(GROWING, iterations=2), replace(SHORT, local_from=0.0))
+    assert threads_of_networks(WildGS, config, tmp_path) == {1}
 
 
 def test_an_interrupted_run_ends_with_the_same_bits_as_a_whole_one(tmp_path):
