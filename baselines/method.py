@@ -96,7 +96,7 @@ class Method(ABC):
         """The learned scene without rain: float32 [H, W, 3], sRGB-encoded, [0, 1]."""
 
     def hidden(self, view: int, size: tuple[int, int]) -> NDArray[np.float32] | None:
-        """How much of each pixel of a training view the method takes for something before the scene, after `fit`.
+        """How much of each pixel of a training view is attributed to occluders in front of the scene, after `fit`.
 
         Args:
             view: index among the training views.

@@ -1,4 +1,4 @@
-"""DeSplat (Wang et al. 2025): what single views show lies in layers of Gaussians before their cameras.
+"""DeSplat (Wang et al. 2025): what single views show lies in layers of Gaussians in front of their cameras.
 
 Every training view has a layer (`view_layers.py`) that is composited in front of the scene and learned with it, from
 the same loss of the composite,

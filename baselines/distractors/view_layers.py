@@ -1,4 +1,4 @@
-"""Gaussians of each view before its camera, composited in front of the scene (DeSplat, Wang et al. 2025, section 3).
+"""Gaussians of each view in front of its camera, composited over the scene (DeSplat, Wang et al. 2025, section 3).
 
     C = C_d + (1 - A_d) C_s
 

@@ -1,4 +1,4 @@
-"""What is a function of the iteration alone: view order, resolution, learning rates, spherical-harmonic degree.
+"""Schedules, functions of the iteration alone: view order, resolution, learning rates, spherical-harmonic degree.
 
 Nothing here keeps state, so training that resumes at iteration i goes on exactly as it would have.
 """

@@ -120,7 +120,7 @@ def timed_loops() -> Iterator[list[Interval]]:
 
 
 def one_blas_thread() -> threadpool_limits:
-    """For numpy's products: a step's matrices are small, and threads that wait for more keep processors busy."""
+    """Limit BLAS to one thread: a step's matrices are small, and idle threads of BLAS spin."""
     return threadpool_limits(1, user_api="blas")
 
 

@@ -1,4 +1,4 @@
-"""What the commands of networks trained from pairs share: threads, data in words, trainings to export, weights."""
+"""What commands of networks trained from pairs share: threads, photographs described, trainings to export, weights."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -50,8 +50,13 @@ def rounded(tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
 def weights_file(weights: str | Path, shipped: Path, what: str) -> Path:
     """The file of the named weights in the folder `shipped`, or the file itself.
 
+    Args:
+        weights: name or path.
+        shipped: where named ones are.
+        what: kind of network, for the error.
+
     Raises:
-        InputError: none of that name are there; `what` says whose they would be.
+        InputError: none of that name are there.
     """
     if Path(weights).suffix:
         return Path(weights)

@@ -1,4 +1,4 @@
-"""Settings of a training that are numbers: none is negative or infinite, and what is counted is there."""
+"""Checks of numeric settings: finite, not negative, counts at least 1."""
 
 import math
 from dataclasses import fields

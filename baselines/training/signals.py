@@ -1,4 +1,4 @@
-"""Trainings that are stopped: signals that wait for the end of a step, and a clock that goes on over sessions."""
+"""Stopping a training: signals take effect after the step, and a clock adds up sessions."""
 
 import signal
 import threading

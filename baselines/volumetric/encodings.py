@@ -1,4 +1,4 @@
-"""What networks are given instead of positions and directions."""
+"""Encodings of positions and directions: what networks are given instead."""
 
 import math
 

@@ -81,10 +81,10 @@ def build(path: Path, about: dict[str, Any], arrays: dict[str, NDArray]) -> Enha
 
 
 def to_arrays(tensors: dict[str, Tensor]) -> dict[str, NDArray]:
-    """For safetensors, which wants rows first."""
+    """Weights as arrays for safetensors, which wants them contiguous."""
     return {name: np.ascontiguousarray(value.detach().cpu().numpy()) for name, value in tensors.items()}
 
 
 def to_tensors(arrays: dict[str, NDArray]) -> dict[str, Tensor]:
-    """The opposite."""
+    """Arrays of a weights file as tensors; the inverse of `to_arrays`."""
     return {name: torch.from_numpy(value) for name, value in arrays.items()}

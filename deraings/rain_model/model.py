@@ -109,7 +109,7 @@ class RainModel:
             self.renewed = RenewedDrops(covers, images, lens.staying, iterations, config.renewed)
 
     def begin(self, iteration: int) -> None:
-        """What a step begins with, whatever it compares: from here on single streaks are taken anew, if it is time."""
+        """Call first in every step: estimates single streaks again when that is due."""
         if self.rain:
             self.rain.renew(iteration)
 

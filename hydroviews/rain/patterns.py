@@ -34,5 +34,5 @@ class Pattern:
 
 
 def pattern_generator(pattern: Pattern, statistics: SceneStatistics, *labels: str | int) -> np.random.Generator:
-    """The random generator of a pattern on a scene, or of what further labels name of it, such as a view."""
+    """The random generator of a pattern on a scene; further labels, such as a view's name, give independent ones."""
     return generator(statistics.seed, statistics.scene, pattern.effect, pattern.index, *labels)

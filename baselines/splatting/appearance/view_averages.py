@@ -1,4 +1,4 @@
-"""What Gaussians have in the views that show them, in the mean."""
+"""Means of per-view values of Gaussians over the views that show them."""
 
 from collections.abc import Callable, Sequence
 

@@ -130,7 +130,7 @@ def map_photographs(
 
 
 def can_be_read(model: pycolmap.Reconstruction) -> bool:
-    """Whether its cameras are such as readers take; small models may have focal lengths of a pixel."""
+    """Whether the readers accept its cameras; small models may have focal lengths of a pixel."""
     try:
         for camera in model.cameras.values():
             Lens(camera.model.name, camera.width, camera.height, tuple(camera.params))

@@ -26,7 +26,7 @@ class StormEffect(Effect):
     }
 
     def draw(self, pattern: Pattern, statistics: SceneStatistics) -> StormPattern:
-        """Rates, winds and shutters by the grade; a storm is as hard as it is, on every scene."""
+        """The grade alone chooses rate, wind and shutter; storms are not adapted to the scene."""
         return draw_pattern(pattern_generator(pattern, statistics), pattern.level)
 
     def place(self, drawn: StormPattern, pattern: Pattern, statistics: SceneStatistics) -> Storm:

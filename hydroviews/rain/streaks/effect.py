@@ -37,7 +37,7 @@ class StreakEffect(Effect):
         return grade_streaks(drawn, pattern.grade, statistics)
 
     def place(self, drawn: StreakPattern, pattern: Pattern, statistics: SceneStatistics) -> "Streaks":
-        """Streaks depend on no more of a scene than its name."""
+        """Ignores the scene's statistics: only its name seeds the drawing."""
         return Streaks(drawn, pattern, statistics)
 
     def composite(self, parameters: Mapping[str, Any], clean: Image, layers: Layers) -> Image:

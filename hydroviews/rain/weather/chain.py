@@ -76,7 +76,7 @@ class Chain(Effect):
         return clean
 
     def describe(self, parameters: Mapping[str, Any]) -> str:
-        """What there is to say of the parts, one after another."""
+        """The descriptions of all parts, joined."""
         phrases = {name: part.describe(parameters[name]) for name, part in self.parts.items() if name in parameters}
         return "; ".join(f"{name}: {phrase}" for name, phrase in phrases.items() if phrase)
 

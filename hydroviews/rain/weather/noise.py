@@ -64,7 +64,7 @@ class SensorNoise:
     needs_optics = False
 
     def place(self, drawn: NoisePattern, pattern: Pattern, statistics: SceneStatistics) -> "Noise":
-        """A sensor depends on no more of a scene than its name."""
+        """Ignores the scene's statistics: only its name seeds the drawing."""
         return Noise(asdict(drawn), pattern, statistics)
 
     def composite(self, parameters: Mapping[str, Any], clean: Image, layers: Layers) -> Image:
