@@ -184,3 +184,9 @@ def test_the_tree_in_contributing_is_the_tree_on_disk():
     assert [str(path) for path in sorted(named) if not (ROOT / path).exists()] == []
     folders = {PurePosixPath(path.parent.relative_to(ROOT)) for path in modules().values()}
     assert [str(folder) for folder in sorted(folders - named) if len(folder.parts) <= 3] == []
+
+
+def test_the_list_of_helpers_names_them_all():
+    helpers = ROOT / "tests/helpers"
+    listed = re.findall(r"^\| `(\w+\.py)` \|", (helpers / "README.md").read_text(), re.MULTILINE)
+    assert sorted(listed) == sorted(path.name for path in helpers.glob("*.py"))

@@ -5,7 +5,7 @@ import pickle
 import numpy as np
 import pytest
 import torch
-from shared import built_in
+from shared_data_set import built_in
 from synthetic import capture_in
 
 from hydroviews.dataset.build import build

@@ -309,9 +309,9 @@ def test_unknown_names(built, tmp_path, changes, message):
         ("nerf-x", "no such method"),
         ("json:JSONDecoder", "is not a method"),
         ("no.module:Class", "cannot import"),
-        ("exiting_module:Any", r"cannot import[\s\S]*SystemExit: 0"),
+        ("module_that_exits:Any", r"cannot import[\s\S]*SystemExit: 0"),
         (
-            "leaving_module:Any",
+            "module_that_dies:Any",
             r"cannot be imported[\s\S]*its process ended before the work was done, with exit status 0",
         ),
     ],

@@ -5,7 +5,7 @@ from dataclasses import asdict
 
 import pytest
 from servers import serving
-from shared import SHAREABLE, built_in
+from shared_data_set import SHAREABLE, built_in
 from synthetic import capture_in
 
 from hydroviews.dataset.manifest import data_hash

@@ -217,7 +217,7 @@ def test_it_is_told_in_words_in_json_and_by_the_exit_status(only, tmp_path, capl
         ({"method": "contract_toys:Good", "profile": "huge"}, "PROFILE=huge"),
         ({"method": "contract_toys:Good", "steps": 0}, "--steps 0"),
         ({"method": "contract_toys:Good", "minutes": float("nan")}, "--minutes nan"),
-        ({"method": "exiting_module:Any"}, "cannot import exiting_module:Any[\\s\\S]*SystemExit: 0"),
+        ({"method": "module_that_exits:Any"}, "cannot import module_that_exits:Any[\\s\\S]*SystemExit: 0"),
     ],
 )
 @pytest.mark.usefixtures("only")

@@ -4,7 +4,7 @@ import tarfile
 
 import numpy as np
 import pytest
-from archived import FILES, SCENE, contents, write_tar, write_zip
+from capture_archives import FILES, SCENE, contents, write_tar, write_zip
 
 from hydroviews.captures.download import archives
 from hydroviews.captures.download.archives import BadArchive, is_archive, unpack

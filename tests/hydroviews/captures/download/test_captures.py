@@ -4,7 +4,7 @@ import os
 from dataclasses import replace
 
 import pytest
-from archived import FILES, SCENE, contents, write_zip
+from capture_archives import FILES, SCENE, contents, write_zip
 from servers import serving
 
 from hydroviews.captures.catalogue.catalogue import Archive, find_captures

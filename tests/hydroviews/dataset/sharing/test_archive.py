@@ -8,7 +8,7 @@ import stat
 import zipfile
 
 import pytest
-from shared import built_in, member, rewritten
+from shared_data_set import built_in, member, rewritten
 
 from hydroviews.captures.download.archives import BadArchive
 from hydroviews.dataset.sharing.archive import open_archive, write_archive

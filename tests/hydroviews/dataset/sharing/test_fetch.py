@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 from servers import serving
-from shared import built_in
+from shared_data_set import built_in
 
 from hydroviews.captures.download import archives
 from hydroviews.captures.download.archives import BadArchive

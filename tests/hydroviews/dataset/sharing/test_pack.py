@@ -9,7 +9,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from shared import built_in
+from shared_data_set import built_in
 
 from hydroviews.__main__ import fetch_command, pack_command
 from hydroviews.dataset.manifest import read_manifest, record_scene
