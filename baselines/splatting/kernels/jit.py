@@ -1,8 +1,8 @@
 """How the kernels are compiled: to machine code on first use, kept on disk for every later process.
 
 Numba re-compiles a cached kernel when the file that defines it changes, but not when a function it calls changes in
-another file. So the cache lives in a folder named after the content of all files beside this one, and after the
-processor and its instructions in use. A kernel defined elsewhere calls what is defined in its own file or beside this
+another file. So the cache lives in a folder named after all files beside this one, their path and content, and after
+the processor and its instructions in use. A kernel defined elsewhere calls what is defined in its own file or beside this
 one, and nothing else: a test goes through all kernels.
 """
 
@@ -26,8 +26,11 @@ EXACT = {"contract"}
 
 
 def digest(sources: Iterable[Path]) -> str:
-    """Twelve hexadecimal digits of the content of files, whatever their order, and of what machine runs them."""
-    content = b"".join(path.read_bytes() for path in sorted(sources))
+    """Twelve hexadecimal digits of files, where they are and what is in them, and of what machine runs them.
+
+    Numba finds machine code by its source's path: a copied folder of it is of no use to a copy of the sources.
+    """
+    content = b"".join(os.fsencode(path) + path.read_bytes() for path in sorted(sources))
     return hashlib.sha256(content + machine().encode()).hexdigest()[:12]
 
 

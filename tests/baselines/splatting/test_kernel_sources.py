@@ -74,6 +74,15 @@ def test_edited_sources_are_compiled_apart_once(tmp_path, monkeypatch, caplog):
     assert len([message for message in caplog.messages if "compiling the kernels" in message]) == 2
 
 
+def test_sources_that_were_copied_with_what_was_compiled_are_compiled_apart(tmp_path, monkeypatch):
+    monkeypatch.setattr(warm_up, "FOLDER", str(tmp_path))
+    for folder in ("checkout", "copy"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "kernel.py").write_text("")
+        compile_apart(f"open({str(tmp_path / folder / 'ran')!r}, 'w')", [tmp_path / folder / "kernel.py"])
+    assert (tmp_path / "copy" / "ran").exists()
+
+
 def test_what_another_process_has_compiled_meanwhile_is_not_compiled_again(tmp_path, monkeypatch):
     source = tmp_path / "kernel.py"
     source.write_text("")
