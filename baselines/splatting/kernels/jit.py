@@ -2,8 +2,8 @@
 
 Numba re-compiles a cached kernel when the file that defines it changes, but not when a function it calls changes in
 another file. So the cache lives in a folder named after all files beside this one, their path and content, and after
-the processor and its instructions in use. A kernel defined elsewhere calls what is defined in its own file or beside this
-one, and nothing else: a test goes through all kernels.
+the processor and its instructions in use. A kernel defined elsewhere calls what is defined in its own file or beside
+this one, and nothing else: a test goes through all kernels.
 """
 
 import hashlib
