@@ -1,7 +1,7 @@
 """What the enhancement network learns from: photographs, the rain drawn on them, published pairs, first weights."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import zip_longest
 from pathlib import Path
 
@@ -64,16 +64,18 @@ def started_from(data: Data, config: TrainingConfig) -> Enhancer | None:
     """The trained weights that a training begins with; None where it begins with chance.
 
     Raises:
-        InputError: no such weights, or they are of a network that the wanted one does not extend.
+        InputError: no such weights, or they are of a network of another width or depth.
     """
     if not data.start:
         return None
     enhancer = load_enhancer(data.start, "cpu")
-    if not config.network.extends(enhancer.network.config):
+    begun, wanted = enhancer.network.config, config.network
+    mist, fine = wanted.lens_mist and begun.lens_mist, wanted.lens_fine and begun.lens_fine
+    if begun != replace(wanted, lens_mist=mist, lens_fine=fine):
         raise InputError(
             f"{find_weights(data.start)}: cannot begin a training of another network",
             found=f"a network of {enhancer.network.config}",
-            expected=f"one of {config.network}, or with fewer blocks",
+            expected=f"one of {config.network}",
         )
     return enhancer
 

@@ -10,7 +10,7 @@ Tensors are [N, C, H, W] in channels-last memory, so that layer normalisation an
 numbers.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import cast
 
@@ -48,18 +48,6 @@ class NetworkConfig:
     def lens(self) -> bool:
         """Whether anything looks at what photographs of one lens have in common."""
         return self.lens_mist or self.lens_fine
-
-    @property
-    def depth(self) -> tuple[int, ...]:
-        """Blocks of the encoder's levels, of the bottleneck and of the decoder's levels."""
-        return *self.encoder, self.bottleneck, *self.decoder
-
-    def extends(self, other: "NetworkConfig") -> bool:
-        """Whether it is `other`, with as many blocks or more, and with or without looking at lenses besides."""
-        deeper = all(mine >= theirs for mine, theirs in zip(self.depth, other.depth, strict=True))
-        as_deep = replace(self, encoder=other.encoder, bottleneck=other.bottleneck, decoder=other.decoder)
-        lens_mist, lens_fine = self.lens_mist and other.lens_mist, self.lens_fine and other.lens_fine
-        return deeper and other == replace(as_deep, lens_mist=lens_mist, lens_fine=lens_fine)
 
 
 PAPER = NetworkConfig()
@@ -127,11 +115,6 @@ class LocalBlock(nn.Module):
         result: Tensor = x + self.body(x)
         return result
 
-    @property
-    def last(self) -> nn.Conv2d:
-        """What the residual comes out of."""
-        return cast(nn.Conv2d, self.body[-1])
-
 
 class TransposedAttention(nn.Module):
     """Attention between channels instead of pixels (Zamir et al. 2022), so that its cost is linear in the pixels."""
@@ -157,11 +140,6 @@ class TransposedAttention(nn.Module):
         attended = attended.reshape(n, height, width, channels).permute(0, 3, 1, 2)
         result: Tensor = x + self.output(attended)
         return result
-
-    @property
-    def last(self) -> nn.Conv2d:
-        """What the residual comes out of."""
-        return self.output
 
     def weights(self, scores: Tensor) -> Tensor:
         """Attention [N, heads, C, C], rows of sum 1, of scores of the same shape."""
@@ -249,13 +227,6 @@ class EnhancementNetwork(nn.Module):
         if config.mist and config.lens_mist:
             nn.init.zeros_(self.lens_mist.end.weight)
             nn.init.zeros_(cast(nn.Conv2d, self.lens_mist.shared[-1]).weight)
-
-    def silence_blocks_beyond(self, config: NetworkConfig) -> None:
-        """Blocks that a network of `config` does not have change nothing: they are the last of each level."""
-        stages = [*self.encoder, self.bottleneck, *self.decoder]
-        for blocks, kept in zip(stages, config.depth, strict=True):
-            for block in list(cast(nn.Sequential, blocks))[kept:]:
-                nn.init.zeros_(cast(LocalBlock | TransposedAttention, block).last.weight)
 
     @property
     def device(self) -> torch.device:

@@ -33,11 +33,10 @@ class EnhancementTraining(SupervisedTraining):
     def begin_with(self, start: EnhancementNetwork) -> None:
         """Begin with a trained network instead of chance; the optimiser knows nothing yet.
 
-        What its configuration lacks (see `NetworkConfig.extends`) changes nothing at first.
+        It has the same configuration, or has not looked at lenses so far: what does that is no better at first.
         """
         for network in (self.network, self.averaged):
             network.load_state_dict(start.state_dict(), strict=network.config == start.config)
-            network.silence_blocks_beyond(start.config)
             if network.config.lens_mist and not start.config.lens_mist:
                 network.lens_mist.load_state_dict(start.mist.state_dict(), strict=False)
 

@@ -104,19 +104,6 @@ def test_a_training_begins_with_the_weights_it_is_given_and_goes_on_from_its_own
     assert torch.equal(weights_of(whole), weights_of(learn(tmp_path / "parts", start=start)))
 
 
-def test_a_deeper_network_begins_as_the_one_it_is_given(skilled):
-    deeper = replace(TINY, encoder=tuple(blocks + 1 for blocks in TINY.encoder), bottleneck=TINY.bottleneck + 2)
-    assert deeper.extends(TINY)
-    assert not TINY.extends(deeper)
-    assert not replace(deeper, width=TINY.width + 1).extends(TINY)
-    training = EnhancementTraining(replace(CONFIG, network=deeper))
-    training.begin_with(skilled.averaged)
-    image = torch.rand(1, 3, 32, 32, generator=torch.Generator().manual_seed(0))
-    assert torch.equal(training.network(image), skilled.averaged(image))
-    training.network(image).sum().backward()
-    assert all(stage[-1].last.weight.grad.any() for stage in [*training.network.encoder, training.network.bottleneck])
-
-
 def test_workers_do_not_change_the_result(undisturbed, tmp_path):
     helped = learn(tmp_path, workers=2)
     assert torch.equal(weights_of(undisturbed[1]), weights_of(helped))
