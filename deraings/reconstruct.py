@@ -11,7 +11,7 @@ from baselines.method import Method, find_method
 from baselines.rendering.film import FilmChoice, draw_film
 from baselines.splatting.files.ply import SPLATS
 from baselines.training.devices import warn_of_slow_profile
-from hydroviews.captures.photographs import check_photographs
+from hydroviews.captures.photographs import require_registrable
 from hydroviews.captures.sfm.poses import estimate_poses
 from hydroviews.captures.video.capture import capture_video
 from hydroviews.captures.video.decoding import open_video
@@ -181,7 +181,7 @@ def find_scene(request: Reconstruction, capture: Path) -> Scene:
         return cast(Scene, scene)  # None only where it is to stop before cameras
     if has_cameras(path):
         return read_scene(path)
-    check_photographs(path, capture)
+    require_registrable(path, capture)
     return estimate_poses(path, capture, seed=request.seed, rainy=True, enhance=enhanced)
 
 

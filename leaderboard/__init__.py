@@ -2,9 +2,6 @@
 
     evaluate.py    the whole benchmark in one call; read it first
     records.py     the one schema of a result
-    gather.py      all records of a results folder as one table
-    runs/          one run: its settings, its training in a process of its own, its renders
-    scoring/       renders against clean views; scored again; somebody else's renders
     tables/        records as tables, comparisons of methods, intervals, the paper's own numbers
     gather.py      all records of a results folder as one table
     runs/          one run: its settings, its training in a process of its own, its renders

@@ -13,7 +13,7 @@ NEEDED_FROM = {"mist_mean": 0.0, "drops": 0.0, "renewed": 0.0, "rain": MIN_ALPHA
 
 
 def report(model: RainModel, masks: OcclusionMasks | None, views: Mapping[int, tuple[int, int]]) -> dict[str, Any]:
-    """What was found, as that of some views, of (height, width) each, shows it that shows most.
+    """What was found; of what differs from view to view, the largest of some views, each with its (height, width).
 
     Returns:
         `needed`: which of mist, drops, renewed drops, rain, streaks and masks were called for. Then numbers of each

@@ -13,7 +13,14 @@ NOT_IN_COLMAP = (".webp",)  # formats read everywhere else
 
 
 def check_photographs(images: Path, out: Path) -> None:
-    """Warn of photographs that will be left out, and refuse what `estimate_poses` cannot take.
+    """Refuse what `require_registrable` does, and warn of photographs that will be left out."""
+    require_registrable(images, out)
+    if images.is_dir() and (left_out := not_read(images)):
+        logger.warning("%s: %s", images, left_out)
+
+
+def require_registrable(images: Path, out: Path) -> None:
+    """Refuse photographs that `estimate_poses` cannot take.
 
     Args:
         images: folder of the photographs and of folders with more; it need not exist.
@@ -39,5 +46,3 @@ def check_photographs(images: Path, out: Path) -> None:
                 found=some(renamed),
                 fix="choose another --out",
             )
-    if left_out := not_read(images):
-        logger.warning("%s: %s", images, left_out)

@@ -69,24 +69,24 @@ def train_and_render(run: Run) -> None:
         with training_session(run.folder):
             method.fit(only_training(scene), run.folder)
         method.save(run.folder)
-        statistics = method.summary()
-    if statistics.n_primitives == 0:
+        summary = method.summary()
+    if summary.n_primitives == 0:
         raise ValueError("training has left no Gaussians or other primitives: there is nothing to render")
     seconds = render_views(method, scene, run.folder / "renders")
     draw_hidden(method, scene, run.folder / HIDDEN)
     write_json(
         run.folder / PREDICTION,
         {
-            "train_s": round(statistics.train_seconds, 1),
+            "train_s": round(summary.train_seconds, 1),
             "render_fps": round(1 / float(np.median(seconds)), 2),
             "peak_mem_mb": round(peak_memory_mb(), 1),
             "peak_gpu_mem_mb": peak_gpu_memory_mb(),
-            "n_primitives": statistics.n_primitives,
-            "model_mb": statistics.model_mb,
-            "device": statistics.device,
-            "render_device": statistics.render_device or statistics.device,
+            "n_primitives": summary.n_primitives,
+            "model_mb": summary.model_mb,
+            "device": summary.device,
+            "render_device": summary.render_device or summary.device,
             "simd": SIMD,
-            "used": statistics.used,
+            "used": summary.used,
             "workers": known_workers(),
             **noted(read_sessions(run.folder)),
         },

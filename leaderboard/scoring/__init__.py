@@ -1,7 +1,9 @@
 """The second half of a run: what was rendered against the clean views, from files alone.
 
-score.py        all metrics of all views, and the record
-previews.py     one picture a run: input, render, truth, error
-rescore.py      all scores calculated again, and compared with what is recorded
-submission.py   renders that somebody else made
+    score.py        all metrics of all views, and the record
+    previews.py     one picture a run: input, render, truth, error
+    rescore.py      all scores calculated again, and compared with what is recorded
+    submission.py   renders that somebody else made
+
+Read `score.py` first.
 """

@@ -2,6 +2,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from built_yard import STREAKS, built_yard
 from synthetic import capture_in
 
 from hydroviews.dataset.build import build
@@ -13,18 +14,11 @@ from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.formats.markdown import markdown_table
-from hydroviews.rain.patterns import Pattern
-
-STREAKS = (Pattern("streak", 0), Pattern("streak", 2))
 
 
 @pytest.fixture
 def built(tmp_path) -> Path:
-    """A capture that says where it comes from, built with two kinds of streaks."""
-    capture = tmp_path / "capture" / "yard"
-    scene = capture_in(capture)
-    (capture / "SOURCE.md").write_text("# From a garden\nLicence: CC-BY\n")
-    return build(scene, tmp_path / "data", patterns=STREAKS, seed=5, source=str(capture))
+    return built_yard(tmp_path)
 
 
 @pytest.mark.parametrize("photographs", ["images", "images/cam0", "frames", "rainy", "Images"])

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from built_yard import STREAKS, built_yard
 from synthetic import capture_in
 
 from hydroviews.dataset.build import build
@@ -21,16 +22,10 @@ from hydroviews.rain.severity import wanted_harm
 from leaderboard.__main__ import card_command
 from leaderboard.tables.rain_losses import numbers_for_grades, record_losses, rewrite_card
 
-STREAKS = (Pattern("streak", 0), Pattern("streak", 2))
-
 
 @pytest.fixture
 def built(tmp_path) -> Path:
-    """A capture that says where it comes from, built with two kinds of streaks."""
-    capture = tmp_path / "capture" / "yard"
-    scene = capture_in(capture)
-    (capture / "SOURCE.md").write_text("# From a garden\nLicence: CC-BY\n")
-    return build(scene, tmp_path / "data", patterns=STREAKS, seed=5, source=str(capture))
+    return built_yard(tmp_path)
 
 
 def results_in(folder: Path, built: Path, **changes) -> Path:
