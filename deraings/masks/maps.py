@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import compress
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from deraings.image_planes import Plane, resized
+from deraings.lens_views import one_shape, views_of_one_lens
 
 MIN_WEIGHT = 0.01  # of a view; those further away count for nothing
 BLUR = 3.0  # pixels of the network's resolution: coarser features of a loss are no sign of drops
@@ -21,8 +23,9 @@ def evidence(losses: Sequence[Plane]) -> float:
     alike; 0 for fewer than two views.
 
     Args:
-        losses: of views, [h, w] each; others than the first are brought to its size.
+        losses: of views, [h, w] each; those that have not the shape of most are left out.
     """
+    losses = list(compress(losses, views_of_one_lens([loss.shape for loss in losses])))
     if len(losses) < 2:
         return 0.0
     size = losses[0].shape
@@ -41,6 +44,8 @@ def filled(plane: NDArray, block: int) -> NDArray:
 def mean_around(view: int, planes: Mapping[int, Plane], size: tuple[int, ...], deviation: float) -> Plane | None:
     """The mean of planes of views, those taken at about the same time counting most; None where none counts.
 
+    Planes of another shape are of another lens, and do not count.
+
     Args:
         view: whose neighbours count.
         planes: by the number of their view, brought to `size`.
@@ -49,6 +54,8 @@ def mean_around(view: int, planes: Mapping[int, Plane], size: tuple[int, ...], d
     """
     mean, total = np.zeros(size, np.float32), 0.0
     for other, plane in sorted(planes.items()):  # sums in one order, whatever that of the lessons
+        if not one_shape(plane.shape, size):
+            continue
         near = (other - view) / deviation if deviation else math.inf
         weight = math.exp(-0.5 * near**2)
         if weight > MIN_WEIGHT:
