@@ -68,6 +68,11 @@ class DeSplatObjective(Objective):
         self._cover = np.zeros(len(cameras))  # mean A_d of each view at its last visit
         self._buffers = BufferPool()  # the scene's render is in the other one
 
+    @property
+    def sh_sets(self) -> bool:
+        """See Objective; a layer is rendered with its cover."""
+        return True
+
     def __call__(self, image: Image, view: int, iteration: int, buffers: BufferPool) -> tuple[float, Image]:
         """See Objective; the view's layer takes a step."""
         height, width = image.shape[:2]

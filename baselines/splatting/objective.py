@@ -35,6 +35,11 @@ class Objective:
         compared_by = ("__call__", "compare", "target")
         return all(getattr(type(self), name) is getattr(Objective, name) for name in compared_by)
 
+    @property
+    def sh_sets(self) -> bool:
+        """Whether steps render Gaussians in several sets of coefficients, which has kernels of its own."""
+        return self.appearance is not None
+
     def target(self, view: int, size: Size | None = None) -> Target:
         """A training view as the loss wants it, at its own size or a smaller one."""
         return prepare_target(self.images.pixels(view, size), self.images.ignored(view, size))

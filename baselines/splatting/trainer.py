@@ -68,7 +68,7 @@ def train(
     )
     # On a GPU the plain loss is torch's; those of methods, and the validation's, are kernels of the CPU.
     kernels = backend.device == "cpu" or not objective.is_photometric or config.early_stop
-    compile_seconds = warm_up(config.sh_degree) if kernels else 0.0
+    compile_seconds = warm_up(config.sh_degree, objective.sh_sets) if kernels else 0.0
 
     place = "cpu" if backend.device == "cpu" else "cuda"  # another card may go on: no two runs on one are equal either
     fingerprint = fingerprint_of(config, seed, scene, objective.images, objective=objective.settings(), device=place)

@@ -91,7 +91,7 @@ def interpolate(points: Tensor, tables: Tensor, resolutions: list[int]) -> Tenso
 def warm_up() -> None:
     """Load the kernels, so that training time is training."""
     here = Path(__file__).parent
-    compile_apart(f"from {__name__} import exercise_kernels; exercise_kernels()", here.glob("*kernels.py"))
+    compile_apart("hash-grid", f"from {__name__} import exercise_kernels; exercise_kernels()", here.glob("*kernels.py"))
     exercise_kernels()
 
 

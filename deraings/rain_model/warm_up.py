@@ -12,7 +12,7 @@ HERE = Path(__file__).parent
 @cache
 def warm_up() -> None:
     """Load the kernels, once a process; see `compile_apart`."""
-    compile_apart(f"from {__name__} import exercise_kernels; exercise_kernels()", HERE.glob("*_kernels.py"))
+    compile_apart("rain", f"from {__name__} import exercise_kernels; exercise_kernels()", HERE.glob("*_kernels.py"))
     exercise_kernels()
 
 

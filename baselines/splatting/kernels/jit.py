@@ -23,6 +23,7 @@ CONFIG: Any = numba.config  # its settings are made at run time
 # Not "reassoc" (it breaks the magic-number 2^x), not "nnan" or "ninf" (culling relies on NaN comparing false).
 FAST = {"contract", "nsz", "arcp", "afn"}
 EXACT = {"contract"}
+INSIDE: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}  # no way in but from kernels
 
 
 def digest(sources: Iterable[Path]) -> str:
@@ -75,5 +76,5 @@ def serial_kernel(function: Callable) -> Callable:
 
 
 def inlined(function: Callable) -> Callable:
-    """A function that becomes part of the kernels calling it."""
-    return numba.njit(forceinline=True, error_model="numpy", fastmath=EXACT)(function)
+    """A function that becomes part of the kernels calling it. Python cannot call it, which saves compiling."""
+    return numba.njit(forceinline=True, error_model="numpy", fastmath=EXACT, **INSIDE)(function)

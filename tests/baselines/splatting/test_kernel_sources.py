@@ -69,7 +69,7 @@ def test_edited_sources_are_compiled_apart_once(tmp_path, monkeypatch, caplog):
     code = f"from pathlib import Path; Path({str(tmp_path)!r}, 'runs').open('a').write('.')"
     for content in ("one", "one", "two"):
         source.write_text(content)
-        compile_apart(code, [source])
+        compile_apart("all", code, [source])
     assert (tmp_path / "runs").read_text() == ".."
     assert len([message for message in caplog.messages if "compiling the kernels" in message]) == 2
 
@@ -79,7 +79,7 @@ def test_sources_that_were_copied_with_what_was_compiled_are_compiled_apart(tmp_
     for folder in ("checkout", "copy"):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "kernel.py").write_text("")
-        compile_apart(f"open({str(tmp_path / folder / 'ran')!r}, 'w')", [tmp_path / folder / "kernel.py"])
+        compile_apart("all", f"open({str(tmp_path / folder / 'ran')!r}, 'w')", [tmp_path / folder / "kernel.py"])
     assert (tmp_path / "copy" / "ran").exists()
 
 
@@ -95,7 +95,7 @@ def test_what_another_process_has_compiled_meanwhile_is_not_compiled_again(tmp_p
 
     monkeypatch.setattr(warm_up, "FOLDER", str(tmp_path))
     monkeypatch.setattr(warm_up, "locked", done_by_another)
-    compile_apart(f"open({str(tmp_path / 'ran')!r}, 'w')", [source])
+    compile_apart("all", f"open({str(tmp_path / 'ran')!r}, 'w')", [source])
     assert not (tmp_path / "ran").exists()
 
 
