@@ -12,15 +12,20 @@ from baselines.rendering.film import FilmChoice, draw_film
 from baselines.splatting.files.ply import SPLATS
 from baselines.training.devices import warn_of_slow_profile
 from hydroviews.captures.photographs import require_registrable
-from hydroviews.captures.sfm.poses import estimate_poses
+from hydroviews.captures.sfm.poses import estimate_poses, triangulate
 from hydroviews.captures.video.capture import capture_video
 from hydroviews.captures.video.decoding import open_video
 from hydroviews.captures.video.frames import FrameChoice
+from hydroviews.dataset.clean_views import triangulated
 from hydroviews.dataset.contact_sheet import spread
 from hydroviews.errors import InputError
 from hydroviews.files.settings_guard import claim_folder
+from hydroviews.files.temporary import remove_tree
+from hydroviews.formats.colmap import reliable
+from hydroviews.formats.colmap_format import read_points
 from hydroviews.formats.photographs import photographs_below, unreadable_photographs
 from hydroviews.formats.read import has_cameras, read_scene
+from hydroviews.formats.writers import write_colmap
 from hydroviews.profiles import find_profile, require_seed
 from hydroviews.scene.images import SUFFIXES, Image, write_png
 from hydroviews.scene.jpeg_damage import require_whole
@@ -30,6 +35,7 @@ from hydroviews.scene.scenes import Scene, Split
 logger = logging.getLogger(__name__)
 
 CAPTURE, TRAINING, FILM, SHEET, SETTINGS = "capture", "training", "film.mp4", "views.png", "reconstruction.json"
+POINTS = "points"  # in CAPTURE, of a capture that came without
 SHOWN = 4  # photographs on the sheet
 SHEET_WIDTH = 1600  # pixels
 
@@ -58,9 +64,9 @@ class Reconstruction:
 def reconstruct(request: Reconstruction) -> Path:
     """Photographs to a scene; after an interruption the same call resumes, with the cameras and steps that are done.
 
-    All photographs are learned from, none is held out. The folder gets `capture` (photographs and cameras, unless
-    they came with cameras), `training` (the model, and `splats.ply` where it is one of Gaussians), `views.png`
-    (photographs beside renders) and `film.mp4`.
+    All photographs are learned from, none is held out. The folder gets `capture` (photographs and cameras, or the points
+    of a capture that came with cameras alone), `training` (the model, and `splats.ply` where it is one of Gaussians),
+    `views.png` (photographs beside renders) and `film.mp4`.
 
     Returns:
         The folder.
@@ -180,9 +186,25 @@ def find_scene(request: Reconstruction, capture: Path) -> Scene:
         scene = capture_video(path, capture, FrameChoice(request.rate), seed=request.seed, enhance=enhanced)
         return cast(Scene, scene)  # None only where it is to stop before cameras
     if has_cameras(path):
-        return read_scene(path)
+        return with_points(read_scene(path), capture / POINTS)
     require_registrable(path, capture)
     return estimate_poses(path, capture, seed=request.seed, rainy=True, enhance=enhanced)
+
+
+def with_points(scene: Scene, folder: Path) -> Scene:
+    """The scene; where it came with cameras alone, with points that are triangulated once and kept in `folder`.
+
+    Raises:
+        InputError: an unreadable photograph, or a full disk.
+    """
+    if len(scene.points):
+        return scene
+    if not folder.is_dir():
+        work = folder.with_name(".triangulation")
+        write_colmap(replace(scene, points=triangulate(scene, work)), folder)
+        remove_tree(work)
+    points = reliable(read_points(folder))
+    return replace(scene, points=points, notes=(*scene.notes, triangulated(len(points))))
 
 
 def enhanced(photograph: Image) -> Image:

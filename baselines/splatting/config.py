@@ -28,6 +28,8 @@ class TrainerConfig:
       random ones (`initialisation.initialise`).
     * The spherical-harmonic degree rises one step later, and the positions' rate falls from the first step on: steps
       count from 0, theirs from 1.
+    * Points that coincide start as Gaussians of 1e-7 of the extent; theirs of 3e-4 world units.
+    * A Gaussian at the largest opacity that a pixel takes has no gradient there, as in gsplat.
     * Whatever `DefaultStrategy` lists.
 
     Lengths and iterations are in the units that each comment names; a training's own images set its resolution.

@@ -60,8 +60,7 @@ def initialise(points: Points, cameras: Sequence[Camera], sh_degree: int, seed: 
     kept = usable("training", positions)
     positions, colours = positions[kept], colours[kept]
     if len(positions) < FEWEST_POINTS:
-        if len(points):
-            logger.warning("training: %d points are few: %d random ones are added", len(positions), RANDOM_POINTS)
+        logger.warning("training: %d points are few: %d random ones are added", len(positions), RANDOM_POINTS)
         generator = np.random.default_rng(seed)
         random = middle + extent * generator.uniform(-1, 1, (RANDOM_POINTS, 3))
         positions = np.concatenate([positions, random])

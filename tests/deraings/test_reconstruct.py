@@ -1,5 +1,6 @@
 """From photographs to a scene in one call: everything is there, and what is there is not made again."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -29,8 +30,10 @@ from deraings.reconstruct import (
 )
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
+from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap
 from hydroviews.scene.images import read_image, write_png
+from hydroviews.scene.scenes import Points, no_points
 
 
 class Short(DeRainGSPlus):
@@ -108,6 +111,21 @@ def test_all_photographs_are_learned_from(request_of):
     scene = module.all_views(find_scene(request_of(), request_of().folder))
     assert len(scene.train_views) == len(scene.views) == 12
     assert not scene.test_views
+
+
+def test_cameras_without_points_get_some_once(capture, tmp_path, monkeypatch, caplog):
+    scene = read_scene(capture)
+    bare, calls = tmp_path / "bare", []
+    found = Points(scene.points.positions[:50], scene.points.colours[:50])
+    shutil.copytree(capture / "images", bare / "images")
+    write_colmap(replace(scene, points=no_points()), bare / "sparse" / "0")
+    monkeypatch.setattr(module, "triangulate", lambda scene, folder: calls.append(folder) or found)
+    request = Reconstruction(bare)
+    first, again = (find_scene(request, tmp_path / "kept") for _ in range(2))
+    assert len(calls) == 1
+    for points in (first.points, again.points):
+        assert np.allclose(np.sort(points.positions, axis=0), np.sort(found.positions, axis=0))
+    assert "50 points triangulated" in first.notes[-1]
 
 
 def test_photographs_without_cameras_have_them_estimated(request_of, tmp_path, monkeypatch):

@@ -1,9 +1,9 @@
 """The same training steps on an NVIDIA GPU with gsplat 1.5 (Ye et al. 2024).
 
-Steps stay on the GPU, and the CPU waits once in each; refinement, every hundred steps, is the CPU's: the state is
-copied over and back. gsplat lets a Gaussian cover 0.999 of a pixel where we stop at 0.99, so renders of very opaque
-scenes differ a little. Sets of colours are rendered one by one, so that absolute gradients are those of each, added up;
-the kernels' are of the sum.
+Steps stay on the GPU, and the CPU waits once in each, and in gsplat for its number of pairs; refinement, every hundred
+steps, is the CPU's: the state is copied over and back. gsplat lets a Gaussian cover 0.999 of a pixel where we stop at
+0.99, so renders of very opaque scenes differ a little. Sets of colours are rendered one by one, so that absolute
+gradients are those of each, added up; the kernels' are of the sum.
 """
 
 import importlib.util
@@ -161,8 +161,11 @@ class CudaBackend:
             degree = degree_of(leaves["sh"].shape[1])
             image, details = self._rasterize(leaves, state.origin, camera, degree, absolute=True)
             details["means2d"].retain_grad()
-            image.mean().backward()
-            total += _by_half_image(details["means2d"].absgrad[0], camera).square()
+            moved = torch.zeros_like(details["means2d"][0])
+            for channel in range(3):  # one by one: together they would cancel within a pixel
+                (image[..., channel].sum() / image.numel()).backward(retain_graph=channel < 2)
+                moved += details["means2d"].absgrad[0]
+            total += _by_half_image(moved, camera).square()
         return total.cpu().numpy()
 
     def step(
@@ -189,7 +192,7 @@ class CudaBackend:
                 means = state.parameters["means"]
                 noise = step_options.noise
                 means += position_moves(state.parameters, noise, normal_noise(noise, means))
-            told = torch.stack([loss, state.broken[0].to(loss.dtype)]).tolist()  # the step's one wait
+            told = torch.stack([loss, state.broken[0].to(loss.dtype)]).tolist()  # our one wait in a step
         state.whole = not told[1]
         return float(told[0])
 

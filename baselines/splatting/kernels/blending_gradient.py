@@ -30,6 +30,7 @@ from baselines.splatting.kernels.blending import (
 )
 from baselines.splatting.kernels.jit import inlined, kernel
 from baselines.splatting.kernels.projection import COLOURS, L21, L22, LOG2_OPACITY
+from baselines.splatting.kernels.shape_gradient import TO_COLOURS
 from baselines.splatting.kernels.vector_memory import (
     add_scaled,
     aligned,
@@ -49,7 +50,6 @@ from baselines.splatting.kernels.vectors import LANES, absolute, exp2, lowest_bi
 # Planes of a block's state: what is left of the light, S, the last splat taken, and g of every set of colours.
 TRANSMITTANCE, SUFFIX, LAST, GRADS = 0, PIXELS, 2 * PIXELS, 3 * PIXELS
 # Of a row of moments: w, w u, w v, w u^2, w u v, w v^2, |w u|, |(L21 / L22) w u + w v|, then dloss/dcolour of each set.
-ABS_U, ABS_V, TO_COLOURS = 6, 7, 8
 MOMENTS_STEP = 16  # rows are filled up to a multiple of this
 ONE, NOTHING = np.float32(1), np.float32(0)
 

@@ -30,6 +30,9 @@ class DefaultStrategy:
       with those wider than 20 pixels on the image, which stay here.
     * What is removed is found before growing, so new Gaussians stay for a round; theirs is found afterwards.
     * `budget` and `growth` bound the number: those with the largest gradients grow first.
+
+    Raises:
+        ValueError: opacities that are reset to what is removed.
     """
 
     start: int = 500  # no refinement before
@@ -44,6 +47,10 @@ class DefaultStrategy:
     prune_scale3d: float = 0.1  # larger ones are removed
     reset_every: int | None = 3000  # iterations between two opacity resets; None for never
     reset_to: float = 0.01  # highest opacity after a reset
+
+    def __post_init__(self) -> None:
+        if self.reset_every is not None and self.reset_to <= self.prune_opacity:
+            raise ValueError("a reset to prune_opacity or less would remove every Gaussian: reset_to must be larger")
 
     def step_options(self, iteration: int, means_lr: float, extent: float, seed: int) -> StepOptions:
         """See Strategy: gradients are added up while Gaussians may still be added."""

@@ -36,21 +36,21 @@ class Pruning:
     at: tuple[float, ...] = (0.8,)  # when, in shares of the iterations
     share: float = 0.0  # this share of the Gaussians is removed, those with the smallest sum of weights
     threshold: float = 0.0  # and those whose sum over all pixels of all training views is smaller than this
-    budget: int | None = None  # no more are left in the end: every moment takes an equal part of the surplus
+    budget: int | None = None  # no more are left in the end: every round takes an equal part of the surplus
 
     def due(self, iteration: int, iterations: int) -> bool:
         """Whether to prune after step `iteration`."""
-        return iteration + 1 in self._moments(iterations)
+        return iteration + 1 in self._rounds(iterations)
 
     def left(self, iteration: int, iterations: int) -> int:
-        """How many moments are left after step `iteration`, that one included."""
-        return sum(moment > iteration for moment in self._moments(iterations))
+        """How many rounds are left after step `iteration`, that one included."""
+        return sum(after > iteration for after in self._rounds(iterations))
 
     def use(self, backend: MeasuresUse, cameras: Sequence[Camera]) -> NDArray[np.float64]:
         """How much use the Gaussians are [N], >= 0: their blending weights."""
         return backend.contributions(cameras)
 
-    def _moments(self, iterations: int) -> set[int]:
+    def _rounds(self, iterations: int) -> set[int]:
         return {round(share * iterations) for share in self.at}
 
 
@@ -79,7 +79,7 @@ def prune(state: TrainingState, weights: NDArray[np.float64], pruning: Pruning, 
         state: trained so far.
         weights: from `contributions`, [N].
         pruning: the settings.
-        left: moments of pruning that are left, this one included.
+        left: rounds of pruning that are left, this one included.
     """
     keep = weights >= pruning.threshold
     surplus = 0 if pruning.budget is None else max(0, len(weights) - pruning.budget)

@@ -25,7 +25,10 @@ HIGHEST_OPACITY = 1 - float(np.finfo(np.float32).eps)
 
 @dataclass(frozen=True)
 class MCMCStrategy:
-    """When and how; the defaults are the paper's, whose lengths are those of a scene of extent 5."""
+    """When and how; the defaults are the paper's, whose lengths are those of a scene of extent 5.
+
+    Gaussians start as for plain splatting; in the authors' code at an opacity of 0.5, not 0.1, and a tenth as large.
+    """
 
     start: int = 500  # no refinement before
     stop: int = 25_000  # nor from here on

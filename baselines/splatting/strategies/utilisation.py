@@ -5,10 +5,11 @@ Utilisation-based pruning (Sabour et al. 2025, SpotLessSplats, section 4.2.3):
     u_g = sum over views of |mean over pixels and channels of |dC / d(x_g, y_g)||^2
 
 for positions on the image in units of half of it. Unlike in their code, gradients are added up as absolute values, so
-that those at a Gaussian's two sides do not cancel, over all training views and with all pixels, masked ones too.
+that those of channels and at a Gaussian's two sides do not cancel, over all training views and with all pixels, masked
+ones too.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,7 @@ from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.rasterizer import backward, render
 from baselines.splatting.strategies.pruning import MeasuresUse, Pruning
 from hydroviews.scene.cameras import Camera
+from hydroviews.scene.images import Image
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,14 @@ class UtilisationPruning(Pruning):
     def use(self, backend: MeasuresUse, cameras: Sequence[Camera]) -> NDArray[np.float64]:
         """See Pruning: u [N]."""
         return backend.utilisation(cameras)
+
+
+def channel_shares(image: Image) -> Iterator[Image]:
+    """For each channel the gradient [H, W, 3] of the image's mean by it: together they would cancel within a pixel."""
+    for channel in range(3):
+        share = np.zeros_like(image)
+        share[..., channel] = 1 / image.size
+        yield share
 
 
 def utilisation(
@@ -44,7 +54,9 @@ def utilisation(
     total = np.zeros(len(gaussians))
     for camera in cameras:
         image, state = render(bare, camera, near=near, antialiased=antialiased, buffers=buffers)
-        moved = backward(state, np.full_like(image, 1 / image.size)).means2d_absolute
         half_size = np.array([camera.width / 2, camera.height / 2])
+        moved = np.zeros((len(gaussians), 2))
+        for share in channel_shares(image):
+            moved += backward(state, share).means2d_absolute
         total += np.square(moved * half_size).sum(axis=1)
     return total
