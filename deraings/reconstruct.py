@@ -64,8 +64,8 @@ class Reconstruction:
 def reconstruct(request: Reconstruction) -> Path:
     """Photographs to a scene; after an interruption the same call resumes, with the cameras and steps that are done.
 
-    All photographs are learned from, none is held out. The folder gets `capture` (photographs and cameras, or the points
-    of a capture that came with cameras alone), `training` (the model, and `splats.ply` where it is one of Gaussians),
+    All photographs are learned from, none is held out. The folder gets `capture` (photographs and cameras, or points
+    for a capture that has cameras alone), `training` (the model, and `splats.ply` where it is one of Gaussians),
     `views.png` (photographs beside renders) and `film.mp4`.
 
     Returns:
