@@ -33,6 +33,7 @@ PROGRAMS = (
 LESS_SOUGHT = "---\nsearch:\n  boost: 0.3\n---\n"  # a search finds what people wrote for readers first
 FOLDERS = {"How it works": "how-it-works", "Notebook": "experiments"}  # all of their pages are listed
 PROFILES = ("demo", "quick", "paper")
+ATTRIBUTE = re.compile(r"^ {8}(\w+): (.+(?:\n {12,}.+)*)", re.MULTILINE)  # of a class, with the lines that go on
 
 
 def commands() -> dict[str, Callable[..., None]]:
@@ -78,12 +79,14 @@ def make_section() -> str:
 
 
 def comments(cls: type) -> dict[str, str]:
-    """The comment beside each field of a dataclass."""
-    return dict(re.findall(r"^\s+(\w+): [^\n]*?  # (.*)$", inspect.getsource(cls), re.MULTILINE))
+    """What is said of each field of a dataclass: under `Attributes` in its docstring, or in the comment beside it."""
+    listed = (cls.__doc__ or "").partition("Attributes:\n")[2]
+    said = {name: " ".join(text.split()) for name, text in ATTRIBUTE.findall(listed)}
+    return said | dict(re.findall(r"^\s+(\w+): [^\n]*?  # (.*)$", inspect.getsource(cls), re.MULTILINE))
 
 
 def fields(value: object, prefix: str = "") -> Iterator[tuple[str, object, str]]:
-    """Name, value and comment of every setting in a tree of dataclasses."""
+    """Name, value and meaning of every setting in a tree of dataclasses."""
     notes = {name: text for cls in reversed(type(value).__mro__[:-1]) for name, text in comments(cls).items()}
     for field in dataclasses.fields(value):  # type: ignore[arg-type]
         inner = getattr(value, field.name)

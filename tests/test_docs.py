@@ -1,6 +1,7 @@
 """The documentation: pages have their size, links lead somewhere, and what they tell people to type is what runs."""
 
 import contextlib
+import dataclasses
 import functools
 import importlib.util
 import io
@@ -140,6 +141,14 @@ def test_commands_name_make_targets_and_settings_that_there_are():
         subprocess.run(dry, cwd=REPOSITORY, stdout=subprocess.DEVNULL, check=True)
 
 
+def test_the_reference_lists_every_setting_of_make():
+    makefile = (REPOSITORY / "Makefile").read_text()
+    settings = {"PYTHON", "VENV", *" ".join(re.findall(r"^(?:GIVEN|OPTIONAL) *:= (.*)$", makefile, re.M)).split()}
+    assert len(settings) > 20
+    text = (DOCS / "reference/commands.md").read_text()
+    assert sorted(name for name in settings if f"`{name}=" not in text) == []
+
+
 def test_commands_are_parsed_by_the_programs(hooks):
     known = hooks.commands()
     said = [(page, words) for page, words in commands() if words[0] == "python"]
@@ -188,6 +197,17 @@ def test_the_reference_lists_every_setting_of_a_method(hooks):
     iterations = [GaussianSplatting.configuration(profile).iterations for profile in ("demo", "quick", "paper")]
     assert [cell.strip() for cell in row.split("|")[2:5]] == [f"`{number}`" for number in iterations]
     assert "| `strategy." in table
+
+
+def test_the_reference_says_what_a_setting_means_wherever_its_class_says_it(hooks):
+    from deraings.rain_model.mist_config import MistConfig
+    from deraings.rain_model.model import RainConfig
+
+    meanings = {name: meaning for name, _, meaning in hooks.fields(RainConfig())}
+    assert meanings["mist.cells"] == "grid cells along the longer side, at least 1."
+    assert meanings["mist.start"].endswith("from 0.03 on.")  # of two lines
+    assert all(meanings.values())
+    assert hooks.comments(MistConfig).keys() == {field.name for field in dataclasses.fields(MistConfig)}
 
 
 @pytest.mark.parametrize("page", READ, ids=name)
