@@ -38,7 +38,7 @@ class SnowPattern:
 class Snow(Effect):
     """R = (1 - A) B + A white, in encoded values."""
 
-    planes: Mapping[str, LayerPlane] = {"A": LayerPlane("cover by snow")}
+    planes: Mapping[str, LayerPlane] = {"A": LayerPlane("cover by snow", "streaks")}
     needed = ("white",)  # by `composite`
     words: Mapping[str, str] = {"flakes": "{} flakes a picture"}
 

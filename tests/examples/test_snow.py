@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from synthetic import capture_in
 
@@ -13,6 +14,7 @@ from hydroviews.dataset.verify import verify
 from hydroviews.formats.writers import write_colmap
 from hydroviews.profiles import find_profile
 from hydroviews.scene.images import read_image
+from hydroviews.torch import RainyViews
 
 REPOSITORY = Path(__file__).parents[2]
 
@@ -41,6 +43,13 @@ def test_it_is_built_and_verified_like_any_other(built):
 
 def test_heavy_snow_covers_more_than_light_snow(built):
     assert np.mean(whitened(built, 2)) > 2 * np.mean(whitened(built, 0)) > 0
+
+
+def test_its_flakes_count_as_cover(built):
+    for item in RainyViews(built, "examples.snow.Snow-2"):
+        np.testing.assert_allclose(item["cover"], item["layers"]["A"][None], atol=1e-6)
+        assert item["cover"].max() > 0
+    assert pd.read_csv(built / "examples.snow.Snow-2/statistics.csv").streaks.min() > 0
 
 
 def test_flakes_fall_elsewhere_in_every_view(built):
