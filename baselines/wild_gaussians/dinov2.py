@@ -31,6 +31,7 @@ SHA256 = "f433177089a681826f849f194ece3bb48f4d63fb38d32fc837e3dc7a4e5641fb"  # o
 PATCH = 14  # pixels
 WIDTH, HEADS, REGISTERS, GRID = 384, 6, 4, 37  # there are position embeddings for 37x37 patches
 DEPTH = 6  # of its twelve blocks: WildGaussians looks at what the sixth gives
+ANOTHER = "or take another network: wild-gaussians with HYDROVIEWS_FEATURES=alexnet, other methods in demo or quick"
 
 
 class VisionTransformer(nn.Module):
@@ -128,10 +129,8 @@ def weights_file() -> Path:
             try:
                 fetch([URL], path, SHA256)
             except InputError as error:
-                fix = f"connect once; or get the file elsewhere and name it with {WEIGHTS}=FILE; or choose AlexNet's "
-                raise InputError(
-                    "DINOv2's weights cannot be had", found=error, fix=fix + "features: HYDROVIEWS_FEATURES=alexnet"
-                ) from error
+                fix = f"connect once; or get the file elsewhere and name it with {WEIGHTS}=FILE; {ANOTHER}"
+                raise InputError("DINOv2's weights cannot be had", found=error, fix=fix) from error
     return path
 
 
@@ -155,5 +154,5 @@ def memory_of(device: torch.device) -> Iterator[None]:
         raise InputError(
             f"DINOv2 does not fit the memory of {device}",
             found=str(error).partition("\n")[0],
-            fix="end what else uses it, or choose AlexNet's features: HYDROVIEWS_FEATURES=alexnet",
+            fix=f"end what else uses it; {ANOTHER}",
         ) from error

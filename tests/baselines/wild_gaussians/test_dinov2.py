@@ -171,7 +171,8 @@ def test_a_copy_may_be_named(published, tmp_path, monkeypatch):
 def test_without_weights_nothing_else_is_taken(published, monkeypatch):
     published[0].files.clear()
     monkeypatch.setattr(features, "AlexNet", None)
-    with pytest.raises(InputError, match=r"DINOv2's weights cannot be had(.|\n)*404(.|\n)*HYDROVIEWS_FEATURES=alexnet"):
+    ways_out = "wild-gaussians with HYDROVIEWS_FEATURES=alexnet, other methods in demo or quick"
+    with pytest.raises(InputError, match=rf"DINOv2's weights cannot be had(.|\n)*404(.|\n)*{ways_out}"):
         make_features("dinov2", "cpu")
 
 
