@@ -116,7 +116,8 @@ def _of_methods(start: str, head: Sequence[str], rows: pd.DataFrame, patterns: S
     for method in _ranked(scores, asked):
         cells = [_scene_cell(scores.loc[method][scene], best[scene], patterns) for scene in scenes]
         lines.append([f"`{method}`", *cells, *([_seconds_cell(seconds[method])] if with_seconds else [])])
-    legend = f"PSNR under {', '.join(patterns)}" + (", and mean seconds of training." if with_seconds else ".")
+    told = ", and mean seconds before, in and after training" if with_seconds else ""
+    legend = f"PSNR under {', '.join(patterns)}{told}."
     return lines, f"{legend} {_basis(rows, patterns)}"
 
 

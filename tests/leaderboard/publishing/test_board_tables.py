@@ -103,7 +103,8 @@ def test_methods_have_a_row_each_in_order_of_their_means():
     assert shown["`theirs`"] == [f"**{drops:.2f}**, **{streaks:.2f}**", *shown["`theirs`"][1:2], "", "35"]
     drops, streaks = means["ours", "pond"][["raindrop-1", "streak-1"]]
     assert shown["`ours`"][2:] == [f"**{drops:.2f}**, **{streaks:.2f}**", "95"]
-    assert "PSNR under raindrop-1, streak-1, and mean seconds of training. Profile `demo`, seed 0" in text
+    told = "PSNR under raindrop-1, streak-1, and mean seconds before, in and after training. Profile `demo`, seed 0"
+    assert told in text
     assert filled(text, table, views) == text
 
 
