@@ -2,14 +2,13 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from itertools import compress
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from deraings.image_planes import Plane, resized
-from deraings.lens_views import one_shape, views_of_one_lens
+from deraings.lens_views import by_shape, one_shape
 
 MIN_WEIGHT = 0.01  # of a view; those further away count for nothing
 BLUR = 3.0  # pixels of the network's resolution: coarser features of a loss are no sign of drops
@@ -23,13 +22,13 @@ def evidence(losses: Sequence[Plane]) -> float:
     alike; 0 for fewer than two views.
 
     Args:
-        losses: of views, [h, w] each; those that have not the shape of most are left out.
+        losses: of views, [h, w] each; of several shapes the commonest counts.
     """
-    losses = list(compress(losses, views_of_one_lens([loss.shape for loss in losses])))
     if len(losses) < 2:
         return 0.0
-    size = losses[0].shape
-    fine = np.stack([loss - cv2.GaussianBlur(loss, (0, 0), BLUR) for loss in (resized(x, size) for x in losses)])
+    alike = [losses[number] for number in by_shape([loss.shape for loss in losses])[0]]
+    same = [resized(loss, alike[0].shape) for loss in alike]
+    fine = np.stack([loss - cv2.GaussianBlur(loss, (0, 0), BLUR) for loss in same])
     within = float(fine.var(axis=0, ddof=1).mean())
     common = max(0.0, float(fine.mean(axis=0).var()) - within / len(fine))
     return common / max(common + within, 1e-12)

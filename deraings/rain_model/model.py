@@ -17,8 +17,8 @@ from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import TrainingImages
 from deraings.enhancement.views import EnhancedViews
 from deraings.image_planes import Plane
-from deraings.lens_views import hide_other_lenses, views_of_one_lens, warn_of_other_lenses
-from deraings.rain_model.drops import DropLayer, LensDrops, LensDropsConfig
+from deraings.rain_model.drops import DropLayer, LensDropsConfig
+from deraings.rain_model.drops_by_shape import DropsByShape
 from deraings.rain_model.enhanced_target import EnhancedTarget, EnhancedTargetConfig
 from deraings.rain_model.falling_rain import FallingRain
 from deraings.rain_model.mist import Mist, MistConfig, MistGradient
@@ -97,20 +97,17 @@ class RainModel:
         pictures = [images.pixels(view) for view in range(count)]
         hidden = [images.ignored(view) for view in range(count)]
         sizes = [(picture.shape[0], picture.shape[1]) for picture in pictures]
-        self._one_lens = views_of_one_lens(sizes)
-        warn_of_other_lenses(self._one_lens)
-        pictures, hidden = hide_other_lenses(pictures, hidden, self._one_lens)
         self.mist = Mist(pictures, iterations, config.mist, hidden, points, prior) if config.mist else None
         self.enhanced = None
         if config.mist and self.mist and self.mist.wanted and config.enhanced and prior is not None:
             self.enhanced = EnhancedTarget(images, prior, iterations, config.mist, config.enhanced)
         layer, streaks = config.rain_layer, config.streaks
         self.rain = FallingRain(sizes, iterations, layer, streaks, prior) if layer else None
-        self.drops = LensDrops(pictures, iterations, config.drops, hidden) if config.drops else None
+        self.drops = DropsByShape(pictures, iterations, config.drops, hidden) if config.drops else None
         self.renewed = None
         if config.renewed and covers is not None and covers.tells_cover:
-            lens = self.drops or LensDrops(pictures, iterations, LensDropsConfig(), hidden)
-            self.renewed = RenewedDrops(covers, images, lens.staying, iterations, config.renewed)
+            drops = self.drops or DropsByShape(pictures, iterations, LensDropsConfig(), hidden)
+            self.renewed = RenewedDrops(covers, images, drops.staying, iterations, config.renewed)
 
     def begin(self, iteration: int) -> None:
         """Call first in every step: estimates single streaks again when that is due."""
@@ -131,8 +128,7 @@ class RainModel:
         rained = scene_image
         if self.rain and rain_alpha is not None:
             rained = self.rain.layer.forward(scene_image, rain_alpha, buffers.array("rained", scene_image.shape))
-        misty = self.mist if self._one_lens[view] else None
-        mist_root = misty.root(view, size) if misty and misty.due(iteration) else None
+        mist_root = self.mist.root(view, size) if self.mist and self.mist.due(iteration) else None
         misted = self._misted(rained, mist_root, buffers.array("misted", scene_image.shape))
         drops = self._drop_layer(view, size, iteration)
         image, weights = (misted, None) if drops is None else drops.forward(misted, buffers)
@@ -154,7 +150,7 @@ class RainModel:
 
     def update(self, seen: Seen, observed: Observation, by_mist: MistGradient | None, buffers: BufferPool) -> None:
         """Learn of the rain from a view: mist by its gradient, all else from photograph and render."""
-        if self.drops and self._one_lens[seen.view] and self.drops.due(seen.iteration):
+        if self.drops and self.drops.due(seen.iteration):
             self.drops.update(observed.photograph, seen.without_drops, seen.view, observed.shown)
         size = seen.image.shape[0], seen.image.shape[1]
         if self.rain and self.rain.due(seen.view, size, seen.iteration):
@@ -193,8 +189,7 @@ class RainModel:
 
     def mist_alpha(self, view: int, size: tuple[int, int]) -> Plane:
         """mist_alpha [H, W] of a training view at (height, width); 0 where no mist is looked for."""
-        misty = self.mist if self._one_lens[view] else None
-        return misty.alpha(view, size) if misty else np.zeros(size, np.float32)
+        return self.mist.alpha(view, size) if self.mist else np.zeros(size, np.float32)
 
     def drop_alpha(self, view: int, size: tuple[int, int]) -> Plane:
         """drop_alpha [H, W] of a training view at (height, width), at the end of the training."""
@@ -229,7 +224,7 @@ class RainModel:
         return image if self.mist is None or root is None else self.mist.forward(image, root, out)
 
     def _drop_layer(self, view: int, size: tuple[int, int], iteration: int) -> DropLayer | None:
-        return self.drops.layer(view, size, iteration) if self.drops and self._one_lens[view] else None
+        return self.drops.layer(view, size, iteration) if self.drops else None
 
     def _behind_even_rain(self, rain: FallingRain, seen: Seen, buffers: BufferPool) -> Image:
         """The view [H, W, 3] without its single streaks and without drops."""
