@@ -45,10 +45,8 @@ def test_each_shape_has_its_drops(views, caplog):
 def test_photographs_of_one_shape_are_one_lens(views, caplog):
     caplog.set_level("INFO")
     pictures, scene = ([*part[::2]] for part in views)
-    hidden = [None] * len(pictures)
-    one, shaped = (
-        learned(kind(pictures, STEPS, CONFIG, hidden), pictures, scene) for kind in (LensDrops, DropsByShape)
-    )
+    kinds = (kind(pictures, STEPS, CONFIG, [None] * len(pictures)) for kind in (LensDrops, DropsByShape))
+    one, shaped = (learned(drops, pictures, scene) for drops in kinds)
     assert not caplog.text
     assert np.array_equal(one.layer(3, SIZE, STEPS).alpha, shaped.layer(3, SIZE, STEPS).alpha)
 
