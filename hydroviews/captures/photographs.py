@@ -1,4 +1,4 @@
-"""What is wrong with a folder of photographs, as far as it can be told before cameras are estimated for them."""
+"""Photographs before cameras are estimated for them: what is wrong with them, where they are now, room on the disk."""
 
 import logging
 import shutil
@@ -36,8 +36,8 @@ def require_registrable(images: Path, out: Path) -> None:
         out: folder of the capture. Links to the photographs go to its `images`.
 
     Raises:
-        InputError: formats that COLMAP does not read, or a photograph that may not be read; or `images` is that of `out`, and links would have other names
-            than the photographs that lie beside them.
+        InputError: formats that COLMAP does not read, or a photograph without permission to; or `images` is that of
+            `out`, and links would have other names than the photographs that lie beside them.
     """
     if not images.is_dir():
         return

@@ -83,7 +83,8 @@ def build(
 
     Raises:
         InputError: the folder holds a scene built otherwise, something is missing in a scene that other code drew, a
-            licence in `capture.json` is none, a file has changed since it was built, an image is unreadable, or the disk is full.
+            licence in `capture.json` is none, a file has changed since it was built, an image is unreadable, or the
+            disk is full.
     """
     if long_side is not None and long_side < 1:
         raise InputError(f"long side of {long_side} pixels", expected="at least 1")

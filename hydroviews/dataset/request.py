@@ -54,8 +54,8 @@ def take_folder(out: Path, folder: Path, request: BuildRequest, overwrite: bool)
     """Take the folder for this request; what another request left there is refused, or dropped to overwrite it.
 
     What other code drew of the same request is dropped to overwrite it, and else left to `drawn_otherwise`; what an
-    older generator did not yet record is not compared. What was begun of a capture that has changed since is dropped, so
-    that a capture can be mended until its scene is finished.
+    older generator did not yet record is not compared. What was begun of a capture that has changed since is dropped:
+    a capture can be mended until its scene is finished.
 
     Raises:
         InputError: another request's scene is there, or files that no build wrote.
@@ -90,9 +90,7 @@ def _other_source(earlier: Mapping[str, Any], request: BuildRequest) -> str:
     if earlier.get("capture") == request.capture:
         return ""
     if earlier.get("source") == request.source:
-        return (
-            f": {request.source} has changed since: photographs, cameras, masks, depth, points, split or capture.json"
-        )
+        return f": {request.source} has changed: photographs, cameras, masks, depth, points, split or capture.json"
     return f": of {earlier.get('source')}, another capture than {request.source}"
 
 

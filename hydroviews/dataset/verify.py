@@ -34,10 +34,9 @@ def verify(data: Path, every_view: bool = False) -> list[str]:
     Raises:
         InputError: there is no manifest, or it is none.
     """
+    only = ""
     if not os.path.lexists(data / MANIFEST) and scene_entry(data.resolve()):
         data, only = data.resolve().parent, data.resolve().name
-    else:
-        only = ""
     if not (data / MANIFEST).is_file() or (data / MANIFEST).is_symlink():
         raise InputError(
             f"{data}: no {MANIFEST}",

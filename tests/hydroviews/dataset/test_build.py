@@ -408,7 +408,7 @@ def test_what_a_capture_says_of_itself_belongs_to_the_request(scene, tmp_path):
     parameters = json.loads((folder / "storm-0" / "pattern.json").read_text())["parameters"]
     assert (parameters["metres_per_unit"], parameters["metres_estimated"]) == (0.5, False)
     (capture / "capture.json").write_text('{"rain": "captured"}')
-    with pytest.raises(InputError, match=r"another request: yard has changed since: .*or capture\.json\n"):
+    with pytest.raises(InputError, match=r"another request: yard has changed: .*or capture\.json\n"):
         build(read_scene(capture), tmp_path / "data", patterns=[])
     for scale in ("0", "-1", "true", '"2"'):
         (capture / "capture.json").write_text(f'{{"metres_per_unit": {scale}}}')
