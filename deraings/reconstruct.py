@@ -1,6 +1,7 @@
 """One's own rainy photographs, or a film, to a clean 3D scene: cameras, training, a splat file, a film, pictures."""
 
 import logging
+import os
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
@@ -11,7 +12,7 @@ from baselines.method import Method, find_method
 from baselines.rendering.film import FilmChoice, draw_film
 from baselines.splatting.files.ply import SPLATS
 from baselines.training.devices import warn_of_slow_profile
-from hydroviews.captures.photographs import require_registrable
+from hydroviews.captures.photographs import renew_links, require_registrable, room_for
 from hydroviews.captures.sfm.poses import estimate_poses, triangulate
 from hydroviews.captures.video.capture import capture_video
 from hydroviews.captures.video.decoding import open_video
@@ -19,6 +20,8 @@ from hydroviews.captures.video.frames import FrameChoice
 from hydroviews.dataset.clean_views import triangulated
 from hydroviews.dataset.contact_sheet import spread
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import read_json
+from hydroviews.files.locks import BUSY, locked
 from hydroviews.files.settings_guard import claim_folder
 from hydroviews.files.temporary import remove_tree
 from hydroviews.formats.colmap import reliable
@@ -75,25 +78,25 @@ def reconstruct(request: Reconstruction) -> Path:
         InputError: nothing to reconstruct from, too few photographs register, settings that cannot be, or the folder
             holds a reconstruction with others.
     """
-    method = checked_method(request)
-    folder, settings = request.folder, recorded_settings(request)
-    claim_folder(
-        folder / SETTINGS,
-        settings,
-        taken="holds a reconstruction with other settings",
-        foreign="holds other files",
-        fix="choose another --out, or remove the folder",
-        ignored=("film",),
-    )
-    warn_of_slow_profile(request.profile)
-    scene = find_scene(request, folder / CAPTURE)
-    require_whole([view.path for view in scene.views], "looking for damage")
-    for note in scene.notes:
-        logger.info(note)
-    scene = all_views(scene.resized(request.long_side or find_profile(request.profile).long_side))
-    method.fit(scene, folder / TRAINING)
-    method.save(folder / TRAINING)
-    show(method, scene, request, settings)
+    method, folder = checked_method(request), request.folder
+    with locked(folder.resolve(), BUSY):
+        claim_folder(
+            folder / SETTINGS,
+            recorded_settings(request),
+            taken="holds a reconstruction with other settings",
+            foreign="holds other files",
+            fix="choose another --out, or remove the folder",
+            ignored=may_differ(folder / SETTINGS),
+        )
+        warn_of_slow_profile(request.profile)
+        scene = find_scene(request, folder / CAPTURE)
+        require_whole([view.path for view in scene.views], "looking for damage")
+        for note in scene.notes:
+            logger.info(note)
+        scene = all_views(scene.resized(request.long_side or find_profile(request.profile).long_side))
+        method.fit(scene, folder / TRAINING)
+        method.save(folder / TRAINING)
+        show(method, scene, request)
     return folder
 
 
@@ -113,11 +116,11 @@ def checked_method(request: Reconstruction) -> Method:
     return kind(kind.configuration(request.profile), request.seed)
 
 
-def show(method: Method, scene: Scene, request: Reconstruction, settings: dict[str, Any]) -> None:
+def show(method: Method, scene: Scene, request: Reconstruction) -> None:
     """Draw photographs beside renders and the film, and say what is where and what was found."""
     folder = request.folder
     write_png(folder / SHEET, compared(method, scene, request.photographs.resolve().stem))
-    draw_film(method, scene, folder / FILM, request.film, {"scene": settings})
+    draw_film(method, scene, folder / FILM, request.film, {"scene": read_json(folder / SETTINGS)})
     splats = (folder / TRAINING / SPLATS).is_file()  # methods without Gaussians write none
     model = f"{TRAINING}/{SPLATS} for splat viewers" if splats else f"the model in {TRAINING}"
     logger.info(f"{folder}: {model}, {FILM}, {SHEET}")
@@ -131,6 +134,16 @@ def recorded_settings(request: Reconstruction) -> dict[str, Any]:
     if request.photographs.is_dir():
         del settings["rate"]
     return settings
+
+
+def may_differ(settings: Path) -> tuple[str, ...]:
+    """Names of recorded settings that may differ: where the photographs are among them if they are no longer there.
+
+    Where cameras, frames and training are kept it is checked that those elsewhere are the same.
+    """
+    earlier = read_json(settings) if settings.is_file() else {}
+    moved = isinstance(earlier, dict) and not os.path.exists(str(earlier.get("photographs")))
+    return ("film", "photographs") if moved else ("film",)
 
 
 def require_photographs(path: Path) -> None:
@@ -188,7 +201,9 @@ def find_scene(request: Reconstruction, capture: Path) -> Scene:
     if has_cameras(path):
         return with_points(read_scene(path), capture / POINTS)
     require_registrable(path, capture)
-    return estimate_poses(path, capture, seed=request.seed, rainy=True, enhance=enhanced)
+    renew_links(path, capture)
+    with room_for(capture, len(photographs_below(path))):
+        return estimate_poses(path, capture, seed=request.seed, rainy=True, enhance=enhanced)
 
 
 def with_points(scene: Scene, folder: Path) -> Scene:
@@ -201,7 +216,9 @@ def with_points(scene: Scene, folder: Path) -> Scene:
         return scene
     if not folder.is_dir():
         work = folder.with_name(".triangulation")
-        write_colmap(replace(scene, points=triangulate(scene, work)), folder)
+        with room_for(work, len(scene.views)):
+            found = triangulate(scene, work)
+        write_colmap(replace(scene, points=found), folder)
         remove_tree(work)
     points = reliable(read_points(folder))
     return replace(scene, points=points, notes=(*scene.notes, triangulated(len(points))))

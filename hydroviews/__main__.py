@@ -10,7 +10,7 @@ import tyro
 from hydroviews.blender.embedded_scenes.captures import EMBEDDED
 from hydroviews.captures.catalogue.catalogue import Capture, all_captures, captures_root, locate
 from hydroviews.captures.download.captures import download_captures
-from hydroviews.captures.photographs import check_photographs
+from hydroviews.captures.photographs import check_photographs, renew_links, room_for
 from hydroviews.captures.sfm.poses import Matcher, estimate_poses
 from hydroviews.captures.video.capture import capture_video
 from hydroviews.captures.video.frames import FrameChoice
@@ -24,9 +24,10 @@ from hydroviews.dataset.suites import build_suite, known_suites, read_suite
 from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
+from hydroviews.files.locks import BUSY, locked
 from hydroviews.formats.capture_json import FILE as CAPTURE
 from hydroviews.formats.capture_json import RAINY, read_capture_json
-from hydroviews.formats.photographs import FOLDERS
+from hydroviews.formats.photographs import FOLDERS, photographs_below
 from hydroviews.profiles import PROFILES, Profile, find_profile
 from hydroviews.rain.registry import pattern_names
 from hydroviews.rain.scene_statistics import LensRenderer
@@ -134,7 +135,7 @@ def verify_command(data: Annotated[Path, tyro.conf.Positional], every_view: bool
     """Recompute every hash, and re-derive one rainy view of each variant from clean view, layers and parameters.
 
     Args:
-        data: a data folder, which holds manifest.json.
+        data: a data folder, or a built scene in one.
         every_view: re-derive every view of every variant, not one of each.
     """
     problems = verify(data, every_view)
@@ -173,9 +174,12 @@ def poses_command(images: Annotated[Path, tyro.conf.Positional], out: Path | Non
     images = images.resolve()
     out = out or _capture_beside(images)
     check_photographs(images, out)
-    scene = estimate_poses(images, out, rainy=rainy)
-    if rainy:
-        write_json(out / CAPTURE, {**read_capture_json(out), **RAINY})
+    count = len(photographs_below(images)) if images.is_dir() else 0
+    with locked(out.resolve(), BUSY), room_for(out, count):
+        renew_links(images, out)
+        scene = estimate_poses(images, out, rainy=rainy)
+        if rainy:
+            write_json(out / CAPTURE, {**read_capture_json(out), **RAINY})
     for note in scene.notes:
         print(note)
     print(f"capture: {out}; build it with `python -m hydroviews build --scene {shlex.quote(str(out))}`")
@@ -216,17 +220,18 @@ def video_command(
     """
     out = out or film.with_name(film.stem + "-capture")
     choice = FrameChoice(rate, long_side)
-    scene = capture_video(
-        film,
-        out,
-        choice,
-        masks=masks,
-        inpaint=inpaint,
-        dry=dry,
-        frames_only=frames_only,
-        matcher=matcher,
-        seed=seed,
-    )
+    with locked(out.resolve(), BUSY):
+        scene = capture_video(
+            film,
+            out,
+            choice,
+            masks=masks,
+            inpaint=inpaint,
+            dry=dry,
+            frames_only=frames_only,
+            matcher=matcher,
+            seed=seed,
+        )
     if scene is None:
         print(f"draw masks, white where hidden, under the names of {out / 'images'}; then add --masks FOLDER")
         return

@@ -25,6 +25,11 @@ class InputError(Exception):
         super().__init__(printable("\n".join(lines)))
 
 
+def no_permission(path: object) -> InputError:
+    """The error for a file or folder that the user is not allowed to open."""
+    return InputError(f"{path}: no permission", fix="allow yourself to read it (chmod), or copy it as your own")
+
+
 def printable(text: str) -> str:
     """The text with everything but printable characters and line ends written as Python's escapes."""
     return "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)

@@ -1,5 +1,6 @@
 """What every command line shares: which messages are shown and where, and that no process outlives its command."""
 
+import errno
 import os
 import signal
 import subprocess
@@ -8,6 +9,8 @@ from pathlib import Path
 
 import pytest
 from processes import PATIENCE, wait_until
+
+from hydroviews.cli import commands
 
 REPOSITORY = Path(__file__).parents[1]
 PROGRAM = """
@@ -61,6 +64,19 @@ def test_news_goes_to_standard_output_and_trouble_to_standard_error(run):
     assert done.returncode == 0, done.stderr
     assert done.stdout == "news 0\n"
     assert done.stderr == "trouble\ntheirs\n"
+
+
+def test_a_file_that_may_not_be_opened_is_told_without_a_traceback(monkeypatch, capsys):
+    def refused() -> None:
+        raise PermissionError(errno.EACCES, "Permission denied", "theirs.jpg")
+
+    monkeypatch.setattr(sys, "argv", ["x"])
+    for module, name in ((signal, "signal"), (commands, "show_logs"), (commands, "keep_freed_memory")):
+        monkeypatch.setattr(module, name, lambda *_: None)
+    with pytest.raises(SystemExit) as ended:
+        commands.run_command(refused, prog="x")
+    assert ended.value.code == 2
+    assert capsys.readouterr().err.startswith("error: theirs.jpg: no permission\n  what to do: ")
 
 
 def test_bars_are_not_torn(run):

@@ -108,7 +108,7 @@ def write_film(out: Path, frames: Path, n: int, fps: int) -> None:
     """Encode numbered PNGs as VP9.
 
     Raises:
-        InputError: another suffix than .mp4 and .webm, or an OpenCV without that encoder.
+        InputError: another suffix than .mp4 and .webm, an OpenCV without that encoder, or a full disk.
     """
     height, width = read_image(_frame(frames, 0)).shape[:2]
     with replacing(out) as temporary:
@@ -123,6 +123,22 @@ def write_film(out: Path, frames: Path, n: int, fps: int) -> None:
         for index in tqdm(range(n), desc="encoding", unit="frame"):
             writer.write(to_uint8(read_image(_frame(frames, index)))[..., ::-1])
         writer.release()
+        whole = count_frames(temporary)
+        if whole != n:  # OpenCV's writer tells nobody of a full disk
+            raise InputError(
+                f"{out}: not written whole",
+                found=f"{whole} of {n} frames",
+                fix=f"free some space and run the same command again; the frames in {frames} are kept",
+            )
+
+
+def count_frames(film: Path) -> int:
+    """How many frames of a film can be read."""
+    capture, count = cv2.VideoCapture(str(film)), 0
+    while capture.grab():
+        count += 1
+    capture.release()
+    return count
 
 
 def codec_of(out: Path) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 import tyro
 
 from hydroviews.cli.logs import choose_log_level, show_logs
-from hydroviews.errors import InputError
+from hydroviews.errors import InputError, no_permission
 from hydroviews.files.malloc import keep_freed_memory
 
 HELP = "With any command, anywhere: --verbose shows times, modules and details, --quiet warnings only."
@@ -18,7 +18,8 @@ HELP = "With any command, anywhere: --verbose shows times, modules and details, 
 def run_command(commands: Mapping[str, Callable[..., Any]] | Callable[..., Any], prog: str) -> None:
     """Run the named subcommand, or the one command there is, with messages shown as asked for.
 
-    Exits 2 on bad input, 130 on Ctrl-C, 141 when nobody reads its output, 143 when asked to end.
+    Exits 2 on bad input and where a file may not be opened, 130 on Ctrl-C, 141 when nobody reads its output, 143 when
+    asked to end.
     """
     signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
     keep_freed_memory()
@@ -30,8 +31,10 @@ def run_command(commands: Mapping[str, Callable[..., Any]] | Callable[..., Any],
             tyro.cli(commands, prog=prog, args=arguments)
         else:
             tyro.extras.subcommand_cli_from_dict(dict(commands), prog=prog, description=HELP, args=arguments)
-    except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
+    except (InputError, PermissionError) as error:
+        if isinstance(error, PermissionError) and error.filename is None:
+            raise
+        print(f"error: {error if isinstance(error, InputError) else no_permission(error.filename)}", file=sys.stderr)
         sys.exit(2)
     except BrokenPipeError:  # whoever read the output has seen enough, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing is left to be flushed at exit

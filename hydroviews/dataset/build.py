@@ -23,10 +23,11 @@ from pathlib import Path
 from typing import Any
 
 from hydroviews.blender.embedded_scenes.captures import EMBEDDED
-from hydroviews.dataset.card.card import keep_licence, write_card
+from hydroviews.captures.photographs import room_for
+from hydroviews.dataset.card.card import CARD, LICENCE, find_licence, keep_licence, stated_licence, write_card
 from hydroviews.dataset.clean_views import CLEAN, write_cameras, write_views
 from hydroviews.dataset.drawing_code import VERSION, drawing_code
-from hydroviews.dataset.manifest import forget_scene, read_manifest, record_scene
+from hydroviews.dataset.manifest import forget_scene, read_manifest, record_files, record_scene
 from hydroviews.dataset.rainy_variant import link_shared, write_captured, write_variant
 from hydroviews.dataset.repair import damaged_files, drop_or_refuse, require_request, unchanged
 from hydroviews.dataset.request import (
@@ -82,7 +83,8 @@ def build(
 
     Raises:
         InputError: the folder holds a scene built otherwise, something is missing in a scene that other code drew, a
-            file has changed since it was built, an image is unreadable, or the disk is full.
+            licence in `capture.json` is none, a file has changed since it was built, an image is unreadable, or the
+            disk is full.
     """
     if long_side is not None and long_side < 1:
         raise InputError(f"long side of {long_side} pixels", expected="at least 1")
@@ -94,6 +96,7 @@ def build(
             fix="build it without patterns (leave PATTERNS out)",
         )
     request = make_request(scene, source, long_side, seed, lens_renderer)
+    licence = None if request.source in EMBEDDED else stated_licence(scene)  # a wrong one is told before rain is drawn
     entry = _take_over(out, folder, request, overwrite)
     wanted = {pattern.name for pattern in patterns}
     for name in filter(lambda name: (folder / name).is_dir(), entry["patterns"]):
@@ -107,10 +110,13 @@ def build(
     if outdated and not overwrite:
         _keep_or_refuse(folder, outdated, finished)
     if finished and not (outdated and overwrite):
+        if licence and licence != find_licence(folder):
+            _take_licence(scene, folder, entry)
         return folder
     images = f"{CAPTURED}/images" if scene.captured_rainy else CLEAN
     clean = write_views(scene.resized(long_side), folder, images)
-    clean = write_cameras(clean, folder, scene, images)
+    with room_for(folder, 0 if len(scene.points) else len(scene.views)):
+        clean = write_cameras(clean, folder, scene, images)
     if scene.captured_rainy:
         write_captured(clean, folder)
     rains = sorted({*patterns, *map(parse_pattern, entry["patterns"])})  # those of an earlier call too
@@ -136,6 +142,15 @@ def _take_over(out: Path, folder: Path, request: BuildRequest, overwrite: bool) 
     if not begun:  # it was removed, to build it again
         forget_scene(out, folder.name)
     return read_manifest(out)["scenes"].get(folder.name, {"patterns": [], "files": {}})
+
+
+def _take_licence(scene: Scene, folder: Path, entry: Mapping[str, Any]) -> None:
+    """Keep the licence that a capture has stated since its scene was finished."""
+    keep_licence(scene, folder)
+    write_card(folder, [CAPTURED] if scene.captured_rainy else entry["patterns"], entry.get("notes", []))
+    kept = [f"{LICENCE}/{file.name}" for file in (folder / LICENCE).iterdir()]
+    record_files(folder.parent, folder.name, [CARD, *kept])
+    logger.info("%s: the licence that the capture states now is kept", folder)
 
 
 def _write_rain(

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import logging
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from hydroviews.dataset.drawing_code import VERSION, drawing_code
-from hydroviews.dataset.manifest import forget_scene
+from hydroviews.dataset.manifest import forget_scene, read_manifest
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, sha256
 from hydroviews.files.settings_guard import claim_folder
@@ -19,10 +20,13 @@ from hydroviews.rain.scene_statistics import LensRenderer
 from hydroviews.scene.depth import depth_path
 from hydroviews.scene.scenes import Scene
 
+logger = logging.getLogger(__name__)
+
 UNCOMPRESSED = (".bmp", ".tif", ".tiff")
 GLIMPSE = 65536  # bytes
 WHOLE = "this scene"
 REQUEST = "request.json"
+CODE = {"generator", "drawing_code"}  # of a request: what drew it
 
 
 @dataclass(frozen=True)
@@ -50,7 +54,8 @@ def take_folder(out: Path, folder: Path, request: BuildRequest, overwrite: bool)
     """Take the folder for this request; what another request left there is refused, or dropped to overwrite it.
 
     What other code drew of the same request is dropped to overwrite it, and else left to `drawn_otherwise`; what an
-    older generator did not yet record is not compared.
+    older generator did not yet record is not compared. What was begun of a capture that has changed since is dropped:
+    a capture can be mended until its scene is finished.
 
     Raises:
         InputError: another request's scene is there, or files that no build wrote.
@@ -59,22 +64,33 @@ def take_folder(out: Path, folder: Path, request: BuildRequest, overwrite: bool)
     earlier = read_json(path) if path.is_file() and not overwrite else {}
     earlier = earlier if isinstance(earlier, dict) else {}
     unknown = set(vars(request)) - set(earlier) if earlier else set()
+    mended = _only_capture_differs(earlier, request) and folder.name not in read_manifest(out)["scenes"]
+    if mended:
+        logger.info("%s: %s has changed, so that what was begun of it is made anew", folder, request.source)
     claim_folder(
         path,
         vars(request),
         taken="this scene was built from another request" + _other_source(earlier, request),
         foreign="holds files that no build wrote",
         fix="choose another --out, or add --overwrite to build it anew",
-        ignored=("source", "generator") if overwrite else ("source", "generator", "drawing_code", *unknown),
-        overwrite=overwrite,
+        ignored=("source", "generator") if overwrite else ("source", *CODE, *unknown),
+        overwrite=overwrite or mended,
         forget=lambda: forget_scene(out, folder.name),
     )
 
 
+def _only_capture_differs(earlier: Mapping[str, Any], request: BuildRequest) -> bool:
+    """Whether a request wants what an earlier one did of the same source, which has changed."""
+    others = {name for name, value in vars(request).items() if earlier.get(name) != value}
+    return "capture" in others and others <= {"capture", *CODE}
+
+
 def _other_source(earlier: Mapping[str, Any], request: BuildRequest) -> str:
     """Both captures where they have different ones, as the end of a sentence; two folders may have one name."""
-    if earlier.get("capture") == request.capture or earlier.get("source") == request.source:
+    if earlier.get("capture") == request.capture:
         return ""
+    if earlier.get("source") == request.source:
+        return f": {request.source} has changed: photographs, cameras, masks, depth, points, split or capture.json"
     return f": of {earlier.get('source')}, another capture than {request.source}"
 
 

@@ -1,6 +1,7 @@
 """Checks that a built data set is what its manifest says, and that its rain is what seed and equations give."""
 
 import logging
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ from hydroviews.dataset.checks.cameras import check_cameras
 from hydroviews.dataset.checks.drawing import check_drawing
 from hydroviews.dataset.checks.listing import check_files, check_folder, has_links
 from hydroviews.dataset.checks.rain import check_rain
-from hydroviews.dataset.manifest import MANIFEST, read_manifest
+from hydroviews.dataset.manifest import MANIFEST, read_manifest, scene_entry
 from hydroviews.dataset.request import drawn_otherwise
 from hydroviews.errors import InputError
 
@@ -24,7 +25,7 @@ def verify(data: Path, every_view: bool = False) -> list[str]:
     folder is read: a link is a problem. A scene that was captured in rain has no rain to derive.
 
     Args:
-        data: a data folder with a manifest.
+        data: a data folder with a manifest, or a finished scene in one.
         every_view: derive all views of each variant again, not the first alone.
 
     Returns:
@@ -33,6 +34,9 @@ def verify(data: Path, every_view: bool = False) -> list[str]:
     Raises:
         InputError: there is no manifest, or it is none.
     """
+    only = ""
+    if not os.path.lexists(data / MANIFEST) and scene_entry(data.resolve()):
+        data, only = data.resolve().parent, data.resolve().name
     if not (data / MANIFEST).is_file() or (data / MANIFEST).is_symlink():
         raise InputError(
             f"{data}: no {MANIFEST}",
@@ -41,6 +45,8 @@ def verify(data: Path, every_view: bool = False) -> list[str]:
             fix="run the build again",
         )
     scenes = read_manifest(data)["scenes"]
+    if only:
+        return _check_scene(data / only, scenes[only], every_view)
     problems = check_folder(data, scenes)
     for scene, entry in scenes.items():
         problems += _check_scene(data / scene, entry, every_view)

@@ -9,6 +9,7 @@ from pathlib import Path
 from hydroviews.errors import InputError
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
+SAID = (os.strerror(errno.ENOSPC), "database or disk is full", "disk I/O error")  # the last two by SQLite
 CLOSED = (errno.EACCES, errno.EPERM, errno.EROFS)
 
 
@@ -33,6 +34,8 @@ def plain_full_disk(path: Path) -> Iterator[None]:
     """
     try:
         yield
+    except InputError:
+        raise
     except Exception as error:
         if isinstance(error, NotADirectoryError | FileExistsError):
             raise InputError(
@@ -40,9 +43,10 @@ def plain_full_disk(path: Path) -> Iterator[None]:
             ) from error
         if isinstance(error, FileNotFoundError) and not path.parent.is_dir():  # as under /proc
             raise InputError(f"{path.parent}: no folder can be made there", fix="choose another folder") from error
-        if (isinstance(error, OSError) and error.errno in FULL) or os.strerror(errno.ENOSPC) in str(error):
+        if (isinstance(error, OSError) and error.errno in FULL) or any(said in str(error) for said in SAID):
             raise FullDisk(
                 f"{path}: no space left on the disk",
+                found=error,
                 fix="free some space and run the same command again; finished files are kept",
             ) from error
         raise

@@ -1,5 +1,6 @@
 """Matching a camera file's image names to the files on disk, and making views of both."""
 
+import os
 import unicodedata
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
@@ -8,7 +9,7 @@ from pathlib import Path, PurePath, PurePosixPath
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.errors import InputError
+from hydroviews.errors import InputError, no_permission
 from hydroviews.files.atomic import read_json
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.scene.cameras import same_shape
@@ -43,13 +44,28 @@ def image_folder(folder: Path, given: str | None = None) -> Path:
 
 
 def photographs_below(folder: Path) -> list[Path]:
-    """All pictures in `folder` and the folders in it, sorted; hidden and partial files are left out."""
+    """All pictures in `folder` and the folders in it, sorted; hidden and partial files are left out.
+
+    Raises:
+        InputError: the user has no permission to read the folder.
+    """
+    require_permission(folder)
     return _files_below(folder, SUFFIXES)
 
 
 def _files_below(folder: Path, suffixes: Collection[str]) -> list[Path]:
     found = (path for path in folder.rglob("*") if path.suffix.lower() in suffixes)
     return sorted(p for p in found if not any(part.startswith(".") for part in p.relative_to(folder).parts))
+
+
+def require_permission(path: Path) -> None:
+    """Refuse a file or folder that may not be read, before what is in it is blamed.
+
+    Raises:
+        InputError: the user has no permission.
+    """
+    if os.path.exists(path) and not os.access(path, os.R_OK):
+        raise no_permission(path)
 
 
 def unreadable_photographs(folder: Path) -> str:
@@ -159,6 +175,14 @@ def make_view(
             against the rules of `scene.checks`.
     """
     check_view_name(path, name)
+    if path.is_symlink() and not path.exists():
+        raise InputError(
+            f"{path}: a link to a photograph that is not there",
+            found=os.readlink(path),
+            fix="put the photographs back, or give the `poses` or `reconstruct` command that made the link again with "
+            "the folder that they are in now",
+        )
+    require_permission(path)
     size = image_size(path)
     if not same_shape(size, (lens.width, lens.height)):
         raise wrong_size(path, size, (lens.width, lens.height))

@@ -2,6 +2,7 @@
 
 import shutil
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import PIL.Image
@@ -27,9 +28,11 @@ from deraings.reconstruct import (
     reconstruct,
     recorded_settings,
     require_photographs,
+    show,
 )
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
+from hydroviews.files.locks import locked_if_free
 from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap
 from hydroviews.scene.images import read_image, write_png
@@ -206,6 +209,40 @@ def test_a_scene_that_was_moved_is_the_same_scene(request_of, capture, tmp_path)
     (tmp_path / "walk.mp4").write_bytes(b"film")
     film = request_of(photographs=tmp_path / "walk.mp4")
     assert recorded_settings(film) != recorded_settings(replace(film, rate=2.0))
+
+
+@pytest.fixture
+def as_far_as_cameras(monkeypatch):
+    """Reconstruction ends with its settings and an InputError that tells whether its folder is locked."""
+
+    def look(request, capture):
+        with locked_if_free(request.folder) as free:
+            raise InputError("nobody waits" if free else "others wait")
+
+    monkeypatch.setattr(module, "find_scene", look)
+
+
+def test_a_second_reconstruction_in_one_folder_waits(request_of, tmp_path, as_far_as_cameras):
+    with pytest.raises(InputError, match="others wait"):
+        reconstruct(request_of(out=tmp_path / "scene"))
+
+
+def test_photographs_that_were_moved_are_gone_on_with(request_of, capture, tmp_path, monkeypatch, as_far_as_cameras):
+    for name in ("before", "now"):
+        shutil.copytree(capture, tmp_path / name)
+    before, now = (request_of(photographs=tmp_path / name, out=tmp_path / "scene") for name in ("before", "now"))
+    for request, told in ((before, "others wait"), (now, "other settings")):
+        with pytest.raises(InputError, match=told):
+            reconstruct(request)
+    recorded = recorded_settings(before)
+    shutil.rmtree(tmp_path / "before")
+    with pytest.raises(InputError, match="others wait"):
+        reconstruct(now)
+    films = []
+    monkeypatch.setattr(module, "draw_film", lambda *given: films.append(given[-1]))
+    monkeypatch.setattr(module, "compared", lambda *_: np.zeros((4, 4, 3), np.float32))
+    show(SimpleNamespace(summary=lambda: SimpleNamespace(used="")), read_scene(capture), now)
+    assert films == [{"scene": recorded}]  # so that frames of before are gone on with
 
 
 def test_a_photograph_that_was_mended_and_more_of_them_are_gone_on_with(request_of, tmp_path):

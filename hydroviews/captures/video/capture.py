@@ -4,6 +4,7 @@ import logging
 from dataclasses import replace
 from pathlib import Path
 
+from hydroviews.captures.photographs import room_for
 from hydroviews.captures.sfm.poses import Matcher, estimate_poses
 from hydroviews.captures.sfm.rain import Enhance
 from hydroviews.captures.video.frames import FILE, IMAGES, SETTINGS, FrameChoice, take_frames
@@ -54,7 +55,7 @@ def capture_video(
         The scene that `read_scene(out)` gives; None with `frames_only`.
 
     Raises:
-        InputError: see `take_frames`, `put_masks` and `estimate_poses`.
+        InputError: see `take_frames`, `put_masks` and `estimate_poses`; or the disk is full.
     """
     require_seed(seed)
     if inpaint and not masks:
@@ -75,16 +76,17 @@ def capture_video(
         return None
     advice = advise(choice, masks is not None)
     hidden = out / MASKS if masks else None
-    scene = estimate_poses(
-        out / IMAGES,
-        out,
-        matcher=matcher,
-        seed=seed,
-        masks=hidden,
-        advice=advice,
-        rainy=not dry,
-        enhance=None if dry else enhance,
-    )
+    with room_for(out, len(frames)):
+        scene = estimate_poses(
+            out / IMAGES,
+            out,
+            matcher=matcher,
+            seed=seed,
+            masks=hidden,
+            advice=advice,
+            rainy=not dry,
+            enhance=None if dry else enhance,
+        )
     return replace(scene, notes=(*scene.notes, *registration_notes(len(scene.views), len(frames), advice)))
 
 

@@ -10,7 +10,7 @@ import cv2
 import PIL.Image
 
 from hydroviews.errors import InputError
-from hydroviews.formats.photographs import UNREAD
+from hydroviews.formats.photographs import UNREAD, require_permission
 
 LOG_ERRORS = 2  # OpenCV's level without warnings
 WHOLE = 0.98  # share of readable frames below which a video counts as cut short
@@ -30,10 +30,11 @@ def open_video(path: Path) -> Iterator[Video]:
     """Open a video; its frames are turned upright by the orientation in its header.
 
     Raises:
-        InputError: no such file, a picture, or not a video.
+        InputError: no such file, one that may not be read, a picture, or not a video.
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file")
+    require_permission(path)
     if _is_picture(path):
         raise InputError(f"{path}: a picture, not a film", fix="name the folder that all photographs are in")
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # InputError below replaces its messages, and OpenCV's own

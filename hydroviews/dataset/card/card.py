@@ -76,9 +76,19 @@ def keep_licence(capture: Scene, folder: Path) -> None:
         for file in sorted(path for pattern in LICENCE_FILES for path in place.glob(pattern) if path.is_file()):
             with replacing(folder / LICENCE / file.name) as temporary:
                 shutil.copyfile(file, temporary)
-    stated = described_licence(places[0])
+    stated = stated_licence(capture)
     if stated:
-        write_json(folder / LICENCE / STATED, asdict(Licence(*stated, said_by="the capture")))
+        write_json(folder / LICENCE / STATED, asdict(stated))
+
+
+def stated_licence(capture: Scene) -> Licence | None:
+    """What a capture's `capture.json` says of its licence; None where it says nothing.
+
+    Raises:
+        InputError: see `described_licence`.
+    """
+    stated = described_licence(_capture_folders(capture.views[0].path)[0])
+    return Licence(*stated, said_by="the capture") if stated else None
 
 
 def _capture_folders(photograph: Path) -> list[Path]:

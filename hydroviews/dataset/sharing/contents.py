@@ -128,7 +128,7 @@ def _refused(folder: Path, licence: Licence | None) -> InputError:
     return InputError(
         f"{folder}: the licence of its photographs does not allow to hand them on, as far as is known",
         found=f"{licence.text}, not shareable, as stated by {licence.said_by}" if licence else "no stated licence",
-        expected='"licence": "CC-BY-4.0", "shareable": true in the capture\'s capture.json before it is built',
+        expected='"licence": "CC-BY-4.0", "shareable": true in the capture\'s capture.json, and the build run again',
         fix='if the rights are yours, state the licence: --i-have-the-rights "CC-BY-4.0"; or add --layers-only, which '
         "packs what the generator made, for people who have the capture",
     )

@@ -1,15 +1,16 @@
 """Films of finished runs: the frames asked for, gone on with after an interruption, playable."""
 
 import math
+import resource
 
 import cv2
 import numpy as np
 import pytest
 from finished_runs import Cloud, finished_run
 
-from baselines.rendering.film import FilmChoice, fitted
+from baselines.rendering.film import FilmChoice, fitted, write_film
 from hydroviews.errors import InputError
-from hydroviews.scene.images import read_image
+from hydroviews.scene.images import read_image, write_png
 from leaderboard.viewer.film import film
 
 CHOICE = FilmChoice(seconds=0.5, fps=12, size=64)
@@ -73,6 +74,22 @@ def test_an_interrupted_film_goes_on_with_the_frames_it_has(run, tmp_path, monke
     assert len(remaining) == 2
     assert np.abs(read_film(out)[0][:4] - kept).mean() < 0.05
     assert not (tmp_path / "film-frames").exists()
+
+
+def test_a_film_that_a_full_disk_cuts_short_does_not_replace_a_whole_one(tmp_path):
+    noise = np.random.default_rng(0)
+    for index in range(12):
+        write_png(tmp_path / "frames" / f"{index:05d}.png", noise.random((48, 64, 3)).astype(np.float32))
+    out = tmp_path / "film.mp4"
+    out.write_bytes(b"of before")
+    unlimited = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4000, unlimited[1]))  # bytes of a file, in place of a full disk
+    try:
+        with pytest.raises(InputError, match=r"film\.mp4: not written whole\n  found: 0 of 12 frames"):
+            write_film(out, tmp_path / "frames", 12, 10)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, unlimited)
+    assert out.read_bytes() == b"of before"
 
 
 def test_cameras_are_enlarged_to_even_sides(run):

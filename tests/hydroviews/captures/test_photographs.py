@@ -1,15 +1,23 @@
 """What the `poses` command says of a folder of photographs before it estimates cameras."""
 
 import logging
+import os
+import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import PIL.Image
 import pytest
 
-from hydroviews.__main__ import poses_command
-from hydroviews.captures.photographs import check_photographs
+from hydroviews.__main__ import poses_command, video_command
+from hydroviews.captures.photographs import check_photographs, renew_links, room_for
+from hydroviews.captures.sfm.sources import link_names, link_photographs
+from hydroviews.captures.video.decoding import open_video
 from hydroviews.errors import InputError
-from hydroviews.formats.photographs import not_read
+from hydroviews.files.atomic import listing, write_json
+from hydroviews.files.full_disk import FullDisk
+from hydroviews.files.locks import locked_if_free
+from hydroviews.formats.photographs import not_read, photographs_below
 
 
 def pictures(folder, *names):
@@ -58,3 +66,59 @@ def test_a_capture_is_called_after_the_folder_that_has_a_name(tmp_path, monkeypa
     with pytest.raises(InputError, match="stop"):
         poses_command(tmp_path / photographs)
     assert outs == [tmp_path / capture]
+
+
+@pytest.mark.parametrize("command", ["estimate_poses", "capture_video"])
+def test_two_commands_for_one_capture_wait_for_each_other(tmp_path, monkeypatch, command):
+    def look(path, out, *_, **__):
+        with locked_if_free(out) as free:
+            raise InputError("free" if free else "locked")
+
+    monkeypatch.setattr(f"hydroviews.__main__.{command}", look)
+    with pytest.raises(InputError, match="locked"):
+        {"estimate_poses": poses_command, "capture_video": video_command}[command](tmp_path / "walk", tmp_path / "out")
+
+
+def test_a_disk_without_room_is_refused_before_work_begins(tmp_path, monkeypatch):
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: SimpleNamespace(free=2_500_000))
+    with pytest.raises(FullDisk, match=r"for 3 photographs\n.*0\.00 GB"), room_for(tmp_path / "out", 3):
+        raise AssertionError
+    with room_for(tmp_path / "out", 2):
+        pass
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "database.db").write_bytes(bytes(500_000))  # features that are there take no more
+    with room_for(tmp_path / "out", 3):
+        pass
+    (tmp_path / "out" / "sparse").mkdir()
+    with room_for(tmp_path / "out", 99):
+        pass
+
+
+def test_a_database_that_fills_the_disk_is_told(tmp_path):
+    with pytest.raises(FullDisk, match=r"no space left[\s\S]*disk I/O error"), room_for(tmp_path / "out", 1):
+        raise RuntimeError("[database_sqlite.cc:603] SQLite error: disk I/O error")
+
+
+def test_links_lead_to_photographs_that_were_moved(tmp_path):
+    walk, out = pictures(tmp_path / "walk", "a 1.png", "b.png"), tmp_path / "out"
+    link_photographs(link_names(walk, photographs_below(walk)), out / "images", turned=False)
+    write_json(out / "poses.json", {"files": listing(photographs_below(walk))})
+    moved = walk.rename(tmp_path / "moved")
+    renew_links(pictures(tmp_path / "others", "a 1.png"), out)
+    assert not (out / "images" / "a_1.png").exists()
+    renew_links(moved, out)
+    assert (out / "images" / "a_1.png").resolve() == moved / "a 1.png"
+    assert (out / "images" / "b.png").resolve() == moved / "b.png"
+
+
+def test_what_may_not_be_read_is_not_called_damaged(tmp_path, monkeypatch):
+    walk = pictures(tmp_path / "walk", "a.png", "b.png")
+    (tmp_path / "film.mp4").write_bytes(b"film")
+    for closed, read in (
+        (walk, photographs_below),
+        (walk / "b.png", lambda path: check_photographs(walk, tmp_path / "out")),
+        (tmp_path / "film.mp4", lambda path: open_video(path).__enter__()),
+    ):
+        monkeypatch.setattr(os, "access", lambda path, mode, closed=closed: path != closed)
+        with pytest.raises(InputError, match=f"{closed}: no permission"):
+            read(closed)

@@ -15,6 +15,7 @@ from hydroviews.dataset.build import build
 from hydroviews.dataset.drawing_code import drawing_code
 from hydroviews.dataset.manifest import read_manifest, record_files, scene_files
 from hydroviews.dataset.rainy_variant import FOCAL_STEP
+from hydroviews.dataset.request import REQUEST, make_request, take_folder
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
@@ -373,6 +374,25 @@ def test_views_of_one_size_are_not_wiped_by_those_of_another(scene, tmp_path):
     assert verify(tmp_path / "data", every_view=True) == []
 
 
+def test_what_was_begun_is_dropped_for_nothing_but_a_mended_capture(scene, tmp_path):
+    folder = tmp_path / "data" / "yard"
+    write_json(folder / REQUEST, {**vars(make_request(scene, "yard", 32, 0, "disk")), "capture": "before"})
+    (folder / "begun").touch()
+    for source, seed in (("yard", 1), ("other/yard", 0)):
+        with pytest.raises(InputError, match="another request"):
+            take_folder(folder.parent, folder, make_request(scene, source, 32, seed, "disk"), overwrite=False)
+    assert (folder / "begun").is_file()
+    take_folder(folder.parent, folder, make_request(scene, "yard", 32, 0, "disk"), overwrite=False)
+    assert not (folder / "begun").exists()
+
+
+def test_a_wrong_licence_is_told_before_anything_is_built(scene, tmp_path):
+    write_json(scene.views[0].path.parents[1] / "capture.json", {"licence": 5})
+    with pytest.raises(InputError, match=r"capture\.json: licence"):
+        build(scene, tmp_path / "data", patterns=[STREAK])
+    assert not (tmp_path / "data").exists()
+
+
 def zoomed(camera, factor):
     return replace(camera, fx=factor * camera.fx, fy=factor * camera.fy)
 
@@ -384,13 +404,11 @@ def test_what_a_capture_says_of_itself_belongs_to_the_request(scene, tmp_path):
     with pytest.raises(InputError, match=r"how large the scene is[\s\S]*capture\.json"):
         build(read_scene(capture), tmp_path / "data", patterns=storm)
     (capture / "capture.json").write_text('{"metres_per_unit": 0.5}')
-    with pytest.raises(InputError, match="another request"):
-        build(read_scene(capture), tmp_path / "data", patterns=storm)
-    folder = build(read_scene(capture), tmp_path / "data", patterns=storm, overwrite=True)
+    folder = build(read_scene(capture), tmp_path / "data", patterns=storm)  # nothing was finished of it before
     parameters = json.loads((folder / "storm-0" / "pattern.json").read_text())["parameters"]
     assert (parameters["metres_per_unit"], parameters["metres_estimated"]) == (0.5, False)
     (capture / "capture.json").write_text('{"rain": "captured"}')
-    with pytest.raises(InputError, match="another request"):
+    with pytest.raises(InputError, match=r"another request: yard has changed: .*or capture\.json\n"):
         build(read_scene(capture), tmp_path / "data", patterns=[])
     for scale in ("0", "-1", "true", '"2"'):
         (capture / "capture.json").write_text(f'{{"metres_per_unit": {scale}}}')

@@ -39,6 +39,14 @@ def test_a_capture_states_its_licence_wherever_its_photographs_lie(tmp_path, pho
     assert kept == {"LICENSE.txt", "SOURCE.md", "licence.json"}
 
 
+def test_a_licence_that_is_stated_after_the_build_is_kept(built, tmp_path):
+    write_json(tmp_path / "capture" / "yard" / "capture.json", {"licence": "CC0-1.0", "shareable": True})
+    built_yard(tmp_path)
+    assert find_licence(built) == Licence("CC0-1.0", True, "the capture")
+    assert "as stated by the capture: CC0-1.0" in (built / "README.md").read_text()
+    assert verify(built.parent) == []
+
+
 def test_the_command_of_a_capture_with_an_odd_name_can_be_pasted(tmp_path):
     source = tmp_path / "a yard; ls"
     built = build(capture_in(tmp_path / "yard"), tmp_path / "data", patterns=STREAKS[:1], source=str(source))

@@ -48,6 +48,14 @@ def test_every_effect_is_derived_again(built):
     assert verify(built.parent, every_view=True) == []
 
 
+def test_a_scene_is_verified_alone(built):
+    assert verify(built) == []
+    (built.parent / "stray.txt").touch()
+    assert verify(built) == []
+    (built / "stray.txt").touch()
+    assert [str(built / "stray.txt") in problem for problem in verify(built)] == [True]
+
+
 @pytest.mark.parametrize("pattern", ["streak-1", "storm-1"])
 def test_a_view_that_does_not_follow_from_its_layers(built, pattern):
     image = built / pattern / "images" / "view-03.png"

@@ -18,7 +18,13 @@ def test_a_failed_write_leaves_the_old_file_and_no_trace(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "error", [OSError(errno.ENOSPC, "full"), RuntimeError('cannot write "a.exr". No space left on device.')]
+    "error",
+    [
+        OSError(errno.ENOSPC, "full"),
+        RuntimeError('cannot write "a.exr". No space left on device.'),
+        RuntimeError("[database_sqlite.cc:603] SQLite error: disk I/O error"),
+        RuntimeError("[database_sqlite.cc:603] SQLite error: database or disk is full"),
+    ],
 )
 def test_full_disk_is_told_plainly(tmp_path, error):
     with pytest.raises(InputError, match="no space left on the disk"), replacing(tmp_path / "a"):

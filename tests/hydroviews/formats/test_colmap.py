@@ -106,6 +106,15 @@ def test_missing_image(tmp_path):
         read_scene(folder)
 
 
+def test_a_link_to_a_photograph_that_was_moved(tmp_path):
+    folder = colmap_capture(tmp_path / "capture", count=3)
+    link = folder / "images" / "view01.png"
+    link.rename(tmp_path / "moved.png")
+    link.symlink_to(tmp_path / "before.png")
+    with pytest.raises(InputError, match=rf"{link}: a link to .*\n  found: {tmp_path}/before\.png\n.*`poses`"):
+        read_scene(folder)
+
+
 def test_camera_file_for_other_images(tmp_path):
     folder = colmap_capture(tmp_path)
     shutil.rmtree(folder / "images")
