@@ -51,7 +51,7 @@ def initialise(points: Points, cameras: Sequence[Camera], sh_degree: int, seed: 
     """One Gaussian a scene point: round, as large as the distance to its neighbours, its colour the point's.
 
     Points that are not finite or impossibly far away are left out. Where the capture has fewer than 100 others, 10,000
-    grey ones are drawn in the cube around the cameras. The log says both. Where it has more than that but fewer than
+    grey ones are drawn in the cube around the cameras, which the log says unless it has none. Where it has more than that but fewer than
     `fewest`, others are put between them: see `filled_up`.
     """
     positions, colours = np.asarray(points.positions, np.float64), np.asarray(points.colours) / 255.0
@@ -60,7 +60,8 @@ def initialise(points: Points, cameras: Sequence[Camera], sh_degree: int, seed: 
     kept = usable("training", positions)
     positions, colours = positions[kept], colours[kept]
     if len(positions) < FEWEST_POINTS:
-        logger.warning("training: %d points are few: %d random ones are added", len(positions), RANDOM_POINTS)
+        if len(points):
+            logger.warning("training: %d points are few: %d random ones are added", len(positions), RANDOM_POINTS)
         generator = np.random.default_rng(seed)
         random = middle + extent * generator.uniform(-1, 1, (RANDOM_POINTS, 3))
         positions = np.concatenate([positions, random])
