@@ -51,8 +51,8 @@ def initialise(points: Points, cameras: Sequence[Camera], sh_degree: int, seed: 
     """One Gaussian a scene point: round, as large as the distance to its neighbours, its colour the point's.
 
     Points that are not finite or impossibly far away are left out. Where the capture has fewer than 100 others, 10,000
-    grey ones are drawn in the cube around the cameras, which the log says unless it has none. Where it has more than that but fewer than
-    `fewest`, others are put between them: see `filled_up`.
+    grey ones are drawn in the cube around the cameras; the log says so, but of a capture without any. Where it has more
+    than that but fewer than `fewest`, others are put between them: see `filled_up`.
     """
     positions, colours = np.asarray(points.positions, np.float64), np.asarray(points.colours) / 255.0
     middle, extent = scene_extent(cameras, positions)
