@@ -235,6 +235,11 @@ def test_with_one_seed_nothing_is_said_of_seeds():
     assert "is known from two seeds on" in in_words(found, "")
 
 
+def test_seeds_are_those_that_tell_the_first_two_apart():
+    """By rank: the first two by name are so far apart that one seed does."""
+    assert compare(*board({"3dgs": -5.0, "ours": 0.05, "theirs": 0.0}), "psnr").seeds > 1
+
+
 def test_what_was_submitted_stands_apart_from_a_method_of_the_same_name():
     runs, views = board(methods={"a": 1.0})
     theirs = [table.assign(submitted_by="Ada") for table in (runs, views)]
