@@ -219,6 +219,14 @@ def test_before_any_view_nothing_is_known():
     assert layer_of(drops) is None
 
 
+def test_a_drop_that_one_photograph_hides_stays():
+    photographs = behind_drops(panorama.views_of(panorama.paint(), 14))
+    hidden = np.zeros(photographs.shape[1:3], bool)
+    hidden[DISK] = True
+    dark = np.concatenate([np.where(hidden[..., None], 0, photographs[:1]), photographs[1:]])
+    assert looked_at(dark, hidden=[hidden, *[None] * 13]).staying > 0.5 * looked_at(photographs).staying > 0
+
+
 def test_the_share_of_the_lens_that_stays_is_of_what_any_photograph_shows():
     photographs = behind_drops(panorama.views_of(panorama.paint(), 14))
     hidden = np.ones(photographs.shape[1:3], bool)

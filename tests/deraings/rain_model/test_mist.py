@@ -88,15 +88,35 @@ def test_photographs_that_hide_everything_have_no_mist():
     assert np.isfinite(bounds.colour).all()
 
 
+def test_the_colour_of_mist_is_held_near_the_light_that_it_should_have():
+    scene = panorama.views_of(panorama.paint(), 8)
+    mist = Mist(panorama.eight_bit(scene), STEPS, MistConfig(start=0))
+    mist.colour[:] = mist.expected + 0.1
+    root, nothing = mist.root(0, scene[0].shape[:2]), np.zeros_like(scene[0])
+    _, gradient = mist.backward(scene[0], scene[0].copy(), root, 0, nothing, BufferPool())
+    assert (gradient.colour > 0).all()
+
+
+def test_the_steps_of_mist_fall_over_the_training():
+    pictures, moved = panorama.eight_bit(panorama.views_of(panorama.paint(), 8)), []
+    for iteration in (0, STEPS):
+        mist = Mist(pictures, STEPS, MistConfig(start=0))
+        before = mist.colour.copy()
+        mist.update(MistGradient(np.zeros_like(mist.roots), np.full(3, 1e-3, np.float32)), iteration)
+        moved.append(before - mist.colour)
+    assert moved[1] == pytest.approx(MistConfig().final_rate * moved[0], rel=0.01)
+
+
 def test_adam_counts_the_steps_that_mist_takes():
     mist = Mist(panorama.eight_bit(panorama.views_of(panorama.paint(), 8)), STEPS, MistConfig(start=0))
     late = Mist(panorama.eight_bit(panorama.views_of(panorama.paint(), 8)), STEPS, MistConfig(start=0, final_rate=1.0))
     every = Mist(panorama.eight_bit(panorama.views_of(panorama.paint(), 8)), STEPS, MistConfig(start=0, final_rate=1.0))
-    gradient = MistGradient(np.full_like(mist.roots, -1e-3), np.zeros(3, np.float32))
+    gradient = MistGradient(np.zeros_like(mist.roots), np.full(3, 1e-3, np.float32))
     for step in range(10):
         every.update(gradient, step)
         late.update(gradient, 2 * step)
-    assert np.array_equal(every.roots, late.roots)
+    assert np.array_equal(every.colour, late.colour)
+    assert (every.colour < mist.colour).all()
     mist.load_state_dict({name: value.copy() for name, value in late.state_dict().items()})
     assert mist.steps == 10
 

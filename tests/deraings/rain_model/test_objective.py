@@ -10,7 +10,7 @@ from baselines.splatting.objective import Objective
 from baselines.training.images import TrainingImages
 from deraings.masks.config import MaskConfig
 from deraings.masks.occlusion_masks import OcclusionMasks
-from deraings.rain_model.drops import LensDropsConfig
+from deraings.rain_model.drops import DropLayer, LensDropsConfig
 from deraings.rain_model.mist import MistConfig
 from deraings.rain_model.objective import RainConfig, RainObjective
 from deraings.rain_model.rain_layer import RainLayerConfig
@@ -167,6 +167,18 @@ def test_masks_learn_from_the_loss_and_weigh_it():
     (_, gradient), *_ = steps(objective, renders(scene), 0, 3)
     size = panorama.HEIGHT, panorama.WIDTH
     assert learned == [(0, 0, size), (2, 2, size)]
+    assert not gradient[:, :24].any()
+    assert gradient[:, 36:].any()
+
+
+def test_what_is_wholly_behind_a_drop_teaches_the_scene_nothing():
+    """Neither by what is left of the pixel nor by the windows of SSIM around it."""
+    scene = scene_of(8)
+    objective = objective_of(scene, NOTHING)
+    alpha = np.zeros((panorama.HEIGHT, panorama.WIDTH), np.float32)
+    alpha[:, :30] = 0.9
+    objective.model._drop_layer = lambda *_: DropLayer(alpha, np.zeros_like(scene[0]), 0.3, 0.75)
+    (_, gradient), *_ = steps(objective, renders(scene), 0, 1)
     assert not gradient[:, :24].any()
     assert gradient[:, 36:].any()
 
