@@ -6,7 +6,7 @@ import pytest
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import photometric_loss, prepare_target
 from deraings.rain_model.mist import Mist, MistConfig, MistGradient, _gather, _spread, roughness_gradient
-from deraings.rain_model.mist_bounds import max_mist_alpha, mist_bounds
+from deraings.rain_model.mist_bounds import MAX_PICTURES, max_mist_alpha, mist_bounds
 
 AIR = np.array([0.55, 0.6, 0.65], np.float32)
 STEPS = 400
@@ -164,3 +164,9 @@ def test_roughness_gradient_agrees_with_differences():
     moved = knots.copy()
     moved[1, 2, 3] += 1e-6
     assert roughness_gradient(knots)[1, 2, 3] == pytest.approx((roughness(moved) - roughness(knots)) / 1e-6, abs=1e-4)
+
+
+def test_of_many_photographs_some_of_all_times_are_looked_at():
+    """Only the later half shows something dark."""
+    pictures = [np.full((8, 8, 3), 255 * (i < MAX_PICTURES), np.uint8) for i in range(2 * MAX_PICTURES)]
+    assert max_mist_alpha(pictures, np.ones(3, np.float32), (1, 2, 2), 0.05).max() == 0

@@ -204,3 +204,17 @@ def test_what_was_found_and_the_settings_can_be_written_down():
     other = objective_of(scene_of(3), replace(EAGER, drops=LensDropsConfig(start=0.2)))
     assert json.loads(json.dumps(other.settings())) != written
     assert json.loads(json.dumps(objective.report()))["rain"] == 0
+
+
+def test_what_is_hidden_and_what_is_broken_are_told_apart():
+    """A hole in a render shows no scene, but the photograph there tells of the lens."""
+    scene, hidden = scene_of(8), np.zeros((panorama.HEIGHT, panorama.WIDTH), bool)
+    hidden[:10] = True
+    objective = RainObjective(TrainingImages(panorama.eight_bit(scene), [hidden] * 8), STEPS, NOTHING)
+    told, image = [], renders(scene)[0]
+    image[20, 20] = np.nan
+    objective.model.update = lambda seen, observed, *_: told.append(observed)
+    objective(image, 0, 1, BufferPool())
+    assert np.array_equal(told[0].photographed == 0, hidden)
+    hidden[20, 20] = True
+    assert np.array_equal(told[0].shown == 0, hidden)

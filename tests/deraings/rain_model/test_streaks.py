@@ -8,7 +8,9 @@ from scipy import fft
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.training.images import TrainingImages
+from deraings.rain_model.falling_rain import FallingRain
 from deraings.rain_model.objective import RainConfig, RainObjective
+from deraings.rain_model.observation import Observation
 from deraings.rain_model.rain_layer import MIN_CONTRAST, RainLayerConfig, alpha_between
 from deraings.rain_model.streaks import SingleStreaks, SingleStreaksConfig, along_rain, wiener_gain
 from hydroviews.rain.streaks.recipe import StreakPattern, composite, streak_layer
@@ -298,3 +300,27 @@ def test_in_dry_weather_nothing_changes(scene):
         assert loss == expected
         assert np.array_equal(gradient, g)
     assert ours.report()["streaks"] == 0
+
+
+def certain_rain(certainty=1.0):
+    """Rain that is known to fall, whose single streaks are looked for; and what they are told."""
+    rain, told = FallingRain([SIZE], 100, EAGER.rain_layer, EAGER.streaks), []
+    rain.layer.alpha[0], rain.layer.certainty, rain.layer.due = 0.2, lambda: certainty, lambda _: False
+    rain.streaks.update = lambda along, contrast, *_: told.append((along, contrast))
+    return rain, told
+
+
+def test_pixels_without_weight_show_no_single_streaks(scene):
+    """Behind drops and masks a photograph is not the scene in rain."""
+    rain, told = certain_rain()
+    weights = np.zeros(SIZE, np.float32)
+    weights[:50] = 1
+    rain.update(Observation(scene[0] + np.float32(0.05), None, None, weights), scene[0], 0, 30)
+    for plane in told[0]:
+        assert plane[:50].any()
+        assert not plane[50:].any()
+
+
+def test_single_streaks_are_looked_for_only_where_it_surely_rains():
+    assert certain_rain()[0].due(0, SIZE, 30)
+    assert not certain_rain(0.9)[0].due(0, SIZE, 30)
