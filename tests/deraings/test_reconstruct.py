@@ -35,6 +35,7 @@ from hydroviews.files.atomic import read_json
 from hydroviews.files.locks import locked_if_free
 from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap
+from hydroviews.profiles import find_profile
 from hydroviews.scene.images import read_image, write_png
 from hydroviews.scene.scenes import Points, no_points
 
@@ -84,6 +85,16 @@ def test_the_profile_for_a_gpu_is_warned_of_before_hours_of_work(request_of, tmp
     monkeypatch.setattr(module, "find_scene", cameras)
     with pytest.raises(InputError, match="far enough"):
         reconstruct(request_of(profile="paper", out=tmp_path / "scene"))
+
+
+@pytest.mark.parametrize(("own", "expected"), [(96, 96), (None, find_profile("demo").long_side)])
+def test_a_size_of_ones_own_comes_before_the_profiles(request_of, tmp_path, monkeypatch, own, expected):
+    def resized(long_side):
+        raise InputError(f"brought to {long_side}")
+
+    monkeypatch.setattr(module, "find_scene", lambda *_: SimpleNamespace(views=[], notes=[], resized=resized))
+    with pytest.raises(InputError, match=f"brought to {expected}$"):
+        reconstruct(request_of(out=tmp_path / "scene", long_side=own))
 
 
 def test_a_capture_becomes_a_scene_of_all_its_photographs(request_of, caplog):
@@ -136,8 +147,8 @@ def test_photographs_without_cameras_have_them_estimated(request_of, tmp_path, m
         write_png(tmp_path / "photographs" / f"{i}.png", np.full((8, 8, 3), 0.1 * i, np.float32))
     asked = []
     monkeypatch.setattr(module, "estimate_poses", lambda *given, **named: asked.append((given, named)))
-    find_scene(request_of(photographs=tmp_path / "photographs"), tmp_path / "capture")
-    named = {"seed": 0, "rainy": True, "enhance": enhanced}
+    find_scene(request_of(photographs=tmp_path / "photographs", seed=7), tmp_path / "capture")
+    named = {"seed": 7, "rainy": True, "enhance": enhanced}
     assert asked == [((tmp_path / "photographs", tmp_path / "capture"), named)]
 
 
@@ -161,10 +172,12 @@ def test_a_film_becomes_a_capture(request_of, tmp_path, monkeypatch):
     (tmp_path / "walk.mp4").write_bytes(b"film")
     asked = []
     monkeypatch.setattr(module, "capture_video", lambda *given, **named: asked.append((*given, named)) or "scene")
-    assert find_scene(request_of(photographs=tmp_path / "walk.mp4", rate=2.0), tmp_path / "capture") == "scene"
+    request = request_of(photographs=tmp_path / "walk.mp4", rate=2.0, seed=7)
+    assert find_scene(request, tmp_path / "capture") == "scene"
     assert asked[0][:2] == (tmp_path / "walk.mp4", tmp_path / "capture")
     assert asked[0][2].rate == 2.0
     assert asked[0][3]["enhance"] is enhanced
+    assert asked[0][3]["seed"] == 7
 
 
 def test_what_cannot_be_reconstructed_is_refused(request_of, tmp_path, monkeypatch):

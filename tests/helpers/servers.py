@@ -20,6 +20,7 @@ class Server:
     status: list[int] = field(default_factory=list)  # of the next answers, instead of the file
     login: str | None = None  # header Authorization, without which it answers 401
     asked: list[tuple[str, str | None]] = field(default_factory=list)  # paths and ranges
+    logins: list[str | None] = field(default_factory=list)  # headers Authorization that came
     address: str = ""
 
 
@@ -51,7 +52,8 @@ def answer(request: BaseHTTPRequestHandler, server: Server) -> None:
     """The file or the rest of it, with If-Range honoured (RFC 9110, 13.1.5 and 14)."""
     wanted = request.headers.get("Range")
     server.asked.append((request.path, wanted))
-    if server.login not in (None, request.headers.get("Authorization")):
+    server.logins.append(request.headers.get("Authorization"))
+    if server.login not in (None, server.logins[-1]):
         request.send_error(401)
         return
     if server.status or request.path not in server.files:
@@ -59,7 +61,8 @@ def answer(request: BaseHTTPRequestHandler, server: Server) -> None:
         return
     content = server.files[request.path]
     match = re.fullmatch(r"bytes=(\d+)-", wanted or "")
-    same = request.headers.get("If-Range") in (None, server.tag)
+    tag = request.headers.get("If-Range")
+    same = tag is None or (tag == server.tag and not tag.startswith("W/"))  # a weak one never is
     start = int(match[1]) if match and same and server.ranges else 0
     if start and start >= len(content):
         request.send_error(416)

@@ -70,6 +70,28 @@ def test_percentiles_stay_once_growth_has_stopped():
     assert objective.histogram.counts.sum() == 24 * 32
 
 
+def test_what_is_hidden_moves_neither_percentiles_nor_the_share_of_pixels_that_count():
+    class AllThatIsShown(TrimmedObjective):
+        def probability(self, residuals, view, ignored):
+            return (~ignored).astype(np.float32)
+
+    images = TrainingImages([np.full((24, 32, 3), 200, np.uint8)], [np.indices((24, 32))[1] < 16])
+    objective = AllThatIsShown(images, RobustFilterConfig(SPLATTING, TrimConfig(fade_in=1e-6)), 0)
+    objective(random(0, 24, 32, 3), 0, 9, BufferPool())
+    assert objective.histogram.counts.sum() == 24 * 16
+    assert objective.report() == {"pixels": "100%"}
+
+
+def test_hidden_neighbours_make_no_pixel_an_outlier():
+    hidden = np.zeros((3, 3), bool)
+    hidden[2], hidden[1, 0] = True, True
+    images = TrainingImages([np.zeros((3, 3, 3), np.uint8)], [hidden])
+    objective = TrimmedObjective(images, RobustFilterConfig(SPLATTING), 0)
+    objective.histogram.observe(np.zeros((3, 3), np.float32))
+    residuals = np.array([[0, 0, 0], [1, 1, 1], [1, 1, 1]], np.float32)
+    assert objective.predicted(residuals, 0, hidden)[1, 1] == 1  # three of the five that are shown are inliers
+
+
 def test_something_in_the_way_in_a_third_of_the_views_is_left_out(tmp_path):
     scene = photographed(tmp_path, n_views=24, width=96, height=72)
     shown = occluded(scene, tmp_path / "occluded", size=36)
@@ -150,7 +172,8 @@ def test_an_interrupted_run_ends_with_the_same_bits(tmp_path):
 
 def test_the_method_is_found_and_settings_that_make_no_sense_are_refused(tmp_path):
     assert find_method("robust-filter") is RobustFilter
-    assert RobustFilter.configuration("paper").trim.inlier_share == 0.7
+    shares = [RobustFilter.configuration(name).trim.inlier_share for name in ("demo", "quick", "paper")]
+    assert shares == [0.9, 0.9, 0.7]
     assert RobustFilter.configuration("paper").splatting.strategy.reset_every is None
     for wrong in ({"inlier_share": 0}, {"inlier_share": 1.1}, {"memory": 1}, {"fade_in": 0}):
         with pytest.raises(ValueError, match="expected"):

@@ -21,6 +21,7 @@ from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.rasterizer import depth, render
 from baselines.splatting.schedule import validation_views
 from baselines.splatting.strategies.densification import DefaultStrategy
+from baselines.training.images import TrainingImages
 from hydroviews.errors import InputError
 
 GROWTH = DefaultStrategy(
@@ -208,3 +209,23 @@ def test_views_that_validate_are_seen_through_the_medium(tmp_path, monkeypatch):
     assert seen == [validating] * 2
     assert len(method._trained.residuals) == 2
     assert validating in method._objective._depths
+
+
+def test_pixels_of_the_residual_pull_at_nothing():
+    """Not even through the windows of SSIM that they share with others."""
+    photograph = np.random.default_rng(0).uniform(0, 0.5, (36, 48, 3)).astype(np.float32)
+    image = photograph + np.float32(0.02)
+    image[10:14, 10:14], photograph[10:14, 10:14] = 0, 0.9
+    objective = NimbusObjective(TrainingImages([(255 * photograph).astype(np.uint8)]), [None], BRIEF, None, 0.01)
+    _, gradient = objective(image, 0, 10, BufferPool())
+    chosen = objective.residuals.chosen[0]
+    assert chosen[10:14, 10:14].all()
+    assert not gradient[chosen].any()
+    assert gradient[~chosen].any()
+
+
+def test_what_is_hidden_is_the_union_of_medium_and_residual():
+    objective = NimbusObjective(TrainingImages([np.zeros((4, 6, 3), np.uint8)]), [None], BRIEF, None, 0.01)
+    objective.transmission = lambda view, size: np.full(size, 0.5, np.float32)
+    objective.residuals.chosen[0] = np.eye(4, 6, dtype=bool)
+    assert np.array_equal(objective.hidden(0, (4, 6)), np.where(np.eye(4, 6) == 1, 1, 0.5))

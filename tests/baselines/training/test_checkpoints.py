@@ -1,10 +1,16 @@
 """Trees of states on disk."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from splats import photographed
+from trainings import CONFIG
 
-from baselines.training.checkpoints import load_checkpoint, save_checkpoint, write_arrays
+from baselines.training.checkpoints import fingerprint_of, load_checkpoint, save_checkpoint, write_arrays
+from baselines.training.images import TrainingImages
 from hydroviews.errors import InputError
+from hydroviews.scene.scenes import Points
 
 TREE = {
     "iteration": 7,
@@ -48,6 +54,28 @@ def test_another_seed_is_another_run(tmp_path):
         load_checkpoint(tmp_path / "a", {"seed": 1, "configuration": {"rate": 3, "steps": 2}})
     assert "{'rate': 1}" in str(error.value)
     assert "steps" not in str(error.value)
+
+
+def test_a_fingerprint_tells_whatever_leads_to_another_result(tmp_path):
+    scene = photographed(tmp_path, n_views=3)
+    points, pictures = scene.points, [view.rounded() for view in scene.train_views]
+
+    def of(config=CONFIG, seed=0, points=points, pictures=pictures, **camera):
+        views = tuple(replace(view, camera=replace(view.camera, **camera)) for view in scene.views)
+        return fingerprint_of(config, seed, replace(scene, views=views, points=points), TrainingImages(pictures))
+
+    fingerprints = [
+        of(),
+        of(replace(CONFIG, iterations=7)),
+        of(seed=1),
+        of(points=Points(points.positions + 1e-6, points.colours)),
+        of(points=Points(points.positions, points.colours ^ 1)),
+        of(pictures=[pictures[0] ^ 1, *pictures[1:]]),
+        of(world_to_camera=np.eye(4)),
+        *(of(**{name: 20.0}) for name in ("fx", "fy", "cx", "cy")),
+    ]
+    assert not [one for i, one in enumerate(fingerprints) if one in fingerprints[:i]]
+    assert of() == of(replace(CONFIG, checkpoint_seconds=1.0, device="cuda"))
 
 
 def test_files_that_are_no_checkpoints_are_refused(tmp_path):

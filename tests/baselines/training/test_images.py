@@ -39,6 +39,12 @@ def test_all_pixels_are_those_of_the_pictures_which_are_parts_of_them():
     assert np.array_equal(images.all_pixels(), whole)
 
 
+def test_the_digest_tells_what_is_hidden():
+    """Where the hidden pixels are black anyhow, nothing else does."""
+    black, mask = np.zeros((4, 6, 3), np.uint8), np.zeros((4, 6), bool)
+    assert len({TrainingImages([black], [hidden]).digest() for hidden in (None, mask, ~mask)}) == 3
+
+
 def test_a_field_learns_from_the_pictures_themselves():
     images = TrainingImages(pictures())
     alone = [weakref.ref(images.pixels(index)) for index in range(3)]

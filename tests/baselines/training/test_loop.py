@@ -212,6 +212,13 @@ class Counting:
         self.iteration, self.seconds, self.total = tree["iteration"], tree["seconds"], tree["sums"]["total"]
 
 
+def test_a_training_that_sigterm_ends_exits_as_shells_expect(tmp_path, monkeypatch):
+    interrupting(monkeypatch, 1, signal.SIGTERM)
+    with pytest.raises(SystemExit) as end:
+        loop.run(Counting(), tmp_path / CHECKPOINT, {}, 1e9)
+    assert end.value.code == 128 + signal.SIGTERM
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_a_loss_that_is_not_finite_never_gets_into_a_checkpoint(tmp_path, bad):
     path = tmp_path / CHECKPOINT
@@ -239,6 +246,14 @@ def test_seconds_add_up_and_a_finished_training_is_left_as_it_is(tmp_path):
     loop.run(again, tmp_path / CHECKPOINT, {}, 1e9)
     assert again.seconds == first.seconds > 0
     assert (tmp_path / CHECKPOINT).read_bytes() == before
+
+
+def test_seconds_of_an_earlier_session_count(tmp_path):
+    path, trainer = tmp_path / CHECKPOINT, Counting()
+    save_checkpoint(path, {"iteration": 4, "seconds": 1000.0, "sums": {"total": np.full(1, 6.0)}}, {})
+    loop.run(trainer, path, {}, 1e9)
+    assert trainer.seconds > 1000
+    assert float(learning_curve(tmp_path)[-1]["seconds"]) >= 1000
 
 
 def learning_curve(folder):

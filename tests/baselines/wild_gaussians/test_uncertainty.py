@@ -140,6 +140,15 @@ def test_nothing_is_learnt_from_what_is_hidden():
     assert np.isfinite(taught.state_dict()["network.weight"]).all()
 
 
+def test_a_view_that_is_wholly_hidden_teaches_nothing():
+    """Black beside black would be alike, and certain."""
+    images = photographs()
+    taught = model(TrainingImages([images.pixels(i) for i in range(4)], [np.ones((32, 48), bool), None, None, None]))
+    before = taught.uncertainty(1, (32, 48))
+    taught.learn(images.pixels(1) / np.float32(255), 0, 0)
+    assert np.array_equal(taught.uncertainty(1, (32, 48)), before)
+
+
 def test_small_renders_are_compared_at_the_size_of_the_photograph():
     images = photographs()
     taught = model(images)

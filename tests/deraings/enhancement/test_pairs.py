@@ -5,7 +5,7 @@ from wet import HEIGHT, WIDTH, lens, photograph
 
 from baselines.training.supervised_training import draw_ahead
 from deraings.enhancement.pair_folders import PairFolder, find_pairs
-from deraings.enhancement.pairs import MISTED, Batches, Pairs
+from deraings.enhancement.pairs import MISTED, Batches, Pairs, stored
 from deraings.enhancement.validation import rain_on, setting_of
 from hydroviews.errors import InputError
 from hydroviews.pairs.drawing import Pair
@@ -109,3 +109,21 @@ def test_graded_streaks_get_harder_with_the_grade(tmp_path):
     harm = [float(np.mean((first - image) ** 2)) for first, _ in rainy]
     assert all(np.abs(first - second).max() > 0.1 for first, second in rainy)  # other streaks
     assert harm[0] < harm[1] < harm[2]
+
+
+def test_a_rainy_picture_belongs_to_the_clean_one_whose_name_it_continues_furthest(tmp_path):
+    for name in ("input/1_2_3", "target/1", "target/1_2"):
+        write_png(tmp_path / f"{name}.png", np.zeros((4, 4, 3), np.float32))
+    ((_, clean),) = find_pairs(tmp_path)
+    assert clean.name == "1_2.png"
+
+
+def test_a_pair_is_stored_with_its_companions():
+    """A lens is known from photographs as they are stored, too."""
+    rng = np.random.default_rng(0)
+    sizes = (32, 48, 3), (32, 48, 3), (32, 48, 3), (32, 48, 4), (2, 16, 24, 3)
+    pair = Pair(*(rng.random(size).astype(np.float32) for size in sizes))
+    found = stored(pair, rng)
+    for before, after in ((pair.rainy, found.rainy), (pair.companions, found.companions)):
+        assert 1e-3 < np.abs(before - after).mean() < 0.3
+    assert stored(pair._replace(rainy=pair.clean), rng).companions is pair.companions

@@ -256,3 +256,26 @@ def test_what_is_known_to_be_covered_is_hidden_as_well_around_its_place_on_the_l
     assert dry.weights(0, (HEIGHT, WIDTH), 500) is None
     alone = OcclusionMasks(images, 1000, 0, replace(ALWAYS, lens_views=0), known.__getitem__)
     assert alone.mask(0, (HEIGHT, WIDTH))[5, 5] > 0.99
+
+
+def test_the_typical_loss_is_of_pixels_that_are_shown():
+    """Hidden ones have none, and may be most of a photograph."""
+    masks = OcclusionMasks(TrainingImages(list(drop_pictures(0)[0])), 1000, 0, ALWAYS)
+    loss = np.zeros((HEIGHT, WIDTH), np.float32)
+    loss[:, :20] = 0.1
+    masks.learn(0, loss, 0)
+    assert masks.typical == pytest.approx(0.1)
+
+
+def test_the_network_does_not_see_the_loss_that_it_is_to_predict():
+    pictures, drops = drop_pictures(0)
+    masks = taught(pictures, losses(drops), lessons=1)  # of view 0 alone
+    assert (masks._around(0, (12, 18)) == 1).all()
+    assert not (masks._around(1, (12, 18)) == 1).all()
+
+
+def test_a_mask_is_not_stretched_where_its_blocks_end_beyond_the_picture():
+    masks = OcclusionMasks(TrainingImages(list(drop_pictures(0, count=1)[0])), 1000, 0, ALWAYS)
+    masks._kept[0] = np.repeat([[0] * 18 + [255] * 18], 24, axis=0).astype(np.uint8)  # of 72 columns, from the 36th on
+    found = masks.mask(0, (HEIGHT, WIDTH))
+    assert found[:, 35].max() < 0.5 < found[:, 36].min()

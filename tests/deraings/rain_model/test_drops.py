@@ -219,6 +219,14 @@ def test_before_any_view_nothing_is_known():
     assert layer_of(drops) is None
 
 
+def test_a_drop_that_one_photograph_hides_stays():
+    photographs = behind_drops(panorama.views_of(panorama.paint(), 14))
+    hidden = np.zeros(photographs.shape[1:3], bool)
+    hidden[DISK] = True
+    dark = np.concatenate([np.where(hidden[..., None], 0, photographs[:1]), photographs[1:]])
+    assert looked_at(dark, hidden=[hidden, *[None] * 13]).staying > 0.5 * looked_at(photographs).staying > 0
+
+
 def test_the_share_of_the_lens_that_stays_is_of_what_any_photograph_shows():
     photographs = behind_drops(panorama.views_of(panorama.paint(), 14))
     hidden = np.ones(photographs.shape[1:3], bool)
@@ -227,3 +235,12 @@ def test_the_share_of_the_lens_that_stays_is_of_what_any_photograph_shows():
     shown = looked_at(photographs).staying, looked_at(dark, hidden=[hidden] * 14).staying
     assert 0.02 < 2 * shown[0] < shown[1]
     assert looked_at(dark, hidden=[np.ones_like(hidden)] * 14).staying == 0
+
+
+def test_drops_cover_as_much_of_the_lens_as_is_allowed_and_are_no_lighter_than_they_cover():
+    alpha = np.linspace(0.3, 1, panorama.HEIGHT * panorama.WIDTH, dtype=np.float32).reshape(panorama.HEIGHT, -1)
+    drops = looked_at(panorama.views_of(panorama.paint(), 14))
+    drops.line = lambda view: (alpha.copy(), np.repeat(alpha[..., None], 3, axis=2))
+    layer = layer_of(drops)
+    assert (layer.alpha > 0.5).mean() == pytest.approx(LensDropsConfig().max_share, abs=0.01)
+    assert (layer.light <= layer.alpha[..., None]).all()

@@ -72,7 +72,7 @@ def test_only_a_sample_of_the_photographs_is_looked_at(scene):
     assert enhanced.views == [0, 4, 7]
 
 
-@pytest.mark.parametrize(("left", "believed"), [(0.02, True), (0.4, False)])
+@pytest.mark.parametrize(("left", "believed"), [(0.02, True), (0.3, False), (0.4, False)])
 def test_photographs_are_enhanced_only_by_a_network_that_is_believed(scene, left, believed):
     images, enhanced = TrainingImages(panorama.eight_bit(behind(scene, 0.4))), Enhanced(behind(scene, left))
     target = EnhancedTarget(images, enhanced, STEPS, MistConfig(), CONFIG)

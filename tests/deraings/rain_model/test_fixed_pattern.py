@@ -3,6 +3,7 @@ import panorama
 import pytest
 
 from deraings.rain_model.fixed_pattern import fixed_pattern
+from deraings.rain_model.time_knots import time_weights
 from hydroviews.scene.images import to_uint8
 
 SIZE = (panorama.HEIGHT, panorama.WIDTH)
@@ -79,3 +80,12 @@ def test_the_edge_of_a_mask_is_no_detail():
     shown = measured(pictures_of(views), hidden=[hidden] * 40)[0]
     assert shown[~hidden].max() < 2.5
     assert np.median(shown[:-14]) < 1.6
+
+
+def test_what_chance_leaves_follows_from_the_weights_of_views():
+    """Between knots a view counts in part: of n views of weights w chance leaves sum w^2 / (sum w)^2."""
+    views = np.random.default_rng(1).uniform(0, 1, (36, *SIZE, 3)).astype(np.float32)
+    views[(slice(None), *PLACE)] = np.random.default_rng(2).uniform(0, 1, (12, 12, 3))
+    middle = measured(pictures_of(views), knots=3)[1]
+    weights = np.array([time_weights(view, 36, 3)[1] for view in range(36)])
+    assert middle[22:26, 29:33] == pytest.approx(weights.sum() / np.sqrt((weights**2).sum()), rel=0.03)

@@ -6,7 +6,7 @@ import pytest
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import photometric_loss, prepare_target
 from deraings.rain_model.mist import Mist, MistConfig, MistGradient, _gather, _spread, roughness_gradient
-from deraings.rain_model.mist_bounds import max_mist_alpha, mist_bounds
+from deraings.rain_model.mist_bounds import MAX_PICTURES, max_mist_alpha, mist_bounds
 
 AIR = np.array([0.55, 0.6, 0.65], np.float32)
 STEPS = 400
@@ -88,15 +88,35 @@ def test_photographs_that_hide_everything_have_no_mist():
     assert np.isfinite(bounds.colour).all()
 
 
+def test_the_colour_of_mist_is_held_near_the_light_that_it_should_have():
+    scene = panorama.views_of(panorama.paint(), 8)
+    mist = Mist(panorama.eight_bit(scene), STEPS, MistConfig(start=0))
+    mist.colour[:] = mist.expected + 0.1
+    root, nothing = mist.root(0, scene[0].shape[:2]), np.zeros_like(scene[0])
+    _, gradient = mist.backward(scene[0], scene[0].copy(), root, 0, nothing, BufferPool())
+    assert (gradient.colour > 0).all()
+
+
+def test_the_steps_of_mist_fall_over_the_training():
+    pictures, moved = panorama.eight_bit(panorama.views_of(panorama.paint(), 8)), []
+    for iteration in (0, STEPS):
+        mist = Mist(pictures, STEPS, MistConfig(start=0))
+        before = mist.colour.copy()
+        mist.update(MistGradient(np.zeros_like(mist.roots), np.full(3, 1e-3, np.float32)), iteration)
+        moved.append(before - mist.colour)
+    assert moved[1] == pytest.approx(MistConfig().final_rate * moved[0], rel=0.01)
+
+
 def test_adam_counts_the_steps_that_mist_takes():
     mist = Mist(panorama.eight_bit(panorama.views_of(panorama.paint(), 8)), STEPS, MistConfig(start=0))
     late = Mist(panorama.eight_bit(panorama.views_of(panorama.paint(), 8)), STEPS, MistConfig(start=0, final_rate=1.0))
     every = Mist(panorama.eight_bit(panorama.views_of(panorama.paint(), 8)), STEPS, MistConfig(start=0, final_rate=1.0))
-    gradient = MistGradient(np.full_like(mist.roots, -1e-3), np.zeros(3, np.float32))
+    gradient = MistGradient(np.zeros_like(mist.roots), np.full(3, 1e-3, np.float32))
     for step in range(10):
         every.update(gradient, step)
         late.update(gradient, 2 * step)
-    assert np.array_equal(every.roots, late.roots)
+    assert np.array_equal(every.colour, late.colour)
+    assert (every.colour < mist.colour).all()
     mist.load_state_dict({name: value.copy() for name, value in late.state_dict().items()})
     assert mist.steps == 10
 
@@ -144,3 +164,9 @@ def test_roughness_gradient_agrees_with_differences():
     moved = knots.copy()
     moved[1, 2, 3] += 1e-6
     assert roughness_gradient(knots)[1, 2, 3] == pytest.approx((roughness(moved) - roughness(knots)) / 1e-6, abs=1e-4)
+
+
+def test_of_many_photographs_some_of_all_times_are_looked_at():
+    """Only the later half shows something dark."""
+    pictures = [np.full((8, 8, 3), 255 * (i < MAX_PICTURES), np.uint8) for i in range(2 * MAX_PICTURES)]
+    assert max_mist_alpha(pictures, np.ones(3, np.float32), (1, 2, 2), 0.05).max() == 0

@@ -137,3 +137,14 @@ def test_it_comes_back_from_its_state(model, views):
         )
         assert np.array_equal(one[1], other[1])
     assert same(state_of(model), state_of(again))
+
+
+def test_drops_are_learned_from_what_is_seen_without_drops(model, views, monkeypatch):
+    """Seen through the drops that are known already, photographs would follow it: they would be forgotten."""
+    photographs, scene = views
+    buffers, told = BufferPool(), []
+    monkeypatch.setattr(model.drops, "update", lambda photograph, seen, *_: told.append(seen.copy()))
+    seen = model.forward(scene[3], 3, 60, buffers)
+    model.update(seen, Observation(photographs[3], None, None, None), None, buffers)
+    assert np.array_equal(told[0], seen.without_drops)
+    assert not np.array_equal(seen.image, seen.without_drops)

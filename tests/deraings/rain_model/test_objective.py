@@ -10,7 +10,7 @@ from baselines.splatting.objective import Objective
 from baselines.training.images import TrainingImages
 from deraings.masks.config import MaskConfig
 from deraings.masks.occlusion_masks import OcclusionMasks
-from deraings.rain_model.drops import LensDropsConfig
+from deraings.rain_model.drops import DropLayer, LensDropsConfig
 from deraings.rain_model.mist import MistConfig
 from deraings.rain_model.objective import RainConfig, RainObjective
 from deraings.rain_model.rain_layer import RainLayerConfig
@@ -171,6 +171,18 @@ def test_masks_learn_from_the_loss_and_weigh_it():
     assert gradient[:, 36:].any()
 
 
+def test_what_is_wholly_behind_a_drop_teaches_the_scene_nothing():
+    """Neither by what is left of the pixel nor by the windows of SSIM around it."""
+    scene = scene_of(8)
+    objective = objective_of(scene, NOTHING)
+    alpha = np.zeros((panorama.HEIGHT, panorama.WIDTH), np.float32)
+    alpha[:, :30] = 0.9
+    objective.model._drop_layer = lambda *_: DropLayer(alpha, np.zeros_like(scene[0]), 0.3, 0.75)
+    (_, gradient), *_ = steps(objective, renders(scene), 0, 1)
+    assert not gradient[:, :24].any()
+    assert gradient[:, 36:].any()
+
+
 def test_what_is_hidden_is_the_union_of_rain_and_masks():
     scene = scene_of(8)
     masks = OcclusionMasks(TrainingImages(panorama.eight_bit(scene)), 10, 0, MaskConfig())
@@ -192,3 +204,17 @@ def test_what_was_found_and_the_settings_can_be_written_down():
     other = objective_of(scene_of(3), replace(EAGER, drops=LensDropsConfig(start=0.2)))
     assert json.loads(json.dumps(other.settings())) != written
     assert json.loads(json.dumps(objective.report()))["rain"] == 0
+
+
+def test_what_is_hidden_and_what_is_broken_are_told_apart():
+    """A hole in a render shows no scene, but the photograph there tells of the lens."""
+    scene, hidden = scene_of(8), np.zeros((panorama.HEIGHT, panorama.WIDTH), bool)
+    hidden[:10] = True
+    objective = RainObjective(TrainingImages(panorama.eight_bit(scene), [hidden] * 8), STEPS, NOTHING)
+    told, image = [], renders(scene)[0]
+    image[20, 20] = np.nan
+    objective.model.update = lambda seen, observed, *_: told.append(observed)
+    objective(image, 0, 1, BufferPool())
+    assert np.array_equal(told[0].photographed == 0, hidden)
+    hidden[20, 20] = True
+    assert np.array_equal(told[0].shown == 0, hidden)

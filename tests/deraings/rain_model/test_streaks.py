@@ -8,7 +8,9 @@ from scipy import fft
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.training.images import TrainingImages
+from deraings.rain_model.falling_rain import FallingRain
 from deraings.rain_model.objective import RainConfig, RainObjective
+from deraings.rain_model.observation import Observation
 from deraings.rain_model.rain_layer import MIN_CONTRAST, RainLayerConfig, alpha_between
 from deraings.rain_model.streaks import SingleStreaks, SingleStreaksConfig, along_rain, wiener_gain
 from hydroviews.rain.streaks.recipe import StreakPattern, composite, streak_layer
@@ -139,6 +141,24 @@ def test_what_was_found_is_kept_until_it_is_found_anew(scene):
     assert correlation(streaks.deviation(0), layers()[0]) > correlation(before[0], layers()[0])
 
 
+def test_what_was_found_is_the_mean_over_visits():
+    streaks = SingleStreaks([SIZE], SingleStreaksConfig())
+    dry = np.zeros(SIZE, np.float32), np.full(SIZE, 0.5, np.float32), 75, 0
+    streaks.update(*dry)  # its power
+    for deviation in (0.2, 0.6):
+        streaks.update(*dry, np.full(SIZE, deviation, np.float32))  # counts half
+    assert np.allclose(streaks.deviation(0), 0.2, atol=0.005)
+
+
+def test_a_renewal_forgets_the_power_of_before(scene):
+    """What was not learned then would be taken for rain for ever."""
+    streaks = watch(rained_on(scene, layers()), learned(scene), 0.15, rounds=1)
+    streaks.renew()
+    for view in range(COUNT):
+        streaks.update(np.zeros(SIZE, np.float32), np.full(SIZE, 0.5, np.float32), 75, view)
+    assert not streaks.gain.any()
+
+
 def test_nothing_is_said_before_the_spectra_are_known_nor_renewed_after_the_visits(scene):
     photographs = rained_on(scene, layers())
     assert watch(photographs, learned(scene), 0.15, rounds=1).alpha(0, 0.15, SIZE) is None
@@ -255,7 +275,7 @@ def test_a_network_helps_where_it_rains_and_is_not_asked_where_not(scene):
     assert alpha.mean() == pytest.approx(covers[0].mean(), abs=0.05)
 
 
-def test_what_is_hidden_does_not_thin_the_rain_that_the_prior_sees(scene):
+def test_what_is_hidden_has_no_streaks_and_does_not_thin_the_rain_that_the_prior_sees(scene):
     covers = layers()
     hidden = np.zeros(SIZE, bool)
     hidden[50:] = True
@@ -267,6 +287,9 @@ def test_what_is_hidden_does_not_thin_the_rain_that_the_prior_sees(scene):
     assert medians
     assert np.mean(medians) == pytest.approx(np.median(covers[:, :50]), abs=0.03)
     assert np.median(covers) > 0.1
+    found = np.stack([objective.model.rain.streaks.deviation(view) for view in range(COUNT)])
+    assert found[:, :50].any()
+    assert not found[:, 50:].any()
 
 
 def test_in_dry_weather_nothing_changes(scene):
@@ -277,3 +300,27 @@ def test_in_dry_weather_nothing_changes(scene):
         assert loss == expected
         assert np.array_equal(gradient, g)
     assert ours.report()["streaks"] == 0
+
+
+def certain_rain(certainty=1.0):
+    """Rain that is known to fall, whose single streaks are looked for; and what they are told."""
+    rain, told = FallingRain([SIZE], 100, EAGER.rain_layer, EAGER.streaks), []
+    rain.layer.alpha[0], rain.layer.certainty, rain.layer.due = 0.2, lambda: certainty, lambda _: False
+    rain.streaks.update = lambda along, contrast, *_: told.append((along, contrast))
+    return rain, told
+
+
+def test_pixels_without_weight_show_no_single_streaks(scene):
+    """Behind drops and masks a photograph is not the scene in rain."""
+    rain, told = certain_rain()
+    weights = np.zeros(SIZE, np.float32)
+    weights[:50] = 1
+    rain.update(Observation(scene[0] + np.float32(0.05), None, None, weights), scene[0], 0, 30)
+    for plane in told[0]:
+        assert plane[:50].any()
+        assert not plane[50:].any()
+
+
+def test_single_streaks_are_looked_for_only_where_it_surely_rains():
+    assert certain_rain()[0].due(0, SIZE, 30)
+    assert not certain_rain(0.9)[0].due(0, SIZE, 30)

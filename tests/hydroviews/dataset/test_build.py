@@ -13,7 +13,7 @@ from synthetic import capture_in
 from hydroviews.dataset import build as build_module
 from hydroviews.dataset.build import build
 from hydroviews.dataset.drawing_code import drawing_code
-from hydroviews.dataset.manifest import read_manifest, record_files, scene_files
+from hydroviews.dataset.manifest import data_hash, read_manifest, record_files, scene_files
 from hydroviews.dataset.rainy_variant import FOCAL_STEP
 from hydroviews.dataset.request import REQUEST, make_request, take_folder
 from hydroviews.dataset.variants import open_clean, open_variant
@@ -448,6 +448,19 @@ def test_a_broken_manifest_is_told(tmp_path, content):
     (tmp_path / "manifest.json").write_text(content)
     with pytest.raises(InputError, match="delete it and build again"):
         verify(tmp_path)
+
+
+def test_the_hash_of_data_is_of_all_that_a_run_is_trained_and_scored_on(tmp_path):
+    seen = ["clean/a.png", "sparse/0/images.bin", "split.json", "masks/a.png.png", "streak-0/images/a.png"]
+    seen += ["streak-0/drops/a.png"]
+    others = ["streak-0/layers/a.exr", "streak-1/images/a.png", "README.md"]
+
+    def hashed(changed=None):
+        scene = {"patterns": ["streak-0"], "files": {name: "ab"[name == changed] * 64 for name in (*seen, *others)}}
+        write_json(tmp_path / "manifest.json", {"scenes": {"yard": scene}})
+        return data_hash(tmp_path, "yard", "streak-0")
+
+    assert [name for name in (*seen, *others) if hashed(name) != hashed()] == seen
 
 
 def test_the_technique_of_drops_is_part_of_the_request(scene, tmp_path):

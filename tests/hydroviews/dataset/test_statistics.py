@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hydroviews import metrics
-from hydroviews.dataset.statistics import measure_view, read_statistics, write_statistics
+from hydroviews.dataset.statistics import measure_view, read_statistics, summarise, write_statistics
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_bytes, write_json
 from hydroviews.rain.layers import read_layers, write_layers
@@ -85,6 +85,14 @@ def test_the_scene_has_a_row_a_variant(built):
     assert row.views == 3
     assert (row.psnr_min, row.psnr_max) == (views.psnr.min(), views.psnr.max())
     assert row.psnr_mean == pytest.approx(views.psnr.mean(), abs=1e-5)
+
+
+def test_directions_of_179_and_1_degrees_lie_beside_each_other(built):
+    path = write_statistics(built, "streak-1")
+    read_statistics(path).assign(angle=[179.0, 1.0, 0.0]).to_csv(path, index=False)
+    row = summarise(built).iloc[0]
+    assert row.angle_max - row.angle_min == pytest.approx(2)
+    assert (row.angle_mean + 90) % 180 == pytest.approx(90, abs=0.1)
 
 
 def test_the_same_files_give_the_same_bytes_and_a_finished_table_is_kept(built, monkeypatch):

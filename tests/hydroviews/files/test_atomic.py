@@ -4,7 +4,7 @@ import os
 import pytest
 
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import read_json, replacing, write_json
+from hydroviews.files.atomic import listing, read_json, replacing, write_json
 
 
 def test_a_failed_write_leaves_the_old_file_and_no_trace(tmp_path):
@@ -44,9 +44,13 @@ def test_a_byte_order_mark_does_not_matter(tmp_path):
     assert read_json(tmp_path / "a.json") == {"rain": "none"}
 
 
-@pytest.mark.parametrize("number", [errno.EDQUOT, errno.EACCES, errno.EROFS])
-def test_disks_that_may_not_be_written_are_told_plainly(tmp_path, number):
-    with pytest.raises(InputError, match=r"no space left|cannot be written"), replacing(tmp_path / "a.txt"):
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [("EDQUOT", "no space left"), *((name, "cannot be written") for name in ("EACCES", "EPERM", "EROFS"))],
+)
+def test_a_full_quota_and_disks_that_may_not_be_written_are_told_plainly(tmp_path, name, told):
+    number = getattr(errno, name)
+    with pytest.raises(InputError, match=told), replacing(tmp_path / "a.txt"):
         raise OSError(number, os.strerror(number))
 
 
@@ -65,3 +69,10 @@ def test_odd_json_is_told(tmp_path, text):
     (tmp_path / "odd.json").write_bytes(text.encode("latin-1"))
     with pytest.raises(InputError, match=r"odd\.json: not valid JSON"):
         read_json(tmp_path / "odd.json")
+
+
+def test_a_listing_does_not_depend_on_the_order_of_files(tmp_path):
+    files = [tmp_path / name for name in "abc"]
+    for size, file in enumerate(files):
+        file.write_bytes(b"x" * size)
+    assert listing(files) == listing(reversed(files))

@@ -31,17 +31,30 @@ def leftovers(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
+def begun(folder, url, part, size=3_000_000):
+    """Leave a part of `a.bin` as an earlier call does."""
+    (folder / "a.bin.part").write_bytes(part)
+    (folder / "a.bin.part.json").write_text(json.dumps({"url": url, "size": size, "tag": None}))
+
+
 def test_a_file_arrives_with_its_checksum(server, tmp_path):
     assert fetch([f"{server.address}/a.bin"], tmp_path / "deep" / "a.bin") == SHA
     assert (tmp_path / "deep" / "a.bin").read_bytes() == CONTENT
     assert leftovers(tmp_path / "deep") == ["a.bin"]
 
 
-def test_a_cut_connection_is_taken_up_again(server, tmp_path):
-    server.cut_after = [1_200_000, 500_000]
+@pytest.mark.parametrize("tag", ['"one"', 'W/"one"'])
+def test_a_cut_connection_is_taken_up_again(server, tmp_path, tag):
+    server.cut_after, server.tag = [1_200_000, 500_000], tag
     fetch([f"{server.address}/a.bin"], tmp_path / "a.bin")
     assert (tmp_path / "a.bin").read_bytes() == CONTENT
     assert [ask[1] for ask in server.asked] == [None, "bytes=1200000-", "bytes=1700000-"]
+
+
+def test_a_connection_may_break_many_times_as_long_as_data_arrive(server, tmp_path):
+    server.cut_after = [100_000] * (2 * http_download.ATTEMPTS)
+    fetch([f"{server.address}/a.bin"], tmp_path / "a.bin")
+    assert (tmp_path / "a.bin").read_bytes() == CONTENT
 
 
 def test_a_later_call_goes_on_where_an_earlier_one_ended(server, tmp_path):
@@ -97,11 +110,19 @@ def test_a_server_without_ranges_sends_all_of_it_again(server, tmp_path):
 
 def test_a_part_longer_than_the_file_is_dropped(server, tmp_path):
     url = f"{server.address}/a.bin"
-    (tmp_path / "a.bin.part").write_bytes(CONTENT + b"too much")
-    (tmp_path / "a.bin.part.json").write_text(json.dumps({"url": url, "size": 5_000_000, "tag": None}))
+    begun(tmp_path, url, CONTENT + b"too much", size=5_000_000)
     fetch([url], tmp_path / "a.bin")
     assert (tmp_path / "a.bin").read_bytes() == CONTENT
     assert [ask[1] for ask in server.asked] == ["bytes=3000008-", None]
+
+
+def test_a_range_that_was_not_asked_for_is_refused(tmp_path):
+    wrong = b"HTTP/1.1 206 Partial\r\nContent-Range: bytes 0-4/1005\r\nContent-Length: 5\r\n\r\nwrong"
+    with answering(wrong) as address:
+        begun(tmp_path, f"{address}/a.bin", CONTENT[:1000], size=1005)
+        with pytest.raises(InputError, match="another range than asked for: bytes 0-4"):
+            fetch([f"{address}/a.bin"], tmp_path / "a.bin")
+    assert (tmp_path / "a.bin.part").read_bytes() == CONTENT[:1000]
 
 
 @pytest.mark.parametrize("about", [None, "{", {"url": "http://elsewhere"}, {"url": "", "size": None, "tag": None}])
@@ -161,6 +182,13 @@ def test_a_full_disk_is_told_before_anything_is_written(server, tmp_path, monkey
     assert "a.bin.part" not in leftovers(tmp_path)
 
 
+def test_a_download_goes_on_where_there_is_room_for_the_rest(server, tmp_path, monkeypatch):
+    begun(tmp_path, f"{server.address}/a.bin", CONTENT[:2_000_000])
+    monkeypatch.setattr(http_download.shutil, "disk_usage", lambda path: type("Usage", (), {"free": 1_500_000})())
+    assert fetch([f"{server.address}/a.bin"], tmp_path / "a.bin") == SHA
+    assert server.asked == [("/a.bin", "bytes=2000000-")]
+
+
 @pytest.mark.parametrize(
     ("answer", "told"),
     [
@@ -198,3 +226,14 @@ def test_a_password_in_an_address_is_sent_and_neither_told_nor_kept(server, tmp_
     assert json.loads((tmp_path / "a.bin.part.json").read_text())["url"] == url
     fetch([url.replace("//", "//ada:secret@")], tmp_path / "a.bin")
     assert server.asked[-1] == ("/a.bin", "bytes=1200000-")
+
+
+def test_no_part_of_a_password_with_an_at_sign_is_told():
+    assert http_download.without_password("https://ada:p@ss@host/a") == "https://host/a"
+
+
+def test_a_password_does_not_follow_a_redirect(server, tmp_path):
+    moved = f"HTTP/1.1 302 Found\r\nLocation: {server.address}/a.bin\r\nContent-Length: 0\r\n\r\n"
+    with answering(moved.encode()) as address:
+        fetch([f"{address}/a.bin".replace("//", "//ada:secret@")], tmp_path / "a.bin")
+    assert server.logins == [None]

@@ -44,10 +44,12 @@ def test_a_file_in_the_way_of_a_folder_is_told(tmp_path):
         pass
 
 
-@pytest.mark.parametrize("refusal", [errno.EROFS, errno.EACCES])
-def test_where_nothing_can_be_written_nobody_waits(tmp_path, monkeypatch, refusal):
+@pytest.mark.parametrize("refusal", ["EROFS", "EACCES", "EPERM", "ENOLCK", "ENOSYS", "EOPNOTSUPP"])
+def test_where_no_lock_can_be_had_nobody_waits_and_nothing_counts_as_free(tmp_path, monkeypatch, refusal):
+    number = getattr(errno, refusal)
+
     def refuse(*arguments, **options):
-        raise OSError(refusal, "no")
+        raise OSError(number, "no")
 
     monkeypatch.setattr("os.open", refuse)
     done = []
@@ -55,7 +57,9 @@ def test_where_nothing_can_be_written_nobody_waits(tmp_path, monkeypatch, refusa
         done.append(True)
     assert done
     with pytest.raises(OSError, match="inside"), locked(tmp_path / "a"):  # what the block raises is its own
-        raise OSError(refusal, "inside")
+        raise OSError(number, "inside")
+    with locked_if_free(tmp_path / "a") as free:
+        assert not free
 
 
 def test_threads_wait_for_each_other(tmp_path):

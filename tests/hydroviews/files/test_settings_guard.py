@@ -47,6 +47,12 @@ def test_files_of_unknown_origin_are_never_removed(tmp_path, overwrite):
     claim_folder(tmp_path / "request.json", {"seed": 0}, **{**WORDS, "foreign": None})
 
 
+def test_hidden_files_are_no_foreign_ones(tmp_path):
+    (tmp_path / ".DS_Store").write_text("of a file manager")
+    claim_folder(tmp_path / "request.json", {"seed": 0}, **WORDS)
+    assert read_json(tmp_path / "request.json") == {"seed": 0}
+
+
 def test_a_claim_clears_leftovers(tmp_path):
     leftover = tmp_path / "a" / ".partial-host-0123-request.json"
     leftover.parent.mkdir()

@@ -85,6 +85,8 @@ def test_split_of_a_built_scene_and_of_its_variants(tmp_path):
         assert read.split.train == ("view01", "view02")
         assert read.split.test == ("view05",)
         assert read.views[0].path.parent == folder / ("clean" if folder == scene else "images")
+    (scene / "split.json").write_text(json.dumps({"train": ["view02", "view01"], "test": ["view05"]}))
+    assert read_scene(scene).split.train == ("view01", "view02")  # in order of names, however it was written
     (scene / "split.json").write_text("[]")
     with pytest.raises(InputError, match=r"split\.json: not a split"):
         read_scene(scene)
@@ -183,6 +185,25 @@ def test_pose_that_is_not_a_number(tmp_path):
         read_scene(folder)
 
 
+def test_a_quaternion_may_have_any_length(tmp_path):
+    folder = colmap_capture(tmp_path, text=True)
+    path, expected = folder / "sparse" / "0" / "images.txt", read_scene(folder).views
+    lines = [line.split() for line in path.read_text().splitlines()]
+    for line in lines:
+        if line and line[-1].startswith("view"):
+            line[1:5] = [str(3 * float(part)) for part in line[1:5]]
+    path.write_text("\n".join(map(" ".join, lines)))
+    for view, before in zip(read_scene(folder).views, expected, strict=True):
+        np.testing.assert_allclose(view.camera.world_to_camera, before.camera.world_to_camera, atol=1e-9)
+
+
+def test_the_order_of_points_in_the_file_does_not_matter(tmp_path):
+    folder = colmap_capture(tmp_path, text=True)
+    path, expected = folder / "sparse" / "0" / "points3D.txt", read_scene(folder).points.positions
+    path.write_text("\n".join(reversed(path.read_text().splitlines())))
+    assert np.array_equal(read_scene(folder).points.positions, expected)
+
+
 def test_images_of_a_camera_that_is_not_there(tmp_path):
     folder = colmap_capture(tmp_path, text=True)
     path = folder / "sparse" / "0" / "cameras.txt"
@@ -207,13 +228,20 @@ def test_model_without_photographs(tmp_path):
         read_scene(tmp_path)
 
 
-def test_reliable_points_unless_too_few():
-    errors = np.where(np.arange(3000) % 3 == 0, 5.0, 0.5)
-    tracks = np.full(3000, 4)
-    points = SparsePoints(np.zeros((3000, 3)), np.zeros((3000, 3), np.uint8), errors, tracks)
-    assert len(reliable(points)) == 2000
-    few = SparsePoints(points.positions[:9], points.colours[:9], errors[:9] + 2, tracks[:9])
-    assert len(reliable(few)) == 9
+def sparse_points(errors, tracks):
+    return SparsePoints(np.zeros((len(errors), 3)), np.zeros((len(errors), 3), np.uint8), errors, tracks)
+
+
+@pytest.mark.parametrize("count", [300, 3000])
+@pytest.mark.parametrize(("error", "track"), [(5.0, 3), (0.5, 2)], ids=["far off", "seen by two"])
+def test_points_that_cannot_be_relied_on_are_left_out(count, error, track):
+    bad = np.arange(count) % 3 == 0
+    points = sparse_points(np.where(bad, error, 0.5), np.where(bad, track, 3))
+    assert len(reliable(points)) == count * 2 / 3
+
+
+def test_all_points_are_taken_where_too_few_can_be_relied_on():
+    assert len(reliable(sparse_points(np.where(np.arange(9) == 0, 0.5, 5.0), np.full(9, 4)))) == 9
 
 
 def test_bonsai_flags_exactly_the_misplaced_cameras():

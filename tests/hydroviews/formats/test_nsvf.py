@@ -34,6 +34,13 @@ def test_cameras_are_the_ones_written(scene, tmp_path, short):
         assert np.allclose(ours.camera.matrix, given.camera.matrix)
 
 
+def test_the_matrix_may_have_two_focal_lengths(scene, tmp_path):
+    matrix = np.loadtxt(tmp_path / "nsvf" / "intrinsics.txt")
+    matrix[1, 1] *= 1.1
+    np.savetxt(tmp_path / "nsvf" / "intrinsics.txt", matrix)
+    assert np.allclose(read_scene(tmp_path / "nsvf").views[0].camera.matrix, matrix[:3, :3])
+
+
 @pytest.mark.parametrize(
     ("file", "content", "message"),
     [

@@ -79,6 +79,15 @@ def test_a_method_that_shares_no_run_does_not_leave_the_others_without_compariso
     assert "Not compared, since fewer than half of the runs are shared: theirs." in section
 
 
+def test_tracks_are_compared_apart(board):
+    table = collect(board).query("scene == 'courtyard'")
+    views = collect_views(table, board)
+    worse = views.assign(track="sparse-views", psnr=views.psnr - 5 * (views.method == "ours"))
+    other = table.assign(track="sparse-views")
+    both = (pd.concat(pair, ignore_index=True) for pair in ((table, other), (views, worse)))
+    assert comparisons_text(*both).startswith(comparisons_text(table, views))
+
+
 def test_runs_that_left_the_board_go(board, shown, tmp_path):
     out = Path(shutil.copytree(shown, tmp_path / "out"))
     shutil.rmtree(board / "demo" / "ours")

@@ -136,6 +136,14 @@ def test_methods_that_no_column_names_change_nothing():
     assert filled(text, *board(without=[("theirs", scene) for scene in PLACES[:5]])) == everything
 
 
+def test_runs_of_other_tracks_change_nothing():
+    runs = board()
+    more = (pd.concat([one, one.assign(track="sparse-views", psnr=one.psnr - 5)], ignore_index=True) for one in runs)
+    methods = page("methods", "streak-1", head="| method | `pond` |\n|---|---|")
+    text = page("suites", "streak-1") + page("scenes", "streak-1") + methods
+    assert filled(text, *more) == filled(text, *runs)
+
+
 def test_means_are_over_the_scenes_that_all_of_them_have():
     table, views = board(without=[("ours", "room"), ("3dgs-clean", "street")])
     found = cells(filled(page("suites", "streak-1"), table, views))

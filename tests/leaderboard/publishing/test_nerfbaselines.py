@@ -29,6 +29,16 @@ def test_scores_of_every_view_come_back(run, tmp_path):
     assert written["render_dataset_metadata"]["scene"] == "yard-streak-0"
 
 
+def test_the_digest_of_scores_does_not_depend_on_the_order_of_views(run, tmp_path):
+    """nerfbaselines sorts them before it compares it."""
+    views, digests = pd.read_csv(run / "per_view.csv", dtype={"view": str}), set()
+    for step in (1, -1):
+        views[::step].to_csv(run / "per_view.csv", index=False)
+        export_command(run, tmp_path / f"{step}.json", "nerfbaselines")
+        digests.add(json.loads((tmp_path / f"{step}.json").read_text())["metrics_sha256"])
+    assert len(digests) == 1
+
+
 def test_its_own_reader_takes_them(run, tmp_path):
     results = pytest.importorskip("nerfbaselines.results", reason="nerfbaselines is not installed")
     hashing = pytest.importorskip("nerfbaselines.io")

@@ -137,6 +137,9 @@ def test_what_is_there_is_kept_and_another_run_in_its_place_needs_to_be_asked_fo
         publish(results, board)
     assert publish(results, board, overwrite=True).written == (Path(RUN),)
     assert json.loads((board / RUN / "record.json").read_text())["train_s"] == 1.0
+    (results / RUN / "learning_curve.csv").write_text("step,seconds,loss\n1,1,1\n")  # its record is the same
+    with pytest.raises(InputError, match=f"{RUN}: on the board, as another run"):
+        publish(results, board)
 
 
 def test_an_interruption_leaves_no_half_run_and_the_same_command_does_the_rest(results, board, monkeypatch):

@@ -97,3 +97,8 @@ def test_a_render_of_another_size_is_refused(rendered):
     write_png(renders / f"{views[3].name}.png", np.zeros((10, 12, 3), np.float32))
     with pytest.raises(InputError, match=r"another size than the clean view[\s\S]*12x10"):
         score_views(renders, views, {})
+
+
+def test_the_digest_of_renders_does_not_depend_on_the_order_they_are_given_in(rendered):
+    paths = sorted(rendered[1].iterdir())
+    assert score.renders_sha256(paths) == score.renders_sha256(paths[::-1])

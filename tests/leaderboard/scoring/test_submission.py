@@ -169,3 +169,10 @@ def test_a_run_of_ours_is_not_replaced(theirs, ours):
     (run / "config.json").write_text(json.dumps(settings | {"method": "their-method"}))
     with pytest.raises(InputError, match="holds another run of that name"):
         sent(theirs)
+
+
+def test_a_record_tells_the_size_of_the_pictures(ours):
+    _, run, record = ours
+    camera = run.clean_scene().test_views[0].camera
+    assert (record.width, record.height) == (camera.width, camera.height)
+    assert camera.width != camera.height

@@ -235,6 +235,11 @@ def test_with_one_seed_nothing_is_said_of_seeds():
     assert "is known from two seeds on" in in_words(found, "")
 
 
+def test_seeds_are_those_that_tell_the_first_two_apart():
+    """By rank: the first two by name are so far apart that one seed does."""
+    assert compare(*board({"3dgs": -5.0, "ours": 0.05, "theirs": 0.0}), "psnr").seeds > 1
+
+
 def test_what_was_submitted_stands_apart_from_a_method_of_the_same_name():
     runs, views = board(methods={"a": 1.0})
     theirs = [table.assign(submitted_by="Ada") for table in (runs, views)]
@@ -261,3 +266,14 @@ def test_methods_without_a_common_run_are_named_with_what_they_have():
         compare(*board(missing=half), "psnr", ["3dgs", "ours", "theirs"])
     found = compare(*board(missing=half), "psnr")
     assert (set(found.methods.method), found.apart) == ({"3dgs", "ours"}, ["theirs"])
+
+
+def test_a_gain_that_one_scene_alone_shows_is_not_significant():
+    """All runs are better, which ranks say; but the interval over scenes holds 0."""
+    runs, views = board({"ours": 0.0, "3dgs": 0.0})
+    ours, gains = views.method == "ours", views.scene.map({"room": 5.0, "street": 0.2, "pond": 0.2})
+    views.loc[ours, "psnr"] = views.psnr[views.method == "3dgs"].to_numpy() + gains[ours].to_numpy()
+    pair = compare(runs, views, "psnr").pairs.iloc[0]
+    assert pair.p_holm < 0.05
+    assert pair.low < 0 < pair.high
+    assert not pair.significant

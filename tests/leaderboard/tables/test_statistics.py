@@ -67,6 +67,11 @@ def test_means_weigh_scenes_patterns_seeds_and_views_alike():
     assert estimate([first, second]).mean[0] == pytest.approx((9.5 + 100) / 2)
 
 
+def test_draws_keep_every_pattern():
+    scene = SceneScores(np.repeat([0.0, 10.0], 3).reshape(2, 3, 1), np.array([0, 1]))
+    assert np.allclose(scene.draw(50, np.random.default_rng(0)), 5)
+
+
 def test_the_interval_over_scenes_is_students():
     rng = np.random.default_rng(3)
     values = rng.normal(20, 3, 6)
@@ -106,6 +111,12 @@ def test_so_many_seeds_find_a_difference_in_four_of_five_boards():
     trials = rng.normal(0.1, 0.4, (6 * int(seeds), 4000))
     found = stats.ttest_1samp(trials, 0, axis=0).pvalue < 0.05
     assert found.mean() == pytest.approx(0.8, abs=0.03)
+
+
+def test_the_spread_of_two_seeds_is_that_of_a_sample():
+    """Of 0 and 2 the variance is 2, not 1."""
+    scene = SceneScores(np.array([0.0, 2.0])[:, None, None], np.zeros(2, int))
+    assert seeds_needed([scene]) == math.ceil(2 * (1.959964 + 0.841621) ** 2)
 
 
 def test_seeds_that_nothing_is_known_of():

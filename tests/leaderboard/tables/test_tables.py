@@ -3,7 +3,7 @@ import pytest
 
 from hydroviews.metrics import find_metrics
 from leaderboard.records import columns
-from leaderboard.tables.dataframes import cost_means, grade_of, scene_keys, scene_table, share_of_gap
+from leaderboard.tables.dataframes import ablation_means, cost_means, grade_of, scene_keys, scene_table, share_of_gap
 from leaderboard.tables.markdown import to_markdown
 from leaderboard.tables.means import places, shared_runs
 
@@ -103,6 +103,17 @@ def test_failed_runs_are_counted_and_left_out_of_the_mean():
     text = to_markdown(board)
     assert "| ours | <u>**24.00**</u> | <u>**0.5000**</u> |  |  |  |  | <u>1/2</u> |" in text
     assert "| theirs |  |  |  |  |  |  | <u>0/2</u> |" in text
+
+
+def test_where_a_run_lacks_a_number_its_mean_is_not_told():
+    table = rows(("ours", "streak", "done", 24.0), ("ours", "streak", "partial", None))
+    assert pd.isna(scene_table(table, "yard", "demo", "given-poses").loc["ours", ("streak", "psnr")])
+
+
+def test_the_ablation_is_over_drops_and_streaks_alone_and_in_the_papers_order():
+    runs = [("deraings", "raindrop", "done", 20.0), ("3dgs", "raindrop", "done", 10.0)]
+    means = ablation_means(rows(*runs, *((name, "storm", "done", 40.0) for name in ("3dgs", "deraings"))))
+    assert list(means.psnr.items()) == [("3dgs", 10), ("deraings", 20)]
 
 
 def test_means_are_of_shared_runs_and_who_lacks_runs_is_underlined_and_not_the_best():

@@ -120,3 +120,11 @@ def test_an_empty_lens():
     water = water_at(replace(PATTERN, coverage=0.0, droplets=0, rivulets=0), EXTENT, 0.5)
     assert water.drops == water.rivulets == ()
     assert len(water.droplets) == 0
+
+
+def test_where_drops_have_run_there_are_no_droplets_but_their_own_beads():
+    water = water_at(replace(PATTERN, coverage=0.05, droplets=1500), EXTENT, 1.0)
+    beads = {tuple(bead) for rivulet in water.rivulets for bead in rivulet.beads.tolist()}
+    others = np.array([droplet for droplet in water.droplets.tolist() if tuple(droplet) not in beads])
+    assert len(others) > 100
+    assert all(rivulet.clear_of_track(others).all() for rivulet in water.rivulets)
