@@ -11,7 +11,8 @@ from hydroviews.errors import InputError
 from leaderboard.__main__ import compare_command, table_command
 from leaderboard.gather import VIEW_KEYS, write_leaderboard
 from leaderboard.records import Record, columns, run_folder, write_record
-from leaderboard.tables.comparison import compare, in_words
+from leaderboard.site.intervals import comparisons
+from leaderboard.tables.comparison import compare, in_words, rank_text
 
 SHIFTS = {"ours": 2.0, "theirs": 0.02, "3dgs": 0.0}
 PATTERNS = ("raindrop-1", "streak-1", "storm-1")
@@ -187,6 +188,18 @@ def test_means_are_of_runs_that_all_have_and_who_finished_fewer_ranks_below():
     assert dict(found["rank"]) == {"ours": 3, "theirs": 1, "3dgs": 1}  # these two as if it were not there
     assert (found.loc["ours", "finished"], found.loc["ours", "planned"]) == (16, 18)
     assert "| 16/18 |" in in_words(compare(runs, views, "psnr"), "")
+
+
+def test_a_method_without_a_finished_run_has_no_rank_and_is_not_counted_among_those_compared():
+    every = itertools.product(["theirs"], SCENES, PATTERNS, (0, 1))
+    runs, views = board(missing=set(every))
+    found = compare(runs, views, "psnr")
+    assert [rank_text(rank) for rank in found.methods["rank"]] == ["1", "2", ""]
+    text = in_words(found, "")
+    assert "|  | theirs |  | 0/18 |" in text
+    assert "Means over the 18 runs that all with a rank have" in text
+    views = views.assign(ssim=views.psnr, lpips_vgg=views.lpips_alex)
+    assert [(row.rank, row.method) for row in comparisons(runs, views)[0].methods][-1] == ("", "theirs")
 
 
 def test_a_method_without_any_run_is_listed_last_and_empties_nothing():
