@@ -12,7 +12,7 @@ from baselines.method import Method, find_method
 from baselines.rendering.film import FilmChoice, draw_film
 from baselines.splatting.files.ply import SPLATS
 from baselines.training.devices import warn_of_slow_profile
-from hydroviews.captures.photographs import renew_links, require_registrable, room_for
+from hydroviews.captures.photographs import camera_notes, renew_links, require_registrable, room_for
 from hydroviews.captures.sfm.poses import estimate_poses, triangulate
 from hydroviews.captures.video.capture import capture_video
 from hydroviews.captures.video.decoding import open_video
@@ -91,7 +91,7 @@ def reconstruct(request: Reconstruction) -> Path:
         warn_of_slow_profile(request.profile)
         scene = find_scene(request, folder / CAPTURE)
         require_whole([view.path for view in scene.views], "looking for damage")
-        for note in scene.notes:
+        for note in (*scene.notes, *_left_out(scene, request)):
             logger.info(note)
         scene = all_views(scene.resized(request.long_side or find_profile(request.profile).long_side))
         method.fit(scene, folder / TRAINING)
@@ -204,6 +204,11 @@ def find_scene(request: Reconstruction, capture: Path) -> Scene:
     renew_links(path, capture)
     with room_for(capture, len(photographs_below(path))):
         return estimate_poses(path, capture, seed=request.seed, rainy=True, enhance=enhanced)
+
+
+def _left_out(scene: Scene, request: Reconstruction) -> list[str]:
+    """Sentences on photographs without a camera; of a film the scene's own notes tell."""
+    return camera_notes(scene, request.folder / CAPTURE / "images") if request.photographs.is_dir() else []
 
 
 def with_points(scene: Scene, folder: Path) -> Scene:

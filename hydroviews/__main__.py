@@ -10,7 +10,7 @@ import tyro
 from hydroviews.blender.embedded_scenes.captures import EMBEDDED
 from hydroviews.captures.catalogue.catalogue import Capture, all_captures, captures_root, locate
 from hydroviews.captures.download.captures import download_captures
-from hydroviews.captures.photographs import check_photographs, renew_links, room_for
+from hydroviews.captures.photographs import camera_notes, check_photographs, renew_links, room_for
 from hydroviews.captures.sfm.poses import Matcher, estimate_poses
 from hydroviews.captures.video.capture import capture_video
 from hydroviews.captures.video.frames import FrameChoice
@@ -180,7 +180,7 @@ def poses_command(images: Annotated[Path, tyro.conf.Positional], out: Path | Non
         scene = estimate_poses(images, out, rainy=rainy)
         if rainy:
             write_json(out / CAPTURE, {**read_capture_json(out), **RAINY})
-    for note in scene.notes:
+    for note in (*scene.notes, *camera_notes(scene, out / "images")):
         print(note)
     print(f"capture: {out}; build it with `python -m hydroviews build --scene {shlex.quote(str(out))}`")
 

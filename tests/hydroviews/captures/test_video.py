@@ -416,12 +416,12 @@ def test_too_few_registered_frames_say_what_to_do(tmp_path):
     )
     with pytest.raises(InputError, match=r"only 0 of 4 photographs could be registered[\s\S]*--rate 2[\s\S]*--masks"):
         capture_video(noise, tmp_path / "out", FrameChoice())
-    assert registration_notes(9, 9, "") == []
-    assert registration_notes(8, 9, "") == ["1 of 9 frames could not be registered and are left out"]
+    assert registration_notes([], 9, "") == []
+    assert registration_notes(["b.png"], 9, "") == ["1 of 9 frames could not be registered and are left out: b.png"]
     advice = advise(FrameChoice(rate=1.5), masked=True)
     assert "--rate 3 " in advice
     assert "--masks" not in advice
-    assert advice in registration_notes(int(FEW * 10) - 1, 10, advice)[1]
+    assert advice in registration_notes(["b.png"] * (10 - int(FEW * 10) + 1), 10, advice)[1]
 
 
 def test_a_dry_video_has_clean_views(tmp_path):
