@@ -26,6 +26,7 @@ from hydroviews.files.settings_guard import claim_folder
 from hydroviews.files.temporary import remove_tree
 from hydroviews.formats.colmap import reliable
 from hydroviews.formats.colmap_format import read_points
+from hydroviews.formats.hidden_share import scene_hidden_notes
 from hydroviews.formats.photographs import photographs_below, unreadable_photographs
 from hydroviews.formats.read import has_cameras, read_scene
 from hydroviews.formats.writers import write_colmap
@@ -94,6 +95,8 @@ def reconstruct(request: Reconstruction) -> Path:
         for note in (*scene.notes, *_left_out(scene, request)):
             logger.info(note)
         scene = all_views(scene.resized(request.long_side or find_profile(request.profile).long_side))
+        for note in scene_hidden_notes(scene):
+            logger.warning(note)
         method.fit(scene, folder / TRAINING)
         method.save(folder / TRAINING)
         show(method, scene, request)

@@ -336,6 +336,19 @@ def test_a_video_of_masks_runs_beside(video, tmp_path):
         put_masks(short, tmp_path / "out2", times(tmp_path / "out2"), inpaint=False)
 
 
+def test_masks_the_other_way_round_are_told_before_they_hide_anything(video, tmp_path, corner):
+    out = tmp_path / "out"
+    take_frames(video, out, FrameChoice())
+    before = stored(out)
+    write_png(tmp_path / "all.png", white(corner | True))
+    with pytest.raises(InputError, match=r"all\.png: every pixel is hidden\n.*white where"):
+        put_masks(tmp_path / "all.png", out, times(out), inpaint=True)
+    assert stored(out) == before
+    write_png(tmp_path / "inverted.png", white(~corner))
+    notes = put_masks(tmp_path / "inverted.png", out, times(out), inpaint=False)
+    assert "86% of the pixels are hidden; white is hidden: are they the other way round?" in notes[0]
+
+
 def test_masks_of_another_shape(video, tmp_path):
     take_frames(video, tmp_path / "out", FrameChoice())
     write_png(tmp_path / "wide.png", np.zeros((20, 64, 3), np.uint8))

@@ -11,7 +11,7 @@ from hydroviews.errors import InputError
 from leaderboard.__main__ import compare_command, table_command
 from leaderboard.gather import VIEW_KEYS, write_leaderboard
 from leaderboard.records import Record, columns, run_folder, write_record
-from leaderboard.site.intervals import comparisons
+from leaderboard.site.intervals import _ranked
 from leaderboard.tables.comparison import compare, in_words, rank_text
 
 SHIFTS = {"ours": 2.0, "theirs": 0.02, "3dgs": 0.0}
@@ -190,17 +190,6 @@ def test_means_are_of_runs_that_all_have_and_who_finished_fewer_ranks_below():
     assert "| 16/18 |" in in_words(compare(runs, views, "psnr"), "")
 
 
-def test_a_method_without_a_finished_run_has_no_rank_and_is_not_counted_among_those_compared():
-    every = itertools.product(["theirs"], SCENES, PATTERNS, (0, 1))
-    runs, views = board(missing=set(every))
-    found = compare(runs, views, "psnr")
-    assert [rank_text(rank) for rank in found.methods["rank"]] == ["1", "2", ""]
-    text = in_words(found, "")
-    assert "|  | theirs |  | 0/18 |" in text
-    assert "Means over the 18 runs that all with a rank have" in text
-    views = views.assign(ssim=views.psnr, lpips_vgg=views.lpips_alex)
-    assert [(row.rank, row.method) for row in comparisons(runs, views)[0].methods][-1] == ("", "theirs")
-
 
 def test_a_method_without_any_run_is_listed_last_and_empties_nothing():
     lost = list(itertools.product(["theirs"], SCENES, PATTERNS, [0, 1]))
@@ -208,7 +197,11 @@ def test_a_method_without_any_run_is_listed_last_and_empties_nothing():
     assert list(found.methods.method)[-1] == "theirs"
     assert found.methods["mean"].isna().sum() == 1
     assert found.n_runs == 18
-    assert "| 3 | theirs |  | 0/18 |" in in_words(found, "")
+    assert [rank_text(rank) for rank in found.methods["rank"]] == ["1", "2", ""]
+    text = in_words(found, "")
+    assert "|  | theirs |  | 0/18 |" in text
+    assert "Means over the 18 runs that all with a rank have" in text
+    assert _ranked(found.methods.to_dict("records")[-1], found.metric, 0, 1).rank == ""
 
 
 def test_runs_on_other_data_and_views_without_a_finite_score_do_not_count():
