@@ -123,7 +123,8 @@ def show(method: Method, scene: Scene, request: Reconstruction) -> None:
     """Draw photographs beside renders and the film, and say what is where and what was found."""
     folder = request.folder
     write_png(folder / SHEET, compared(method, scene, request.photographs.resolve().stem))
-    draw_film(method, scene, folder / FILM, request.film, {"scene": read_json(folder / SETTINGS)})
+    settings = {name: value for name, value in read_json(folder / SETTINGS).items() if name != "film"}
+    draw_film(method, scene, folder / FILM, request.film, {"scene": settings}, overwrite=True)
     splats = (folder / TRAINING / SPLATS).is_file()  # methods without Gaussians write none
     model = f"{TRAINING}/{SPLATS} for splat viewers" if splats else f"the model in {TRAINING}"
     logger.info(f"{folder}: {model}, {FILM}, {SHEET}")

@@ -1,5 +1,10 @@
 """python -m hydroviews build | scenes | verify | sheet | poses | video | download | pack | fetch."""
 
+import signal
+
+if __name__ == "__main__" and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # no traceback of the imports; `run_command` takes over
+
 import shlex
 import sys
 from pathlib import Path
@@ -31,6 +36,7 @@ from hydroviews.formats.photographs import FOLDERS, photographs_below
 from hydroviews.profiles import PROFILES, Profile, find_profile
 from hydroviews.rain.registry import pattern_names
 from hydroviews.rain.scene_statistics import LensRenderer
+from hydroviews.scene.masks import MASKS
 
 
 def build_command(
@@ -233,7 +239,8 @@ def video_command(
             seed=seed,
         )
     if scene is None:
-        print(f"draw masks, white where hidden, under the names of {out / 'images'}; then add --masks FOLDER")
+        draw = f"draw masks, white where hidden, under the names of {out / 'images'}; then add --masks FOLDER"
+        print(f"masks: {out / MASKS}; go on without --frames-only" if masks else draw)
         return
     for note in scene.notes:
         print(note)

@@ -1,5 +1,10 @@
 """python -m leaderboard evaluate | sweep | run | check | table | site | compare | publish | board | score | ..."""
 
+import signal
+
+if __name__ == "__main__" and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # no traceback of the imports; `run_command` takes over
+
 import inspect
 import json
 import sys

@@ -1,4 +1,4 @@
-"""Photographs that cameras are estimated for: what is wrong with them, where they are, room on the disk, who has none."""
+"""Photographs that cameras are estimated for: what is wrong with them, where they are, room on the disk."""
 
 import logging
 import shutil

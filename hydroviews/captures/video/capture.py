@@ -89,7 +89,9 @@ def capture_video(
             rainy=not dry,
             enhance=None if dry else enhance,
         )
-    return replace(scene, notes=(*scene.notes, *registration_notes(without_camera(scene, out / IMAGES), len(frames), advice)))
+    return replace(
+        scene, notes=(*scene.notes, *registration_notes(without_camera(scene, out / IMAGES), len(frames), advice))
+    )
 
 
 def advise(choice: FrameChoice, masked: bool) -> str:

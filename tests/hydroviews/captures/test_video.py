@@ -459,3 +459,16 @@ def test_copies_for_features_lose_streaks_and_keep_the_rest():
     large[:, 700:712] = 250  # as wide, for a picture of that size
     assert (without_streaks(large) == 90).all()
     assert without_streaks(np.full((2, 3), 7, np.uint8)).tolist() == [[7] * 3] * 2
+
+
+def test_what_comes_next_is_told_with_and_without_masks(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("hydroviews.__main__.capture_video", lambda *given, **named: None)
+    video_command(tmp_path / "walk.mp4", frames_only=True)
+    assert "then add --masks FOLDER" in capsys.readouterr().out
+    video_command(tmp_path / "walk.mp4", frames_only=True, masks=tmp_path / "drawn")
+    assert capsys.readouterr().out == f"masks: {tmp_path / 'walk-capture' / 'masks'}; go on without --frames-only\n"
+
+
+def test_a_folder_of_photographs_is_not_a_film(tmp_path):
+    with pytest.raises(InputError, match=r"a folder, not a film\n.*hydroviews poses"):
+        take_frames(tmp_path, tmp_path / "out", FrameChoice())

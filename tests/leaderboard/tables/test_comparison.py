@@ -190,7 +190,6 @@ def test_means_are_of_runs_that_all_have_and_who_finished_fewer_ranks_below():
     assert "| 16/18 |" in in_words(compare(runs, views, "psnr"), "")
 
 
-
 def test_a_method_without_any_run_is_listed_last_and_empties_nothing():
     lost = list(itertools.product(["theirs"], SCENES, PATTERNS, [0, 1]))
     found = compare(*board(missing=lost), "psnr")
