@@ -1,5 +1,10 @@
 """deraings reconstruct: a scene from one's own rainy photographs."""
 
+import signal
+
+if __name__ == "__main__" and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # no traceback of the imports; `run_command` takes over
+
 import tyro
 
 from deraings.reconstruct import Reconstruction, reconstruct

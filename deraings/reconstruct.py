@@ -12,7 +12,7 @@ from baselines.method import Method, find_method
 from baselines.rendering.film import FilmChoice, draw_film
 from baselines.splatting.files.ply import SPLATS
 from baselines.training.devices import warn_of_slow_profile
-from hydroviews.captures.photographs import renew_links, require_registrable, room_for
+from hydroviews.captures.photographs import camera_notes, renew_links, require_registrable, room_for
 from hydroviews.captures.sfm.poses import estimate_poses, triangulate
 from hydroviews.captures.video.capture import capture_video
 from hydroviews.captures.video.decoding import open_video
@@ -26,6 +26,7 @@ from hydroviews.files.settings_guard import claim_folder
 from hydroviews.files.temporary import remove_tree
 from hydroviews.formats.colmap import reliable
 from hydroviews.formats.colmap_format import read_points
+from hydroviews.formats.hidden_share import scene_hidden_notes
 from hydroviews.formats.photographs import photographs_below, unreadable_photographs
 from hydroviews.formats.read import has_cameras, read_scene
 from hydroviews.formats.writers import write_colmap
@@ -91,9 +92,11 @@ def reconstruct(request: Reconstruction) -> Path:
         warn_of_slow_profile(request.profile)
         scene = find_scene(request, folder / CAPTURE)
         require_whole([view.path for view in scene.views], "looking for damage")
-        for note in scene.notes:
+        for note in (*scene.notes, *_left_out(scene, request)):
             logger.info(note)
         scene = all_views(scene.resized(request.long_side or find_profile(request.profile).long_side))
+        for note in scene_hidden_notes(scene):
+            logger.warning(note)
         method.fit(scene, folder / TRAINING)
         method.save(folder / TRAINING)
         show(method, scene, request)
@@ -120,7 +123,8 @@ def show(method: Method, scene: Scene, request: Reconstruction) -> None:
     """Draw photographs beside renders and the film, and say what is where and what was found."""
     folder = request.folder
     write_png(folder / SHEET, compared(method, scene, request.photographs.resolve().stem))
-    draw_film(method, scene, folder / FILM, request.film, {"scene": read_json(folder / SETTINGS)})
+    settings = {name: value for name, value in read_json(folder / SETTINGS).items() if name != "film"}
+    draw_film(method, scene, folder / FILM, request.film, {"scene": settings}, overwrite=True)
     splats = (folder / TRAINING / SPLATS).is_file()  # methods without Gaussians write none
     model = f"{TRAINING}/{SPLATS} for splat viewers" if splats else f"the model in {TRAINING}"
     logger.info(f"{folder}: {model}, {FILM}, {SHEET}")
@@ -204,6 +208,11 @@ def find_scene(request: Reconstruction, capture: Path) -> Scene:
     renew_links(path, capture)
     with room_for(capture, len(photographs_below(path))):
         return estimate_poses(path, capture, seed=request.seed, rainy=True, enhance=enhanced)
+
+
+def _left_out(scene: Scene, request: Reconstruction) -> list[str]:
+    """Sentences on photographs without a camera; of a film the scene's own notes tell."""
+    return camera_notes(scene, request.folder / CAPTURE / "images") if request.photographs.is_dir() else []
 
 
 def with_points(scene: Scene, folder: Path) -> Scene:

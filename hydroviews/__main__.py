@@ -1,5 +1,10 @@
 """python -m hydroviews build | scenes | verify | sheet | poses | video | download | pack | fetch."""
 
+import signal
+
+if __name__ == "__main__" and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # no traceback of the imports; `run_command` takes over
+
 import shlex
 import sys
 from pathlib import Path
@@ -10,7 +15,7 @@ import tyro
 from hydroviews.blender.embedded_scenes.captures import EMBEDDED
 from hydroviews.captures.catalogue.catalogue import Capture, all_captures, captures_root, locate
 from hydroviews.captures.download.captures import download_captures
-from hydroviews.captures.photographs import check_photographs, renew_links, room_for
+from hydroviews.captures.photographs import camera_notes, check_photographs, renew_links, room_for
 from hydroviews.captures.sfm.poses import Matcher, estimate_poses
 from hydroviews.captures.video.capture import capture_video
 from hydroviews.captures.video.frames import FrameChoice
@@ -31,6 +36,7 @@ from hydroviews.formats.photographs import FOLDERS, photographs_below
 from hydroviews.profiles import PROFILES, Profile, find_profile
 from hydroviews.rain.registry import pattern_names
 from hydroviews.rain.scene_statistics import LensRenderer
+from hydroviews.scene.masks import MASKS
 
 
 def build_command(
@@ -180,7 +186,7 @@ def poses_command(images: Annotated[Path, tyro.conf.Positional], out: Path | Non
         scene = estimate_poses(images, out, rainy=rainy)
         if rainy:
             write_json(out / CAPTURE, {**read_capture_json(out), **RAINY})
-    for note in scene.notes:
+    for note in (*scene.notes, *camera_notes(scene, out / "images")):
         print(note)
     print(f"capture: {out}; build it with `python -m hydroviews build --scene {shlex.quote(str(out))}`")
 
@@ -233,7 +239,8 @@ def video_command(
             seed=seed,
         )
     if scene is None:
-        print(f"draw masks, white where hidden, under the names of {out / 'images'}; then add --masks FOLDER")
+        draw = f"draw masks, white where hidden, under the names of {out / 'images'}; then add --masks FOLDER"
+        print(f"masks: {out / MASKS}; go on without --frames-only" if masks else draw)
         return
     for note in scene.notes:
         print(note)

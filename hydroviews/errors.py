@@ -35,7 +35,9 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)
 
 
-def unknown_name(where: str, name: str, kind: str, known: Iterable[str], otherwise: str = "") -> InputError:
+def unknown_name(
+    where: str, name: str, kind: str, known: Iterable[str], otherwise: str = "", guess: str = ""
+) -> InputError:
     """The error for a name that there is not: it lists those there are, and suggests the nearest.
 
     Args:
@@ -44,9 +46,10 @@ def unknown_name(where: str, name: str, kind: str, known: Iterable[str], otherwi
         kind: what it should name, such as method.
         known: all names there are.
         otherwise: what else could have been given.
+        guess: what may have been meant where no known name is near.
     """
     names = list(dict.fromkeys(known))
-    near = get_close_matches(name, names, n=1)
+    near = get_close_matches(name, names, n=1) or ([guess] if guess else [])
     return InputError(
         f"{where}: no such {kind}",
         found=name,

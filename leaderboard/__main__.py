@@ -1,5 +1,10 @@
 """python -m leaderboard evaluate | sweep | run | check | table | site | compare | publish | board | score | ..."""
 
+import signal
+
+if __name__ == "__main__" and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # no traceback of the imports; `run_command` takes over
+
 import inspect
 import json
 import sys
@@ -20,7 +25,7 @@ from hydroviews.profiles import find_profile
 from hydroviews.rain.registry import choose_patterns
 from leaderboard.contract.check import MINUTES, check
 from leaderboard.contract.trials import Result
-from leaderboard.evaluate import EvaluateRequest, carry_out, evaluate, outcome
+from leaderboard.evaluate import EvaluateRequest, carry_out, evaluate, figures, outcome
 from leaderboard.gather import BOARD, collect_views, is_board, read_leaderboard, write_leaderboard
 from leaderboard.publishing.board_pages import write_board
 from leaderboard.publishing.nerfbaselines import write_results
@@ -40,6 +45,7 @@ from leaderboard.tables.comparison import in_words as comparison_text
 from leaderboard.tables.dataframes import SUITES, of_suite, scene_keys
 from leaderboard.tables.markdown import legend, scene_text
 from leaderboard.tables.rain_losses import numbers_for_grades, record_losses
+from leaderboard.tables.table_files import TABLES
 from leaderboard.viewer.export import Format, export
 from leaderboard.viewer.film import film
 from leaderboard.viewer.viewer import HOST, PORT, view
@@ -62,6 +68,8 @@ def sweep_command(request: tyro.conf.OmitArgPrefixes[SweepRequest]) -> None:
     failures = sweep(request)
     for run, reason in failures.items():
         print(f"{run}: failed: {reason}")
+    if (request.results / TABLES).is_file():
+        print(f"tables: {request.results / TABLES}; `python -m leaderboard site` shows them with pictures")
     if failures:
         sys.exit(1)
 
@@ -231,7 +239,8 @@ def score_command(
         data: folder that `make eval` built in.
         results: folder of the runs.
     """
-    score(Run(method, find_profile(profile).name, seed, data / profile, scene, pattern, results, track))
+    run = Run(method, find_profile(profile).name, seed, data / profile, scene, pattern, results, track)
+    print(f"{run}: {figures(score(run))}")
 
 
 def rescore_command(results: Path = Path("results"), data: Path = DATA) -> None:
@@ -299,6 +308,7 @@ def overview_command(
     rows = [pattern.name for pattern in choose_patterns(patterns, find_profile(profile).patterns)]
     runs = [Run(method, profile, seed, data / profile, scene, pattern, results, track) for pattern in rows]
     write_overview(runs, view, out)
+    print(out)
 
 
 def view_command(run: tyro.conf.Positional[Path], data: Path = DATA, host: str = HOST, port: int = PORT) -> None:

@@ -139,7 +139,7 @@ def carry_out(run: Run, limits: Limits, overwrite: bool = False) -> Record:
         if record is None:
             return _train_and_score(run, limits)
     kept = "%s: kept, %s (version %s; remove %s to run it again)"
-    logger.info(kept, run, _figures(record), record.version, run.folder)
+    logger.info(kept, run, figures(record), record.version, run.folder)
     return record
 
 
@@ -168,7 +168,7 @@ def _train_and_score(run: Run, limits: Limits) -> Record:
         record = score(run)
     except UnusableRun as error:
         return _record_failure(run, run.training_scene(), str(error))
-    logger.info("%s: %s", run, _figures(record))
+    logger.info("%s: %s", run, figures(record))
     return record
 
 
@@ -219,7 +219,8 @@ def _refuse_clean(method: str, folder: Path) -> None:
         )
 
 
-def _figures(record: Record) -> str:
+def figures(record: Record) -> str:
+    """The scores of a record in one line, or why it has none."""
     if record.pattern == CAPTURED and not record.scores:
         return f"not scored, {record.reason}"
     parts = []

@@ -150,3 +150,20 @@ def test_a_reader_that_has_seen_enough_is_no_error():
         process.stdout.close()
         assert process.stderr.read() == b""
         assert process.wait() == 141
+
+
+@pytest.mark.parametrize("package", ["hydroviews", "deraings", "leaderboard"])
+def test_an_interruption_during_the_imports_has_no_traceback(package):
+    """It comes when the first module of others is imported; Python would tell of it in the lines of that."""
+    code = f"""
+import builtins, os, runpy, signal
+def importing(name, *given, imported=builtins.__import__):
+    if name == "tyro":
+        os.kill(os.getpid(), signal.SIGINT)
+    return imported(name, *given)
+import {package}
+builtins.__import__ = importing
+runpy.run_module("{package}", run_name="__main__")
+"""
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (ended.returncode, ended.stderr) == (-signal.SIGINT, "")

@@ -51,7 +51,9 @@ class FilmChoice:
         return round(self.seconds * self.fps)
 
 
-def draw_film(method: Method, scene: Scene, out: Path, choice: FilmChoice, about: Mapping[str, Any]) -> None:
+def draw_film(
+    method: Method, scene: Scene, out: Path, choice: FilmChoice, about: Mapping[str, Any], overwrite: bool = False
+) -> None:
     """Render a camera path through a scene to a film; frames are kept beside it until it is whole.
 
     Args:
@@ -60,6 +62,7 @@ def draw_film(method: Method, scene: Scene, out: Path, choice: FilmChoice, about
         out: the film, .mp4 or .webm.
         choice: how long, how smooth, how large.
         about: JSON values that say of what it is: frames of something else are not mixed in.
+        overwrite: drop the frames of another film that was broken off, instead of refusing them.
 
     Raises:
         InputError: another suffix, no encoder, or frames of another film are there.
@@ -73,6 +76,8 @@ def draw_film(method: Method, scene: Scene, out: Path, choice: FilmChoice, about
         taken="holds frames of another film",
         foreign="is not a folder of frames",
         fix="choose another --out, or remove the folder",
+        overwrite=overwrite,
+        forget=lambda: logger.info("%s: frames of another film, which was broken off, are dropped", frames),
     )
     render_frames(method, path, frames)
     write_film(out, frames, len(path), choice.fps)

@@ -1,4 +1,4 @@
-"""Photographs before cameras are estimated for them: what is wrong with them, where they are now, room on the disk."""
+"""Photographs that cameras are estimated for: what is wrong with them, where they are, room on the disk."""
 
 import logging
 import shutil
@@ -14,6 +14,7 @@ from hydroviews.files.atomic import listing
 from hydroviews.files.full_disk import FullDisk, plain_full_disk
 from hydroviews.files.settings_guard import has_settings
 from hydroviews.formats.photographs import not_read, photographs_below, require_permission, some
+from hydroviews.scene.scenes import Scene
 
 logger = logging.getLogger(__name__)
 
@@ -76,6 +77,18 @@ def renew_links(images: Path, out: Path) -> None:
         places = {name: (out / "images" / name, path) for name, path in link_names(images, sources).items()}
         broken = {name: path for name, (link, path) in places.items() if link.is_symlink() and not link.exists()}
         link_photographs(broken, out / "images", turned=False)
+
+
+def without_camera(scene: Scene, images: Path) -> list[str]:
+    """Names of the photographs in the folder `images` that are no view's."""
+    used = {view.path for view in scene.views}
+    return [path.relative_to(images).as_posix() for path in photographs_below(images) if path not in used]
+
+
+def camera_notes(scene: Scene, images: Path) -> list[str]:
+    """A sentence that names the photographs in the folder `images` without a camera; none where each has one."""
+    names = without_camera(scene, images)
+    return [f"without a camera, and left out: {some(names)}"] if names else []
 
 
 @contextmanager

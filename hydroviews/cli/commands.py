@@ -22,6 +22,8 @@ def run_command(commands: Mapping[str, Callable[..., Any]] | Callable[..., Any],
     asked to end.
     """
     signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
+    if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:  # since the first line of a `__main__`
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     keep_freed_memory()
     try:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])  # see `processes.deferred_interrupts`

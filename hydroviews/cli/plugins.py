@@ -5,6 +5,7 @@ import os
 import sys
 import traceback
 from importlib.metadata import entry_points
+from pathlib import PurePath
 from typing import Any
 
 from hydroviews.errors import InputError, unknown_name
@@ -32,14 +33,29 @@ def load_plugin(where: str, name: str, group: str, kind: str, own: str) -> Any:
     known = {} if ":" in name else registered(group)
     target = known.get(name, name)
     module, _, member = target.partition(":")
+    expected = f"package.module:{own} for your own"
+    if module.endswith(".py") or (member and "/" in module):
+        stem = PurePath(module).stem
+        fix = f"{stem}:{member or own}, started from the folder that {stem}.py lies in"
+        raise InputError(f"{where}: a file", found=module, expected=expected, fix=fix)
     if not (module and member) or module.startswith("."):
-        raise unknown_name(where, name, kind, registered(group), f"package.module:{own} for your own")
+        package, _, last = module.rpartition(".")
+        guess = f"{package}:{last}" if package and last else ""
+        raise unknown_name(where, name, kind, registered(group), expected, guess)
     try:
         if os.getcwd() not in sys.path:  # one's own module, however the command was started
             sys.path.append(os.getcwd())
         return getattr(importlib.import_module(module), member)
     except (Exception, SystemExit) as error:  # whatever stands in a user's module, such as a script that runs
-        raise InputError(f"{where}: cannot import {target}", found=_why(error)) from error
+        there = _members(module, member)
+        raise InputError(f"{where}: cannot import {target}", found=_why(error), expected=there) from error
+
+
+def _members(module: str, member: str) -> str | None:
+    """What a module has instead of a member that it has not; None where that is not what is wrong."""
+    contents = vars(sys.modules[module]) if module in sys.modules else {}
+    own = [name for name, value in contents.items() if getattr(value, "__module__", None) == module and name[0] != "_"]
+    return f"one of {', '.join(own)}" if own and member not in contents else None
 
 
 def _why(error: BaseException) -> str:

@@ -43,6 +43,7 @@ from hydroviews.dataset.statistics import write_statistics
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.hidden_share import scene_hidden_notes
 from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.registry import parse_pattern
 from hydroviews.rain.scene_statistics import LensRenderer, survey
@@ -83,8 +84,8 @@ def build(
 
     Raises:
         InputError: the folder holds a scene built otherwise, something is missing in a scene that other code drew, a
-            licence in `capture.json` is none, a file has changed since it was built, an image is unreadable, or the
-            disk is full.
+            licence in `capture.json` is none, a file has changed since it was built, an image is unreadable, masks
+            hide everything, or the disk is full.
     """
     if long_side is not None and long_side < 1:
         raise InputError(f"long side of {long_side} pixels", expected="at least 1")
@@ -113,6 +114,8 @@ def build(
         if licence and licence != find_licence(folder):
             _take_licence(scene, folder, entry)
         return folder
+    for note in scene_hidden_notes(scene.resized(long_side)):
+        logger.warning(note)
     images = f"{CAPTURED}/images" if scene.captured_rainy else CLEAN
     clean = write_views(scene.resized(long_side), folder, images)
     with room_for(folder, 0 if len(scene.points) else len(scene.views)):

@@ -9,14 +9,14 @@ import pandas as pd
 
 from hydroviews.errors import InputError
 from hydroviews.metrics import Metric, find_metrics
-from leaderboard.tables.comparison import basis, compare, not_compared
+from leaderboard.tables.comparison import basis, compare, not_compared, rank_text
 
 
 @dataclass(frozen=True)
 class Ranked:
     """A method, with the places of its mean and the ends of its interval in per cent of the drawing's width."""
 
-    rank: int
+    rank: str  # empty for one without a finished run
     method: str
     runs: str
     missing: bool  # lacks runs
@@ -64,7 +64,7 @@ def _ranked(row: Mapping[Hashable, Any], metric: Metric, low: float, high: float
     drawn = known and high > low and not pd.isna(ends[0])
     at = tuple(round(2 + 96 * (end - low) / (high - low), 2) for end in ends) if drawn else None
     return Ranked(
-        int(row["rank"]),
+        rank_text(row["rank"]),
         str(row["method"]),
         f"{row['finished']}/{row['planned']}",
         row["finished"] < row["planned"],

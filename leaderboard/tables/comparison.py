@@ -150,7 +150,8 @@ def _methods(
 ) -> pd.DataFrame:
     """A row a method, in order of rank.
 
-    A rank is one more than the number of methods that finished more runs, or as many and are better beyond chance.
+    A rank is one more than the number of methods that finished more runs, or as many and are better beyond chance;
+    a method without a finished run has none.
     """
     found = estimate(scenes)
     rows = pd.DataFrame({"method": compared, "mean": found.mean, "low": found.low, "high": found.high})
@@ -158,10 +159,11 @@ def _methods(
     rows["finished"] = [finished[name] for name in rows.index]
     rows["planned"] = planned
     beaten = {(pair["first"], pair["second"]) for pair in pairs.to_dict("records") if pair["significant"]}
-    rows["rank"] = [
-        1 + sum(finished[a] > n or (finished[a] == n and (a, b) in beaten) for a in finished)
+    ranks = [
+        1 + sum(finished[a] > n or (finished[a] == n and (a, b) in beaten) for a in finished) if n else None
         for b, n in finished.items()
     ]
+    rows["rank"] = pd.array(ranks, dtype="Int64")
     rows["order"] = -rows["mean"] if metric.higher_is_better else rows["mean"]
     rows = rows.sort_values(["finished", "order"], ascending=[False, True]).drop(columns="order")
     return rows.reset_index()[["rank", "method", "finished", "planned", "mean", "low", "high"]]
@@ -171,7 +173,7 @@ def in_words(comparison: Comparison, title: str) -> str:
     """A comparison as Markdown: methods, pairs, what it rests on, and who is not compared."""
     metric = comparison.metric
     methods = [
-        (str(row["rank"]), row["method"], _interval(metric, row, "mean"), f"{row['finished']}/{row['planned']}")
+        (rank_text(row["rank"]), row["method"], _interval(metric, row, "mean"), f"{row['finished']}/{row['planned']}")
         for row in comparison.methods.to_dict("records")
     ]
     pairs = [
@@ -189,7 +191,13 @@ def in_words(comparison: Comparison, title: str) -> str:
 def basis(comparison: Comparison) -> str:
     """A sentence on what the means of a comparison are over."""
     scenes = "1 scene" if comparison.n_scenes == 1 else f"{comparison.n_scenes} scenes"
-    return f"Means over the {comparison.n_runs} runs that all of them have, on {scenes}, {comparison.n_views} views."
+    whose = "all of them" if comparison.methods["rank"].notna().all() else "all with a rank"
+    return f"Means over the {comparison.n_runs} runs that {whose} have, on {scenes}, {comparison.n_views} views."
+
+
+def rank_text(rank: Any) -> str:
+    """A rank as tables show it; empty for a method without a finished run."""
+    return "" if pd.isna(rank) else str(rank)
 
 
 def _chance(pair: Mapping[Hashable, Any]) -> tuple[str, str, str]:

@@ -73,11 +73,14 @@ def runs_cell(row: Mapping[Any, Any]) -> str:
 def basis(block: pd.DataFrame) -> str:
     """A sentence on what a table's means are over, where that is not simply all runs; else empty."""
     ours = block[~block.reference.astype(bool)]
-    if ours.empty or (ours.compared == ours.planned).all():
+    if ours.empty or (ours.compared == ours.planned).all() or (ours.finished == 0).all():
         return ""
     apart = ", ".join(map(str, ours.index[(ours.compared == 0) & (ours.finished > 0)]))
-    shared = f"Means over {int(ours.compared.max())} of {int(ours.planned.max())} runs, which all of them have"
-    return f"\n\n{shared}" + (f", but {apart}, which shares fewer than half." if apart else ".")
+    without = ", ".join(map(str, ours.index[ours.finished == 0]))
+    whose = "all the others" if without else "all of them"
+    shared = f"Means over {int(ours.compared.max())} of {int(ours.planned.max())} runs, which {whose} have"
+    shared += f", but {apart}, which shares fewer than half." if apart else "."
+    return f"\n\n{shared}" + (f" Without a finished run: {without}." if without else "")
 
 
 def _paper_cells(row: Mapping[Any, Any]) -> tuple[str, ...]:

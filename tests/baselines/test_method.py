@@ -53,6 +53,25 @@ def test_a_module_or_class_that_there_is_not_has_no_traceback(module):
         assert "Traceback" not in told
 
 
+def test_a_class_that_there_is_not_names_those_there_are(module):
+    module("board_two", "from pathlib import Path\nclass Mean: ...\nclass _Base: ...\ndef helper(): ...\n")
+    assert "expected: one of Mean, helper" in refusal("board_two:Meen")
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("board.Mean", "did you mean board:Mean?"),
+        ("board.py:Mean", "what to do: board:Mean, started from the folder that board.py lies in"),
+        ("my/board.py:Mean", "what to do: board:Mean, started from the folder that board.py lies in"),
+        ("my/board:Mean", "what to do: board:Mean, started from"),
+        ("board.py", "what to do: board:Class, started from"),
+    ],
+)
+def test_a_dot_or_a_file_in_place_of_a_module_is_understood(name, told):
+    assert told in refusal(name)
+
+
 @pytest.mark.parametrize(("name", "meant"), [("deraing-plus", "deraings-plus"), ("3dgs+claen", "clean")])
 def test_a_misspelt_name_suggests_the_nearest(name, meant):
     assert f"did you mean {meant}?" in refusal(name)

@@ -252,10 +252,11 @@ def test_photographs_that_were_moved_are_gone_on_with(request_of, capture, tmp_p
     with pytest.raises(InputError, match="others wait"):
         reconstruct(now)
     films = []
-    monkeypatch.setattr(module, "draw_film", lambda *given: films.append(given[-1]))
+    monkeypatch.setattr(module, "draw_film", lambda *given, overwrite: films.append((given[-1], overwrite)))
     monkeypatch.setattr(module, "compared", lambda *_: np.zeros((4, 4, 3), np.float32))
     show(SimpleNamespace(summary=lambda: SimpleNamespace(used="")), read_scene(capture), now)
-    assert films == [{"scene": recorded}]  # so that frames of before are gone on with
+    del recorded["film"]
+    assert films == [({"scene": recorded}, True)]  # frames of before are gone on with, those of another film dropped
 
 
 def test_a_photograph_that_was_mended_and_more_of_them_are_gone_on_with(request_of, tmp_path):

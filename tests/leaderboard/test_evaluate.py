@@ -160,15 +160,17 @@ def test_a_version_names_the_commit_of_our_own_checkout_alone(tmp_path, monkeypa
     assert code_version().endswith("-dirty")
 
 
-def test_score_and_picture_take_the_folders_that_evaluate_takes(evaluated, tmp_path):
+def test_score_and_picture_take_the_folders_that_evaluate_takes(evaluated, tmp_path, capsys):
     place = {"scene": "yard", "data": tmp_path / "data", "results": tmp_path / "results"}
     written = tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0/record.json"
     written.unlink()
     score_command("streak-0", method="toy_methods:MeanColour", **place)
     assert json.loads(written.read_text())["psnr"] == evaluated.scores["psnr"]
+    assert f"PSNR {evaluated.scores['psnr']:.2f} dB" in capsys.readouterr().out
     picture = tmp_path / "overview.png"
     overview_command("view-00", ("streak-0",), method="toy_methods:MeanColour", **place, out=picture)
     assert read_image(picture).shape[1] == 3 * 48
+    assert capsys.readouterr().out == f"{picture}\n"
     with pytest.raises(InputError, match="raindrop-1"):  # the profile's patterns where none is named
         overview_command("view-00", method="toy_methods:MeanColour", **place, out=picture)
 

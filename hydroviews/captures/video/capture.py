@@ -1,10 +1,11 @@
 """A video becomes a capture: sharp frames, masks, and cameras estimated from the rainy frames themselves."""
 
 import logging
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from hydroviews.captures.photographs import room_for
+from hydroviews.captures.photographs import room_for, without_camera
 from hydroviews.captures.sfm.poses import Matcher, estimate_poses
 from hydroviews.captures.sfm.rain import Enhance
 from hydroviews.captures.video.frames import FILE, IMAGES, SETTINGS, FrameChoice, take_frames
@@ -14,6 +15,7 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, write_json
 from hydroviews.formats.capture_json import FILE as CAPTURE
 from hydroviews.formats.capture_json import RAINY, read_capture_json
+from hydroviews.formats.photographs import some
 from hydroviews.profiles import require_seed
 from hydroviews.scene.masks import MASKS
 from hydroviews.scene.scenes import Scene
@@ -87,7 +89,9 @@ def capture_video(
             rainy=not dry,
             enhance=None if dry else enhance,
         )
-    return replace(scene, notes=(*scene.notes, *registration_notes(len(scene.views), len(frames), advice)))
+    return replace(
+        scene, notes=(*scene.notes, *registration_notes(without_camera(scene, out / IMAGES), len(frames), advice))
+    )
 
 
 def advise(choice: FrameChoice, masked: bool) -> str:
@@ -101,11 +105,11 @@ def advise(choice: FrameChoice, masked: bool) -> str:
     )
 
 
-def registration_notes(registered: int, frames: int, advice: str) -> list[str]:
+def registration_notes(missing: Sequence[str], frames: int, advice: str) -> list[str]:
     """Sentences about frames without a camera, with advice if they are many; none if every frame has one."""
-    if registered == frames:
+    if not missing:
         return []
-    notes = [f"{frames - registered} of {frames} frames could not be registered and are left out"]
-    if registered < FEW * frames:
+    notes = [f"{len(missing)} of {frames} frames could not be registered and are left out: {some(missing)}"]
+    if len(missing) > (1 - FEW) * frames:
         notes.append(f"that is more than half: expect a poor scene, or {advice}")
     return notes

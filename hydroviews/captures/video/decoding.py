@@ -1,6 +1,7 @@
 """Video files, frame by frame, with OpenCV's ffmpeg."""
 
 import os
+import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -32,6 +33,9 @@ def open_video(path: Path) -> Iterator[Video]:
     Raises:
         InputError: no such file, one that may not be read, a picture, or not a video.
     """
+    if path.is_dir():
+        fix = f"python -m hydroviews poses {shlex.quote(str(path))} for a folder of photographs"
+        raise InputError(f"{path}: a folder, not a film", fix=fix)
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     require_permission(path)

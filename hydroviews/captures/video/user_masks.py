@@ -16,6 +16,7 @@ from hydroviews.captures.video.frames import IMAGES
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import sha256
 from hydroviews.files.settings_guard import claim_folder
+from hydroviews.formats.hidden_share import hidden_notes
 from hydroviews.formats.photographs import photographs_below, some
 from hydroviews.scene.cameras import same_shape
 from hydroviews.scene.images import SUFFIXES, read_image, to_uint8, write_png
@@ -42,12 +43,16 @@ def put_masks(given: Path, out: Path, times: Times, inpaint: bool) -> list[str]:
         inpaint: replace hidden pixels of the frames by what surrounds them (Telea 2004).
 
     Returns:
-        Sentences about frames without a mask.
+        Sentences about frames without a mask, and masks that hide most pixels.
 
     Raises:
-        InputError: masks of another shape, none that fits a frame's name, a video of masks that is too short, or
-            a capture that has other masks.
+        InputError: masks of another shape, none that fits a frame's name, a video of masks that is too short, masks
+            that hide every pixel, or a capture that has other masks.
     """
+    if not given.exists():
+        raise InputError(f"--masks {given}: no such file or folder")
+    shares = [0.0 if ignored is None else float(ignored.mean()) for _, ignored in _given(given, times)]
+    notes = hidden_notes(f"--masks {given}", shares, "white")  # before they take the folder, and pixels by inpainting
     _claim(given, out, inpaint)
     bare = []
     for name, ignored in tqdm(_given(given, times), total=len(times), desc="masks", unit="frame"):
@@ -61,7 +66,7 @@ def put_masks(given: Path, out: Path, times: Times, inpaint: bool) -> list[str]:
         if inpaint and hidden.any():
             write_png(image, fill(pixels, hidden))
         write_ignored(path, hidden)
-    return [f"{len(bare)} of {len(times)} frames have no mask in {given}: {some(bare)}"] if bare else []
+    return notes + ([f"{len(bare)} of {len(times)} frames have no mask in {given}: {some(bare)}"] if bare else [])
 
 
 def fill(pixels: np.ndarray, ignored: Ignored) -> np.ndarray:
@@ -73,8 +78,6 @@ def fill(pixels: np.ndarray, ignored: Ignored) -> np.ndarray:
 
 
 def _claim(given: Path, out: Path, inpaint: bool) -> None:
-    if not given.exists():
-        raise InputError(f"--masks {given}: no such file or folder")
     files = photographs_below(given) if given.is_dir() else [given]
     digests = {path.relative_to(given).as_posix() if given.is_dir() else "": sha256(path) for path in files}
     if (out / "sparse").is_dir() and not (out / SETTINGS).is_file():

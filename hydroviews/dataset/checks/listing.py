@@ -26,7 +26,7 @@ def check_folder(data: Path, scenes: Mapping[str, Entry]) -> list[str]:
         if item.name in (MANIFEST, SHEETS, RENDERED, CROISSANT) or _is_at_work(item) or item.name in scenes:
             problems += [_link(item)] if item.is_symlink() else []
         elif (item / REQUEST).is_file():
-            problems.append(f"{item}: not finished; run its build again")
+            problems.append(f"{item}: not finished; run its build again, or remove that folder")
         else:
             problems.append(_stray(item))
     return problems

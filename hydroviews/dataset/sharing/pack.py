@@ -92,7 +92,8 @@ def _refuse_unfinished(data: Path) -> None:
 
 def _unfinished(folder: Path) -> InputError:
     return InputError(
-        f"{folder}: its build is not finished", fix="run the build again, or pack the finished scenes with --scene NAME"
+        f"{folder}: its build is not finished",
+        fix="run the build again, remove that folder, or pack the finished scenes with --scene NAME",
     )
 
 

@@ -10,7 +10,7 @@ import PIL.Image
 import pytest
 
 from hydroviews.__main__ import poses_command, video_command
-from hydroviews.captures.photographs import check_photographs, renew_links, room_for
+from hydroviews.captures.photographs import camera_notes, check_photographs, renew_links, room_for
 from hydroviews.captures.sfm.sources import link_names, link_photographs
 from hydroviews.captures.video.decoding import open_video
 from hydroviews.errors import InputError
@@ -122,3 +122,14 @@ def test_what_may_not_be_read_is_not_called_damaged(tmp_path, monkeypatch):
         monkeypatch.setattr(os, "access", lambda path, mode, closed=closed: path != closed)
         with pytest.raises(InputError, match=f"{closed}: no permission"):
             read(closed)
+
+
+def test_photographs_without_a_camera_are_named(tmp_path, monkeypatch, capsys):
+    images = pictures(tmp_path / "out" / "images", "a.png", "black.png", "blurred.png")
+    scene = SimpleNamespace(views=[SimpleNamespace(path=images / "a.png")], notes=("1 of 3 images registered",))
+    monkeypatch.setattr("hydroviews.__main__.estimate_poses", lambda *given, **named: scene)
+    poses_command(pictures(tmp_path / "walk", "a.png"), tmp_path / "out")
+    assert "without a camera, and left out: black.png, blurred.png\n" in capsys.readouterr().out
+    (images / "black.png").unlink()
+    (images / "blurred.png").unlink()
+    assert camera_notes(scene, images) == []

@@ -336,6 +336,19 @@ def test_a_video_of_masks_runs_beside(video, tmp_path):
         put_masks(short, tmp_path / "out2", times(tmp_path / "out2"), inpaint=False)
 
 
+def test_masks_the_other_way_round_are_told_before_they_hide_anything(video, tmp_path, corner):
+    out = tmp_path / "out"
+    take_frames(video, out, FrameChoice())
+    before = stored(out)
+    write_png(tmp_path / "all.png", white(corner | True))
+    with pytest.raises(InputError, match=r"all\.png: every pixel is hidden\n.*white where"):
+        put_masks(tmp_path / "all.png", out, times(out), inpaint=True)
+    assert stored(out) == before
+    write_png(tmp_path / "inverted.png", white(~corner))
+    notes = put_masks(tmp_path / "inverted.png", out, times(out), inpaint=False)
+    assert "86% of the pixels are hidden; white is hidden: are they the other way round?" in notes[0]
+
+
 def test_masks_of_another_shape(video, tmp_path):
     take_frames(video, tmp_path / "out", FrameChoice())
     write_png(tmp_path / "wide.png", np.zeros((20, 64, 3), np.uint8))
@@ -416,12 +429,12 @@ def test_too_few_registered_frames_say_what_to_do(tmp_path):
     )
     with pytest.raises(InputError, match=r"only 0 of 4 photographs could be registered[\s\S]*--rate 2[\s\S]*--masks"):
         capture_video(noise, tmp_path / "out", FrameChoice())
-    assert registration_notes(9, 9, "") == []
-    assert registration_notes(8, 9, "") == ["1 of 9 frames could not be registered and are left out"]
+    assert registration_notes([], 9, "") == []
+    assert registration_notes(["b.png"], 9, "") == ["1 of 9 frames could not be registered and are left out: b.png"]
     advice = advise(FrameChoice(rate=1.5), masked=True)
     assert "--rate 3 " in advice
     assert "--masks" not in advice
-    assert advice in registration_notes(int(FEW * 10) - 1, 10, advice)[1]
+    assert advice in registration_notes(["b.png"] * (10 - int(FEW * 10) + 1), 10, advice)[1]
 
 
 def test_a_dry_video_has_clean_views(tmp_path):
@@ -446,3 +459,16 @@ def test_copies_for_features_lose_streaks_and_keep_the_rest():
     large[:, 700:712] = 250  # as wide, for a picture of that size
     assert (without_streaks(large) == 90).all()
     assert without_streaks(np.full((2, 3), 7, np.uint8)).tolist() == [[7] * 3] * 2
+
+
+def test_what_comes_next_is_told_with_and_without_masks(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("hydroviews.__main__.capture_video", lambda *given, **named: None)
+    video_command(tmp_path / "walk.mp4", frames_only=True)
+    assert "then add --masks FOLDER" in capsys.readouterr().out
+    video_command(tmp_path / "walk.mp4", frames_only=True, masks=tmp_path / "drawn")
+    assert capsys.readouterr().out == f"masks: {tmp_path / 'walk-capture' / 'masks'}; go on without --frames-only\n"
+
+
+def test_a_folder_of_photographs_is_not_a_film(tmp_path):
+    with pytest.raises(InputError, match=r"a folder, not a film\n.*hydroviews poses"):
+        take_frames(tmp_path, tmp_path / "out", FrameChoice())

@@ -440,7 +440,7 @@ def test_scenes_that_are_recorded_at_the_same_time_all_stand_in_the_manifest(tmp
 def test_an_unfinished_scene_does_not_verify(scene, tmp_path):
     folder = build(scene, tmp_path / "data", patterns=[])
     (tmp_path / "data" / "manifest.json").write_text('{"generator": "", "scenes": {}}')
-    assert verify(tmp_path / "data") == [f"{folder}: not finished; run its build again"]
+    assert verify(tmp_path / "data") == [f"{folder}: not finished; run its build again, or remove that folder"]
 
 
 @pytest.mark.parametrize("content", ["{", "{}", "[]", '{"scenes": {"yard": {}}}', "[" * 100_000, "1" * 5000])

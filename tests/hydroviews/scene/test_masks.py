@@ -17,6 +17,7 @@ from hydroviews.captures.sfm.poses import estimate_poses
 from hydroviews.dataset.build import build
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.errors import InputError
+from hydroviews.formats.hidden_share import scene_hidden_notes
 from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap, write_nerfstudio
 from hydroviews.rain.patterns import Pattern
@@ -144,6 +145,17 @@ def test_a_built_scene_keeps_masks_where_other_software_finds_them(capture, tmp_
     assert not read_ignored(folder / "streak-0" / named[1]).any()
     write_ignored(capture / "masks" / mask_name("view-03.png"), ~hidden)
     with pytest.raises(InputError, match="another request"):
+        build(read_scene(capture), tmp_path / "data", patterns=[], long_side=24)
+
+
+def test_masks_of_a_capture_the_other_way_round_are_told(capture, tmp_path, hidden):
+    names = [view.path.name for view in read_scene(capture).views]
+    for name in names:
+        write_ignored(capture / "masks" / mask_name(name), ~hidden)
+    assert "black is hidden: are they the other way round?" in scene_hidden_notes(read_scene(capture))[0]
+    for name in names:
+        write_ignored(capture / "masks" / mask_name(name), hidden | True)
+    with pytest.raises(InputError, match=r"yard: masks: every pixel is hidden\n.*black where"):
         build(read_scene(capture), tmp_path / "data", patterns=[], long_side=24)
 
 

@@ -14,6 +14,7 @@ import pytest
 from processes import PATIENCE, wait_until
 
 from hydroviews.errors import InputError
+from leaderboard.__main__ import sweep_command
 from leaderboard.evaluate import carry_out
 from leaderboard.runs.supervision import Limits
 from leaderboard.sweep import local, matrix
@@ -68,6 +69,15 @@ def test_a_failed_run_costs_its_row_only_and_what_is_done_is_skipped(request_of,
     sweep(request)
     assert "2 runs, 1 of them done" in caplog.text
     assert record.stat().st_mtime_ns == before
+
+
+def test_the_command_says_where_the_tables_are(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("leaderboard.__main__.sweep", lambda request: {})
+    sweep_command(SweepRequest(results=tmp_path))
+    assert capsys.readouterr().out == ""  # a script for Slurm was written, and nothing has run
+    (tmp_path / "tables.md").touch()
+    sweep_command(SweepRequest(results=tmp_path))
+    assert f"tables: {tmp_path / 'tables.md'}" in capsys.readouterr().out
 
 
 def test_runs_of_a_matrix(request_of, tmp_path, evaluated_once):

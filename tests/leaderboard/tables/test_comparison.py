@@ -11,7 +11,8 @@ from hydroviews.errors import InputError
 from leaderboard.__main__ import compare_command, table_command
 from leaderboard.gather import VIEW_KEYS, write_leaderboard
 from leaderboard.records import Record, columns, run_folder, write_record
-from leaderboard.tables.comparison import compare, in_words
+from leaderboard.site.intervals import _ranked
+from leaderboard.tables.comparison import compare, in_words, rank_text
 
 SHIFTS = {"ours": 2.0, "theirs": 0.02, "3dgs": 0.0}
 PATTERNS = ("raindrop-1", "streak-1", "storm-1")
@@ -195,7 +196,11 @@ def test_a_method_without_any_run_is_listed_last_and_empties_nothing():
     assert list(found.methods.method)[-1] == "theirs"
     assert found.methods["mean"].isna().sum() == 1
     assert found.n_runs == 18
-    assert "| 3 | theirs |  | 0/18 |" in in_words(found, "")
+    assert [rank_text(rank) for rank in found.methods["rank"]] == ["1", "2", ""]
+    text = in_words(found, "")
+    assert "|  | theirs |  | 0/18 |" in text
+    assert "Means over the 18 runs that all with a rank have" in text
+    assert _ranked(found.methods.to_dict("records")[-1], found.metric, 0, 1).rank == ""
 
 
 def test_runs_on_other_data_and_views_without_a_finite_score_do_not_count():

@@ -103,6 +103,7 @@ def test_failed_runs_are_counted_and_left_out_of_the_mean():
     text = to_markdown(board)
     assert "| ours | <u>**24.00**</u> | <u>**0.5000**</u> |  |  |  |  | <u>1/2</u> |" in text
     assert "| theirs |  |  |  |  |  |  | <u>0/2</u> |" in text
+    assert "Means over 1 of 2 runs, which all the others have. Without a finished run: theirs." in text
 
 
 def test_where_a_run_lacks_a_number_its_mean_is_not_told():
