@@ -157,10 +157,10 @@ def test_an_interruption_during_the_imports_has_no_traceback(package):
     """It comes when the first module of others is imported; Python would tell of it in the lines of that."""
     code = f"""
 import builtins, os, runpy, signal
-def importing(name, *given, imported=builtins.__import__):
+def importing(name, *given, imported=builtins.__import__, **named):
     if name == "tyro":
         os.kill(os.getpid(), signal.SIGINT)
-    return imported(name, *given)
+    return imported(name, *given, **named)
 import {package}
 builtins.__import__ = importing
 runpy.run_module("{package}", run_name="__main__")
