@@ -176,7 +176,7 @@ def test_a_video_that_gives_as_many_frames_as_a_scene_needs_is_long_enough(tmp_p
 
 def test_commands_that_are_told_can_be_pasted(tmp_path, monkeypatch, capsys):
     for name in ("capture_video", "estimate_poses"):
-        monkeypatch.setattr(f"hydroviews.__main__.{name}", lambda *_, **__: SimpleNamespace(notes=[]))
+        monkeypatch.setattr(f"hydroviews.__main__.{name}", lambda *_, **__: SimpleNamespace(notes=[], views=[]))
     video_command(tmp_path / "a film.mkv")
     poses_command(tmp_path / "a walk")
     told = capsys.readouterr().out

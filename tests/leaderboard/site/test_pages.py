@@ -18,7 +18,7 @@ from leaderboard.gather import collect, collect_views, write_leaderboard
 from leaderboard.records import run_folder
 from leaderboard.site.runs import page_name
 from leaderboard.site.write import write_site
-from leaderboard.tables.comparison import compare
+from leaderboard.tables.comparison import compare, rank_text
 from leaderboard.tables.means import shown_names
 
 THEIRS = "<img src=x onerror=alert(1)>\"'& <\\script><script>alert(2)< (submitted)"
@@ -191,7 +191,7 @@ def test_ranks_and_intervals_are_those_of_the_comparison(written, pages):
     page = pages[written / "site" / "index.html"]
     title = find_metrics()[2].title
     shown = next(one for one in page.tables if [text for text, _ in one[0][:3]] == ["Rank", "Method", title])
-    expected = [(str(row.rank), row.method) for row in found.methods.itertuples()]
+    expected = [(rank_text(row.rank), row.method) for row in found.methods.itertuples()]
     assert [(row[0][0], row[1][0]) for row in shown[1:]] == expected
     values = [float(row[2][1].get("data-value", "nan")) for row in shown[1:]]
     assert values == pytest.approx(list(found.methods["mean"]), nan_ok=True)
