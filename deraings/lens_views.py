@@ -15,10 +15,8 @@ def by_shape(sizes: Sequence[tuple[int, ...]]) -> list[list[int]]:
     """The numbers of pictures of (height, width) each, shape by shape, the commonest first."""
     shapes: list[list[int]] = []
     for number, size in enumerate(sizes):
-        for shape in shapes:
-            if one_shape(sizes[shape[0]], size):
-                shape.append(number)
-                break
-        else:
-            shapes.append([number])
+        own = next((shape for shape in shapes if one_shape(sizes[shape[0]], size)), None)
+        if own is None:
+            shapes.append(own := [])
+        own.append(number)
     return sorted(shapes, key=len, reverse=True)

@@ -4,7 +4,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from typing import Any, NoReturn
 
 import tyro
 
@@ -33,17 +33,23 @@ def run_command(commands: Mapping[str, Callable[..., Any]] | Callable[..., Any],
             tyro.cli(commands, prog=prog, args=arguments)
         else:
             tyro.extras.subcommand_cli_from_dict(dict(commands), prog=prog, description=HELP, args=arguments)
-    except (InputError, PermissionError) as error:
-        if isinstance(error, PermissionError) and error.filename is None:
+    except InputError as error:
+        _refuse(error)
+    except PermissionError as error:
+        if error.filename is None:
             raise
-        print(f"error: {error if isinstance(error, InputError) else no_permission(error.filename)}", file=sys.stderr)
-        sys.exit(2)
+        _refuse(no_permission(error.filename))
     except BrokenPipeError:  # whoever read the output has seen enough, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing is left to be flushed at exit
         sys.exit(141)
     except KeyboardInterrupt:
         print("\ninterrupted; the same command goes on from here", file=sys.stderr)
         sys.exit(130)
+
+
+def _refuse(error: InputError) -> NoReturn:
+    print(f"error: {error}", file=sys.stderr)
+    sys.exit(2)
 
 
 def choices(names: Iterable[str], otherwise: str = "") -> Any:
