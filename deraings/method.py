@@ -11,8 +11,10 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from baselines.gaussian_splatting import GaussianSplatting
+from baselines.splatting.backends.base import GSPLAT
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting_profiles import PROFILES, PROFILES_WITH_NETWORKS, with_iterations
+from baselines.training.devices import chosen_device
 from baselines.training.images import TrainingImages, read_images
 from deraings.enhanced_method import KEPT, enhanced_views
 from deraings.enhancement.views import EnhancedViews
@@ -138,7 +140,8 @@ class DeRainGS(GaussianSplatting):
         if config.masks is None:
             return None
         cover = enhanced.drop_cover if enhanced and enhanced.tells_cover else None
-        return OcclusionMasks(images, config.splatting.iterations, self.seed, config.masks, cover)
+        device = chosen_device(config.splatting.device, GSPLAT)
+        return OcclusionMasks(images, config.splatting.iterations, self.seed, config.masks, cover, device)
 
     def learned(self) -> RainObjective:
         """What was learned of the rain in the training views, after `fit`.

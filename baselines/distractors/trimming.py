@@ -8,6 +8,7 @@ SpotLessSplats, section 4.2.2 and their code; the loss is not divided by the sha
 
 import logging
 import math
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -19,7 +20,7 @@ from baselines.distractors.residuals import ResidualHistogram, inliers, residual
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.photometric import Plane, photometric_loss
+from baselines.splatting.kernels.photometric import Plane
 from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import Stream, random_stream
 from baselines.training.images import Size, TrainingImages
@@ -78,17 +79,19 @@ class TrimmedObjective(Objective):
         self._counted = np.zeros(2)  # recent share of the pixels that count, and from how many steps it is known
         self.given_up = False
 
-    def __call__(self, image: Image, view: int, iteration: int, buffers: BufferPool) -> tuple[float, Image]:
-        """See Objective."""
-        target = self.target(view, (image.shape[0], image.shape[1]))
-        weights = None
-        if not self.given_up:
-            residuals = residuals_of(image, target)
-            if iteration < self._observed:
-                self.histogram.observe(residuals, target.ignored)
-            weights = self._drawn(self.probability(residuals, view, target.ignored), iteration)
-            self._watch(weights, target.ignored, iteration)
-        return photometric_loss(image, target, self.lambda_dssim, None if self.given_up else weights, buffers)
+    def weights(
+        self, render: Callable[[], Image], view: int, size: Size, iteration: int, buffers: BufferPool
+    ) -> Plane | None:
+        """See Objective: 1 for pixels that count in this step, else 0."""
+        if self.given_up:
+            return None
+        target = self.target(view, size)
+        residuals = residuals_of(render(), target)
+        if iteration < self._observed:
+            self.histogram.observe(residuals, target.ignored)
+        weights = self._drawn(self.probability(residuals, view, target.ignored), iteration)
+        self._watch(weights, target.ignored, iteration)
+        return None if self.given_up else weights
 
     def left_out(self, image: Image, view: int) -> Plane | None:
         """1 - p [H, W] of a view whose render this is, learning nothing; None where masks were given up."""

@@ -1,6 +1,6 @@
 """What rendered images are compared with: the seam where a method puts its own idea of rain."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,9 +31,16 @@ class Objective:
 
     @property
     def is_photometric(self) -> bool:
-        """Whether it is the photometric loss alone, which a GPU calculates itself; others need the CPU's kernels."""
-        compared_by = ("__call__", "compare", "target")
-        return all(getattr(type(self), name) is getattr(Objective, name) for name in compared_by)
+        """Whether it is the photometric loss of pixels that `weights` weighs, which a GPU calculates itself."""
+        return self._is_as_here("__call__", "compare", "target")
+
+    @property
+    def wants_kernels(self) -> bool:
+        """Whether something of it is calculated by the CPU's kernels, wherever Gaussians are rendered."""
+        return not (self.is_photometric and self._is_as_here("weights"))
+
+    def _is_as_here(self, *names: str) -> bool:
+        return all(getattr(type(self), name) is getattr(Objective, name) for name in names)
 
     @property
     def sh_sets(self) -> bool:
@@ -51,6 +58,20 @@ class Objective:
     def see(self, gaussians: "Gaussians", view: int, iteration: int) -> None:
         """Look at the Gaussians before a step, where a view's render does not say enough; they are not kept."""
 
+    def weights(
+        self, render: Callable[[], Image], view: int, size: Size, iteration: int, buffers: BufferPool
+    ) -> Plane | None:
+        """Factors [H, W] on each pixel's share of a training view's loss; None where all are 1.
+
+        Args:
+            render: gives the rendered view [H, W, 3], which a GPU then has to hand over.
+            view: index of the training view.
+            size: its height and width.
+            iteration: of the training.
+            buffers: memory to reuse.
+        """
+        return None
+
     def compare(
         self, images: Sequence[Image], view: int, iteration: int, buffers: BufferPool
     ) -> tuple[float, Sequence[Image]]:
@@ -67,8 +88,9 @@ class Objective:
             iteration: of the training.
             buffers: memory to reuse.
         """
-        target = self.target(view, (image.shape[0], image.shape[1]))
-        return photometric_loss(image, target, self.lambda_dssim, buffers=buffers)
+        size = image.shape[0], image.shape[1]
+        weights = self.weights(lambda: image, view, size, iteration, buffers)
+        return photometric_loss(image, self.target(view, size), self.lambda_dssim, weights, buffers)
 
     def residual(self, image: Image, view: int, buffers: BufferPool) -> float:
         """The loss of a rendered validation view; learns nothing from it."""

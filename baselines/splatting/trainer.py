@@ -66,8 +66,8 @@ def train(
     backend = make_backend(
         config.device, objective, np.asarray(config.background, np.float32), near, config.antialiased
     )
-    # On a GPU the plain loss is torch's; those of methods, and the validation's, are kernels of the CPU.
-    kernels = backend.device == "cpu" or not objective.is_photometric or config.early_stop
+    # On a GPU the photometric loss is Triton's; what methods add, and the validation's, are kernels of the CPU.
+    kernels = backend.device == "cpu" or objective.wants_kernels or config.early_stop
     compile_seconds = warm_up(config.sh_degree, objective.sh_sets) if kernels else 0.0
 
     place = "cpu" if backend.device == "cpu" else "cuda"  # another card may go on: no two runs on one are equal either

@@ -37,7 +37,8 @@ class OcclusionMasks:
 
     A view's mask is the one that the network last learned from, or if it never has, one predicted when asked for. So
     where the network learns in the same iteration, before the weights are asked for, both steps have the same L.
-    Nothing depends on torch's threads or global random numbers: the same seed, losses and calls give the same bits.
+    Nothing depends on torch's threads or global random numbers: on the CPU the same seed, losses and calls give the
+    same bits.
     """
 
     def __init__(
@@ -47,6 +48,7 @@ class OcclusionMasks:
         seed: int,
         config: MaskConfig | None = None,
         cover: Callable[[int], Plane] | None = None,
+        device: str = "cpu",
     ) -> None:
         """Start with a network that masks next to nothing.
 
@@ -57,6 +59,7 @@ class OcclusionMasks:
             config: settings.
             cover: how much of each pixel of a view drops cover [H, W], as somebody tells from the photographs; hidden
                 as well where something is on the lens.
+            device: where the network calculates, "cpu" or "cuda".
         """
         self.config = config or MaskConfig()
         self.images, self.seed = images, seed
@@ -66,7 +69,8 @@ class OcclusionMasks:
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
             network = MaskNetwork(c.shrink, c.fine, c.width, c.cutoff, 1 if c.lens_views else 0, c.attention)
-        self.network = network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.network = network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self._device = torch.device(device)
         self.adam = torch.optim.Adam(self.network.parameters(), c.rate, fused=True)
         self._level = np.zeros(2)  # typical loss, and from how many losses it is known
         self._evidence: float | None = None  # for something on the lens, once the masks have started
@@ -121,7 +125,9 @@ class OcclusionMasks:
         whole = resized(mask, (mask.shape[0] * pixels, mask.shape[1] * pixels))
         found = resized(whole[:height, :width], size)
         if self._cover is not None:
-            found = found + (1 - found) * resized(self._lens_covers[view], size)
+            more = 1 - found
+            more *= resized(self._lens_covers[view], size)
+            found = more + found
         return found
 
     def learn(self, view: int, loss: NDArray, iteration: int) -> None:
@@ -136,7 +142,7 @@ class OcclusionMasks:
         if iteration < self.first_lesson or not (loss > 0).any():
             return
         self._observe(float(np.median(loss[loss > 0])))
-        wanted = torch.from_numpy(self._shrunk(view, loss, self.config.shrink // self.config.fine))
+        wanted = torch.from_numpy(self._shrunk(view, loss, self.config.shrink // self.config.fine)).to(self._device)
         self._losses[view] = self._shrunk(view, loss, self.config.shrink)
         with one_thread():
             self.network.train()
@@ -188,13 +194,13 @@ class OcclusionMasks:
     def _predict(self, view: int) -> Tensor:
         """M [h, w] at the mask's resolution; rows and columns that fill up the last blocks are part of it."""
         pixels = self.images.pixels(view)
-        picture = filled(pixels.astype(np.float32) / 255, self.config.shrink)
+        picture = filled(pixels, self.config.shrink)
         extra = None
         if self.config.lens_views:
             size = picture.shape[0] // self.config.shrink, picture.shape[1] // self.config.shrink
-            extra = torch.from_numpy(self._around(view, size))[None, None]
-        planes = torch.from_numpy(picture).permute(2, 0, 1)[None]
-        return self.network(planes, extra)[0, 0]
+            extra = torch.from_numpy(self._around(view, size)).to(self._device)[None, None]
+        planes = torch.from_numpy(picture).to(self._device).float() / 255
+        return self.network(planes.permute(2, 0, 1)[None], extra)[0, 0]
 
     def _shrunk(self, view: int, loss: NDArray, factor: int) -> Plane:
         """A loss map averaged over factor x factor pixels of the whole picture."""
@@ -230,4 +236,4 @@ class OcclusionMasks:
 
 
 def _rounded(mask: Tensor) -> NDArray[np.uint8]:
-    return np.rint(mask.detach().numpy() * 255).astype(np.uint8)
+    return np.rint(mask.detach().cpu().numpy() * 255).astype(np.uint8)

@@ -109,6 +109,11 @@ class RainModel:
             drops = self.drops or DropsByShape(pictures, iterations, LensDropsConfig(), hidden)
             self.renewed = RenewedDrops(covers, images, drops.staying, iterations, config.renewed)
 
+    @property
+    def alters_views(self) -> bool:
+        """Whether any rain that `forward` may show is looked for."""
+        return any(part is not None for part in (self.mist, self.drops, self.rain))
+
     def begin(self, iteration: int) -> None:
         """Call first in every step: estimates single streaks again when that is due."""
         if self.rain:
@@ -173,9 +178,18 @@ class RainModel:
             return None
         return self.enhanced.target(seen.view, size)
 
-    def renewed_weights(self, seen: Seen, target: Target) -> Plane | None:
-        """Factors [H, W] on pixels' shares of the loss, less where this view alone shows a drop; None: all 1."""
-        return self.renewed.weights(target, seen.image, seen.view, seen.iteration) if self.renewed else None
+    def renewed_weights(self, render: Callable[[], Image], target: Target, view: int, iteration: int) -> Plane | None:
+        """Factors [H, W] on pixels' shares of the loss, less where this view alone shows a drop; None: all 1.
+
+        Args:
+            render: gives the view [H, W, 3] as it is seen through the rest of the rain.
+            target: the photograph.
+            view: index of the training view.
+            iteration: of the training.
+        """
+        if self.renewed is None or not self.renewed.due(iteration):
+            return None
+        return self.renewed.weights(target, render(), view)
 
     @property
     def even_alpha(self) -> float:

@@ -17,11 +17,11 @@ from baselines.splatting.kernels.loss_map import loss_map
 from baselines.splatting.kernels.photometric import Target, photometric_loss
 from baselines.splatting.objective import Objective
 from baselines.training.checkpoints import below, prefixed
-from baselines.training.images import TrainingImages
+from baselines.training.images import Size, TrainingImages
 from deraings.enhancement.views import EnhancedViews
 from deraings.image_planes import Plane
 from deraings.masks.occlusion_masks import OcclusionMasks
-from deraings.rain_model.model import RainConfig, RainModel, Seen
+from deraings.rain_model.model import RainConfig, RainModel
 from deraings.rain_model.observation import Observation
 from deraings.rain_model.report import report
 from hydroviews.scene.images import Image
@@ -53,15 +53,29 @@ class RainObjective(Objective):
         self.model = RainModel(images, iterations, config or RainConfig(), prior, points, covers)
         self.masks = masks
 
+    @property
+    def is_photometric(self) -> bool:
+        """See Objective: where no rain is modelled, it says no more than how much each pixel counts."""
+        return not self.model.alters_views
+
+    def weights(
+        self, render: Callable[[], Image], view: int, size: Size, iteration: int, buffers: BufferPool
+    ) -> Plane | None:
+        """See Objective: less behind what rain hides, as masks and renewed drops have it; the masks learn, if due."""
+        target = self.target(view, size)
+        renewed = self.model.renewed_weights(render, target, view, iteration)
+        return _product(renewed, self._mask_weights(render, target, view, size, iteration, buffers))
+
     def __call__(self, image: Image, view: int, iteration: int, buffers: BufferPool) -> tuple[float, Image]:
         """See Objective; learns of the rain as well. Pixels that are not finite count for nothing."""
-        target = self.target(view, (image.shape[0], image.shape[1]))
+        size = image.shape[0], image.shape[1]
+        target = self.target(view, size)
         image, finite = _finite(image)
         self.model.begin(iteration)
         seen = self.model.forward(image, view, iteration, buffers)
         shown = _product(target.shown, finite)
-        renewed = self.model.renewed_weights(seen, target)
-        weights = _product(seen.weights, renewed, self._mask_weights(seen, target, buffers), shown)
+        left = self.weights(lambda: seen.image, view, size, iteration, buffers)
+        weights = _product(seen.weights, left, shown)
         enhanced = self.model.enhanced_target(seen)
         if enhanced is not None:
             return photometric_loss(seen.scene_image, enhanced, self.lambda_dssim, weights, buffers)
@@ -76,7 +90,7 @@ class RainObjective(Objective):
         seen = self.model.forward(image, view, self.model.iterations, buffers)
         return photometric_loss(seen.image, self.target(view), self.lambda_dssim, buffers=buffers)[0]
 
-    def hidden(self, view: int, size: tuple[int, int]) -> Plane:
+    def hidden(self, view: int, size: Size) -> Plane:
         """How much of each pixel [H, W] of a view of (height, width) is taken for rain, or masked, after training."""
         model = self.model
         parts = model.mist_alpha, model.drop_alpha, model.renewed_cover, model.rain_alpha
@@ -108,14 +122,15 @@ class RainObjective(Objective):
         if self.masks:
             self.masks.load_state_dict(below("masks", arrays))
 
-    def _mask_weights(self, seen: Seen, target: Target, buffers: BufferPool) -> Plane | None:
+    def _mask_weights(
+        self, render: Callable[[], Image], target: Target, view: int, size: Size, iteration: int, buffers: BufferPool
+    ) -> Plane | None:
         """1 - M [H, W] of a view, which the masks learn from first if they are due; None where nothing is masked."""
         if self.masks is None:
             return None
-        if self.masks.due(seen.iteration):
-            losses = loss_map(seen.image, target, self.lambda_dssim, buffers=buffers)
-            self.masks.learn(seen.view, losses, seen.iteration)
-        return self.masks.weights(seen.view, (seen.image.shape[0], seen.image.shape[1]), seen.iteration)
+        if self.masks.due(iteration):
+            self.masks.learn(view, loss_map(render(), target, self.lambda_dssim, buffers=buffers), iteration)
+        return self.masks.weights(view, size, iteration)
 
 
 def _product(*parts: Plane | None) -> Plane | None:

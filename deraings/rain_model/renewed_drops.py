@@ -112,17 +112,18 @@ class RenewedDrops:
             self._covers[view] = to_uint8(resized(cover, within_side(cover.shape, self._config.long_side)))
         return resized(self._covers[view].astype(np.float32) / 255, size)
 
-    def weights(self, target: Target, seen: Image, view: int, iteration: int) -> Plane | None:
-        """Factors [H, W] on each pixel's share of the loss; None where all are 1.
+    def due(self, iteration: int) -> bool:
+        """Whether anything is hidden in this iteration."""
+        return self.wanted and iteration >= self._first
+
+    def weights(self, target: Target, seen: Image, view: int) -> Plane:
+        """Factors [H, W] on each pixel's share of the loss, where something is hidden.
 
         Args:
             target: the photograph, and what its mask shows.
             seen: its render [H, W, 3], finite, seen through the rest of the rain.
             view: index of the view.
-            iteration: of the training.
         """
-        if not self.wanted or iteration < self._first:
-            return None
         config = self._config
         agreed = _agreed(target, seen, max(3, round(config.around * max(seen.shape)) | 1))
         hidden = smooth_rise(self.cover(view, seen.shape[:2]) * agreed, config.shown, config.hidden)

@@ -11,6 +11,7 @@ import pytest
 import torch
 from splats import photographed
 
+from baselines.distractors.robust_filter import RobustFilter, RobustFilterConfig
 from baselines.gaussian_splatting import BudgetedSplatting, GaussianSplatting
 from baselines.gs_w.config import SHORT
 from baselines.gs_w.method import GaussianInTheWild, GSWConfig
@@ -50,7 +51,8 @@ METHODS = {  # and the most uploads, downloads and questions of a step, which se
     "3dgs": (GaussianSplatting, HURRIED, (7, 1, 0)),
     "relocating": (BudgetedSplatting, replace(HURRIED, strategy=RELOCATING), (7, 1, 0)),
     "pruning": (BudgetedSplatting, PRUNING, (7, 1, 0)),
-    "masks": (DeRainGS, DeRainGSConfig(HURRIED, masks=MASKS), (8, 2, 0)),
+    "masks": (DeRainGS, DeRainGSConfig(HURRIED, masks=MASKS), (9, 3, 0)),
+    "robust": (RobustFilter, RobustFilterConfig(HURRIED), (8, 2, 0)),
     "rain": (DeRainGS, DeRainGSConfig(HURRIED, rain=RainConfig()), (8, 2, 0)),
     "wild": (WildGaussians, TONES, (16, 4, 2)),
     "gs-w": (GaussianInTheWild, GSWConfig(HURRIED, SHORT), (17, 3, 2)),

@@ -6,6 +6,7 @@ steps, is the CPU's: the state is copied over and back. gsplat lets a Gaussian c
 gradients are those of each, added up; the kernels' are of the sum.
 """
 
+import functools
 import importlib.util
 import logging
 from collections.abc import Sequence
@@ -272,11 +273,9 @@ class CudaBackend:
         return images[0], details
 
     def _backward(self, renders: Sequence[Tensor], view: int, iteration: int) -> Tensor:
-        """Backpropagate the objective: the plain one on the GPU, a method's own one through its numpy gradients."""
+        """Backpropagate the objective: a photometric one on the GPU, a method's own through its numpy gradients."""
         if self._objective.is_photometric:
-            image = renders[0].detach()
-            target, shown = self._target(view, (image.shape[0], image.shape[1]))
-            loss, gradient = self._ops.photometric_loss(image, target, self._objective.lambda_dssim, shown)
+            loss, gradient = self._photometric_loss(renders[0].detach(), view, iteration)
             renders[0].backward(gradient)
             return loss
         pictures = [image.detach().cpu().numpy() for image in renders]
@@ -285,6 +284,15 @@ class CudaBackend:
             renders, [torch.from_numpy(np.ascontiguousarray(gradient)).cuda() for gradient in gradients]
         )
         return torch.tensor(value, device=renders[0].device)
+
+    def _photometric_loss(self, image: Tensor, view: int, iteration: int) -> tuple[Tensor, Tensor]:
+        """The loss of a render [H, W, 3], whose pixels are weighed as the objective says, and its gradient."""
+        size = image.shape[0], image.shape[1]
+        target, shown = self._target(view, size)
+        render = functools.cache(lambda: image.cpu().numpy())
+        weights = self._objective.weights(render, view, size, iteration, self._buffers)
+        factors = None if weights is None else _sent(weights)
+        return self._ops.photometric_loss(image, target, self._objective.lambda_dssim, shown, factors)
 
     def _target(self, view: int, size: Size) -> tuple[Tensor, Tensor | None]:
         """A training view's pixels [H, W, 3], uint8, and which of them are shown [H, W]; uploaded once."""
@@ -331,7 +339,7 @@ def _opacities(parameters: dict[str, Tensor], whole: bool) -> tuple[dict[str, Te
 
 
 def _sent(values: NDArray[np.float32]) -> Tensor:
-    """A small array, uploaded without waiting for what the GPU does: the driver takes a copy of it first."""
+    """An array, uploaded without waiting for what the GPU does: the driver takes a copy of it first."""
     return torch.from_numpy(values).cuda(non_blocking=True)
 
 

@@ -15,7 +15,9 @@ from baselines.splatting.kernels.mcmc import FARTHEST, GATE, GATE_STEEPNESS
 from baselines.splatting.strategies.base import PositionNoise, StepOptions
 
 
-def photometric_loss(image: Tensor, target: Tensor, lambda_dssim: float, shown: Tensor | None) -> tuple[Tensor, Tensor]:
+def photometric_loss(
+    image: Tensor, target: Tensor, lambda_dssim: float, shown: Tensor | None, weights: Tensor | None
+) -> tuple[Tensor, Tensor]:
     """The photometric loss (see `photometric`) and its gradient by the image.
 
     Args:
@@ -23,10 +25,11 @@ def photometric_loss(image: Tensor, target: Tensor, lambda_dssim: float, shown: 
         target: what it should look like, uint8 [H, W, 3].
         lambda_dssim: lambda in (1 - lambda) L1 + lambda (1 - SSIM).
         shown: bool [H, W], false where pixels are hidden; None where none is.
+        weights: float32 [H, W], factors on each pixel's share of the loss; None where all are 1.
     """
     leaf = image.detach().requires_grad_()
     with torch.enable_grad():
-        loss = torch_rasterizer.photometric_loss(leaf, target / 255, lambda_dssim, shown)
+        loss = torch_rasterizer.photometric_loss(leaf, target / 255, lambda_dssim, shown, weights)
     (gradient,) = torch.autograd.grad(loss, leaf)
     return loss.detach(), gradient
 

@@ -81,10 +81,12 @@ def rotations(quaternions: Tensor) -> Tensor:
     return torch.stack(rotation_entries(*unit.unbind(1)), 1).reshape(-1, 3, 3)
 
 
-def photometric_loss(image: Tensor, target: Tensor, lambda_dssim: float, shown: Tensor | None = None) -> Tensor:
+def photometric_loss(
+    image: Tensor, target: Tensor, lambda_dssim: float, shown: Tensor | None = None, weights: Tensor | None = None
+) -> Tensor:
     """(1 - lambda) L1 + lambda (1 - SSIM) as in `photometric`, of images [H, W, 3] in any precision, on any device.
 
-    Where `shown`, bool [H, W], is false, pixels are hidden.
+    Where `shown`, bool [H, W], is false, pixels are hidden; `weights` [H, W] are factors on each pixel's share.
     """
     if shown is not None:
         image, target = (torch.where(shown[..., None], picture, 0) for picture in (image, target))
@@ -100,7 +102,8 @@ def photometric_loss(image: Tensor, target: Tensor, lambda_dssim: float, shown: 
     ssim = ssim / ((mean_x**2 + mean_y**2 + c1) * (xx - mean_x**2 + yy - mean_y**2 + c2))
     if shown is not None:
         ssim = torch.where(shown, ssim, 1)
-    return (1 - lambda_dssim) * (x - y).abs().mean() + lambda_dssim * (1 - ssim.mean())
+    losses = (1 - lambda_dssim) * (x - y).abs() + lambda_dssim * (1 - ssim)
+    return (losses if weights is None else weights * losses).mean()
 
 
 def _covariances(p: dict[str, Tensor], local: Tensor, camera: Camera) -> Tensor:

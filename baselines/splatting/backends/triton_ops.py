@@ -20,21 +20,26 @@ C1, C2 = 0.01**2, 0.03**2
 BLOCK = 512  # numbers a program
 
 
-def photometric_loss(image: Tensor, target: Tensor, lambda_dssim: float, shown: Tensor | None) -> tuple[Tensor, Tensor]:
+def photometric_loss(
+    image: Tensor, target: Tensor, lambda_dssim: float, shown: Tensor | None, weights: Tensor | None
+) -> tuple[Tensor, Tensor]:
     """As `torch_ops.photometric_loss`."""
     image = image.contiguous()
     height, row = image.shape[0], image.shape[1] * 3
     taps, blocks = _window(image.device), triton.cdiv(row, BLOCK)
     grid, shape = (height, blocks), (height, row, RADIUS, BLOCK)
-    hidden = shown is not None
+    hidden, weighed = shown is not None, weights is not None
     seen = shown.view(torch.uint8) if shown is not None else target
+    factors = weights.contiguous() if weights is not None else image
     moments, slopes, blurred = (image.new_empty(planes, height, row) for planes in (5, 3, 3))
     losses, gradient = image.new_empty(height, blocks), torch.empty_like(image)
     _blur_pictures[grid](image, target, seen, taps, moments, *shape, hidden)
-    _compare[grid](image, target, seen, taps, moments, slopes, losses, lambda_dssim, C1, C2, *shape, hidden)
+    lambdas = lambda_dssim, C1, C2
+    _compare[grid](image, target, seen, factors, taps, moments, slopes, losses, *lambdas, *shape, hidden, weighed)
     _blur_slopes[grid](slopes, taps, blurred, *shape)
     share = 1 / image.numel()
-    _gradient[grid](image, target, seen, taps, blurred, gradient, lambda_dssim, share, *shape, hidden)
+    pictures = image, target, seen, factors
+    _gradient[grid](*pictures, taps, blurred, gradient, lambda_dssim, share, *shape, hidden, weighed)
     return losses.sum() * share, gradient
 
 
@@ -69,6 +74,14 @@ def _pixels(image, target, shown, line, at, row, inside, HIDDEN: tl.constexpr):
 
 
 @triton.jit
+def _weights(weights, line, at, row, counted, WEIGHED: tl.constexpr):
+    """What each number counts, 0 where it does not."""
+    if WEIGHED:
+        return tl.load(weights + line * (row // 3) + at // 3, mask=counted, other=0.0)
+    return counted.to(tl.float32)
+
+
+@triton.jit
 def _blur_pictures(
     image, target, shown, taps, out, height, row, RADIUS: tl.constexpr, BLOCK: tl.constexpr, HIDDEN: tl.constexpr
 ):
@@ -99,6 +112,7 @@ def _compare(
     image,
     target,
     shown,
+    weights,
     taps,
     moments,
     slopes,
@@ -111,6 +125,7 @@ def _compare(
     RADIUS: tl.constexpr,
     BLOCK: tl.constexpr,
     HIDDEN: tl.constexpr,
+    WEIGHED: tl.constexpr,
 ):
     """Along columns, then what each pixel adds to the loss, and the slopes of SSIM by the means of x, x^2 and x y."""
     line = tl.program_id(0)
@@ -136,11 +151,12 @@ def _compare(
     ssim = a1 * a2 / (b1 * b2)
     by_mean = 2 * mean_y * (a2 - a1) / (b1 * b2) - 2 * mean_x * ssim * (1 / b1 - 1 / b2)
     loss = (1 - lambda_dssim) * tl.abs(x - y) + lambda_dssim * (1 - ssim)
-    tl.store(losses + line * tl.num_programs(1) + tl.program_id(1), tl.sum(tl.where(counted, loss, 0.0)))
+    weight = _weights(weights, line, at, row, counted, WEIGHED)
+    tl.store(losses + line * tl.num_programs(1) + tl.program_id(1), tl.sum(weight * loss))
     to = slopes + line * row + at
-    tl.store(to, tl.where(counted, by_mean, 0.0), mask=inside)
-    tl.store(to + plane, tl.where(counted, -ssim / b2, 0.0), mask=inside)
-    tl.store(to + 2 * plane, tl.where(counted, 2 * a1 / (b1 * b2), 0.0), mask=inside)
+    tl.store(to, weight * by_mean, mask=inside)
+    tl.store(to + plane, -weight * ssim / b2, mask=inside)
+    tl.store(to + 2 * plane, 2 * weight * a1 / (b1 * b2), mask=inside)
 
 
 @triton.jit
@@ -170,6 +186,7 @@ def _gradient(
     image,
     target,
     shown,
+    weights,
     taps,
     blurred,
     gradient,
@@ -180,6 +197,7 @@ def _gradient(
     RADIUS: tl.constexpr,
     BLOCK: tl.constexpr,
     HIDDEN: tl.constexpr,
+    WEIGHED: tl.constexpr,
 ):
     """Along columns, then the gradient of the loss by x."""
     line = tl.program_id(0)
@@ -197,7 +215,8 @@ def _gradient(
         xy += weight * tl.load(source + 2 * plane, mask=there, other=0.0)
     x, y, counted = _pixels(image, target, shown, line, at, row, inside, HIDDEN)
     sign = tl.where(x > y, 1.0, 0.0) - tl.where(x < y, 1.0, 0.0)
-    by_x = (1 - lambda_dssim) * sign - lambda_dssim * (mean + 2 * x * xx + y * xy)
+    weight = _weights(weights, line, at, row, counted, WEIGHED)
+    by_x = (1 - lambda_dssim) * weight * sign - lambda_dssim * (mean + 2 * x * xx + y * xy)
     tl.store(gradient + line * row + at, tl.where(counted, share * by_x, 0.0), mask=inside)
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from splats import BACKGROUND, cloud, photographed
 
+from baselines.splatting.backends.base import CpuBackend
 from baselines.splatting.kernels.photometric import prepare_target
 from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import LearningRates, rates_at
@@ -31,16 +32,44 @@ class Grey(Objective):
         return prepare_target(np.full_like(pixels, 128))
 
 
+class Weighed(Objective):
+    def weights(self, render, view, size, iteration, buffers):
+        return np.linspace(0, 2, size[0] * size[1], dtype=np.float32).reshape(size)
+
+
+class Brightest(Objective):
+    """Weighs by what is rendered."""
+
+    def weights(self, render, view, size, iteration, buffers):
+        return render().max(axis=2)
+
+
 @pytest.fixture
 def images(tmp_path):
     return read_images(photographed(tmp_path, n_views=3).train_views)
 
 
 def test_a_loss_is_photometric_until_it_is_replaced(images):
-    assert [kind(images).is_photometric for kind in (Objective, Renamed, Halved, Grey)] == [True, True, False, False]
+    objectives = [kind(images) for kind in (Objective, Renamed, Weighed, Halved, Grey)]
+    assert [objective.is_photometric for objective in objectives] == [True, True, True, False, False]
+    assert [objective.wants_kernels for objective in objectives] == [False, False, True, True, True]
 
 
-@pytest.mark.parametrize("kind", [Renamed, Halved, Grey])
+@pytest.mark.parametrize("kind", [Renamed, Weighed, Brightest])
+def test_the_gpu_weighs_pixels_as_the_cpu_does(tmp_path, cuda_backend, kind):
+    scene = photographed(tmp_path, n_views=3)
+    losses, means = [], []
+    for backend in (cuda_backend, CpuBackend):
+        trained = backend(kind(read_images(scene.train_views)), BACKGROUND, 0.01)
+        trained.put(fresh_state(cloud(20, 1)))
+        rates = rates_at(0, 100, LearningRates(), 4.0, 1)
+        losses.append(trained.step(scene.train_views[0].camera, 0, 0, 1, rates, StepOptions()))
+        means.append(trained.get(1, 0.0).first.means)
+    assert losses[0] == pytest.approx(losses[1], rel=1e-5)
+    assert means[0] == pytest.approx(means[1], rel=1e-3, abs=1e-4 * np.abs(means[1]).max())
+
+
+@pytest.mark.parametrize("kind", [Renamed, Weighed, Halved, Grey])
 def test_the_gpu_asks_an_objective_that_compares_otherwise(tmp_path, cuda_backend, kind, monkeypatch):
     scene = photographed(tmp_path, n_views=3)
     objective, asked = kind(read_images(scene.train_views)), []
@@ -49,4 +78,4 @@ def test_the_gpu_asks_an_objective_that_compares_otherwise(tmp_path, cuda_backen
     backend = cuda_backend(objective, BACKGROUND, 0.01)
     backend.put(fresh_state(cloud(20, 1)))
     backend.step(scene.train_views[0].camera, 0, 0, 1, rates_at(0, 100, LearningRates(), 4.0, 1), StepOptions())
-    assert asked == ([] if kind is Renamed else [0])
+    assert asked == ([] if kind in (Renamed, Weighed) else [0])

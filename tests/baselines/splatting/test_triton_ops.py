@@ -29,17 +29,18 @@ def compare(device: str) -> None:
             image = torch.rand(*size, 3, generator=generator)
             target = torch.randint(0, 256, (*size, 3), generator=generator, dtype=torch.uint8)
             shown = torch.rand(size, generator=generator) > 0.3 if hides else None
-            compare_losses(triton_ops, device, image, target, shown)
+            for weights in (None, 2 * torch.rand(size, generator=generator)):
+                compare_losses(triton_ops, device, image, target, shown, weights)
     compare_adam(triton_ops, device, torch.randn(4, 5, 7, 3, generator=generator))
 
 
-def compare_losses(ops, device, image, target, shown) -> None:
+def compare_losses(ops, device, image, target, shown, weights) -> None:
     exact = image.double().requires_grad_()
-    wanted = photometric_loss(exact, target.double() / 255, 0.2, shown)
+    wanted = photometric_loss(exact, target.double() / 255, 0.2, shown, weights)
     wanted.backward()
-    given = [value if value is None else value.to(device) for value in (image, target, shown)]
+    given = [value if value is None else value.to(device) for value in (image, target, shown, weights)]
     for tried in (ops, torch_ops):
-        loss, gradient = tried.photometric_loss(given[0], given[1], 0.2, given[2])
+        loss, gradient = tried.photometric_loss(given[0], given[1], 0.2, *given[2:])
         assert float(loss) == pytest.approx(wanted.item(), rel=1e-6)
         error = (gradient.cpu() - exact.grad).abs().max() / exact.grad.abs().max()
         assert error < 2e-6, (tried.__name__, tuple(image.shape), float(error))

@@ -76,7 +76,7 @@ def looked_at(prior, staying=0.0, config=CONFIG, hidden=()):
 
 
 def weights_of(renewed, photograph, seen, view=0, iteration=STEPS, ignored=None):
-    return renewed.weights(prepare_target(photograph, ignored), seen, view, iteration)
+    return renewed.weights(prepare_target(photograph, ignored), seen, view) if renewed.due(iteration) else None
 
 
 def objective_of(photographs, prior, config=None):
