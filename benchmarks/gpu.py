@@ -1,6 +1,6 @@
 """What a training costs on an NVIDIA GPU: a step and its parts, what lies between steps, and every method's own loss.
 
-    python -m benchmarks.gpu --folder results/bench --parts agree steps between methods
+    python -m benchmarks.gpu --folder results/bench --parts agree steps between methods losses
 
 Nothing else should run on the machine. Prints tables and writes them as gpu-*.csv.
 """
@@ -17,6 +17,7 @@ import pandas as pd
 import torch
 from torch import Tensor
 
+from baselines.gaussian_splatting import GaussianSplatting
 from baselines.method import find_method
 from baselines.splatting.backends.base import CpuBackend
 from baselines.splatting.backends.cuda import CudaBackend, _upload
@@ -26,6 +27,7 @@ from baselines.splatting.objective import Objective
 from baselines.splatting.state import fresh_state
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.training.checkpoints import save_checkpoint
+from baselines.training.images import read_images
 from benchmarks.methods import in_steps
 from benchmarks.splatting.scenes import picture, room, view
 from benchmarks.splatting.speed import still
@@ -35,13 +37,18 @@ from hydroviews.files.atomic import write_bytes
 from hydroviews.scene.images import write_png
 from hydroviews.scene.scenes import Points, Scene, View, make_scene
 
-Part = Literal["agree", "steps", "cpu", "kernels", "between", "methods"]
+Part = Literal["agree", "steps", "cpu", "kernels", "between", "methods", "losses"]
 CASES = ((30_000, (320, 240)), (60_000, (400, 300)), (300_000, (1600, 1060)), (1_000_000, (1600, 1060)))
 LARGEST = CASES[-1]
 COMPARED = CASES[0], (300_000, (800, 600))  # with the CPU's kernels
 GROWN_AT = 600  # a refinement is due after so many steps
 BACKGROUND = np.zeros(3, np.float32)
 METHODS = ("3dgs", "deraings", "deraings-plus", "desplat", "wild-gaussians", "gs-w", "wild-gs", "nerf-w", "ha-nerf")
+LOSSES = ("3dgs", "deraings", "deraings-plus", "robust-filter", "desplat")
+FOUND = ("needed", "masks", "drops", "pixels")  # of a report
+N_VIEWS, SEEN = 24, 300_000  # views and Gaussians with which losses are measured
+LESSONS, MIDDLE = 120, 0.6  # steps from the start of a training to its middle, a share of its iterations
+DROPS, DROP_SIZE = 60, 0.02  # on the lens, and their deviation in widths of the picture
 
 
 def milliseconds(work: Callable[[], Any], repeats: int) -> float:
@@ -215,20 +222,69 @@ def methods(names: Sequence[str], size: tuple[int, int], profile: str, steps: in
     return pd.DataFrame(rows)
 
 
-def photographed(folder: Path, size: tuple[int, int], n_views: int = 6) -> Scene:
-    """Pictures of made-up Gaussians from cameras on an arc, and their centres as points."""
+def losses(names: Sequence[str], size: tuple[int, int], profile: str, repeats: int) -> pd.DataFrame:
+    """Milliseconds of a step in the middle of a training with drops on the lens, of methods with a loss of their own.
+
+    Whatever a method looks for, it has found by then: trainings that are cut to few steps look for it in all of them.
+    """
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        scene = photographed(Path(folder) / "scene", size, N_VIEWS, drops=True)
+        for name in names:
+            (run := Path(folder) / name).mkdir()
+            rows.append({"method": name, "size": "{}x{}".format(*size), **loss_row(name, scene, run, profile, repeats)})
+            print(rows[-1], flush=True)
+    return pd.DataFrame(rows)
+
+
+def loss_row(name: str, scene: Scene, run: Path, profile: str, repeats: int) -> dict[str, Any]:
+    """Columns for one method that splats."""
+    kind = find_method(name)
+    method = kind(kind.configuration(profile), 0)
+    assert isinstance(method, GaussianSplatting)
+    objective = method.objective(scene, run) or Objective(read_images(scene.train_views))
+    cameras = [view.camera for view in scene.train_views]
+    backend = CudaBackend(objective, BACKGROUND, 0.01)
+    backend.put(fresh_state(room(SEEN, cameras[0])))
+    rates, options = still()
+    steps = iter(range(10**9))
+
+    def step(iteration: int) -> None:
+        index = next(steps) % len(cameras)
+        backend.step(cameras[index], index, iteration, 3, rates, options)
+
+    middle = round(MIDDLE * method.splatting.iterations)
+    for share in np.arange(LESSONS) / LESSONS:
+        step(round(share * middle) // 12 * 12)  # where masks, drops and rain learn
+    iterations = iter(range(middle, 10**9))
+    took = milliseconds(lambda: step(next(iterations)), repeats)
+    return {"step ms": took, **{key: value for key, value in objective.report().items() if key in FOUND}}
+
+
+def photographed(folder: Path, size: tuple[int, int], n_views: int = 6, drops: bool = False) -> Scene:
+    """Pictures of made-up Gaussians from cameras on an arc, behind drops if wanted, and their centres as points."""
     front = view(*size)
     gaussians = room(30_000, front)
     gpu = CudaBackend(Objective(picture(front)), BACKGROUND, 0.01)
+    alpha = lens(*size) if drops else np.float32(0)
     views = []
     for index in range(n_views):
         path = folder / f"{index}.png"
         camera = replace(front, world_to_camera=turned(front.world_to_camera, 0.1 * index))
-        write_png(path, np.clip(gpu.render(gaussians, camera), 0, 1))
+        write_png(path, np.clip((1 - alpha) * gpu.render(gaussians, camera) + 0.5 * alpha, 0, 1))
         views.append(View(path.stem, camera, path))
     chosen = np.random.default_rng(0).permutation(len(gaussians))[:3000]
     colours = np.clip(255 * (0.5 + 0.282 * gaussians.sh[chosen, 0]), 0, 255).astype(np.uint8)
     return make_scene("made-up", views, Points(gaussians.means[chosen].astype(np.float64), colours))
+
+
+def lens(width: int, height: int) -> np.ndarray:
+    """What soft drops at chance places of the lens cover of each pixel [H, W, 1]."""
+    y, x = np.mgrid[:height, :width].astype(np.float32) / np.float32(width)
+    clear = np.ones((height, width), np.float32)
+    for centre in np.random.default_rng(0).uniform((0, 0), (height / width, 1), (DROPS, 2)).astype(np.float32):
+        clear *= 1 - 0.9 * np.exp(-((y - centre[0]) ** 2 + (x - centre[1]) ** 2) / (2 * DROP_SIZE**2))
+    return (1 - clear)[..., None]
 
 
 def turned(pose: np.ndarray, angle: float) -> np.ndarray:
@@ -240,8 +296,8 @@ def turned(pose: np.ndarray, angle: float) -> np.ndarray:
 
 def main(
     folder: Path = Path("results/bench"),
-    parts: tuple[Part, ...] = ("agree", "steps", "cpu", "kernels", "between", "methods"),
-    names: tuple[str, ...] = METHODS,
+    parts: tuple[Part, ...] = ("agree", "steps", "cpu", "kernels", "between", "methods", "losses"),
+    names: tuple[str, ...] = (),
     size: tuple[int, int] = (1600, 1060),
     profile: str = "paper",
     steps_of_methods: int = 100,
@@ -251,10 +307,10 @@ def main(
     Args:
         folder: where the files go.
         parts: what to measure.
-        names: of the methods.
+        names: of the methods; by default some of every kind.
         size: width and height of the methods' pictures.
         profile: demo, quick or paper: settings of the methods.
-        steps_of_methods: that each trains.
+        steps_of_methods: that each trains, or, for their losses, takes.
     """
     measure: dict[str, Callable[[], pd.DataFrame]] = {
         "agree": agree,
@@ -262,7 +318,8 @@ def main(
         "cpu": cpu_steps,
         "kernels": kernels,
         "between": between,
-        "methods": lambda: methods(names, size, profile, steps_of_methods),
+        "methods": lambda: methods(names or METHODS, size, profile, steps_of_methods),
+        "losses": lambda: losses(names or LOSSES, size, profile, steps_of_methods),
     }
     print(f"{torch.cuda.get_device_name()}, torch {torch.__version__}")
     for part in parts:

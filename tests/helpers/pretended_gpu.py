@@ -117,6 +117,7 @@ class _Moves(TorchFunctionMode):
 
     def __torch_function__(self, function: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
         kwargs = dict(kwargs or {})
+        kwargs.pop("pin_memory", None)  # there is no driver to ask for it
         if function in self.instead:
             return self.instead[function](*args, **kwargs)
         if function in (Tensor.numpy, Tensor.__array__) and on_gpu(args[0]):

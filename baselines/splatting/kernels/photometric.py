@@ -12,6 +12,7 @@ So nothing that stands in them, in the target or in the render, changes the loss
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,6 +22,7 @@ from hydroviews.scene.images import Image
 from hydroviews.scene.masks import Ignored
 
 Plane = NDArray[np.float32]
+VALUES = np.arange(256, dtype=np.float32) / np.float32(255)  # of 8 bits
 NONE, NOTHING_HIDDEN = np.zeros((0, 0), np.float32), np.zeros((0, 0), bool)
 
 
@@ -34,7 +36,7 @@ class Target:
     @property
     def image(self) -> Image:
         """The pixels as float32 in [0, 1], 0 where hidden."""
-        values = self.pixels.astype(np.float32) / np.float32(self.full)
+        values: Image = np.asarray(cv2.LUT(self.pixels, VALUES) if self.full == 255 else self.pixels, np.float32)
         return values if self.ignored is None else np.where(self.ignored[..., None], np.float32(0), values)
 
     @property
