@@ -24,7 +24,9 @@ MAJORITY = 0.5
 
 def residuals_of(image: Image, target: Target) -> Plane:
     """mean over channels of |C^ - C|, [H, W] in [0, 1]; 1 where the render is not finite."""
-    found = np.abs(image - target.image).mean(axis=2)
+    difference = np.abs(image - target.image)
+    red, green, blue = np.moveaxis(difference, 2, 0)
+    found = (red + green + blue) / np.float32(3)  # numpy's mean takes ten times as long along so short an axis
     return np.minimum(np.where(np.isfinite(found), found, np.float32(1)), np.float32(1))
 
 

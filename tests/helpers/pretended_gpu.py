@@ -170,9 +170,11 @@ def _is_cuda(device: Any) -> bool:
 @pytest.fixture
 def pretended_gpu(monkeypatch):
     """A machine with a GPU and a gsplat that was installed with its kernels; the pretended GPU."""
-    pytest.importorskip("gsplat", reason="needs gsplat's Python: pip install gsplat, no GPU needed")
+    gsplat = pytest.importorskip("gsplat", reason="needs gsplat's Python: pip install gsplat, no GPU needed")
     gpu = PretendedGPU()
-    monkeypatch.setitem(sys.modules, "gsplat.csrc", compiled_module(on_gpu, gpu.launch))
+    kernels = compiled_module(on_gpu, gpu.launch)
+    monkeypatch.setitem(sys.modules, "gsplat.csrc", kernels)
+    monkeypatch.setattr(gsplat, "csrc", kernels, raising=False)  # it has real ones where those were imported before
     monkeypatch.delitem(sys.modules, "gsplat.cuda._backend", raising=False)
     monkeypatch.setattr(torch, "Generator", _Generator)
     monkeypatch.setattr(torch.autograd, "_engine_run_backward", gpu.run_backward)

@@ -31,7 +31,7 @@ def compare(device: str) -> None:
             shown = torch.rand(size, generator=generator) > 0.3 if hides else None
             for weights in (None, 2 * torch.rand(size, generator=generator)):
                 compare_losses(triton_ops, device, image, target, shown, weights)
-    compare_adam(triton_ops, device, torch.randn(4, 5, 7, 3, generator=generator))
+    compare_adam(triton_ops, device, torch.randn(4, 5, 7, 3, generator=generator), torch.rand(21, generator=generator))
 
 
 def compare_losses(ops, device, image, target, shown, weights) -> None:
@@ -47,8 +47,8 @@ def compare_losses(ops, device, image, target, shown, weights) -> None:
         assert shown is None or not gradient[~given[2]].any()
 
 
-def compare_adam(ops, device, arrays) -> None:
-    rates, step = torch.rand(21), 3
+def compare_adam(ops, device, arrays, rates) -> None:
+    step = 3
     results = {}
     for tried, dtype in ((ops, torch.float32), (torch_ops, torch.float32), (torch_ops, torch.float64)):
         values, gradient, first, second = (array.to(device, dtype, copy=True) for array in arrays)
@@ -64,7 +64,8 @@ def compare_adam(ops, device, arrays) -> None:
         tried.adam_step(values[:0], gradient[:0], first[:0], second[:0], given, step, broken)  # nothing to do
     for key, found in results.items():
         for one, two in zip(found, results[torch_ops, torch.float64], strict=True):
-            assert torch.allclose(one, two, rtol=1e-6, atol=1e-6), key
+            # A GPU's roots and quotients are off by two units in the last place, each.
+            assert torch.allclose(one, two, rtol=4e-6, atol=4e-6), key
 
 
 def test_in_the_interpreter():
