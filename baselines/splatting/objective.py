@@ -1,7 +1,8 @@
 """What rendered images are compared with: the seam where a method puts its own idea of rain."""
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from functools import cache
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,20 @@ from baselines.training.images import Size, TrainingImages
 from hydroviews.scene.images import Image
 
 if TYPE_CHECKING:  # it needs torch, which most trainings do without
+    from torch import Tensor
+
     from baselines.splatting.appearance.base import Appearance
     from baselines.splatting.gaussians import Gaussians
+
+
+class OnGPU(NamedTuple):
+    """What a GPU compares of a render, by the photometric loss, and what follows once it has the gradients."""
+
+    image: "Tensor"  # [H, W, 3], differentiable by the render
+    weights: "Tensor | None" = None  # [H, W], factors on each pixel's share of the loss; None where all are 1
+    target: Target | None = None  # 8 bits, to compare with in place of the photograph, which hides what its mask does
+    penalties: "Sequence[tuple[Tensor, float]]" = ()  # tensors whose means are part of the loss, and how much they are
+    learn: Callable[[], None] = lambda: None  # called after the gradients are there
 
 
 class Objective:
@@ -71,6 +84,16 @@ class Objective:
             buffers: memory to reuse.
         """
         return None
+
+    def on_gpu(self, render: "Tensor", view: int, iteration: int, buffers: BufferPool) -> OnGPU | None:
+        """What a GPU compares of its render [H, W, 3] of a training view; None where that is left to `compare`."""
+        if not self.is_photometric:
+            return None
+        from baselines.splatting.backends.transfers import fetched, sent
+
+        size = render.shape[0], render.shape[1]
+        weights = self.weights(cache(lambda: fetched(render)), view, size, iteration, buffers)
+        return OnGPU(render, None if weights is None else sent(weights))
 
     def compare(
         self, images: Sequence[Image], view: int, iteration: int, buffers: BufferPool

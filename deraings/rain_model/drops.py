@@ -144,6 +144,11 @@ class LensDrops:
         believed = self._believed[:, self._known]
         return float((believed > HALF).mean()) if believed.size else 0.0
 
+    @property
+    def size(self) -> tuple[int, int]:
+        """Height and width that drops are kept at."""
+        return self._size
+
     def due(self, iteration: int) -> bool:
         """Whether to add a view in this step."""
         return iteration % self._config.every == 0

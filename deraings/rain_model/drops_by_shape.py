@@ -54,6 +54,10 @@ class DropsByShape:
         lens, place = self._places[view]
         lens.update(photograph, seen, place, shown)
 
+    def size(self, view: int) -> tuple[int, int]:
+        """Height and width of the lens as a view's drops are kept."""
+        return self._places[view][0].size
+
     def layer(self, view: int, size: tuple[int, int], iteration: int) -> DropLayer | None:
         """See LensDrops."""
         lens, place = self._places[view]

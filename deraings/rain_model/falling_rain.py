@@ -57,6 +57,19 @@ class FallingRain:
                 return alpha, True
         return (np.full(size, self.even_alpha, np.float32) if self.even_alpha else None), False
 
+    def deviation(self, view: int) -> Plane | None:
+        """What single streaks add to S or take from it in a view, [h, w] at no more pixels than it has.
+
+        None where none are known. rain_alpha is the sum, at most `max_alpha`.
+        """
+        known = self.streaks is not None and self.even_alpha > MIN_ALPHA and view in self.streaks.deviations
+        return self.streaks.deviation(view) if self.streaks and known else None
+
+    @property
+    def max_alpha(self) -> float:
+        """The most that rain_alpha may be where there are single streaks."""
+        return self.streaks.max_alpha if self.streaks else 1.0
+
     def due(self, view: int, size: Size, iteration: int) -> bool:
         """Whether to learn in this step from a view rendered at (height, width): small ones hide streaks."""
         return size == self._sizes[view] and (self.layer.due(iteration) or self._streaks_due(view, size))

@@ -97,7 +97,13 @@ class Mist:
 
     def root(self, view: int, size: tuple[int, int]) -> Plane:
         """sqrt(mist_alpha) [H, W] of a view."""
-        return _spread(np.tensordot(time_weights(view, self._n_views, len(self.roots)), self.roots, 1), size)
+        rows, columns = spreading(size, self.roots.shape[1:])
+        return rows @ self.knots(view) @ columns.T
+
+    def knots(self, view: int) -> NDArray[np.float32]:
+        """The same at its knots [h, w]."""
+        knots: NDArray[np.float32] = np.tensordot(time_weights(view, self._n_views, len(self.roots)), self.roots, 1)
+        return knots
 
     def forward(self, image: Image, root: Plane, out: Image) -> Image:
         """A view [H, W, 3] as it is seen through the mist of its `root`, written to `out`."""
@@ -116,13 +122,28 @@ class Mist:
             gradient: of the loss by what `forward` returned.
             buffers: to reuse.
         """
-        config, weights = self._config, time_weights(view, self._n_views, len(self.roots))
         by_image, by_alpha, by_colour = mist_gradient(image, misted, np.square(root), self.colour, gradient, buffers)
-        penalised = by_alpha + np.float32(config.mean_penalty / root.size)
-        by_roots = weights[:, None, None] * _gather(2 * root * penalised, self.roots.shape[1:])
+        rows, columns = spreading(root.shape, self.roots.shape[1:])
+        by_knots = rows.T @ (2 * root * (by_alpha + np.float32(self.mean_penalty / root.size))) @ columns
+        return by_image, self.learned_from(view, by_knots, by_colour)
+
+    @property
+    def mean_penalty(self) -> float:
+        """What the mean of mist_alpha adds to the loss."""
+        return self._config.mean_penalty
+
+    def learned_from(self, view: int, by_knots: NDArray[np.float32], by_colour: NDArray[np.float32]) -> MistGradient:
+        """The gradient by all that is learned, with the other penalties.
+
+        Args:
+            view: whose gradient it is.
+            by_knots: of the loss and the penalty on the mean, by `knots`, [h, w].
+            by_colour: of the loss by the mist's light [3].
+        """
+        config, weights = self._config, time_weights(view, self._n_views, len(self.roots))
+        by_roots = weights[:, None, None] * by_knots
         by_roots += np.float32(config.roughness_penalty / self.roots[0].size) * roughness_gradient(self.roots)
-        by_colour += np.float32(2 * config.colour_penalty) * (self.colour - self.expected)
-        return by_image, MistGradient(by_roots, by_colour)
+        return MistGradient(by_roots, by_colour + np.float32(2 * config.colour_penalty) * (self.colour - self.expected))
 
     def update(self, gradient: MistGradient, iteration: int) -> None:
         """One step of Adam, within what the photographs allow."""
@@ -161,16 +182,12 @@ def roughness_gradient(knots: NDArray[np.float32]) -> NDArray[np.float32]:
     return gradient
 
 
-def _spread(knots: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
-    """Values of a grid [h, w] at all pixels [H, W]: bilinear, outermost knots on the picture's edge."""
-    rows, columns = (_hats(pixels, n) for pixels, n in zip(size, knots.shape, strict=True))
-    return rows @ knots @ columns.T
+def spreading(size: tuple[int, ...], knots: tuple[int, ...]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Matrices R [H, h] and C [W, w] that make of a grid [h, w] the values at all pixels, R grid C^T.
 
-
-def _gather(plane: NDArray[np.float32], grid: tuple[int, ...]) -> NDArray[np.float32]:
-    """The transpose of `_spread`: from a gradient by pixels [H, W] to one by knots [h, w]."""
-    rows, columns = (_hats(pixels, n) for pixels, n in zip(plane.shape, grid, strict=True))
-    return rows.T @ plane @ columns
+    Bilinear, outermost knots on the picture's edge. The transpose, R^T plane C, takes gradients back.
+    """
+    return _hats(size[0], knots[0]), _hats(size[1], knots[1])
 
 
 @cache

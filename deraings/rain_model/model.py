@@ -109,11 +109,6 @@ class RainModel:
             drops = self.drops or DropsByShape(pictures, iterations, LensDropsConfig(), hidden)
             self.renewed = RenewedDrops(covers, images, drops.staying, iterations, config.renewed)
 
-    @property
-    def alters_views(self) -> bool:
-        """Whether any rain that `forward` may show is looked for."""
-        return any(part is not None for part in (self.mist, self.drops, self.rain))
-
     def begin(self, iteration: int) -> None:
         """Call first in every step: estimates single streaks again when that is due."""
         if self.rain:
@@ -164,19 +159,18 @@ class RainModel:
         if self.mist and by_mist is not None:
             self.mist.update(by_mist, seen.iteration)
 
-    def enhanced_target(self, seen: Seen) -> Target | None:
+    def enhanced_target(self, view: int, size: tuple[int, int], iteration: int) -> Target | None:
         """The enhanced photograph that the scene is compared with in this step instead of learning of the rain, if any.
 
         Steps in which drops or falling rain are to be learned have the photograph.
         """
-        if self.enhanced is None or seen.mist_root is None or not self.enhanced.due(seen.iteration):
+        if self.enhanced is None or self.mist is None:
             return None
-        size = seen.image.shape[0], seen.image.shape[1]
-        if self.drops and self.drops.due(seen.iteration):
+        if not (self.mist.due(iteration) and self.enhanced.due(iteration)):
             return None
-        if self.rain and self.rain.due(seen.view, size, seen.iteration):
+        if (self.drops and self.drops.due(iteration)) or (self.rain and self.rain.due(view, size, iteration)):
             return None
-        return self.enhanced.target(seen.view, size)
+        return self.enhanced.target(view, size)
 
     def renewed_weights(self, render: Callable[[], Image], target: Target, view: int, iteration: int) -> Plane | None:
         """Factors [H, W] on pixels' shares of the loss, less where this view alone shows a drop; None: all 1.

@@ -7,15 +7,18 @@ that the network enhanced (`enhanced_target`).
 """
 
 from collections.abc import Callable
-from typing import Any
+from functools import cache, partial
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from torch import Tensor
 
+from baselines.splatting.backends.transfers import fetched, sent
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.loss_map import loss_map
 from baselines.splatting.kernels.photometric import Target, photometric_loss
-from baselines.splatting.objective import Objective
+from baselines.splatting.objective import Objective, OnGPU
 from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import Size, TrainingImages
 from deraings.enhancement.views import EnhancedViews
@@ -23,9 +26,12 @@ from deraings.image_planes import Plane
 from deraings.masks.occlusion_masks import OcclusionMasks
 from deraings.rain_model.model import RainConfig, RainModel
 from deraings.rain_model.observation import Observation
+from deraings.rain_model.on_gpu import RainOnGPU
 from deraings.rain_model.report import report
 from hydroviews.scene.images import Image
 from hydroviews.scene.point_colours import PointColours
+
+Factors = TypeVar("Factors", Plane, Tensor)
 
 
 class RainObjective(Objective):
@@ -52,11 +58,7 @@ class RainObjective(Objective):
         super().__init__(images, lambda_dssim)
         self.model = RainModel(images, iterations, config or RainConfig(), prior, points, covers)
         self.masks = masks
-
-    @property
-    def is_photometric(self) -> bool:
-        """See Objective: where no rain is modelled, it says no more than how much each pixel counts."""
-        return not self.model.alters_views
+        self._on_gpu = RainOnGPU(self.model)
 
     def weights(
         self, render: Callable[[], Image], view: int, size: Size, iteration: int, buffers: BufferPool
@@ -76,7 +78,7 @@ class RainObjective(Objective):
         shown = _product(target.shown, finite)
         left = self.weights(lambda: seen.image, view, size, iteration, buffers)
         weights = _product(seen.weights, left, shown)
-        enhanced = self.model.enhanced_target(seen)
+        enhanced = self.model.enhanced_target(view, size, iteration)
         if enhanced is not None:
             return photometric_loss(seen.scene_image, enhanced, self.lambda_dssim, weights, buffers)
         loss, gradient = photometric_loss(seen.image, target, self.lambda_dssim, weights, buffers)
@@ -84,6 +86,20 @@ class RainObjective(Objective):
         observed = Observation(target.image, target.shown, shown, weights)
         self.model.update(seen, observed, by_mist, buffers)
         return loss, by_scene
+
+    def on_gpu(self, render: Tensor, view: int, iteration: int, buffers: BufferPool) -> OnGPU:
+        """See Objective; learns as `__call__` does."""
+        self.model.begin(iteration)
+        seen = self._on_gpu.forward(render, view, iteration)
+        left = self.weights(cache(lambda: fetched(seen.image)), view, seen.size, iteration, buffers)
+        weights = _product(seen.weights, None if left is None else sent(left))
+        enhanced = self.model.enhanced_target(view, seen.size, iteration)
+        if enhanced is not None:
+            return OnGPU(render, weights, enhanced)
+        penalties = [(seen.mist.alpha, self.model.mist.mean_penalty)] if self.model.mist and seen.mist else []
+        target = self.target(view, seen.size)
+        learn = partial(self._on_gpu.update, seen, target, weights, buffers)
+        return OnGPU(seen.image, weights, penalties=penalties, learn=learn)
 
     def residual(self, image: Image, view: int, buffers: BufferPool) -> float:
         """See Objective."""
@@ -133,9 +149,9 @@ class RainObjective(Objective):
         return self.masks.weights(view, size, iteration)
 
 
-def _product(*parts: Plane | None) -> Plane | None:
+def _product(*parts: Factors | None) -> Factors | None:
     """The product of planes [H, W]; None stands for one that is 1 everywhere."""
-    product = None
+    product: Factors | None = None
     for part in parts:
         if part is not None:
             product = part if product is None else product * part

@@ -68,6 +68,11 @@ class SingleStreaks:
         self.visits = np.zeros(len(sizes), np.int64)
         self.deviations: dict[int, NDArray[np.uint8]] = {}  # D [h, w] of the views seen so far
 
+    @property
+    def max_alpha(self) -> float:
+        """The most that rain_alpha S + D may be."""
+        return self._config.max_alpha
+
     def due(self, view: int, size: tuple[int, int]) -> bool:
         """Whether a view, rendered at (height, width), is to be looked at if it surely rains."""
         return self.visits[view] < self._config.visits and size == self._full[view]

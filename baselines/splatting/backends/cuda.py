@@ -6,7 +6,6 @@ steps, is the CPU's: the state is copied over and back. gsplat lets a Gaussian c
 gradients are those of each, added up; the kernels' are of the sum.
 """
 
-import functools
 import importlib.util
 import logging
 from collections.abc import Sequence
@@ -30,11 +29,12 @@ from baselines.splatting.backends.torch_ops import (
     position_moves,
     without_non_finite,
 )
+from baselines.splatting.backends.transfers import fetched, sent
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.constants import LOW_PASS
 from baselines.splatting.kernels.sh_coefficients import C0, degree_of
-from baselines.splatting.objective import Objective
+from baselines.splatting.objective import Objective, OnGPU
 from baselines.splatting.state import TrainingState
 from baselines.splatting.strategies.base import StepOptions
 from baselines.training.images import Size
@@ -42,7 +42,6 @@ from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 
 logger = logging.getLogger(__name__)
-SMALL = 1 << 16  # bytes of an array that pinned memory does not pay for
 Rows = slice | Tensor  # of the Gaussians that are rendered: all, or those at the indices [n]
 
 
@@ -223,7 +222,7 @@ class CudaBackend:
         """The rates of a parameter, uploaded where they are others than before."""
         wanted = np.asarray(rates, np.float32).reshape(-1)
         if name not in self._rates or not np.array_equal(self._rates[name][0], wanted):
-            self._rates[name] = wanted.copy(), _sent(wanted)
+            self._rates[name] = wanted.copy(), sent(wanted)
         return self._rates[name][1]
 
     def _sh_sets(
@@ -251,7 +250,7 @@ class CudaBackend:
             return _background_alone(parameters, camera, self._background)
         pose = camera.world_to_camera.copy()
         pose[:3, 3] += pose[:3, :3] @ origin
-        matrices = _sent(np.concatenate([pose.ravel(), camera.matrix.ravel()]).astype(np.float32))
+        matrices = sent(np.concatenate([pose.ravel(), camera.matrix.ravel()]).astype(np.float32))
         parameters, opacities = _opacities(parameters, whole)
         images, _, details = rasterization(
             parameters["means"],
@@ -274,24 +273,26 @@ class CudaBackend:
         return images[0], details
 
     def _backward(self, renders: Sequence[Tensor], view: int, iteration: int) -> Tensor:
-        """Backpropagate the objective: a photometric one on the GPU, a method's own through its numpy gradients."""
-        if self._objective.is_photometric:
-            loss, gradient = self._photometric_loss(renders[0].detach(), view, iteration)
-            renders[0].backward(gradient)
+        """Backpropagate the objective: on the GPU where it is photometric there, else through its numpy gradients."""
+        seen = self._objective.on_gpu(renders[0], view, iteration, self._buffers)
+        if seen is not None:
+            loss, gradient = self._photometric_loss(seen, view)
+            more = [torch.full_like(values, weight / values.numel()) for values, weight in seen.penalties]
+            torch.autograd.backward([seen.image, *(values for values, _ in seen.penalties)], [gradient, *more])
+            seen.learn()
             return loss
-        pictures = [_fetched(image.detach()) for image in renders]
+        pictures = [fetched(image) for image in renders]
         value, gradients = self._objective.compare(pictures, view, iteration, self._buffers)
-        torch.autograd.backward(renders, [_sent(gradient) for gradient in gradients])
+        torch.autograd.backward(renders, [sent(gradient) for gradient in gradients])
         return torch.tensor(value, device=renders[0].device)
 
-    def _photometric_loss(self, image: Tensor, view: int, iteration: int) -> tuple[Tensor, Tensor]:
-        """The loss of a render [H, W, 3], whose pixels are weighed as the objective says, and its gradient."""
-        size = image.shape[0], image.shape[1]
-        target, shown = self._target(view, size)
-        render = functools.cache(lambda: _fetched(image))
-        weights = self._objective.weights(render, view, size, iteration, self._buffers)
-        factors = None if weights is None else _sent(weights)
-        return self._ops.photometric_loss(image, target, self._objective.lambda_dssim, shown, factors)
+    def _photometric_loss(self, seen: OnGPU, view: int) -> tuple[Tensor, Tensor]:
+        """The loss of what an objective shows of a render [H, W, 3], and its gradient by that."""
+        image = seen.image.detach()
+        target, shown = self._target(view, (image.shape[0], image.shape[1]))
+        if seen.target is not None:
+            target = torch.from_numpy(seen.target.pixels).cuda()
+        return self._ops.photometric_loss(image, target, self._objective.lambda_dssim, shown, seen.weights)
 
     def _target(self, view: int, size: Size) -> tuple[Tensor, Tensor | None]:
         """A training view's pixels [H, W, 3], uint8, and which of them are shown [H, W]; uploaded once."""
@@ -335,26 +336,6 @@ def _opacities(parameters: dict[str, Tensor], whole: bool) -> tuple[dict[str, Te
         return parameters, parameters["opacity_logits"].sigmoid()
     parameters, finite = without_non_finite(parameters)
     return parameters, parameters["opacity_logits"].sigmoid() * finite
-
-
-def _sent(values: NDArray[np.float32]) -> Tensor:
-    """An array, uploaded without waiting for what the GPU does; it may be written over at once."""
-    if values.nbytes <= SMALL:  # the driver takes a copy of it first
-        return torch.from_numpy(values).cuda(non_blocking=True)
-    return _pinned(values.shape).copy_(torch.from_numpy(values)).cuda(non_blocking=True)
-
-
-def _fetched(image: Tensor) -> Image:
-    """A render [H, W, 3], downloaded."""
-    return _pinned(image.shape).copy_(image).numpy()
-
-
-def _pinned(shape: Sequence[int]) -> Tensor:
-    """Memory of the CPU that the GPU reads and writes itself: copies take a fourth to two fifths of the time.
-
-    Torch keeps it for the next that ask, and does not hand it out while a copy is under way.
-    """
-    return torch.empty(shape, pin_memory=True)
 
 
 def _upload(gaussians: Gaussians) -> dict[str, Tensor]:

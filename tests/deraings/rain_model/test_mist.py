@@ -5,7 +5,7 @@ import pytest
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import photometric_loss, prepare_target
-from deraings.rain_model.mist import Mist, MistConfig, MistGradient, _gather, _spread, roughness_gradient
+from deraings.rain_model.mist import Mist, MistConfig, MistGradient, roughness_gradient, spreading
 from deraings.rain_model.mist_bounds import MAX_PICTURES, max_mist_alpha, mist_bounds
 
 AIR = np.array([0.55, 0.6, 0.65], np.float32)
@@ -149,10 +149,11 @@ def test_a_picture_that_is_all_mist_stays_finite():
     assert alpha_of(mist).max() <= MistConfig().max_alpha + 1e-6
 
 
-def test_gather_is_the_transpose_of_spread():
-    rng = np.random.default_rng(0)
-    knots, plane = rng.standard_normal((4, 5)), rng.standard_normal((23, 31))
-    assert (_spread(knots, plane.shape) * plane).sum() == pytest.approx((knots * _gather(plane, knots.shape)).sum())
+def test_knots_are_spread_linearly_with_the_outermost_on_the_edge():
+    rows, columns = spreading((5, 3), (2, 2))
+    spread = rows @ np.array([[0, 1], [2, 3]]) @ columns.T
+    expected = 2 * (np.arange(5)[:, None] + 0.5) / 5 + (np.arange(3) + 0.5) / 3
+    assert spread == pytest.approx(expected, abs=1e-6)
 
 
 def test_roughness_gradient_agrees_with_differences():

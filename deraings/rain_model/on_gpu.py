@@ -1,0 +1,199 @@
+"""The rain between scene and photograph where a GPU renders: the formulas of the CPU's kernels, in torch.
+
+What is learned of the rain stays on the CPU: the mist's knots and a lens of 400 pixels are small, and what drops are
+learned from is averaged down before it is downloaded. Only steps that falling rain is learned from, one in a hundred,
+take the CPU's way. Gradients are torch's.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn import functional
+
+from baselines.splatting.backends.transfers import fetched, sent
+from baselines.splatting.kernels.buffer_pool import BufferPool
+from baselines.splatting.kernels.photometric import Target
+from baselines.training.images import Size
+from deraings.image_planes import Plane
+from deraings.rain_model.drops import DropLayer
+from deraings.rain_model.mist import Mist, spreading
+from deraings.rain_model.model import RainModel
+from deraings.rain_model.observation import Observation
+
+BRIGHTEST, BRIGHTEST_ENCODED = 4.0, 2.0  # as in `mist_kernels`: linear light and encoded values, clipped there
+OFFSET, STEEP, POWER = 0.055, 12.92, 2.4  # of the sRGB curve (IEC 61966-2-1)
+DARK, DARK_LIGHT = 0.04045, 0.0031308  # up to which it is straight
+
+
+class MistOnGPU(NamedTuple):
+    """A view's mist; knots and colour are what gradients are wanted by."""
+
+    knots: Tensor  # sqrt(mist_alpha) [h, w]
+    colour: Tensor  # linear light [3]
+    alpha: Tensor  # mist_alpha [H, W]
+
+
+class SeenOnGPU(NamedTuple):
+    """A view seen through the rain; see `model.Seen`."""
+
+    image: Tensor  # O [H, W, 3]
+    without_drops: Tensor  # T [H, W, 3]
+    scene_image: Tensor  # B [H, W, 3]
+    mist: MistOnGPU | None
+    weights: Tensor | None  # [H, W]: 0 where drops hide the scene
+    view: int
+    iteration: int
+
+    @property
+    def size(self) -> Size:
+        """Height and width."""
+        return self.image.shape[0], self.image.shape[1]
+
+
+class RainOnGPU:
+    """`RainModel.forward` and `update` for renders of a GPU."""
+
+    def __init__(self, model: RainModel) -> None:
+        self._model = model
+        self._matrices: dict[tuple[int, int], Tensor] = {}  # that average lines of pixels, by numbers of both
+
+    def forward(self, scene_image: Tensor, view: int, iteration: int) -> SeenOnGPU:
+        """A rendered view [H, W, 3] through all that is known of the rain; see `RainModel.forward`."""
+        size = scene_image.shape[0], scene_image.shape[1]
+        model, alpha, mist = self._model, self._rain_alpha(view, size), None
+        seen = scene_image
+        if model.rain and alpha is not None:
+            seen = behind_rain(seen, alpha, model.rain.layer.brightness)
+        if model.mist and model.mist.due(iteration):
+            mist = mist_of(model.mist, view, size)
+            seen = behind_mist(seen, mist)
+        without_drops, weights, layer = seen, None, self._drop_layer(view, size, iteration)
+        if layer is not None:
+            seen, weights = behind_drops(seen, layer)
+        return SeenOnGPU(seen, without_drops, scene_image, mist, weights, view, iteration)
+
+    def update(self, seen: SeenOnGPU, target: Target, weights: Tensor | None, buffers: BufferPool) -> None:
+        """Learn of the rain from a view, whose gradients are there.
+
+        Args:
+            seen: the view.
+            target: its photograph.
+            weights: factors [H, W] on each pixel's share of the loss.
+            buffers: to reuse.
+        """
+        model = self._model
+        if model.rain and model.rain.due(seen.view, seen.size, seen.iteration):
+            self._update_on_cpu(seen, target, weights, buffers)
+        elif model.drops and model.drops.due(seen.iteration):
+            small = self._averaged(seen.without_drops.detach(), model.drops.size(seen.view))
+            model.drops.update(target.image, fetched(small), seen.view, target.shown)
+        if model.mist and seen.mist is not None:
+            knots, colour = (_gradient(values) for values in (seen.mist.knots, seen.mist.colour))
+            model.mist.update(model.mist.learned_from(seen.view, knots, colour), seen.iteration)
+
+    def _update_on_cpu(self, seen: SeenOnGPU, target: Target, weights: Tensor | None, buffers: BufferPool) -> None:
+        """All but mist, from the view as the CPU's kernels show it."""
+        on_cpu = self._model.forward(fetched(seen.scene_image), seen.view, seen.iteration, buffers)
+        factors: Plane | None = None if weights is None else fetched(weights)
+        if target.shown is not None:
+            factors = target.shown if factors is None else factors * target.shown
+        observed = Observation(target.image, target.shown, target.shown, factors)
+        self._model.update(on_cpu, observed, None, buffers)
+
+    def _rain_alpha(self, view: int, size: Size) -> Tensor | None:
+        """rain_alpha [H, W], or [1, 1] where it is the same everywhere; None where there is none."""
+        rain = self._model.rain
+        if rain is None or not rain.even_alpha:
+            return None
+        deviation = rain.deviation(view)
+        if deviation is None:
+            return sent(np.full((1, 1), rain.even_alpha, np.float32))
+        if not _within(deviation.shape, size):
+            alpha, _ = rain.alpha(view, size)
+            return None if alpha is None else sent(alpha)
+        return (rain.even_alpha + enlarged(sent(deviation)[None], size)[0]).clamp(0, rain.max_alpha)
+
+    def _drop_layer(self, view: int, size: Size, iteration: int) -> DropLayer | None:
+        """The drops of a view, no larger than it."""
+        drops = self._model.drops
+        if drops is None:
+            return None
+        lens = drops.size(view)
+        return drops.layer(view, lens if _within(lens, size) else size, iteration)
+
+    def _averaged(self, image: Tensor, size: Size) -> Tensor:
+        """A picture [H, W, 3] averaged over the areas of (height, width) pixels, as OpenCV does."""
+        rows, columns = (self._averaging(pixels, n) for pixels, n in zip(image.shape[:2], size, strict=True))
+        return torch.einsum("hH,HWc,wW->hwc", rows, image, columns)
+
+    def _averaging(self, pixels: int, n: int) -> Tensor:
+        if (pixels, n) not in self._matrices:
+            self._matrices[pixels, n] = sent(averaging(pixels, n))
+        return self._matrices[pixels, n]
+
+
+def behind_rain(image: Tensor, alpha: Tensor, brightness: float) -> Tensor:
+    """A view [H, W, 3] behind rain of alpha [H, W] or [1, 1] and encoded value `brightness`."""
+    return (1 - alpha[..., None]) * image + brightness * alpha[..., None]
+
+
+def mist_of(mist: Mist, view: int, size: Size) -> MistOnGPU:
+    """The mist of a view of (height, width)."""
+    knots, colour = (sent(values.copy()).requires_grad_() for values in (mist.knots(view), mist.colour))
+    rows, columns = (sent(matrix) for matrix in spreading(size, (knots.shape[0], knots.shape[1])))
+    return MistOnGPU(knots, colour, (rows @ knots @ columns.T).square())
+
+
+def behind_mist(image: Tensor, mist: MistOnGPU) -> Tensor:
+    """A view [H, W, 3] behind mist, mixed in linear light; exactly the view where there is none."""
+    alpha = mist.alpha[..., None]
+    return torch.where(alpha > 0, encode((1 - alpha) * decode(image) + alpha * mist.colour), image)
+
+
+def behind_drops(image: Tensor, layer: DropLayer) -> tuple[Tensor, Tensor]:
+    """A view [H, W, 3] behind drops, and factors [H, W] on each pixel's share of the loss; see `DropLayer.forward`."""
+    planes = sent(np.concatenate([layer.alpha[None], np.moveaxis(layer.light, 2, 0)]))
+    alpha, *light = enlarged(planes, (image.shape[0], image.shape[1]))
+    fall = ((layer.hidden - alpha) / (layer.hidden - layer.shown)).clamp(0, 1)
+    return (1 - alpha[..., None]) * image + torch.stack(light, dim=2), fall * fall * (3 - 2 * fall)
+
+
+def decode(encoded: Tensor) -> Tensor:
+    """Linear light of encoded values, as `mist_kernels.decode`; its slope does not end where values are clipped."""
+    x = _clipped(encoded, BRIGHTEST_ENCODED)
+    return torch.where(x > DARK, ((x.clamp_min(DARK) + OFFSET) / (1 + OFFSET)) ** POWER, x / STEEP)
+
+
+def encode(light: Tensor) -> Tensor:
+    """The encoded values of linear light, as `mist_kernels.encode`; likewise."""
+    x = _clipped(light, BRIGHTEST)
+    return torch.where(x > DARK_LIGHT, (1 + OFFSET) * x.clamp_min(DARK_LIGHT) ** (1 / POWER) - OFFSET, STEEP * x)
+
+
+def enlarged(planes: Tensor, size: Size) -> Tensor:
+    """Planes [C, h, w] at (height, width), linear between pixels, as `image_planes.resized` where they are smaller."""
+    return functional.interpolate(planes[None], size, mode="bilinear", align_corners=False)[0]
+
+
+def averaging(pixels: int, n: int) -> NDArray[np.float32]:
+    """What each of n equal parts of a line takes of each of its pixels, [n, pixels]; a part's shares sum to 1."""
+    edges, places = np.linspace(0, pixels, n + 1), np.arange(pixels)
+    overlap = np.minimum(edges[1:, None], places + 1) - np.maximum(edges[:-1, None], places)
+    return (np.maximum(overlap, 0) * n / pixels).astype(np.float32)
+
+
+def _clipped(x: Tensor, most: float) -> Tensor:
+    """Within [0, most], with a gradient of 1 everywhere."""
+    return x + (x.clamp(0, most) - x).detach()
+
+
+def _gradient(values: Tensor) -> NDArray[np.float32]:
+    assert values.grad is not None
+    return fetched(values.grad)
+
+
+def _within(small: tuple[int, ...], size: Size) -> bool:
+    return small[0] <= size[0] and small[1] <= size[1]

@@ -1,0 +1,168 @@
+"""The rain as a GPU shows and learns it against the CPU's kernels, on a pretended GPU and on a real one."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import panorama
+import pytest
+import torch
+
+from baselines.splatting.backends import torch_ops
+from baselines.splatting.backends.transfers import fetched, sent
+from baselines.splatting.kernels.buffer_pool import BufferPool
+from baselines.training.images import TrainingImages
+from deraings.image_planes import resized
+from deraings.rain_model.drops import DropLayer, LensDropsConfig
+from deraings.rain_model.mist import MistConfig
+from deraings.rain_model.mist_kernels import add_mist, mist_gradient
+from deraings.rain_model.model import RainConfig
+from deraings.rain_model.objective import RainObjective
+from deraings.rain_model.on_gpu import MistOnGPU, averaging, behind_drops, behind_mist, enlarged
+from deraings.rain_model.rain_layer import RainLayerConfig
+
+COUNT, STEPS = 8, 60
+EAGER = RainConfig(
+    mist=MistConfig(start=0), drops=LensDropsConfig(start=0.1), rain_layer=RainLayerConfig(start=0, updates=10)
+)
+
+
+@pytest.fixture(params=["pretended", "real"])
+def gpu(request):
+    if request.param == "pretended":
+        return request.getfixturevalue("pretended_gpu")
+    if not torch.cuda.is_available():
+        pytest.skip("needs an NVIDIA GPU")
+    return None
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return panorama.views_of(panorama.paint(), COUNT)
+
+
+def photographs(scene):
+    """Behind a drop and thin mist."""
+    rainy = panorama.misted(scene, panorama.slanted_mist(0.2), np.full(3, 0.8))
+    drop = np.s_[:, 10:30, 20:44]
+    rainy[drop] = 0.2 * rainy[drop] + 0.8 * panorama.shaded_drop(20, 24)
+    return rainy
+
+
+def objective_of(scene, config=EAGER, hidden=()):
+    """One that has found mist and falling rain."""
+    images = TrainingImages(panorama.eight_bit(photographs(scene)), hidden)
+    objective = RainObjective(images, STEPS, config)
+    objective.model.mist.wanted = True
+    objective.model.mist.roots[:] = np.linspace(0, 0.6, objective.model.mist.roots.size).reshape(
+        objective.model.mist.roots.shape
+    )
+    objective.model.rain.layer.alpha[0] = 0.1
+    return objective
+
+
+def step_on_gpu(objective, image, view, iteration, buffers):
+    """What `CudaBackend` does with a render: loss and gradient."""
+    render = sent(image).requires_grad_()
+    seen = objective.on_gpu(render, view, iteration, buffers)
+    target = objective.target(view, image.shape[:2])
+    shown = None if target.ignored is None else torch.from_numpy(~target.ignored).cuda()
+    pixels = torch.from_numpy((seen.target or target).pixels).cuda()
+    loss, gradient = torch_ops.photometric_loss(
+        seen.image.detach(), pixels, objective.lambda_dssim, shown, seen.weights
+    )
+    more = [torch.full_like(values, weight / values.numel()) for values, weight in seen.penalties]
+    torch.autograd.backward([seen.image, *(values for values, _ in seen.penalties)], [gradient, *more])
+    seen.learn()
+    return float(loss), fetched(render.grad)
+
+
+def compare(scene, one, two, size=None, steps=STEPS):
+    """Both take the same steps; their losses, gradients and what they have learned agree."""
+    noise, buffers = np.random.default_rng(0), BufferPool()
+    for iteration in range(steps):
+        view = iteration % COUNT
+        image = np.clip(scene[view] + 0.03 * noise.standard_normal(scene[view].shape), 0.01, None).astype(np.float32)
+        if size is not None:
+            image = cv2.resize(image, size[::-1], interpolation=cv2.INTER_AREA)
+        expected, by_render = one(image, view, iteration, buffers)
+        by_render = by_render.copy()
+        loss, gradient = step_on_gpu(two, image, view, iteration, BufferPool())
+        assert loss == pytest.approx(expected, rel=1e-4), iteration
+        assert np.abs(gradient - by_render).max() < 2e-3 * np.abs(by_render).max(), iteration
+    for name, learned in one.state_dict().items():
+        assert two.state_dict()[name] == pytest.approx(learned, rel=2e-3, abs=2e-4), name
+
+
+def test_a_training_on_the_gpu_learns_the_same(gpu, scene):
+    objectives = objective_of(scene), objective_of(scene)
+    compare(scene, *objectives)
+    model = objectives[1].model
+    assert model.drops.layer(0, scene.shape[1:3], STEPS) is not None  # it was there to be compared
+    assert model.rain.layer.powers[0, 0] > 0
+    assert model.mist.steps[0] == STEPS
+
+
+def test_single_streaks_hidden_pixels_and_small_views(gpu, scene):
+    hidden = [np.zeros(scene.shape[1:3], bool) for _ in range(COUNT)]
+    hidden[1][:20, :30] = True
+    objectives = objective_of(scene, hidden=hidden), objective_of(scene, hidden=hidden)
+    rng = np.random.default_rng(1)
+    for view in range(COUNT):
+        deviation = rng.integers(100, 200, objectives[0].model.rain.streaks.deviation(view).shape, np.uint8)
+        for objective in objectives:
+            objective.model.rain.streaks.deviations[view] = deviation
+    compare(scene, *objectives, steps=20)
+    compare(scene, *objectives, size=(23, 31), steps=10)
+
+
+def test_without_rain_it_is_the_render(gpu, scene):
+    nothing = replace(EAGER, mist=None, drops=None, rain_layer=None, streaks=None, enhanced=None, renewed=None)
+    objective = RainObjective(TrainingImages(panorama.eight_bit(scene)), STEPS, nothing)
+    render = sent(scene[0].copy()).requires_grad_()
+    seen = objective.on_gpu(render, 0, 5, BufferPool())
+    assert seen.image is render
+    assert seen.weights is None
+
+
+def test_mist_is_that_of_the_kernels(gpu):
+    rng = np.random.default_rng(0)
+    image = rng.uniform(-0.1, 1.9, (30, 40, 3)).astype(np.float32)
+    alpha = np.where(rng.random((30, 40)) < 0.2, 0, rng.random((30, 40))).astype(np.float32)
+    colour, gradient = np.float32([0.7, 0.8, 0.9]), rng.standard_normal((30, 40, 3)).astype(np.float32)
+    misted = add_mist(image, alpha, colour, np.empty_like(image))
+    by_image, by_alpha, by_colour = mist_gradient(image, misted, alpha, colour, gradient, BufferPool())
+
+    behind, thick, light = (sent(values).requires_grad_() for values in (image, alpha, colour))
+    seen = behind_mist(behind, MistOnGPU(thick, light, thick))
+    seen.backward(sent(gradient))
+    assert fetched(seen) == pytest.approx(misted, abs=2e-5)
+    assert fetched(behind.grad) == pytest.approx(by_image, rel=1e-3, abs=1e-3)
+    there = alpha > 0  # elsewhere the GPU has none, and the kernel's is multiplied by a root of 0
+    assert fetched(thick.grad)[there] == pytest.approx(by_alpha[there], rel=1e-3, abs=1e-3)
+    assert fetched(light.grad) == pytest.approx(by_colour, rel=1e-3)
+
+
+def test_drops_are_those_of_the_kernels(gpu):
+    rng = np.random.default_rng(0)
+    alpha = rng.random((12, 15)).astype(np.float32)
+    light = (rng.random((12, 15, 3)) * alpha[..., None]).astype(np.float32)
+    image = rng.random((30, 40, 3)).astype(np.float32)
+    large = DropLayer(resized(alpha, (30, 40)), cv2.resize(light, (40, 30)), 0.3, 0.75)
+    expected, factors = large.forward(image, BufferPool())
+    seen, weights = behind_drops(sent(image), DropLayer(alpha, light, 0.3, 0.75))
+    assert fetched(seen) == pytest.approx(expected, abs=1e-5)
+    assert fetched(weights) == pytest.approx(factors, abs=1e-4)
+
+
+@pytest.mark.parametrize("size", [(7, 9), (30, 40), (13, 40)])
+def test_averages_are_opencvs(size):
+    image = np.random.default_rng(0).random((30, 40)).astype(np.float32)
+    rows, columns = averaging(30, size[0]), averaging(40, size[1])
+    assert rows @ image @ columns.T == pytest.approx(resized(image, size), abs=1e-5)
+
+
+def test_planes_are_enlarged_as_opencv_does():
+    plane = np.random.default_rng(0).random((9, 7)).astype(np.float32)
+    for size in ((9, 7), (20, 31)):
+        assert enlarged(torch.from_numpy(plane)[None], size)[0].numpy() == pytest.approx(resized(plane, size), abs=1e-5)
