@@ -97,7 +97,7 @@ class Mist:
 
     def root(self, view: int, size: tuple[int, int]) -> Plane:
         """sqrt(mist_alpha) [H, W] of a view."""
-        rows, columns = spreading(size, self.roots.shape[1:])
+        rows, columns = _spreading(size, self.roots)
         return rows @ self.knots(view) @ columns.T
 
     def knots(self, view: int) -> NDArray[np.float32]:
@@ -123,7 +123,7 @@ class Mist:
             buffers: to reuse.
         """
         by_image, by_alpha, by_colour = mist_gradient(image, misted, np.square(root), self.colour, gradient, buffers)
-        rows, columns = spreading(root.shape, self.roots.shape[1:])
+        rows, columns = _spreading(root.shape, self.roots)
         by_knots = rows.T @ (2 * root * (by_alpha + np.float32(self.mean_penalty / root.size))) @ columns
         return by_image, self.learned_from(view, by_knots, by_colour)
 
@@ -182,17 +182,18 @@ def roughness_gradient(knots: NDArray[np.float32]) -> NDArray[np.float32]:
     return gradient
 
 
-def spreading(size: tuple[int, ...], knots: tuple[int, ...]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Matrices R [H, h] and C [W, w] that make of a grid [h, w] the values at all pixels, R grid C^T.
-
-    Bilinear, outermost knots on the picture's edge. The transpose, R^T plane C, takes gradients back.
-    """
-    return _hats(size[0], knots[0]), _hats(size[1], knots[1])
+def _spreading(size: tuple[int, ...], roots: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """R and C, for roots [T, h, w] at (height, width); see `spreading`."""
+    return spreading(size[0], roots.shape[1]), spreading(size[1], roots.shape[2])
 
 
 @cache
-def _hats(pixels: int, knots: int) -> NDArray[np.float32]:
-    """Weights [pixels, knots] of linear interpolation; shared, not to be written to."""
+def spreading(pixels: int, knots: int) -> NDArray[np.float32]:
+    """What values of knots on a line, the outermost on its ends, weigh in its pixels, linear between them.
+
+    [pixels, knots], shared, not to be written to. A grid [h, w] has the values R grid C^T at all pixels, with such
+    matrices R [H, h] and C [W, w]; R^T plane C takes gradients back.
+    """
     place = (np.arange(pixels) + 0.5) / pixels * (knots - 1)
     weights = np.maximum(0, 1 - np.abs(place[:, None] - np.arange(knots))).astype(np.float32)
     weights.flags.writeable = False

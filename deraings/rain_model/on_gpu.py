@@ -5,6 +5,7 @@ learned from is averaged down before it is downloaded. Only steps that falling r
 take the CPU's way. Gradients are torch's.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +27,8 @@ from deraings.rain_model.observation import Observation
 BRIGHTEST, BRIGHTEST_ENCODED = 4.0, 2.0  # as in `mist_kernels`: linear light and encoded values, clipped there
 OFFSET, STEEP, POWER = 0.055, 12.92, 2.4  # of the sRGB curve (IEC 61966-2-1)
 DARK, DARK_LIGHT = 0.04045, 0.0031308  # up to which it is straight
+
+Matrix = Callable[[int, int], NDArray[np.float32]]  # makes one for a line of so many pixels and so many parts or knots
 
 
 class MistOnGPU(NamedTuple):
@@ -58,7 +61,7 @@ class RainOnGPU:
 
     def __init__(self, model: RainModel) -> None:
         self._model = model
-        self._matrices: dict[tuple[int, int], Tensor] = {}  # that average lines of pixels, by numbers of both
+        self._matrices: dict[tuple[Matrix, int, int], Tensor] = {}  # those uploaded so far
 
     def forward(self, scene_image: Tensor, view: int, iteration: int) -> SeenOnGPU:
         """A rendered view [H, W, 3] through all that is known of the rain; see `RainModel.forward`."""
@@ -68,7 +71,7 @@ class RainOnGPU:
         if model.rain and alpha is not None:
             seen = behind_rain(seen, alpha, model.rain.layer.brightness)
         if model.mist and model.mist.due(iteration):
-            mist = mist_of(model.mist, view, size)
+            mist = self._mist(model.mist, view, size)
             seen = behind_mist(seen, mist)
         without_drops, weights, layer = seen, None, self._drop_layer(view, size, iteration)
         if layer is not None:
@@ -126,25 +129,24 @@ class RainOnGPU:
 
     def _averaged(self, image: Tensor, size: Size) -> Tensor:
         """A picture [H, W, 3] averaged over the areas of (height, width) pixels, as OpenCV does."""
-        rows, columns = (self._averaging(pixels, n) for pixels, n in zip(image.shape[:2], size, strict=True))
+        rows, columns = (self._matrix(averaging, pixels, n) for pixels, n in zip(image.shape[:2], size, strict=True))
         return torch.einsum("hH,HWc,wW->hwc", rows, image, columns)
 
-    def _averaging(self, pixels: int, n: int) -> Tensor:
-        if (pixels, n) not in self._matrices:
-            self._matrices[pixels, n] = sent(averaging(pixels, n))
-        return self._matrices[pixels, n]
+    def _mist(self, mist: Mist, view: int, size: Size) -> MistOnGPU:
+        """The mist of a view of (height, width)."""
+        knots, colour = (sent(values.copy()).requires_grad_() for values in (mist.knots(view), mist.colour))
+        rows, columns = (self._matrix(spreading, pixels, n) for pixels, n in zip(size, knots.shape, strict=True))
+        return MistOnGPU(knots, colour, (rows @ knots @ columns.T).square())
+
+    def _matrix(self, kind: Matrix, pixels: int, n: int) -> Tensor:
+        if (kind, pixels, n) not in self._matrices:
+            self._matrices[kind, pixels, n] = sent(kind(pixels, n).copy())
+        return self._matrices[kind, pixels, n]
 
 
 def behind_rain(image: Tensor, alpha: Tensor, brightness: float) -> Tensor:
     """A view [H, W, 3] behind rain of alpha [H, W] or [1, 1] and encoded value `brightness`."""
     return (1 - alpha[..., None]) * image + brightness * alpha[..., None]
-
-
-def mist_of(mist: Mist, view: int, size: Size) -> MistOnGPU:
-    """The mist of a view of (height, width)."""
-    knots, colour = (sent(values.copy()).requires_grad_() for values in (mist.knots(view), mist.colour))
-    rows, columns = (sent(matrix) for matrix in spreading(size, (knots.shape[0], knots.shape[1])))
-    return MistOnGPU(knots, colour, (rows @ knots @ columns.T).square())
 
 
 def behind_mist(image: Tensor, mist: MistOnGPU) -> Tensor:

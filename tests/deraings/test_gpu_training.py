@@ -53,7 +53,7 @@ METHODS = {  # and the most uploads, downloads and questions of a step, which se
     "pruning": (BudgetedSplatting, PRUNING, (7, 1, 0)),
     "masks": (DeRainGS, DeRainGSConfig(HURRIED, masks=MASKS), (9, 3, 0)),
     "robust": (RobustFilter, RobustFilterConfig(HURRIED), (8, 2, 0)),
-    "rain": (DeRainGS, DeRainGSConfig(HURRIED, rain=RainConfig()), (8, 2, 0)),
+    "rain": (DeRainGS, DeRainGSConfig(HURRIED, rain=RainConfig()), (9, 2, 0)),
     "wild": (WildGaussians, TONES, (16, 4, 2)),
     "gs-w": (GaussianInTheWild, GSWConfig(HURRIED, SHORT), (17, 3, 2)),
     "wild-gs": (WildGS, WildGSConfig(HURRIED, LOOK), (18, 7, 2)),

@@ -150,8 +150,7 @@ def test_a_picture_that_is_all_mist_stays_finite():
 
 
 def test_knots_are_spread_linearly_with_the_outermost_on_the_edge():
-    rows, columns = spreading((5, 3), (2, 2))
-    spread = rows @ np.array([[0, 1], [2, 3]]) @ columns.T
+    spread = spreading(5, 2) @ np.array([[0, 1], [2, 3]]) @ spreading(3, 2).T
     expected = 2 * (np.arange(5)[:, None] + 0.5) / 5 + (np.arange(3) + 0.5) / 3
     assert spread == pytest.approx(expected, abs=1e-6)
 

@@ -127,7 +127,7 @@ def test_without_rain_it_is_the_render(gpu, scene):
 
 def test_mist_is_that_of_the_kernels(gpu):
     rng = np.random.default_rng(0)
-    image = rng.uniform(-0.1, 1.9, (30, 40, 3)).astype(np.float32)
+    image = rng.uniform(-0.1, 1.7, (30, 40, 3)).astype(np.float32)  # brighter light is clipped, whose slope is nobody's
     alpha = np.where(rng.random((30, 40)) < 0.2, 0, rng.random((30, 40))).astype(np.float32)
     colour, gradient = np.float32([0.7, 0.8, 0.9]), rng.standard_normal((30, 40, 3)).astype(np.float32)
     misted = add_mist(image, alpha, colour, np.empty_like(image))
