@@ -49,10 +49,11 @@ def unknown_name(
         guess: what may have been meant where no known name is near.
     """
     names = list(dict.fromkeys(known))
-    near = get_close_matches(name, names, n=1) or ([guess] if guess else [])
+    variants = [other for other in names if name and other.rpartition("-")[0] == name]  # none of them is nearer
+    near = variants or get_close_matches(name, names, n=1) or ([guess] if guess else [])
     return InputError(
         f"{where}: no such {kind}",
         found=name,
         expected=f"one of {', '.join(names)}" + (f", or {otherwise}" if otherwise else ""),
-        fix=f"did you mean {near[0]}?" if near else None,
+        fix=f"did you mean {' or '.join(near)}?" if near else None,
     )

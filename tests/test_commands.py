@@ -257,7 +257,7 @@ def test_choices_are_shown(asked):
         (("leaderboard", "check", "3dgs+fly"), "METHOD=3dgs+fly: no such wrapper"),
         (("leaderboard", "table", "--results", "/nowhere"), "no finished run"),
         (("hydroviews", "verify", "/nowhere"), "no manifest.json"),
-        (("hydroviews", "build", "--scene", "/nowhere", "--out", "/nowhere"), "no such capture"),
+        (("hydroviews", "build", "--scene", "/nowhere", "--out", "/nowhere"), "SCENE=/nowhere: no such folder"),
         (("hydroviews", "poses", "/nowhere"), "0 photographs"),
         (("hydroviews", "build", "--suite", "/nowhere"), "SUITE=/nowhere: no such suite"),
         (("hydroviews", "build", "--scene", "360_v2/garden", "--captures", "/nowhere"), "download mipnerf360/garden"),

@@ -73,6 +73,9 @@ def find_capture(source: str, rendered: Path, views: int, long_side: int, captur
         if source and folder.is_dir():
             return read_scene(folder)
     known = (*EMBEDDED, *(capture.name for capture in all_captures()))
+    if "/" in source and source.split("/")[0] not in {name.split("/")[0] for name in known}:  # meant as a path
+        wanted = f"a folder with images and cameras, below {Path.cwd()} or {root}"
+        raise InputError(f"SCENE={source}: no such folder", expected=wanted)
     raise unknown_name(
         f"SCENE={source}", source, "capture", known, f"a folder with images and cameras, here or in {root}"
     )

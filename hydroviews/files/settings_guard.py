@@ -94,7 +94,7 @@ def _refuse_foreign(folder: Path, foreign: str | None, name: str) -> None:
         raise InputError(
             f"{folder}: {foreign}",
             found=f"{len(visible)} files and no {name}",
-            fix="choose another folder, or remove that one",
+            fix="choose another folder, or an empty one",
         )
 
 

@@ -9,6 +9,7 @@ from hydroviews.dataset.sources import find_capture
 from hydroviews.dataset.suites import read_suite
 from hydroviews.errors import InputError
 from hydroviews.profiles import find_profile
+from hydroviews.rain.registry import choose_patterns
 from leaderboard.records import check_track
 
 NOWHERE = Path("/nowhere")
@@ -21,6 +22,7 @@ NOWHERE = Path("/nowhere")
         (check_track, "sparse-view", "sparse-views"),
         (read_suite, "papers", "paper"),
         (lambda name: find_capture(name, NOWHERE, 1, 8, NOWHERE), "courtyrd", "courtyard"),
+        (lambda name: choose_patterns([name], ()), "streak", "streak-0 or streak-1 or streak-2"),
         (lambda name: list(download_captures(name, NOWHERE, None)), "mipnerf360/gardn", "mipnerf360/garden"),
     ],
 )

@@ -304,7 +304,7 @@ def test_a_data_folder_that_cannot_be_made_is_refused(built, tmp_path):
     [
         ({"profile": "huge"}, "no such profile"),
         ({"track": "my-poses"}, r"no such track[\s\S]*given-poses, sparse-views"),
-        ({"scene": "/nowhere"}, "no such capture"),
+        ({"scene": "/nowhere"}, "SCENE=/nowhere: no such folder"),
         ({"patterns": ("hail-0",)}, "no such rain pattern"),
     ],
 )

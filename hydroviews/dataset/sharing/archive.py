@@ -96,11 +96,12 @@ class Packed:
             yield path
 
 
-def write_archive(path: Path, members: Mapping[str, Path | bytes], hashes: Mapping[str, str]) -> str:
+def write_archive(path: Path, title: str, members: Mapping[str, Path | bytes], hashes: Mapping[str, str]) -> str:
     """Write members in the order given; files are read once, and memory is that of a block.
 
     Args:
-        path: of the archive.
+        path: of the archive, which may be a temporary one.
+        title: the name that progress shows.
         members: files or their content by name in the archive.
         hashes: SHA-256 by name, that the files must have.
 
@@ -111,7 +112,7 @@ def write_archive(path: Path, members: Mapping[str, Path | bytes], hashes: Mappi
         InputError: a file is missing or changed.
     """
     with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
-        for name, content in tqdm(members.items(), desc=f"packing {path.name}", unit="file", leave=False):
+        for name, content in tqdm(members.items(), desc=f"packing {title}", unit="file", leave=False):
             info = zipfile.ZipInfo(name, DATE)
             info.create_system, info.external_attr = UNIX, PLAIN_FILE
             info.file_size = len(content) if isinstance(content, bytes) else _size(content)

@@ -108,7 +108,8 @@ def _write(packed: Contents, path: Path) -> str:
     members |= {f"{packed.folder.name}/{name}": content for name, content in here.items()}
     refuse_odd_names(path, members, RENAME)
     with replacing(path) as temporary:
-        digest = write_archive(temporary, members, {f"{packed.folder.name}/{name}": hashes[name] for name in here})
+        known = {f"{packed.folder.name}/{name}": hashes[name] for name in here}
+        digest = write_archive(temporary, path.name, members, known)
         if path.is_file() and sha256(path) != digest:
             raise InputError(
                 f"{path}: another archive is there", fix="choose another --out, or remove it: it may be published"

@@ -134,8 +134,13 @@ def test_what_is_not_there_says_where_to_get_it(root):
         find("tanksandtemples/horse", root)
     with pytest.raises(InputError, match=r"several captures[\s\S]*mipnerf360/stump"):
         find("mipnerf360", root)
-    with pytest.raises(InputError, match=r"no such capture[\s\S]*mipnerf360/garden"):
-        find("moon", root)
+    for name in ("moon", "mipnerf360/moon"):
+        with pytest.raises(InputError, match=rf"SCENE={name}: no such capture[\s\S]*mipnerf360/garden"):
+            find(name, root)
+    with pytest.raises(InputError, match=r"SCENE=my/yard: no such folder") as error:  # meant as a path
+        find("my/yard", root)
+    assert str(Path.cwd()) in str(error.value)
+    assert "garden" not in str(error.value)
 
 
 def test_own_captures_by_path_or_by_name_in_the_folder(root, tmp_path):

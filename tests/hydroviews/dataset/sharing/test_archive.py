@@ -42,14 +42,14 @@ def test_bytes_are_the_same_on_every_machine(tmp_path):
     file.write_bytes(bytes(range(256)) * 9000)  # several blocks
     os.chmod(file, 0o400)
     digest = hashlib.sha256(file.read_bytes()).hexdigest()
-    found = write_archive(tmp_path / "x.zip", {"a.json": b"{}\n", "ä/b.bin": file}, {"ä/b.bin": digest})
+    found = write_archive(tmp_path / "x.zip", "x.zip", {"a.json": b"{}\n", "ä/b.bin": file}, {"ä/b.bin": digest})
     assert found == "bf97e81fa0f4a2ada20dc677bee382715d7edf5ffe05dc022e45c101774e79b4"
 
 
 def test_every_file_is_compared_with_the_manifest_as_it_is_packed(tmp_path):
     (tmp_path / "a").write_bytes(b"changed")
     with pytest.raises(InputError, match="changed since it was built"):
-        write_archive(tmp_path / "x.zip", {"a": tmp_path / "a"}, {"a": hashlib.sha256(b"built").hexdigest()})
+        write_archive(tmp_path / "x.zip", "x.zip", {"a": tmp_path / "a"}, {"a": hashlib.sha256(b"built").hexdigest()})
 
 
 def test_an_opened_archive_can_be_pickled_and_reads_where_files_lie(archive):
