@@ -37,8 +37,8 @@ def losses(drops, seed=0):
     return (np.where(drops, 0.2, 0.05) * noise).astype(np.float32)
 
 
-def taught(pictures, losses, config=ALWAYS, lessons=100, seed=0):
-    masks = OcclusionMasks(TrainingImages(list(pictures)), 1000, seed, config)
+def taught(pictures, losses, config=ALWAYS, lessons=100, seed=0, device="cpu"):
+    masks = OcclusionMasks(TrainingImages(list(pictures)), 1000, seed, config, device=device)
     for i in range(lessons):
         view = -i % len(pictures)
         masks.learn(view, losses[view], i)
@@ -81,6 +81,18 @@ def test_the_network_ends_near_the_closed_form_at_any_level_of_loss(config, scal
     assert np.abs(found - expected).mean() < 0.08
     assert found[drops].mean() > 0.85
     assert found[~drops].mean() == pytest.approx(0.5 if config is PAPER else 0, abs=0.1)
+
+
+def test_the_network_learns_the_same_on_a_gpu(pretended_gpu):
+    pictures, drops = drop_pictures(0)
+    here, there = (taught(pictures, losses(drops), lessons=12, device=device) for device in ("cpu", "cuda"))
+    assert pretended_gpu.counts["uploads"] >= 12 * 3  # picture, losses and what other views lose, in every lesson
+    assert there.mask(0, (HEIGHT, WIDTH)) == pytest.approx(here.mask(0, (HEIGHT, WIDTH)), abs=2 / 255)
+    again = OcclusionMasks(TrainingImages(list(pictures)), 1000, 1, ALWAYS, device="cuda")
+    again.load_state_dict(there.state_dict())
+    for masks in (there, again):
+        masks.learn(0, losses(drops)[0], 12)
+    assert np.array_equal(again.mask(0, (HEIGHT, WIDTH)), there.mask(0, (HEIGHT, WIDTH)))
 
 
 def test_pictures_never_seen_are_masked_alike():
