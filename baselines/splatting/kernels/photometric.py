@@ -22,7 +22,8 @@ from hydroviews.scene.images import Image
 from hydroviews.scene.masks import Ignored
 
 Plane = NDArray[np.float32]
-VALUES = np.arange(256, dtype=np.float32) / np.float32(255)  # of 8 bits
+FULL = np.float32(255)  # of 8 bits
+VALUES = np.arange(256, dtype=np.float32) / FULL
 NONE, NOTHING_HIDDEN = np.zeros((0, 0), np.float32), np.zeros((0, 0), bool)
 
 
@@ -30,13 +31,13 @@ NONE, NOTHING_HIDDEN = np.zeros((0, 0), np.float32), np.zeros((0, 0), bool)
 class Target:
     """An image to be matched; it is filtered anew in every step, so that nothing but its pixels is kept."""
 
-    pixels: NDArray  # [H, W, 3], uint8, or float32 in [0, 1]
+    pixels: NDArray[np.uint8]  # [H, W, 3]
     ignored: Ignored | None = None  # bool [H, W], what is hidden; None where nothing is
 
     @property
     def image(self) -> Image:
         """The pixels as float32 in [0, 1], 0 where hidden."""
-        values: Image = np.asarray(cv2.LUT(self.pixels, VALUES) if self.full == 255 else self.pixels, np.float32)
+        values: Image = np.asarray(cv2.LUT(self.pixels, VALUES), np.float32)
         return values if self.ignored is None else np.where(self.ignored[..., None], np.float32(0), values)
 
     @property
@@ -44,23 +45,17 @@ class Target:
         """[H, W], 0 where hidden, else 1; None where nothing is hidden."""
         return None if self.ignored is None else np.where(self.ignored, np.float32(0), np.float32(1))
 
-    @property
-    def full(self) -> int:
-        """The value that stands for 1."""
-        return 255 if self.pixels.dtype == np.uint8 else 1
 
-
-def prepare_target(image: NDArray, ignored: Ignored | None = None) -> Target:
-    """A target from an image [H, W, 3], uint8 or float32 in [0, 1], of which the pixels `ignored` [H, W] are hidden.
+def prepare_target(image: NDArray[np.uint8], ignored: Ignored | None = None) -> Target:
+    """A target from an image [H, W, 3] of which the pixels `ignored` [H, W] are hidden.
 
     Raises:
         ValueError: image and mask differ in size.
     """
     if ignored is not None and ignored.shape != image.shape[:2]:
         raise ValueError(f"image {image.shape} and mask {ignored.shape} differ in size")
-    pixels: NDArray = np.ascontiguousarray(image, np.uint8 if image.dtype == np.uint8 else np.float32)
     hidden = ignored is not None and ignored.any()
-    return Target(pixels, np.ascontiguousarray(ignored, bool) if hidden else None)
+    return Target(np.ascontiguousarray(image), np.ascontiguousarray(ignored, bool) if hidden else None)
 
 
 def photometric_loss(
@@ -103,5 +98,5 @@ def compare(
     x = np.ascontiguousarray(image, np.float32).reshape(height, -1)
     y = target.pixels.reshape(height, -1)
     sums = np.empty((-(-height // BAND), -(-3 * width // STRIP)))
-    sweep(x, y, np.float32(target.full), ignored, weights, lambda_dssim, sums, losses, gradient)
+    sweep(x, y, FULL, ignored, weights, lambda_dssim, sums, losses, gradient)
     return float(sums.sum()) / x.size

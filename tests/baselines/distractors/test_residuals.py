@@ -3,6 +3,7 @@ import pytest
 
 from baselines.distractors.residuals import BINS, ResidualHistogram, bins_of, inliers, residuals_of
 from baselines.splatting.kernels.photometric import prepare_target
+from hydroviews.scene.images import to_uint8
 
 
 def random(seed, *shape):
@@ -10,8 +11,8 @@ def random(seed, *shape):
 
 
 def test_residuals_are_mean_absolute_differences_in_zero_to_one():
-    image, photograph = 1.6 * random(0, 9, 11, 3) - 0.3, random(1, 9, 11, 3)
-    expected = np.abs(image.astype(np.float64) - photograph).mean(axis=2)
+    image, photograph = 1.6 * random(0, 9, 11, 3) - 0.3, to_uint8(random(1, 9, 11, 3))
+    expected = np.abs(image.astype(np.float64) - photograph / 255).mean(axis=2)
     assert np.allclose(residuals_of(image, prepare_target(photograph)), expected.clip(max=1), atol=1e-6)
     image[0, 0], image[0, 1] = np.nan, 50
     assert (residuals_of(image, prepare_target(photograph))[0, :2] == 1).all()

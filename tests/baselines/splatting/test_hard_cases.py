@@ -12,6 +12,7 @@ from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.kernels.photometric import photometric_loss, prepare_target
 from baselines.splatting.kernels.rasterizer import backward, render
 from hydroviews.scene.cameras import Camera
+from hydroviews.scene.images import to_uint8
 
 WIDTH, HEIGHT = 40, 28
 UPRIGHT, OBLIQUE = [1, 0, 0, 0], [0.9, 0.2, -0.3, 0.4]
@@ -290,9 +291,10 @@ PICTURES = {
 @pytest.mark.parametrize("image", PICTURES)
 def test_the_loss_of_flat_pictures(image, target, share):
     x = torch.from_numpy(PICTURES[image]).double().requires_grad_()
-    exact = reference.photometric_loss(x, torch.from_numpy(PICTURES[target]).double(), share)
+    photograph = prepare_target(to_uint8(PICTURES[target]))
+    exact = reference.photometric_loss(x, torch.from_numpy(photograph.image).double(), share)
     exact.backward()
-    loss, gradient = photometric_loss(PICTURES[image], prepare_target(PICTURES[target]), share)
+    loss, gradient = photometric_loss(PICTURES[image], photograph, share)
     expected = x.grad.numpy()
     assert np.isfinite(gradient).all()
     assert loss == pytest.approx(float(exact.detach()), abs=2e-6)

@@ -8,19 +8,24 @@ from baselines.splatting.kernels.loss_map import loss_map
 from baselines.splatting.kernels.photometric import photometric_loss, prepare_target
 from deraings.masks.network import MaskNetwork, high_pass, spectral_pooling
 from hydroviews.metrics.ssim import ssim_map
+from hydroviews.scene.images import to_uint8
 
 
 def pictures(seed=0, height=23, width=31):
     rng = np.random.default_rng(seed)
-    target = rng.random((height, width, 3), np.float32)
+    target = np.round(255 * rng.random((height, width, 3), np.float32)) / np.float32(255)
     return np.clip(target + rng.normal(0, 0.1, target.shape), 0, 1).astype(np.float32), target
+
+
+def target_of(picture, ignored=None):
+    return prepare_target(to_uint8(picture), ignored)
 
 
 def test_the_map_adds_up_to_the_loss():
     image, target = pictures()
     for share in (0.0, 0.2, 1.0):
-        expected = photometric_loss(image, prepare_target(target), share)[0]
-        assert loss_map(image, prepare_target(target), share).mean() == pytest.approx(expected, rel=1e-5)
+        expected = photometric_loss(image, target_of(target), share)[0]
+        assert loss_map(image, target_of(target), share).mean() == pytest.approx(expected, rel=1e-5)
 
 
 def test_the_map_is_l1_and_ssim_of_each_pixel():
@@ -30,7 +35,7 @@ def test_the_map_is_l1_and_ssim_of_each_pixel():
     )
     similarity = ssim_map(a, b)[0].mean(dim=0).numpy()
     expected = 0.8 * np.abs(image - target).mean(axis=2) + 0.2 * (1 - similarity)
-    assert np.abs(loss_map(image, prepare_target(target)) - expected).max() < 1e-4
+    assert np.abs(loss_map(image, target_of(target)) - expected).max() < 1e-4
 
 
 def test_hidden_pixels_have_no_loss_and_leave_no_trace():
@@ -38,28 +43,26 @@ def test_hidden_pixels_have_no_loss_and_leave_no_trace():
     ignored = np.zeros(image.shape[:2], bool)
     ignored[4:15, 6:20] = True
     spoilt = np.where(ignored[..., None], np.float32(np.nan), image)
-    found = loss_map(image, prepare_target(target, ignored)).copy()
+    found = loss_map(image, target_of(target, ignored)).copy()
     assert (found[ignored] == 0).all()
-    assert np.array_equal(found, loss_map(spoilt, prepare_target(target, ignored)))
+    assert np.array_equal(found, loss_map(spoilt, target_of(target, ignored)))
 
 
 def test_the_map_does_not_take_another_size():
     image, target = pictures()
     with pytest.raises(ValueError, match="differ in size"):
-        loss_map(image[:-1], prepare_target(target))
+        loss_map(image[:-1], target_of(target))
 
 
 def test_the_gradient_of_the_masked_loss_by_the_image():
     """Each pixel's SSIM is weighed, not the pictures: an unmasked pixel still sees masked ones in its window."""
     image, target = pictures(height=12, width=13)
     weights = np.random.default_rng(3).random((12, 13), np.float32)
-    _, gradient = photometric_loss(image, prepare_target(target), weights=weights)
+    _, gradient = photometric_loss(image, target_of(target), weights=weights)
     for row, column, channel in ((0, 0, 0), (5, 6, 1), (11, 12, 2), (3, 9, 0)):
         step = np.zeros_like(image)
         step[row, column, channel] = 1e-3
-        sides = [
-            np.mean(weights * loss_map(image + s * step, prepare_target(target)), dtype=np.float64) for s in (1, -1)
-        ]
+        sides = [np.mean(weights * loss_map(image + s * step, target_of(target)), dtype=np.float64) for s in (1, -1)]
         assert (sides[0] - sides[1]) / 2e-3 == pytest.approx(gradient[row, column, channel], rel=0.05, abs=2e-5)
 
 

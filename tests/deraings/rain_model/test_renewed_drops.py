@@ -11,6 +11,7 @@ from baselines.training.images import TrainingImages
 from deraings.rain_model.model import RainConfig
 from deraings.rain_model.objective import RainObjective
 from deraings.rain_model.renewed_drops import RenewedDrops, RenewedDropsConfig
+from hydroviews.scene.images import to_uint8
 
 COUNT, STEPS = 24, 100
 DROP = 12  # pixels across
@@ -76,7 +77,9 @@ def looked_at(prior, staying=0.0, config=CONFIG, hidden=()):
 
 
 def weights_of(renewed, photograph, seen, view=0, iteration=STEPS, ignored=None):
-    return renewed.weights(prepare_target(photograph, ignored), seen, view) if renewed.due(iteration) else None
+    return (
+        renewed.weights(prepare_target(to_uint8(photograph), ignored), seen, view) if renewed.due(iteration) else None
+    )
 
 
 def objective_of(photographs, prior, config=None):
@@ -97,7 +100,7 @@ def test_a_drop_is_hidden_and_what_looks_like_the_scene_is_not(scene, places, ph
 def test_the_weights_are_what_the_page_says(scene, photographs, covers):
     view = 3
     seen = rendered(scene)[view]
-    residual = np.abs(photographs[view] - seen).mean(axis=2).astype(np.float64)
+    residual = np.abs(to_uint8(photographs[view]) / 255 - seen).mean(axis=2).astype(np.float64)
     padded = np.pad(residual, 1, "reflect")
     mean = sum(padded[r : r + residual.shape[0], c : c + residual.shape[1]] for r in range(3) for c in range(3)) / 9
     agreed = np.sqrt(np.clip(mean / (2 * np.median(mean[::2, ::2])), 0.25, 2))
