@@ -28,7 +28,8 @@ EAGER = RainConfig(
 
 
 @pytest.fixture(params=["pretended", "real"])
-def gpu(request):
+def gpu(request, monkeypatch):
+    monkeypatch.setattr(torch.backends.cudnn, "allow_tf32", False)  # as the backend has it
     if request.param == "pretended":
         return request.getfixturevalue("pretended_gpu")
     if not torch.cuda.is_available():
