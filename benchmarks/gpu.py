@@ -9,6 +9,7 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import Any, Literal
 
@@ -247,7 +248,7 @@ def loss_row(name: str, scene: Scene, run: Path, profile: str, repeats: int) -> 
     backend = CudaBackend(objective, BACKGROUND, 0.01)
     backend.put(fresh_state(room(SEEN, cameras[0])))
     rates, options = still()
-    steps = iter(range(10**9))
+    steps = count()
 
     def step(iteration: int) -> None:
         index = next(steps) % len(cameras)
@@ -256,7 +257,7 @@ def loss_row(name: str, scene: Scene, run: Path, profile: str, repeats: int) -> 
     middle = round(MIDDLE * method.splatting.iterations)
     for share in np.arange(LESSONS) / LESSONS:
         step(round(share * middle) // 12 * 12)  # where masks, drops and rain learn
-    iterations = iter(range(middle, 10**9))
+    iterations = count(middle)
     took = milliseconds(lambda: step(next(iterations)), repeats)
     return {"step ms": took, **{key: value for key, value in objective.report().items() if key in FOUND}}
 

@@ -51,10 +51,8 @@ class FallingRain:
 
     def alpha(self, view: int, size: Size) -> tuple[Plane | None, bool]:
         """rain_alpha [H, W], None where there is none, and whether a view's single streaks are part of it."""
-        if self.streaks and self.even_alpha > MIN_ALPHA:
-            alpha = self.streaks.alpha(view, self.even_alpha, size)
-            if alpha is not None:
-                return alpha, True
+        if streaks := self._known_streaks(view):
+            return streaks.alpha(view, self.even_alpha, size), True
         return (np.full(size, self.even_alpha, np.float32) if self.even_alpha else None), False
 
     def deviation(self, view: int) -> Plane | None:
@@ -62,8 +60,13 @@ class FallingRain:
 
         None where none are known. rain_alpha is the sum, at most `max_alpha`.
         """
-        known = self.streaks is not None and self.even_alpha > MIN_ALPHA and view in self.streaks.deviations
-        return self.streaks.deviation(view) if self.streaks and known else None
+        streaks = self._known_streaks(view)
+        return streaks.deviation(view) if streaks else None
+
+    def _known_streaks(self, view: int) -> SingleStreaks | None:
+        """The single streaks, where it rains and those of a view are known."""
+        known = self.streaks and self.even_alpha > MIN_ALPHA and view in self.streaks.deviations
+        return self.streaks if known else None
 
     @property
     def max_alpha(self) -> float:

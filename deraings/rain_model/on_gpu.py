@@ -18,15 +18,13 @@ from baselines.splatting.backends.transfers import fetched, sent
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Target
 from baselines.training.images import Size
+from deraings.enhancement.mist_branch import decoded, encoded
 from deraings.image_planes import Plane
 from deraings.rain_model.drops import DropLayer
 from deraings.rain_model.mist import Mist, spreading
+from deraings.rain_model.mist_kernels import BRIGHTEST, BRIGHTEST_ENCODED
 from deraings.rain_model.model import RainModel
 from deraings.rain_model.observation import Observation
-
-BRIGHTEST, BRIGHTEST_ENCODED = 4.0, 2.0  # as in `mist_kernels`: linear light and encoded values, clipped there
-OFFSET, STEEP, POWER = 0.055, 12.92, 2.4  # of the sRGB curve (IEC 61966-2-1)
-DARK, DARK_LIGHT = 0.04045, 0.0031308  # up to which it is straight
 
 Matrix = Callable[[int, int], NDArray[np.float32]]  # makes one for a line of so many pixels and so many parts or knots
 
@@ -152,7 +150,8 @@ def behind_rain(image: Tensor, alpha: Tensor, brightness: float) -> Tensor:
 def behind_mist(image: Tensor, mist: MistOnGPU) -> Tensor:
     """A view [H, W, 3] behind mist, mixed in linear light; exactly the view where there is none."""
     alpha = mist.alpha[..., None]
-    return torch.where(alpha > 0, encode((1 - alpha) * decode(image) + alpha * mist.colour), image)
+    light = (1 - alpha) * decoded(_clipped(image, float(BRIGHTEST_ENCODED))) + alpha * mist.colour
+    return torch.where(alpha > 0, encoded(_clipped(light, float(BRIGHTEST))), image)
 
 
 def behind_drops(image: Tensor, layer: DropLayer) -> tuple[Tensor, Tensor]:
@@ -161,18 +160,6 @@ def behind_drops(image: Tensor, layer: DropLayer) -> tuple[Tensor, Tensor]:
     alpha, *light = enlarged(planes, (image.shape[0], image.shape[1]))
     fall = ((layer.hidden - alpha) / (layer.hidden - layer.shown)).clamp(0, 1)
     return (1 - alpha[..., None]) * image + torch.stack(light, dim=2), fall * fall * (3 - 2 * fall)
-
-
-def decode(encoded: Tensor) -> Tensor:
-    """Linear light of encoded values, as `mist_kernels.decode`; its slope does not end where values are clipped."""
-    x = _clipped(encoded, BRIGHTEST_ENCODED)
-    return torch.where(x > DARK, ((x.clamp_min(DARK) + OFFSET) / (1 + OFFSET)) ** POWER, x / STEEP)
-
-
-def encode(light: Tensor) -> Tensor:
-    """The encoded values of linear light, as `mist_kernels.encode`; likewise."""
-    x = _clipped(light, BRIGHTEST)
-    return torch.where(x > DARK_LIGHT, (1 + OFFSET) * x.clamp_min(DARK_LIGHT) ** (1 / POWER) - OFFSET, STEEP * x)
 
 
 def enlarged(planes: Tensor, size: Size) -> Tensor:
@@ -188,7 +175,7 @@ def averaging(pixels: int, n: int) -> NDArray[np.float32]:
 
 
 def _clipped(x: Tensor, most: float) -> Tensor:
-    """Within [0, most], with a gradient of 1 everywhere."""
+    """Within [0, most], with a gradient of 1 everywhere: slopes do not end where values are clipped."""
     return x + (x.clamp(0, most) - x).detach()
 
 

@@ -31,6 +31,7 @@ T1, T2, T3, T4, T5 = (np.float32(tap) for tap in _TAPS)
 T0 = np.float32(1 - 2 * _TAPS.sum())
 C1, C2 = np.float32(0.01**2), np.float32(0.03**2)
 NONE, ONE, TWO, GREY = np.float32(0), np.float32(1), np.float32(2), np.float32(0.25)
+FULL = np.float32(255)  # what stands for 1 in a target
 
 BAND, STRIP = 160, 384  # rows and columns of a part at most; a pixel has three columns
 GROUP, RING = 4, 16  # rows at a time, and rows kept: whole groups, and all that the windows of a group need
@@ -102,7 +103,7 @@ def similarity(mean_x, mean_y, squares, product):
 
 
 @inlined
-def read_row(x, y, full, ignored, row, left, ring, at):
+def read_row(x, y, ignored, row, left, ring, at):
     """The planes of a row from column `left` on, into a ring at `at`; x and y are 0 outside, and where hidden."""
     height, n = x.shape
     for i in range(2 * WIDE):
@@ -114,7 +115,7 @@ def read_row(x, y, full, ignored, row, left, ring, at):
         for i in range(last - first):
             to_x[i] = from_x[i]
         for i in range(last - first):
-            to_y[i] = np.float32(from_y[i]) / full
+            to_y[i] = np.float32(from_y[i]) / FULL
         if ignored.shape[0] > 0:
             for i in range(last - first):
                 if ignored[row, (first + i) // 3]:
@@ -169,12 +170,12 @@ def gradient_row(ring, at, means, to_mean, factors, shares, end, out):
 
 
 @exact_kernel
-def sweep(x, y, full, ignored, weights, share, sums, losses, gradient):
+def sweep(x, y, ignored, weights, share, sums, losses, gradient):
     """The loss of a render, of each pixel and in all, and its gradient.
 
     Args:
         x: the render [H, 3 W], channels interleaved.
-        y: the target [H, 3 W], of which `full` stands for 1.
+        y: the target [H, 3 W], 8 bits.
         ignored: bool [H, W], what is hidden; [0, 0] for nothing.
         weights: [H, W] per pixel; [0, 0] for one everywhere.
         share: lambda.
@@ -200,7 +201,7 @@ def sweep(x, y, full, ignored, weights, share, sums, losses, gradient):
         for top in range(first - READ, last + READ, GROUP):
             newest = top - first + RING  # rows of rings are counted from the band's first on
             for k in range(GROUP):
-                read_row(x, y, full, ignored, top + k, left, ring, (newest + k & 15) * PLANES * WIDE)
+                read_row(x, y, ignored, top + k, left, ring, (newest + k & 15) * PLANES * WIDE)
             if top < first:
                 continue
             filter_down(ring, rows_below(newest - 10, PLANES * WIDE), ABOVE, 4, 0, end + 2 * MARGIN, means)

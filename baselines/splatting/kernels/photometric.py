@@ -17,13 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.loss_sweep import BAND, STRIP, sweep
+from baselines.splatting.kernels.loss_sweep import BAND, FULL, STRIP, sweep
 from hydroviews.scene.images import Image
 from hydroviews.scene.masks import Ignored
 
 Plane = NDArray[np.float32]
-FULL = np.float32(255)  # of 8 bits
-VALUES = np.arange(256, dtype=np.float32) / FULL
+VALUES = np.arange(256, dtype=np.float32) / FULL  # of 8 bits
 NONE, NOTHING_HIDDEN = np.zeros((0, 0), np.float32), np.zeros((0, 0), bool)
 
 
@@ -98,5 +97,5 @@ def compare(
     x = np.ascontiguousarray(image, np.float32).reshape(height, -1)
     y = target.pixels.reshape(height, -1)
     sums = np.empty((-(-height // BAND), -(-3 * width // STRIP)))
-    sweep(x, y, FULL, ignored, weights, lambda_dssim, sums, losses, gradient)
+    sweep(x, y, ignored, weights, lambda_dssim, sums, losses, gradient)
     return float(sums.sum()) / x.size

@@ -7,10 +7,12 @@ import numpy as np
 import panorama
 import pytest
 import torch
+from splats import BACKGROUND
 
-from baselines.splatting.backends import torch_ops
+from baselines.splatting.backends.base import GSPLAT
 from baselines.splatting.backends.transfers import fetched, sent
 from baselines.splatting.kernels.buffer_pool import BufferPool
+from baselines.training.devices import missing_for_cuda
 from baselines.training.images import TrainingImages
 from deraings.image_planes import resized
 from deraings.rain_model.drops import DropLayer, LensDropsConfig
@@ -28,13 +30,15 @@ EAGER = RainConfig(
 
 
 @pytest.fixture(params=["pretended", "real"])
-def gpu(request, monkeypatch):
-    monkeypatch.setattr(torch.backends.cudnn, "allow_tf32", False)  # as the backend has it
+def gpu(request):
+    """The GPU's backend."""
     if request.param == "pretended":
-        return request.getfixturevalue("pretended_gpu")
-    if not torch.cuda.is_available():
-        pytest.skip("needs an NVIDIA GPU")
-    return None
+        request.getfixturevalue("pretended_gpu")
+    elif lacking := missing_for_cuda(GSPLAT):
+        pytest.skip(f"needs an NVIDIA GPU and gsplat: {lacking}")
+    from baselines.splatting.backends.cuda import CudaBackend
+
+    return CudaBackend
 
 
 @pytest.fixture(scope="module")
@@ -62,25 +66,9 @@ def objective_of(scene, config=EAGER, hidden=()):
     return objective
 
 
-def step_on_gpu(objective, image, view, iteration, buffers):
-    """What `CudaBackend` does with a render: loss and gradient."""
-    render = sent(image).requires_grad_()
-    seen = objective.on_gpu(render, view, iteration, buffers)
-    target = objective.target(view, image.shape[:2])
-    shown = None if target.ignored is None else torch.from_numpy(~target.ignored).cuda()
-    pixels = torch.from_numpy((seen.target or target).pixels).cuda()
-    loss, gradient = torch_ops.photometric_loss(
-        seen.image.detach(), pixels, objective.lambda_dssim, shown, seen.weights
-    )
-    more = [torch.full_like(values, weight / values.numel()) for values, weight in seen.penalties]
-    torch.autograd.backward([seen.image, *(values for values, _ in seen.penalties)], [gradient, *more])
-    seen.learn()
-    return float(loss), fetched(render.grad)
-
-
-def compare(scene, one, two, size=None, steps=STEPS):
+def compare(gpu, scene, one, two, size=None, steps=STEPS):
     """Both take the same steps; their losses, gradients and what they have learned agree."""
-    noise, buffers = np.random.default_rng(0), BufferPool()
+    noise, buffers, backend = np.random.default_rng(0), BufferPool(), gpu(two, BACKGROUND, 0.01)
     for iteration in range(steps):
         view = iteration % COUNT
         image = np.clip(scene[view] + 0.03 * noise.standard_normal(scene[view].shape), 0.01, None).astype(np.float32)
@@ -88,7 +76,8 @@ def compare(scene, one, two, size=None, steps=STEPS):
             image = cv2.resize(image, size[::-1], interpolation=cv2.INTER_AREA)
         expected, by_render = one(image, view, iteration, buffers)
         by_render = by_render.copy()
-        loss, gradient = step_on_gpu(two, image, view, iteration, BufferPool())
+        render = sent(image).requires_grad_()
+        loss, gradient = float(backend._backward([render], view, iteration)), fetched(render.grad)
         assert loss == pytest.approx(expected, rel=1e-4), iteration
         assert np.abs(gradient - by_render).max() < 2e-3 * np.abs(by_render).max(), iteration
     for name, learned in one.state_dict().items():
@@ -97,7 +86,7 @@ def compare(scene, one, two, size=None, steps=STEPS):
 
 def test_a_training_on_the_gpu_learns_the_same(gpu, scene):
     objectives = objective_of(scene), objective_of(scene)
-    compare(scene, *objectives)
+    compare(gpu, scene, *objectives)
     model = objectives[1].model
     assert model.drops.layer(0, scene.shape[1:3], STEPS) is not None  # it was there to be compared
     assert model.rain.layer.powers[0, 0] > 0
@@ -113,8 +102,8 @@ def test_single_streaks_hidden_pixels_and_small_views(gpu, scene):
         deviation = rng.integers(100, 200, objectives[0].model.rain.streaks.deviation(view).shape, np.uint8)
         for objective in objectives:
             objective.model.rain.streaks.deviations[view] = deviation
-    compare(scene, *objectives, steps=20)
-    compare(scene, *objectives, size=(23, 31), steps=10)
+    compare(gpu, scene, *objectives, steps=20)
+    compare(gpu, scene, *objectives, size=(23, 31), steps=10)
 
 
 def test_without_rain_it_is_the_render(gpu, scene):
