@@ -12,7 +12,7 @@ from baselines.method import Method, find_method
 from baselines.rendering.film import FilmChoice, draw_film
 from baselines.splatting.files.ply import SPLATS
 from baselines.training.devices import warn_of_slow_profile
-from hydroviews.captures.photographs import camera_notes, renew_links, require_registrable, room_for
+from hydroviews.captures.photographs import camera_notes, require_registrable
 from hydroviews.captures.sfm.poses import estimate_poses, triangulate
 from hydroviews.captures.video.capture import capture_video
 from hydroviews.captures.video.decoding import open_video
@@ -205,9 +205,7 @@ def find_scene(request: Reconstruction, capture: Path) -> Scene:
     if has_cameras(path):
         return with_points(read_scene(path), capture / POINTS)
     require_registrable(path, capture)
-    renew_links(path, capture)
-    with room_for(capture, len(photographs_below(path))):
-        return estimate_poses(path, capture, seed=request.seed, rainy=True, enhance=enhanced)
+    return estimate_poses(path, capture, seed=request.seed, rainy=True, enhance=enhanced)
 
 
 def _left_out(scene: Scene, request: Reconstruction) -> list[str]:
@@ -225,8 +223,7 @@ def with_points(scene: Scene, folder: Path) -> Scene:
         return scene
     if not folder.is_dir():
         work = folder.with_name(".triangulation")
-        with room_for(work, len(scene.views)):
-            found = triangulate(scene, work)
+        found = triangulate(scene, work)
         write_colmap(replace(scene, points=found), folder)
         remove_tree(work)
     points = reliable(read_points(folder))

@@ -15,7 +15,7 @@ import tyro
 from hydroviews.blender.embedded_scenes.captures import EMBEDDED
 from hydroviews.captures.catalogue.catalogue import Capture, all_captures, captures_root, locate
 from hydroviews.captures.download.captures import download_captures
-from hydroviews.captures.photographs import camera_notes, check_photographs, renew_links, room_for
+from hydroviews.captures.photographs import camera_notes, check_photographs
 from hydroviews.captures.sfm.poses import Matcher, estimate_poses
 from hydroviews.captures.video.capture import capture_video
 from hydroviews.captures.video.frames import FrameChoice
@@ -32,7 +32,7 @@ from hydroviews.files.atomic import write_json
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.formats.capture_json import FILE as CAPTURE
 from hydroviews.formats.capture_json import RAINY, read_capture_json
-from hydroviews.formats.photographs import FOLDERS, photographs_below
+from hydroviews.formats.photographs import FOLDERS
 from hydroviews.profiles import PROFILES, Profile, find_profile
 from hydroviews.rain.registry import pattern_names
 from hydroviews.rain.scene_statistics import LensRenderer
@@ -180,9 +180,7 @@ def poses_command(images: Annotated[Path, tyro.conf.Positional], out: Path | Non
     images = images.resolve()
     out = out or _capture_beside(images)
     check_photographs(images, out)
-    count = len(photographs_below(images)) if images.is_dir() else 0
-    with locked(out.resolve(), BUSY), room_for(out, count):
-        renew_links(images, out)
+    with locked(out.resolve(), BUSY):
         scene = estimate_poses(images, out, rainy=rainy)
         if rainy:
             write_json(out / CAPTURE, {**read_capture_json(out), **RAINY})

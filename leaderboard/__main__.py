@@ -68,7 +68,7 @@ def sweep_command(request: tyro.conf.OmitArgPrefixes[SweepRequest]) -> None:
     failures = sweep(request)
     for run, reason in failures.items():
         print(f"{run}: failed: {reason}")
-    if (request.results / TABLES).is_file():
+    if not request.slurm and (request.results / TABLES).is_file():
         print(f"tables: {request.results / TABLES}; `python -m leaderboard site` shows them with pictures")
     if failures:
         sys.exit(1)

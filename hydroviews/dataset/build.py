@@ -23,7 +23,6 @@ from pathlib import Path
 from typing import Any
 
 from hydroviews.blender.embedded_scenes.captures import EMBEDDED
-from hydroviews.captures.photographs import room_for
 from hydroviews.dataset.card.card import CARD, LICENCE, find_licence, keep_licence, stated_licence, write_card
 from hydroviews.dataset.clean_views import CLEAN, write_cameras, write_views
 from hydroviews.dataset.drawing_code import VERSION, drawing_code
@@ -118,8 +117,7 @@ def build(
         logger.warning(note)
     images = f"{CAPTURED}/images" if scene.captured_rainy else CLEAN
     clean = write_views(scene.resized(long_side), folder, images)
-    with room_for(folder, 0 if len(scene.points) else len(scene.views)):
-        clean = write_cameras(clean, folder, scene, images)
+    clean = write_cameras(clean, folder, scene, images)
     if scene.captured_rainy:
         write_captured(clean, folder)
     rains = sorted({*patterns, *map(parse_pattern, entry["patterns"])})  # those of an earlier call too

@@ -132,7 +132,7 @@ def refuse_own_capture(scene: Scene, folder: Path) -> None:
 
 
 def _fingerprint(scene: Scene) -> str:
-    """Changes when the capture's views, cameras, points, split, image files or what it says of itself do."""
+    """Changes when the capture's views, cameras, lenses, points, split, image files or what it says of itself do."""
     digest = hashlib.sha256(json.dumps(asdict(scene.split)).encode())
     digest.update(np.ascontiguousarray(scene.points.positions, np.float64).round(9).tobytes())
     digest.update(np.ascontiguousarray(scene.points.colours).tobytes())
@@ -141,6 +141,7 @@ def _fingerprint(scene: Scene) -> str:
         pose = [round(x, 9) for x in camera.world_to_camera.ravel().tolist()]
         facts = [view.name, camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, pose]
         digest.update(json.dumps(facts).encode() + _glimpse(view.path))
+        digest.update(repr((view.lens.model, view.lens.params)).encode() if view.lens else b"")
         digest.update(_glimpse(view.mask) if view.mask else b"")
         digest.update(_glimpse(depth_path(view)))
     for view in scene.clean_views:

@@ -34,19 +34,18 @@ def verify(data: Path, every_view: bool = False) -> list[str]:
     Raises:
         InputError: there is no manifest, or it is none.
     """
-    only = ""
-    if not os.path.lexists(data / MANIFEST) and scene_entry(data.resolve()):
-        data, only = data.resolve().parent, data.resolve().name
-    if not (data / MANIFEST).is_file() or (data / MANIFEST).is_symlink():
+    one = None if os.path.lexists(data / MANIFEST) else scene_entry(data.resolve())
+    manifest = (data.resolve().parent if one else data) / MANIFEST
+    if not manifest.is_file() or manifest.is_symlink():
         raise InputError(
             f"{data}: no {MANIFEST}",
-            found="a link" if (data / MANIFEST).is_symlink() else None,
+            found="a link" if manifest.is_symlink() else None,
             expected="a folder that `hydroviews build` has finished",
             fix="run the build again",
         )
+    if one:
+        return _check_scene(data.resolve(), one, every_view)
     scenes = read_manifest(data)["scenes"]
-    if only:
-        return _check_scene(data / only, scenes[only], every_view)
     problems = check_folder(data, scenes)
     for scene, entry in scenes.items():
         problems += _check_scene(data / scene, entry, every_view)

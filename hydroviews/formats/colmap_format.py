@@ -112,7 +112,7 @@ def _records(path: Path, binary: Any, text: Any) -> Iterator[tuple]:
             yield from binary(cursor)
             cursor.finish()
         else:
-            yield from text(path.read_text("utf-8").splitlines())
+            yield from text(path.read_text("utf-8-sig").splitlines())
     except UnicodeDecodeError as error:
         raise InputError(
             f"{path}: a name that is not UTF-8",

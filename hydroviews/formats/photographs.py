@@ -68,6 +68,21 @@ def require_permission(path: Path) -> None:
         raise no_permission(path)
 
 
+def require_target(path: Path) -> None:
+    """Refuse a link to a photograph that is not there.
+
+    Raises:
+        InputError: it is one.
+    """
+    if path.is_symlink() and not path.exists():
+        raise InputError(
+            f"{path}: a link to a photograph that is not there",
+            found=os.readlink(path),
+            fix="put the photograph back or remove the link; where the `poses` or `reconstruct` command made it, give "
+            "that again with the folder that the photographs are in now",
+        )
+
+
 def unreadable_photographs(folder: Path) -> str:
     """How many files are photographs in formats that are not read here, such as "50 .heic"; empty if none are."""
     suffixes = Counter(path.suffix.lower() for path in _files_below(folder, UNREAD))
@@ -175,13 +190,7 @@ def make_view(
             against the rules of `scene.checks`.
     """
     check_view_name(path, name)
-    if path.is_symlink() and not path.exists():
-        raise InputError(
-            f"{path}: a link to a photograph that is not there",
-            found=os.readlink(path),
-            fix="put the photographs back, or give the `poses` or `reconstruct` command that made the link again with "
-            "the folder that they are in now",
-        )
+    require_target(path)
     require_permission(path)
     size = image_size(path)
     if not same_shape(size, (lens.width, lens.height)):

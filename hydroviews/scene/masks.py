@@ -6,6 +6,7 @@ they are bool [H, W], True where hidden.
 """
 
 import hashlib
+import unicodedata
 from pathlib import Path
 
 import cv2
@@ -32,10 +33,11 @@ def find_mask(folder: Path, image: str) -> Path | None:
     Args:
         folder: of the masks; it need not exist.
         image: file name relative to the folder of photographs. A mask of just that name counts as well if it is
-            a PNG, as it does for COLMAP.
+            a PNG, as it does for COLMAP. Umlauts may be stored as letter and mark, as macOS does, in either name.
     """
     names = [mask_name(image), image] if image.lower().endswith(".png") else [mask_name(image)]
-    return next((folder / name for name in names if (folder / name).is_file()), None)
+    spelt = [one for n in names for one in (n, unicodedata.normalize("NFC", n), unicodedata.normalize("NFD", n))]
+    return next((folder / name for name in spelt if (folder / name).is_file()), None)
 
 
 def mask_digest(folder: Path) -> str:

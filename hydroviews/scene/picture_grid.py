@@ -1,5 +1,6 @@
 """A grid of captioned pictures on white: rows of tiles under headings."""
 
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -93,7 +94,7 @@ def write(canvas: Canvas, text: str, x: int, middle: int, size: int, grey: int, 
 
     Args:
         canvas: changed in place.
-        text: plain ASCII; other characters become question marks.
+        text: letters lose their marks, since the font has ASCII alone; other characters become question marks.
         x: where it begins.
         middle: the row that the letters are centred on.
         size: height of the letters in pixels.
@@ -106,10 +107,11 @@ def write(canvas: Canvas, text: str, x: int, middle: int, size: int, grey: int, 
     """
     if not text or limit < size:
         return x
+    plain = _ascii(text)
     scale, thick = FINE * size / 30, max(1, round(FINE * size * weight / 18))
-    (long, tall), base = cv2.getTextSize(text, FONT, scale, thick)
+    (long, tall), base = cv2.getTextSize(plain, FONT, scale, thick)
     drawn = np.full((tall + base + 2 * thick, long + 2 * thick), PAPER, np.uint8)
-    cv2.putText(drawn, text, (thick, tall + thick), FONT, scale, (grey,), thick, cv2.LINE_AA)
+    cv2.putText(drawn, plain, (thick, tall + thick), FONT, scale, (grey,), thick, cv2.LINE_AA)
     shrink = max(FINE, drawn.shape[1] / limit)
     wanted = (max(1, int(drawn.shape[1] / shrink)), max(1, int(drawn.shape[0] / shrink)))
     letters = cv2.resize(drawn, wanted, interpolation=cv2.INTER_AREA)
@@ -117,3 +119,8 @@ def write(canvas: Canvas, text: str, x: int, middle: int, size: int, grey: int, 
     room = canvas[top : top + letters.shape[0], x : x + letters.shape[1]]
     np.minimum(room, letters[: room.shape[0], : room.shape[1], None], out=room)
     return x + letters.shape[1]
+
+
+def _ascii(text: str) -> str:
+    letters = (letter for letter in unicodedata.normalize("NFKD", text) if not unicodedata.combining(letter))
+    return "".join(letters).replace("ß", "ss").encode("ascii", "replace").decode()

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from hydroviews.captures.photographs import room_for
 from hydroviews.captures.sfm.mapping import TooFewRegistered
 from hydroviews.captures.sfm.poses import estimate_poses
 from hydroviews.captures.sfm.sources import link_photographs
@@ -116,10 +115,9 @@ def _estimate(folder: Path, scene: Scene, seed: int, rainy: bool) -> Estimate:
     true = {view.name: view.camera.world_to_camera for view in scene.train_views}
     try:
         masks = _masks(folder, names)
-        with room_for(folder / CAPTURE, len(names)):
-            found = estimate_poses(
-                folder / PHOTOGRAPHS, folder / CAPTURE, CAMERA_MODEL, seed=seed, masks=masks, rainy=rainy
-            )
+        found = estimate_poses(
+            folder / PHOTOGRAPHS, folder / CAPTURE, CAMERA_MODEL, seed=seed, masks=masks, rainy=rainy
+        )
     except TooFewRegistered as error:
         return Estimate(replace(compare_cameras({}, true)[0], registered=error.registered), str(error).splitlines()[0])
     views = {names[view.name].name: view for view in found.views}

@@ -12,6 +12,7 @@ import pycolmap
 from tqdm import tqdm
 
 from hydroviews.captures.sfm import matching
+from hydroviews.captures.sfm.room import DATABASE
 from hydroviews.errors import InputError
 from hydroviews.files.full_disk import plain_full_disk
 from hydroviews.files.temporary import temporary_beside
@@ -31,7 +32,6 @@ POSE_ERROR = 3.0  # how many times as far off a point may be where a view is fir
 FIRST_PAIR_POINTS, VIEW_POINTS, VIEW_SHARE = 50, 15, 0.15
 FEWEST_DEGREES = 1.5  # between the rays to a point, as in mapping
 SNAPSHOT_EVERY = 10  # registered views between snapshots; an interruption may cost two of these intervals
-DATABASE = "database.db"
 MAPPING = ".unfinished-mapping"  # with snapshots that an interrupted mapping resumes from
 
 
@@ -150,8 +150,7 @@ def _incremental_mapping(
     options.snapshot_path = snapshots
     options.mapper.init_min_tri_angle = angle
     with tqdm(total=count, desc=f"mapping, first pair {angle:.0f} degrees apart", unit="image") as bar:
-        if begun:
-            bar.update(len(read_images(begun[0])))
+        starts = iter([len(read_images(begun[0]))] if begun else [])
         call = partial(
             pycolmap.incremental_mapping,
             out / DATABASE,
@@ -159,9 +158,15 @@ def _incremental_mapping(
             scratch,
             options,
             input_path=begun[0] if begun else "",
-            initial_image_pair_callback=lambda: None if begun else bar.update(2),
+            initial_image_pair_callback=lambda: _restarted(bar, next(starts, 2)),
             next_image_callback=lambda: bar.update(1),
         )
         models = matching.interruptible(call)
     shutil.rmtree(scratch)
     return sorted(models.values(), key=lambda model: -model.num_reg_images())
+
+
+def _restarted(bar: tqdm, registered: int) -> None:
+    """A bar for another model: each begins with views of its own."""
+    bar.reset()
+    bar.update(registered)

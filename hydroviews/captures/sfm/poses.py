@@ -11,7 +11,6 @@ from tqdm import tqdm
 from hydroviews.captures.exif_orientation import common_turn
 from hydroviews.captures.sfm import matching, pairs, rain
 from hydroviews.captures.sfm.mapping import (
-    DATABASE,
     MAPPING,
     MINIMUM,
     map_photographs,
@@ -19,7 +18,13 @@ from hydroviews.captures.sfm.mapping import (
     polished,
     rainy_options,
 )
-from hydroviews.captures.sfm.sources import forget_other_photographs, link_names, link_photographs
+from hydroviews.captures.sfm.room import DATABASE, room_for
+from hydroviews.captures.sfm.sources import (
+    forget_other_photographs,
+    link_names,
+    link_photographs,
+    without_blanks,
+)
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import listing
 from hydroviews.files.settings_guard import claim_folder
@@ -62,7 +67,7 @@ def estimate_poses(
         images: folder of the photographs and of folders with more.
         out: gets `images`, `sparse/0` (the largest model, then the others), `database.db` and `poses.json`. `images`
             has links; it has copies where links cannot be made, and copies turned upright where Exif says so of all
-            photographs alike and there are no masks.
+            photographs alike and there are no masks. Links follow photographs that were moved.
         camera_model: COLMAP's name; photographs of one size share a camera.
         matcher: "exhaustive" matches all pairs, "sequential" neighbours in the order of names, with loop closure;
             "auto" is exhaustive for up to `pairs.EXHAUSTIVE_LIMIT` photographs.
@@ -81,6 +86,7 @@ def estimate_poses(
 
     Raises:
         TooFewRegistered: fewer than three.
+        FullDisk: no room for features and matches.
         InputError: fewer than three photographs, one that cannot be read, or `out` was made otherwise or lies among the
             photographs; in rain, nothing but features that stay on the lens, or an enhanced picture of another size.
         ValueError: to enhance, but not `rainy`.
@@ -115,23 +121,25 @@ def estimate_poses(
         foreign=None,
         fix="choose another folder, or remove this one",
     )
+    link_photographs(links, pictures, turned=masks is None and common_turn(sources))
     if not finished:
         database, names = out / DATABASE, sorted(links)
-        link_photographs(links, pictures, turned=masks is None and common_turn(sources))
         chosen = pairs.all_pairs(len(names)) if exhaustive else pairs.sequence_pairs(len(names))
         register = partial(matching.register, database, pictures, names, camera_model, shared=True, masks=masks)
-        if rainy:
-            error = rain.tolerance(max(max(image_size(path)) for path in sources))
-            register(focal_length=rain.FOCAL_LENGTH)
-            rain.extract(database, pictures, names, camera_model, error, masks, enhance)
-            rain.match(database, names, chosen, seed, error)
-            map_photographs(out, len(names), rainy_options(seed, error), advice, finish=partial(polished, error=error))
-            rain.forget_parts(database)
-        else:
-            register()
-            matching.extract(database, pictures, names, camera_model, masks)
-            matching.match(database, names, chosen, seed)
-            map_photographs(out, len(names), mapping_options(seed), advice)
+        with room_for(out, len(names)):
+            if rainy:
+                error = rain.tolerance(max(max(image_size(path)) for path in sources))
+                register(focal_length=rain.FOCAL_LENGTH)
+                rain.extract(database, pictures, names, camera_model, error, masks, enhance)
+                rain.match(database, names, chosen, seed, error)
+                options, finish = rainy_options(seed, error), partial(polished, error=error)
+                map_photographs(out, len(names), options, advice, finish)
+                rain.forget_parts(database)
+            else:
+                register()
+                matching.extract(database, pictures, names, camera_model, masks)
+                matching.match(database, names, chosen, seed)
+                map_photographs(out, len(names), mapping_options(seed), advice)
     return read_scene(out)
 
 
@@ -148,27 +156,29 @@ def triangulate(scene: Scene, folder: Path, seed: int = 0) -> Points:
 
     Returns:
         Points seen by three views within two pixels; there may be none, if poses or photographs do not fit.
+
+    Raises:
+        FullDisk: no room for features and matches.
     """
     scene = scene.resized(matching.MAX_IMAGE_SIZE)
     # COLMAP's text forms have no blanks in names; the number tells "a b" from "a_b".
-    names = [f"{i:05d}-{view.name.replace(' ', '_')}.png" for i, view in enumerate(scene.views)]
+    names = [f"{i:05d}-{without_blanks(view.name)}.png" for i, view in enumerate(scene.views)]
     masks = folder / MASKS if any(view.mask for view in scene.views) else None
-    for name, view in zip(names, tqdm(scene.views, desc="photographs"), strict=True):
-        if not (folder / "images" / name).is_file():
-            write_png(folder / "images" / name, view.rounded())
-        if masks:
-            view.write_mask(masks / mask_name(name))
-    database = folder / DATABASE
-    matching.register(database, folder / "images", names, "PINHOLE", shared=False, masks=masks)
-    matching.extract(database, folder / "images", names, "PINHOLE", masks)
-    matching.match(
-        database, names, pairs.pose_pairs(np.stack([view.camera.world_to_camera for view in scene.views])), seed
-    )
-    model = _posed_model(scene, names, database)
-    options = pycolmap.IncrementalPipelineOptions(random_seed=seed)
-    (folder / "points").mkdir(exist_ok=True)
-    model = pycolmap.triangulate_points(model, database, folder / "images", folder / "points", options=options)
-    return _points(model)
+    chosen = pairs.pose_pairs(np.stack([view.camera.world_to_camera for view in scene.views]))
+    database, pictures, points = (folder / name for name in (DATABASE, "images", "points"))
+    with room_for(folder, len(names)):
+        for name, view in zip(names, tqdm(scene.views, desc="photographs"), strict=True):
+            if not (pictures / name).is_file():
+                write_png(pictures / name, view.rounded())
+            if masks:
+                view.write_mask(masks / mask_name(name))
+        matching.register(database, pictures, names, "PINHOLE", shared=False, masks=masks)
+        matching.extract(database, pictures, names, "PINHOLE", masks)
+        matching.match(database, names, chosen, seed)
+        points.mkdir(exist_ok=True)
+        options = pycolmap.IncrementalPipelineOptions(random_seed=seed)
+        model = _posed_model(scene, names, database)
+        return _points(pycolmap.triangulate_points(model, database, pictures, points, options=options))
 
 
 def _posed_model(scene: Scene, names: list[str], database: Path) -> pycolmap.Reconstruction:

@@ -1,6 +1,7 @@
 """The photographs that cameras are estimated for: links to them, and what becomes of work on others."""
 
 import logging
+import re
 import shutil
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -8,7 +9,7 @@ from typing import Any
 
 from hydroviews.captures.exif_orientation import write_upright
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import read_json
+from hydroviews.files.atomic import read_json, replacing
 from hydroviews.files.temporary import remove_tree
 from hydroviews.formats.photographs import some, view_names
 from hydroviews.scene.images import read_pixels
@@ -26,11 +27,16 @@ def link_names(images: Path, sources: list[Path]) -> dict[str, Path]:
         InputError: two photographs would have one name.
     """
     relative = [path.relative_to(images).as_posix() for path in sources]
-    stems = [stem.replace(" ", "_") for stem in view_names(relative)]
+    stems = [without_blanks(stem) for stem in view_names(relative)]
     if len(set(stems)) < len(stems):
         twice = sorted({stem for stem in stems if stems.count(stem) > 1})
         raise InputError(f"{images}: several images share a name", found=some(twice), fix="rename them")
     return {stem + path.suffix: path for stem, path in zip(stems, sources, strict=True)}
+
+
+def without_blanks(name: str) -> str:
+    """A name for COLMAP's text forms, which split lines at white space of any kind."""
+    return re.sub(r"\s", "_", name)
 
 
 def link_photographs(links: Mapping[str, Path], folder: Path, turned: bool) -> None:
@@ -52,7 +58,8 @@ def link_photographs(links: Mapping[str, Path], folder: Path, turned: bool) -> N
         try:
             target.symlink_to(source.resolve())
         except OSError:  # no links on this file system
-            shutil.copy2(source, target)
+            with replacing(target) as temporary:
+                shutil.copy2(source, temporary)
 
 
 def forget_other_photographs(path: Path, settings: Mapping[str, Any], remove: Iterable[Path], finished: bool) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from hydroviews.captures.photographs import room_for, without_camera
+from hydroviews.captures.photographs import without_camera
 from hydroviews.captures.sfm.poses import Matcher, estimate_poses
 from hydroviews.captures.sfm.rain import Enhance
 from hydroviews.captures.video.frames import FILE, IMAGES, SETTINGS, FrameChoice, take_frames
@@ -78,17 +78,16 @@ def capture_video(
         return None
     advice = advise(choice, masks is not None)
     hidden = out / MASKS if masks else None
-    with room_for(out, len(frames)):
-        scene = estimate_poses(
-            out / IMAGES,
-            out,
-            matcher=matcher,
-            seed=seed,
-            masks=hidden,
-            advice=advice,
-            rainy=not dry,
-            enhance=None if dry else enhance,
-        )
+    scene = estimate_poses(
+        out / IMAGES,
+        out,
+        matcher=matcher,
+        seed=seed,
+        masks=hidden,
+        advice=advice,
+        rainy=not dry,
+        enhance=None if dry else enhance,
+    )
     return replace(
         scene, notes=(*scene.notes, *registration_notes(without_camera(scene, out / IMAGES), len(frames), advice))
     )

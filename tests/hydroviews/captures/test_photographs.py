@@ -10,11 +10,10 @@ import PIL.Image
 import pytest
 
 from hydroviews.__main__ import poses_command, video_command
-from hydroviews.captures.photographs import camera_notes, check_photographs, renew_links, room_for
-from hydroviews.captures.sfm.sources import link_names, link_photographs
+from hydroviews.captures.photographs import camera_notes, check_photographs
+from hydroviews.captures.sfm.room import room_for
 from hydroviews.captures.video.decoding import open_video
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import listing, write_json
 from hydroviews.files.full_disk import FullDisk
 from hydroviews.files.locks import locked_if_free
 from hydroviews.formats.photographs import not_read, photographs_below
@@ -31,6 +30,14 @@ def pictures(folder, *names):
 def test_formats_that_colmap_does_not_read_are_refused(tmp_path):
     walk = pictures(tmp_path / "walk", "a.png", "b.webp", "c.WEBP")
     with pytest.raises(InputError, match=r"COLMAP does not read\n.*b\.webp, c\.WEBP\n.*convert them"):
+        poses_command(walk)
+    assert not (tmp_path / "walk-capture").exists()
+
+
+def test_a_link_to_nothing_is_named(tmp_path):
+    walk = pictures(tmp_path / "walk", "a.png", "b.png", "c.png")
+    (walk / "d.png").symlink_to(tmp_path / "lost.png")
+    with pytest.raises(InputError, match=r"d\.png: a link to a photograph that is not there\n.*lost\.png"):
         poses_command(walk)
     assert not (tmp_path / "walk-capture").exists()
 
@@ -97,18 +104,6 @@ def test_a_disk_without_room_is_refused_before_work_begins(tmp_path, monkeypatch
 def test_a_database_that_fills_the_disk_is_told(tmp_path):
     with pytest.raises(FullDisk, match=r"no space left[\s\S]*disk I/O error"), room_for(tmp_path / "out", 1):
         raise RuntimeError("[database_sqlite.cc:603] SQLite error: disk I/O error")
-
-
-def test_links_lead_to_photographs_that_were_moved(tmp_path):
-    walk, out = pictures(tmp_path / "walk", "a 1.png", "b.png"), tmp_path / "out"
-    link_photographs(link_names(walk, photographs_below(walk)), out / "images", turned=False)
-    write_json(out / "poses.json", {"files": listing(photographs_below(walk))})
-    moved = walk.rename(tmp_path / "moved")
-    renew_links(pictures(tmp_path / "others", "a 1.png"), out)
-    assert not (out / "images" / "a_1.png").exists()
-    renew_links(moved, out)
-    assert (out / "images" / "a_1.png").resolve() == moved / "a 1.png"
-    assert (out / "images" / "b.png").resolve() == moved / "b.png"
 
 
 def test_what_may_not_be_read_is_not_called_damaged(tmp_path, monkeypatch):

@@ -1,5 +1,6 @@
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,11 +15,13 @@ import pytest
 from captures import WALK, capture, flower_walk
 from processes import PATIENCE, wait_until
 from synthetic import capture_in
+from tqdm import tqdm
 
 from hydroviews.__main__ import poses_command
 from hydroviews.captures.sfm import mapping, matching, pairs
 from hydroviews.captures.sfm.mapping import can_be_read
 from hydroviews.captures.sfm.poses import estimate_poses, triangulate
+from hydroviews.captures.sfm.sources import link_names, link_photographs
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import listing
 from hydroviews.formats.capture_json import captured_rainy
@@ -64,8 +67,12 @@ def test_interrupted_estimation_goes_on_and_agrees_with_the_solved_poses(flower,
     assert max(relative_rotation_error(scene, solved, 0, i) for i in range(1, 9)) < 1
 
     before = {path: path.stat().st_mtime_ns for path in (out / "sparse" / "0").iterdir()}
+    link = next((out / "images").iterdir())
+    link.unlink()
+    link.symlink_to(tmp_path / "where it was")
     estimate_poses(flower, out)
     assert {path: path.stat().st_mtime_ns for path in (out / "sparse" / "0").iterdir()} == before
+    assert link.resolve().parent == flower / "first walk"
     with pytest.raises(InputError, match=r"estimated otherwise\n.*seed"):
         estimate_poses(flower, out, seed=1)
 
@@ -178,6 +185,66 @@ def test_photographs_that_moved_are_the_same(tmp_path):
     with pytest.raises(InputError, match="could be registered"):
         estimate_poses(moved, tmp_path / "out")
     assert (tmp_path / "out" / "images" / "view-01.png").is_file()
+
+
+def test_names_of_links_have_no_white_space_of_any_kind(tmp_path):
+    names = ["a 1.png", "b\u202f2.png", "c\t3.png"]
+    links = link_names(tmp_path, [tmp_path / name for name in names])
+    assert list(links) == ["a_1.png", "b_2.png", "c_3.png"]
+
+
+def test_a_copy_that_is_cut_short_is_made_again(tmp_path, monkeypatch):
+    write_png(tmp_path / "photographs" / "a.png", np.zeros((8, 8, 3), np.float32))
+    links, folder = {"a.png": tmp_path / "photographs" / "a.png"}, tmp_path / "images"
+
+    def no_links(*_):
+        raise OSError("no links here")
+
+    def cut_short(source, target):
+        Path(target).write_bytes(source.read_bytes()[:20])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Path, "symlink_to", no_links)
+    with monkeypatch.context() as patch:
+        patch.setattr(shutil, "copy2", cut_short)
+        with pytest.raises(KeyboardInterrupt):
+            link_photographs(links, folder, turned=False)
+    assert not list(folder.iterdir())
+    link_photographs(links, folder, turned=False)
+    assert (folder / "a.png").read_bytes() == links["a.png"].read_bytes()
+
+
+@pytest.mark.parametrize("begun", [0, 7])
+def test_the_bar_of_mapping_is_of_one_model_at_a_time(tmp_path, monkeypatch, begun):
+    """Two models of 12 photographs, the first of which goes on from a snapshot where there is one."""
+    shown = []
+
+    def register(first, following):
+        def grow(*_, initial_image_pair_callback, next_image_callback, **__):
+            for views in (first, following):
+                initial_image_pair_callback()
+                for _ in range(views - 2):
+                    next_image_callback()
+                shown.append(bars[0].n)
+            return {}
+
+        return grow
+
+    bars = []
+
+    class Bar(tqdm):
+        def __init__(self, *args, **kwargs):
+            super().__init__(*args, **kwargs)
+            bars.append(self)
+
+    for i in range(2 if begun else 0):
+        (tmp_path / mapping.MAPPING / "snapshots" / str(i)).mkdir(parents=True)
+    monkeypatch.setattr(mapping, "tqdm", Bar)
+    monkeypatch.setattr(mapping, "read_images", lambda folder: [None] * begun)
+    monkeypatch.setattr(pycolmap, "incremental_mapping", register(5, 4))
+    monkeypatch.setattr(matching, "interruptible", lambda call: call())
+    mapping._incremental_mapping(tmp_path, 12, 16.0, mapping.mapping_options(0))
+    assert shown == ([begun + 3, 4] if begun else [5, 4])
 
 
 @pytest.fixture

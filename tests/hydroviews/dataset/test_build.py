@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pycolmap
 import pytest
+from distorted import LENS, colmap_capture
 from synthetic import capture_in
 
 from hydroviews.dataset import build as build_module
@@ -384,6 +385,14 @@ def test_what_was_begun_is_dropped_for_nothing_but_a_mended_capture(scene, tmp_p
     assert (folder / "begun").is_file()
     take_folder(folder.parent, folder, make_request(scene, "yard", 32, 0, "disk"), overwrite=False)
     assert not (folder / "begun").exists()
+
+
+def test_another_distortion_is_another_capture(tmp_path):
+    scene = read_scene(colmap_capture(tmp_path))
+    before = make_request(scene, "ring", 32, 0, "disk").capture
+    bent = replace(LENS, params=(*LENS.params[:-1], LENS.params[-1] + 1e-4))
+    views = tuple(replace(view, lens=bent) for view in scene.views)
+    assert make_request(replace(scene, views=views), "ring", 32, 0, "disk").capture != before
 
 
 def test_a_wrong_licence_is_told_before_anything_is_built(scene, tmp_path):

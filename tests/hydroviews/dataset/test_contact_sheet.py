@@ -130,3 +130,12 @@ def test_letters_stay_in_their_room():
     assert written.max() < end <= 121
     assert write(canvas, "", 7, 20, 18, 0, limit=100) == 7
     assert write(canvas, "no room", 7, 20, 18, 0, limit=3) == 7
+
+
+def test_letters_lose_their_marks_and_others_are_question_marks():
+    drawn = []
+    for text in ("B\u00e4ume", "Ba\u0308ume", "Baume", "B\u6c34ume", "B?ume"):
+        drawn.append(np.full((40, 300, 3), PAPER, np.uint8))
+        write(drawn[-1], text, 0, 20, 18, 0, limit=300)
+    same = [[np.array_equal(a, b) for a in drawn] for b in drawn]
+    assert same == np.kron(np.eye(2, dtype=bool), np.ones((3, 3), bool))[:5, :5].tolist()

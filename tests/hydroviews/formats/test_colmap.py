@@ -166,6 +166,16 @@ def test_truncated_text_model(tmp_path, file):
         read_scene(folder)
 
 
+def test_a_text_model_may_begin_with_a_byte_order_mark(tmp_path):
+    folder = colmap_capture(tmp_path, text=True)
+    before = read_scene(folder)
+    for path in (folder / "sparse" / "0").iterdir():
+        path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    after = read_scene(folder)
+    assert [view.name for view in after.views] == [view.name for view in before.views]
+    assert len(after.points) == len(before.points)
+
+
 def test_too_long_binary_model(tmp_path):
     folder = colmap_capture(tmp_path)
     with (folder / "sparse" / "0" / "images.bin").open("ab") as file:

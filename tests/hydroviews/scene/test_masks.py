@@ -1,6 +1,7 @@
 """Masks from the file to the score."""
 
 import json
+import unicodedata
 from dataclasses import replace
 
 import cv2
@@ -22,7 +23,7 @@ from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap, write_nerfstudio
 from hydroviews.rain.patterns import Pattern
 from hydroviews.scene.images import write_png
-from hydroviews.scene.masks import fit_ignored, mask_name, read_ignored, write_ignored
+from hydroviews.scene.masks import find_mask, fit_ignored, mask_name, read_ignored, write_ignored
 from hydroviews.scene.scenes import View
 
 
@@ -242,3 +243,12 @@ def test_masks_of_other_names_are_told(capture):
     for path in list((capture / "masks").iterdir()):
         path.rename(path.with_name(path.name.replace("view-", "IMG_")))
     assert "none is named as it should be, such as view-00.png.png" in " ".join(read_scene(capture).notes)
+
+
+def test_umlauts_of_a_mask_may_be_stored_in_either_way(tmp_path):
+    composed, decomposed = (unicodedata.normalize(form, "B\u00e4ume.jpg") for form in ("NFC", "NFD"))
+    for stored, named in ((composed, decomposed), (decomposed, composed)):
+        write_ignored(tmp_path / mask_name(stored), np.ones((2, 2), bool))
+        assert find_mask(tmp_path, named) == tmp_path / mask_name(stored)
+        (tmp_path / mask_name(stored)).unlink()
+    assert find_mask(tmp_path, composed) is None
