@@ -8,6 +8,7 @@ import numpy as np
 from deraings.image_planes import Plane
 from hydroviews.files.atomic import read_json
 from hydroviews.rain.layers import read_layers
+from hydroviews.rain.patterns import PATTERN_FILE
 from hydroviews.rain.registry import find_effect
 from hydroviews.scene.scenes import View
 
@@ -29,7 +30,7 @@ def true_covers(variant: Path, view: View) -> dict[str, Plane]:
     Raises:
         InputError: missing or unreadable.
     """
-    effect = find_effect(read_json(variant / "pattern.json")["effect"])
+    effect = find_effect(read_json(variant / PATTERN_FILE)["effect"])
     size = view.camera.width, view.camera.height
     layers = read_layers(variant / "layers" / f"{view.name}.exr")
     planes = {n: np.asarray(cv2.resize(p, size, interpolation=cv2.INTER_AREA), np.float32) for n, p in layers.items()}

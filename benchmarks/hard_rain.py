@@ -24,6 +24,7 @@ from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.files.atomic import read_json, write_bytes
 from hydroviews.profiles import find_profile
 from hydroviews.rain.layers import read_layers
+from hydroviews.rain.patterns import PATTERN_FILE
 from hydroviews.rain.registry import find_effect
 from hydroviews.scene.depth import view_depth
 from hydroviews.scene.images import Image, to_linear, to_srgb, write_png
@@ -83,7 +84,7 @@ def foggy(scene: Scene) -> Callable[[View], Image]:
 
 def behind(variant: Path) -> Callable[[View], Image]:
     """Photographs as they are through the wet lens of a variant."""
-    pattern = read_json(variant / "pattern.json")
+    pattern = read_json(variant / PATTERN_FILE)
 
     def paint(view: View) -> Image:
         layers = read_layers(variant / "layers" / f"{view.name}.exr")

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.manifest import known_file, scene_entry
 from hydroviews.dataset.sharing.archive import open_archive
-from hydroviews.dataset.sharing.contents import IMAGES, LAYERS, PATTERN, variants_of
+from hydroviews.dataset.sharing.contents import IMAGES, LAYERS, variants_of
 from hydroviews.errors import InputError, unknown_name
 from hydroviews.files.atomic import read_json
 from hydroviews.formats.colmap_format import read_cameras, read_images
@@ -28,6 +28,7 @@ from hydroviews.formats.photographs import SPLIT, read_split
 from hydroviews.formats.writers import MODEL
 from hydroviews.rain.effect import Effect
 from hydroviews.rain.layers import read_layers
+from hydroviews.rain.patterns import PATTERN_FILE
 from hydroviews.rain.registry import find_effect
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import read_image
@@ -101,7 +102,7 @@ class RainyViews(torch.utils.data.Dataset):
         pictures = CLEAN if self.variant == CLEAN else f"{self.variant}/{IMAGES}"
         if not any(name.startswith(f"{pictures}/") for name in self._listed):
             raise InputError(f"{source}: no pictures of {self.variant} in it", fix="fetch it into a built scene")
-        self._effect = self._find_effect() if f"{self.variant}/{PATTERN}" in self._listed else None
+        self._effect = self._find_effect() if f"{self.variant}/{PATTERN_FILE}" in self._listed else None
         self._cameras, names = _cameras(self._files, self._listed, split)
         self.names = tuple(name for name in names if f"{pictures}/{name}.png" in self._listed)
 
@@ -109,7 +110,7 @@ class RainyViews(torch.utils.data.Dataset):
         return len(self.names)
 
     def _find_effect(self) -> Effect | None:
-        with self._files.file(f"{self.variant}/{PATTERN}") as path:
+        with self._files.file(f"{self.variant}/{PATTERN_FILE}") as path:
             name = read_json(path)["effect"]
         try:
             return find_effect(name)

@@ -28,8 +28,10 @@ from hydroviews.rain.registry import choose_patterns
 from hydroviews.scene.scenes import Scene
 from leaderboard.gather import collect, trusted_record, write_leaderboard
 from leaderboard.records import (
+    CEILING,
     DONE,
     FAILED,
+    FLOOR,
     LEADERBOARD,
     RAINY_POSES,
     RECORD,
@@ -44,7 +46,6 @@ from leaderboard.runs.supervision import Limits, Watch, end_gently, run_tethered
 from leaderboard.runs.train_and_render import PREDICTION
 from leaderboard.scoring.score import UnusableRun, describe, score
 from leaderboard.tables.markdown import scene_text
-from leaderboard.tables.rain_losses import CEILING, FLOOR
 
 logger = logging.getLogger(__name__)
 

@@ -31,6 +31,7 @@ LONGEST = 500  # characters of a reason
 LARGEST = 1e300  # what a number may be
 RESCORE = "evaluate the run again: its renders are scored anew"
 
+CEILING, FLOOR = "3dgs-clean", "3dgs"  # methods that others stand between: plain 3DGS on clean and on rainy views
 GIVEN_POSES, SPARSE_VIEWS, RAINY_POSES = "given-poses", "sparse-views", "rainy-poses"
 # Cameras of the clean capture; the same, with a third of the training views; cameras estimated from what is trained on.
 TRACKS = (GIVEN_POSES, SPARSE_VIEWS, RAINY_POSES)

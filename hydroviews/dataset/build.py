@@ -43,7 +43,7 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.hidden_share import scene_hidden_notes
-from hydroviews.rain.patterns import Pattern
+from hydroviews.rain.patterns import PATTERN_FILE, Pattern
 from hydroviews.rain.registry import parse_pattern
 from hydroviews.rain.scene_statistics import LensRenderer, survey
 from hydroviews.scene.scenes import Scene
@@ -102,7 +102,7 @@ def build(
     for name in filter(lambda name: (folder / name).is_dir(), entry["patterns"]):
         link_shared(folder / name)
     damaged = damaged_files(folder, entry, wanted, described=repair)
-    outdated = drawn_otherwise(folder, [n for n in entry["patterns"] if folder / n / "pattern.json" not in damaged])
+    outdated = drawn_otherwise(folder, [n for n in entry["patterns"] if folder / n / PATTERN_FILE not in damaged])
     redrawn = outdated if overwrite else []
     damaged = [path for path in damaged if path.relative_to(folder).parts[0] not in redrawn]
     drop_or_refuse(folder, damaged, repair, repairable=not outdated)

@@ -17,6 +17,7 @@ from hydroviews.files.atomic import read_json
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.rain.compositing import COLOURS, LayerPlane, Layers
 from hydroviews.rain.layers import read_layers
+from hydroviews.rain.patterns import PATTERN_FILE
 from hydroviews.rain.registry import find_effect, parse_pattern
 from hydroviews.scene.images import Image, list_images, read_image, to_srgb, write_png
 from hydroviews.scene.picture_grid import Row, Tile, draw_sheet
@@ -108,7 +109,7 @@ def _remark(variant: Path, views: "pd.DataFrame") -> str:
     """Grade, input PSNR and cover in a line."""
     from hydroviews.rain.streaks.measures import mean_angle
 
-    grade = read_json(variant / "pattern.json").get("grade", "")
+    grade = read_json(variant / PATTERN_FILE).get("grade", "")
     parts = [grade, f"input {_number(views['psnr'].mean())} dB"]
     for column in ("water", "mist", "streaks"):
         if views[column].notna().any() and views[column].max() > 0:
@@ -127,7 +128,7 @@ def _layer_rows(folder: Path, patterns: Sequence[str], name: str) -> list[Row]:
         shown = {key: plane.title for key, plane in planes.items() if plane.title and key in layers}
         tiles += [_plane_tile(layers[key], f"{key}: {title}") for key, title in shown.items()]
         tiles += [_light_tile(layers, stem, planes[f"{stem}R"]) for stem in _colour_stems(planes)]
-        rows.append(Row(pattern, read_json(folder / pattern / "pattern.json").get("grade", ""), tiles))
+        rows.append(Row(pattern, read_json(folder / pattern / PATTERN_FILE).get("grade", ""), tiles))
     return rows
 
 

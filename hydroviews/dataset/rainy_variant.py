@@ -19,7 +19,7 @@ from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.writers import write_nerfstudio
 from hydroviews.rain.effect import Effect, PreparedRain, Rain, fall
 from hydroviews.rain.layers import write_layers
-from hydroviews.rain.patterns import Pattern
+from hydroviews.rain.patterns import PATTERN_FILE, Pattern
 from hydroviews.rain.registry import find_effect
 from hydroviews.rain.scene_statistics import SceneStatistics
 from hydroviews.scene.cameras import Camera
@@ -79,7 +79,7 @@ def _focal(camera: Camera) -> float:
 
 def _take_variant(variant: Path, facts: Mapping[str, Any]) -> None:
     """Write `pattern.json` before any view, and drop the views that an interrupted build made with other parameters."""
-    path = variant / "pattern.json"
+    path = variant / PATTERN_FILE
     try:
         earlier = read_json(path) if path.is_file() else None
     except InputError:
@@ -119,8 +119,8 @@ def write_captured(scene: Scene, folder: Path) -> None:
     link_shared(variant)
     write_nerfstudio(scene, variant / "transforms.json", "images")
     effect, _, index = CAPTURED.rpartition("-")
-    if not (variant / "pattern.json").is_file():
-        write_json(variant / "pattern.json", {"effect": effect, "index": int(index), "generator": VERSION})
+    if not (variant / PATTERN_FILE).is_file():
+        write_json(variant / PATTERN_FILE, {"effect": effect, "index": int(index), "generator": VERSION})
 
 
 def link_shared(variant: Path) -> None:

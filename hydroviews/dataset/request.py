@@ -15,6 +15,7 @@ from hydroviews.dataset.manifest import forget_scene, read_manifest
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, sha256
 from hydroviews.files.settings_guard import claim_folder
+from hydroviews.rain.patterns import PATTERN_FILE
 from hydroviews.rain.registry import find_effect, parse_pattern
 from hydroviews.rain.scene_statistics import LensRenderer
 from hydroviews.scene.depth import depth_path
@@ -106,11 +107,11 @@ def drawn_otherwise(folder: Path, patterns: Collection[str]) -> list[str]:
     """
     if _recorded_code(folder / REQUEST) != drawing_code():
         return [WHOLE]
-    kept = [name for name in patterns if (folder / name / "pattern.json").is_file()]
+    kept = [name for name in patterns if (folder / name / PATTERN_FILE).is_file()]
     return [
         name
         for name in kept
-        if _recorded_code(folder / name / "pattern.json") != drawing_code(find_effect(parse_pattern(name).effect))
+        if _recorded_code(folder / name / PATTERN_FILE) != drawing_code(find_effect(parse_pattern(name).effect))
     ]
 
 

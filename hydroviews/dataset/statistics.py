@@ -29,6 +29,7 @@ from tqdm import tqdm
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, replacing
 from hydroviews.rain.layers import read_layers
+from hydroviews.rain.patterns import PATTERN_FILE
 from hydroviews.rain.registry import find_effect
 from hydroviews.scene.images import list_images, read_image, to_linear, to_uint8
 
@@ -85,7 +86,7 @@ def measure_variant(folder: Path, pattern: str) -> "pd.DataFrame":
     import pandas as pd
 
     variant = folder / pattern
-    facts = read_json(variant / "pattern.json")
+    facts = read_json(variant / PATTERN_FILE)
     images = list_images(variant / "images")
     rows = [
         asdict(_measure_files(folder, variant, image, facts))
@@ -175,7 +176,7 @@ def summarise(folder: Path, patterns: str = "[!.]*") -> "pd.DataFrame":
 
     rows = []
     for path in sorted(folder.glob(f"{patterns}/{STATISTICS}")):
-        views, facts = read_statistics(path), read_json(path.parent / "pattern.json")
+        views, facts = read_statistics(path), read_json(path.parent / PATTERN_FILE)
         about = {"pattern": path.parent.name, "effect": facts["effect"], "grade": facts.get("grade", "")}
         rows.append({**about, "views": len(views), **_summary(views)})
     return pd.DataFrame(rows, columns=["pattern", "effect", "grade", "views", *SUMMARY]).round(DECIMALS)

@@ -8,6 +8,7 @@ from hydroviews.rain.scene_statistics import SceneStatistics
 from hydroviews.scene.seeds import generator
 
 GRADES = ("light", "medium", "heavy")
+PATTERN_FILE = "pattern.json"  # of a built variant: what was drawn
 
 
 @dataclass(frozen=True, order=True)

@@ -25,12 +25,11 @@ from hydroviews.dataset.suites import DEVELOPMENT, TEST, suite_of
 from hydroviews.errors import InputError, unknown_name
 from hydroviews.formats.markdown import markdown_table
 from hydroviews.metrics import find_metrics
-from leaderboard.records import GIVEN_POSES, SCORED, effect_of
+from leaderboard.records import CEILING, FLOOR, GIVEN_POSES, SCORED, effect_of
 from leaderboard.tables.comparison import differences, scene_scores
 from leaderboard.tables.dataframes import grade_of, share_of_gap
 from leaderboard.tables.markdown import score_cells
 from leaderboard.tables.means import RUN, Compared, compared_runs, method_means, shown_names
-from leaderboard.tables.rain_losses import CEILING, FLOOR
 from leaderboard.tables.statistics import estimate
 
 START, END = "<!-- board: ", "<!-- /board -->"

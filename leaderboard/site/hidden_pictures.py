@@ -13,6 +13,7 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.rain.layers import read_layers
+from hydroviews.rain.patterns import PATTERN_FILE
 from hydroviews.rain.registry import find_effect
 from hydroviews.scene.images import to_uint8
 from leaderboard.records import SCORED
@@ -71,7 +72,7 @@ def true_cover(variant: Path, view: str) -> NDArray[np.float32]:
     Raises:
         InputError: missing or unreadable.
     """
-    effect = find_effect(read_json(variant / "pattern.json")["effect"])
+    effect = find_effect(read_json(variant / PATTERN_FILE)["effect"])
     covers = effect.covers(read_layers(variant / "layers" / f"{view}.exr"))
     left = np.prod([1 - np.clip(cover, 0, 1) for cover in covers.values()], axis=0)
     return np.asarray(1 - left, np.float32)

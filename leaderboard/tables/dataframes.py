@@ -11,9 +11,9 @@ from hydroviews.dataset.suites import DEVELOPMENT, TEST, read_suite, suite_of
 from hydroviews.errors import InputError, unknown_name
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.rain.patterns import GRADES
+from leaderboard.records import CEILING, FLOOR
 from leaderboard.tables.means import COSTS, compared_runs, method_means, shown_names
 from leaderboard.tables.paper_numbers import ABLATION
-from leaderboard.tables.rain_losses import CEILING, FLOOR
 
 SUITES = (TEST, DEVELOPMENT, "")  # in the order of tables; empty: scenes of no suite
 SCORE = ("method", "pattern", "seed", "data_sha256", "psnr")

@@ -15,10 +15,10 @@ from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.read import read_scene
 from hydroviews.rain.lens.pattern import RaindropPattern
 from hydroviews.rain.lens.severity import drops_harm, veil_harm
+from hydroviews.rain.patterns import PATTERN_FILE
 from hydroviews.rain.scene_statistics import SceneStatistics, survey
-from leaderboard.records import GIVEN_POSES, LEADERBOARD, SCORED
+from leaderboard.records import CEILING, FLOOR, GIVEN_POSES, LEADERBOARD, SCORED
 
-CEILING, FLOOR = "3dgs-clean", "3dgs"  # plain 3DGS trained on clean and on rainy views
 TEXT = ("method", "scene", "pattern", "track", "profile", "status", "data_sha256")  # names, even where they are digits
 COLUMNS = ["pattern", "grade", "track", "profile", "seeds", "clean", "rainy", "loss"]
 
@@ -89,7 +89,7 @@ def losses_of(folder: Path, leaderboard: pd.DataFrame) -> pd.DataFrame:
     pairs = floor.merge(ceiling, on=same, suffixes=("", "_clean"))
     for (track, pattern, profile), group in pairs.groupby(["track", "pattern", "profile"]):
         clean, rainy = float(group.psnr_clean.mean()), float(group.psnr.mean())
-        grade = read_json(folder / str(pattern) / "pattern.json").get("grade", "")
+        grade = read_json(folder / str(pattern) / PATTERN_FILE).get("grade", "")
         numbers = (round(clean, 3), round(rainy, 3), round(clean - rainy, 3))
         rows.append((pattern, grade, track, profile, len(group), *numbers))
     return pd.DataFrame(rows, columns=COLUMNS)
@@ -136,7 +136,7 @@ def _drops_cost(pattern: RaindropPattern, harm: float, statistics: SceneStatisti
 
 def _drops_on_the_lens(variant: Path) -> RaindropPattern | None:
     """The pattern of a variant of the effect `raindrop`; None for others."""
-    facts = read_json(variant / "pattern.json")
+    facts = read_json(variant / PATTERN_FILE)
     if facts["effect"] != "raindrop":
         return None
     parameters = facts["parameters"]

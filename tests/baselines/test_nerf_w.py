@@ -6,28 +6,21 @@ import balls
 import numpy as np
 import pytest
 import torch
+from field_rays import SPACE, rays, samples
 
 from baselines.method import find_method
 from baselines.nerf_w import NerfW, NerfWConfig, NerfWModel, nerf_w_losses
 from baselines.volumetric.batches import Batch
 from baselines.volumetric.compositing import INFINITE
-from baselines.volumetric.model import Samples, TrainingContext
-from baselines.volumetric.rays import WorldRays
-from baselines.volumetric.spaces import Contracted
+from baselines.volumetric.model import TrainingContext
 from hydroviews.errors import InputError
 
 CONFIG = NerfWConfig(balls.SMALL, appearance=8, transient=8, transient_width=16, embedding_rate=2e-2)
 SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, proposal_always=10))
-SPACE = Contracted((0.0, 0.0, 0.0), 1.0, 0.2, 5.0)
 
 
 def model(views=3):
     return NerfWModel(CONFIG, SPACE, torch.Generator().manual_seed(0), views)
-
-
-def rays(n):
-    directions = np.random.default_rng(0).normal(size=(n, 3))
-    return SPACE.from_world(WorldRays(np.zeros((n, 3)), directions), torch.device("cpu"))
 
 
 def batch(n, colours=None):
@@ -58,11 +51,8 @@ def shaded(static, passing, lengths):
     """A rendering of rays with known densities, and the model."""
     given, nerf = Given(static, passing), model()
     nerf.field, nerf.head = given, given
-    count, samples = static.shape
-    edges = torch.linspace(0, 1, samples + 1).expand(count, -1)
-    where = Samples(edges, lengths, torch.zeros(count, samples, 3))
-    context = TrainingContext(torch.arange(count) % 3, torch.zeros(2, count))
-    return nerf.shade(rays(count), where, context), given
+    context = TrainingContext(torch.arange(len(static)) % 3, torch.zeros(2, len(static)))
+    return nerf.shade(rays(len(static)), samples(lengths), context), given
 
 
 def test_static_and_transient_matter_share_what_an_interval_emits():

@@ -23,6 +23,7 @@ from hydroviews.formats.markdown import markdown_table
 from hydroviews.formats.photographs import FOLDERS
 from hydroviews.formats.read import has_cameras
 from hydroviews.profiles import PROFILES
+from hydroviews.rain.patterns import PATTERN_FILE
 from hydroviews.scene.images import image_size, list_images
 from hydroviews.scene.scenes import Scene
 
@@ -136,7 +137,7 @@ def card_text(folder: Path, patterns: Sequence[str], notes: Sequence[str], licen
         InputError: a file of the scene is missing or unreadable.
     """
     request = read_json(folder / "request.json")
-    facts = {name: read_json(folder / name / "pattern.json") for name in patterns}
+    facts = {name: read_json(folder / name / PATTERN_FILE) for name in patterns}
     parts = [
         _about(folder, request, facts, notes),
         _severity(folder, facts),

@@ -23,6 +23,7 @@ from hydroviews.files.atomic import read_json
 from hydroviews.rain.compositing import Layers
 from hydroviews.rain.effect import Effect, Rain, fall
 from hydroviews.rain.layers import read_layers
+from hydroviews.rain.patterns import PATTERN_FILE
 from hydroviews.rain.registry import find_effect, parse_pattern
 from hydroviews.rain.scene_statistics import SceneStatistics, survey
 from hydroviews.scene.scenes import View
@@ -87,7 +88,7 @@ def _check_variant(variant: Path, name: str, known: SceneStatistics, every_view:
         NoBlender: it takes Blender, which is not here.
         InputError: a file is missing or odd.
     """
-    path = variant / "pattern.json"
+    path = variant / PATTERN_FILE
     facts, pattern = read_facts(path), parse_pattern(name)
     effect, seed = find_effect(pattern.effect), facts.get("seed")
     if type(seed) is not int or seed < 0 or (facts["effect"], facts.get("index")) != (pattern.effect, pattern.index):

@@ -15,6 +15,7 @@ from hydroviews.files.atomic import read_json
 from hydroviews.rain.compositing import STREAKS, WATER
 from hydroviews.rain.effect import Effect
 from hydroviews.rain.layers import read_layers
+from hydroviews.rain.patterns import PATTERN_FILE
 from hydroviews.rain.registry import find_effect
 from hydroviews.scene.images import Image, list_images, read_image, to_uint8
 
@@ -43,7 +44,7 @@ def _check_view(folder: Path, variant: Path, image: Path) -> list[str]:
     Raises:
         InputError: a file is missing, unreadable or no such file, or of another size than its clean view.
     """
-    facts, name = read_facts(variant / "pattern.json"), image.stem
+    facts, name = read_facts(variant / PATTERN_FILE), image.stem
     clean, rainy = read_image(folder / CLEAN / image.name), read_image(image)
     if rainy.shape != clean.shape:
         raise InputError(f"{image}: another size than its clean view", found=rainy.shape, expected=clean.shape)

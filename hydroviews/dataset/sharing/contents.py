@@ -17,10 +17,11 @@ from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.nerfstudio import CAMERA_FILE
 from hydroviews.formats.photographs import SPLIT
 from hydroviews.rain.compositing import COLOURS
+from hydroviews.rain.patterns import PATTERN_FILE
 from hydroviews.rain.registry import find_effect
 
 APACHE_TEXT = Path(__file__).with_name(APACHE)
-IMAGES, LAYERS, PATTERN = "images", "layers", "pattern.json"
+IMAGES, LAYERS = "images", "layers"
 
 
 @dataclass(frozen=True)
@@ -117,11 +118,11 @@ def _is_ours(folder: Path, name: str, rains: list[str], shareable: bool) -> bool
         return False
     if below.startswith(f"{LAYERS}/"):
         return shareable or not set(_planes(folder / top)) & set(COLOURS)
-    return below in (PATTERN, STATISTICS, CAMERA_FILE)
+    return below in (PATTERN_FILE, STATISTICS, CAMERA_FILE)
 
 
 def _planes(variant: Path) -> Mapping[str, Any]:
-    return find_effect(read_json(variant / PATTERN)["effect"]).planes
+    return find_effect(read_json(variant / PATTERN_FILE)["effect"]).planes
 
 
 def _refused(folder: Path, licence: Licence | None) -> InputError:

@@ -23,7 +23,7 @@ from hydroviews.dataset.manifest import changed_files, enter_scene, read_manifes
 from hydroviews.dataset.rainy_variant import link_shared
 from hydroviews.dataset.request import REQUEST
 from hydroviews.dataset.sharing.archive import Packed, open_archive
-from hydroviews.dataset.sharing.contents import IMAGES, LAYERS, PATTERN
+from hydroviews.dataset.sharing.contents import IMAGES, LAYERS
 from hydroviews.dataset.sharing.download import archive_on_disk
 from hydroviews.dataset.sharing.fetched import FETCHED
 from hydroviews.dataset.statistics import STATISTICS, write_statistics
@@ -36,6 +36,7 @@ from hydroviews.files.temporary import PARTIAL, remove_tree
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.photographs import some
 from hydroviews.rain.layers import read_layers
+from hydroviews.rain.patterns import PATTERN_FILE
 from hydroviews.rain.registry import GROUP, find_effect, parse_pattern, registered_effects
 from hydroviews.scene.images import read_image, write_png
 
@@ -77,7 +78,9 @@ def _take_in(packed: Packed, data: Path, folder: Path) -> None:
     staged = data / f"{PARTIAL}fetched-{_digest(packed)}" / packed.scene
     unpacked = [name for name in missing if name in packed.places]
     _stage(packed, staged, unpacked)
-    _require_installed(packed, (_effect(staged / name) for name in unpacked if PurePosixPath(name).name == PATTERN))
+    _require_installed(
+        packed, (_effect(staged / name) for name in unpacked if PurePosixPath(name).name == PATTERN_FILE)
+    )
     _composite(packed, folder, staged, [name for name in missing if name in packed.left_out])
     with plain_write_errors(folder):
         _move(staged, folder, missing)
@@ -176,7 +179,7 @@ def _composite(packed: Packed, folder: Path, staged: Path, names: Collection[str
         )
     for name in tqdm(names, desc=f"{packed.scene}: rainy views", unit="view"):
         path, variant = PurePosixPath(name), staged / PurePosixPath(name).parts[0]
-        facts = read_facts(variant / PATTERN)
+        facts = read_facts(variant / PATTERN_FILE)
         clean, layers = read_image(folder / CLEAN / path.name), read_layers(variant / LAYERS / f"{path.stem}.exr")
         write_png(staged / name, find_effect(facts["effect"]).composite(facts["parameters"], clean, layers))
         if not _is(staged / name, packed.entry["files"][name]):

@@ -20,6 +20,7 @@ from hydroviews.files.atomic import json_bytes, read_json, replacing, sha256, wr
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.photographs import SPLIT
+from hydroviews.rain.patterns import PATTERN_FILE
 
 ZIP = ".zip"
 RENAME = "rename the capture's folder or that photograph, and build the scene again"
@@ -77,7 +78,7 @@ def _chosen(folder: Path, patterns: Sequence[str], layers_only: bool) -> list[st
     entry = scene_entry(folder)
     there = [name for name in variants_of(entry or NOTHING) if not (layers_only and name in (CLEAN, CAPTURED))]
     for name in set(patterns) - set(there):
-        if (folder / name / "pattern.json").is_file():
+        if (folder / name / PATTERN_FILE).is_file():
             raise _unfinished(folder / name)
         raise unknown_name(f"--patterns {name}", name, f"variant of {folder}", there)
     return [name for name in there if not patterns or name in patterns]

@@ -16,6 +16,7 @@ from disturbed import (
     learns_of_little,
     whole_and_resumed_field,
 )
+from field_rays import SPACE, batch, context, noise, rays, samples, shaded, stays_finite
 
 from baselines.cr_nerf import method as cr_nerf
 from baselines.cr_nerf.config import CrNerfConfig, StyleConfig, TransformConfig, TransientConfig
@@ -26,13 +27,9 @@ from baselines.cr_nerf.transients import read
 from baselines.method import check_hidden
 from baselines.training.images import TrainingImages
 from baselines.volumetric import model as volumetric_model
-from baselines.volumetric.batches import Batch
 from baselines.volumetric.compositing import INFINITE
 from baselines.volumetric.config import MlpFieldConfig
-from baselines.volumetric.model import Samples, TrainingContext
 from baselines.volumetric.photographs import as_seen
-from baselines.volumetric.rays import WorldRays
-from baselines.volumetric.spaces import Contracted
 from hydroviews.errors import InputError
 
 STYLE = StyleConfig(channels=(8, 8, 16), side=24, map_side=6, rate=5e-3)
@@ -50,7 +47,6 @@ TRANSIENTS = TransientConfig(
 TRANSFORM = TransformConfig(size=8, hidden=(16,), rate=2e-3)
 CONFIG = CrNerfConfig(balls.SHORT, 8, STYLE, TRANSFORM, TRANSIENTS, photographs=16)
 SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, proposal_always=10))
-SPACE = Contracted((0.0, 0.0, 0.0), 1.0, 0.2, 5.0)
 
 
 def model(config=CONFIG, views=3):
@@ -59,23 +55,8 @@ def model(config=CONFIG, views=3):
     with torch.no_grad():  # so that neither matrices nor masks are as at the start
         for weight in (made.content.fc.weight, made.style.fc.weight, made.transients.exit.weight):
             weight.add_(torch.randn(weight.shape, generator=generator))
-    noise = np.random.default_rng(0)
-    made.prepare(TrainingImages([noise.integers(0, 256, (24, 32, 3), np.uint8) for _ in range(views)]))
+    made.prepare(noise(views))
     return made
-
-
-def rays(n):
-    directions = np.random.default_rng(0).normal(size=(n, 3))
-    return SPACE.from_world(WorldRays(np.zeros((n, 3)), directions), torch.device("cpu"))
-
-
-def batch(n, view=0, colours=0.4):
-    places = torch.rand(n, 2, generator=torch.Generator().manual_seed(0))
-    return Batch(rays(n), torch.full((n, 3), colours), torch.ones(n), torch.full((n,), view), places)
-
-
-def context(of):
-    return TrainingContext(of.views, torch.full((2, len(of.views)), 0.5), places=of.places)
 
 
 class Given(torch.nn.Module):
@@ -93,19 +74,10 @@ class Given(torch.nn.Module):
         return self.given[:, None].expand(-1, features.shape[1], -1)
 
 
-def shaded(density, lengths, of):
-    """A rendering of rays with known densities, and the model."""
-    made = model()
-    made.field = Given(density)
-    count, samples = density.shape
-    edges = torch.linspace(0, 1, samples + 1).expand(count, -1)
-    return made.shade(of.rays, Samples(edges, lengths, torch.zeros(count, samples, 3)), context(of)), made
-
-
 def test_the_loss_is_its_terms():
     density = torch.tensor([[0.5, 2.0], [0.1, 0.2], [3.0, 0.0]])
     of = replace(batch(3), weights=torch.tensor([1.0, 0.5, 0.0]))
-    rendering, _ = shaded(density, torch.ones(3, 2), of)
+    rendering = shaded(model(), Given(density), torch.ones(3, 2), of)
     extras = rendering.extras | {"m": torch.tensor([0.2, 0.9, 0.6]), "price": torch.tensor(0.5)}
     losses = cr_nerf_losses(CONFIG)(replace(rendering, extras=extras), of)
     error = (rendering.colour.detach().double().numpy() - 0.4) ** 2
@@ -120,9 +92,8 @@ def test_a_step_is_coloured_by_all_its_rays_and_each_rays_photograph():
     made, f = model(), torch.rand(40, 8, generator=torch.Generator().manual_seed(2))
     of = replace(batch(40), views=torch.arange(40) // 20 + 1)
     made.field = Given(torch.ones(40, 2), f)
-    samples = Samples(torch.linspace(0, 1, 3).expand(40, -1), torch.full((40, 2), INFINITE), torch.zeros(40, 2, 3))
     with torch.no_grad():
-        found = made.shade(of.rays, samples, context(of)).colour
+        found = made.shade(of.rays, samples(torch.full((40, 2), INFINITE)), context(of)).colour
         f0 = f - f.mean(0)
         for view in (1, 2):
             style_map = made.encoder(as_seen(made._pictures[[view]]))[0]
@@ -135,24 +106,7 @@ def test_a_step_is_coloured_by_all_its_rays_and_each_rays_photograph():
 
 
 def test_everything_stays_finite_on_empty_saturated_and_identical_rays():
-    density = torch.zeros(4, 3)
-    density[1], density[2, 0], density[3, 2] = 1e9, 1e30, 1e-30
-    lengths = torch.ones(4, 3)
-    lengths[:, -1] = INFINITE
-    for counts in (1.0, 0.0):  # of which none counts, too
-        of = replace(batch(4, colours=0.25), weights=torch.full((4,), counts))
-        rendering, made = shaded(density, lengths, of)
-        losses = cr_nerf_losses(CONFIG)(rendering, of)
-        assert all(torch.isfinite(term) for term in losses.values())
-        sum(losses.values()).backward()
-        gradients = [parameter.grad for parameter in made.parameters() if parameter.grad is not None]
-        assert gradients
-        assert all(torch.isfinite(gradient).all() for gradient in gradients)
-        made.after_step(rendering, of)
-        assert all(torch.isfinite(value).all() for value in made.buffers())
-        if not counts:
-            assert float(made.field.density.grad.abs().sum()) == 0
-            assert all(float(p.grad.abs().sum()) == 0 for p in made.transients.parameters())
+    stays_finite(model, Given, cr_nerf_losses(CONFIG), lambda made: made.transients)
 
 
 @pytest.mark.parametrize("background", [None, (0.2, 0.6, 0.9)])
@@ -160,8 +114,7 @@ def test_where_a_ray_meets_nothing_the_background_is_seen(background):
     made = model(replace(CONFIG, volumetric=replace(balls.SMALL, background=background)))
     made.field = Given(torch.zeros(2, 3))
     with torch.no_grad():
-        samples = Samples(torch.linspace(0, 1, 4).expand(2, -1), torch.ones(2, 3), torch.zeros(2, 3, 3))
-        colour = made.shade(rays(2), samples, None).colour
+        colour = made.shade(rays(2), samples(torch.ones(2, 3)), None).colour
     torch.testing.assert_close(colour, torch.tensor(background or (0.0, 0.0, 0.0)).expand(2, -1))
 
 

@@ -16,19 +16,15 @@ from disturbed import (
     learns_of_little,
     whole_and_resumed_field,
 )
+from field_rays import SPACE, batch, context, noise, rays, shaded, stays_finite
 
 from baselines.ha_nerf import method as ha_nerf
 from baselines.ha_nerf.config import HaNerfConfig, LookConfig, VisibilityConfig
 from baselines.ha_nerf.losses import ha_nerf_losses
 from baselines.ha_nerf.method import HaNerf
 from baselines.ha_nerf.model import HaNerfModel
-from baselines.training.images import TrainingImages
-from baselines.volumetric.batches import Batch
-from baselines.volumetric.compositing import INFINITE
 from baselines.volumetric.config import MlpFieldConfig
-from baselines.volumetric.model import Rendering, Samples, TrainingContext
-from baselines.volumetric.rays import WorldRays
-from baselines.volumetric.spaces import Contracted
+from baselines.volumetric.model import Rendering, Samples
 from hydroviews.errors import InputError
 
 LOOK = LookConfig(size=8, channels=(8, 16, 16), side=24, rate=2e-3)
@@ -37,28 +33,12 @@ VISIBILITY = VisibilityConfig(
 )
 CONFIG = HaNerfConfig(balls.SMALL, LOOK, VISIBILITY, photographs=16)
 SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, proposal_always=10))
-SPACE = Contracted((0.0, 0.0, 0.0), 1.0, 0.2, 5.0)
 
 
 def model(config=CONFIG, views=3):
     made = HaNerfModel(config, SPACE, torch.Generator().manual_seed(0), views)
-    noise = np.random.default_rng(0)
-    made.prepare(TrainingImages([noise.integers(0, 256, (24, 32, 3), np.uint8) for _ in range(views)]))
+    made.prepare(noise(views))
     return made
-
-
-def rays(n):
-    directions = np.random.default_rng(0).normal(size=(n, 3))
-    return SPACE.from_world(WorldRays(np.zeros((n, 3)), directions), torch.device("cpu"))
-
-
-def batch(n, view=0, colours=0.4):
-    places = torch.rand(n, 2, generator=torch.Generator().manual_seed(0))
-    return Batch(rays(n), torch.full((n, 3), colours), torch.ones(n), torch.full((n,), view), places)
-
-
-def context(of):
-    return TrainingContext(of.views, torch.full((2, len(of.views)), 0.5), places=of.places)
 
 
 class Given(torch.nn.Module):
@@ -73,15 +53,6 @@ class Given(torch.nn.Module):
 
     def colour(self, features, directions, looks):
         return torch.full((*features.shape[:2], 3), 0.25)
-
-
-def shaded(density, lengths, of):
-    """A rendering of rays with known densities, and the model."""
-    made = model()
-    made.field = Given(density)
-    count, samples = density.shape
-    edges = torch.linspace(0, 1, samples + 1).expand(count, -1)
-    return made.shade(of.rays, Samples(edges, lengths, torch.zeros(count, samples, 3)), context(of)), made
 
 
 def rendered(colours, m, price=0.5, coarse=None):
@@ -115,29 +86,12 @@ def test_the_coarse_error_teaches_the_masks_nothing():
 
 
 def test_everything_stays_finite_on_empty_saturated_and_identical_rays():
-    density = torch.zeros(4, 3)
-    density[1], density[2, 0], density[3, 2] = 1e9, 1e30, 1e-30
-    lengths = torch.ones(4, 3)
-    lengths[:, -1] = INFINITE
-    for counts in (1.0, 0.0):  # of which none counts, too
-        of = replace(batch(4, colours=0.25), weights=torch.full((4,), counts))
-        rendering, made = shaded(density, lengths, of)
-        losses = ha_nerf_losses(CONFIG)(rendering, of)
-        assert all(torch.isfinite(term) for term in losses.values())
-        sum(losses.values()).backward()
-        gradients = [parameter.grad for parameter in made.parameters() if parameter.grad is not None]
-        assert gradients
-        assert all(torch.isfinite(gradient).all() for gradient in gradients)
-        made.after_step(rendering, of)
-        assert all(torch.isfinite(value).all() for value in made.buffers())
-        if not counts:
-            assert float(made.field.density.grad.abs().sum()) == 0
-            assert all(float(p.grad.abs().sum()) == 0 for p in made.visibility.parameters())
+    stays_finite(model, Given, ha_nerf_losses(CONFIG), lambda made: made.visibility)
 
 
 def test_what_is_masked_teaches_the_field_nothing():
-    of = batch(2)
-    rendering, made = shaded(torch.ones(2, 3), torch.ones(2, 3), of)
+    made, of = model(), batch(2)
+    rendering = shaded(made, Given(torch.ones(2, 3)), torch.ones(2, 3), of)
     masked = replace(rendering, extras=rendering.extras | {"m": torch.tensor([1.0, 0.0])})
     ha_nerf_losses(CONFIG)(masked, of)["colour"].backward()
     assert float(made.field.density.grad[0].abs().sum()) == 0

@@ -9,6 +9,7 @@ import pytest
 import torch
 import wall
 from disturbed import losses_cut
+from field_rays import SPACE, rays
 
 from baselines.method import check_hidden, find_method
 from baselines.occ_nerf import method as occ_nerf
@@ -20,15 +21,13 @@ from baselines.training.checkpoints import CHECKPOINT
 from baselines.volumetric.batches import Batch
 from baselines.volumetric.config import MlpFieldConfig
 from baselines.volumetric.model import TrainingContext
-from baselines.volumetric.rays import WorldRays, camera_rays
-from baselines.volumetric.spaces import Contracted
+from baselines.volumetric.rays import camera_rays
 from hydroviews.errors import InputError
 from hydroviews.scene.images import write_png
 
 VOLUMETRIC = replace(balls.SMALL, iterations=400)
 CONFIG = OccNerfConfig(VOLUMETRIC, VOLUMETRIC.field, gap=0.35, alone=0.1, depth_weight=0.1)
 SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, proposal_always=10))
-SPACE = Contracted((0.0, 0.0, 0.0), 1.0, 0.2, 5.0)
 COUNT = 40
 
 
@@ -40,11 +39,6 @@ def model(config=CONFIG):
         for part in (made.field, made.background, made.proposal):
             part.grid.tables.uniform_(-1, 1, generator=generator)
     return made
-
-
-def rays(n=COUNT):
-    directions = np.random.default_rng(0).normal(size=(n, 3))
-    return SPACE.from_world(WorldRays(np.zeros((n, 3)), directions), torch.device("cpu"))
 
 
 def batch(n=COUNT, **changes):
@@ -78,7 +72,9 @@ def filled(field, density):
 
 def test_the_background_is_learned_after_the_share_in_which_the_others_are_alone():
     field, loss = model(), occ_nerf_losses(CONFIG)
-    early, late = (loss(field(rays(), context(progress)), batch()) for progress in (CONFIG.alone - 1e-3, CONFIG.alone))
+    early, late = (
+        loss(field(rays(COUNT), context(progress)), batch()) for progress in (CONFIG.alone - 1e-3, CONFIG.alone)
+    )
     assert set(early) == {"colour", "detector", "interlevel"}
     assert set(late) == {*early, "background", "depth", "background interlevel"}
     assert (early["detector"] / late["detector"]).item() == pytest.approx(3, rel=1e-4)
@@ -86,7 +82,7 @@ def test_the_background_is_learned_after_the_share_in_which_the_others_are_alone
 
 def test_losses_are_those_of_the_formulas():
     with torch.no_grad():
-        rendering = model()(rays(), context(1.0))
+        rendering = model()(rays(COUNT), context(1.0))
     rendering.extras["foreground"] = torch.rand(COUNT, generator=torch.Generator().manual_seed(1))
     losses, extras = occ_nerf_losses(CONFIG)(rendering, batch()), rendering.extras
     kept = (extras["foreground"] < 0.5).float()
@@ -113,14 +109,14 @@ def test_losses_are_those_of_the_formulas():
 )
 def test_each_loss_moves_its_own_part_alone(name, moves):
     field = decided(model(), foreground=False)
-    occ_nerf_losses(CONFIG)(field(rays(), context(1.0)), batch())[name].backward()
+    occ_nerf_losses(CONFIG)(field(rays(COUNT), context(1.0)), batch())[name].backward()
     parts = ("field", "background", "proposal", "detector")
     assert {part for part in parts if moved(getattr(field, part))} == moves
 
 
 def test_the_background_learns_nothing_where_there_is_a_foreground():
     field = model()
-    rendering = field(rays(), context(1.0))
+    rendering = field(rays(COUNT), context(1.0))
     foreground = torch.arange(COUNT) < COUNT // 2
     rendering.extras["foreground"] = torch.where(foreground, 0.9, 0.1)
     colour = rendering.extras["background_colour"]
@@ -133,11 +129,11 @@ def test_the_background_learns_nothing_where_there_is_a_foreground():
 def test_everything_taken_for_foreground_is_said_once_and_not_followed(caplog):
     field, loss = decided(model(), foreground=True), occ_nerf_losses(CONFIG)
     with caplog.at_level(logging.WARNING):
-        first = loss(field(rays(), context(1.0)), batch())
-        loss(field(rays(), context(1.0)), batch())
+        first = loss(field(rays(COUNT), context(1.0)), batch())
+        loss(field(rays(COUNT), context(1.0)), batch())
     assert [record.levelname for record in caplog.records] == ["WARNING"]
     assert "takes 100.0 % of the rays for foreground" in caplog.text
-    follows = occ_nerf_losses(CONFIG)(decided(field, foreground=False)(rays(), context(1.0)), batch())
+    follows = occ_nerf_losses(CONFIG)(decided(field, foreground=False)(rays(COUNT), context(1.0)), batch())
     assert torch.equal(first["background"], follows["background"])
 
 
@@ -148,7 +144,7 @@ def test_losses_and_gradients_stay_finite(density, counts, foreground):
     field = decided(model(), foreground)
     filled(field.field, density)
     filled(field.background, density)
-    rendering = field(rays(), context(1.0))
+    rendering = field(rays(COUNT), context(1.0))
     seen = batch(colours=rendering.colour.detach().clone(), weights=torch.full((COUNT,), counts))
     losses = occ_nerf_losses(CONFIG)(rendering, seen)
     sum(losses.values()).backward()
@@ -159,13 +155,13 @@ def test_losses_and_gradients_stay_finite(density, counts, foreground):
 def test_what_is_shown_is_the_background_alone():
     field = model()
     with torch.no_grad():
-        shown = field(rays()).colour
+        shown = field(rays(COUNT)).colour
         field.field.exit.bias.add_(3.0)
         filled(field.field, 50.0)
         decided(field, foreground=True)
-        assert torch.equal(field(rays()).colour, shown)
+        assert torch.equal(field(rays(COUNT)).colour, shown)
         field.background.exit.bias.add_(3.0)
-        assert not torch.allclose(field(rays()).colour, shown, atol=1e-3)
+        assert not torch.allclose(field(rays(COUNT)).colour, shown, atol=1e-3)
 
 
 def test_networks_of_the_paper_are_rendered_at_the_samples_of_both_passes(tmp_path):
