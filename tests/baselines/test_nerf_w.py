@@ -194,7 +194,7 @@ def test_it_is_found_by_name():
 
 def test_two_threads_give_the_same_bits_again(tmp_path):
     scene = balls.photographed(tmp_path / "scene", n_views=6)
-    config = NerfWConfig(replace(balls.SMALL, iterations=15, rays=1024))
+    config = NerfWConfig(replace(balls.SMALL, iterations=5, rays=1024))
     before, ends = torch.get_num_threads(), []
     torch.set_num_threads(2)
     try:

@@ -37,7 +37,9 @@ def grade_raindrops(drawn: RaindropPattern, grade: str, statistics: SceneStatist
     coverage = min(drawn.coverage, MOST_BY_DROPS * left / full_cover if full_cover else 1.0)
     left -= full_cover * coverage
     mist = solve(veil_harm(drawn, statistics), left, 0.0, THICKEST_MIST)
-    return replace(drawn, coverage=round(coverage, 4), mist=round(mist, 4), focus_blur=aperture)
+    # In focus, droplets do harm as drops do: where these are fewer, so are they.
+    droplets = round(drawn.droplets * coverage / drawn.coverage) if drawn.focus == "drops" else drawn.droplets
+    return replace(drawn, coverage=round(coverage, 4), droplets=droplets, mist=round(mist, 4), focus_blur=aperture)
 
 
 def veil_harm(pattern: RaindropPattern, statistics: SceneStatistics) -> Callable[[float], float]:

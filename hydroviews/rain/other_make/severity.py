@@ -2,7 +2,8 @@
 
 Mist and a veil stay where they are and are learned as part of the scene: their harm is mean((k (c - B))^2). Drops and
 streaks lie elsewhere in every view: of their squared error a share is left, which is the mean inverse number of views
-that see a place, times a constant.
+that see a place, times a constant. Constants are measured: with those of streaks, five scenes lose what their grades ask
+for.
 """
 
 from collections.abc import Sequence
@@ -23,10 +24,11 @@ from hydroviews.scene.seeds import generator
 
 LOSS = {  # dB that plain 3DGS should lose against clean views
     "raindrop-b": {"light": 1.5, "medium": 3.7, "heavy": 8.5},
-    "streak-b": {"light": 1.0, "medium": 3.1, "heavy": 8.0},
+    "streak-b": {"light": 1.5, "medium": 4.0, "heavy": 8.5},
 }
 DROPS_LEFT = 1.0  # of the drops' squared error, times the mean inverse visibility: what is learned of them
-STREAKS_LEFT = 1.0  # the same of streaks
+STREAKS_LEFT = 9.0  # the same of streaks, which Gaussians learn before single views: more than a mean would keep
+STREAKS_SHIFT = 0.7  # of the squared change that streaks' mean cover and the veil make: what is learned of that
 THICKEST_MIST = 0.95
 VEIL = {"light": 0.04, "medium": 0.1, "heavy": 0.2}  # cover by the veil when there are MOST strokes
 TRIALS = 8  # of the samples, at most, that it rains on to find how many strokes a grade takes
@@ -100,7 +102,7 @@ def rainfall_harm(pattern: RainfallPattern, statistics: SceneStatistics, falls: 
         shifts.append(_squared(mean - sample))
         singles.append(_squared(one - mean))
     left = STREAKS_LEFT * statistics.mean_inverse_visibility
-    return float(np.mean(shifts) + left * np.mean(singles))
+    return float(STREAKS_SHIFT * np.mean(shifts) + left * np.mean(singles))
 
 
 def _size(sample: Image) -> tuple[int, int]:

@@ -29,8 +29,9 @@ def test_use_is_the_sum_of_squared_mean_absolute_gradients():
             torch_rasterizer.tensors(gaussians), view, torch.zeros(3), 0, near=0.01, shift=shift
         )
         values = image.reshape(-1)  # of every pixel and channel
-        moved = [torch.autograd.grad(value, shift, retain_graph=True)[0].abs() for value in values]
-        mean = sum(moved) / image.numel() * torch.tensor([view.width / 2, view.height / 2])
+        each = torch.eye(len(values), dtype=torch.float64)
+        moved = torch.autograd.grad(values, shift, each, is_grads_batched=True)[0].abs()
+        mean = moved.sum(0) / image.numel() * torch.tensor([view.width / 2, view.height / 2])
         expected += mean.square().sum(dim=1).numpy()
     assert np.allclose(utilisation(gaussians, CAMERAS, 0.01), expected, rtol=2e-3, atol=1e-12)
 
