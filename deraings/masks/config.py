@@ -26,8 +26,8 @@ class MaskConfig:
         width: channels of the encoder; a step with 16 takes 16 ms at 320x240, more than half as long again with 24.
         attention: whether channels are weighed by their high frequencies, as in the paper.
         cutoff: of the high-pass filter, [0, 0.5], in cycles a pixel of the network's resolution.
-        lens_views: standard deviation, from 0, in views before and after, of those whose losses the network sees; with
-            0 it sees the photograph alone, as in the paper.
+        lens_views: standard deviation, from 0, in views before and after, of those whose losses the network sees, and
+            whose masks limit a view's; with 0 it sees the photograph alone, and all that it masks is, as in the paper.
     """
 
     start: float = 0.3

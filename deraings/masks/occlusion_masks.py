@@ -9,6 +9,9 @@ to choose every pixel ends at M = (l - penalty) / (2 lambda_reg), clipped to [0,
 all views, at what places that look alike have in common. lambda_reg and the penalty are multiples of the typical loss,
 a running median, so that masks neither take everything nor nothing: at the default, the half of all pixels whose loss
 is below the median is worth no mask, whatever the scene's level. The paper has no penalty.
+
+What is hard to learn of the scene has high losses, too, but elsewhere in every view, where water on the lens stays. So
+the loss is weighed by no more of M than the views taken before and after have there on average.
 """
 
 from collections.abc import Callable
@@ -76,6 +79,8 @@ class OcclusionMasks:
         self._evidence: float | None = None  # for something on the lens, once the masks have started
         self._losses: dict[int, Plane] = {}  # last losses of views at the network's resolution
         self._kept: dict[int, NDArray[np.uint8]] = {}  # masks of views at the mask's resolution
+        self._coarse: dict[int, Plane] = {}  # the same at the network's resolution
+        self._on_lens: dict[int, NDArray[np.uint8]] = {}  # what of them is on the lens
         self._cover = cover
 
     def due(self, iteration: int) -> bool:
@@ -89,7 +94,7 @@ class OcclusionMasks:
 
     def report(self) -> dict[str, float | bool]:
         """For the record: `evidence` for masks, whether they were `used`, and `mask_mean`."""
-        means = [float(mask.mean()) / 255 for mask in self._kept.values()]
+        means = [float(mask.mean()) / 255 for mask in self._on_lens.values()]
         used = self._evidence is not None and self.needed
         return {
             "evidence": round(self._evidence or 0.0, 3),
@@ -112,14 +117,15 @@ class OcclusionMasks:
         if not self.needed:
             return None
         if view not in self._kept:
-            self._kept[view] = self._predicted(view)
+            self._keep(view, self._predicted(view))
         return 1 - self.mask(view, size)
 
     def mask(self, view: int, size: Size) -> Plane:
-        """M of a training view, [H, W] in [0, 1]; asking for it changes nothing."""
+        """What of M is on the lens of a training view, [H, W] in [0, 1]; asking for it changes nothing."""
         if not self.needed:
             return np.zeros(size, np.float32)
-        mask = (self._kept[view] if view in self._kept else self._predicted(view)).astype(np.float32) / 255
+        own = self._on_lens[view] if view in self._on_lens else self._limited(view, self._predicted(view))
+        mask = own.astype(np.float32) / 255
         height, width = self.images.pixels(view).shape[:2]
         pixels = self.config.shrink // self.config.fine
         whole = resized(mask, (mask.shape[0] * pixels, mask.shape[1] * pixels))
@@ -151,7 +157,7 @@ class OcclusionMasks:
             penalty = self.config.penalty * self.typical
             (masked_loss(mask, wanted, self.regulariser, penalty) / self.regulariser).backward()
             self.adam.step()
-        self._kept[view] = _rounded(mask)
+        self._keep(view, _rounded(mask))
 
     @property
     def regulariser(self) -> float:
@@ -168,10 +174,11 @@ class OcclusionMasks:
         return {"seed": self.seed, "first": self.first, "first_lesson": self.first_lesson, **asdict(self.config)}
 
     def state_dict(self) -> dict[str, NDArray]:
-        """All that was learned: weights, batch statistics, moments, typical loss, loss on the lens, masks kept."""
+        """All that was learned: weights, batch statistics, moments, typical loss, loss on the lens, masks."""
         arrays = module_arrays(self.network, self.adam)
         arrays |= {f"loss.{view}": loss.copy() for view, loss in self._losses.items()}
         arrays |= {f"mask.{view}": mask for view, mask in self._kept.items()}
+        arrays |= {f"on_lens.{view}": mask for view, mask in self._on_lens.items()}
         if self._evidence is not None:
             arrays["evidence"] = np.array([self._evidence])
         return {**arrays, "level": self._level.copy()}
@@ -181,9 +188,24 @@ class OcclusionMasks:
         restore_module(self.network, arrays, self.adam)
         self._level = arrays["level"].copy()
         self._evidence = float(arrays["evidence"][0]) if "evidence" in arrays else None
-        self._losses, self._kept = (
-            {int(view): plane for view, plane in below(part, arrays).items()} for part in ("loss", "mask")
+        self._losses, self._kept, self._on_lens = (
+            {int(view): plane for view, plane in below(part, arrays).items()} for part in ("loss", "mask", "on_lens")
         )
+        self._coarse = {view: self._at_network(mask) for view, mask in self._kept.items()}
+
+    def _keep(self, view: int, mask: NDArray[np.uint8]) -> None:
+        self._kept[view], self._coarse[view] = mask, self._at_network(mask)
+        self._on_lens[view] = self._limited(view, mask)
+
+    def _limited(self, view: int, mask: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """A mask, nowhere more than the mean of those of the views taken before and after, and itself."""
+        masks = {**self._coarse, view: self._at_network(mask)}
+        mean = mean_around(view, masks, masks[view].shape, self.config.lens_views)
+        return mask if mean is None else np.minimum(mask, np.rint(resized(mean, mask.shape)).astype(np.uint8))
+
+    def _at_network(self, mask: NDArray[np.uint8]) -> Plane:
+        height, width = mask.shape
+        return resized(mask.astype(np.float32), (height // self.config.fine, width // self.config.fine))
 
     def _predicted(self, view: int) -> NDArray[np.uint8]:
         """M as the network predicts it without learning."""

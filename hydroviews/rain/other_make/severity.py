@@ -2,8 +2,7 @@
 
 Mist and a veil stay where they are and are learned as part of the scene: their harm is mean((k (c - B))^2). Drops and
 streaks lie elsewhere in every view: of their squared error a share is left, which is the mean inverse number of views
-that see a place, times a constant. Constants are measured: with those of streaks, five scenes lose what their grades ask
-for.
+that see a place, times a constant.
 """
 
 from collections.abc import Sequence

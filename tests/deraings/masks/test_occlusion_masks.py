@@ -73,7 +73,7 @@ def test_a_constant_mask_ends_at_the_mean_loss():
 @pytest.mark.parametrize(("config", "scale"), [(PAPER, 0.5), (PAPER, 5.0), (ALWAYS, 1.0)])
 def test_the_network_ends_near_the_closed_form_at_any_level_of_loss(config, scale):
     pictures, drops = drop_pictures(0)
-    masks = taught(pictures, scale * losses(drops), config)
+    masks = taught(pictures, scale * losses(drops), replace(config, lens_views=0))
     found = np.stack([masks.mask(k, (HEIGHT, WIDTH)) for k in range(len(pictures))])
     assert masks.typical == pytest.approx(0.05 * scale, rel=0.1)
     excess = np.where(drops, 0.2, 0.05) * scale - config.penalty * masks.typical
@@ -81,6 +81,17 @@ def test_the_network_ends_near_the_closed_form_at_any_level_of_loss(config, scal
     assert np.abs(found - expected).mean() < 0.08
     assert found[drops].mean() > 0.85
     assert found[~drops].mean() == pytest.approx(0.5 if config is PAPER else 0, abs=0.1)
+
+
+@pytest.mark.parametrize(("fixed", "least", "most"), [(True, 0.8, 1.0), (False, 0.1, 0.5)])
+def test_no_more_is_hidden_than_stays_on_the_lens(fixed, least, most):
+    """Of four views each has a drop of its own where they are not fixed: a quarter of them shows it in its place."""
+    pictures, drops = drop_pictures(0, fixed=fixed)
+    masks = taught(pictures, losses(drops))
+    found = np.stack([1 - masks.weights(k, (HEIGHT, WIDTH), 500) for k in range(len(pictures))])
+    assert least < found[drops].mean() < most
+    assert found[~drops].mean() < 0.1
+    assert masks.report()["mask_mean"] == pytest.approx(found.mean(), abs=0.02)
 
 
 def test_the_network_learns_the_same_on_a_gpu(pretended_gpu):
@@ -288,6 +299,6 @@ def test_the_network_does_not_see_the_loss_that_it_is_to_predict():
 
 def test_a_mask_is_not_stretched_where_its_blocks_end_beyond_the_picture():
     masks = OcclusionMasks(TrainingImages(list(drop_pictures(0, count=1)[0])), 1000, 0, ALWAYS)
-    masks._kept[0] = np.repeat([[0] * 18 + [255] * 18], 24, axis=0).astype(np.uint8)  # of 72 columns, from the 36th on
+    masks._keep(0, np.repeat([[0] * 18 + [255] * 18], 24, axis=0).astype(np.uint8))  # of 72 columns, from the 36th on
     found = masks.mask(0, (HEIGHT, WIDTH))
     assert found[:, 35].max() < 0.5 < found[:, 36].min()
