@@ -20,6 +20,7 @@ from hydroviews.rain.severity import CLEAN_ERROR, MOST_BY_DROPS, solve, wanted_h
 from hydroviews.scene.images import to_linear, to_srgb
 
 LOSS = {"light": 1.5, "medium": 3.7, "heavy": 8.5}  # dB for plain 3DGS; medium drops cost 4 to 5 where 4 were predicted
+IN_FOCUS = {**LOSS, "light": 1.0}  # the same of drops in focus; light ones cost 1.8 to 2.6 where 1.5 were predicted
 THICKEST_MIST = 0.95
 MOST_BLUR = 0.5  # share of the wanted harm that blur of the scene may do; for more the aperture closes
 BLURRED_VIEWS = 6  # at full size, from which that is predicted
@@ -27,7 +28,7 @@ BLURRED_VIEWS = 6  # at full size, from which that is predicted
 
 def grade_raindrops(drawn: RaindropPattern, grade: str, statistics: SceneStatistics) -> RaindropPattern:
     """The pattern with its mist, and if need be its coverage, set to the grade on this scene."""
-    wanted = left = wanted_harm(LOSS[grade], statistics)
+    wanted = left = wanted_harm((IN_FOCUS if drawn.focus == "drops" else LOSS)[grade], statistics)
     aperture = drawn.focus_blur
     if drawn.focus == "drops":
         blurred = blur_harm(statistics)
