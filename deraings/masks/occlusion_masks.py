@@ -79,7 +79,6 @@ class OcclusionMasks:
         self._evidence: float | None = None  # for something on the lens, once the masks have started
         self._losses: dict[int, Plane] = {}  # last losses of views at the network's resolution
         self._kept: dict[int, NDArray[np.uint8]] = {}  # masks of views at the mask's resolution
-        self._coarse: dict[int, Plane] = {}  # the same at the network's resolution
         self._on_lens: dict[int, NDArray[np.uint8]] = {}  # what of them is on the lens
         self._cover = cover
 
@@ -191,21 +190,14 @@ class OcclusionMasks:
         self._losses, self._kept, self._on_lens = (
             {int(view): plane for view, plane in below(part, arrays).items()} for part in ("loss", "mask", "on_lens")
         )
-        self._coarse = {view: self._at_network(mask) for view, mask in self._kept.items()}
 
     def _keep(self, view: int, mask: NDArray[np.uint8]) -> None:
-        self._kept[view], self._coarse[view] = mask, self._at_network(mask)
-        self._on_lens[view] = self._limited(view, mask)
+        self._kept[view], self._on_lens[view] = mask, self._limited(view, mask)
 
     def _limited(self, view: int, mask: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """A mask, nowhere more than the mean of those of the views taken before and after, and itself."""
-        masks = {**self._coarse, view: self._at_network(mask)}
-        mean = mean_around(view, masks, masks[view].shape, self.config.lens_views)
-        return mask if mean is None else np.minimum(mask, np.rint(resized(mean, mask.shape)).astype(np.uint8))
-
-    def _at_network(self, mask: NDArray[np.uint8]) -> Plane:
-        height, width = mask.shape
-        return resized(mask.astype(np.float32), (height // self.config.fine, width // self.config.fine))
+        mean = mean_around(view, {**self._kept, view: mask}, mask.shape, self.config.lens_views)
+        return mask if mean is None else np.minimum(mask, np.rint(mean).astype(np.uint8))
 
     def _predicted(self, view: int) -> NDArray[np.uint8]:
         """M as the network predicts it without learning."""
