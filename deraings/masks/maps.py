@@ -40,7 +40,7 @@ def filled(plane: NDArray, block: int) -> NDArray:
     return cv2.copyMakeBorder(plane, 0, -height % block, 0, -width % block, cv2.BORDER_REPLICATE)
 
 
-def mean_around(view: int, planes: Mapping[int, Plane], size: tuple[int, ...], deviation: float) -> Plane | None:
+def mean_around(view: int, planes: Mapping[int, NDArray], size: tuple[int, ...], deviation: float) -> Plane | None:
     """The mean of planes of views, those taken at about the same time counting most; None where none counts.
 
     Planes of another shape are of another lens, and do not count.
