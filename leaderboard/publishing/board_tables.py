@@ -163,8 +163,9 @@ def _named(start: str, cells: Sequence[str], kind: str, known: pd.Series, form: 
 
 
 def _basis(rows: pd.DataFrame, patterns: Sequence[str]) -> str:
-    """Which runs a table is of."""
-    own = rows[rows.pattern.isin([*patterns, CLEAN])]
+    """Which runs a table is of; of those on clean views the ones that others are compared with."""
+    rainy = rows[rows.pattern.isin(patterns)]
+    own = pd.concat([rainy, rows[rows.pattern.eq(CLEAN) & rows.seed.isin(rainy.seed)]])
     seeds, versions = (sorted(map(str, set(own[name]))) for name in ("seed", "version"))
     return (
         f"Profile `{own.profile.iloc[0]}`, seed{'s' * (len(seeds) > 1)} {', '.join(seeds)}, code {', '.join(versions)}."
