@@ -20,7 +20,7 @@ from hydroviews.rain.severity import CLEAN_ERROR, MOST_BY_DROPS, solve, wanted_h
 from hydroviews.scene.images import to_linear, to_srgb
 
 LOSS = {"light": 1.5, "medium": 3.7, "heavy": 8.5}  # dB for plain 3DGS; medium drops cost 4 to 5 where 4 were predicted
-IN_FOCUS = {**LOSS, "light": 1.0}  # the same of drops in focus; light ones cost 1.8 to 2.6 where 1.5 were predicted
+IN_FOCUS = {**LOSS, "light": 0.6}  # the same of drops in focus; light ones cost 1.8 to 2.2 where 1.0 were predicted
 THICKEST_MIST = 0.95
 MOST_BLUR = 0.5  # share of the wanted harm that blur of the scene may do; for more the aperture closes
 BLURRED_VIEWS = 6  # at full size, from which that is predicted
