@@ -20,7 +20,7 @@ from hydroviews.rain.severity import CLEAN_ERROR, MOST_BY_DROPS, solve, wanted_h
 from hydroviews.scene.images import to_linear, to_srgb
 
 LOSS = {"light": 1.5, "medium": 3.7, "heavy": 8.5}  # dB for plain 3DGS; medium drops cost 4 to 5 where 4 were predicted
-IN_FOCUS = {**LOSS, "light": 0.6}  # the same of drops in focus; light ones cost 1.8 to 2.2 where 1.0 were predicted
+IN_FOCUS = {**LOSS, "light": 1.0}  # the same of drops in focus; light ones cost 1.8 to 2.6 where 1.5 were predicted
 THICKEST_MIST = 0.95
 MOST_BLUR = 0.5  # share of the wanted harm that blur of the scene may do; for more the aperture closes
 BLURRED_VIEWS = 6  # at full size, from which that is predicted
@@ -38,9 +38,12 @@ def grade_raindrops(drawn: RaindropPattern, grade: str, statistics: SceneStatist
     coverage = min(drawn.coverage, MOST_BY_DROPS * left / full_cover if full_cover else 1.0)
     left -= full_cover * coverage
     mist = solve(veil_harm(drawn, statistics), left, 0.0, THICKEST_MIST)
-    # In focus, droplets do harm as drops do: where these are fewer, so are they.
-    droplets = round(drawn.droplets * coverage / drawn.coverage) if drawn.focus == "drops" else drawn.droplets
-    return replace(drawn, coverage=round(coverage, 4), droplets=droplets, mist=round(mist, 4), focus_blur=aperture)
+    graded = replace(drawn, coverage=round(coverage, 4), mist=round(mist, 4), focus_blur=aperture)
+    if drawn.focus == "scene":
+        return graded
+    # In focus, droplets and rivulets do harm as drops do: where these are fewer, so are they.
+    share = coverage / drawn.coverage if drawn.coverage else 1.0
+    return replace(graded, droplets=round(share * drawn.droplets), rivulets=round(share * drawn.rivulets))
 
 
 def veil_harm(pattern: RaindropPattern, statistics: SceneStatistics) -> Callable[[float], float]:
