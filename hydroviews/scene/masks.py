@@ -36,7 +36,7 @@ def find_mask(folder: Path, image: str) -> Path | None:
             a PNG, as it does for COLMAP. Umlauts may be stored as letter and mark, as macOS does, in either name.
     """
     names = [mask_name(image), image] if image.lower().endswith(".png") else [mask_name(image)]
-    spelt = [one for n in names for one in (n, unicodedata.normalize("NFC", n), unicodedata.normalize("NFD", n))]
+    spelt = dict.fromkeys(s for n in names for s in (n, *(unicodedata.normalize(form, n) for form in ("NFC", "NFD"))))
     return next((folder / name for name in spelt if (folder / name).is_file()), None)
 
 

@@ -121,7 +121,8 @@ def estimate_poses(
         foreign=None,
         fix="choose another folder, or remove this one",
     )
-    link_photographs(links, pictures, turned=masks is None and common_turn(sources))
+    if missing := {name: path for name, path in links.items() if not (pictures / name).exists()}:
+        link_photographs(missing, pictures, turned=masks is None and common_turn(sources))
     if not finished:
         database, names = out / DATABASE, sorted(links)
         chosen = pairs.all_pairs(len(names)) if exhaustive else pairs.sequence_pairs(len(names))
