@@ -1,12 +1,18 @@
-"""Planes of one value a pixel: at other sizes, and as weights."""
+"""Planes of one value a pixel: at other sizes, and as weights; the light around each pixel."""
+
+from functools import cache
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from hydroviews.scene.images import Image
+
 Plane = NDArray[np.float32]  # [H, W]
 
 WHOLE = 0.999  # of a pixel that no hidden one touches, after resizing
+CELLS = 40  # along the longer side, of which the light around pixels is taken
+AROUND = 5  # cells on each side
 
 
 def resized(plane: Plane, size: tuple[int, ...]) -> Plane:
@@ -42,3 +48,21 @@ def smooth_rise(values: Plane, low: float, high: float) -> Plane:
     """A smooth rise from 0 where values are `low` to 1 where they are `high`."""
     rise = np.clip((values - np.float32(low)) / np.float32(high - low), 0, 1)
     return np.asarray(rise * rise * (3 - 2 * rise), np.float32)
+
+
+def surroundings(image: Image) -> Image:
+    """The light around each pixel [H, W, 3]: means over squares of a quarter of the longer side, cut at edges."""
+    height, width = image.shape[:2]
+    cells = within_side((height, width), CELLS)
+    small = cv2.resize(image, cells[::-1], interpolation=cv2.INTER_AREA)
+    around = np.einsum("ij,jkc,lk->ilc", averages_around(cells[0]), small, averages_around(cells[1]), optimize=True)
+    return np.asarray(cv2.resize(around, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
+
+
+@cache
+def averages_around(cells: int) -> NDArray[np.float32]:
+    """What each cell of a line takes of each for the mean of those around it [cells, cells], not to be written to."""
+    near = np.abs(np.subtract.outer(np.arange(cells), np.arange(cells))) <= AROUND
+    weights = (near / near.sum(axis=1, keepdims=True)).astype(np.float32)
+    weights.flags.writeable = False
+    return weights

@@ -1,24 +1,25 @@
 """Drops on the lens: what they block of the scene and what they add, from how photographs follow the render.
 
-A drop that covers the share drop_alpha of a pixel leaves 1 - drop_alpha of what lies behind, and adds light of its own,
-which hardly varies: it shows much of the scene at once, out of focus. Over the views, a pixel of the lens is therefore
-a line,
+A drop that covers the share drop_alpha of a pixel leaves 1 - drop_alpha of what lies behind, and shows much of the
+scene at once instead, out of focus: light that follows that of its surroundings C, the mean render around it, but for
+what is the drop's own. Over the views, a pixel of the lens is therefore a line,
 
-    photograph = (1 - drop_alpha) render + L,
+    photograph - C = (1 - drop_alpha) (render - C) + L,
 
-whose slope is the covariance of photograph and render over the render's variance. Where the lens is clear the slope is
-one, whatever the scene: what is hard to render makes the render smoother, not the photograph less like it. Bright
-texture, white walls and fog move over the lens and are followed like everything else that lies in space. The render is
-then compared as it is seen through the drops, so that partly covered pixels still teach the scene; pixels of which
-next to nothing is left count for nothing.
+whose slope is the covariance of both differences over the variance of the render's. (With L alone, drops that cover all
+had slopes of 0.1 to 0.6: where a view is light, so are the drops in it.) Where the lens is clear the slope is one,
+whatever the scene: what is hard to render makes the render smoother, not the photograph less like it. Bright texture,
+white walls and fog move over the lens and are followed like everything else that lies in space. The render is then
+compared as it is seen through the drops, so that partly covered pixels still teach the scene; pixels of which next to
+nothing is left count for nothing.
 
 A line is believed only where detail stays on the lens (`fixed_pattern`). Where the scene is not learned, or learned
 wrong, photographs do not follow the render either: trees in wind have slopes like drops, and what is taken for a drop
 is never learned afterwards. But no detail of theirs stays.
 
 What the photographs cannot tell: L without drop_alpha would be a stain of light that any scene could lose to the lens.
-So L is at most drop_alpha times white, and drop_alpha is 0 where the slope is near one. Drops grow and run: lines are
-fitted at a few times of the capture (see `time_knots`).
+So L is at most drop_alpha times white or its negative, and drop_alpha is 0 where the slope is near one. Drops grow and
+run: lines are fitted at a few times of the capture (see `time_knots`).
 """
 
 from collections.abc import Sequence
@@ -30,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from deraings.image_planes import Plane, resized, shown_beside, smooth_rise, wholly_shown, within_side
+from deraings.image_planes import Plane, resized, shown_beside, smooth_rise, surroundings, wholly_shown, within_side
 from deraings.rain_model.drops_kernels import SUMS, add_view, fit_lines
 from deraings.rain_model.fixed_pattern import fixed_pattern
 from deraings.rain_model.layer_kernels import behind_drops, shade
@@ -59,7 +60,8 @@ class LensDropsConfig:
         noise: standard deviation of renders, encoded, positive; where they vary less, slopes are drawn to one.
         clear: drop_alpha, [0, 1], up to which the lens counts as clear: on clear lenses slopes spread by 0.03.
         wet: drop_alpha, above `clear`, from which the lens counts for what it is.
-        min_share: share of the lens, [0, 1], more than half covered, from which there are any drops.
+        min_share: share of the lens, [0, 1], more than half covered, from which there are any drops. Without drops it
+            is less than 0.001; light ones cover 0.04 and more.
         max_share: share of the lens, [0, 1], that may be more than half covered: some of it must show the scene.
         hidden: drop_alpha, above `shown`, from which a pixel does not count in the loss.
         shown: drop_alpha, [0, 1), up to which a pixel counts in full.
@@ -76,7 +78,7 @@ class LensDropsConfig:
     noise: float = 0.04
     clear: float = 0.1
     wet: float = 0.25
-    min_share: float = 0.03
+    min_share: float = 0.01
     max_share: float = 0.6
     hidden: float = 0.75
     shown: float = 0.3
@@ -88,7 +90,7 @@ class DropLayer(NamedTuple):
     """The drops on the lens in one view."""
 
     alpha: Plane  # drop_alpha [H, W] in [0, 1]
-    light: Image  # L [H, W, 3], sRGB-encoded
+    light: Image  # L [H, W, 3], sRGB-encoded, in [-alpha, alpha]
     shown: float  # drop_alpha up to which a pixel counts in full in the loss, and
     hidden: float  # from which it does not
 
@@ -99,11 +101,15 @@ class DropLayer(NamedTuple):
         """
         seen = buffers.array("behind_drops", image.shape)
         weights = buffers.array("drop_weights", self.alpha.shape)
-        behind_drops(image, self.alpha, self.light, np.float32(self.shown), np.float32(self.hidden), seen, weights)
+        shown, hidden = np.float32(self.shown), np.float32(self.hidden)
+        behind_drops(image, self.alpha, surroundings(image), self.light, shown, hidden, seen, weights)
         return seen, weights
 
     def backward(self, gradient: Image, buffers: BufferPool) -> Image:
-        """The gradient by the view [H, W, 3], a buffer, from that by what `forward` returned."""
+        """The gradient by the view [H, W, 3], a buffer, from that by what `forward` returned.
+
+        What drops show of the surroundings teaches the scene nothing.
+        """
         by_view = buffers.array("g_behind_drops", gradient.shape)
         shade(gradient, self.alpha, by_view)
         return by_view
@@ -171,10 +177,11 @@ class LensDrops:
             )
             for image in (photograph, seen)
         ]
+        around = surroundings(small[1])
         for time, weight in enumerate(time_weights(view, self._n_views, len(self.sums))):
             if weight > 0:
                 keep = np.float32(1 - weight / self._window)
-                add_view(*small, whole, keep, weight, self.sums[time])
+                add_view(*small, around, whole, keep, weight, self.sums[time])
 
     def line(self, view: int) -> tuple[Plane, Image]:
         """drop_alpha [h, w] and L [h, w, 3] at a view's time; 0 where nothing is known."""

@@ -2,10 +2,10 @@
 # mypy: allow-untyped-defs
 """Kernels of `drops`: sums over views of what every pixel of the lens shows, the lines that follow.
 
-Of each pixel there are nine sums: photograph and render, three channels each, means over channels of their product and
-of the render's square, and the weights of the views that showed it: a view in which it is hidden leaves its sums as
-they are. A row's sums lie together, one after another [9, w], and a loop does one thing to a few of them, so that a
-processor does it to many pixels at once.
+Of each pixel there are nine sums: photograph and render, three channels each, both less the light around the pixel,
+means over channels of their product and of the render's square, and the weights of the views that showed it: a view in
+which it is hidden leaves its sums as they are. A row's sums lie together, one after another [9, w], and a loop does one
+thing to a few of them, so that a processor does it to many pixels at once.
 """
 
 import numpy as np
@@ -24,16 +24,16 @@ def exercise_kernels() -> None:
     """All kernels once, on a lens of one pixel."""
     pixel, plane = np.zeros((1, 1, 3), np.float32), np.zeros((1, 1), np.float32)
     sums = np.zeros((1, 1, SUMS, 1), np.float32)
-    add_view(pixel, pixel, np.ones((1, 1), np.bool_), ONE, ONE, sums[0])
+    add_view(pixel, pixel, pixel, np.ones((1, 1), np.bool_), ONE, ONE, sums[0])
     fit_lines(sums, np.ones(1, np.float32), plane.copy(), ONE, ZERO, ONE, plane, pixel)
 
 
 @inlined
-def split_channels(row, planes):
-    """A row of pixels [w, 3] as planes [3, w]."""
+def split_differences(row, less, planes):
+    """What two rows of pixels [w, 3] differ by, as planes [3, w]."""
     red, green, blue = planes[0], planes[1], planes[2]
     for i in range(row.shape[0]):
-        red[i], green[i], blue[i] = row[i, 0], row[i, 1], row[i, 2]
+        red[i], green[i], blue[i] = row[i, 0] - less[i, 0], row[i, 1] - less[i, 1], row[i, 2] - less[i, 2]
 
 
 @inlined
@@ -52,7 +52,7 @@ def mean_product(a, b, out):
 
 
 @kernel
-def add_view(photograph, seen, shown, keep, weight, sums):
+def add_view(photograph, seen, around, shown, keep, weight, sums):
     """Where shown [h, w], sums [h, 9, w] become keep sums + weight times those of one view, [h, w, 3] each."""
     height, width = sums.shape[0], sums.shape[2]
     for band in prange(BANDS):
@@ -63,8 +63,8 @@ def add_view(photograph, seen, shown, keep, weight, sums):
         )
         pixels[SEEN] = ONE
         for row in range(band * height // BANDS, (band + 1) * height // BANDS):
-            split_channels(photograph[row], pixels[:3])
-            split_channels(seen[row], pixels[3:6])
+            split_differences(photograph[row], around[row], pixels[:3])
+            split_differences(seen[row], around[row], pixels[3:6])
             mean_product(pixels[:3], pixels[3:6], pixels[PRODUCT])
             mean_product(pixels[3:6], pixels[3:6], pixels[SQUARE])
             shown_row = shown[row]
@@ -107,9 +107,9 @@ def add_light(mean, alpha, light):
     for i in range(alpha.shape[0]):
         m = alpha[i]
         left = ONE - m
-        light[i, 0] = min(max(p0[i] - left * r0[i], ZERO), m)
-        light[i, 1] = min(max(p1[i] - left * r1[i], ZERO), m)
-        light[i, 2] = min(max(p2[i] - left * r2[i], ZERO), m)
+        light[i, 0] = min(max(p0[i] - left * r0[i], -m), m)
+        light[i, 1] = min(max(p1[i] - left * r1[i], -m), m)
+        light[i, 2] = min(max(p2[i] - left * r2[i], -m), m)
 
 
 @kernel

@@ -19,7 +19,7 @@ from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Target
 from baselines.training.images import Size
 from deraings.enhancement.mist_branch import decoded, encoded
-from deraings.image_planes import Plane
+from deraings.image_planes import CELLS, Plane, averages_around, within_side
 from deraings.rain_model.drops import DropLayer
 from deraings.rain_model.mist import Mist, spreading
 from deraings.rain_model.mist_kernels import BRIGHTEST, BRIGHTEST_ENCODED
@@ -73,7 +73,7 @@ class RainOnGPU:
             seen = behind_mist(seen, mist)
         without_drops, weights, layer = seen, None, self._drop_layer(view, size, iteration)
         if layer is not None:
-            seen, weights = behind_drops(seen, layer)
+            seen, weights = behind_drops(seen, self._surroundings(seen.detach()), layer)
         return SeenOnGPU(seen, without_drops, scene_image, mist, weights, view, iteration)
 
     def update(self, seen: SeenOnGPU, target: Target, weights: Tensor | None, buffers: BufferPool) -> None:
@@ -130,6 +130,15 @@ class RainOnGPU:
         rows, columns = (self._matrix(averaging, pixels, n) for pixels, n in zip(image.shape[:2], size, strict=True))
         return torch.einsum("hH,HWc,wW->hwc", rows, image, columns)
 
+    def _surroundings(self, image: Tensor) -> Tensor:
+        """See `image_planes.surroundings`."""
+        cells = within_side(image.shape[:2], CELLS)
+        rows, columns = (
+            self._matrix(averaging_around, pixels, n) for pixels, n in zip(image.shape[:2], cells, strict=True)
+        )
+        around = torch.einsum("hH,HWc,wW->chw", rows, image, columns)
+        return enlarged(around, (image.shape[0], image.shape[1])).permute(1, 2, 0)
+
     def _mist(self, mist: Mist, view: int, size: Size) -> MistOnGPU:
         """The mist of a view of (height, width)."""
         knots, colour = (sent(values.copy()).requires_grad_() for values in (mist.knots(view), mist.colour))
@@ -154,12 +163,19 @@ def behind_mist(image: Tensor, mist: MistOnGPU) -> Tensor:
     return torch.where(alpha > 0, encoded(_clipped(light, float(BRIGHTEST))), image)
 
 
-def behind_drops(image: Tensor, layer: DropLayer) -> tuple[Tensor, Tensor]:
-    """A view [H, W, 3] behind drops, and factors [H, W] on each pixel's share of the loss; see `DropLayer.forward`."""
+def behind_drops(image: Tensor, around: Tensor, layer: DropLayer) -> tuple[Tensor, Tensor]:
+    """A view [H, W, 3] behind drops, and factors [H, W] on each pixel's share of the loss; see `DropLayer.forward`.
+
+    Args:
+        image: the view.
+        around: its surroundings [H, W, 3], which no gradient goes back through.
+        layer: the drops, no larger than the view.
+    """
     planes = sent(np.concatenate([layer.alpha[None], np.moveaxis(layer.light, 2, 0)]))
     alpha, *light = enlarged(planes, (image.shape[0], image.shape[1]))
     fall = ((layer.hidden - alpha) / (layer.hidden - layer.shown)).clamp(0, 1)
-    return (1 - alpha[..., None]) * image + torch.stack(light, dim=2), fall * fall * (3 - 2 * fall)
+    alpha = alpha[..., None]
+    return (1 - alpha) * image + alpha * around + torch.stack(light, dim=2), fall * fall * (3 - 2 * fall)
 
 
 def enlarged(planes: Tensor, size: Size) -> Tensor:
@@ -172,6 +188,11 @@ def averaging(pixels: int, n: int) -> NDArray[np.float32]:
     edges, places = np.linspace(0, pixels, n + 1), np.arange(pixels)
     overlap = np.minimum(edges[1:, None], places + 1) - np.maximum(edges[:-1, None], places)
     return (np.maximum(overlap, 0) * n / pixels).astype(np.float32)
+
+
+def averaging_around(pixels: int, n: int) -> NDArray[np.float32]:
+    """What the means of the parts around each of n equal parts of a line take of its pixels, [n, pixels]."""
+    return averages_around(n) @ averaging(pixels, n)
 
 
 def _clipped(x: Tensor, most: float) -> Tensor:

@@ -6,6 +6,7 @@ import panorama
 import pytest
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
+from deraings.image_planes import surroundings
 from deraings.rain_model.drops import DropLayer, LensDrops, LensDropsConfig
 from hydroviews.scene.images import to_uint8
 
@@ -87,9 +88,10 @@ def test_what_is_hidden_in_every_view_is_no_drop():
 @pytest.mark.parametrize("cover", [0.3, 0.7])
 def test_a_drop_that_covers_in_part_is_a_line(cover):
     scene = panorama.views_of(panorama.paint(), 24)
+    around = np.stack([surroundings(view) for view in scene])
     wet = scene.copy()
-    light = cover * (SHADING + np.float32([0, 0.1, 0.2]))
-    wet[(slice(None), *DISK)] = (1 - cover) * scene[(slice(None), *DISK)] + light
+    light = cover * (SHADING + np.float32([-0.4, -0.3, -0.2]))
+    wet[(slice(None), *DISK)] = ((1 - cover) * scene + cover * around)[(slice(None), *DISK)] + light
     layer = layer_of(watch(scene, wet, ANYWHERE))
     inside = (slice(DISK[0].start + 2, DISK[0].stop - 2), slice(DISK[1].start + 2, DISK[1].stop - 2))
     assert layer.alpha[inside].mean() == pytest.approx(cover, abs=0.04)
@@ -100,7 +102,19 @@ def test_a_drop_that_covers_in_part_is_a_line(cover):
     outside[DISK[0].start - 2 : DISK[0].stop + 2, DISK[1].start - 2 : DISK[1].stop + 2] = False
     assert layer.alpha[outside].max() < 0.1
     assert (weights[outside] == 1).all()
-    assert (layer.light <= layer.alpha[..., None]).all()
+    assert (np.abs(layer.light) <= layer.alpha[..., None]).all()
+
+
+@pytest.mark.parametrize("follows", [0, 0.5, 1])
+def test_a_drop_is_found_however_much_its_light_follows_its_surroundings(follows):
+    scene = panorama.views_of(panorama.paint(), 24)
+    around = np.stack([surroundings(view) for view in scene])
+    light = follows * around + (1 - follows) * around.mean(axis=(0, 1, 2))
+    wet = scene.copy()
+    wet[(slice(None), *DISK)] = SHADING - 0.4 + light[(slice(None), *DISK)]
+    drops = watch(scene, wet, ANYWHERE)
+    inside = (slice(DISK[0].start + 2, DISK[0].stop - 2), slice(DISK[1].start + 2, DISK[1].stop - 2))
+    assert np.median(layer_of(drops).alpha[inside]) > 0.9
 
 
 def test_what_is_too_fine_to_render_is_no_drop():
@@ -188,7 +202,7 @@ def test_what_drops_show_and_what_is_left_of_a_gradient_are_the_plain_formulas()
     seen, weights = layer.forward(image, buffers)
     left = (1 - alpha)[..., None]
     fall = np.clip((0.75 - alpha) / (0.75 - 0.3), 0, 1)
-    assert np.allclose(seen, left * image + light, atol=1e-6)
+    assert np.allclose(seen, left * image + (1 - left) * surroundings(image) + light, atol=1e-6)
     assert np.allclose(weights, fall * fall * (3 - 2 * fall), atol=1e-5)
     assert np.allclose(layer.backward(gradient, buffers), left * gradient, atol=1e-6)
 
@@ -204,13 +218,15 @@ def test_lines_are_those_of_least_squares_over_the_views():
     cover, light = drops.line(0)
     weights = (1 - 1 / 9) ** np.arange(8, -1, -1)  # what running means remember
     weights = (weights / weights.sum())[:, None, None, None]
-    means = [(weights * values.astype(np.float64)).sum(axis=0) for values in (photographs, seen)]
-    together = (weights * (photographs - means[0]) * (seen - means[1])).sum(axis=0).mean(axis=2)
-    alone = (weights * (seen - means[1]) ** 2).sum(axis=0).mean(axis=2)
+    around = np.stack([surroundings(view) for view in seen])
+    shown, expected = (values.astype(np.float64) - around for values in (photographs, seen))
+    means = [(weights * values).sum(axis=0) for values in (shown, expected)]
+    together = (weights * (shown - means[0]) * (expected - means[1])).sum(axis=0).mean(axis=2)
+    alone = (weights * (expected - means[1]) ** 2).sum(axis=0).mean(axis=2)
     expected = np.clip(1 - together / alone, 0, 1)
     assert np.allclose(cover, expected, atol=1e-4)
     rest = means[0] - (1 - expected)[..., None] * means[1]
-    assert np.allclose(light, np.clip(rest, 0, expected[..., None]), atol=1e-4)
+    assert np.allclose(light, np.clip(rest, -expected[..., None], expected[..., None]), atol=1e-4)
 
 
 def test_before_any_view_nothing_is_known():

@@ -7,6 +7,7 @@ import pytest
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import photometric_loss, prepare_target
 from baselines.training.images import TrainingImages
+from deraings.image_planes import surroundings
 from deraings.rain_model.drops import LensDropsConfig
 from deraings.rain_model.mist_config import MistConfig
 from deraings.rain_model.model import RainConfig, RainModel
@@ -77,7 +78,8 @@ def test_what_is_seen_is_the_equation(model, views):
     rained = (1 - rain) * scene_image + rain * BETA
     misted = to_srgb((1 - mist) * to_linear(rained) + mist * model.mist.colour)
     assert np.abs(seen.without_drops - misted).max() < 1e-4
-    assert np.abs(seen.image - ((1 - drops) * misted + seen.drops.light)).max() < 1e-4
+    shown = (1 - drops) * misted + drops * surroundings(misted) + seen.drops.light
+    assert np.abs(seen.image - shown).max() < 1e-4
 
 
 def test_the_gradient_agrees_with_differences(model, views):

@@ -14,13 +14,13 @@ from baselines.splatting.backends.transfers import fetched, sent
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.training.devices import missing_for_cuda
 from baselines.training.images import TrainingImages
-from deraings.image_planes import resized
+from deraings.image_planes import resized, surroundings
 from deraings.rain_model.drops import DropLayer, LensDropsConfig
 from deraings.rain_model.mist import MistConfig
 from deraings.rain_model.mist_kernels import add_mist, mist_gradient
-from deraings.rain_model.model import RainConfig
+from deraings.rain_model.model import RainConfig, RainModel
 from deraings.rain_model.objective import RainObjective
-from deraings.rain_model.on_gpu import MistOnGPU, averaging, behind_drops, behind_mist, enlarged
+from deraings.rain_model.on_gpu import MistOnGPU, RainOnGPU, averaging, behind_drops, behind_mist, enlarged
 from deraings.rain_model.rain_layer import RainLayerConfig
 
 COUNT, STEPS = 8, 60
@@ -55,9 +55,9 @@ def photographs(scene):
 
 
 def objective_of(scene, config=EAGER, hidden=()):
-    """One that has found mist and falling rain."""
+    """One that has found mist and falling rain. Its loss is D-SSIM: L1 has kinks, where rounding turns gradients."""
     images = TrainingImages(panorama.eight_bit(photographs(scene)), hidden)
-    objective = RainObjective(images, STEPS, config)
+    objective = RainObjective(images, STEPS, config, lambda_dssim=1.0)
     objective.model.mist.wanted = True
     objective.model.mist.roots[:] = np.linspace(0, 0.6, objective.model.mist.roots.size).reshape(
         objective.model.mist.roots.shape
@@ -140,9 +140,16 @@ def test_drops_are_those_of_the_kernels(gpu):
     image = rng.random((30, 40, 3)).astype(np.float32)
     large = DropLayer(resized(alpha, (30, 40)), cv2.resize(light, (40, 30)), 0.3, 0.75)
     expected, factors = large.forward(image, BufferPool())
-    seen, weights = behind_drops(sent(image), DropLayer(alpha, light, 0.3, 0.75))
+    seen, weights = behind_drops(sent(image), sent(surroundings(image)), DropLayer(alpha, light, 0.3, 0.75))
     assert fetched(seen) == pytest.approx(expected, abs=1e-5)
     assert fetched(weights) == pytest.approx(factors, abs=1e-4)
+
+
+@pytest.mark.parametrize("size", [(9, 17), (60, 80), (1, 130)])
+def test_surroundings_are_those_of_the_cpu(gpu, scene, size):
+    image = np.random.default_rng(0).random((*size, 3)).astype(np.float32)
+    rain = RainOnGPU(RainModel(TrainingImages(panorama.eight_bit(scene)), STEPS, EAGER))
+    assert fetched(rain._surroundings(sent(image))) == pytest.approx(surroundings(image), abs=1e-5)
 
 
 @pytest.mark.parametrize("size", [(7, 9), (30, 40), (13, 40)])
