@@ -6,7 +6,7 @@ seen through the rain, is compared with that, and each target keeps the scene fr
 steps compare with the photographs alone: details are there.
 
 A network that does not know this rain leaves it in, and every second step would learn it. It is believed only where it
-has taken a good part of the mist away that the photographs allow (`mist_bounds`); the scene's own light is part of that.
+has taken away a good part of the mist that photographs allow (`mist_bounds`), some of which is the scene's own light.
 """
 
 from dataclasses import dataclass

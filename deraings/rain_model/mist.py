@@ -11,7 +11,7 @@ What the photographs cannot tell, and what decides it:
 * Thin bright mist is as good as thicker, darker mist: a is held near the light that mist should have (`mist_bounds`).
 * A sky that is always in the same corner looks like mist there. But mist only adds light, so that mist_alpha a is no
   lighter than the darkest that a place of the lens ever shows. Learning starts below that bound and stays near it.
-  Where every place shows something dark, there is no mist, and none is looked for.
+  Where every place shows something dark, there is next to none, and only a network's word on it is believed.
 * Fog in the scene makes points paler with their distance, not with their place on the lens (`mist_or_fog`). Where it is
   foggy no mist is looked for.
 * Little mist makes points hardly paler. A network that has seen many lenses tells it from none.
@@ -31,7 +31,7 @@ from deraings.image_planes import Plane
 from deraings.rain_model.mist_bounds import mist_bounds
 from deraings.rain_model.mist_config import MistConfig
 from deraings.rain_model.mist_kernels import add_mist, mist_gradient
-from deraings.rain_model.mist_or_fog import is_mist, paleness_of
+from deraings.rain_model.mist_or_fog import is_mist, paleness_of, sees_mist
 from deraings.rain_model.time_knots import time_weights
 from hydroviews.scene.images import Image
 from hydroviews.scene.point_colours import PointColours
@@ -68,17 +68,18 @@ class Mist:
             hidden: masks [H, W] of pixels that are not looked at.
             points: looks up scene points in the pictures, called only where there may be mist. Without it, or with too
                 few points, what may be mist is taken for mist, unless the prior says otherwise.
-            prior: the photographs without rain as far as a network sees it, asked only where there may be mist.
+            prior: the photographs without rain as far as a network sees it.
         """
         self._config, self._n_views, self._iterations = config, len(pictures), iterations
         self._first = round(config.start * iterations)
         bounds = mist_bounds(pictures, config, hidden)
         self.expected = bounds.colour  # a, before anything is learned
         self.colour = self.expected.copy()  # a [3], linear light
-        self.paleness = paleness_of(bounds, points) if bounds.suspected and points is not None else None
-        light = prior.mist_light() if bounds.suspected and prior is not None else None
+        light = prior.mist_light() if prior is not None else None
         self.seen = None if light is None else light / float(self.expected[0])  # mist_alpha, as the prior has it
-        self.wanted = bounds.suspected and is_mist(self.paleness, self.seen, config)
+        suspected = bounds.suspected or sees_mist(self.seen, config)
+        self.paleness = paleness_of(bounds, points) if suspected and points is not None else None
+        self.wanted = suspected and is_mist(self.paleness, self.seen, config)
         self._max_roots = np.sqrt(np.minimum(config.slack * bounds.max_alpha, config.max_alpha))
         likely = config.likely * bounds.possible + MIN_ALPHA
         roots = np.minimum(np.sqrt(likely), self._max_roots) * self.wanted

@@ -28,9 +28,9 @@ class MistConfig:
         colour_penalty: factor of the squared distance of the mist's light to what is expected of it, from 0.
         max_alpha: most that mist_alpha may be, [0, 1).
         dark_quantile: share of what a place of the lens shows, (0, 1), that may be darker than the mist there: noise.
-        min_possible: lower quartile over the lens of the mist_alpha that photographs allow, [0, 1], from which mist is
-            looked for: midway between clean views of development scenes, 0.0053 at most, and bonsai's lightest variant,
-            0.0102.
+        min_possible: lower quartile over the lens of the mist_alpha that photographs allow, [0, 1], from which scene
+            points are asked for mist: midway between clean views of development scenes, 0.0053 at most, and bonsai's
+            lightest variant, 0.0102. Below, a network alone can tell.
         min_seen: mist_alpha, [0, 1], median over the lens, from which the enhancement network is believed: of
             development scenes streaks have 0.0024 at most (heavy ones of courtyard 0.0066), the lightest mist 0.0041.
         min_mist: share of the possible mist, [0, 1], from which scene points are believed: medium streaks show 0.11 at

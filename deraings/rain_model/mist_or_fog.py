@@ -67,10 +67,15 @@ def is_mist(paleness: Paleness | None, seen: float | None, config: MistConfig) -
     Returns:
         True if nobody tells.
     """
-    network_sees = seen is not None and seen >= config.min_seen
+    network_sees = sees_mist(seen, config)
     if paleness is None:
         return network_sees or seen is None
     return not is_fog(paleness, config) and (network_sees or paleness.mist >= config.min_mist)
+
+
+def sees_mist(seen: float | None, config: MistConfig) -> bool:
+    """Whether a network surely sees mist, or fog; `seen` as of `is_mist`."""
+    return seen is not None and seen >= config.min_seen
 
 
 def paleness_of(bounds: MistBounds, points: Callable[[], PointColours]) -> Paleness | None:

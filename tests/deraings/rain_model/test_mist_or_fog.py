@@ -1,5 +1,7 @@
 """Points of known colours behind mist on the lens, in fog, and behind both."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import panorama
 import pytest
@@ -117,3 +119,11 @@ def test_points_are_not_asked_where_photographs_have_no_mist():
         raise AssertionError
 
     assert not Mist(panorama.eight_bit(scene), 100, MistConfig(), points=asked).wanted
+
+
+@pytest.mark.parametrize(("light", "wanted"), [(0.001, False), (0.02, True)])
+def test_where_every_place_shows_something_dark_a_network_is_believed_alone(light, wanted):
+    pictures = panorama.eight_bit(panorama.views_of(panorama.paint(), VIEWS))
+    prior = SimpleNamespace(mist_light=lambda: light)
+    assert not Mist(pictures, 100, MistConfig()).wanted
+    assert Mist(pictures, 100, MistConfig(), prior=prior).wanted == wanted
