@@ -86,8 +86,8 @@ class RainModel:
             images: the training photographs, in order of name.
             iterations: of the training.
             config: which kinds of rain are looked for.
-            prior: the photographs without rain as far as a network sees it, asked only where rain may be: whether
-                there is mist, what is behind it, and what are single streaks.
+            prior: the photographs without rain as far as a network sees it, asked whether there is mist, and where rain
+                may be what is behind it and what are single streaks.
             points: looks up scene points in the photographs, to tell mist on the lens from fog in the scene.
             covers: what drops cover of the photographs, as a network sees it; for renewed drops.
         """
