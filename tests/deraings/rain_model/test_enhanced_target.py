@@ -19,15 +19,15 @@ BEHIND_MIST = RainConfig(mist=MistConfig(start=0), drops=None, rain_layer=None)
 
 
 class Enhanced:
-    """Photographs as a network gives them, which sees mist; counts how often all of them are asked for."""
+    """Photographs as a network gives them, and how much mist it sees; counts how often all of them are asked for."""
 
     digest, tells_cover = "of a test", False
 
-    def __init__(self, pictures):
-        self.pictures, self.asked = TrainingImages(panorama.eight_bit(pictures)), 0
+    def __init__(self, pictures, light=0.1):
+        self.pictures, self.light, self.asked = TrainingImages(panorama.eight_bit(pictures)), light, 0
 
     def mist_light(self):
-        return 0.1
+        return self.light
 
     def image(self, view):
         return self.pictures.pixels(view).astype(np.float32) / 255
@@ -117,7 +117,7 @@ def test_what_the_photographs_hide_teaches_nothing_in_these_steps_either(scene):
 
 
 def test_on_a_clear_lens_no_photograph_is_enhanced(scene):
-    enhanced = Enhanced(scene)
+    enhanced = Enhanced(scene, light=0.0)
     objective = RainObjective(TrainingImages(panorama.eight_bit(scene)), STEPS, BEHIND_MIST, prior=enhanced)
     for step in range(4):
         objective(scene[step], step, step, BufferPool())
