@@ -61,7 +61,7 @@ class LensDropsConfig:
         clear: drop_alpha, [0, 1], up to which the lens counts as clear: on clear lenses slopes spread by 0.03.
         wet: drop_alpha, above `clear`, from which the lens counts for what it is.
         min_share: share of the lens, [0, 1], more than half covered, from which there are any drops. Without drops it
-            is less than 0.001; light ones cover 0.04 and more.
+            is 0.0034 at most while the scene is learned, 0.001 in the end; light ones cover 0.04 and more.
         max_share: share of the lens, [0, 1], that may be more than half covered: some of it must show the scene.
         hidden: drop_alpha, above `shown`, from which a pixel does not count in the loss.
         shown: drop_alpha, [0, 1), up to which a pixel counts in full.

@@ -89,7 +89,7 @@ class RainOnGPU:
         if model.rain and model.rain.due(seen.view, seen.size, seen.iteration):
             self._update_on_cpu(seen, target, weights, buffers)
         elif model.drops and model.drops.due(seen.iteration):
-            small = self._averaged(seen.without_drops.detach(), model.drops.size(seen.view))
+            small = self._averaged(seen.without_drops.detach(), model.drops.size(seen.view), averaging)
             model.drops.update(target.image, fetched(small), seen.view, target.shown)
         if model.mist and seen.mist is not None:
             knots, colour = (_gradient(values) for values in (seen.mist.knots, seen.mist.colour))
@@ -125,19 +125,16 @@ class RainOnGPU:
         lens = drops.size(view)
         return drops.layer(view, lens if _within(lens, size) else size, iteration)
 
-    def _averaged(self, image: Tensor, size: Size) -> Tensor:
-        """A picture [H, W, 3] averaged over the areas of (height, width) pixels, as OpenCV does."""
-        rows, columns = (self._matrix(averaging, pixels, n) for pixels, n in zip(image.shape[:2], size, strict=True))
+    def _averaged(self, image: Tensor, size: Size, kind: Matrix) -> Tensor:
+        """A picture [H, W, 3] averaged over the areas of (height, width) pixels, as `kind` has it."""
+        rows, columns = (self._matrix(kind, pixels, n) for pixels, n in zip(image.shape[:2], size, strict=True))
         return torch.einsum("hH,HWc,wW->hwc", rows, image, columns)
 
     def _surroundings(self, image: Tensor) -> Tensor:
         """See `image_planes.surroundings`."""
-        cells = within_side(image.shape[:2], CELLS)
-        rows, columns = (
-            self._matrix(averaging_around, pixels, n) for pixels, n in zip(image.shape[:2], cells, strict=True)
-        )
-        around = torch.einsum("hH,HWc,wW->chw", rows, image, columns)
-        return enlarged(around, (image.shape[0], image.shape[1])).permute(1, 2, 0)
+        size = image.shape[0], image.shape[1]
+        around = self._averaged(image, within_side(size, CELLS), averaging_around)
+        return enlarged(around.permute(2, 0, 1), size).permute(1, 2, 0)
 
     def _mist(self, mist: Mist, view: int, size: Size) -> MistOnGPU:
         """The mist of a view of (height, width)."""
