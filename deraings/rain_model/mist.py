@@ -8,7 +8,8 @@ the capture (see `time_knots`); both are learned by Adam from the gradient of th
 What the photographs cannot tell, and what decides it:
 
 * Even mist is as good as a scene of less contrast: a penalty on the mean of mist_alpha keeps its thinnest place clear.
-* Thin bright mist is as good as thicker, darker mist: a is held near the light that mist should have (`mist_bounds`).
+* Thin bright mist is as good as thicker, darker mist: a is held about as bright as mist should be (`mist_bounds`). Its
+  tint can be told, by dark things, and is held loosely.
 * A sky that is always in the same corner looks like mist there. But mist only adds light, so that mist_alpha a is no
   lighter than the darkest that a place of the lens ever shows. Learning starts below that bound and stays near it.
   Where every place shows something dark, there is next to none, and only a network's word on it is believed.
@@ -144,7 +145,11 @@ class Mist:
         config, weights = self._config, time_weights(view, self._n_views, len(self.roots))
         by_roots = weights[:, None, None] * by_knots
         by_roots += np.float32(config.roughness_penalty / self.roots[0].size) * roughness_gradient(self.roots)
-        return MistGradient(by_roots, by_colour + np.float32(2 * config.colour_penalty) * (self.colour - self.expected))
+        brighter = (self.colour - self.expected).mean()
+        tinted = self.colour - self.expected - brighter
+        by_colour = by_colour + np.float32(2 * config.brightness_penalty) * brighter
+        by_colour += np.float32(2 * config.tint_penalty) * tinted
+        return MistGradient(by_roots, by_colour)
 
     def update(self, gradient: MistGradient, iteration: int) -> None:
         """One step of Adam, within what the photographs allow."""

@@ -97,6 +97,12 @@ def test_the_colour_of_mist_is_held_near_the_light_that_it_should_have():
     assert (gradient.colour > 0).all()
 
 
+def test_the_tint_of_thin_mist_is_learned():
+    scene, warm = panorama.views_of(panorama.paint(), 10), AIR * np.array([1.2, 1.0, 0.7], np.float32)
+    mist = learn(scene, panorama.misted(scene, panorama.slanted_mist(0.1), warm))
+    assert mist.colour / mist.colour.mean() == pytest.approx(warm / warm.mean(), abs=0.01)
+
+
 def test_the_steps_of_mist_fall_over_the_training():
     pictures, moved = panorama.eight_bit(panorama.views_of(panorama.paint(), 8)), []
     for iteration in (0, STEPS):
