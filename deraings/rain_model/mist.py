@@ -145,11 +145,10 @@ class Mist:
         config, weights = self._config, time_weights(view, self._n_views, len(self.roots))
         by_roots = weights[:, None, None] * by_knots
         by_roots += np.float32(config.roughness_penalty / self.roots[0].size) * roughness_gradient(self.roots)
-        brighter = (self.colour - self.expected).mean()
-        tinted = self.colour - self.expected - brighter
-        by_colour = by_colour + np.float32(2 * config.brightness_penalty) * brighter
-        by_colour += np.float32(2 * config.tint_penalty) * tinted
-        return MistGradient(by_roots, by_colour)
+        lighter = self.colour - self.expected
+        by_brightness = np.float32(2 * config.brightness_penalty) * lighter.mean()
+        by_tint = np.float32(2 * config.tint_penalty) * (lighter - lighter.mean())
+        return MistGradient(by_roots, by_colour + by_brightness + by_tint)
 
     def update(self, gradient: MistGradient, iteration: int) -> None:
         """One step of Adam, within what the photographs allow."""
