@@ -144,7 +144,7 @@ def enhanced_scene(scene: Scene, views: EnhancedViews) -> Scene:
     Raises:
         InputError: a mask that cannot be read or has another size than its camera.
     """
-    pairs = zip(scene.train_views, views.files(), strict=True)
+    pairs = zip(scene.train_views, views.files(clear=True), strict=True)
     enhanced = {view.name: _enhanced_view(view, path) for view, path in pairs}
     return replace(scene, views=tuple(enhanced.get(view.name, view) for view in scene.views))
 

@@ -1,9 +1,15 @@
 """Which photographs one lens took, held one way: what is on it lies in the same place of these alone."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deraings.image_planes import Plane, resized
 
 ALIKE = 0.1  # difference of the logarithms of two ratios of sides: 4:3 and 3:2 differ by 0.12, lenses set right by less
+MIN_WEIGHT = 0.01  # of a view; those further away count for nothing
 
 
 def one_shape(first: tuple[int, ...], second: tuple[int, ...]) -> bool:
@@ -20,3 +26,26 @@ def by_shape(sizes: Sequence[tuple[int, ...]]) -> list[list[int]]:
             shapes.append(own := [])
         own.append(number)
     return sorted(shapes, key=len, reverse=True)
+
+
+def mean_around(view: int, planes: Mapping[int, NDArray], size: tuple[int, ...], deviation: float) -> Plane | None:
+    """The mean of planes of views, those taken at about the same time counting most; None where none counts.
+
+    Planes of another shape are of another lens, and do not count.
+
+    Args:
+        view: whose neighbours count.
+        planes: by the number of their view, brought to `size`.
+        size: height and width.
+        deviation: standard deviation of the weights, from 0, in views before and after; with 0 none counts.
+    """
+    mean, total = np.zeros(size, np.float32), 0.0
+    for other, plane in sorted(planes.items()):  # sums in one order, whatever that of the lessons
+        if not one_shape(plane.shape, size):
+            continue
+        near = (other - view) / deviation if deviation else math.inf
+        weight = math.exp(-0.5 * near**2)
+        if weight > MIN_WEIGHT:
+            mean += np.float32(weight) * resized(plane, size)
+            total += weight
+    return mean / np.float32(total) if total else None

@@ -121,7 +121,7 @@ class DeRainGS(GaussianSplatting):
         points = cache(partial(point_colours, scene, images))
         views = enhanced_views(scene, images, config.weights, folder / KEPT, points) if config.weights else None
         if views and config.enhancement:
-            images = views.training_images()
+            images = views.training_images(clear=True)
             points = cache(partial(point_colours, scene, images))
             self.found["enhancement"] = config.enhancement + ("" if views.remove_mist else " leaving fog as it is")
         return RainObjective(

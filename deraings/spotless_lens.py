@@ -16,7 +16,7 @@ from baselines.distractors.spotless import Spotless, SpotlessConfig, SpotlessObj
 from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import TrainingImages
 from deraings.image_planes import Plane, resized
-from deraings.masks.maps import mean_around
+from deraings.lens_views import mean_around
 from hydroviews.scene.masks import Ignored
 
 LENS_VIEWS = 8.0  # standard deviation, in views before and after, as of the occlusion masks

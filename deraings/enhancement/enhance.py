@@ -83,7 +83,7 @@ def _in_tiles(
         raise ValueError(f"expected an image [H, W, 3], got shape {image.shape}")
     if not np.isfinite(image).all():
         raise ValueError("the image has values that are not finite")
-    image = _remove_mist(image, network, lens) if remove_mist else image
+    image = without_mist_on_lens(image, network, lens) if remove_mist else image
     tile, overlap = tiles
     weight = np.zeros((*image.shape[:2], 1), np.float32)
     total: NDArray[np.float32] | None = None
@@ -133,7 +133,8 @@ def _halves(start: int, end: int) -> slice:
     return slice(start // 2, start // 2 + -(-(end - start) // 2))
 
 
-def _remove_mist(image: Image, network: EnhancementNetwork, lens: Lens | None) -> Image:
+def without_mist_on_lens(image: Image, network: EnhancementNetwork, lens: Lens | None) -> Image:
+    """A picture [H, W, 3] without its mist, and nothing else done to it: not clipped; see `enhance`."""
     batch = _batch(image, network)
     with torch.inference_mode():
         if lens is None or lens.mist is None:

@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,14 +12,15 @@ from tqdm import tqdm
 
 from baselines.training.images import TrainingImages
 from baselines.training.torch_state import one_thread
-from deraings.enhancement.enhance import enhance, enhance_with_cover
+from deraings.enhancement.clear_pixels import DROPS, staying_drops, with_clear_pixels
+from deraings.enhancement.enhance import enhance, enhance_with_cover, without_mist_on_lens
 from deraings.enhancement.lenses import Lens, lenses_of_capture
 from deraings.enhancement.weights import Enhancer
-from deraings.image_planes import Plane
+from deraings.image_planes import Plane, resized, within_side
 from hydroviews.cli.threads import side_by_side
 from hydroviews.scene.images import Image, read_image, to_uint8, write_png
 
-DROPS = 1  # channel of drops in what rain covers
+COVER_SIDE = 400  # pixels of the longer side, at most, of covers that are kept in memory
 
 
 class EnhancedViews:
@@ -62,7 +64,7 @@ class EnhancedViews:
         lens = self._lenses[index]
         if self.tells_cover:
             picture, cover = enhance_with_cover(photograph, self._enhancer, self.remove_mist, lens)
-            write_png(self._cover_file(index), cover[..., [DROPS] * 3])
+            write_png(self._cover_file(index), cover)
         else:
             picture = enhance(photograph, self._enhancer, remove_mist=self.remove_mist, lens=lens)
         write_png(path, picture)
@@ -79,7 +81,7 @@ class EnhancedViews:
             InputError: a kept picture is damaged.
         """
         self.file(index)
-        return np.ascontiguousarray(read_image(self._cover_file(index))[..., 0])
+        return np.ascontiguousarray(read_image(self._cover_file(index))[..., DROPS])
 
     def mist_light(self) -> float | None:
         """Linear light that mist on the lens adds, the median over lens and photographs, as far as the network sees.
@@ -97,7 +99,7 @@ class EnhancedViews:
         return np.where(hidden[..., None], pixels[~hidden].mean(axis=0).round(), pixels).astype(np.uint8)
 
     def _cover_file(self, index: int) -> Path:
-        return self._kept / "drops" / f"{self._names[index]}.png"
+        return self._kept / "cover" / f"{self._names[index]}.png"
 
     @cached_property
     def _lenses(self) -> list[Lens | None]:
@@ -114,21 +116,57 @@ class EnhancedViews:
         """
         return read_image(self.file(index))
 
-    def training_images(self) -> TrainingImages:
+    def training_images(self, clear: bool = False) -> TrainingImages:
         """All pictures, as training images that hide what the photographs hide; shows progress.
+
+        Args:
+            clear: see `files`.
 
         Raises:
             InputError: a kept picture is damaged.
         """
-        pictures = [to_uint8(read_image(path)) for path in self.files()]
+        pictures = [to_uint8(read_image(path)) for path in self.files(clear)]
         return TrainingImages(pictures, [self._images.ignored(index) for index in range(len(pictures))])
 
-    def files(self) -> list[Path]:
-        """All pictures as PNG, in the order of the photographs, two at a time, showing progress."""
+    def files(self, clear: bool = False) -> list[Path]:
+        """All pictures as PNG, in the order of the photographs, two at a time, showing progress.
+
+        Args:
+            clear: if drops stay on the lens, what lies between them is as the photographs show it: `clear_pixels`.
+
+        Raises:
+            InputError: a kept picture is damaged.
+        """
         count, _ = len(self._images), self._lenses  # before several threads ask for them
         with one_thread():  # around all: each leaves behind the number of threads that it found
-            paths = side_by_side(self.file, range(count))
-            return list(tqdm(paths, desc="enhancing", unit="view", total=count, leave=False))
+            paths = list(tqdm(side_by_side(self.file, range(count)), **_progress("enhancing", count)))
+            covers = self._staying_drops() if clear else None
+            if covers is None:
+                return paths
+            cleared = side_by_side(lambda index: self._clear(index, covers[index]), range(count))
+            return list(tqdm(cleared, **_progress("clear pixels", count)))
+
+    def _staying_drops(self) -> list[Plane] | None:
+        return staying_drops([self._cover(index) for index in range(len(self._images))]) if self.tells_cover else None
+
+    def _clear(self, index: int, cover: Plane) -> Path:
+        path = self._kept / "clear" / f"{self._names[index]}.png"
+        if not path.is_file():
+            photograph = self._photograph(index).astype(np.float32) / 255
+            if self.remove_mist:
+                photograph = without_mist_on_lens(photograph, self._enhancer.network, self._lenses[index])
+            cover = resized(cover, photograph.shape[:2])
+            write_png(path, with_clear_pixels(self.image(index), photograph, cover))
+        return path
+
+    def _cover(self, index: int) -> NDArray[np.uint8]:
+        """What streaks, drops and mist cover of a photograph [h, w, 3], 255 for all, small enough to keep."""
+        cover = read_image(self._cover_file(index))
+        return to_uint8(resized(cover, within_side(cover.shape[:2], COVER_SIDE)))
+
+
+def _progress(what: str, count: int) -> dict[str, Any]:
+    return {"desc": what, "unit": "view", "total": count, "leave": False}
 
 
 def _fingerprint(images: TrainingImages, enhancer: Enhancer, remove_mist: bool) -> str:

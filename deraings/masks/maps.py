@@ -1,16 +1,14 @@
 """Planes in blocks of the mask network, and what the losses of many views say about the lens."""
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from deraings.image_planes import Plane, resized
-from deraings.lens_views import by_shape, one_shape
+from deraings.lens_views import by_shape
 
-MIN_WEIGHT = 0.01  # of a view; those further away count for nothing
 BLUR = 3.0  # pixels of the network's resolution: coarser features of a loss are no sign of drops
 
 
@@ -38,26 +36,3 @@ def filled(plane: NDArray, block: int) -> NDArray:
     """[H, W, ...] with its last row and column repeated until both sides are multiples of `block`."""
     height, width = plane.shape[:2]
     return cv2.copyMakeBorder(plane, 0, -height % block, 0, -width % block, cv2.BORDER_REPLICATE)
-
-
-def mean_around(view: int, planes: Mapping[int, NDArray], size: tuple[int, ...], deviation: float) -> Plane | None:
-    """The mean of planes of views, those taken at about the same time counting most; None where none counts.
-
-    Planes of another shape are of another lens, and do not count.
-
-    Args:
-        view: whose neighbours count.
-        planes: by the number of their view, brought to `size`.
-        size: height and width.
-        deviation: standard deviation of the weights, from 0, in views before and after; with 0 none counts.
-    """
-    mean, total = np.zeros(size, np.float32), 0.0
-    for other, plane in sorted(planes.items()):  # sums in one order, whatever that of the lessons
-        if not one_shape(plane.shape, size):
-            continue
-        near = (other - view) / deviation if deviation else math.inf
-        weight = math.exp(-0.5 * near**2)
-        if weight > MIN_WEIGHT:
-            mean += np.float32(weight) * resized(plane, size)
-            total += weight
-    return mean / np.float32(total) if total else None

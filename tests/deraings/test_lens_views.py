@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from deraings.lens_views import by_shape, one_shape
-from deraings.masks.maps import evidence, mean_around
+from deraings.lens_views import by_shape, mean_around, one_shape
+from deraings.masks.maps import evidence
 
 WIDE, UPRIGHT = (60, 80), (80, 60)
 

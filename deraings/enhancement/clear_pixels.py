@@ -1,0 +1,72 @@
+"""Between drops the photograph knows best: enhanced pictures with the photographs' detail where the lens is clear.
+
+The network alters pixels that nothing covers, and there its picture is further from the truth than the photograph
+without its mist. Where drops are, a single picture tells badly: what looks like a drop in the scene moves from view to
+view, while drops stay on the lens. So the cover C is the mean of what the network sees in the views before and after:
+
+    w = rise(C),    E' = B + w (E - B) + (1 - w) G((1 - w) (E - B)) / G(1 - w)
+
+with the photograph without mist B, its enhancement E, and a Gaussian G: light that the mist has left is smooth, and the
+network's to say. Drops that are new in every view leave no such mean, and streaks lie over all pixels: then nothing is
+changed.
+
+Numbers were chosen on courtyard, LLFF flower and Mip-NeRF 360 bonsai (docs/experiments/2026-11-enhancement.md).
+"""
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from deraings.image_planes import Plane, smooth_rise
+from deraings.lens_views import mean_around
+from hydroviews.scene.images import Image
+
+STREAKS, DROPS = 0, 1  # channels of what rain covers
+AROUND = 8.0  # views before and after, standard deviation of their weights
+DROP = 0.5  # mean cover of a place with a drop
+MIN_DROPS = 0.01  # share of the lens with drops from which they stay: 0.06 in light drops, 0 in streaks and dry views
+MAX_STREAKS = 0.02  # mean cover by streaks: 0.005 in drops, 0.04 in light streaks
+CLEAR, COVERED = 0.2, 0.5  # mean cover up to which the photograph counts alone, and from which the network does
+SMOOTH = 1 / 40  # standard deviation of G, in longer sides of the picture
+MIN_SHARE = 1e-3  # of clear pixels around one: where there are fewer, G says next to nothing
+
+
+def staying_drops(covers: Sequence[NDArray[np.uint8]]) -> list[Plane] | None:
+    """What drops cover of the lens in each view: [H, W] in [0, 1], at the size of its cover.
+
+    Args:
+        covers: what streaks, drops and mist cover of each photograph [H, W, 3], 255 for all; in order of name.
+
+    Returns:
+        None unless drops stay on the lens, and no streaks fall.
+    """
+    drops = {view: cover[..., DROPS] for view, cover in enumerate(covers)}
+    means: list[Plane] = []
+    shares = []
+    for view, own in drops.items():
+        mean = mean_around(view, {other: plane for other, plane in drops.items() if other != view}, own.shape, AROUND)
+        means.append((own if mean is None else mean) / np.float32(255))
+        shares.append(0.0 if mean is None else float(np.mean(means[-1] > DROP)))
+    streaks = np.mean([cover[..., STREAKS].mean() / 255 for cover in covers])
+    return means if np.mean(shares) >= MIN_DROPS and streaks <= MAX_STREAKS else None
+
+
+def with_clear_pixels(enhanced: Image, photograph: Image, cover: Plane) -> Image:
+    """An enhanced picture with the photograph's detail where nothing covers the lens.
+
+    Args:
+        enhanced: [H, W, 3], sRGB-encoded, [0, 1].
+        photograph: the same without its mist, and nothing else done to it.
+        cover: mean cover by drops [H, W].
+
+    Returns:
+        [H, W, 3], [0, 1].
+    """
+    covered = smooth_rise(cover, CLEAR, COVERED)[..., None]
+    clear, change = 1 - covered, enhanced - photograph
+    deviation = SMOOTH * max(cover.shape)
+    share = cv2.GaussianBlur(clear, (0, 0), deviation)[..., None]
+    smooth = cv2.GaussianBlur(clear * change, (0, 0), deviation) / np.maximum(share, np.float32(MIN_SHARE))
+    return np.asarray(np.clip(photograph + covered * change + clear * smooth, 0, 1), np.float32)
