@@ -1,4 +1,7 @@
-"""Which photographs one lens took, held one way: what is on it lies in the same place of these alone."""
+"""Which photographs one lens took, held one way, and what planes of theirs have in common at a place of the lens.
+
+What is on the lens lies in the same place of these alone.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -9,6 +12,7 @@ from numpy.typing import NDArray
 from deraings.image_planes import Plane, resized
 
 ALIKE = 0.1  # difference of the logarithms of two ratios of sides: 4:3 and 3:2 differ by 0.12, lenses set right by less
+AROUND = 8.0  # standard deviation, in views before and after, of what counts for a view: drops move slowly
 MIN_WEIGHT = 0.01  # of a view; those further away count for nothing
 
 

@@ -16,10 +16,9 @@ from baselines.distractors.spotless import Spotless, SpotlessConfig, SpotlessObj
 from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import TrainingImages
 from deraings.image_planes import Plane, resized
-from deraings.lens_views import mean_around
+from deraings.lens_views import AROUND, mean_around
 from hydroviews.scene.masks import Ignored
 
-LENS_VIEWS = 8.0  # standard deviation, in views before and after, as of the occlusion masks
 LENS = "lens"  # of names in a checkpoint
 
 
@@ -41,7 +40,7 @@ class LensObjective(SpotlessObjective):
         """log2 of the others' mean residual over the inliers' limit; 0 while there are none."""
         size, limit = self.network.size(view), self._limit
         others = {other: known for other, known in self._residuals.items() if other != view}
-        mean = mean_around(view, others, size, LENS_VIEWS)
+        mean = mean_around(view, others, size, AROUND)
         return [np.zeros(size, np.float32) if mean is None else np.log2((mean + limit) / (2 * limit), dtype=np.float32)]
 
     @property

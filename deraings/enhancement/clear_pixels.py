@@ -20,11 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deraings.image_planes import Plane, smooth_rise
-from deraings.lens_views import mean_around
+from deraings.lens_views import AROUND, mean_around
 from hydroviews.scene.images import Image
 
 STREAKS, DROPS = 0, 1  # channels of what rain covers
-AROUND = 8.0  # views before and after, standard deviation of their weights
 DROP = 0.5  # mean cover of a place with a drop
 MIN_DROPS = 0.01  # share of the lens with drops from which they stay: 0.06 in light drops, 0 in streaks and dry views
 MAX_STREAKS = 0.02  # mean cover by streaks: 0.005 in drops, 0.04 in light streaks

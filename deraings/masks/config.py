@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from deraings.lens_views import AROUND
+
 
 @dataclass(frozen=True)
 class MaskConfig:
@@ -43,7 +45,7 @@ class MaskConfig:
     width: int = 16
     attention: bool = True
     cutoff: float = 0.125
-    lens_views: float = 8.0
+    lens_views: float = AROUND
 
     def __post_init__(self) -> None:
         if not (0 < self.start <= 1 and 0 <= self.warm_up <= self.start and self.every >= 1):
