@@ -25,7 +25,7 @@ from baselines.volumetric.rays import camera_rays
 from hydroviews.errors import InputError
 from hydroviews.scene.images import write_png
 
-VOLUMETRIC = replace(balls.SMALL, iterations=250)
+VOLUMETRIC = replace(balls.SMALL, iterations=180)
 CONFIG = OccNerfConfig(VOLUMETRIC, VOLUMETRIC.field, gap=0.35, alone=0.1, depth_weight=0.1)
 SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, proposal_always=10))
 COUNT = 40
