@@ -1,6 +1,7 @@
 """The training photographs with their rain taken out, as photographs of one lens, each kept as a picture."""
 
 import hashlib
+import logging
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
@@ -19,6 +20,8 @@ from deraings.enhancement.weights import Enhancer
 from deraings.image_planes import Plane, resized, within_side
 from hydroviews.cli.threads import side_by_side
 from hydroviews.scene.images import Image, read_image, to_uint8, write_png
+
+logger = logging.getLogger(__name__)
 
 COVER_SIDE = 400  # pixels of the longer side, at most, of covers that are kept in memory
 
@@ -54,7 +57,7 @@ class EnhancedViews:
     def file(self, index: int) -> Path:
         """One picture as a PNG, written unless an earlier call has finished it; what drops cover of it is beside it."""
         path = self._kept / f"{self._names[index]}.png"
-        if not path.is_file():
+        if not path.is_file() or (self.tells_cover and not self._cover_file(index).is_file()):
             with one_thread():
                 self._enhance(index, path)
         return path
@@ -143,6 +146,7 @@ class EnhancedViews:
             covers = self._staying_drops() if clear else None
             if covers is None:
                 return paths
+            logger.info("drops stay on the lens: between them, pixels are learned as the photographs show them")
             cleared = side_by_side(lambda index: self._clear(index, covers[index]), range(count))
             return list(tqdm(cleared, **_progress("clear pixels", count)))
 
