@@ -2,10 +2,9 @@
 
 import hashlib
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +54,7 @@ class EnhancedViews:
         self._kept = folder / self.digest
 
     def file(self, index: int) -> Path:
-        """One picture as a PNG, written unless an earlier call has finished it; what drops cover of it is beside it."""
+        """One picture as a PNG, written unless an earlier call has finished it; so is what rain covers of it."""
         path = self._kept / f"{self._names[index]}.png"
         if not path.is_file() or (self.tells_cover and not self._cover_file(index).is_file()):
             with one_thread():
@@ -142,13 +141,12 @@ class EnhancedViews:
         """
         count, _ = len(self._images), self._lenses  # before several threads ask for them
         with one_thread():  # around all: each leaves behind the number of threads that it found
-            paths = list(tqdm(side_by_side(self.file, range(count)), **_progress("enhancing", count)))
+            paths = _of_all(self.file, count, "enhancing")
             covers = self._staying_drops() if clear else None
             if covers is None:
                 return paths
             logger.info("drops stay on the lens: between them, pixels are learned as the photographs show them")
-            cleared = side_by_side(lambda index: self._clear(index, covers[index]), range(count))
-            return list(tqdm(cleared, **_progress("clear pixels", count)))
+            return _of_all(lambda index: self._clear(index, covers[index]), count, "clear pixels")
 
     def _staying_drops(self) -> list[Plane] | None:
         return staying_drops([self._cover(index) for index in range(len(self._images))]) if self.tells_cover else None
@@ -169,8 +167,9 @@ class EnhancedViews:
         return to_uint8(resized(cover, within_side(cover.shape[:2], COVER_SIDE)))
 
 
-def _progress(what: str, count: int) -> dict[str, Any]:
-    return {"desc": what, "unit": "view", "total": count, "leave": False}
+def _of_all(function: Callable[[int], Path], count: int, doing: str) -> list[Path]:
+    """`function` of every index, two at a time, showing progress."""
+    return list(tqdm(side_by_side(function, range(count)), desc=doing, unit="view", total=count, leave=False))
 
 
 def _fingerprint(images: TrainingImages, enhancer: Enhancer, remove_mist: bool) -> str:

@@ -112,3 +112,14 @@ def test_pictures_of_a_capture_are_cleared_once(rng, tmp_path, monkeypatch):
     again = EnhancedViews(images, names, enhancer, tmp_path / "kept").files(clear=True)
     assert times == [path.stat().st_mtime_ns for path in again]
     assert np.array_equal(views.training_images(clear=True).pixels(0), (read_image(cleared[0]) * 255).round())
+
+
+def test_what_covers_a_photograph_is_found_again_if_it_is_lost(tmp_path):
+    scene = photographed(tmp_path / "scene")
+    names = [view.name for view in scene.train_views]
+    enhancer = Enhancer(EnhancementNetwork(TINY).eval(), {}, "tiny")
+    views = EnhancedViews(read_images(scene.train_views), names, enhancer, tmp_path / "kept")
+    first = views.drop_cover(0)
+    (kept,) = (tmp_path / "kept").rglob(f"cover/{names[0]}.png")
+    kept.unlink()
+    assert np.array_equal(views.drop_cover(0), first)
