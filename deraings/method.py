@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting.backends.base import GSPLAT
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting_profiles import PROFILES, PROFILES_WITH_NETWORKS, with_iterations
+from baselines.splatting_profiles import PROFILES
 from baselines.training.devices import chosen_device
 from baselines.training.images import TrainingImages, read_images
 from deraings.enhanced_method import KEPT, enhanced_views
@@ -79,15 +79,9 @@ def paper_config(splatting: TrainerConfig, **changed: Any) -> DeRainGSConfig:
     return DeRainGSConfig(splatting, enhancement=DEFAULT, masks=masks, rain=RENEWED_DROPS_ALONE)
 
 
-# Streaks are found as well in the fewer steps of plain splatting in `demo`; in `quick` that has not been measured.
-RAIN_LAYER_PROFILES = {**PROFILES, "quick": with_iterations(12_000, PROFILES_WITH_NETWORKS["quick"])}
-
-
-def profiles(
-    configure: Callable[[TrainerConfig], DeRainGSConfig], splatting: Mapping[str, TrainerConfig] = PROFILES
-) -> dict[str, DeRainGSConfig]:
-    """A configuration for every profile of splatting; plain splatting's by default."""
-    return {name: configure(trained) for name, trained in splatting.items()}
+def profiles(configure: Callable[[TrainerConfig], DeRainGSConfig]) -> dict[str, DeRainGSConfig]:
+    """A configuration for every profile of plain splatting, whose training all of these methods have."""
+    return {name: configure(trained) for name, trained in PROFILES.items()}
 
 
 class DeRainGS(GaussianSplatting):
@@ -161,16 +155,14 @@ class DeRainGSPlus(DeRainGS):
     """
 
     profiles: ClassVar[Mapping[str, Any]] = profiles(
-        lambda splatting: DeRainGSConfig(splatting, rain=RainConfig(), prior=DEFAULT), RAIN_LAYER_PROFILES
+        lambda splatting: DeRainGSConfig(splatting, rain=RainConfig(), prior=DEFAULT)
     )
 
 
 class RainModelOnly(DeRainGS):
     """Ablation: the rain model without a network."""
 
-    profiles: ClassVar[Mapping[str, Any]] = profiles(
-        lambda splatting: DeRainGSConfig(splatting, rain=RainConfig()), RAIN_LAYER_PROFILES
-    )
+    profiles: ClassVar[Mapping[str, Any]] = profiles(lambda splatting: DeRainGSConfig(splatting, rain=RainConfig()))
 
 
 class Masks(DeRainGS):
