@@ -9,11 +9,12 @@ from hydroviews.dataset.suites import suite_of
 from hydroviews.formats.markdown import markdown_table
 from hydroviews.metrics import Metric, find_metrics
 from hydroviews.rain.patterns import GRADES
-from leaderboard.tables.dataframes import Tables, scene_table
+from leaderboard.tables.dataframes import SuiteTables, Tables, scene_tables
 from leaderboard.tables.means import incomplete, places
 from leaderboard.tables.paper_numbers import NOTE, published_ablation, published_scores
 
 PAPER = ("PSNR (paper)", "SSIM (paper)", "LPIPS (paper)")
+SHARED = "All methods, on the runs that all of them have"  # title of a second block
 COST_TITLES = {
     "train_s": "train s",
     "before_s": "before s",
@@ -73,6 +74,8 @@ def runs_cell(row: Mapping[Any, Any]) -> str:
 def basis(block: pd.DataFrame) -> str:
     """A sentence on what a table's means are over, where that is not simply all runs; else empty."""
     ours = block[~block.reference.astype(bool)]
+    if len(ours) and ours.shared_runs.iloc[0]:
+        return f"\n\n{len(ours)} methods on the runs that all of them have: {ours.shared_runs.iloc[0]}."
     if ours.empty or (ours.compared == ours.planned).all() or (ours.finished == 0).all():
         return ""
     apart = ", ".join(map(str, ours.index[(ours.compared == 0) & (ours.finished > 0)]))
@@ -94,7 +97,7 @@ def _number(value: float) -> str:
 
 def scene_text(table: pd.DataFrame, scene: str, profile: str, track: str) -> str:
     """One scene's table under its name, to be printed."""
-    text = to_markdown(scene_table(table, scene, profile, track), scene)
+    text = "\n".join(to_markdown(found, scene) for found in scene_tables(table, scene, profile, track))
     note = f"\n{NOTE}\n" if "(paper)" in text else ""
     return f"{_titled(scene, profile, track)}\n\n{text}{note}"
 
@@ -171,12 +174,22 @@ def _paper(row: Mapping[Any, Any]) -> tuple[str, str]:
     return f"{row['psnr']:.2f}", f"{row['ssim']:.3f}"
 
 
+def _suite_text(title: str, found: SuiteTables) -> str:
+    texts = [grades_text(found.grades), costs_text(found.costs), ablation_text(found.ablation)]
+    return "\n\n".join([title, *(text for text in texts if text)]) + "\n"
+
+
 def all_text(tables: Tables) -> str:
     """Everything there is: every scene of every profile, a table a track; then grades, costs and ablation by suite."""
-    parts = [f"## {_titled(*keys)}\n\n{to_markdown(found, keys[0])}" for keys, found in tables.scenes.items()]
-    for (profile, track, suite), found in tables.suites.items():
-        title = f"## {f'suite {suite}' if suite else 'other scenes'} ({profile}, {track})"
-        texts = [grades_text(found.grades), costs_text(found.costs), ablation_text(found.ablation)]
-        parts.append("\n\n".join([title, *(text for text in texts if text)]) + "\n")
+    parts = []
+    for keys, found in tables.scenes.items():
+        parts.append(f"## {_titled(*keys)}\n\n{to_markdown(found, keys[0])}")
+        if keys in tables.shared_scenes:
+            parts.append(to_markdown(tables.shared_scenes[keys], keys[0]))
+    for keys, found in tables.suites.items():
+        profile, track, suite = keys
+        parts.append(_suite_text(f"## {f'suite {suite}' if suite else 'other scenes'} ({profile}, {track})", found))
+        if keys in tables.shared_suites:
+            parts.append(_suite_text(f"### {SHARED}", tables.shared_suites[keys]))
     text = "\n".join([*parts, legend() + "\n"])
     return text + (f"\n{NOTE}\n" if "(paper)" in text else "")
