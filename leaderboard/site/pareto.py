@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import pandas as pd
 
 from hydroviews.metrics import Metric
-from leaderboard.site.axes import LEFT, WIDTH, Ticks, across, log_ticks, ticks, up, widened
+from leaderboard.site.axes import BOTTOM, HEIGHT, LEFT, TOP, WIDTH, Ticks, across, log_ticks, ticks, up, widened
 from leaderboard.tables.markdown import cost_text
 
-LINE = 13  # least distance of two labels
+LINE = 13  # least distance of two labels that are above each other
+LETTER = 6  # width of a label's letter, about
 
 
 @dataclass(frozen=True)
@@ -93,11 +94,17 @@ def draw(means: pd.DataFrame, name: str, title: str, metric: Metric) -> Plot | N
 
 
 def _labels(places: dict[str, tuple[float, float]]) -> dict[str, tuple[float, float, str]]:
-    """Where labels stand, moved down where they would cover each other."""
+    """Where labels stand, moved up or down in the frame where they would cover each other."""
     found: dict[str, tuple[float, float, str]] = {}
-    last = -math.inf
+    taken: list[tuple[float, float, float]] = []  # left and right end, height
     for method, (x, y) in sorted(places.items(), key=lambda item: item[1][1]):
-        last = max(y + 4, last + LINE)
         right = x < (LEFT + WIDTH) / 2
-        found[method] = (x + 8 if right else x - 8, round(last, 1), "start" if right else "end")
+        start = x + 8 if right else x - 8
+        low, high = (start, start + LETTER * len(method)) if right else (start - LETTER * len(method), start)
+        beside = [height for left, end, height in taken if left < high and low < end]
+        moves = sorted(range(-HEIGHT, HEIGHT), key=abs)
+        heights = (y + 4 + move for move in moves if TOP <= y + 4 + move <= HEIGHT - BOTTOM)
+        height = next((one for one in heights if all(abs(one - other) >= LINE for other in beside)), y + 4)
+        taken.append((low, high, height))
+        found[method] = (start, round(height, 1), "start" if right else "end")
     return found
