@@ -10,7 +10,7 @@ from hydroviews.metrics import Metric
 from leaderboard.site.axes import BOTTOM, HEIGHT, LEFT, TOP, WIDTH, Ticks, across, log_ticks, ticks, up, widened
 from leaderboard.tables.markdown import cost_text
 
-LINE = 13  # least distance of two labels that are above each other
+LINE = 13  # height of a line of labels
 LETTER = 6  # width of a label's letter, about
 
 
@@ -94,17 +94,15 @@ def draw(means: pd.DataFrame, name: str, title: str, metric: Metric) -> Plot | N
 
 
 def _labels(places: dict[str, tuple[float, float]]) -> dict[str, tuple[float, float, str]]:
-    """Where labels stand, moved up or down in the frame where they would cover each other."""
+    """Where labels stand: each in the nearest line of the frame in which it covers no other."""
     found: dict[str, tuple[float, float, str]] = {}
-    taken: list[tuple[float, float, float]] = []  # left and right end, height
+    taken: dict[int, list[tuple[float, float]]] = {line: [] for line in range(TOP + LINE, HEIGHT - BOTTOM, LINE)}
     for method, (x, y) in sorted(places.items(), key=lambda item: item[1][1]):
         right = x < (LEFT + WIDTH) / 2
         start = x + 8 if right else x - 8
-        low, high = (start, start + LETTER * len(method)) if right else (start - LETTER * len(method), start)
-        beside = [height for left, end, height in taken if left < high and low < end]
-        moves = sorted(range(-HEIGHT, HEIGHT), key=abs)
-        heights = (y + 4 + move for move in moves if TOP <= y + 4 + move <= HEIGHT - BOTTOM)
-        height = next((one for one in heights if all(abs(one - other) >= LINE for other in beside)), y + 4)
-        taken.append((low, high, height))
-        found[method] = (start, round(height, 1), "start" if right else "end")
+        low, high = sorted((start, start + (LETTER if right else -LETTER) * len(method)))
+        covers = {line: any(left < high and low < end for left, end in others) for line, others in taken.items()}
+        line = min(taken, key=lambda line: (covers[line], abs(line - y - 4)))
+        taken[line].append((low, high))
+        found[method] = (start, line, "start" if right else "end")
     return found
