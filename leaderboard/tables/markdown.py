@@ -186,9 +186,10 @@ def all_text(tables: Tables) -> str:
         parts.append(f"## {_titled(*keys)}\n\n{to_markdown(found, keys[0])}")
         if keys in tables.shared_scenes:
             parts.append(to_markdown(tables.shared_scenes[keys], keys[0]))
-    for keys, found in tables.suites.items():
+    for keys, suite_tables in tables.suites.items():
         profile, track, suite = keys
-        parts.append(_suite_text(f"## {f'suite {suite}' if suite else 'other scenes'} ({profile}, {track})", found))
+        title = f"## {f'suite {suite}' if suite else 'other scenes'} ({profile}, {track})"
+        parts.append(_suite_text(title, suite_tables))
         if keys in tables.shared_suites:
             parts.append(_suite_text(f"### {SHARED}", tables.shared_suites[keys]))
     text = "\n".join([*parts, legend() + "\n"])
