@@ -75,6 +75,15 @@ def test_views_that_have_nothing_in_common_leave_a_finite_scene(tmp_path, n_view
     assert np.isfinite(method.render(scene.test_views[0].camera)).all()
 
 
+def test_layers_that_cover_everything_are_said(tmp_path, caplog):
+    scene, hidden = photographed(tmp_path, n_views=4), []
+    for opacity in (0.1, 0.95):
+        layers = replace(BRIEF.layers, number=100, opacity=opacity)
+        fitted(DeSplat, replace(BRIEF, layers=layers), scene, tmp_path / f"{opacity}")
+        hidden.append([record for record in caplog.records if "layers hide" in record.getMessage()])
+    assert [len(found) for found in hidden] == [0, 1]
+
+
 def test_the_method_is_found_and_its_model_is_the_scene_alone(tmp_path):
     assert find_method("desplat") is DeSplat
     assert DeSplat.configuration("paper").layers == LayerConfig()  # the authors' numbers
