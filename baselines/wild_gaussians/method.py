@@ -130,7 +130,9 @@ class WildObjective(Objective):
         shares = []
         for view in range(len(self.images)):
             height, width = self.images.pixels(view).shape[:2]
-            weights = self._uncertainty and self._uncertainty.weights(view, (height, width), iteration)
+            weights = None
+            if self._uncertainty is not None:
+                weights = self._uncertainty.weights(view, (height, width), iteration)
             shares.append(0.0 if weights is None else 1 - float(weights.mean()))
         return float(np.mean(shares))
 
