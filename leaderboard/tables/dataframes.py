@@ -13,7 +13,7 @@ from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.rain.patterns import GRADES
 from leaderboard.records import CEILING, FLOOR
 from leaderboard.tables.means import COSTS, Block, blocks, compared_runs, method_means, shown_names
-from leaderboard.tables.paper_numbers import ABLATION
+from leaderboard.tables.paper_numbers import ABLATION, IN_CSV, beside_ours, published_ablation
 
 SUITES = (TEST, DEVELOPMENT, "")  # in the order of tables; empty: scenes of no suite
 SCORE = ("method", "pattern", "seed", "data_sha256", "psnr")
@@ -151,10 +151,13 @@ def cost_means(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def ablation_means(rows: pd.DataFrame) -> pd.DataFrame:
-    """Means of the methods of the paper's ablation over drops and streaks, in its order; those that have runs."""
+    """Means of the methods of the paper's ablation over drops and streaks, in its order.
+
+    Those that have runs; none where that is only one, which compares with nothing.
+    """
     ours = [method for method in ABLATION if method in set(rows.method)]
     kept = rows[rows.method.isin(ours) & rows.effect.isin(ABLATED)]
-    return method_means(kept).reindex(ours)
+    return method_means(kept).reindex(ours if len(ours) > 1 else [])
 
 
 @dataclass(frozen=True)
@@ -202,7 +205,10 @@ def _suite_tables(block: Block) -> SuiteTables:
 
 
 def tidy_scenes(tables: Tables) -> pd.DataFrame:
-    """All scene tables below each other: a row a profile, track, scene, effect, method and `shared_runs`."""
+    """All scene tables below each other: a row a profile, track, scene, effect, method and `shared_runs`.
+
+    With what the paper published: see `beside_ours`.
+    """
     parts = []
     for (scene, profile, track), means in (*tables.scenes.items(), *tables.shared_scenes.items()):
         for effect in dict.fromkeys(means.columns.get_level_values(0)):
@@ -211,11 +217,17 @@ def tidy_scenes(tables: Tables) -> pd.DataFrame:
             parts.append(block.assign(**keys).astype(dict.fromkeys(("finished", "planned", "compared"), int)))
     front = ["profile", "track", "suite", "scene", "effect", "method", "reference", "finished", "planned", "compared"]
     joined = pd.concat(parts, ignore_index=True)
-    return joined[[*front, *(name for name in joined if name not in {*front, *COSTS}), *COSTS]]
+    return beside_ours(joined[[*front, *(name for name in joined if name not in {*front, *COSTS}), *COSTS]])
 
 
-def tidy_suites(tables: Tables, part: Literal["grades", "costs"]) -> pd.DataFrame:
-    """The tables of grades or costs of all suites below each other."""
+def tidy_ablation(tables: Tables) -> pd.DataFrame:
+    """The ablations of all suites below each other, with the paper's names and numbers of the same rows."""
+    paper = published_ablation().rename(columns=IN_CSV)
+    return tidy_suites(tables, "ablation").merge(paper, how="left", left_on="method", right_index=True)
+
+
+def tidy_suites(tables: Tables, part: Literal["grades", "costs", "ablation"]) -> pd.DataFrame:
+    """One of the tables of all suites below each other."""
     parts = [
         getattr(found, part).rename_axis("method").reset_index().assign(profile=profile, track=track, suite=suite)
         for (profile, track, suite), found in (*tables.suites.items(), *tables.shared_suites.items())

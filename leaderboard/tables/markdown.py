@@ -87,7 +87,7 @@ def basis(block: pd.DataFrame) -> str:
 
 
 def _paper_cells(row: Mapping[Any, Any]) -> tuple[str, ...]:
-    cells = (*_paper(row), f"{row['lpips']:.3f}")
+    cells = (*paper_scores(row), f"{row['lpips']:.3f}")
     return tuple(f"<u>{cell}</u>" for cell in cells) if row["failed"] else cells
 
 
@@ -151,8 +151,8 @@ def cost_text(value: float) -> str:
 
 
 def ablation_text(means: pd.DataFrame) -> str:
-    """The paper's ablation on our runs beside its own numbers; empty with fewer than two of its rows."""
-    if len(means) < 2:
+    """The paper's ablation on our runs beside its own numbers; may be empty."""
+    if means.empty:
         return ""
     metrics, paper = find_metrics()[:2], published_ablation().to_dict("index")
     scores = [score_cells(means, metric) for metric in metrics]
@@ -162,7 +162,7 @@ def ablation_text(means: pd.DataFrame) -> str:
             method,
             *(cells[method] for cells in scores),
             runs_cell(row),
-            *_paper(paper[method]),
+            *paper_scores(paper[method]),
         )
         for method, row in means.to_dict("index").items()
     ]
@@ -170,7 +170,8 @@ def ablation_text(means: pd.DataFrame) -> str:
     return markdown_table(head, body, keep_empty=True) + basis(means)
 
 
-def _paper(row: Mapping[Any, Any]) -> tuple[str, str]:
+def paper_scores(row: Mapping[Any, Any]) -> tuple[str, str]:
+    """The PSNR and SSIM that the paper published, as it prints them."""
     return f"{row['psnr']:.2f}", f"{row['ssim']:.3f}"
 
 

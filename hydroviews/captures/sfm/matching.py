@@ -19,6 +19,9 @@ pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)  # progress bars are 
 
 MAX_FEATURES = 4096
 MAX_IMAGE_SIZE = 1600  # pixels of the longer side; larger photographs are shrunk for detection alone
+# Share of the longer side where Exif says nothing: a telephone's. From pycolmap's 1.2, views from one side may end with
+# a scene turned inside out.
+FOCAL_LENGTH = 0.9
 
 # Units of progress; Ctrl-C waits for the end of one.
 IMAGES_AT_ONCE = max(8, 2 * (os.cpu_count() or 1))
@@ -72,18 +75,16 @@ def register(
     *,
     shared: bool,
     masks: Path | None = None,
-    focal_length: float | None = None,
 ) -> None:
     """Add images and their cameras to the database, unless all of them are in it.
 
     Args:
         database: emptied if it has only some of them.
-        photographs: folder of the files, whose Exif may give focal lengths.
+        photographs: folder of the files, whose Exif may give focal lengths; `FOCAL_LENGTH` where it does not.
         names: of all images.
         camera_model: COLMAP's name.
         shared: one camera for all photographs of a size, instead of one for each.
         masks: as for `extract`.
-        focal_length: where Exif gives none, in shares of the longer side; pycolmap's if not given.
 
     Raises:
         InputError: there are masks, but not for every image; a photograph that cannot be read.
@@ -104,7 +105,7 @@ def register(
         by_size.setdefault(image_size(photographs / name) if shared else (0, 0), []).append(name)
     mode = pycolmap.CameraMode.SINGLE if shared else pycolmap.CameraMode.PER_IMAGE
     reader = pycolmap.ImageReaderOptions(camera_model=camera_model, mask_path=masks or "")
-    reader.default_focal_length_factor = focal_length or reader.default_focal_length_factor
+    reader.default_focal_length_factor = FOCAL_LENGTH
     for alike in by_size.values():  # cameras are shared within one call
         pycolmap.import_images(database, photographs, camera_mode=mode, image_names=alike, options=reader)
 

@@ -126,18 +126,16 @@ def estimate_poses(
     if not finished:
         database, names = out / DATABASE, sorted(links)
         chosen = pairs.all_pairs(len(names)) if exhaustive else pairs.sequence_pairs(len(names))
-        register = partial(matching.register, database, pictures, names, camera_model, shared=True, masks=masks)
         with room_for(out, len(names)):
+            matching.register(database, pictures, names, camera_model, shared=True, masks=masks)
             if rainy:
                 error = rain.tolerance(max(max(image_size(path)) for path in sources))
-                register(focal_length=rain.FOCAL_LENGTH)
                 rain.extract(database, pictures, names, camera_model, error, masks, enhance)
                 rain.match(database, names, chosen, seed, error)
                 options, finish = rainy_options(seed, error), partial(polished, error=error)
                 map_photographs(out, len(names), options, advice, finish)
                 rain.forget_parts(database)
             else:
-                register()
                 matching.extract(database, pictures, names, camera_model, masks)
                 matching.match(database, names, chosen, seed)
                 map_photographs(out, len(names), mapping_options(seed), advice)

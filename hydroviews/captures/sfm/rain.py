@@ -27,9 +27,6 @@ logger = logging.getLogger(__name__)
 
 Enhance = Callable[[Image], Image]
 
-# Share of the longer side where Exif says nothing: a telephone's. From pycolmap's 1.2, views from one side may end with
-# a scene turned inside out.
-FOCAL_LENGTH = 0.9
 MIN_MATCHES, MIN_SHARE = 20, 0.25  # of a pair that must be verified, and of all its matches
 # Samples for a pair: more find few further pairs, and wrong ones among them, but take four times as long.
 MAX_TRIALS = 2000

@@ -46,6 +46,14 @@ def relative_rotation_error(scene, other, a, b):
     return np.degrees(np.arccos(np.clip(cosine, -1, 1)))
 
 
+def test_without_exif_the_focal_length_begins_at_a_telephones(tmp_path):
+    """From pycolmap's longer one, views from one side end inside out."""
+    write_png(tmp_path / "a.png", np.zeros((6, 8, 3), np.float32))
+    matching.register(tmp_path / "d.db", tmp_path, ["a.png"], "SIMPLE_PINHOLE", shared=True)
+    with pycolmap.Database.open(tmp_path / "d.db") as opened:
+        assert [camera.focal_length for camera in opened.read_all_cameras()] == [pytest.approx(0.9 * 8)]
+
+
 def test_interrupted_estimation_goes_on_and_agrees_with_the_solved_poses(flower, tmp_path):
     script = "import sys; from pathlib import Path; from hydroviews.captures.sfm.poses import estimate_poses as run; "
     script += "run(Path(sys.argv[1]), Path(sys.argv[2]))"

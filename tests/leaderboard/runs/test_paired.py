@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from paired import NAMES, paired_capture
+from paired import NAMES, name_cameras, paired_capture
 from synthetic import capture_in
 
 from baselines.gaussian_splatting import GaussianSplatting
@@ -19,6 +19,7 @@ from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import has_ceiling, open_clean, open_variant
 from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import write_json
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.writers import write_colmap
 from hydroviews.profiles import find_profile
@@ -31,6 +32,7 @@ from leaderboard.tables import rain_losses as severity
 from leaderboard.viewer.comparison import list_shots
 
 STEPS = 20
+PARTS = [0, 1, 2, 3, 4, 5], [6, 7, 8]  # clutter and extra
 
 
 def run(tmp_path: Path, scene: Path, method: str = "MeanColour"):
@@ -100,6 +102,30 @@ def test_of_other_views_the_data_set_is_whole(tmp_path):
     assert (folder.parent / "manifest.json").stat().st_mtime_ns == stamp
     (folder / "clean" / f"{NAMES[7]}.png").unlink()
     assert any("clean/view-07.png: missing" in problem for problem in verify(folder.parent))
+
+
+@pytest.mark.parametrize(
+    ("published", "prefixes"), [("robustnerf/statue", ("2clutter", "2extra")), ("onthego/corner", ("IMG_", "IMG_"))]
+)
+def test_published_captures_are_read_by_name(tmp_path, published, prefixes):
+    """Their reduced photographs alone are there; cameras name those of full size, On-the-go's split has numbers."""
+    name = published.replace("/", "_")
+    folder = paired_capture(tmp_path / "root" / name, NAMES[:6], NAMES[6:])
+    clutter, extra = ([prefix + str(i) for i in part] for prefix, part in zip(prefixes, PARTS, strict=True))
+    for view, new in zip(NAMES, (*clutter, *extra), strict=True):
+        (picture,) = folder.glob(f"*/{view}.png")
+        (folder / "images_8").mkdir(exist_ok=True)
+        picture.rename(folder / "images_8" / f"{new}.png")
+    (folder / "rainy").rmdir()
+    (folder / "clean").rmdir()
+    name_cameras(folder, {view: [f"images/{new}.JPG"] for view, new in zip(NAMES, (*clutter, *extra), strict=True)})
+    if published.startswith("onthego"):
+        write_json(folder / "split.json", dict(zip(("clutter", "extra"), PARTS, strict=True)))
+    built = build_source(published, tmp_path / "data", find_profile("demo"), captures=tmp_path / "root")
+    assert built.name == name
+    assert [view.name for view in open_variant(built, CAPTURED).train_views] == clutter
+    assert [view.name for view in open_clean(built).test_views] == extra
+    assert verify(built.parent) == []
 
 
 def test_another_clean_photograph_is_another_capture(tmp_path):

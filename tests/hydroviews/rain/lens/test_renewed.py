@@ -18,6 +18,7 @@ from hydroviews.rain.lens.mesh import water_mesh
 from hydroviews.rain.lens.path_matte import defocus
 from hydroviews.rain.lens.pattern import draw_pattern
 from hydroviews.rain.lens.raindrops import PreparedLens
+from hydroviews.rain.lens.renewed import RenewedDrops
 from hydroviews.rain.lens.water import Drop, Water
 from hydroviews.rain.light import expand_highlights
 from hydroviews.rain.registry import find_effect, parse_pattern
@@ -91,6 +92,18 @@ def test_nothing_renewed_is_the_fixed_window(tmp_path, waves):
     assert np.array_equal(layers["M"], matte.mask)
     assert np.array_equal(np.stack([layers[c] for c in "RGB"], -1), matte.apply(light))
     assert not list(tmp_path.rglob("drops-*"))
+
+
+def test_drops_grow_with_their_age(tmp_path, monkeypatch):
+    """With three key frames and 30 views, drops are the first's for ten views, then the second's, then the third's."""
+    monkeypatch.setattr("hydroviews.rain.lens.renewed.LENSES", 2)
+    rain = RenewedDrops(replace(SMALL, renewed=0.05, key_frames=3), camera(40, 30), tmp_path, views=30)
+    asked = []
+    monkeypatch.setattr(rain, "_lens", lambda *number_and_frame: asked.append(number_and_frame))
+    monkeypatch.setattr(DropPainter, "paint", lambda *_: None)
+    rain.over(np.zeros((30, 40, 3), np.float32), 29)
+    assert asked == [(born.lens, (29 - born.birth) // 10) for born in rain._lives.at(29)]
+    assert {frame for _, frame in asked} == {0, 1, 2}
 
 
 @pytest.mark.usefixtures("kept")

@@ -156,6 +156,18 @@ def test_any_size_of_picture(size):
 
 
 @pytest.mark.parametrize("screen", [False, True])
+def test_the_composite_is_its_formula_under_a_coloured_sky(screen):
+    rng = np.random.default_rng(0)
+    clean = rng.random((6, 8, 3), np.float32)
+    a, h = rng.random((2, 6, 8), np.float32)
+    sky = np.array([0.6, 0.7, 0.8], np.float32)
+    b, c, streaks, veil = (one.astype(np.float64) for one in (clean, sky, a[..., None], h[..., None]))
+    veiled = (1 - veil) * b + veil * c
+    expected = 1 - (1 - veiled) * (1 - streaks * c) if screen else (1 - streaks) * veiled + streaks * c
+    np.testing.assert_allclose(rain_over(clean, a, h, screen, sky), expected, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("screen", [False, True])
 def test_a_black_sky_darkens_or_changes_nothing_and_a_white_picture_stays(screen):
     cover, veil = np.full((6, 8), 0.5, np.float32), np.full((6, 8), 0.1, np.float32)
     black, white = np.zeros((6, 8, 3), np.float32), np.ones((6, 8, 3), np.float32)
