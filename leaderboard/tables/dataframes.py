@@ -155,9 +155,9 @@ def ablation_means(rows: pd.DataFrame) -> pd.DataFrame:
 
     Those that have runs; none where that is only one, which compares with nothing.
     """
-    ours = [method for method in ABLATION if method in set(rows.method)]
-    kept = rows[rows.method.isin(ours) & rows.effect.isin(ABLATED)]
-    return method_means(kept).reindex(ours if len(ours) > 1 else [])
+    kept = rows[rows.effect.isin(ABLATED)]
+    ours = [method for method in ABLATION if method in set(kept.method)]
+    return method_means(kept[kept.method.isin(ours)]).reindex(ours if len(ours) > 1 else [])
 
 
 @dataclass(frozen=True)

@@ -115,6 +115,14 @@ def test_the_ablation_agrees_with_pandas(written):
         assert f"| {label} | {method} | {shown} |" in text
 
 
+def test_other_rain_than_the_papers_has_no_ablation(tmp_path):
+    table = board()
+    table["effect"] = table.effect.replace({"raindrop": "shower", "streak": "haze"})
+    write_tables(table, tmp_path)
+    assert "| 3dgs |" in (tmp_path / "tables.md").read_text()
+    assert pd.read_csv(tmp_path / "ablation.csv").empty
+
+
 def test_the_markdown_shows_the_numbers_of_the_csv(written):
     text = (written / "tables.md").read_text()
     found = pd.read_csv(written / "tables.csv").set_index(["scene", "effect", "method"])
