@@ -3,6 +3,7 @@
 With adaptive density control, as the benchmark's reference rows have it, or with half the Gaussians.
 """
 
+import logging
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -28,9 +29,13 @@ from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 from hydroviews.scene.scenes import Scene
 
+logger = logging.getLogger(__name__)
+
 FOUND = "found.json"  # where methods look for more than the scene in their photographs
 # Of a training, in the model.
 RECORDED = ("near", "seconds", "device", "extent", "iterations", "residuals", "non_finite")
+MASKED = "masked"  # of what is found: share of the photographs' pixels that do not count in the end
+MOST = 0.6  # of them, above which what hides rain hides the scene itself
 
 
 class GaussianSplatting(Method):
@@ -61,6 +66,11 @@ class GaussianSplatting(Method):
         self._trained = train(scene, self.splatting, self.seed, folder, self._objective)
         if self._objective is not None:
             self.found |= self._objective.report()
+
+    def note_masked(self, share: float) -> None:
+        """Keep, for `summary`, the share of the photographs' pixels that are masked; a large one is said."""
+        self.found[MASKED] = share
+        warn_if_hidden(share)
 
     def hidden(self, view: int, size: tuple[int, int]) -> Plane | None:
         """See Method."""
@@ -138,6 +148,12 @@ class GaussianSplatting(Method):
         if self._trained is None:
             raise InputError(f"{type(self).__name__}: not trained", fix="call fit or load first")
         return self._trained
+
+
+def warn_if_hidden(share: float, what: str = "masks") -> None:
+    """Say so where most of the photographs' pixels are hidden from the scene by masks, or by what is named."""
+    if share > MOST:
+        logger.warning("%s hide %.0f %% of the photographs: the scene is learned from the rest", what, 100 * share)
 
 
 class BudgetedSplatting(GaussianSplatting):

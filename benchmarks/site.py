@@ -13,6 +13,7 @@ import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -90,8 +91,11 @@ def _write_run(
         profile="demo",
         data_sha256=f"{scene} {pattern}",
     )
-    costs = {name: float(rng.uniform(10, 1000)) for name in ("train_s", "peak_mem_mb", "model_mb", "render_fps")}
-    write_record(folder, dataclasses.replace(record, **costs, device="cpu", version="0"))
+    costs: dict[str, Any] = {
+        name: float(rng.uniform(10, 1000)) for name in ("train_s", "peak_mem_mb", "model_mb", "render_fps")
+    }
+    costs |= {"n_primitives": int(counts[-1] * rng.uniform(0.5, 2)), "device": "cpu", "version": "0"}
+    write_record(folder, dataclasses.replace(record, **costs))
 
 
 def main(runs: int = 1000, seeds: int = 3) -> None:

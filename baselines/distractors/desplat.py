@@ -32,7 +32,7 @@ from baselines.distractors.view_layers import (
     learn,
     render_layer,
 )
-from baselines.gaussian_splatting import GaussianSplatting
+from baselines.gaussian_splatting import GaussianSplatting, warn_if_hidden
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Plane, photometric_loss
@@ -90,10 +90,15 @@ class DeSplatObjective(Objective):
         camera = self.cameras[view].resized(size[1], size[0])
         return np.clip(render_layer(self.layers[view].gaussians, camera, self._buffers).cover, 0, 1)
 
+    @property
+    def covered(self) -> float:
+        """The mean cover of the layers, each at its view's last visit."""
+        return float(self._cover.mean())
+
     def report(self) -> dict[str, str]:
         """See Objective: the mean cover of the layers, and how many Gaussians they have."""
         number = np.mean([len(state.gaussians) for state in self.layers.values()])
-        return {"layers": f"cover {self._cover.mean():.1%} with {number:.0f} Gaussians each"}
+        return {"layers": f"cover {self.covered:.1%} with {number:.0f} Gaussians each"}
 
     def settings(self) -> dict[str, Any]:
         """See Objective."""
@@ -138,6 +143,12 @@ class DeSplat(GaussianSplatting):
         "quick": DeSplatConfig(PROFILES_WITHOUT_RESETS["quick"], SHORT_LAYERS),
         "paper": DeSplatConfig(PROFILES_WITHOUT_RESETS["paper"]),
     }
+
+    def fit(self, scene: Scene, folder: Path) -> None:
+        """See Method; layers that cover most of the photographs are said."""
+        super().fit(scene, folder)
+        assert isinstance(self._objective, DeSplatObjective)
+        warn_if_hidden(self._objective.covered, "layers")
 
     def objective(self, scene: Scene, folder: Path) -> DeSplatObjective:
         """See GaussianSplatting."""

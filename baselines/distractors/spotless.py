@@ -109,10 +109,15 @@ class Spotless(TrimmedMethod):
         return SpotlessObjective(images, self.config, network, self.seed)
 
 
+# The authors' threshold, 1e-14, is in their units: of gradients that cancel. A share has none; their models end two to
+# three times smaller.
+LEAST_USED = UtilisationPruning((0.8,), share=0.55)
+
+
 class SpotlessPruned(Spotless):
-    """SpotLessSplats without the Gaussians on whose positions the training views hardly depend."""
+    """SpotLessSplats without the Gaussians on whose positions the training views depend least."""
 
     profiles: ClassVar[Mapping[str, Any]] = {
-        name: replace(config, splatting=replace(config.splatting, pruning=UtilisationPruning((0.8,), threshold=1e-14)))
+        name: replace(config, splatting=replace(config.splatting, pruning=LEAST_USED))
         for name, config in Spotless.profiles.items()
     }

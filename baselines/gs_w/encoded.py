@@ -76,6 +76,12 @@ class EncodedAppearance(Appearance):
         """1 - m [H, W] of a training view at (height, width)."""
         return (1 - at_size(self.encode(view)[1], size).clamp(0, 1)).cpu().numpy()
 
+    @one_thread()
+    @torch.no_grad()
+    def masked(self) -> float:
+        """Share of the references' pixels whose m is below 1/2, in the mean over views."""
+        return float(np.mean([(self.encode(view)[1] < 0.5).float().mean().item() for view in range(len(self._images))]))
+
     @property
     def visible(self) -> Tensor:
         """m [h', w'] in (0, 1) of the view that `sh_sets` was asked for last; gradients by it are learned from."""

@@ -24,7 +24,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from baselines.gaussian_splatting import GaussianSplatting
+from baselines.gaussian_splatting import MASKED, GaussianSplatting
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT, ReferenceConfig
 from baselines.gs_w.fusion import Fusion
@@ -111,6 +111,7 @@ class GaussianInTheWild(GaussianSplatting):
         seen_with = trained.near, self.splatting.antialiased
         gaussians = average_features(trained.gaussians, appearance, cameras, *seen_with)
         self._trained = replace(trained, gaussians=gaussians)
+        self.note_masked(appearance.masked())
         self._fusion = appearance.cpu().fusion
         self._shown = mean_colours(gaussians, self._fusion, cameras, *seen_with)
 
@@ -144,8 +145,8 @@ class GaussianInTheWild(GaussianSplatting):
         return method
 
     def summary(self) -> TrainingSummary:
-        """See Method; `used` names the encoder."""
-        return replace(super().summary(), used=encoder_used(self.config.appearance))
+        """See Method; `used` names the encoder, and how much of the photographs was masked at the end."""
+        return replace(super().summary(), used=encoder_used(self.config.appearance, self.found[MASKED]))
 
 
 def _megabytes(folder: Path) -> float:

@@ -34,10 +34,10 @@ def with_named_weights(config: Config) -> Config:
     return replace(config, weights=named, weights_sha256=sha256(Path(named)))
 
 
-def encoder_used(config: EncoderConfig) -> str:
-    """What a summary says of the encoder."""
+def encoder_used(config: EncoderConfig, masked: float) -> str:
+    """What a summary says of the encoder, and of the share of the pixels that it masks."""
     weights = Path(config.weights).name if config.weights else "from scratch"
-    return f"encoder {config.backbone} {weights}"
+    return f"encoder {config.backbone} {weights}, {masked:.1%} of the pixels masked"
 
 
 def load_resnet(backbone: nn.Module, path: Path) -> None:

@@ -18,7 +18,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.gaussian_splatting import GaussianSplatting
+from baselines.gaussian_splatting import MASKED, GaussianSplatting
 from baselines.method import TrainingSummary
 from baselines.splatting.backends.base import GSPLAT
 from baselines.splatting.config import TrainerConfig
@@ -125,6 +125,17 @@ class WildObjective(Objective):
             return None
         return (~counted(self._uncertainty.uncertainty(view, size))).astype(np.float32)
 
+    def masked(self, iteration: int) -> float:
+        """Share of the photographs' pixels that do not count at an iteration, in the mean over views."""
+        shares = []
+        for view in range(len(self.images)):
+            height, width = self.images.pixels(view).shape[:2]
+            weights = None
+            if self._uncertainty is not None:
+                weights = self._uncertainty.weights(view, (height, width), iteration)
+            shares.append(0.0 if weights is None else 1 - float(weights.mean()))
+        return float(np.mean(shares))
+
     def settings(self) -> dict[str, Any]:
         """See Objective."""
         return {**super().settings(), "uncertainty": self._uncertainty and self._uncertainty.settings()}
@@ -192,6 +203,8 @@ class WildGaussians(GaussianSplatting):
                 trained = replace(trained, gaussians=shown)
         self._trained, self._objective = trained, objective
         self.found["sky"] = len(scene.points) - before
+        if config.uncertainty:
+            self.note_masked(objective.masked(splatting.iterations))
 
     def _uncertainty(self, images: TrainingImages) -> Uncertainty | None:
         """Before its first step, if it is wanted; `used` will name the features."""
@@ -203,8 +216,9 @@ class WildGaussians(GaussianSplatting):
         return Uncertainty(images, features, config.uncertainty, config.splatting.strategy, self.seed)
 
     def summary(self) -> TrainingSummary:
-        """See Method; `used` names the features that the uncertainty had, and how many Gaussians began as sky."""
+        """See Method; `used` names the uncertainty's features, the share it masks, and how many Gaussians were sky."""
         found = self.found
         parts = [f"uncertainty from {found['uncertainty']}"] if "uncertainty" in found else []
+        parts += [f"{found[MASKED]:.1%} of the pixels masked"] if MASKED in found else []
         parts += [f"{found['sky']} Gaussians for the sky"] if found.get("sky") else []
         return replace(super().summary(), used=", ".join(parts))

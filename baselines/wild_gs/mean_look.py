@@ -17,8 +17,8 @@ from hydroviews.scene.cameras import Camera
 @torch.no_grad()
 def mean_look(
     gaussians: Gaussians, appearance: LookAppearance, cameras: Sequence[Camera], near: float, antialiased: bool
-) -> tuple[Gaussians, float]:
-    """Ordinary Gaussians in colours that no longer depend on the view, and the share of the pixels that is masked.
+) -> Gaussians:
+    """Ordinary Gaussians in colours that no longer depend on the view.
 
     Averaged is what comes before the networks of codes: the encoder's features, and what Gaussians read of triplanes,
     each view counting for as many pixels as the Gaussian is of it. Where a view does not show a Gaussian its triplane
@@ -31,12 +31,11 @@ def mean_look(
         near: as trained.
         antialiased: as trained.
     """
-    wholes, masked = [], []
+    wholes = []
 
     def places(view: int, camera: Camera, seen: dict[str, Tensor]) -> Tensor:
         whole, visible = appearance.encode(view)
         wholes.append(whole)
-        masked.append(float((visible < 0.5).float().mean()))
         return appearance.read(view, visible, seen, camera)
 
     found = mean_over_views(gaussians, cameras, places, near, antialiased, appearance.device, "looks")
@@ -45,5 +44,4 @@ def mean_look(
     local = torch.from_numpy(found).to(appearance.device)
     codes = appearance.colours.codes(torch.stack(wholes).mean(dim=0), local, positions)
     sh = parameters["sh"] + appearance.colours.added(codes, parameters["features"])
-    shown = replace(gaussians.bare(), sh=np.ascontiguousarray(sh.cpu().numpy()))
-    return shown, float(np.mean(masked))
+    return replace(gaussians.bare(), sh=np.ascontiguousarray(sh.cpu().numpy()))

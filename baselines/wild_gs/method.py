@@ -18,13 +18,12 @@ Short profiles besides: GS-W's small U-Net on a reference of half the size, a tr
 step Gaussians know nothing of the reference.
 """
 
-import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
-from baselines.gaussian_splatting import GaussianSplatting
+from baselines.gaussian_splatting import MASKED, GaussianSplatting
 from baselines.gs_w.objective import VisibleObjective
 from baselines.gs_w.weights import encoder_used, load_resnet, with_named_weights
 from baselines.method import TrainingSummary
@@ -37,10 +36,6 @@ from baselines.wild_gs.appearance import LookAppearance
 from baselines.wild_gs.config import SHORT, LookConfig
 from baselines.wild_gs.mean_look import mean_look
 from hydroviews.scene.scenes import Scene
-
-logger = logging.getLogger(__name__)
-MASKED = "masked"  # share of the photographs' pixels, in the end, whose m is below 1/2
-MOST = 0.6  # of them, above which masks hide the scene itself
 
 
 @dataclass(frozen=True)
@@ -96,13 +91,10 @@ class WildGS(GaussianSplatting):
         trained, appearance = self._require(), self._objective and self._objective.appearance
         assert isinstance(appearance, LookAppearance)
         cameras = [view.camera for view in scene.train_views]
-        shown, masked = mean_look(trained.gaussians, appearance, cameras, trained.near, self.splatting.antialiased)
+        shown = mean_look(trained.gaussians, appearance, cameras, trained.near, self.splatting.antialiased)
         self._trained = replace(trained, gaussians=shown)
-        self.found[MASKED] = masked
-        if masked > MOST:
-            logger.warning("masks hide %.0f %% of the photographs: the scene is learned from the rest", 100 * masked)
+        self.note_masked(appearance.masked())
 
     def summary(self) -> TrainingSummary:
         """See Method; `used` names the encoder, and how much of the photographs was masked at the end."""
-        used = f"{encoder_used(self.config.look)}, {self.found[MASKED]:.1%} of the pixels masked"
-        return replace(super().summary(), used=used)
+        return replace(super().summary(), used=encoder_used(self.config.look, self.found[MASKED]))

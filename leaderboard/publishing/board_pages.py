@@ -9,13 +9,14 @@ from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_bytes
 from hydroviews.files.temporary import remove_tree
-from hydroviews.metrics import find_metrics
+from hydroviews.metrics import Metric, find_metrics
 from leaderboard.gather import collect_views, run_folders, write_leaderboard
 from leaderboard.publishing.board_tables import filled
 from leaderboard.publishing.publish import PUBLISHED, publish
 from leaderboard.site.write import write_site
 from leaderboard.tables.comparison import compare, in_words
-from leaderboard.tables.dataframes import rows_of, suite_keys
+from leaderboard.tables.dataframes import suite_blocks
+from leaderboard.tables.markdown import SHARED
 
 COMPARISONS = "comparisons.md"
 
@@ -87,14 +88,20 @@ def comparisons_text(table: pd.DataFrame, views: pd.DataFrame) -> str:
         views: the scores of their views.
     """
     parts = []
-    for profile, track, suite in suite_keys(table):
-        rows = table.loc[rows_of(table, profile, track, suite).index]
+    for (profile, track, suite), found in suite_blocks(table).items():
         own = views[(views.profile == profile) & (views.track == track) & (views.suite == suite)]
-        for metric in find_metrics() if (rows.pattern != CLEAN).any() else ():
-            title = f"## {f'Suite {suite}' if suite else 'Other scenes'}, {profile}, {track}: {metric.title}"
-            try:
-                text = in_words(compare(rows, own, metric.name), title)
-            except InputError as error:
-                text = f"{title}\n\n{error}\n"
-            parts.append(text)
+        for block in found:
+            rows = table.loc[block.rows.index]
+            where = f"{f'Suite {suite}' if suite else 'Other scenes'}, {profile}, {track}"
+            shared = f"{SHARED} ({block.shared_runs})\n\n" if block.shared_runs else ""
+            for metric in find_metrics() if (rows.pattern != CLEAN).any() else ():
+                parts.append(_comparison_text(rows, own, metric, f"## {where}: {metric.title}\n\n{shared}".rstrip()))
     return "\n".join(parts)
+
+
+def _comparison_text(rows: pd.DataFrame, views: pd.DataFrame, metric: Metric, title: str) -> str:
+    """A comparison under its title; where nothing can be compared, why."""
+    try:
+        return in_words(compare(rows, views, metric.name), title)
+    except InputError as error:
+        return f"{title}\n\n{error}\n"

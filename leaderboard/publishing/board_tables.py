@@ -9,8 +9,9 @@
 
 The first comment names the profile, what has rows (suites, scenes or methods), and patterns. The head is the page's.
 Suites and scenes have a row for each pattern: two columns of names, then a method a column, in backticks. Methods have
-a row each: a scene a column, in backticks, with the scores under all patterns in a cell; last, if wanted, `seconds`.
-Rows are written anew, and a sentence on what they are.
+a row each: a scene a column, in backticks, with the scores under all patterns in a cell; last, if wanted, `seconds`;
+over the seeds that every method with runs on that scene and pattern has. Rows are written anew, and a sentence on what
+they are.
 """
 
 import math
@@ -103,6 +104,7 @@ def _of_methods(start: str, head: Sequence[str], rows: pd.DataFrame, patterns: S
     with_seconds = head[-1] == SECONDS
     scenes = _named(start, head[1 : len(head) - with_seconds], "scene", rows.scene, "| method | `room` | `pond` |")
     rows = rows[rows.scene.isin(scenes) & rows.pattern.isin([*patterns, CLEAN]) & rows.status.isin(SCORED)]
+    rows = _of_shared_seeds(rows)
     asked = list(product(scenes, patterns))
     clean = [(scene, CLEAN) for scene in scenes]
     scores = rows.pivot_table(index="method", columns=["scene", "pattern"], values="psnr")
@@ -118,6 +120,20 @@ def _of_methods(start: str, head: Sequence[str], rows: pd.DataFrame, patterns: S
     told = ", and mean seconds before, in and after training" if with_seconds else ""
     legend = f"PSNR under {', '.join(patterns)}{told}."
     return lines, f"{legend} {_basis(rows, patterns)}"
+
+
+def _of_shared_seeds(rows: pd.DataFrame) -> pd.DataFrame:
+    """The runs with seeds that every method with runs on the same scene and pattern has.
+
+    Of those on clean views the ones with a seed that is left of their scene.
+    """
+    n_methods, n_having = (
+        rows.groupby(keys).method.transform("nunique") for keys in (["scene", "pattern"], ["scene", "pattern", "seed"])
+    )
+    shared = rows[n_having == n_methods]
+    clean = shared.pattern == CLEAN
+    left = pd.MultiIndex.from_frame(shared.loc[~clean, ["scene", "seed"]])
+    return shared[~clean | pd.MultiIndex.from_frame(shared[["scene", "seed"]]).isin(left)]
 
 
 def _seconds_cell(seconds: float) -> str:

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 from tqdm import tqdm
 
 from hydroviews.cli.threads import side_by_side
@@ -23,7 +24,7 @@ from hydroviews.dataset.variants import has_clean
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, replacing, sha256
 from hydroviews.metrics import Metric, find_metrics
-from hydroviews.scene.images import Image, read_image, to_uint8
+from hydroviews.scene.images import Image, read_pixels, to_image, to_uint8
 from hydroviews.scene.masks import Ignored
 from hydroviews.scene.scenes import Scene, View
 from leaderboard.records import (
@@ -61,8 +62,8 @@ def score(run: Run) -> Record:
 
     Raises:
         InputError: there is no such run, it has not ended, or the data changed since.
-        UnusableRun: a render is missing, damaged, or of another size than its clean view; what was noted of the run
-            cannot be.
+        UnusableRun: a render is missing, damaged, not 8-bit RGB without alpha, or of another size than its clean view;
+            what was noted of the run cannot be.
     """
     if not (run.folder / CONFIG).is_file():
         raise InputError(
@@ -181,18 +182,25 @@ def score_views(renders: Path, views: Sequence[View], reasons: dict[str, str]) -
 def _score_view(render: Path, clean: View, reasons: dict[str, str]) -> tuple[Scores, dict[str, str]]:
     """All metrics of one view, from pictures on disk, as `_scores` has them."""
     try:
-        image = read_image(render)
+        pixels = read_pixels(render, "a render")
     except InputError as error:
         raise UnusableRun(f"{render}: not a render", found=str(error).splitlines()[0], fix=AGAIN) from None
     target = clean.image()
-    if image.shape != target.shape:
-        raise UnusableRun(
-            f"{render}: another size than the clean view",
-            found=f"{image.shape[1]}x{image.shape[0]}",
-            expected=f"{target.shape[1]}x{target.shape[0]}",
-            fix=AGAIN,
-        )
-    return _scores(image, target, clean.ignored(), reasons, find_metrics())
+    found, expected = pixel_format(pixels), render_format(target.shape[1], target.shape[0])
+    if found != expected:
+        raise UnusableRun(f"{render}: not as renders are", found=found, expected=expected, fix=AGAIN)
+    return _scores(to_image(pixels), target, clean.ignored(), reasons, find_metrics())
+
+
+def render_format(width: int, height: int) -> str:
+    """What `pixel_format` tells of a render: 8-bit RGB without alpha, of its clean view's size."""
+    return f"8 bits, 3 channels, {width}x{height} pixels"
+
+
+def pixel_format(pixels: NDArray[np.uint8 | np.uint16]) -> str:
+    """Bits a channel, channels and size of a picture, [H, W] or [H, W, C], in words."""
+    height, width, channels = (*pixels.shape, 1)[:3]
+    return f"{8 * pixels.itemsize} bits, {channels} channels, {width}x{height} pixels"
 
 
 def score_image(image: Image, clean: View, reasons: dict[str, str], metrics: Sequence[Metric] | None = None) -> Scores:

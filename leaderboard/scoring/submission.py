@@ -36,7 +36,7 @@ from leaderboard.records import NOTED, RAINY_POSES, STRICT, SUBMITTED, Count, Nu
 from leaderboard.runs.run import Run
 from leaderboard.runs.sessions import CONFIG
 from leaderboard.runs.train_and_render import PREDICTION
-from leaderboard.scoring.score import renders_sha256, score
+from leaderboard.scoring.score import pixel_format, render_format, renders_sha256, score
 
 logger = logging.getLogger(__name__)
 
@@ -189,10 +189,8 @@ def _check_picture(path: Path, view: View) -> None:
     with path.open("rb") as file:
         if file.read(len(SIGNATURE)) != SIGNATURE:
             raise InputError(f"{path}: no PNG", expected=expected)
-    pixels = read_pixels(path, "a render")
-    height, width, channels = (*pixels.shape, 1)[:3]
-    found = f"{8 * pixels.itemsize} bits, {channels} channels, {width}x{height} pixels"
-    if found != f"8 bits, 3 channels, {view.camera.width}x{view.camera.height} pixels":
+    found = pixel_format(read_pixels(path, "a render"))
+    if found != render_format(view.camera.width, view.camera.height):
         raise InputError(f"{path}: not as renders are", found=found, expected=expected)
 
 

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import pandas as pd
 
 from hydroviews.metrics import Metric
-from leaderboard.site.axes import LEFT, WIDTH, Ticks, across, log_ticks, ticks, up, widened
+from leaderboard.site.axes import BOTTOM, HEIGHT, LEFT, TOP, WIDTH, Ticks, across, log_ticks, ticks, up, widened
 from leaderboard.tables.markdown import cost_text
 
-LINE = 13  # least distance of two labels
+LINE = 13  # height of a line of labels
+LETTER = 6  # width of a label's letter, about
 
 
 @dataclass(frozen=True)
@@ -93,11 +94,15 @@ def draw(means: pd.DataFrame, name: str, title: str, metric: Metric) -> Plot | N
 
 
 def _labels(places: dict[str, tuple[float, float]]) -> dict[str, tuple[float, float, str]]:
-    """Where labels stand, moved down where they would cover each other."""
+    """Where labels stand: each in the nearest line of the frame in which it covers no other."""
     found: dict[str, tuple[float, float, str]] = {}
-    last = -math.inf
+    taken: dict[int, list[tuple[float, float]]] = {line: [] for line in range(TOP + LINE, HEIGHT - BOTTOM, LINE)}
     for method, (x, y) in sorted(places.items(), key=lambda item: item[1][1]):
-        last = max(y + 4, last + LINE)
         right = x < (LEFT + WIDTH) / 2
-        found[method] = (x + 8 if right else x - 8, round(last, 1), "start" if right else "end")
+        start = x + 8 if right else x - 8
+        low, high = sorted((start, start + (LETTER if right else -LETTER) * len(method)))
+        covers = {line: any(left < high and low < end for left, end in others) for line, others in taken.items()}
+        line = min(taken, key=lambda line: (covers[line], abs(line - y - 4)))
+        taken[line].append((low, high))
+        found[method] = (start, line, "start" if right else "end")
     return found

@@ -22,25 +22,26 @@ from leaderboard.site.learning_curves import learning_curves
 from leaderboard.site.pareto import Plot, draw
 from leaderboard.site.pictures import Pictures, Thumbnails, scene_pictures
 from leaderboard.site.runs import ShownRun, page_name, shown_runs
-from leaderboard.tables.dataframes import SuiteTables, Tables, all_tables, rows_of
-from leaderboard.tables.markdown import COST_TITLES, basis, cost_text
+from leaderboard.tables.dataframes import SuiteTables, Tables, all_tables
+from leaderboard.tables.markdown import COST_TITLES, SHARED, basis, cost_text
 from leaderboard.tables.means import incomplete, places
 from leaderboard.tables.paper_numbers import NOTE, published_scores
 
 SITE = "site"  # in a results folder
 INDEX = "index.html"
 ASSETS = ("style.css", "script.js")
-PLOTTED = ("train_s", "peak_mem_mb", "model_mb")
+PLOTTED = ("train_s", "peak_mem_mb", "model_mb", "n_primitives")
 FILTERS = ("profile", "track", "suite", "scene", "effect", "grade", "status")
 
 
 @dataclass(frozen=True)
 class SuitePart:
-    """What the index tells of a profile, track and suite (empty: scenes of none)."""
+    """What the index tells of a profile, track and suite (empty: scenes of none) on some runs: see `Block`."""
 
     profile: str
     track: str
     suite: str
+    shared: bool  # of all methods, on the runs that all of them have
     told: list[Told]
     tables: SuiteTables
     plots: list[Plot]
@@ -55,7 +56,7 @@ class ScenePage:
     track: str
     suite: str
     page: str
-    table: pd.DataFrame  # see `tables.scene_table`
+    tables: list[pd.DataFrame]  # see `tables.scene_tables`
     pictures: Mapping[str, Pictures]
     hidden: Mapping[str, Pictures]
 
@@ -93,13 +94,15 @@ def write_site(table: pd.DataFrame, results: Path, data: Path) -> Path:
 def _suites(table: pd.DataFrame, tables: Tables, results: Path) -> list[SuitePart]:
     views = collect_views(table, results)
     parts = []
-    for keys, found in tables.suites.items():
+    for keys in tables.suites:
         profile, track, suite = keys
-        rows = rows_of(table, *keys)
         own = views[(views.profile == profile) & (views.track == track) & (views.suite == suite)]
-        plots = [draw(found.costs, name, COST_TITLES[name], find_metrics()[0]) for name in PLOTTED]
-        told = comparisons(table.loc[rows.index], own)
-        parts.append(SuitePart(*keys, told, found, [plot for plot in plots if plot]))
+        for shared, by_suite in ((False, tables.suites), (True, tables.shared_suites)):
+            if keys in by_suite:
+                found = by_suite[keys]
+                plots = [draw(found.costs, name, COST_TITLES[name], find_metrics()[0]) for name in PLOTTED]
+                told = comparisons(table.loc[found.rows.index], own)
+                parts.append(SuitePart(*keys, shared, told, found, [plot for plot in plots if plot]))
     return parts
 
 
@@ -109,7 +112,8 @@ def _scenes(runs: list[ShownRun], tables: Tables, data: Path, thumbnails: Thumbn
         own = [run for run in runs if tuple(run.record[key] for key in ("scene", "profile", "track")) == keys]
         pictures = scene_pictures(own, data, thumbnails)
         hidden = hidden_pictures(own, data, thumbnails)
-        pages.append(ScenePage(*keys, suite_of(keys[0]), page_name(*keys), found, pictures, hidden))
+        shown = [found, *([tables.shared_scenes[keys]] if keys in tables.shared_scenes else [])]
+        pages.append(ScenePage(*keys, suite_of(keys[0]), page_name(*keys), shown, pictures, hidden))
     return pages
 
 
@@ -167,6 +171,7 @@ def environment() -> Environment:
         "block_of": lambda table, effect: table[effect].dropna(subset=["finished"]),
         "paper_of": lambda scene, effect: published_scores(scene, effect).to_dict("index"),
         "basis": basis,
+        "shared_title": SHARED,
         "rows": _rows,
     }
     return pages

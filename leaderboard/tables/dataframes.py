@@ -12,8 +12,8 @@ from hydroviews.errors import InputError, unknown_name
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.rain.patterns import GRADES
 from leaderboard.records import CEILING, FLOOR
-from leaderboard.tables.means import COSTS, compared_runs, method_means, shown_names
-from leaderboard.tables.paper_numbers import ABLATION
+from leaderboard.tables.means import COSTS, Block, blocks, compared_runs, method_means, shown_names
+from leaderboard.tables.paper_numbers import ABLATION, IN_CSV, beside_ours, published_ablation
 
 SUITES = (TEST, DEVELOPMENT, "")  # in the order of tables; empty: scenes of no suite
 SCORE = ("method", "pattern", "seed", "data_sha256", "psnr")
@@ -21,15 +21,28 @@ ABLATED = ("raindrop", "streak")  # effects of the paper's ablation
 
 
 def scene_table(table: pd.DataFrame, scene: str, profile: str, track: str) -> pd.DataFrame:
+    """The first of `scene_tables`."""
+    return scene_tables(table, scene, profile, track)[0]
+
+
+def scene_tables(table: pd.DataFrame, scene: str, profile: str, track: str) -> list[pd.DataFrame]:
     """One scene's means in one track, over patterns and seeds: a row a method, columns (effect, number).
 
-    The ceiling, trained once on clean views, stands under every effect. The numbers are those of `method_means` and
-    `gap`, the share of the way from floor to ceiling in PSNR (see `share_of_gap`).
+    The ceiling, trained once on clean views, stands under every effect. The numbers are those of `method_means`,
+    `gap`, the share of the way from floor to ceiling in PSNR (see `share_of_gap`), and `shared_runs`. A second table
+    has the effects for which `blocks` has a second block.
     """
     rows = _named(table[(table.scene == scene) & (table.profile == profile) & (table.track == track)])
     effects = sorted(set(rows.effect) - {CLEAN}) or [CLEAN]
-    blocks = {effect: _effect_block(rows[rows.effect.isin([effect, CLEAN])]) for effect in effects}
-    joined = pd.concat(blocks, axis=1)
+    found = {effect: blocks(rows[rows.effect.isin([effect, CLEAN])]) for effect in effects}
+    return [
+        _side_by_side({effect: _effect_block(own[i]) for effect, own in found.items() if i < len(own)})
+        for i in range(max(map(len, found.values())))
+    ]
+
+
+def _side_by_side(effects: dict[str, pd.DataFrame]) -> pd.DataFrame:
+    joined = pd.concat(effects, axis=1)
     return joined.loc[sorted(joined.index, key=_order)]
 
 
@@ -41,11 +54,11 @@ def _order(method: str) -> tuple[bool, bool, str]:
     return method != CEILING, method != FLOOR, method
 
 
-def _effect_block(rows: pd.DataFrame) -> pd.DataFrame:
-    kept = compared_runs(rows).rows
-    means = method_means(rows, kept)
+def _effect_block(block: Block) -> pd.DataFrame:
+    kept = compared_runs(block.rows).rows
+    means = method_means(block.rows, kept)
     means["gap"] = [share_of_gap(kept, method) for method in means.index]
-    return means
+    return means.assign(shared_runs=block.shared_runs)
 
 
 def share_of_gap(done: pd.DataFrame, method: str) -> float:
@@ -138,16 +151,20 @@ def cost_means(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def ablation_means(rows: pd.DataFrame) -> pd.DataFrame:
-    """Means of the methods of the paper's ablation over drops and streaks, in its order; those that have runs."""
-    ours = [method for method in ABLATION if method in set(rows.method)]
-    kept = rows[rows.method.isin(ours) & rows.effect.isin(ABLATED)]
-    return method_means(kept).reindex(ours)
+    """Means of the methods of the paper's ablation over drops and streaks, in its order.
+
+    Those that have runs; none where that is only one, which compares with nothing.
+    """
+    kept = rows[rows.effect.isin(ABLATED)]
+    ours = [method for method in ABLATION if method in set(kept.method)]
+    return method_means(kept[kept.method.isin(ours)]).reindex(ours if len(ours) > 1 else [])
 
 
 @dataclass(frozen=True)
 class SuiteTables:
-    """What is told of a suite's scenes together; each may be empty."""
+    """What is told of a suite's scenes together; each table may be empty, and has the column `shared_runs`."""
 
+    rows: pd.DataFrame  # the runs it is told of: see `Block`
     grades: pd.DataFrame
     costs: pd.DataFrame
     ablation: pd.DataFrame
@@ -159,36 +176,61 @@ class Tables:
 
     scenes: dict[tuple[str, str, str], pd.DataFrame]  # by scene, profile, track
     suites: dict[tuple[str, str, str], SuiteTables]  # by profile, track, suite
+    shared_scenes: dict[tuple[str, str, str], pd.DataFrame]  # second blocks, of those that have one: see `blocks`
+    shared_suites: dict[tuple[str, str, str], SuiteTables]
 
 
 def all_tables(table: pd.DataFrame) -> Tables:
     """Every table of some runs, each calculated once."""
-    scenes = {keys: scene_table(table, *keys) for keys in scene_keys(table)}
-    suites = {}
-    for keys in suite_keys(table):
-        rows = rows_of(table, *keys)
-        suites[keys] = SuiteTables(grade_means(rows), cost_means(rows), ablation_means(rows))
-    return Tables(scenes, suites)
+    scenes = {keys: scene_tables(table, *keys) for keys in scene_keys(table)}
+    suites = {keys: [_suite_tables(block) for block in found] for keys, found in suite_blocks(table).items()}
+    return Tables(
+        {keys: first for keys, (first, *_) in scenes.items()},
+        {keys: first for keys, (first, *_) in suites.items()},
+        {keys: shared for keys, (_, *second) in scenes.items() for shared in second},
+        {keys: shared for keys, (_, *second) in suites.items() for shared in second},
+    )
+
+
+def suite_blocks(table: pd.DataFrame) -> dict[tuple[str, str, str], list[Block]]:
+    """What is compared of every profile, track and suite, in order: see `blocks`."""
+    return {keys: blocks(rows_of(table, *keys)) for keys in suite_keys(table)}
+
+
+def _suite_tables(block: Block) -> SuiteTables:
+    parts = (
+        means(block.rows).assign(shared_runs=block.shared_runs) for means in (grade_means, cost_means, ablation_means)
+    )
+    return SuiteTables(block.rows, *parts)
 
 
 def tidy_scenes(tables: Tables) -> pd.DataFrame:
-    """All scene tables below each other: a row a profile, track, scene, effect and method."""
+    """All scene tables below each other: a row a profile, track, scene, effect, method and `shared_runs`.
+
+    With what the paper published: see `beside_ours`.
+    """
     parts = []
-    for (scene, profile, track), means in tables.scenes.items():
+    for (scene, profile, track), means in (*tables.scenes.items(), *tables.shared_scenes.items()):
         for effect in dict.fromkeys(means.columns.get_level_values(0)):
             block = means[effect].dropna(subset=["finished"]).rename_axis("method").reset_index()
             keys = {"profile": profile, "track": track, "suite": suite_of(scene), "scene": scene, "effect": effect}
             parts.append(block.assign(**keys).astype(dict.fromkeys(("finished", "planned", "compared"), int)))
     front = ["profile", "track", "suite", "scene", "effect", "method", "reference", "finished", "planned", "compared"]
     joined = pd.concat(parts, ignore_index=True)
-    return joined[[*front, *(name for name in joined if name not in {*front, *COSTS}), *COSTS]]
+    return beside_ours(joined[[*front, *(name for name in joined if name not in {*front, *COSTS}), *COSTS]])
 
 
-def tidy_suites(tables: Tables, part: Literal["grades", "costs"]) -> pd.DataFrame:
-    """The tables of grades or costs of all suites below each other."""
+def tidy_ablation(tables: Tables) -> pd.DataFrame:
+    """The ablations of all suites below each other, with the paper's names and numbers of the same rows."""
+    paper = published_ablation().rename(columns=IN_CSV)
+    return tidy_suites(tables, "ablation").merge(paper, how="left", left_on="method", right_index=True)
+
+
+def tidy_suites(tables: Tables, part: Literal["grades", "costs", "ablation"]) -> pd.DataFrame:
+    """One of the tables of all suites below each other."""
     parts = [
         getattr(found, part).rename_axis("method").reset_index().assign(profile=profile, track=track, suite=suite)
-        for (profile, track, suite), found in tables.suites.items()
+        for (profile, track, suite), found in (*tables.suites.items(), *tables.shared_suites.items())
     ]
     front = ["profile", "track", "suite", *(["effect", "grade"] if part == "grades" else []), "method"]
     joined = pd.concat(parts, ignore_index=True)

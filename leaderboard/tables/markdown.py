@@ -9,11 +9,12 @@ from hydroviews.dataset.suites import suite_of
 from hydroviews.formats.markdown import markdown_table
 from hydroviews.metrics import Metric, find_metrics
 from hydroviews.rain.patterns import GRADES
-from leaderboard.tables.dataframes import Tables, scene_table
+from leaderboard.tables.dataframes import SuiteTables, Tables, scene_tables
 from leaderboard.tables.means import incomplete, places
 from leaderboard.tables.paper_numbers import NOTE, published_ablation, published_scores
 
 PAPER = ("PSNR (paper)", "SSIM (paper)", "LPIPS (paper)")
+SHARED = "All methods, on the runs that all of them have"  # title of a second block
 COST_TITLES = {
     "train_s": "train s",
     "before_s": "before s",
@@ -73,6 +74,8 @@ def runs_cell(row: Mapping[Any, Any]) -> str:
 def basis(block: pd.DataFrame) -> str:
     """A sentence on what a table's means are over, where that is not simply all runs; else empty."""
     ours = block[~block.reference.astype(bool)]
+    if len(ours) and ours.shared_runs.iloc[0]:
+        return f"\n\n{len(ours)} methods on the runs that all of them have: {ours.shared_runs.iloc[0]}."
     if ours.empty or (ours.compared == ours.planned).all() or (ours.finished == 0).all():
         return ""
     apart = ", ".join(map(str, ours.index[(ours.compared == 0) & (ours.finished > 0)]))
@@ -84,7 +87,7 @@ def basis(block: pd.DataFrame) -> str:
 
 
 def _paper_cells(row: Mapping[Any, Any]) -> tuple[str, ...]:
-    cells = (*_paper(row), f"{row['lpips']:.3f}")
+    cells = (*paper_scores(row), f"{row['lpips']:.3f}")
     return tuple(f"<u>{cell}</u>" for cell in cells) if row["failed"] else cells
 
 
@@ -94,7 +97,7 @@ def _number(value: float) -> str:
 
 def scene_text(table: pd.DataFrame, scene: str, profile: str, track: str) -> str:
     """One scene's table under its name, to be printed."""
-    text = to_markdown(scene_table(table, scene, profile, track), scene)
+    text = "\n".join(to_markdown(found, scene) for found in scene_tables(table, scene, profile, track))
     note = f"\n{NOTE}\n" if "(paper)" in text else ""
     return f"{_titled(scene, profile, track)}\n\n{text}{note}"
 
@@ -148,8 +151,8 @@ def cost_text(value: float) -> str:
 
 
 def ablation_text(means: pd.DataFrame) -> str:
-    """The paper's ablation on our runs beside its own numbers; empty with fewer than two of its rows."""
-    if len(means) < 2:
+    """The paper's ablation on our runs beside its own numbers; may be empty."""
+    if means.empty:
         return ""
     metrics, paper = find_metrics()[:2], published_ablation().to_dict("index")
     scores = [score_cells(means, metric) for metric in metrics]
@@ -159,7 +162,7 @@ def ablation_text(means: pd.DataFrame) -> str:
             method,
             *(cells[method] for cells in scores),
             runs_cell(row),
-            *_paper(paper[method]),
+            *paper_scores(paper[method]),
         )
         for method, row in means.to_dict("index").items()
     ]
@@ -167,16 +170,28 @@ def ablation_text(means: pd.DataFrame) -> str:
     return markdown_table(head, body, keep_empty=True) + basis(means)
 
 
-def _paper(row: Mapping[Any, Any]) -> tuple[str, str]:
+def paper_scores(row: Mapping[Any, Any]) -> tuple[str, str]:
+    """The PSNR and SSIM that the paper published, as it prints them."""
     return f"{row['psnr']:.2f}", f"{row['ssim']:.3f}"
+
+
+def _suite_text(title: str, found: SuiteTables) -> str:
+    texts = [grades_text(found.grades), costs_text(found.costs), ablation_text(found.ablation)]
+    return "\n\n".join([title, *(text for text in texts if text)]) + "\n"
 
 
 def all_text(tables: Tables) -> str:
     """Everything there is: every scene of every profile, a table a track; then grades, costs and ablation by suite."""
-    parts = [f"## {_titled(*keys)}\n\n{to_markdown(found, keys[0])}" for keys, found in tables.scenes.items()]
-    for (profile, track, suite), found in tables.suites.items():
+    parts = []
+    for keys, found in tables.scenes.items():
+        parts.append(f"## {_titled(*keys)}\n\n{to_markdown(found, keys[0])}")
+        if keys in tables.shared_scenes:
+            parts.append(to_markdown(tables.shared_scenes[keys], keys[0]))
+    for keys, suite_tables in tables.suites.items():
+        profile, track, suite = keys
         title = f"## {f'suite {suite}' if suite else 'other scenes'} ({profile}, {track})"
-        texts = [grades_text(found.grades), costs_text(found.costs), ablation_text(found.ablation)]
-        parts.append("\n\n".join([title, *(text for text in texts if text)]) + "\n")
+        parts.append(_suite_text(title, suite_tables))
+        if keys in tables.shared_suites:
+            parts.append(_suite_text(f"### {SHARED}", tables.shared_suites[keys]))
     text = "\n".join([*parts, legend() + "\n"])
     return text + (f"\n{NOTE}\n" if "(paper)" in text else "")

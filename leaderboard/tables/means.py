@@ -68,6 +68,32 @@ def compared_runs(rows: pd.DataFrame, least: float = ENOUGH) -> Compared:
     return Compared(methods, sorted(set(own) - set(methods)), common, kept)
 
 
+@dataclass(frozen=True)
+class Block:
+    """Runs that tables and comparisons are made of."""
+
+    rows: pd.DataFrame  # as `gather.collect` has them, with methods as tables name them
+    shared_runs: str  # in words, where these are only the runs that all methods have; else empty
+
+
+def blocks(rows: pd.DataFrame) -> list[Block]:
+    """What is told of some runs: first all of them; where that leaves out methods, then all methods on what they share.
+
+    In the second block methods are ranked among themselves, as no one lacks a run of it. One that shares no run with
+    the others is not in it.
+    """
+    first = Block(rows, "")
+    found = compared_runs(rows)
+    shared = compared_runs(rows, least=0) if found.apart else found
+    return [first, Block(shared.rows, _runs_text(shared.runs))] if len(shared.methods) > len(found.methods) else [first]
+
+
+def _runs_text(runs: set[tuple[Any, ...]]) -> str:
+    scenes, patterns, seeds = (sorted({run[i] for run in runs}) for i in range(3))
+    plural = "s" if len(seeds) > 1 else ""
+    return f"{', '.join(scenes)}; {', '.join(patterns)}; seed{plural} {', '.join(map(str, seeds))}"
+
+
 def method_means(rows: pd.DataFrame, kept: pd.DataFrame | None = None) -> pd.DataFrame:
     """Means of some runs: a row a method.
 

@@ -16,6 +16,7 @@ ABLATION = (
     "deraings.method:WithoutAttention",
     "deraings",
 )
+IN_CSV = {name: f"paper_{name}" for name in ("psnr", "ssim", "lpips", "failed")}  # columns beside ours
 NOTE = (
     "(paper): as published, tables 1 to 3 of arXiv:2408.11540. These are not of our runs and differ from them for "
     "reasons that no run can mend: the rain of their views was not published, so ours is drawn anew; picture sizes, "
@@ -43,6 +44,13 @@ def published_scores(scene: str, effect: str) -> pd.DataFrame:
     rows = published()
     rows = rows[(rows.scene == scene) & (rows.effect == effect) & (rows.scene != "")]
     return rows.set_index("method")[["psnr", "ssim", "lpips", "failed"]]
+
+
+def beside_ours(scenes: pd.DataFrame) -> pd.DataFrame:
+    """Rows with `scene`, `effect` and `method`, and what was published of each as IN_CSV names it, or nothing."""
+    rows = published()
+    rows = rows[rows.scene != ""].rename(columns=IN_CSV)
+    return scenes.merge(rows[["scene", "effect", "method", *IN_CSV.values()]], how="left")
 
 
 def published_ablation() -> pd.DataFrame:

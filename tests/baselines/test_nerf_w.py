@@ -6,8 +6,10 @@ import balls
 import numpy as np
 import pytest
 import torch
+from disturbed import TEACH_LITTLE, learns_of_little, whole_and_resumed_field
 from field_rays import SPACE, rays, samples
 
+from baselines import nerf_w
 from baselines.method import find_method
 from baselines.nerf_w import NerfW, NerfWConfig, NerfWModel, nerf_w_losses
 from baselines.volumetric.batches import Batch
@@ -175,6 +177,15 @@ def test_runs_of_other_settings_are_refused_and_the_same_goes_on(spoilt, tmp_pat
     np.testing.assert_array_equal(first.render(view), again.render(view))
     with pytest.raises(InputError, match="settings"):
         NerfW(replace(SHORT, beta_min=0.1), 0).fit(spoilt, tmp_path)
+
+
+def test_an_interrupted_training_ends_with_the_same_bits(spoilt, tmp_path):
+    whole_and_resumed_field(NerfW, SHORT, spoilt, tmp_path, nerf_w, "nerf_w_losses")
+
+
+@pytest.mark.parametrize("case", TEACH_LITTLE)
+def test_scenes_that_teach_little_are_learned_without_harm(spoilt, tmp_path, case):
+    learns_of_little(NerfW(SHORT, 0), spoilt, tmp_path, case)
 
 
 def test_codes_are_as_many_as_the_views():

@@ -11,7 +11,11 @@ import pytest
 import torch
 from splats import photographed
 
+from baselines.distractors.desplat import DeSplat, DeSplatConfig
+from baselines.distractors.mask_network import MaskNetworkConfig
 from baselines.distractors.robust_filter import RobustFilter, RobustFilterConfig
+from baselines.distractors.spotless import Spotless, SpotlessConfig
+from baselines.distractors.view_layers import LayerConfig
 from baselines.gaussian_splatting import BudgetedSplatting, GaussianSplatting
 from baselines.gs_w.config import SHORT
 from baselines.gs_w.method import GaussianInTheWild, GSWConfig
@@ -30,6 +34,7 @@ from baselines.wild_gs.method import WildGS, WildGSConfig
 from deraings.masks.config import MaskConfig
 from deraings.method import DeRainGS, DeRainGSConfig
 from deraings.rain_model.model import RainConfig
+from deraings.spotless_lens import SpotlessLens
 from hydroviews.errors import InputError
 
 STEPS, LOST = 14, 7  # in all; done when the machine is lost
@@ -47,12 +52,16 @@ TONES = WildConfig(
     sky=50,
 )
 HAZY = NimbusConfig(HURRIED, MediumConfig(cells=8, first=0.1, renewed=3, least=0), ResidualConfig(first=0.3, every=0.2))
+TAUGHT = SpotlessConfig(HURRIED, network=MaskNetworkConfig("vgg", octaves=4))
 METHODS = {  # and the most uploads, downloads and questions of a step, which sees its picture for the first time
     "3dgs": (GaussianSplatting, HURRIED, (7, 1, 0)),
     "relocating": (BudgetedSplatting, replace(HURRIED, strategy=RELOCATING), (7, 1, 0)),
     "pruning": (BudgetedSplatting, PRUNING, (7, 1, 0)),
     "masks": (DeRainGS, DeRainGSConfig(HURRIED, masks=MASKS), (9, 3, 0)),
     "robust": (RobustFilter, RobustFilterConfig(HURRIED), (8, 2, 0)),
+    "spotless": (Spotless, TAUGHT, (12, 3, 0)),
+    "spotless-lens": (SpotlessLens, TAUGHT, (13, 3, 0)),
+    "desplat": (DeSplat, DeSplatConfig(HURRIED, LayerConfig(number=20)), (8, 2, 0)),
     "rain": (DeRainGS, DeRainGSConfig(HURRIED, rain=RainConfig()), (9, 2, 0)),
     "wild": (WildGaussians, TONES, (16, 4, 2)),
     "gs-w": (GaussianInTheWild, GSWConfig(HURRIED, SHORT), (17, 3, 2)),

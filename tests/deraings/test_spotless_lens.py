@@ -1,8 +1,6 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from disturbed import fitted, whole_and_resumed
+from disturbed import NOTHING_IN_COMMON, learns_of_nothing_in_common, whole_and_resumed
 from splats import photographed
 
 import deraings.spotless_lens as spotless_lens
@@ -71,11 +69,10 @@ def test_an_interrupted_run_ends_with_the_same_bits(tmp_path):
     whole_and_resumed(SpotlessLens, CONFIG, scene, tmp_path, spotless_lens, "LensObjective")
 
 
-def test_one_view_and_equal_views_stay_finite(tmp_path):
-    scene = photographed(tmp_path, n_views=4)
-    alone = replace(scene, split=replace(scene.split, train=scene.split.train[:1]))
-    method = fitted(SpotlessLens, CONFIG, alone, tmp_path / "run")
-    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
+@pytest.mark.parametrize("change", NOTHING_IN_COMMON)
+@pytest.mark.parametrize("n_views", [1, 6])
+def test_views_that_have_nothing_in_common_leave_a_finite_scene(tmp_path, change, n_views):
+    learns_of_nothing_in_common(SpotlessLens, CONFIG, tmp_path, change, n_views)
 
 
 def test_the_method_is_found():

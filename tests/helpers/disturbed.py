@@ -6,6 +6,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from splats import photographed
 
 from baselines.method import check_hidden
 from baselines.splatting.gaussians import FIELDS
@@ -139,6 +140,21 @@ def whole_and_resumed_field(kind, config, scene, folder, module, losses):
     assert [name for name, values in arrays.items() if values.tobytes() != others[name].tobytes()] == []
     assert whole.summary().used == resumed.summary().used
     return arrays
+
+
+NOTHING_IN_COMMON = {  # changes of a picture: every view an outlier, and nothing to see
+    "noise": lambda picture, index: np.random.default_rng(index).random(picture.shape),
+    "grey": lambda picture, _: np.full_like(picture, 0.5),
+}
+
+
+def learns_of_nothing_in_common(kind, config, folder, change, n_views):
+    """Train a method of Gaussians on so many views, all changed as named, and find it finite."""
+    scene = disturbed(photographed(folder, n_views=8), folder / "changed", NOTHING_IN_COMMON[change])
+    scene = replace(scene, split=replace(scene.split, train=scene.split.train[:n_views]))
+    method = fitted(kind, config, scene, folder / "run")
+    assert all(np.isfinite(value).all() for value in method._trained.gaussians.state_dict().values())
+    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
 
 
 TEACH_LITTLE = ("identical", "one view", "all outliers", "mostly hidden")

@@ -7,6 +7,7 @@ from unittest import mock
 import numpy as np
 import pytest
 import torch
+from disturbed import fitted
 from splats import BACKGROUND, cloud, photographed
 from torch.nn.modules.module import register_module_forward_pre_hook
 
@@ -69,6 +70,28 @@ def threads_of_networks(kind, config, folder):
     finally:
         noting.remove()
     return seen
+
+
+def learns_of_one_view(kind, config, folder):
+    """Train a method of Gaussians on one view and find it finite; returns the whole scene."""
+    scene = photographed(folder, n_views=3)
+    single = replace(scene, split=replace(scene.split, train=scene.split.train[:1]))
+    method = fitted(kind, config, single, folder / "one")
+    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
+    assert all(np.isfinite(value).all() for value in method._trained.gaussians.state_dict().values())
+    return scene
+
+
+def hides_everything_and_says_so(kind, config, folder, caplog):
+    """Every photograph shows something else: nothing can be learned, and at a low price all is masked."""
+    scene, rng = photographed(folder, n_views=5), np.random.default_rng(0)
+    for view in scene.train_views:
+        write_png(view.path, rng.integers(0, 2, (36, 48, 3)).astype(np.float32))
+    method = fitted(kind, config, scene, folder / "run")
+    assert method.found["masked"] > 0.9
+    assert f"{method.found['masked']:.1%} of the pixels masked" in method.summary().used
+    assert [record.getMessage() for record in caplog.records if "masks hide" in record.getMessage()]
+    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
 
 
 @contextmanager

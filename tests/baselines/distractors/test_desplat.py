@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from disturbed import disturbed, fitted, whole_and_resumed
+from disturbed import NOTHING_IN_COMMON, disturbed, fitted, learns_of_nothing_in_common, whole_and_resumed
 from splats import photographed
 from trainings import psnr
 
@@ -61,18 +61,19 @@ def test_an_interrupted_run_ends_with_the_same_bits(tmp_path):
         fitted(DeSplat, replace(BRIEF, layers=replace(BRIEF.layers, opacity=0.2)), scene, tmp_path / "cut")
 
 
+@pytest.mark.parametrize("change", NOTHING_IN_COMMON)
 @pytest.mark.parametrize("n_views", [1, 6])
-def test_views_that_have_nothing_in_common_leave_a_finite_scene(tmp_path, n_views):
-    """Every view an outlier; and one view alone."""
+def test_views_that_have_nothing_in_common_leave_a_finite_scene(tmp_path, change, n_views):
+    learns_of_nothing_in_common(DeSplat, BRIEF, tmp_path, change, n_views)
 
-    def noise(image, index):
-        return np.random.default_rng(index).random(image.shape)
 
-    scene = disturbed(photographed(tmp_path, n_views=8), tmp_path / "noise", noise)
-    scene = replace(scene, split=replace(scene.split, train=scene.split.train[:n_views]))
-    method = fitted(DeSplat, BRIEF, scene, tmp_path / "run")
-    assert all(np.isfinite(value).all() for value in method._trained.gaussians.state_dict().values())
-    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
+def test_layers_that_cover_everything_are_said(tmp_path, caplog):
+    scene, hidden = photographed(tmp_path, n_views=4), []
+    for opacity in (0.1, 0.95):
+        layers = replace(BRIEF.layers, number=100, opacity=opacity)
+        fitted(DeSplat, replace(BRIEF, layers=layers), scene, tmp_path / f"{opacity}")
+        hidden.append([record for record in caplog.records if "layers hide" in record.getMessage()])
+    assert [len(found) for found in hidden] == [0, 1]
 
 
 def test_the_method_is_found_and_its_model_is_the_scene_alone(tmp_path):

@@ -1,8 +1,14 @@
 from dataclasses import replace
 
-import numpy as np
 import pytest
-from disturbed import assert_found, disturbed, fitted, occluded, whole_and_resumed
+from disturbed import (
+    NOTHING_IN_COMMON,
+    assert_found,
+    fitted,
+    learns_of_nothing_in_common,
+    occluded,
+    whole_and_resumed,
+)
 from splats import photographed
 from trainings import psnr
 
@@ -44,29 +50,27 @@ def test_an_interrupted_run_ends_with_the_same_bits(tmp_path):
         fitted(Spotless, replace(BRIEF, network=replace(NETWORK, width=8)), scene, tmp_path / "cut")
 
 
-@pytest.mark.parametrize(
-    "change",
-    [lambda image, index: np.random.default_rng(index).random(image.shape), lambda image, _: np.full_like(image, 0.5)],
-)
+@pytest.mark.parametrize("change", NOTHING_IN_COMMON)
 @pytest.mark.parametrize("n_views", [1, 6])
-def test_noise_and_photographs_of_one_grey_leave_a_finite_scene(tmp_path, change, n_views):
-    """Every view an outlier; nothing to see; and one view alone."""
-    scene = disturbed(photographed(tmp_path, n_views=8), tmp_path / "changed", change)
-    scene = replace(scene, split=replace(scene.split, train=scene.split.train[:n_views]))
-    method = fitted(Spotless, BRIEF, scene, tmp_path / "run")
-    assert all(np.isfinite(value).all() for value in method._trained.gaussians.state_dict().values())
+def test_views_that_have_nothing_in_common_leave_a_finite_scene(tmp_path, change, n_views):
+    learns_of_nothing_in_common(Spotless, BRIEF, tmp_path, change, n_views)
 
 
-def test_gaussians_are_pruned_by_their_use_on_request(tmp_path):
+def test_more_than_a_third_of_the_gaussians_are_pruned_by_their_use_and_renders_stay_close(tmp_path):
     scene = photographed(tmp_path, n_views=8)
-    pruning = UtilisationPruning(at=(0.5,), share=0.25)
     whole, pruned = (
-        fitted(Spotless, replace(BRIEF, splatting=replace(BRIEF.splatting, pruning=p)), scene, tmp_path / name)
-        for p, name in ((None, "whole"), (pruning, "pruned"))
+        fitted(kind, replace(CONFIG, splatting=replace(SPLATTING, strategy=GROWTH, pruning=p)), scene, tmp_path / name)
+        for kind, p, name in (
+            (Spotless, None, "whole"),
+            (SpotlessPruned, SpotlessPruned.configuration("demo").splatting.pruning, "pruned"),
+        )
     )
-    n = whole.summary().n_primitives
-    assert pruned.summary().n_primitives == n - n // 4
-    assert isinstance(SpotlessPruned.configuration("demo").splatting.pruning, UtilisationPruning)
+    assert 1 / 3 < pruned.summary().n_primitives / whole.summary().n_primitives < 2 / 3
+    assert psnr(pruned, scene.test_views) > psnr(whole, scene.test_views) - 0.5
+    for profile in ("demo", "quick", "paper"):
+        splatting = SpotlessPruned.configuration(profile).splatting
+        assert isinstance(splatting.pruning, UtilisationPruning)
+        assert splatting.strategy.stop <= min(splatting.pruning.at) * splatting.iterations  # nothing grows back
 
 
 def test_the_method_is_found_and_sees_what_its_profile_says():

@@ -42,6 +42,13 @@ def test_a_uniform_medium_dims_exponentially_and_adds_the_rest_as_airlight():
     assert np.allclose(made.airlight.detach(), 0.5)
 
 
+def test_the_airlight_is_that_of_the_paper_away_from_its_start():
+    made, raw = medium(), torch.tensor([0.5, -1.0, 2.0], dtype=torch.float64)
+    with torch.no_grad():
+        made.raw_airlight.copy_(raw)
+    assert np.allclose(made.airlight.detach(), (np.tanh(raw.numpy()) + 1) / 2, atol=1e-15)
+
+
 def test_the_medium_begins_as_nearly_clear_air():
     made = Medium(MediumConfig(cells=16), BOX, 0)
     assert float(made.extinction.mean().detach()) == pytest.approx(0.05, rel=0.01)

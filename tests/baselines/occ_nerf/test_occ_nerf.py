@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 import wall
-from disturbed import losses_cut
+from disturbed import TEACH_LITTLE, learns_of_little, losses_cut
 from field_rays import SPACE, rays
 
 from baselines.method import check_hidden, find_method
@@ -23,7 +23,6 @@ from baselines.volumetric.config import MlpFieldConfig
 from baselines.volumetric.model import TrainingContext
 from baselines.volumetric.rays import camera_rays
 from hydroviews.errors import InputError
-from hydroviews.scene.images import write_png
 
 VOLUMETRIC = replace(balls.SMALL, iterations=180)
 CONFIG = OccNerfConfig(VOLUMETRIC, VOLUMETRIC.field, gap=0.35, alone=0.1, depth_weight=0.1)
@@ -251,19 +250,9 @@ def test_runs_of_other_settings_are_refused(occluded, tmp_path):
         OccNerf(replace(SHORT, gap=0.3), 0).fit(occluded, tmp_path)
 
 
-def test_one_view_and_photographs_of_one_colour_are_learned(occluded, tmp_path):
-    grey = np.full((wall.HEIGHT, wall.WIDTH, 3), 0.5, np.float32)
-    views = []
-    for view in occluded.views:
-        write_png(tmp_path / view.path.name, grey)
-        views.append(replace(view, path=tmp_path / view.path.name))
-    scene = replace(occluded, views=tuple(views))
-    alone = replace(scene, split=replace(scene.split, train=scene.split.train[:1]))
-    for name, given in (("all", scene), ("one", alone)):
-        method = OccNerf(SHORT, 0)
-        method.fit(given, tmp_path / name)
-        image = method.render(scene.test_views[0].camera)
-        assert np.isfinite(image).all()
+@pytest.mark.parametrize("case", TEACH_LITTLE)
+def test_scenes_that_teach_little_are_learned_without_harm(occluded, tmp_path, case):
+    learns_of_little(OccNerf(SHORT, 0), occluded, tmp_path, case)
 
 
 @pytest.mark.parametrize(

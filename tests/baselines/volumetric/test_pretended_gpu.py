@@ -1,4 +1,4 @@
-"""A radiance field on a pretended GPU: some steps, interrupted, resumed on another card, saved and rendered."""
+"""Radiance fields on a pretended GPU: some steps, interrupted, resumed on another card, saved and rendered."""
 
 from dataclasses import replace
 
@@ -9,13 +9,33 @@ from balls import SMALL, photographed
 from pretended_gpu import NAME
 from splats import camera
 
+from baselines.cr_nerf.config import CrNerfConfig, StyleConfig, TransformConfig, TransientConfig
+from baselines.cr_nerf.method import CrNerf
+from baselines.ha_nerf.config import HaNerfConfig, LookConfig, VisibilityConfig
+from baselines.ha_nerf.method import HaNerf
+from baselines.nerf_w import NerfW, NerfWConfig
+from baselines.occ_nerf.config import OccNerfConfig
+from baselines.occ_nerf.method import OccNerf
 from baselines.volumetric.method import RadianceMethod
 from baselines.volumetric.trainer import FieldTrainer
 
 BRIEF = replace(SMALL, iterations=4, rays=32, proposal_samples=8, samples=4, checkpoint_seconds=0.0)
+LOOKS = LookConfig(size=8, channels=(8, 8, 8), side=24), VisibilityConfig(code=8, octaves=2, width=8, layers=1)
+STYLES = StyleConfig(channels=(8, 8, 8), side=24, map_side=6), TransformConfig(size=8, hidden=(8,))
+METHODS = {
+    "plain": (RadianceMethod, BRIEF),
+    "nerf-w": (NerfW, NerfWConfig(BRIEF, appearance=8, transient=8, transient_width=8)),
+    "ha-nerf": (HaNerf, HaNerfConfig(BRIEF, *LOOKS, photographs=2)),
+    "cr-nerf": (
+        CrNerf,
+        CrNerfConfig(BRIEF, 8, *STYLES, TransientConfig(channels=8, dilations=(1,), side=24), photographs=2),
+    ),
+    "occ-nerf": (OccNerf, OccNerfConfig(BRIEF, BRIEF.field, alone=0.3)),
+}
 
 
-def test_a_field_trains_goes_on_on_another_card_and_comes_back(pretended_gpu, tmp_path, monkeypatch):
+@pytest.mark.parametrize("name", METHODS)
+def test_a_field_trains_goes_on_on_another_card_and_comes_back(pretended_gpu, tmp_path, monkeypatch, name):
     def lost(trainer):
         if trainer.iteration == 2 and not cards:
             cards.append("another card")
@@ -26,17 +46,18 @@ def test_a_field_trains_goes_on_on_another_card_and_comes_back(pretended_gpu, tm
     monkeypatch.setenv("HYDROVIEWS_DEVICE", "cuda")
     monkeypatch.setattr(torch.cuda, "get_device_name", lambda *_: (cards or [NAME])[0])
     monkeypatch.setattr(FieldTrainer, "step", lost)
+    kind, config = METHODS[name]
     scene, folder = photographed(tmp_path / "scene", n_views=8), tmp_path / "run"
     with pytest.raises(KeyboardInterrupt):
-        RadianceMethod(BRIEF, 0).fit(scene, folder)
-    method = RadianceMethod(BRIEF, 0)
+        kind(config, 0).fit(scene, folder)
+    method = kind(config, 0)
     method.fit(scene, folder)
     method.save(folder)
     picture = method.render(camera(12, 8))
     assert np.isfinite(picture).all()
     assert (method.summary().device, method.summary().render_device) == ("another card", "another card")
 
-    assert np.array_equal(RadianceMethod.load(BRIEF, 0, folder).render(camera(12, 8)), picture)
+    assert np.array_equal(kind.load(config, 0, folder).render(camera(12, 8)), picture)
     monkeypatch.setenv("HYDROVIEWS_DEVICE", "cpu")
-    summary = RadianceMethod.load(BRIEF, 0, folder).summary()
+    summary = kind.load(config, 0, folder).summary()
     assert (summary.device, summary.render_device) == ("another card", "cpu")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 from disturbed import assert_found, assert_same_gaussians, disturbed, power_cut
+from looks import hides_everything_and_says_so, learns_of_one_view
 from splats import photographed
 from trainings import psnr
 
@@ -96,7 +97,7 @@ def test_a_model_that_was_saved_shows_the_same_pixels(tmp_path):
     assert np.abs(shown.clip(0, 1) - method.render(camera)).max() < 1e-5
     used = again.summary().used
     assert used == method.summary().used
-    assert "alexnet" in used
+    assert "alexnet, 0.0% of the pixels masked" in used  # the training ends before it would start
     assert "for the sky" in used
     assert method.summary().n_primitives == len(method._trained.gaussians)
 
@@ -148,6 +149,15 @@ def test_identical_constant_photographs_are_learnt_without_harm(tmp_path):
     method = fitted(BRIEF, grey, tmp_path / "run")
     assert all(np.isfinite(value).all() for value in method._trained.gaussians.state_dict().values())
     assert np.isfinite(method.render(scene.test_views[0].camera)).all()
+
+
+def test_one_view_is_learned(tmp_path):
+    learns_of_one_view(WildGaussians, BRIEF, tmp_path)
+
+
+def test_masks_that_hide_everything_are_said(tmp_path, caplog):
+    uncertain = replace(BRIEF.uncertainty, start=0, warm_up=0, prior=2.0)
+    hides_everything_and_says_so(WildGaussians, replace(BRIEF, uncertainty=uncertain), tmp_path, caplog)
 
 
 def test_the_profiles_are_the_methods(tmp_path):

@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 import torch
 from disturbed import fitted
-from looks import GROWING, SPLATTING, cast, lessons_cut, occlude, threads_of_networks, true_pictures
+from looks import (
+    GROWING,
+    SPLATTING,
+    cast,
+    hides_everything_and_says_so,
+    learns_of_one_view,
+    lessons_cut,
+    occlude,
+    threads_of_networks,
+    true_pictures,
+)
 from splats import cloud, photographed
 
 from baselines.gaussian_splatting import GaussianSplatting
@@ -176,14 +186,13 @@ def test_the_mean_look_is_that_of_the_views_where_they_agree(alike, monkeypatch)
         return parameters["means"].detach().repeat(1, 6)[:, : BRIEF.channels]
 
     monkeypatch.setattr(appearance, "read", places)
-    mean, masked = mean_look(gaussians, appearance, cameras, 0.1, False)
+    mean = mean_look(gaussians, appearance, cameras, 0.1, False)
     appearance._steps = appearance.iterations
     own = gaussians_in_view(gaussians, appearance, cameras[1], 1, 1)
     rows = [int(np.flatnonzero((mean.means == position).all(axis=1))[0]) for position in own.means]
     assert np.allclose(mean.sh[rows], own.sh, atol=1e-5)
     assert np.abs(mean.sh - gaussians.sh).max() > 0.05
     assert mean.features is None
-    assert masked == 0
 
 
 def test_the_mean_is_taken_before_the_networks_of_codes_and_by_pixels(alike, monkeypatch):
@@ -216,26 +225,15 @@ def test_photographs_of_one_colour_leave_everything_finite(tmp_path, value):
 
 
 def test_one_view_and_a_scene_that_it_does_not_show(tmp_path):
-    scene = photographed(tmp_path, n_views=3)
-    single = replace(scene, split=replace(scene.split, train=scene.split.train[:1]))
-    method = fitted(WildGS, WildGSConfig(GROWING, BRIEF), single, tmp_path / "one")
-    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
+    scene = learns_of_one_view(WildGS, WildGSConfig(GROWING, BRIEF), tmp_path)
     nothing = replace(scene, points=replace(scene.points, positions=scene.points.positions + 1e3))
     method = fitted(WildGS, WildGSConfig(GROWING, BRIEF), nothing, tmp_path / "far")
     assert not method.render(scene.test_views[0].camera).any()
 
 
 def test_masks_that_hide_everything_are_said(tmp_path, caplog):
-    """Every photograph shows something else: nothing can be learned, and at a low price all is masked."""
-    scene = photographed(tmp_path, n_views=5)
-    rng = np.random.default_rng(0)
-    for view in scene.train_views:
-        write_png(view.path, rng.integers(0, 2, (36, 48, 3)).astype(np.float32))
     cheap = replace(BRIEF, price_first=0.02, price_last=0.02, visible_from=0.0, rate_encoder=2e-2)
-    method = fitted(WildGS, WildGSConfig(replace(GROWING, iterations=60), cheap), scene, tmp_path / "run")
-    assert method.found["masked"] > 0.9
-    assert [record.getMessage() for record in caplog.records if "masks hide" in record.getMessage()]
-    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
+    hides_everything_and_says_so(WildGS, WildGSConfig(replace(GROWING, iterations=60), cheap), tmp_path, caplog)
 
 
 def test_weights_of_the_encoder_come_from_a_file_that_is_named(tmp_path, monkeypatch):

@@ -191,3 +191,20 @@ def test_what_is_around_a_table_stays_and_a_second_time_changes_nothing():
 def test_odd_tables_are_refused(text, message):
     with pytest.raises(InputError, match=message):
         filled(text, *board())
+
+
+def test_scores_of_methods_are_over_the_seeds_that_all_of_them_have():
+    table, views = board(without=[("theirs", "pond")])
+    more = [table[table.method.isin(["ours", "3dgs-clean"])].assign(seed=seed, psnr=50.0) for seed in (1, 2)]
+    more.append(table[(table.method == "3dgs") & (table.scene == "pond")].assign(seed=1, psnr=40.0))
+    both, head = pd.concat([table, *more], ignore_index=True), "| method | `room` | `pond` |\n|---|---|---|"
+    text = filled(page("methods", "raindrop-1", "streak-1", head=head), both, views)
+    once = filled(page("methods", "raindrop-1", "streak-1", head=head), table, views)
+    shown, alone = ({method: [room, pond] for (method, room), (pond,) in cells(one).items()} for one in (text, once))
+    assert {method: room for method, (room, _) in shown.items()} == {m: room for m, (room, _) in alone.items()}
+    psnr = table[(table.scene == "pond") & (table.pattern == "streak-1")].set_index("method").psnr
+    assert shown["`ours`"][1].endswith(f"**{(psnr['ours'] + 50) / 2:.2f}**")  # of pond two have seeds 0 and 1
+    assert shown["`3dgs`"][1].endswith(f"{(psnr['3dgs'] + 40) / 2:.2f}")
+    clean = table[(table.scene == "pond") & (table.pattern == "clean")].psnr.item()
+    assert shown["`3dgs-clean`"][1] == f"{(clean + 50) / 2:.2f}"
+    assert "seeds 0, 1, code" in text

@@ -4,6 +4,8 @@ import json
 import shutil
 from dataclasses import replace
 
+import cv2
+import numpy as np
 import pandas as pd
 import pytest
 from finished_runs import finished_run
@@ -31,6 +33,15 @@ def run(scored_once, tmp_path):
     folder, below = scored_once
     shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
     return tmp_path / below
+
+
+def repaint(run, factor, kind, channels):
+    """The first render with the same colours in another format, opaque if there is alpha."""
+    path = run / "renders" / "view-00.png"
+    pixels = cv2.imread(str(path)).astype(kind) * kind(factor)
+    if channels == 4:
+        pixels = cv2.cvtColor(pixels, cv2.COLOR_BGR2BGRA)
+    cv2.imwrite(str(path), pixels)
 
 
 def test_every_number_comes_out_again_and_nothing_is_written(run, tmp_path, capsys):
@@ -86,6 +97,8 @@ def test_of_a_partial_run_what_is_missing_is_told_only_where_it_can_be_had_now(r
     ("damage", "reason"),
     [
         (lambda run: (run / "renders" / "view-00.png").unlink(), "view-00.png: not a render"),
+        (lambda run: repaint(run, 257, np.uint16, 3), "16 bits, 3 channels, 48x36 pixels"),
+        (lambda run: repaint(run, 1, np.uint8, 4), "8 bits, 4 channels, 48x36 pixels"),
         (lambda run: (run / "record.json").write_text("{"), "record.json: not valid JSON"),
         (lambda run: (run / "prediction.json").unlink(), "training has not finished"),
     ],

@@ -3,11 +3,13 @@
 import json
 import logging
 import shutil
+from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 import numpy as np
+import pandas as pd
 import pytest
 from PIL import Image
 
@@ -17,12 +19,14 @@ from hydroviews.metrics import find_metrics
 from leaderboard.gather import collect, collect_views, write_leaderboard
 from leaderboard.records import run_folder
 from leaderboard.site.runs import page_name
-from leaderboard.site.write import write_site
+from leaderboard.site.write import PLOTTED, write_site
 from leaderboard.tables.comparison import compare, rank_text
+from leaderboard.tables.markdown import COST_TITLES, cost_text
 from leaderboard.tables.means import shown_names
 
 THEIRS = "<img src=x onerror=alert(1)>\"'& <\\script><script>alert(2)< (submitted)"
 THEIRS_IN_RECORDS = THEIRS.removesuffix(" (submitted)")
+SCENE_OF = {"test": "pond", "development": "mipnerf360_bonsai"}
 VOID = {"meta", "link", "img", "input", "br", "line", "rect", "circle", "polyline"}
 
 
@@ -198,6 +202,103 @@ def test_ranks_and_intervals_are_those_of_the_comparison(written, pages):
     assert f"Not compared, since fewer than half of the runs are shared: {THEIRS}." in "".join(page.text)
     low = found.methods.low[0]
     assert shown[1][3][0].startswith(f"{low:.4f} to ")
+
+
+def tables_by_name(page: Page) -> dict[str, list[list[tuple[str, dict]]]]:
+    """The tables of the index by what the region around each is called."""
+    names = [a["aria-label"] for a in page.all("div") if a.get("role") == "region"]
+    return dict(zip(names, page.tables, strict=True))
+
+
+def runs_of_suite(table: pd.DataFrame, suite: str) -> pd.DataFrame:
+    """The records of the one scene that the board has of a suite, methods named as on the pages."""
+    return table[table.scene == SCENE_OF[suite]].assign(method=shown_names)
+
+
+def means_of(runs: pd.DataFrame, names: list[str]) -> pd.DataFrame:
+    """Means over the patterns that all methods with finished runs have; of references over their runs."""
+    done = runs[runs.status == "done"].astype(dict.fromkeys(names, float))
+    rainy = done[done.pattern != "clean"]
+    full = rainy.groupby("pattern").filter(lambda found: len(found) == rainy.method.nunique())
+    return pd.concat([full, done[done.pattern == "clean"]]).groupby("method")[names].mean()
+
+
+def shows(cell: tuple[str, dict], value: float | None, text: Callable[[float], str]) -> bool:
+    """Whether a cell has a number to read and to sort by, or neither."""
+    known = value is not None and not np.isnan(value)
+    number = float(cell[1].get("data-value", "nan"))
+    return (cell[0], number) == (
+        (text(value), pytest.approx(value)) if known else ("", pytest.approx(np.nan, nan_ok=True))
+    )
+
+
+@pytest.mark.parametrize("suite", SCENE_OF)
+def test_costs_are_means_of_the_records(written, pages, suite):
+    runs, psnr = runs_of_suite(collect(written), suite), find_metrics()[0]
+    means = means_of(runs[runs.method != THEIRS], ["psnr", *COST_TITLES])  # which shares no run with another
+    assert len(means) == 4
+    head, *rows = tables_by_name(pages[written / "site" / "index.html"])[f"Costs, {suite}, demo, given-poses"]
+    assert [text for text, _ in head[:-2]] == ["Method", psnr.title, *COST_TITLES.values()]
+    assert sorted(row[0][0] for row in rows) == sorted(set(runs.method))
+    for (method, _), *cells in rows:
+        own = means.loc[method] if method in means.index else {}
+        assert shows(cells[0], own.get("psnr"), psnr.text)
+        for name, cell in zip(COST_TITLES, cells[1:-2], strict=True):
+            assert shows(cell, own.get(name), cost_text), (method, name)
+
+
+@pytest.mark.parametrize("suite", SCENE_OF)
+def test_grades_are_means_of_the_records(written, pages, suite):
+    runs, metrics = runs_of_suite(collect(written), suite), find_metrics()
+    head, *rows = tables_by_name(pages[written / "site" / "index.html"])[f"Severity grades, {suite}, demo, given-poses"]
+    assert [text for text, _ in head[3:-1]] == [metric.title for metric in metrics]
+    for effect, grade, pattern in (("raindrop", "light", "raindrop-0"), ("streak", "medium", "streak-1")):
+        own = runs[runs.pattern == pattern]
+        means = means_of(own, [metric.name for metric in metrics])
+        shown = [row[2:] for row in rows if (row[0][0], row[1][0]) == (effect, grade)]
+        assert sorted(cells[0][0] for cells in shown) == sorted(own.method)
+        for (method, _), *cells in shown:
+            for metric, cell in zip(metrics, cells[:-1], strict=True):
+                assert shows(cell, means[metric.name].get(method), metric.text), (method, metric)
+    assert len(rows) == len(runs[runs.pattern != "clean"])
+
+
+def test_quality_is_drawn_against_every_cost_with_a_point_a_method(written, pages):
+    elements = pages[written / "site" / "index.html"].elements
+    starts = [i for i, (tag, _) in enumerate(elements) if tag == "svg"]
+    drawn = {  # points, by what a drawing is called
+        elements[start][1]["aria-label"]: sum(tag == "circle" for tag, _ in elements[start:end])
+        for start, end in zip(starts, [*starts[1:], len(elements)], strict=True)
+        if "aria-label" in elements[start][1]
+    }
+    psnr, table = find_metrics()[0], collect(written)
+    for suite in SCENE_OF:
+        runs = runs_of_suite(table, suite)
+        means = means_of(runs[runs.method != THEIRS], ["psnr", *PLOTTED])
+        for name in PLOTTED:
+            title, known = COST_TITLES[name], means.dropna(subset=[name])
+            if known.empty:
+                continue
+            told = {
+                f"{method} {psnr.title} {psnr.text(row['psnr'])}, {title} {cost_text(row[name])}"
+                for method, row in known.to_dict("index").items()
+            }
+            found = [n for label, n in drawn.items() if all(words in label for words in told)]
+            assert len(known) in found, (suite, title)
+
+
+def test_an_interval_is_drawn_for_every_ranked_method_around_its_mean(written, pages):
+    page = pages[written / "site" / "index.html"]
+    ranked = [row for table in page.tables if table[0][0][0] == "Rank" for row in table[1:] if row[3][0]]
+    starts = [i for i, (tag, a) in enumerate(page.elements) if (tag, a.get("class")) == ("svg", "interval")]
+    assert len(ranked) == len(starts) >= 2 * 4 * 3  # suites, metrics, methods
+    for row, start in zip(ranked, starts, strict=True):
+        (_, line), *_, (tag, mark) = page.elements[start + 1 : start + 5]
+        assert tag == "rect"
+        low, mean, high = float(line["x1"]), float(mark["x"]) + float(mark["width"]) / 2, float(line["x2"])
+        assert 0 <= low < mean < high <= 100
+        ends, value = [float(end) for end in row[3][0].split(" to ")], float(row[2][1]["data-value"])
+        assert (mean - low) / (high - low) == pytest.approx((value - ends[0]) / (ends[1] - ends[0]), abs=0.01)
 
 
 def test_everything_has_a_name_for_who_does_not_see(pages):

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from hydroviews.metrics import find_metrics
-from leaderboard.site.axes import HEIGHT, WIDTH
-from leaderboard.site.pareto import LINE, draw, pareto_front
+from leaderboard.site.axes import BOTTOM, HEIGHT, TOP, WIDTH
+from leaderboard.site.pareto import LETTER, LINE, draw, pareto_front
 
 PSNR, LPIPS = find_metrics()[0], find_metrics()[2]
 
@@ -41,8 +41,6 @@ def test_the_drawing_keeps_order_frame_and_distances(metric):
     for a, b in itertools.combinations(means.index, 2):
         assert (at[a].x < at[b].x) == (means.train_s[a] < means.train_s[b])
         assert (at[a].y > at[b].y) == (means[metric.name][a] < means[metric.name][b])
-    heights = sorted(point.label_y for point in plot.points)
-    assert min(np.diff(heights)) >= LINE - 1e-6
     ours = means.index[1:]
     sign = 1 if metric.higher_is_better else -1
     front = pareto_front(list(means.train_s[ours]), list(sign * means[metric.name][ours]))
@@ -63,3 +61,20 @@ def test_equal_costs_are_drawn():
     plot = draw(board(3).assign(train_s=7.0), "train_s", "train s", PSNR)
     assert len({point.x for point in plot.points}) == 1
     assert len(plot.x_ticks) >= 3
+
+
+@pytest.mark.parametrize("same_cost", [False, True])
+def test_labels_stay_in_the_frame_and_cover_no_other(same_cost):
+    means = board(15)
+    means["psnr"] = 20 + means.psnr / 50  # close together, far below a single one
+    means.loc["method-0", "psnr"] = 35.0
+    if same_cost:
+        means["train_s"] = 7.0
+    points = draw(means, "train_s", "train s", PSNR).points
+    boxes = []
+    for p in points:
+        assert TOP <= p.label_y <= HEIGHT - BOTTOM
+        length = LETTER * len(p.method)
+        boxes.append((p.label_x - length * (p.anchor == "end"), p.label_x + length * (p.anchor == "start"), p.label_y))
+    for (low, high, height), (left, right, other) in itertools.combinations(boxes, 2):
+        assert abs(height - other) >= LINE or high <= left or right <= low
