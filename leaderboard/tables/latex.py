@@ -11,7 +11,7 @@ import pandas as pd
 from hydroviews.dataset.suites import suite_of
 from hydroviews.metrics import Metric, find_metrics
 from leaderboard.tables.dataframes import SuiteTables, Tables
-from leaderboard.tables.markdown import COST_TITLES, PAPER, cost_text, paper_scores
+from leaderboard.tables.markdown import COST_TITLES, PAPER, SHARED, cost_text, paper_scores
 from leaderboard.tables.means import incomplete, places
 from leaderboard.tables.paper_numbers import NOTE, published_ablation, published_scores
 
@@ -35,16 +35,21 @@ def latex_text(text: str) -> str:
 
 
 def to_latex(tables: Tables) -> str:
-    """By profile, track and suite: its scenes in one table, then severity grades, costs and the ablation."""
+    """By profile, track and suite: its scenes in one table, then severity grades, costs and the ablation.
+
+    Then the same of the second blocks that there are: see `means.blocks`.
+    """
+    parts = (tables.scenes, tables.suites, ""), (tables.shared_scenes, tables.shared_suites, f" {SHARED}.")
     texts = []
-    for (profile, track, suite), found in tables.suites.items():
-        blocks = {
-            scene: table
-            for (scene, *place), table in tables.scenes.items()
-            if [*place, suite_of(scene)] == [profile, track, suite]
-        }
+    for keys in tables.suites:
+        profile, track, suite = keys
         where = f"{f'Suite {suite}' if suite else 'Other scenes'}, {profile}, {track}."
-        texts += [_scenes_table(blocks, where), *_suite_tables(found, where)]
+        for scenes, suites, remark in parts:
+            own = {scene: table for (scene, *place), table in scenes.items() if (*place, suite_of(scene)) == keys}
+            if own:
+                texts.append(_scenes_table(own, where + remark))
+            if keys in suites:
+                texts += _suite_tables(suites[keys], where + remark)
     return "\n\n".join(texts) + "\n"
 
 
