@@ -11,7 +11,7 @@ import pandas as pd
 from hydroviews.dataset.suites import suite_of
 from hydroviews.metrics import Metric, find_metrics
 from leaderboard.tables.dataframes import SuiteTables, Tables
-from leaderboard.tables.markdown import COST_TITLES, PAPER, SHARED, cost_text, paper_scores
+from leaderboard.tables.markdown import COST_TITLES, PAPER, SHARED, cost_text, paper_scores, suite_title
 from leaderboard.tables.means import incomplete, places
 from leaderboard.tables.paper_numbers import NOTE, published_ablation, published_scores
 
@@ -42,8 +42,7 @@ def to_latex(tables: Tables) -> str:
     parts = (tables.scenes, tables.suites, ""), (tables.shared_scenes, tables.shared_suites, f" {SHARED}.")
     texts = []
     for keys in tables.suites:
-        profile, track, suite = keys
-        where = f"{f'Suite {suite}' if suite else 'Other scenes'}, {profile}, {track}."
+        where = f"{suite_title(*keys)}."
         for scenes, suites, remark in parts:
             own = {scene: table for (scene, *place), table in scenes.items() if (*place, suite_of(scene)) == keys}
             if own:

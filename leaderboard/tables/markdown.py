@@ -175,6 +175,11 @@ def paper_scores(row: Mapping[Any, Any]) -> tuple[str, str]:
     return f"{row['psnr']:.2f}", f"{row['ssim']:.3f}"
 
 
+def suite_title(profile: str, track: str, suite: str) -> str:
+    """What stands above a suite's tables; empty is the scenes of no suite."""
+    return f"{f'Suite {suite}' if suite else 'Other scenes'}, {profile}, {track}"
+
+
 def _suite_text(title: str, found: SuiteTables) -> str:
     texts = [grades_text(found.grades), costs_text(found.costs), ablation_text(found.ablation)]
     return "\n\n".join([title, *(text for text in texts if text)]) + "\n"
