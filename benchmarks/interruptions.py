@@ -2,8 +2,8 @@
 
     python -m benchmarks.interruptions --out results/bench/interruptions
 
-Building, training and scoring a small room are killed (SIGKILL, with all of their processes) at random moments, gone on
-with, and compared with an undisturbed run, file by file. Then the room is built on disks too small for it: the error
+Building, training and scoring a small room, and a whole sweep on it, are killed (SIGKILL) at random moments, gone on
+with, and compared with an undisturbed run: the sweep by its leaderboard, the others file by file. Then the room is built on disks too small for it: the error
 must say so, and on a larger disk the same command must end in the same bytes. Prints two tables and writes kills.csv
 and disks.csv.
 """
@@ -19,6 +19,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
@@ -39,11 +40,13 @@ from hydroviews.files.locks import LOCK
 from hydroviews.formats.writers import MODEL, write_colmap
 from hydroviews.scene.seeds import generator
 from leaderboard.contract.toy_scene import draw_room
+from leaderboard.records import LEADERBOARD, PER_VIEW
 from leaderboard.runs.run import Run, claim_folder
 from leaderboard.runs.sessions import SESSIONS
 from leaderboard.runs.train_and_render import PREDICTION
 
 METHOD, PROFILE = "benchmarks.interruptions:Brief", "demo"
+RESULTS = "results"
 ITERATIONS, CHECKPOINT_SECONDS = 200, 0.2
 POLL = 0.005  # seconds
 PARENT = "PARENT"  # in a command: the number of the process that starts it
@@ -55,6 +58,7 @@ IMPORTED = [
     "leaderboard.runs.train_and_render",
 ]
 SERVER = multiprocessing.get_context("forkserver")
+TIMED = ["before_s", "train_s", "after_s", "render_fps", "peak_mem_mb", "sessions"]  # columns of a leaderboard
 SHARES = 0.05, 0.9  # of the space needed, on the smallest and the largest disk that is too small
 Files = dict[str, str]  # SHA-256 by path
 
@@ -72,7 +76,7 @@ class Stage:
     name: str
     result: str  # folder in which it is left undisturbed, for the next stage
     begin: Callable[[Path], Sequence[str]]  # makes what it starts from in a folder; the command that works there
-    unlike: tuple[str, ...] = ()  # names of files that tell times
+    end: Callable[[Path], Files]  # what has to be the same afterwards
 
 
 @dataclass(frozen=True)
@@ -85,7 +89,7 @@ class Undisturbed:
 
 
 def stages(out: Path, patterns: Sequence[str]) -> Iterator[Stage]:
-    """Building the room, training on it, scoring what was trained: each on what the one before left undisturbed."""
+    """Building the room, training on it, scoring what was trained, each on what the one before left; all in a sweep."""
     built, trained, notes = out / "built", out / "trained", out / "notes"
     notes.mkdir(parents=True, exist_ok=True)
 
@@ -104,11 +108,24 @@ def stages(out: Path, patterns: Sequence[str]) -> Iterator[Stage]:
         where = ["--data", str(built), "--results", str(folder), "--scene", "room"]
         return ["leaderboard", "score", "--method", METHOD, "--pattern", patterns[0], *where]
 
-    yield Stage("build", "built", build)
-    yield Stage(
-        "training", "trained", train, (PREDICTION, SESSIONS, MODEL_FILE, CHECKPOINT)
-    )  # splats.ply has the same model
-    yield Stage("scoring", "scored", score)
+    def sweep(folder: Path) -> list[str]:
+        where = ["--data", str(folder / "data"), "--results", str(folder / RESULTS), "--workers", "1"]
+        what = ["--methods", METHOD, "--scenes", str(out / "room"), "--patterns", *patterns]
+        return ["leaderboard", "sweep", *what, *where]
+
+    timed = (PREDICTION, SESSIONS, MODEL_FILE, CHECKPOINT)  # splats.ply has the same model as MODEL_FILE
+    yield Stage("build", "built", build, files_below)
+    yield Stage("training", "trained", train, partial(files_below, unlike=timed))
+    yield Stage("scoring", "scored", score, files_below)
+    yield Stage("sweep", "swept", sweep, tables_below)
+
+
+def tables_below(folder: Path) -> Files:
+    """Hashes of a sweep's table without times, and of its scores by view."""
+    table = pd.read_csv(folder / RESULTS / LEADERBOARD).drop(columns=TIMED)
+    views = (folder / RESULTS / PER_VIEW).read_bytes()
+    contents = {LEADERBOARD: table.to_csv(index=False).encode(), PER_VIEW: views}
+    return {name: hashlib.sha256(content).hexdigest() for name, content in contents.items()}
 
 
 def files_below(folder: Path, unlike: Sequence[str] = ()) -> Files:
@@ -158,7 +175,7 @@ def undisturbed(stage: Stage, folder: Path) -> Undisturbed:
     first = time.perf_counter()
     must_end(process, output)
     end = time.perf_counter()
-    return Undisturbed(files_below(folder, stage.unlike), end - first, end - began)
+    return Undisturbed(stage.end(folder), end - first, end - began)
 
 
 def fresh(folder: Path) -> Path:
@@ -201,7 +218,7 @@ def kills(stage: Stage, folder: Path, alone: Undisturbed, count: int, seed: int)
             command, latest = stage.begin(fresh(folder)), latest / 2  # it was quicker than the undisturbed one
         try:
             must_end(start(command, output), output)
-            ends["same bytes" if files_below(folder, stage.unlike) == alone.files else "other bytes"] += 1
+            ends["same bytes" if stage.end(folder) == alone.files else "other bytes"] += 1
         except InputError as error:
             print(error)
             ends["does not go on"] += 1
@@ -217,7 +234,7 @@ def disks(stage: Stage, folder: Path, alone: Undisturbed, levels: int) -> Iterat
         status, errors = twice_on_a_disk(command, folder, fresh(notes), int(share * needed))
         plain = status == 2 and "no space left on the disk" in errors and "Traceback" not in errors
         told = "yes" if plain else "no" if status else "it fits"
-        end = "same bytes" if files_below(notes / folder.name, stage.unlike) == alone.files else "other bytes"
+        end = "same bytes" if stage.end(notes / folder.name) == alone.files else "other bytes"
         yield {"disk, share": round(float(share), 2), "status": status, "told plainly": told, "then": end}
 
 

@@ -19,7 +19,7 @@ from baselines.rendering.film import FilmChoice
 from hydroviews.cli.commands import choices, run_command
 from hydroviews.cli.plugins import registered
 from hydroviews.dataset.manifest import built_scenes
-from hydroviews.dataset.suites import DEVELOPMENT, TEST, suite_of
+from hydroviews.dataset.suites import DEVELOPMENT, TEST
 from hydroviews.errors import InputError
 from hydroviews.profiles import find_profile
 from hydroviews.rain.registry import choose_patterns
@@ -42,8 +42,8 @@ from leaderboard.site.write import write_site
 from leaderboard.sweep.sweep import SweepRequest, sweep
 from leaderboard.tables.comparison import compare
 from leaderboard.tables.comparison import in_words as comparison_text
-from leaderboard.tables.dataframes import SUITES, of_suite, scene_keys
-from leaderboard.tables.markdown import legend, scene_text
+from leaderboard.tables.dataframes import of_suite, scene_keys, suite_blocks
+from leaderboard.tables.markdown import SHARED, legend, scene_text, suite_title
 from leaderboard.tables.rain_losses import numbers_for_grades, record_losses
 from leaderboard.tables.table_files import TABLES
 from leaderboard.viewer.export import Format, export
@@ -159,7 +159,8 @@ def compare_command(
     """Compare methods on the runs that all of them have: means, differences, 95 % intervals, significance, ties.
 
     Args:
-        methods: those to compare, as tables name them; if none is named all that do not lack too many runs.
+        methods: those to compare, as tables name them; if none is named all that do not lack too many runs, then all
+            there are on the runs that all of them have.
         metric: psnr, ssim, lpips_alex, lpips_vgg, or one that is registered.
         suite: only its scenes; each suite apart if none is named.
         patterns: only these; all there are if none is named.
@@ -170,19 +171,21 @@ def compare_command(
     table = of_suite(read_leaderboard(results), suite)
     table = table[(table.profile == profile) & (table.track == track)]
     table = table[table.pattern.isin(patterns)] if patterns else table
-    suites = [name for name in SUITES if name in set(table.scene.map(suite_of))]
-    if not suites:
+    if table.empty:
         raise InputError(f"{results}: no such run", expected=", ".join([profile, track, *patterns]))
+    views = collect_views(table, results)
     texts, failures = [], []
-    for name in suites:
-        rows = table[table.scene.map(suite_of) == name]
-        title = ", ".join([f"suite {name}" if name else "other scenes", profile, track, *patterns])
-        try:
-            texts.append(comparison_text(compare(rows, collect_views(rows, results), metric, methods), title))
-        except InputError as error:  # a suite that cannot be compared does not hold up the others
-            texts.append(f"{title}\n\n{error}\n")
-            failures.append(str(error))
-    if len(failures) == len(suites):
+    for keys, found in suite_blocks(table).items():
+        for block in found[: 1 if methods else None]:
+            title = ", ".join([suite_title(*keys), *patterns])
+            title += f"\n\n{SHARED} ({block.shared_runs})" if block.shared_runs else ""
+            try:
+                compared = compare(table.loc[block.rows.index], views[views.suite == keys[2]], metric, methods)
+                texts.append(comparison_text(compared, title))
+            except InputError as error:  # a suite that cannot be compared does not hold up the others
+                texts.append(f"{title}\n\n{error}\n")
+                failures.append(str(error))
+    if len(failures) == len(texts):
         raise InputError("\n".join(dict.fromkeys(failures)))
     print(*(f"\n{text}" for text in texts), sep="", end="")
 

@@ -78,11 +78,12 @@ def basis(block: pd.DataFrame) -> str:
         return f"\n\n{len(ours)} methods on the runs that all of them have: {ours.shared_runs.iloc[0]}."
     if ours.empty or (ours.compared == ours.planned).all() or (ours.finished == 0).all():
         return ""
-    apart = ", ".join(map(str, ours.index[(ours.compared == 0) & (ours.finished > 0)]))
+    apart = [str(name) for name in ours.index[(ours.compared == 0) & (ours.finished > 0)]]
     without = ", ".join(map(str, ours.index[ours.finished == 0]))
     whose = "all the others" if without else "all of them"
     shared = f"Means over {int(ours.compared.max())} of {int(ours.planned.max())} runs, which {whose} have"
-    shared += f", but {apart}, which shares fewer than half." if apart else "."
+    share = "shares" if len(apart) == 1 else "share"
+    shared += f", but {', '.join(apart)}, which {share} fewer than half." if apart else "."
     return f"\n\n{shared}" + (f" Without a finished run: {without}." if without else "")
 
 

@@ -61,16 +61,16 @@ def test_suites_stand_apart_and_one_can_be_asked_for(results, capsys):
     compare_command(results=results)
     printed = capsys.readouterr().out
     titles = [
-        "suite test, demo, given-poses",
-        "suite development, demo, given-poses",
-        "other scenes, demo, given-poses",
+        "Suite test, demo, given-poses",
+        "Suite development, demo, given-poses",
+        "Other scenes, demo, given-poses",
     ]
     assert [printed.count(title) for title in titles] == [1, 1, 1]
     assert printed.index(titles[0]) < printed.index(titles[1]) < printed.index(titles[2])
     assert printed.count("Means over the 1 runs that all of them have, on 1 scene, 3 views.") == 3
     assert "| a | 21.00 [21.00, 21.00] | 1/1 |" in printed
     compare_command(suite="development", patterns=("streak-0",), results=results)
-    assert "suite test" not in capsys.readouterr().out
+    assert "Suite test" not in capsys.readouterr().out
     table_command(results, "test")
     printed = capsys.readouterr().out
     assert "room (demo, given-poses, test suite)" in printed
@@ -97,11 +97,11 @@ def test_a_suite_that_cannot_be_compared_does_not_hold_up_the_others(results, ca
     add_run(results, "3dgs-clean", "courtyard", "clean")  # a ceiling alone
     compare_command(("a", "c"), results=results)
     printed = capsys.readouterr().out
-    assert "suite test, demo, given-poses\n\nMETHOD=c: no such method with runs on rainy views" in printed
-    assert "suite development, demo, given-poses\n\nMETHOD=a: no such method" in printed
-    assert "Means over the 1 runs that all of them have, on 1 scene, 3 views." in printed.split("other scenes")[1]
+    assert "Suite test, demo, given-poses\n\nMETHOD=c: no such method with runs on rainy views" in printed
+    assert "Suite development, demo, given-poses\n\nMETHOD=a: no such method" in printed
+    assert "Means over the 1 runs that all of them have, on 1 scene, 3 views." in printed.split("Other scenes")[1]
     compare_command(results=results)
-    assert "suite development, demo, given-poses\n\nno run that all methods" in capsys.readouterr().out
+    assert "Suite development, demo, given-poses\n\nno run that all methods" in capsys.readouterr().out
     with pytest.raises(InputError, match="no such method"):
         compare_command(("a", "c"), suite="test", results=results)
     assert capsys.readouterr().out == ""

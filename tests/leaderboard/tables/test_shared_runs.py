@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from benchmarks.site import write_board as make_runs
+from leaderboard.__main__ import compare_command
 from leaderboard.gather import collect, collect_views, write_leaderboard
 from leaderboard.publishing.board_pages import comparisons_text
 from leaderboard.site.write import write_site
@@ -96,6 +97,16 @@ def test_the_index_and_the_scene_have_the_second_block_and_a_plot_a_cost(results
             assert ("few PSNR" in plot) == drawn
     assert TOLD in scene
     assert 'aria-label="raindrop, all methods"' in scene
+
+
+def test_the_command_compares_all_methods_a_second_time(results, capsys):
+    compare_command(results=results)
+    first, second = capsys.readouterr().out.split(SHARED)
+    assert "Not compared, since fewer than half of the runs are shared: few." in first
+    assert f"({SHARED_RUNS})" in second
+    assert "few" in second.split("better")[0]
+    compare_command(("3dgs", "few"), results=results)
+    assert SHARED not in capsys.readouterr().out
 
 
 def test_where_all_are_compared_or_nothing_more_is_shared_there_is_one_block(results):
