@@ -3,9 +3,9 @@
     python -m benchmarks.interruptions --out results/bench/interruptions
 
 Building, training and scoring a small room, and a whole sweep on it, are killed (SIGKILL) at random moments, gone on
-with, and compared with an undisturbed run: the sweep by its leaderboard, the others file by file. Then the room is built on disks too small for it: the error
-must say so, and on a larger disk the same command must end in the same bytes. Prints two tables and writes kills.csv
-and disks.csv.
+with, and compared with an undisturbed run: the sweep by its leaderboard, the others file by file. Then the room is
+built on disks too small for it: the error must say so, and on a larger disk the same command must end in the same
+bytes. Prints two tables and writes kills.csv and disks.csv.
 """
 
 import hashlib
