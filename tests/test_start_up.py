@@ -18,7 +18,7 @@ import pytest
         # every command, before it is known which
         (
             "hydroviews.__main__, leaderboard.__main__, deraings.__main__",
-            {"torch", "numba", "viser", "bpy", "scipy.stats", "scipy.spatial"},
+            {"torch", "numba", "viser", "bpy", "scipy"},
         ),
     ],
 )

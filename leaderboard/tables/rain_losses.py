@@ -14,7 +14,6 @@ from hydroviews.files.atomic import read_json, replacing
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.read import read_scene
 from hydroviews.rain.lens.pattern import RaindropPattern
-from hydroviews.rain.lens.severity import drops_harm, veil_harm
 from hydroviews.rain.patterns import PATTERN_FILE
 from hydroviews.rain.scene_statistics import SceneStatistics, survey
 from leaderboard.records import CEILING, FLOOR, GIVEN_POSES, LEADERBOARD, SCORED
@@ -130,6 +129,8 @@ def mse(psnr: float) -> float:
 
 def _drops_cost(pattern: RaindropPattern, harm: float, statistics: SceneStatistics) -> float:
     """What sharp drops cost over what is predicted: the error that a pattern added, less what its mist is to do."""
+    from hydroviews.rain.lens.severity import drops_harm, veil_harm
+
     by_drops = harm - veil_harm(pattern, statistics)(pattern.mist)
     return by_drops / drops_harm(pattern.coverage, replace(statistics, drops_cost=1.0))
 

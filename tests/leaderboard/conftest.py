@@ -38,18 +38,19 @@ def use_toys(monkeypatch: pytest.MonkeyPatch) -> None:
 def trained_here(monkeypatch):
     """Evaluations train in this process, where the test is not about the other one: that takes a second to start."""
 
-    def train(module, options, notes, watch, end, memory):
-        """What `run_tethered` does of a run."""
-        run = tyro.cli(Run, args=[option.replace("--run.", "--") for option in options])
-        try:
-            train_and_render(run)
-        except InputError:
-            raise
-        except Exception as error:
-            return f"{type(error).__name__}: {error}"
-        return ""
+    monkeypatch.setattr(evaluate, "run_tethered", train_here)
 
-    monkeypatch.setattr(evaluate, "run_tethered", train)
+
+def train_here(module, options, notes, watch, end, memory):
+    """What `run_tethered` does of a run, but in this process."""
+    run = tyro.cli(Run, args=[option.replace("--run.", "--") for option in options])
+    try:
+        train_and_render(run)
+    except InputError:
+        raise
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+    return ""
 
 
 @pytest.fixture(scope="session")
@@ -61,6 +62,7 @@ def evaluated_once(tmp_path_factory):
     where = {"data": folder / "data", "results": folder / "results"}
     with pytest.MonkeyPatch.context() as monkeypatch:
         use_toys(monkeypatch)
+        monkeypatch.setattr(evaluate, "run_tethered", train_here)
         request = evaluate.EvaluateRequest("toy_methods:MeanColour", str(capture), patterns=("streak-0",), **where)
         records = evaluate.evaluate(request)
     sys.modules.pop("toy_methods", None)

@@ -54,19 +54,24 @@ def test_without_exif_the_focal_length_begins_at_a_telephones(tmp_path):
         assert [camera.focal_length for camera in opened.read_all_cameras()] == [pytest.approx(0.9 * 8)]
 
 
-def test_interrupted_estimation_goes_on_and_agrees_with_the_solved_poses(flower, tmp_path):
+@pytest.fixture(scope="module")
+def estimated(flower, tmp_path_factory):
+    """Where a process that was interrupted after the features, and then a call, have estimated cameras; its errors."""
     script = "import sys; from pathlib import Path; from hydroviews.captures.sfm.poses import estimate_poses as run; "
     script += "run(Path(sys.argv[1]), Path(sys.argv[2]))"
-    out = tmp_path / "out"
+    out = tmp_path_factory.mktemp("estimated") / "out"
     process = subprocess.Popen([sys.executable, "-c", script, flower, out], stderr=subprocess.PIPE, text=True)
     wait_until((out / "pairs.txt").exists, process)  # features are done
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=PATIENCE)
     assert process.returncode not in (0, -signal.SIGABRT)
-    assert "KeyboardInterrupt" in errors
     assert not (out / "sparse").exists()
+    return out, errors, estimate_poses(flower, out)
 
-    scene = estimate_poses(flower, out)
+
+def test_interrupted_estimation_goes_on_and_agrees_with_the_solved_poses(estimated, flower, tmp_path):
+    out, errors, scene = estimated
+    assert "KeyboardInterrupt" in errors
     assert scene.notes[0] == "cameras from sparse/0: 9 of 9 images registered"
     assert len(scene.points) > 300
     assert all(" " not in view.name for view in scene.views)
@@ -100,7 +105,10 @@ def test_an_interruption_waits_for_the_safe_point():
     assert ended
 
 
-def test_interrupted_mapping_goes_on_from_a_snapshot(flower, tmp_path, monkeypatch):
+def test_interrupted_mapping_goes_on_from_a_snapshot(estimated, flower, tmp_path, monkeypatch):
+    shutil.copytree(estimated[0], tmp_path, symlinks=True, dirs_exist_ok=True)
+    shutil.rmtree(tmp_path / "sparse")  # features and matches are there
+
     def interrupted(call):
         if call.func is not pycolmap.incremental_mapping:
             return call(cancellation_token=pycolmap.CancellationToken())

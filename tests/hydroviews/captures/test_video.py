@@ -383,15 +383,15 @@ def rainy_walk(path: Path) -> Path:
     """Seven views of the flower, a second each: one sharp and rainy, the others blurred."""
     pictures = []
     for i, (_, image) in enumerate(flower_walk()[:7]):
-        rainy = to_uint8(rained_on(image, i))
+        rainy = to_uint8(resize_area(rained_on(image, i), 320, 240))
         pictures += [rainy, *[blurred(rainy)] * 3]
     return write_video(path, pictures, rate=4)
 
 
 def test_a_rainy_video_becomes_a_scene_without_clean_views(tmp_path):
     video = rainy_walk(tmp_path / "walk.mkv")
-    hidden = np.zeros((300, 400), bool)
-    hidden[220:, 320:] = True
+    hidden = np.zeros((240, 320), bool)
+    hidden[176:, 256:] = True
     write_png(tmp_path / "hide.png", white(hidden))
     settings = {"masks": tmp_path / "hide.png", "inpaint": True}
     assert capture_video(video, tmp_path / "walk", FrameChoice(), frames_only=True, **settings) is None

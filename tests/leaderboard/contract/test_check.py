@@ -21,6 +21,7 @@ from leaderboard.contract.case import Case
 from leaderboard.contract.check import check
 from leaderboard.contract.toy_scene import N_VIEWS, draw_room
 from leaderboard.contract.trials import BASIC, CHECKS, Result, try_check, try_checks
+from leaderboard.runs.train_and_render import only_training
 
 REPOSITORY = Path(__file__).parents[3]
 INTERRUPTED = ("Ctrl-C and on", "SIGTERM and on")
@@ -36,6 +37,34 @@ def case(tmp_path, monkeypatch):
         return Case(f"contract_toys:{toy}", getattr(contract_toys, toy), "demo", 10, tmp_path)
 
     return of
+
+
+@pytest.fixture
+def trained_here(case, monkeypatch):
+    """Trainings run in this process, where the test is not about one of their own; Ctrl-C comes half-way."""
+
+    def train(tried, steps, folder, number=None, moment=0.0):
+        method = tried.kind(tried.config(steps), 0)
+        step = method.step
+
+        def interrupted(colours):
+            if method.state[0] == steps // 2:
+                raise KeyboardInterrupt
+            step(colours)
+
+        if number is not None:
+            method.step = interrupted
+        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            method.fit(only_training(tried.scene), folder)
+        except KeyboardInterrupt:
+            return 130
+        method.save(folder)
+        write_json(interruptions._notes(folder) / interruptions.ENDED, {"fit": 0.2, "training": 0.2})
+        return 0
+
+    monkeypatch.setattr(interruptions, "SECONDS", 0.1)
+    monkeypatch.setattr(interruptions, "_run", train)
 
 
 def results(case: Case, names=QUICK) -> dict[str, Result]:
@@ -88,19 +117,8 @@ def test_on_a_gpu_there_is_no_telling_where_trainings_differ(case):
     assert "trains on a card" in reason
 
 
-def test_on_a_gpu_a_training_that_goes_on_otherwise_is_not_a_failed_one(case, monkeypatch):
-    def trained(tried, steps, folder, number=None, moment=0.0):
-        if number is not None:
-            (folder / "checkpoint").mkdir(parents=True)
-            (folder / "checkpoint" / "half").touch()
-            return 130
-        method = tried.train(tried.scene, folder.name, config=tried.config(steps))
-        method.save(folder)
-        write_json(interruptions._notes(folder) / interruptions.ENDED, {"fit": 0.2, "training": 0.2})
-        return 0
-
-    monkeypatch.setattr(interruptions, "SECONDS", 0.1)
-    monkeypatch.setattr(interruptions, "_run", trained)
+@pytest.mark.usefixtures("trained_here")
+def test_on_a_gpu_a_training_that_goes_on_otherwise_is_not_a_failed_one(case):
     outcome = try_check(case("OnACard"), INTERRUPTED[0], CHECKS[INTERRUPTED[0]])
     assert outcome.result == Result.NOT_TESTABLE
     assert "ends with other pixels" in outcome.reason
@@ -128,6 +146,7 @@ def test_it_is_the_cpu_that_is_checked(only, monkeypatch, caplog):
     assert check("contract_toys:TellsDevice", steps=1)[0].reason.endswith(", cuda")
 
 
+@pytest.mark.usefixtures("trained_here")
 def test_without_a_checkpoint_some_checks_cannot_be_made(case, monkeypatch):
     monkeypatch.setattr(interruptions, "ATTEMPTS", 1)
     names = ["fitted twice", "other checkpoints refused", INTERRUPTED[0]]
@@ -139,6 +158,7 @@ def test_without_a_checkpoint_some_checks_cannot_be_made(case, monkeypatch):
     ("toy", "message"),
     [("GoesOnElsewhere", "it ends with other pixels"), ("EndsWhenInterrupted", "returned as if it had ended")],
 )
+@pytest.mark.usefixtures("trained_here")
 def test_a_training_that_does_not_go_on_as_it_was_fails(case, toy, message):
     outcome = try_check(case(toy), "Ctrl-C and on", CHECKS["Ctrl-C and on"])
     assert outcome.result == Result.FAILED, outcome.reason

@@ -35,7 +35,7 @@ def stage(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     monkeypatch.setattr(interruptions, "SERVER", multiprocessing.get_context("fork"))
-    return lambda how: Stage("work", "whole", lambda folder: ["kill_worker", str(folder), how])
+    return lambda how: Stage("work", "whole", lambda folder: ["kill_worker", str(folder), how], files_below)
 
 
 @pytest.mark.parametrize(("how", "end"), [("right", "same bytes"), ("wrong", "other bytes")])

@@ -204,8 +204,8 @@ def test_photographs_of_a_flower_in_rain(tmp_path):
     views = []
     for i in WALK:
         path = tmp_path / "walk/images" / f"{solved.views[i].name}.png"
-        write_png(path, resize_area(solved.views[i].image(), 320, 240))
-        views.append(replace(solved.views[i], path=path, lens=None, camera=solved.views[i].camera.resized(320, 240)))
+        write_png(path, resize_area(solved.views[i].image(), 240, 180))
+        views.append(replace(solved.views[i], path=path, lens=None, camera=solved.views[i].camera.resized(240, 180)))
     write_colmap(make_scene("walk", views, solved.points), tmp_path / "walk/sparse/0")
     build_source(str(tmp_path / "walk"), tmp_path / "data/demo", find_profile("demo"), patterns=("streak-0",))
     record = carry_out(replace(run_of(tmp_path), scene="walk"), Limits(time=1, stall=1))

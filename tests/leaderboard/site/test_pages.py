@@ -16,7 +16,7 @@ from PIL import Image
 from baselines.training.learning_curve import LEARNING_CURVE
 from hydroviews.files.atomic import read_json, write_json
 from hydroviews.metrics import find_metrics
-from leaderboard.gather import collect, collect_views, write_leaderboard
+from leaderboard.gather import collect, collect_views
 from leaderboard.records import run_folder
 from leaderboard.site.runs import page_name
 from leaderboard.site.write import PLOTTED, write_site
@@ -340,11 +340,10 @@ def test_published_numbers_stand_beside_ours(pages):
 def test_pictures_are_written_once_and_what_is_gone_goes(copied):
     site = copied / "site"
     before = {path: path.stat().st_mtime_ns for path in site.rglob("*.*")}
-    table = write_leaderboard(copied)
-    write_site(table, copied, copied / "no data")
+    write_site(collect(copied), copied, copied / "no data")
     assert {path: path.stat().st_mtime_ns for path in site.rglob("*.*")} == before
     shutil.rmtree(run_folder(copied, "demo", "deraings", "pond", "streak-1", 0, "given-poses"))
-    write_site(write_leaderboard(copied), copied, copied / "no data")
+    write_site(collect(copied), copied, copied / "no data")
     gone = set(before) - set(site.rglob("*.*"))
     assert sorted(path.suffix for path in gone) == [".html", ".webp", ".webp", ".webp"]
 

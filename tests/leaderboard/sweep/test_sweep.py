@@ -55,7 +55,7 @@ def scored_here(monkeypatch):
     monkeypatch.setattr(local, "_run", run_in_this)
 
 
-@pytest.mark.usefixtures("scored_here")
+@pytest.mark.usefixtures("scored_here", "trained_here")
 def test_a_failed_run_costs_its_row_only_and_what_is_done_is_skipped(request_of, tmp_path, caplog):
     request = request_of(["Raises", "MeanColour"])
     failures = sweep(request)
@@ -169,7 +169,7 @@ def row(results: Path, method: str) -> pd.Series:
     return table.loc[f"toy_methods:{method}"]
 
 
-@pytest.mark.usefixtures("scored_here")  # the command that is killed is as it is
+@pytest.mark.usefixtures("scored_here", "trained_here")  # the command that is killed is as it is
 def test_killed_in_training_the_row_is_that_of_an_evaluation(request_of, tmp_path, evaluated_once):
     """Nobody can tell the run to end, and the next sweep must not meet it at work."""
     request = request_of(["WaitsOnce"])
@@ -182,7 +182,7 @@ def test_killed_in_training_the_row_is_that_of_an_evaluation(request_of, tmp_pat
     pd.testing.assert_series_equal(done, row(evaluated_once[0] / "results", "MeanColour"), check_names=False)
 
 
-@pytest.mark.usefixtures("scored_here")  # SIGINT goes the same way: see test_interruption.py
+@pytest.mark.usefixtures("scored_here", "trained_here")  # SIGINT goes the same way: see test_interruption.py
 def test_an_interruption_ends_all_processes_and_the_same_command_goes_on(request_of, tmp_path):
     request = request_of(["WaitsOnce"])
     process = begun(request, tmp_path / WAITS_ONCE)
@@ -258,6 +258,7 @@ class OneAfterTheOther:
         self.connected = False
 
 
+@pytest.mark.usefixtures("trained_here")
 def test_a_task_that_ray_loses_costs_its_row_only(request_of, tmp_path, monkeypatch):
     ray = OneAfterTheOther(lost="toy_methods:Raises")
     monkeypatch.setitem(sys.modules, "ray", ray)
@@ -268,6 +269,7 @@ def test_a_task_that_ray_loses_costs_its_row_only(request_of, tmp_path, monkeypa
     assert not ray.connected
 
 
+@pytest.mark.usefixtures("trained_here")
 def test_a_log_is_named_where_there_is_one(request_of, monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", OneAfterTheOther(lost=""))
     request = request_of(["Raises"], ray="auto")

@@ -6,6 +6,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from built_yard import STREAKS, built_yard
+from kept_blender import kept_blender  # noqa: F401
 from synthetic import capture_in
 
 from hydroviews.dataset.build import build
@@ -14,6 +15,7 @@ from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from hydroviews.formats.read import read_scene
+from hydroviews.rain.lens import bake
 from hydroviews.rain.lens.pattern import RaindropPattern
 from hydroviews.rain.lens.severity import drops_harm, veil_harm
 from hydroviews.rain.patterns import Pattern
@@ -101,10 +103,12 @@ def test_a_scene_may_be_called_by_a_number(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def in_drops(tmp_path_factory):
+def in_drops(tmp_path_factory, kept_blender):  # noqa: F811
     """A scene that is built in medium drops."""
     folder = tmp_path_factory.mktemp("drops")
-    return build(capture_in(folder / "capture" / "yard"), folder / "data", patterns=(Pattern("raindrop", 1),))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(bake, "run_blender", kept_blender)
+        return build(capture_in(folder / "capture" / "yard"), folder / "data", patterns=(Pattern("raindrop", 1),))
 
 
 def test_measured_numbers_meet_the_grade(in_drops):

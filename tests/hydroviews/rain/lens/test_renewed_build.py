@@ -31,7 +31,7 @@ def test_an_interrupted_build_of_two_sizes_goes_on_and_verifies(tmp_path, monkey
     (tmp_path / "wiped_in_focus.py").write_text(WIPED)
     scene = capture_in(tmp_path / "capture" / "yard")
     views = [replace(v, camera=v.camera.resized(*((48, 36), (40, 30))[i % 2])) for i, v in enumerate(scene.views)]
-    several, rain = make_scene("yard", views, scene.points), parse_pattern("wiped_in_focus:Wiped-2")
+    several, rain = make_scene("yard", views, scene.points), parse_pattern("wiped_in_focus:Wiped-0")
     written = []
 
     def until_the_third(path, image):
