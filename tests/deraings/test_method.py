@@ -110,14 +110,14 @@ def test_mist_is_not_taken_off_where_it_is_foggy(scene, weights, tmp_path, monke
 )
 def test_it_learns_resumes_and_comes_back(scene, weights, tmp_path, switches, monkeypatch):
     switches = {name: str(weights) if value is True else value for name, value in switches.items()}
-    config = DeRainGSConfig(replace(CONFIG, iterations=100, checkpoint_seconds=0.0), **switches)
+    config = DeRainGSConfig(replace(CONFIG, iterations=60, checkpoint_seconds=0.0), **switches)
     undisturbed = DeRainGS(config, 0)
     undisturbed.fit(scene, tmp_path / "undisturbed")
 
     interrupted = methods.RainObjective.__call__
 
     def crash(self, image, view, iteration, buffers):
-        if iteration == 65:
+        if iteration == 40:
             raise RuntimeError("power cut")
         return interrupted(self, image, view, iteration, buffers)
 

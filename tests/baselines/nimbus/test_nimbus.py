@@ -27,7 +27,7 @@ from hydroviews.errors import InputError
 GROWTH = DefaultStrategy(
     start=20, stop=200, every=20, budget=300, grow_grad2d=5e-5, reset_every=None, prune_scale3d=1.0
 )
-SPLATTING = TrainerConfig(iterations=800, sh_degree=0, strategy=GROWTH, device="cpu", resolutions=((0.2, 2),))
+SPLATTING = TrainerConfig(iterations=500, sh_degree=0, strategy=GROWTH, device="cpu", resolutions=((0.2, 2),))
 MEDIUM = MediumConfig(cells=12, rate=0.02, renewed=100, dark=0.05, ray_shrink=2)
 NO_MEDIUM, NO_RESIDUAL = MediumConfig(used=False), ResidualConfig(used=False)
 BRIEF = NimbusConfig(
@@ -117,8 +117,8 @@ def test_gradients_are_those_of_the_loss(tmp_path):
     def compared(image):
         objective = Nimbus(config, 0).objective(scene, tmp_path)
         objective.medium.log_scale.data.fill_(1.0)
-        objective._depths[0] = 700, np.full((18, 24), 4, np.float32)
-        loss, gradient = objective(image.astype(np.float32), 0, 700, BufferPool())
+        objective._depths[0] = 450, np.full((18, 24), 4, np.float32)
+        loss, gradient = objective(image.astype(np.float32), 0, 450, BufferPool())
         return loss, gradient.astype(np.float64)
 
     _, gradient = compared(start)

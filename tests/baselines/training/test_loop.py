@@ -11,7 +11,6 @@ import balls
 import numpy as np
 import pytest
 import tiny_attention
-import torch
 from splats import photographed
 from threadpoolctl import threadpool_info, threadpool_limits
 from tiny_network import TINY
@@ -79,7 +78,7 @@ def weights(*networks):
 
 def of_enhancement(folder, _, workers=0):
     config = TrainingConfig(network=TINY, steps=5, batch=2, patch=32, warm_up=2, precision="float32")
-    pairs = Pairs(drawn(), [], config.patch, config.seed)
+    pairs = Pairs(drawn(), [], config.patch, config.seed, misted=1)
     trained = enhancement.train(folder, config, pairs, "drops", lambda _: {"score": 1.0}, INTERVALS, workers=workers)
     return weights(trained.network, trained.averaged)
 
@@ -115,7 +114,6 @@ def left_alone(scenes, tmp_path_factory):
 
     def end(name):
         if name not in ends:
-            torch.set_num_threads(1)
             ends[name] = TRAININGS[name][0](tmp_path_factory.mktemp("run"), scenes.get(name, scenes["any other"]))
         return ends[name]
 

@@ -33,7 +33,6 @@ def scene(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def undisturbed(scene, tmp_path_factory):
-    torch.set_num_threads(1)
     return fit(scene, SHORT, tmp_path_factory.mktemp("run"))
 
 

@@ -53,9 +53,8 @@ class Interrupting(Brighter):
 
 
 def learn(folder, config=CONFIG, source=None, data="brighter", start=None, workers=0, intervals=INTERVALS):
-    torch.set_num_threads(1)
     scores = iter(range(100))
-    pairs = Pairs(source or Brighter(), [], config.patch, config.seed)
+    pairs = Pairs(source or Brighter(), [], config.patch, config.seed, misted=1)
     validate = lambda _: {"score": float(next(scores))}  # noqa: E731
     return train(folder, config, pairs, data, validate, intervals, start, workers)
 

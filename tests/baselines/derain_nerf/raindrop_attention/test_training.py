@@ -38,7 +38,6 @@ class Interrupting(Patches):
 
 
 def learn(folder, config=TRAINING, kind=Patches, data="drops"):
-    torch.set_num_threads(1)
     patches = kind(drawn(), config.patch, config.crops, config.batch, config.seed)
     return train(folder, config, patches, data, lambda _: {"score": 1.0}, INTERVALS)
 
