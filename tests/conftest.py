@@ -24,8 +24,9 @@ ORDER = (
 # What is promised to the bit is promised on the CPU; tests of a GPU say so themselves.
 os.environ.setdefault("HYDROVIEWS_DEVICE", "cpu")
 
-# There are more test processes than cores: a thread that has nothing to do is to sleep, not to look for work.
+# There are more test processes than cores: threads that have nothing to do sleep, and numpy's products have one.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # Not tests/ itself: it has folders named like the packages.
 sys.path.insert(0, str(Path(__file__).parent / "helpers"))

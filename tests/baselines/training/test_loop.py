@@ -377,7 +377,8 @@ def blas_threads():
 def test_products_have_one_thread_while_a_training_runs(tmp_path):
     trainer = Watching()
     with threadpool_limits(2, user_api="blas"):
-        before = blas_threads()  # 2, or 1 where the environment allows no more
+        before = blas_threads()
+        assert 2 in before  # some of them know no threads
         loop.run(trainer, tmp_path / CHECKPOINT, {}, 1e9)
         assert blas_threads() == before
     assert set(trainer.threads) == {1}
