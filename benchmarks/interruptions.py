@@ -32,6 +32,7 @@ from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting_profiles import PROFILES
 from baselines.training.checkpoints import CHECKPOINT
 from baselines.training.checkpoints import MODEL as MODEL_FILE
+from baselines.training.learning_curve import LEARNING_CURVE
 from benchmarks.small_disks import space_of, twice_on_a_disk
 from hydroviews.cli.commands import run_command
 from hydroviews.errors import InputError
@@ -113,7 +114,7 @@ def stages(out: Path, patterns: Sequence[str]) -> Iterator[Stage]:
         what = ["--methods", METHOD, "--scenes", str(out / "room"), "--patterns", *patterns]
         return ["leaderboard", "sweep", *what, *where]
 
-    timed = (PREDICTION, SESSIONS, MODEL_FILE, CHECKPOINT)  # splats.ply has the same model as MODEL_FILE
+    timed = (PREDICTION, SESSIONS, LEARNING_CURVE, MODEL_FILE, CHECKPOINT)  # splats.ply has the same model
     yield Stage("build", "built", build, files_below)
     yield Stage("training", "trained", train, partial(files_below, unlike=timed))
     yield Stage("scoring", "scored", score, files_below)

@@ -14,6 +14,7 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import replacing
 from hydroviews.files.full_disk import ReadOnly
 from hydroviews.files.locks import BUSY, locked
+from hydroviews.files.temporary import remove_leftovers_in
 from hydroviews.metrics import find_metrics
 from leaderboard.records import (
     GIVEN_POSES,
@@ -184,6 +185,7 @@ def write_leaderboard(results: Path) -> pd.DataFrame:
     with locked(results / LEADERBOARD, BUSY):
         table = read_leaderboard(results)
         try:
+            remove_leftovers_in(results)
             with replacing(results / LEADERBOARD) as temporary:
                 table.to_csv(temporary, index=False)
             with replacing(results / PER_VIEW) as temporary:

@@ -10,7 +10,7 @@ import os
 import shutil
 import socket
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -40,10 +40,17 @@ def remove_leftovers(path: Path) -> None:
 
     Where no lock can be had, nothing is removed.
     """
-    for leftover in _temporaries(path):
-        with suppress(FileNotFoundError), locked_if_free(leftover) as free:  # another process removes them as well
-            if free:
-                _remove(leftover)
+    beside = path.parent.glob(f"*{PARTIAL}*-{glob.escape(path.name)}")
+    inside = (Path(parent, name) for parent, folders, files in os.walk(path) for name in (*folders, *files))
+    _remove_unused([*beside, *inside])
+
+
+def remove_leftovers_in(folder: Path) -> None:
+    """Remove what killed processes left half written of the files and folders that stand in a folder, not below these.
+
+    Where no lock can be had, nothing is removed.
+    """
+    _remove_unused(folder.iterdir())
 
 
 def remove_tree(folder: Path) -> None:
@@ -53,15 +60,14 @@ def remove_tree(folder: Path) -> None:
             os.replace(folder, doomed)
 
 
-def _temporaries(path: Path) -> list[Path]:
-    """Temporary names of a file or folder and of what is in it, in use or not."""
-    beside = f"{PARTIAL}*-{glob.escape(path.name)}"
-    found = [*path.parent.glob(beside), *path.parent.glob(LOCK + beside)]
-    for parent, folders, files in os.walk(path):  # which passes over a folder that is gone by now
-        inside = (Path(parent, name) for name in (*folders, *files))
-        found += [one for one in inside if one.name.startswith((PARTIAL, LOCK + PARTIAL))]
+def _remove_unused(paths: Iterable[Path]) -> None:
+    """Remove those that have a temporary name which nobody uses."""
+    found = (path for path in paths if path.name.startswith((PARTIAL, LOCK + PARTIAL)))
     # A lock may be alone: of a process killed just before or after.
-    return sorted({one.with_name(one.name.removeprefix(LOCK)) for one in found})
+    for leftover in sorted({path.with_name(path.name.removeprefix(LOCK)) for path in found}):
+        with suppress(FileNotFoundError), locked_if_free(leftover) as free:  # another process removes them as well
+            if free:
+                _remove(leftover)
 
 
 def _remove(temporary: Path) -> None:

@@ -23,6 +23,7 @@ from hydroviews.cli.threads import side_by_side
 from hydroviews.dataset.variants import has_clean
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, replacing, sha256
+from hydroviews.files.temporary import remove_leftovers
 from hydroviews.metrics import Metric, find_metrics
 from hydroviews.scene.images import Image, read_pixels, to_image, to_uint8
 from hydroviews.scene.masks import Ignored
@@ -76,6 +77,7 @@ def score(run: Run) -> Record:
             found=f"no {run.folder / PREDICTION}",
             fix=f"make eval METHOD={run.method} goes on where it stopped",
         )
+    remove_leftovers(run.folder)
     numbers = read_prediction(run.folder)
     if not has_clean(run.data / run.scene):
         return _record_unscored(run, numbers)

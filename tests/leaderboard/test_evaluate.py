@@ -20,7 +20,7 @@ from hydroviews.errors import InputError
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.scene.images import read_image
 from leaderboard import evaluate as evaluate_module
-from leaderboard.__main__ import evaluate_command, one_run_command, overview_command, score_command
+from leaderboard.__main__ import evaluate_command, one_run_command, overview_command, score_command, table_command
 from leaderboard.evaluate import EvaluateRequest, evaluate, outcome
 from leaderboard.records import as_row, code_version, columns
 from leaderboard.runs import train_and_render as predict_module
@@ -84,6 +84,15 @@ def test_second_call_keeps_records_and_rescoring_gives_the_same(built, evaluated
     assert "kept" in caplog.text
     assert again == evaluated
     assert score(run) == evaluated
+
+
+def test_what_a_killed_command_has_half_written_goes(evaluated, tmp_path):
+    run = tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0"
+    for folder, name in ((run, "per_view.csv"), (tmp_path / "results", "tables.md")):
+        (folder / f".partial-host-0123-{name}").write_text("half")
+    score_command("streak-0", "toy_methods:MeanColour", "yard", data=tmp_path / "data", results=tmp_path / "results")
+    table_command(tmp_path / "results")
+    assert not list((tmp_path / "results").rglob(".partial-*"))
 
 
 def test_a_run_that_another_process_is_at_is_waited_for(built, evaluated, tmp_path, caplog):

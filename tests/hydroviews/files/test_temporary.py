@@ -8,7 +8,7 @@ from processes import PATIENCE
 
 from hydroviews.files.atomic import replacing
 from hydroviews.files.locks import locked_if_free
-from hydroviews.files.temporary import remove_leftovers, remove_tree, temporary_beside
+from hydroviews.files.temporary import remove_leftovers, remove_leftovers_in, remove_tree, temporary_beside
 
 
 def test_leftovers_are_removed_and_all_else_stays(tmp_path):
@@ -35,6 +35,16 @@ def test_a_files_leftovers_go_too(tmp_path):
         (tmp_path / f".partial-host-0123-{name}").write_text("{")
     remove_leftovers(tmp_path / "manifest.json")
     assert [path.name for path in tmp_path.iterdir()] == [".partial-host-0123-another.json"]
+
+
+def test_leftovers_in_a_folder_go_and_those_below_it_stay(tmp_path):
+    for folder in (tmp_path, tmp_path / "run"):
+        folder.mkdir(exist_ok=True)
+        for name in (".partial-host-0123-a.csv", ".lock-.partial-host-0123-a.csv", ".lock-a.csv", "a.csv"):
+            (folder / name).write_text("1")
+    remove_leftovers_in(tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".lock-a.csv", "a.csv", "run"]
+    assert len(list((tmp_path / "run").iterdir())) == 4
 
 
 def test_a_leftover_of_a_reused_process_number_is_removed(tmp_path):
