@@ -22,7 +22,7 @@ from baselines.splatting.kernels.rasterizer import render
 from baselines.splatting.objective import Objective
 from baselines.splatting.trainer import TrainedScene, train
 from baselines.splatting_profiles import BUDGETED, PROFILES
-from baselines.training.checkpoints import MODEL
+from baselines.training.checkpoints import MODEL, megabytes
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, write_json
 from hydroviews.scene.cameras import Camera
@@ -119,7 +119,7 @@ class GaussianSplatting(Method):
         write_ply(folder / SPLATS, self.export_gaussians())
         if self.found:
             write_json(folder / FOUND, self.found)
-        self._model_mb = (folder / MODEL).stat().st_size / 1e6
+        self._model_mb = megabytes(folder / MODEL)
 
     @classmethod
     def load(cls, config: Any, seed: int, folder: Path) -> Self:
@@ -134,7 +134,7 @@ class GaussianSplatting(Method):
             method.found = read_json(folder / FOUND)
         about["residuals"] = tuple(about.get("residuals", ()))
         method._trained = TrainedScene(gaussians=gaussians, compile_seconds=0.0, **about)
-        method._model_mb = (folder / MODEL).stat().st_size / 1e6
+        method._model_mb = megabytes(folder / MODEL)
         return method
 
     def summary(self) -> TrainingSummary:

@@ -30,7 +30,7 @@ class TrainingSummary:
 
     train_seconds: float  # training alone, summed over resumed sessions
     n_primitives: int | None  # Gaussians; None for methods that have none
-    model_mb: float | None  # the saved model, in 10^6 bytes
+    model_mb: float | None  # arrays of the saved model, in 10^6 bytes
     device: str  # "cpu" or the GPU's name
     used: str = ""  # in words, the parts that it switched on for these photographs; empty if it always uses all
     render_device: str | None = None  # as `device`, of what `render` calculates on; None where it is the same

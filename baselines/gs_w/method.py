@@ -37,7 +37,7 @@ from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.schedule import LearningRates
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting_profiles import PROFILES_WITH_NETWORKS, with_iterations
-from baselines.training.checkpoints import MODEL, read_arrays, write_arrays
+from baselines.training.checkpoints import MODEL, megabytes, read_arrays, write_arrays
 from baselines.training.images import read_images
 from baselines.training.torch_state import module_arrays, one_thread, restore_module
 from hydroviews.errors import InputError
@@ -150,4 +150,4 @@ class GaussianInTheWild(GaussianSplatting):
 
 
 def _megabytes(folder: Path) -> float:
-    return sum((folder / name).stat().st_size for name in (MODEL, NETWORK)) / 1e6
+    return sum(megabytes(folder / name) for name in (MODEL, NETWORK))

@@ -26,6 +26,7 @@ FORMAT = "hydroviews-splatting-1"
 CHECKPOINT = "checkpoint.safetensors"
 MODEL = "model.safetensors"  # once it is trained
 SEPARATOR = "/"
+HEADER = 8  # bytes at the beginning of a safetensors file: how long the description is that follows
 
 Tree = dict[str, Any]  # of dictionaries, numpy arrays and JSON values
 
@@ -54,6 +55,16 @@ def read_arrays(path: Path) -> tuple[dict[str, NDArray], dict[str, Any]]:
     if metadata.get("format") != FORMAT:
         raise InputError(f"{path}: not one of our files", found=metadata.get("format"), expected=FORMAT)
     return arrays, json.loads(metadata["about"])
+
+
+def megabytes(path: Path) -> float:
+    """Size of the arrays in a file that `write_arrays` wrote, in 10^6 bytes.
+
+    The description is not counted: it tells how long the training took, so that its length may differ.
+    """
+    with path.open("rb") as file:
+        header = int.from_bytes(file.read(HEADER), "little")
+    return (path.stat().st_size - HEADER - header) / 1e6
 
 
 def prefixed(part: str, arrays: Mapping[str, NDArray]) -> dict[str, NDArray]:

@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 
 from baselines.method import Method, TrainingSummary, profile_settings
-from baselines.training.checkpoints import MODEL, read_arrays, write_arrays
+from baselines.training.checkpoints import MODEL, megabytes, read_arrays, write_arrays
 from baselines.training.devices import chosen_device
 from baselines.training.images import TrainingImages, read_images
 from baselines.training.torch_state import module_arrays, restore_module
@@ -122,7 +122,7 @@ class RadianceMethod(Method):
             "device": trained.device,
         }
         write_arrays(folder / MODEL, module_arrays(trained.model), about)
-        self._model_mb = (folder / MODEL).stat().st_size / 1e6
+        self._model_mb = megabytes(folder / MODEL)
 
     @classmethod
     def load(cls, config: Any, seed: int, folder: Path) -> Self:
@@ -142,7 +142,7 @@ class RadianceMethod(Method):
             ) from error
         model = model.to(chosen_device(method.volumetric.device))
         method._fitted = _Fitted(TrainedField(model, about["seconds"], about["device"]), about["views"])
-        method._model_mb = (folder / MODEL).stat().st_size / 1e6
+        method._model_mb = megabytes(folder / MODEL)
         return method
 
     def summary(self) -> TrainingSummary:
