@@ -129,7 +129,7 @@ def mse(psnr: float) -> float:
 
 def _drops_cost(pattern: RaindropPattern, harm: float, statistics: SceneStatistics) -> float:
     """What sharp drops cost over what is predicted: the error that a pattern added, less what its mist is to do."""
-    from hydroviews.rain.lens.severity import drops_harm, veil_harm
+    from hydroviews.rain.lens.severity import drops_harm, veil_harm  # SciPy, which not every command needs
 
     by_drops = harm - veil_harm(pattern, statistics)(pattern.mist)
     return by_drops / drops_harm(pattern.coverage, replace(statistics, drops_cost=1.0))
