@@ -8,14 +8,12 @@ Takes the pictures that finished runs of the pattern have left of some training 
 from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
-
+from benchmarks.rain_pictures import grey, view_named
 from hydroviews.cli.commands import run_command
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.errors import InputError
 from hydroviews.scene.images import Image, read_image, write_png
 from hydroviews.scene.picture_grid import Row, Tile, draw_sheet
-from hydroviews.scene.scenes import Scene
 from leaderboard.records import GIVEN_POSES, run_folder
 from leaderboard.runs.train_and_render import HIDDEN
 from leaderboard.site.hidden_pictures import true_cover
@@ -48,11 +46,6 @@ def hidden_of_methods(runs: Path, scene: str, pattern: str, seed: int, view: str
     return pictures
 
 
-def picture_of(scene: Scene, view: str) -> Image:
-    """A view's picture [H, W, 3]."""
-    return next(one.image() for one in scene.views if one.name == view)
-
-
 def main(
     scene: str = "courtyard",
     pattern: str = "raindrop-1",
@@ -77,11 +70,10 @@ def main(
     """
     hidden = hidden_of_methods(results / profile, scene, pattern, seed, view)
     built = data / profile / scene
-    rain = np.repeat(true_cover(built / pattern, view)[..., None], 3, axis=2)
     tiles = [
-        Tile(picture_of(open_clean(built), view), "clean view"),
-        Tile(picture_of(open_variant(built, pattern), view), "photograph"),
-        Tile(rain, "rain, as drawn"),
+        Tile(view_named(open_clean(built).views, view).image(), "clean view"),
+        Tile(view_named(open_variant(built, pattern).views, view).image(), "photograph"),
+        Tile(grey(true_cover(built / pattern, view)), "rain, as drawn"),
         *(Tile(picture, name) for name, picture in hidden.items()),
     ]
     rows = [Row("", "", tiles[i : i + COLUMNS]) for i in range(0, len(tiles), COLUMNS)]

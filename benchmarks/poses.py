@@ -30,15 +30,21 @@ ROW = "row.json"
 CAMERA_MODEL = "SIMPLE_PINHOLE"  # what built pictures are: undistorted, about their middle
 
 
+def linked(views: tuple[View, ...], folder: Path) -> dict[str, View]:
+    """Link the views' photographs into a folder, under names that tell their order alone; the views by these names."""
+    named = {f"{i:05d}": view for i, view in enumerate(views)}
+    link_photographs({f"{name}.png": view.path for name, view in named.items()}, folder, turned=False)
+    return named
+
+
 def measure(
     views: tuple[View, ...], rainy: bool, folder: Path, seed: int, enhance: Enhance | None = None
 ) -> dict[str, Any]:
     """Errors of the cameras estimated from views, against their own; kept in the folder."""
     if not (folder / ROW).is_file():
         start = time.process_time()
-        files = {f"{i:05d}.png": view.path for i, view in enumerate(views)}
-        link_photographs(files, folder / "photographs", turned=False)
-        true = {Path(name).stem: view.camera.world_to_camera for name, view in zip(files, views, strict=True)}
+        named = linked(views, folder / "photographs")
+        true = {name: view.camera.world_to_camera for name, view in named.items()}
         try:
             scene = estimate_poses(
                 folder / "photographs", folder / "capture", CAMERA_MODEL, seed=seed, rainy=rainy, enhance=enhance

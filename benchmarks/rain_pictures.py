@@ -47,7 +47,7 @@ def row_of(run: Run, name: str) -> Row:
     if name not in names:
         raise InputError(f"--view {name}: no training view of {run}", expected=f"one of {', '.join(names)}")
     index = names.index(name)
-    view, clean = scene.train_views[index], _named(run.clean_scene().train_views, name)
+    view, clean = scene.train_views[index], view_named(run.clean_scene().train_views, name)
     truth = true_covers(run.data / run.scene / run.pattern, view)
     part = next((part for part in ("rain", "drops") if part in truth), None)
     if not isinstance(method, DeRainGS) or part is None:
@@ -61,17 +61,19 @@ def row_of(run: Run, name: str) -> Row:
     enhanced = sorted((run.folder / "enhanced").glob(f"*/{name}.png"))
     tiles += [Tile(read_image(enhanced[-1]), "enhanced")] if enhanced else []
     found = found_cover(objective, index, size, part == "rain")
-    tiles += [Tile(_grey(found), "rain that was found")]
-    tiles += [Tile(_grey(truth[part]), "rain that was there")]
+    tiles += [Tile(grey(found), "rain that was found")]
+    tiles += [Tile(grey(truth[part]), "rain that was there")]
     tiles += [Tile(method.render(view.camera), "render"), Tile(clean.image(), "clean view")]
     return Row(f"{run.method} on {run.scene}", run.pattern, tiles)
 
 
-def _grey(plane: Plane) -> np.ndarray:
+def grey(plane: Plane) -> np.ndarray:
+    """A plane [H, W] as a picture [H, W, 3]."""
     return np.repeat(np.clip(plane, 0, 1)[..., None], 3, axis=2).astype(np.float32)
 
 
-def _named(views: tuple[View, ...], name: str) -> View:
+def view_named(views: tuple[View, ...], name: str) -> View:
+    """The view of that name, which is there."""
     return next(view for view in views if view.name == name)
 
 

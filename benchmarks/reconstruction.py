@@ -8,7 +8,7 @@ with the clean views. Prints a table and writes reconstruction.csv. An interrupt
 """
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +18,9 @@ import tyro
 
 from baselines.method import find_method
 from baselines.rendering.film import FilmChoice
+from benchmarks.poses import linked
 from deraings.reconstruct import CAPTURE, TRAINING, Reconstruction, all_views, find_scene, reconstruct
 from hydroviews.captures.sfm.mapping import TooFewRegistered
-from hydroviews.captures.sfm.sources import link_photographs
 from hydroviews.cli.commands import run_command
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.files.atomic import read_json, write_bytes, write_json
@@ -34,26 +34,10 @@ SCORED = 8  # every so manieth view
 FILM = FilmChoice(seconds=1, fps=8, size=320)  # a short one: it is not what is measured
 
 
-@dataclass(frozen=True)
-class Photographs:
-    """Views of a scene in rain, and the same views without."""
-
-    rainy: tuple[View, ...]
-    clean: tuple[View, ...]
-
-    def links(self) -> dict[str, Path]:
-        """Photographs by file names that say nothing but their order."""
-        return {f"{i:05d}.png": view.path for i, view in enumerate(self.rainy)}
-
-    def clean_path(self, name: str) -> Path:
-        """The clean view of a photograph, by its name in `links` without the suffix."""
-        return self.clean[int(name)].path
-
-
-def reconstructed(photographs: Photographs, request: Reconstruction) -> dict[str, Any]:
-    """Reconstruct and compare: a row of the table."""
-    link_photographs(photographs.links(), request.photographs, turned=False)
-    true = {f"{i:05d}": view.camera.world_to_camera for i, view in enumerate(photographs.clean)}
+def reconstructed(rainy: tuple[View, ...], clean: tuple[View, ...], request: Reconstruction) -> dict[str, Any]:
+    """Reconstruct from the photographs of some views in rain, and compare with the same views without: a row."""
+    named = dict(zip(linked(rainy, request.photographs), clean, strict=True))
+    true = {name: view.camera.world_to_camera for name, view in named.items()}
     start = time.process_time()
     try:
         reconstruct(request)
@@ -67,8 +51,8 @@ def reconstructed(photographs: Photographs, request: Reconstruction) -> dict[str
     model = kind.load(kind.configuration(request.profile), request.seed, request.folder / TRAINING)
     scores = []
     for view in scene.views[::SCORED]:
-        clean = replace(view, path=photographs.clean_path(view.name)).image()
-        scores.append([float(psnr(picture, clean)) for picture in (view.image(), model.render(view.camera))])
+        target = replace(view, path=named[view.name].path).image()  # through the same lens
+        scores.append([float(psnr(picture, target)) for picture in (view.image(), model.render(view.camera))])
     before, after = np.mean(scores, axis=0).round(2).tolist()
     return _row(errors, errors.registered) | {"photographs_psnr": before, "renders_psnr": after, "cpu_s": seconds}
 
@@ -101,11 +85,11 @@ def main(
     rows: list[dict[str, Any]] = []
     for scene in scenes:
         for pattern in patterns:
-            views = (open_variant(scene, pattern).views[::every], open_clean(scene).views[::every])
+            rainy, clean = (one.views[::every] for one in (open_variant(scene, pattern), open_clean(scene)))
             folder = out / f"{scene.resolve().name}-{pattern}-{every}-{method}-{profile}-{seed}"
             request = Reconstruction(folder / "photographs", folder / "scene", method, profile, seed=seed, film=FILM)
             if not (folder / ROW).is_file():
-                write_json(folder / ROW, reconstructed(Photographs(*views), request))
+                write_json(folder / ROW, reconstructed(rainy, clean, request))
             rows.append({"scene": scene.resolve().name, "pattern": pattern} | read_json(folder / ROW))
             write_bytes(out / "reconstruction.csv", pd.DataFrame(rows).to_csv(index=False).encode())
     print(f"\n{pd.DataFrame(rows).to_string(index=False)}")

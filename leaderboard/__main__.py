@@ -43,7 +43,7 @@ from leaderboard.sweep.sweep import SweepRequest, sweep
 from leaderboard.tables.comparison import compare
 from leaderboard.tables.comparison import in_words as comparison_text
 from leaderboard.tables.dataframes import of_suite, scene_keys, suite_blocks
-from leaderboard.tables.markdown import SHARED, legend, scene_text, suite_title
+from leaderboard.tables.markdown import block_title, legend, scene_text, suite_title
 from leaderboard.tables.rain_losses import numbers_for_grades, record_losses
 from leaderboard.tables.table_files import TABLES
 from leaderboard.viewer.export import Format, export
@@ -177,10 +177,9 @@ def compare_command(
     texts, failures = [], []
     for keys, found in suite_blocks(table).items():
         for block in found[: 1 if methods else None]:
-            title = ", ".join([suite_title(*keys), *patterns])
-            title += f"\n\n{SHARED} ({block.shared_runs})" if block.shared_runs else ""
+            title = block_title(", ".join([suite_title(*keys), *patterns]), block)
             try:
-                compared = compare(table.loc[block.rows.index], views[views.suite == keys[2]], metric, methods)
+                compared = compare(table.loc[block.rows.index], views, metric, methods)
                 texts.append(comparison_text(compared, title))
             except InputError as error:  # a suite that cannot be compared does not hold up the others
                 texts.append(f"{title}\n\n{error}\n")

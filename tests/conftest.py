@@ -1,4 +1,3 @@
-import gc
 import os
 import signal
 import sys
@@ -43,12 +42,6 @@ sys.dont_write_bytecode = False
 def pytest_xdist_auto_num_workers() -> int:
     """Processes for `-n auto`: half as many again as cores, since tests wait for processes that they start."""
     return round(1.5 * len(os.sched_getaffinity(0)))
-
-
-def pytest_collection_finish() -> None:
-    """What was imported and collected stays to the end: Python's garbage collector need not look through it again."""
-    gc.collect()
-    gc.freeze()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

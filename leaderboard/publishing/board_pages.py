@@ -16,7 +16,7 @@ from leaderboard.publishing.publish import PUBLISHED, publish
 from leaderboard.site.write import write_site
 from leaderboard.tables.comparison import compare, in_words
 from leaderboard.tables.dataframes import suite_blocks
-from leaderboard.tables.markdown import SHARED, suite_title
+from leaderboard.tables.markdown import block_title, suite_title
 
 COMPARISONS = "comparisons.md"
 
@@ -93,9 +93,8 @@ def comparisons_text(table: pd.DataFrame, views: pd.DataFrame) -> str:
         for block in found:
             rows = table.loc[block.rows.index]
             where = suite_title(profile, track, suite)
-            shared = f"{SHARED} ({block.shared_runs})\n\n" if block.shared_runs else ""
             for metric in find_metrics() if (rows.pattern != CLEAN).any() else ():
-                parts.append(_comparison_text(rows, own, metric, f"## {where}: {metric.title}\n\n{shared}".rstrip()))
+                parts.append(_comparison_text(rows, own, metric, block_title(f"## {where}: {metric.title}", block)))
     return "\n".join(parts)
 
 

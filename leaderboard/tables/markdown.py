@@ -10,7 +10,7 @@ from hydroviews.formats.markdown import markdown_table
 from hydroviews.metrics import Metric, find_metrics
 from hydroviews.rain.patterns import GRADES
 from leaderboard.tables.dataframes import SuiteTables, Tables, scene_tables
-from leaderboard.tables.means import incomplete, places
+from leaderboard.tables.means import Block, incomplete, places
 from leaderboard.tables.paper_numbers import NOTE, published_ablation, published_scores
 
 PAPER = ("PSNR (paper)", "SSIM (paper)", "LPIPS (paper)")
@@ -179,6 +179,11 @@ def paper_scores(row: Mapping[Any, Any]) -> tuple[str, str]:
 def suite_title(profile: str, track: str, suite: str) -> str:
     """What stands above a suite's tables; empty is the scenes of no suite."""
     return f"{f'Suite {suite}' if suite else 'Other scenes'}, {profile}, {track}"
+
+
+def block_title(title: str, block: Block) -> str:
+    """What stands above a comparison: the title, and below it what a second block is of."""
+    return f"{title}\n\n{SHARED} ({block.shared_runs})" if block.shared_runs else title
 
 
 def _suite_text(title: str, found: SuiteTables) -> str:

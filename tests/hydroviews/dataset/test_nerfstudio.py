@@ -8,8 +8,10 @@ from built_yard import built_yard
 
 from hydroviews.dataset.variants import open_variant
 
-NOT_TURNED = {"assume_colmap_world_coordinate_convention": False}
-READERS = {"Colmap": {"colmap_path": Path("sparse/0")} | NOT_TURNED, "Nerfstudio": {}}
+READERS = {
+    "Colmap": {"colmap_path": Path("sparse/0"), "assume_colmap_world_coordinate_convention": False},
+    "Nerfstudio": {},
+}
 AS_IT_IS = {"orientation_method": "none", "center_method": "none", "auto_scale_poses": False, "downscale_factor": 1}
 OPENGL = np.array([1, -1, -1])  # y up, looking along -z
 
