@@ -1,5 +1,6 @@
 """What rain covers of a built variant's views, from the layers that no method may look at."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import cv2
@@ -37,3 +38,17 @@ def true_covers(variant: Path, view: View) -> dict[str, Plane]:
     falling = {"rain": planes.pop(effect.falling)} if effect.falling else {}
     covers = effect.covers(planes)
     return {part: covers[share] for part, share in SHARES.items() if share in covers} | falling
+
+
+def in_and_between_drops(views: Iterable[tuple[Plane, Plane]]) -> dict[str, float]:
+    """Means over views of how much of a pixel a method hides: where drops are, and elsewhere.
+
+    Args:
+        views: of each, what the method hides, and what drops cover; [H, W], 0 to 1.
+    """
+    means = []
+    for hidden, cover in views:
+        drops = cover > COVERED
+        means.append((hidden[drops].mean() if drops.any() else np.nan, hidden[~drops].mean()))
+    within, between = np.nanmean(means, axis=0)
+    return {"in drops": round(float(within), 2), "elsewhere": round(float(between), 2)}

@@ -11,12 +11,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting_profiles import PROFILES
-from benchmarks.ground_truth import COVERED, true_covers
+from benchmarks.ground_truth import in_and_between_drops, true_covers
 from benchmarks.quality import held_out, slug
 from deraings.masks.config import MaskConfig
 from deraings.method import DeRainGSConfig, Masks
@@ -44,13 +43,11 @@ def covered(method: Masks, variant: Path, scene: Scene) -> dict[str, float]:
     """Means of the masks within and without what drops hide."""
     masks = method.learned().masks
     assert masks is not None
-    means = []
-    for index, view in enumerate(scene.train_views):
-        mask = masks.mask(index, (view.camera.height, view.camera.width))
-        hidden = true_covers(variant, view)["drops"] > COVERED
-        means.append((mask[hidden].mean() if hidden.any() else np.nan, mask[~hidden].mean()))
-    within, without = np.nanmean(means, axis=0)
-    return {"within drops": round(float(within), 2), "without": round(float(without), 2)}
+    views = enumerate(scene.train_views)
+    return in_and_between_drops(
+        (masks.mask(index, (view.camera.height, view.camera.width)), true_covers(variant, view)["drops"])
+        for index, view in views
+    )
 
 
 def main(

@@ -133,9 +133,9 @@ class DeRainGS(GaussianSplatting):
         config: DeRainGSConfig = self.config
         if config.masks is None:
             return None
-        cover = enhanced.drop_cover if enhanced and enhanced.tells_cover else None
+        known = enhanced.hidden_by_drops if enhanced and enhanced.tells_cover else None
         device = chosen_device(config.splatting.device, GSPLAT)
-        return OcclusionMasks(images, config.splatting.iterations, self.seed, config.masks, cover, device)
+        return OcclusionMasks(images, config.splatting.iterations, self.seed, config.masks, known, device)
 
     def learned(self) -> RainObjective:
         """What was learned of the rain in the training views, after `fit`.

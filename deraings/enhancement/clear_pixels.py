@@ -14,6 +14,7 @@ Numbers were chosen on courtyard, LLFF flower and Mip-NeRF 360 bonsai (docs/expe
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -32,14 +33,25 @@ SMOOTH = 1 / 40  # standard deviation of G, in longer sides of the picture
 MIN_SHARE = 1e-3  # of clear pixels around one: where there are fewer, G says next to nothing
 
 
-def staying_drops(covers: Sequence[NDArray[np.uint8]]) -> list[Plane] | None:
-    """What drops cover of the lens in each view: [H, W] in [0, 1], at the size of its cover.
+@dataclass(frozen=True)
+class LensCovers:
+    """What drops cover of the lens.
+
+    Attributes:
+        means: of each place of the lens about the time of each view, [H, W] in [0, 1]: the mean of what is seen in the
+            other views; of a photograph of which there is no other, what is seen in it.
+        stay: whether drops stay on the lens, and no streaks fall.
+    """
+
+    means: Sequence[Plane]
+    stay: bool
+
+
+def lens_covers(covers: Sequence[NDArray[np.uint8]]) -> LensCovers:
+    """What drops cover of the lens, from what covers single photographs.
 
     Args:
         covers: what streaks, drops and mist cover of each photograph [H, W, 3], 255 for all; in order of name.
-
-    Returns:
-        None unless drops stay on the lens, and no streaks fall.
     """
     drops = {view: cover[..., DROPS] for view, cover in enumerate(covers)}
     means: list[Plane] = []
@@ -49,7 +61,17 @@ def staying_drops(covers: Sequence[NDArray[np.uint8]]) -> list[Plane] | None:
         means.append((own if mean is None else mean) / np.float32(255))
         shares.append(0.0 if mean is None else float(np.mean(means[-1] > DROP)))
     streaks = np.mean([cover[..., STREAKS].mean() / 255 for cover in covers])
-    return means if np.mean(shares) >= MIN_DROPS and streaks <= MAX_STREAKS else None
+    return LensCovers(means, bool(np.mean(shares) >= MIN_DROPS and streaks <= MAX_STREAKS))
+
+
+def covered(mean: Plane) -> Plane:
+    """What of each place of the lens a picture does not show, of the mean cover: w, in [0, 1]."""
+    return smooth_rise(mean, CLEAR, COVERED)
+
+
+def hidden_by_drops(mean: Plane) -> Plane:
+    """What of each place of the lens is not to be learned from: its mean cover, and all that pictures do not show."""
+    return np.maximum(mean, covered(mean))
 
 
 def with_clear_pixels(enhanced: Image, photograph: Image, cover: Plane) -> Image:
@@ -63,9 +85,9 @@ def with_clear_pixels(enhanced: Image, photograph: Image, cover: Plane) -> Image
     Returns:
         [H, W, 3], [0, 1].
     """
-    covered = smooth_rise(cover, CLEAR, COVERED)[..., None]
-    clear, change = 1 - covered, enhanced - photograph
+    hidden = covered(cover)[..., None]
+    clear, change = 1 - hidden, enhanced - photograph
     deviation = SMOOTH * max(cover.shape)
     share = cv2.GaussianBlur(clear, (0, 0), deviation)[..., None]
     smooth = cv2.GaussianBlur(clear * change, (0, 0), deviation) / np.maximum(share, np.float32(MIN_SHARE))
-    return np.asarray(np.clip(photograph + covered * change + clear * smooth, 0, 1), np.float32)
+    return np.asarray(np.clip(photograph + hidden * change + clear * smooth, 0, 1), np.float32)

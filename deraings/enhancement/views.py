@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 from baselines.training.images import TrainingImages
 from baselines.training.torch_state import one_thread
-from deraings.enhancement.clear_pixels import DROPS, staying_drops, with_clear_pixels
+from deraings.enhancement.clear_pixels import DROPS, LensCovers, hidden_by_drops, lens_covers, with_clear_pixels
 from deraings.enhancement.enhance import enhance, enhance_with_cover, without_mist_on_lens
 from deraings.enhancement.lenses import Lens, lenses_of_capture
 from deraings.enhancement.weights import Enhancer
@@ -85,6 +85,14 @@ class EnhancedViews:
         self.file(index)
         return np.ascontiguousarray(read_image(self._cover_file(index))[..., DROPS])
 
+    def hidden_by_drops(self, index: int) -> Plane:
+        """What drops that stay on the lens hide about the time of a photograph [h, w], [0, 1]; see `clear_pixels`.
+
+        Raises:
+            InputError: a kept picture is damaged.
+        """
+        return self._hidden[index]
+
     def mist_light(self) -> float | None:
         """Linear light that mist on the lens adds, the median over lens and photographs, as far as the network sees.
 
@@ -142,27 +150,32 @@ class EnhancedViews:
         count, _ = len(self._images), self._lenses  # before several threads ask for them
         with one_thread():  # around all: each leaves behind the number of threads that it found
             paths = _of_all(self.file, count, "enhancing")
-            covers = self._staying_drops() if clear else None
-            if covers is None:
+            if not (clear and self.tells_cover and self._lens_covers.stay):
                 return paths
             logger.info("drops stay on the lens: between them, pixels are learned as the photographs show them")
-            return _of_all(lambda index: self._clear(index, covers[index]), count, "clear pixels")
+            return _of_all(self._clear, count, "clear pixels")
 
-    def _staying_drops(self) -> list[Plane] | None:
-        return staying_drops([self._cover(index) for index in range(len(self._images))]) if self.tells_cover else None
-
-    def _clear(self, index: int, cover: Plane) -> Path:
+    def _clear(self, index: int) -> Path:
         path = self._kept / "clear" / f"{self._names[index]}.png"
         if not path.is_file():
             photograph = self._photograph(index).astype(np.float32) / 255
             if self.remove_mist:
                 photograph = without_mist_on_lens(photograph, self._enhancer.network, self._lenses[index])
-            cover = resized(cover, photograph.shape[:2])
+            cover = resized(self._lens_covers.means[index], photograph.shape[:2])
             write_png(path, with_clear_pixels(self.image(index), photograph, cover))
         return path
 
+    @cached_property
+    def _lens_covers(self) -> LensCovers:
+        return lens_covers([self._cover(index) for index in range(len(self._images))])
+
+    @cached_property
+    def _hidden(self) -> list[Plane]:
+        return [hidden_by_drops(mean) for mean in self._lens_covers.means]
+
     def _cover(self, index: int) -> NDArray[np.uint8]:
         """What streaks, drops and mist cover of a photograph [h, w, 3], 255 for all, small enough to keep."""
+        self.file(index)
         cover = read_image(self._cover_file(index))
         return to_uint8(resized(cover, within_side(cover.shape[:2], COVER_SIDE)))
 

@@ -16,8 +16,7 @@ the loss is weighed by no more of M than the views taken before and after have t
 
 from collections.abc import Callable
 from dataclasses import asdict
-from functools import cached_property
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import torch
@@ -27,7 +26,7 @@ from torch import Tensor
 from baselines.training.checkpoints import below
 from baselines.training.images import Size, TrainingImages
 from baselines.training.torch_state import module_arrays, one_thread, restore_module
-from deraings.image_planes import Plane, resized, shrunk
+from deraings.image_planes import Plane, resized
 from deraings.lens_views import mean_around
 from deraings.masks.config import MaskConfig
 from deraings.masks.maps import evidence, filled
@@ -51,7 +50,7 @@ class OcclusionMasks:
         iterations: int,
         seed: int,
         config: MaskConfig | None = None,
-        cover: Callable[[int], Plane] | None = None,
+        known: Callable[[int], Plane] | None = None,
         device: str = "cpu",
     ) -> None:
         """Start with a network that masks next to nothing.
@@ -61,8 +60,8 @@ class OcclusionMasks:
             iterations: of the whole training.
             seed: of the network's first weights.
             config: settings.
-            cover: how much of each pixel of a view drops cover [H, W], as somebody tells from the photographs; hidden
-                as well where something is on the lens.
+            known: what of the lens drops hide about the time of a view [h, w], [0, 1], as somebody tells from the
+                photographs; hidden as well where something is on the lens.
             device: where the network calculates, "cpu" or "cuda".
         """
         self.config = config or MaskConfig()
@@ -81,7 +80,7 @@ class OcclusionMasks:
         self._losses: dict[int, Plane] = {}  # last losses of views at the network's resolution
         self._kept: dict[int, NDArray[np.uint8]] = {}  # masks of views at the mask's resolution
         self._on_lens: dict[int, NDArray[np.uint8]] = {}  # what of them is on the lens
-        self._cover = cover
+        self._known = known
 
     def due(self, iteration: int) -> bool:
         """Whether the network should learn in this iteration."""
@@ -130,9 +129,9 @@ class OcclusionMasks:
         pixels = self.config.shrink // self.config.fine
         whole = resized(mask, (mask.shape[0] * pixels, mask.shape[1] * pixels))
         found = resized(whole[:height, :width], size)
-        if self._cover is not None:
+        if self._known is not None:
             more = 1 - found
-            more *= resized(self._lens_covers[view], size)
+            more *= resized(self._known(view), size)
             found = more + found
         return found
 
@@ -236,18 +235,6 @@ class OcclusionMasks:
         others = {other: loss for other, loss in self._losses.items() if other != view}
         mean = mean_around(view, others, size, self.config.lens_views)
         return np.ones(size, np.float32) if mean is None else mean / np.float32(self.typical)
-
-    @cached_property
-    def _lens_covers(self) -> list[Plane]:
-        """What drops cover of the lens in each view: the mean over those taken before and after, and itself."""
-        cover = cast(Callable[[int], Plane], self._cover)
-        factor = self.config.shrink // self.config.fine
-        own = {
-            view: resized(cover(view), shrunk(self.images.pixels(view).shape[:2], factor))
-            for view in range(len(self.images))
-        }
-        means = (mean_around(view, own, plane.shape, self.config.lens_views) for view, plane in own.items())
-        return [own[view] if mean is None else mean for view, mean in enumerate(means)]
 
 
 def _rounded(mask: Tensor) -> NDArray[np.uint8]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.ground_truth import true_covers
+from benchmarks.ground_truth import in_and_between_drops, true_covers
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.rain.layers import write_layers
@@ -44,3 +44,13 @@ def test_a_missing_layer_is_named(view, tmp_path):
     write_json(tmp_path / "pattern.json", {"effect": "raindrop"})
     with pytest.raises(InputError, match=r"v0\.exr"):
         true_covers(tmp_path, view)
+
+
+def test_what_is_hidden_in_drops_and_elsewhere():
+    """Means over views; one without drops counts elsewhere alone."""
+    drops = np.zeros((HEIGHT, WIDTH), np.float32)
+    drops[:2, :3] = 0.9
+    hidden = np.where(drops > 0, np.float32(0.8), np.float32(0.1))
+    dry = np.zeros_like(drops)
+    shares = in_and_between_drops([(hidden, drops), (np.full_like(hidden, 0.3), dry)])
+    assert shares == {"in drops": 0.8, "elsewhere": 0.2}

@@ -7,7 +7,7 @@ from tiny_network import TINY
 
 from baselines.training.images import read_images
 from deraings.enhancement import views as enhanced_views
-from deraings.enhancement.clear_pixels import DROPS, STREAKS, staying_drops, with_clear_pixels
+from deraings.enhancement.clear_pixels import DROPS, STREAKS, hidden_by_drops, lens_covers, with_clear_pixels
 from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.views import EnhancedViews
 from deraings.enhancement.weights import Enhancer
@@ -39,9 +39,10 @@ def covers(rng, drops, streaks=0):
 
 
 def test_drops_that_stay_are_where_all_views_have_them(rng):
-    means = staying_drops(covers(rng, [drop()] * 12))
-    assert len(means) == 12
-    for mean in means:
+    found = lens_covers(covers(rng, [drop()] * 12))
+    assert found.stay
+    assert len(found.means) == 12
+    for mean in found.means:
         assert mean.shape == (HEIGHT, WIDTH)
         assert mean[drop()].min() > 0.5
         assert mean[~drop()].max() < 0.5
@@ -49,7 +50,7 @@ def test_drops_that_stay_are_where_all_views_have_them(rng):
 
 
 def test_a_drop_that_moves_over_is_followed(rng):
-    early, late = staying_drops(covers(rng, [drop(column=12)] * 40 + [drop(column=36)] * 40))[::79]
+    early, late = lens_covers(covers(rng, [drop(column=12)] * 40 + [drop(column=36)] * 40)).means[::79]
     assert early[drop(column=12)].mean() > 0.7 > 0.1 > early[drop(column=36)].mean()
     assert late[drop(column=36)].mean() > 0.7 > 0.1 > late[drop(column=12)].mean()
 
@@ -66,7 +67,21 @@ def test_a_drop_that_moves_over_is_followed(rng):
     ids=["renewed", "dry", "streaks", "one view", "one view a lens"],
 )
 def test_nothing_is_known_to_stay(rng, seen):
-    assert staying_drops(seen(rng)) is None
+    assert not lens_covers(seen(rng)).stay
+
+
+def test_a_photograph_without_others_is_known_by_its_own_cover(rng):
+    (cover,) = covers(rng, [drop()])
+    np.testing.assert_allclose(lens_covers([cover]).means[0], cover[..., DROPS] / 255, atol=1e-6)
+
+
+def test_what_is_mostly_covered_is_wholly_hidden_and_what_is_hardly_covered_hardly():
+    mean = np.linspace(0, 1, 101, dtype=np.float32)[None]
+    hidden = hidden_by_drops(mean)
+    assert (np.diff(hidden) >= 0).all()
+    assert (hidden >= mean).all()
+    np.testing.assert_array_equal(hidden[mean <= 0.2], mean[mean <= 0.2])
+    np.testing.assert_array_equal(hidden[mean >= 0.5], 1)
 
 
 def test_clear_pixels_keep_the_detail_and_take_the_smooth_light(rng):
