@@ -2,8 +2,8 @@
 
     python -m benchmarks.hidden_pictures --scene courtyard --pattern raindrop-1 --view 020
 
-Takes the pictures that finished runs of the pattern have left of some training views; draws those of one view in order
-of name, and prints how much each method hides of all of them, in drops and elsewhere.
+Takes the pictures that finished runs of the pattern have left of some training views; draws those of one view, and
+prints how much each method hides of all of them, in drops and elsewhere.
 """
 
 from collections.abc import Mapping
@@ -29,7 +29,7 @@ WIDTH, COLUMNS = 1600, 4  # pixels and pictures across
 
 
 def hidden_by_methods(
-    results: Path, profile: str, scene: str, pattern: str, seed: int
+    results: Path, profile: str, scene: str, pattern: str, seed: int, only: tuple[str, ...] = ()
 ) -> Mapping[str, Mapping[str, Image]]:
     """What runs hide of views [H, W, 3], grey, by method and by view's name.
 
@@ -39,11 +39,12 @@ def hidden_by_methods(
         scene: its name.
         pattern: its name.
         seed: of the runs.
+        only: names of methods; all that have runs, if there are none.
 
     Raises:
         InputError: no run has hidden anything.
     """
-    methods = sorted(one.name for one in (results / profile).iterdir() if one.is_dir())
+    methods = only or sorted(one.name for one in (results / profile).iterdir() if one.is_dir())
     folders = {name: run_folder(results, profile, name, scene, pattern, seed, GIVEN_POSES) / HIDDEN for name in methods}
     found = {
         name: {path.stem: read_image(path) for path in sorted(folder.glob("*.png"))} for name, folder in folders.items()
@@ -101,6 +102,7 @@ def main(
     pattern: str = "raindrop-1",
     view: str = "020",
     seed: int = 0,
+    methods: tuple[str, ...] = (),
     profile: str = "demo",
     data: Path = Path("data"),
     results: Path = Path("results"),
@@ -113,12 +115,13 @@ def main(
         pattern: that they learned from, with drops on the lens.
         view: name of a training view of which runs keep what they hide.
         seed: of the runs.
+        methods: whose runs are drawn; all that have hidden something, if none is named.
         profile: of the runs.
         data: folder that `make eval` built in.
         results: folder of the runs.
         out: the picture, PNG.
     """
-    hidden = hidden_by_methods(results, profile, scene, pattern, seed)
+    hidden = hidden_by_methods(results, profile, scene, pattern, seed, methods)
     built = data / profile / scene
     write_png(out, picture(hidden, built, pattern, view))
     print(out)
