@@ -9,9 +9,11 @@ import tyro
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from baselines.training.images import evenly_spread
 from baselines.training.network_commands import load_trained, rounded, use_threads
 from baselines.training.supervised_training import Intervals, network_fingerprint
 from baselines.training.validation import as_json
+from deraings.enhancement.before_after import before_and_after
 from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.data import Data, described, started_from, training_pairs
 from deraings.enhancement.enhance import enhance
@@ -22,6 +24,7 @@ from deraings.enhancement.training import EnhancementTraining, train
 from deraings.enhancement.validation import as_columns, scores, table, validation_set
 from deraings.enhancement.weights import load_enhancer, save_network
 from hydroviews.cli.commands import run_command
+from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.formats.photographs import one_by_one
 from hydroviews.pairs.photographs import split_photographs
@@ -30,6 +33,7 @@ from hydroviews.scene.images import read_image, to_uint8, write_png
 WATCHED = 4  # held-out photographs of the validations while training; at the end it is all of them
 MOST_COMPANIONS = 35  # of a picture in validation
 WATCHED_COMPANIONS = (0, 4, 12, MOST_COMPANIONS)
+ON_SHEET = 12  # photographs
 VALIDATION_SEED = 1000  # of the validation rain, whatever the training's seed
 
 
@@ -130,6 +134,7 @@ def enhance_command(
     weights: str = "small",
     keep_fog: bool = False,
     apart: bool = False,
+    sheet: Path | None = None,
 ) -> None:
     """Enhance a picture, or all of a folder, and write PNG.
 
@@ -139,7 +144,13 @@ def enhance_command(
         weights: shipped ones, or a file.
         keep_fog: leave mist and fog as they are: pictures alone do not tell mist on the lens from fog.
         apart: pictures of a folder have nothing to do with each other; look at each alone.
+        sheet: also draw some of them before and after, evenly spread in order of name, into this PNG.
+
+    Raises:
+        InputError: a picture that cannot be read, or a sheet that is no PNG or lies among the enhanced pictures.
     """
+    if sheet is not None and (sheet.suffix != ".png" or sheet.resolve().parent == out.resolve()):
+        raise InputError(f"--sheet {sheet}", expected=f"a .png, not in {out}, where it would be taken for a picture")
     enhancer, targets = load_enhancer(weights), one_by_one(pictures, out)
     print(enhancer.reason)
     files = list(targets)
@@ -150,6 +161,11 @@ def enhance_command(
     lenses = [None] * len(files) if apart else lenses_of_capture(len(files), read, enhancer.network)
     for (file, target), lens in tqdm(list(zip(targets.items(), lenses, strict=True)), desc="enhancing", unit="picture"):
         write_png(target, enhance(read_image(file), enhancer, remove_mist=not keep_fog, lens=lens))
+    if sheet is not None:
+        some = [files[index] for index in evenly_spread(len(files), ON_SHEET)]
+        shown = [(file.name, read_image(file), read_image(targets[file])) for file in some]
+        write_png(sheet, before_and_after("Enhancement", f"{len(shown)} of {len(files)} photographs", shown))
+        print(sheet)
 
 
 def describe_command(network: Literal["paper", "small"] = "small", width: int = 400, height: int = 300) -> None:

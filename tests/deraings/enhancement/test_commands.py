@@ -31,6 +31,18 @@ def pictures(folder, count: int = 2):
         write_png(folder / f"{i}.png", rng.integers(0, 256, (40, 50, 3)).astype(np.uint8))
 
 
+def places(sheet, picture):
+    """Where a picture lies on a sheet: rows and columns of its first pixel."""
+    height, width = picture.shape[:2]
+    corners = np.argwhere((np.abs(sheet - picture[0, 0]) < 1e-3).all(axis=2))
+    fitting = (sheet[y : y + height, x : x + width] for y, x in corners)
+    return [
+        tuple(corner)
+        for corner, part in zip(corners.tolist(), fitting, strict=True)
+        if part.shape == picture.shape and np.allclose(part, picture, atol=1e-3)
+    ]
+
+
 @pytest.fixture
 def weights(tmp_path):
     """Of a network that changes nothing."""
@@ -46,6 +58,26 @@ def test_a_folder_of_pictures_is_enhanced(tmp_path, weights, capsys):
     assert "nothing" in capsys.readouterr().out
     for name in ("0.png", "1.png"):
         np.testing.assert_array_equal(read_image(tmp_path / "out" / name), read_image(tmp_path / "in" / name))
+
+
+def test_pictures_before_and_after_are_drawn(tmp_path, weights, capsys):
+    pictures(tmp_path / "in", 3)
+    sheet = tmp_path / "sheet.png"
+    enhance_command(tmp_path / "in", tmp_path / "out", str(weights), sheet=sheet)
+    assert str(sheet) in capsys.readouterr().out
+    drawn = read_image(sheet)
+    for i in range(3):
+        before, after = (read_image(tmp_path / folder / f"{i}.png") for folder in ("in", "out"))
+        assert places(drawn, before) == places(drawn, after)
+        assert len(places(drawn, before)) == 2  # nothing is changed by these weights
+
+
+@pytest.mark.parametrize("name", ["sheet.jpg", "out/sheet.png"])
+def test_a_sheet_is_not_taken_for_a_picture(tmp_path, weights, name):
+    pictures(tmp_path / "in")
+    with pytest.raises(InputError, match="--sheet"):
+        enhance_command(tmp_path / "in", tmp_path / "out", str(weights), sheet=tmp_path / name)
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("keep_fog", [False, True])
