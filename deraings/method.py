@@ -133,9 +133,11 @@ class DeRainGS(GaussianSplatting):
         config: DeRainGSConfig = self.config
         if config.masks is None:
             return None
-        known = enhanced.hidden_by_drops if enhanced and enhanced.tells_cover else None
+        known, stays = None, False
+        if enhanced and enhanced.tells_cover:
+            known, stays = enhanced.hidden_by_drops, enhanced.drops_stay
         device = chosen_device(config.splatting.device, GSPLAT)
-        return OcclusionMasks(images, config.splatting.iterations, self.seed, config.masks, known, device)
+        return OcclusionMasks(images, config.splatting.iterations, self.seed, config.masks, known, stays, device)
 
     def learned(self) -> RainObjective:
         """What was learned of the rain in the training views, after `fit`.

@@ -85,6 +85,11 @@ class EnhancedViews:
         self.file(index)
         return np.ascontiguousarray(read_image(self._cover_file(index))[..., DROPS])
 
+    @property
+    def drops_stay(self) -> bool:
+        """Whether drops stay on the lens, as far as the network tells."""
+        return self.tells_cover and self._lens_covers.stay
+
     def hidden_by_drops(self, index: int) -> Plane:
         """What drops that stay on the lens hide about the time of a photograph [h, w], [0, 1]; see `clear_pixels`.
 
@@ -150,7 +155,7 @@ class EnhancedViews:
         count, _ = len(self._images), self._lenses  # before several threads ask for them
         with one_thread():  # around all: each leaves behind the number of threads that it found
             paths = _of_all(self.file, count, "enhancing")
-            if not (clear and self.tells_cover and self._lens_covers.stay):
+            if not (clear and self.drops_stay):
                 return paths
             logger.info("drops stay on the lens: between them, pixels are learned as the photographs show them")
             return _of_all(self._clear, count, "clear pixels")

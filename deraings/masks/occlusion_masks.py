@@ -51,6 +51,7 @@ class OcclusionMasks:
         seed: int,
         config: MaskConfig | None = None,
         known: Callable[[int], Plane] | None = None,
+        stays: bool = False,
         device: str = "cpu",
     ) -> None:
         """Start with a network that masks next to nothing.
@@ -62,6 +63,7 @@ class OcclusionMasks:
             config: settings.
             known: what of the lens drops hide about the time of a view [h, w], [0, 1], as somebody tells from the
                 photographs; hidden as well where something is on the lens.
+            stays: whether drops stay on the lens, as somebody tells from the photographs; else the losses tell.
             device: where the network calculates, "cpu" or "cuda".
         """
         self.config = config or MaskConfig()
@@ -80,7 +82,7 @@ class OcclusionMasks:
         self._losses: dict[int, Plane] = {}  # last losses of views at the network's resolution
         self._kept: dict[int, NDArray[np.uint8]] = {}  # masks of views at the mask's resolution
         self._on_lens: dict[int, NDArray[np.uint8]] = {}  # what of them is on the lens
-        self._known = known
+        self._known, self._stays = known, stays
 
     def due(self, iteration: int) -> bool:
         """Whether the network should learn in this iteration."""
@@ -88,8 +90,8 @@ class OcclusionMasks:
 
     @property
     def needed(self) -> bool:
-        """Whether something is on the lens; taken for granted until the masks start."""
-        return self._evidence is None or self._evidence >= self.config.min_evidence
+        """Whether something is on the lens; taken for granted until the masks start. One witness is enough."""
+        return self._stays or self._evidence is None or self._evidence >= self.config.min_evidence
 
     def report(self) -> dict[str, float | bool]:
         """For the record: `evidence` for masks, whether they were `used`, and `mask_mean`."""

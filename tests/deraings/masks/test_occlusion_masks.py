@@ -277,6 +277,16 @@ def test_what_is_known_to_be_hidden_is_hidden_as_well():
     assert dry.weights(0, (HEIGHT, WIDTH), 500) is None
 
 
+def test_where_drops_are_known_to_stay_losses_need_not_tell():
+    pictures, drops = drop_pictures(0)
+    unsure = replace(ALWAYS, min_evidence=1.1)
+    hidden = np.full((HEIGHT, WIDTH), 0.5, np.float32)
+    told = OcclusionMasks(TrainingImages(list(pictures)), 1000, 0, unsure, lambda view: hidden, stays=True)
+    told.learn(0, losses(drops)[0], 0)
+    assert told.weights(0, (HEIGHT, WIDTH), 500).max() <= 0.5
+    assert told.report()["used"]
+
+
 def test_the_typical_loss_is_of_pixels_that_are_shown():
     """Hidden ones have none, and may be most of a photograph."""
     masks = OcclusionMasks(TrainingImages(list(drop_pictures(0)[0])), 1000, 0, ALWAYS)
