@@ -40,13 +40,12 @@ def cases(profile: str, seed: int) -> Iterator[tuple[str, GaussianSplatting]]:
 
 
 def covered(method: Masks, variant: Path, scene: Scene) -> dict[str, float]:
-    """Means of the masks within and without what drops hide."""
+    """Means of the masks in drops and elsewhere."""
     masks = method.learned().masks
     assert masks is not None
-    views = enumerate(scene.train_views)
     return in_and_between_drops(
         (masks.mask(index, (view.camera.height, view.camera.width)), true_covers(variant, view)["drops"])
-        for index, view in views
+        for index, view in enumerate(scene.train_views)
     )
 
 
