@@ -16,30 +16,28 @@ import pandas as pd
 from scipy.stats import mannwhitneyu
 from tqdm import tqdm
 
-from baselines.training.images import evenly_spread
 from baselines.training.torch_state import one_thread
-from deraings.enhancement.before_after import before_and_after
+from deraings.enhancement.before_after import before_and_after, on_sheet
 from deraings.enhancement.clear_pixels import DROPS, STREAKS
 from deraings.enhancement.enhance import enhance_with_cover
-from deraings.enhancement.weights import DEFAULT, Enhancer, load_enhancer
+from deraings.enhancement.weights import DEFAULT, load_enhancer
 from hydroviews.cli.commands import run_command
 from hydroviews.files.atomic import write_bytes
-from hydroviews.scene.images import list_images, read_image, write_png
+from hydroviews.scene.images import Image, list_images, read_image, write_png
 
-SHOWN = 12  # photographs
 COLUMNS = ("streaks", "drops", "altered")  # what is counted of a photograph
 
 
-def counted(folder: Path, kind: str, enhancer: Enhancer) -> pd.DataFrame:
-    """A row a photograph: what streaks and drops cover of it, and by how much it is altered (root mean square)."""
-    rows = []
-    for file in tqdm(list_images(folder), desc=kind, unit="photograph"):
-        photograph = read_image(file)
-        enhanced, cover = enhance_with_cover(photograph, enhancer)
-        covers = cover.mean(axis=(0, 1))
-        altered = float(np.sqrt(np.mean((enhanced - photograph) ** 2)))
-        rows.append((kind, file.name, float(covers[STREAKS]), float(covers[DROPS]), altered))
-    return pd.DataFrame(rows, columns=["kind", "photograph", *COLUMNS])
+def counted(photograph: Image, enhanced: Image, cover: Image) -> tuple[float, ...]:
+    """What streaks and drops cover of a photograph, and by how much it is altered (root mean square).
+
+    Args:
+        photograph: [H, W, 3].
+        enhanced: the same, enhanced.
+        cover: what rain covers of it [H, W, 3], see `enhance_with_cover`.
+    """
+    covers = cover.mean(axis=(0, 1))
+    return float(covers[STREAKS]), float(covers[DROPS]), float(np.sqrt(np.mean((enhanced - photograph) ** 2)))
 
 
 def summary(photographs: pd.DataFrame, kinds: Sequence[str]) -> pd.DataFrame:
@@ -66,16 +64,22 @@ def main(rainy: Path, dry: Path, out: Path = Path("results/bench/real-rain"), we
     Raises:
         InputError: no such weights, or a photograph that cannot be read.
     """
-    enhancer, files = load_enhancer(weights), list_images(rainy)
+    enhancer, files = load_enhancer(weights), {"rainy": list_images(rainy), "dry": list_images(dry)}
+    shown = set(on_sheet(files["rainy"]))
+    rows, pictures = [], []
     with one_thread():
-        found = pd.concat([counted(folder, kind, enhancer) for kind, folder in (("rainy", rainy), ("dry", dry))])
-        write_bytes(out / "real_rain.csv", found.to_csv(index=False).encode())
-        pictures = []
-        for index in evenly_spread(len(files), SHOWN):
-            photograph = read_image(files[index])
-            pictures.append((files[index].name, photograph, enhance_with_cover(photograph, enhancer)[0]))
-    write_png(out / "before-after.png", before_and_after("Real rain", f"{len(pictures)} of {len(files)}", pictures))
-    print(summary(found, ("rainy", "dry")).to_string(index=False))
+        for kind, of_kind in files.items():
+            for file in tqdm(of_kind, desc=kind, unit="photograph"):
+                photograph = read_image(file)
+                enhanced, cover = enhance_with_cover(photograph, enhancer)
+                rows.append((kind, file.name, *counted(photograph, enhanced, cover)))
+                if file in shown:
+                    pictures.append((file.name, photograph, enhanced))
+    found = pd.DataFrame(rows, columns=["kind", "photograph", *COLUMNS])
+    write_bytes(out / "real_rain.csv", found.to_csv(index=False).encode())
+    remark = f"{len(pictures)} of {len(files['rainy'])}"
+    write_png(out / "before-after.png", before_and_after("Real rain", remark, pictures))
+    print(summary(found, list(files)).to_string(index=False))
 
 
 if __name__ == "__main__":

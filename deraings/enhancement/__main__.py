@@ -9,11 +9,10 @@ import tyro
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from baselines.training.images import evenly_spread
 from baselines.training.network_commands import load_trained, rounded, use_threads
 from baselines.training.supervised_training import Intervals, network_fingerprint
 from baselines.training.validation import as_json
-from deraings.enhancement.before_after import before_and_after
+from deraings.enhancement.before_after import before_and_after, on_sheet
 from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.data import Data, described, started_from, training_pairs
 from deraings.enhancement.enhance import enhance
@@ -33,7 +32,6 @@ from hydroviews.scene.images import read_image, to_uint8, write_png
 WATCHED = 4  # held-out photographs of the validations while training; at the end it is all of them
 MOST_COMPANIONS = 35  # of a picture in validation
 WATCHED_COMPANIONS = (0, 4, 12, MOST_COMPANIONS)
-ON_SHEET = 12  # photographs
 VALIDATION_SEED = 1000  # of the validation rain, whatever the training's seed
 
 
@@ -162,8 +160,7 @@ def enhance_command(
     for (file, target), lens in tqdm(list(zip(targets.items(), lenses, strict=True)), desc="enhancing", unit="picture"):
         write_png(target, enhance(read_image(file), enhancer, remove_mist=not keep_fog, lens=lens))
     if sheet is not None:
-        some = [files[index] for index in evenly_spread(len(files), ON_SHEET)]
-        shown = [(file.name, read_image(file), read_image(targets[file])) for file in some]
+        shown = [(file.name, read_image(file), read_image(targets[file])) for file in on_sheet(files)]
         write_png(sheet, before_and_after("Enhancement", f"{len(shown)} of {len(files)} photographs", shown))
         print(sheet)
 

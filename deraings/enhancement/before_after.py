@@ -1,12 +1,20 @@
 """Photographs before and after enhancement, side by side, to look at."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
+from baselines.training.images import evenly_spread
 from hydroviews.scene.images import Image
 from hydroviews.scene.picture_grid import Canvas, Row, Tile, draw_sheet
 
 WIDTH = 1600  # pixels of the sheet
 PAIRS = 2  # in a row
+SHOWN = 12  # photographs, at most
+
+
+def on_sheet(files: Sequence[Path]) -> list[Path]:
+    """The photographs that are drawn of many: evenly spread, so that nobody has chosen them by their looks."""
+    return [files[index] for index in evenly_spread(len(files), SHOWN)]
 
 
 def before_and_after(title: str, remark: str, pictures: Sequence[tuple[str, Image, Image]]) -> Canvas:

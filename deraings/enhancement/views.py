@@ -82,8 +82,7 @@ class EnhancedViews:
         Raises:
             InputError: a kept picture is damaged.
         """
-        self.file(index)
-        return np.ascontiguousarray(read_image(self._cover_file(index))[..., DROPS])
+        return np.ascontiguousarray(self._rain_cover(index)[..., DROPS])
 
     @property
     def drops_stay(self) -> bool:
@@ -178,10 +177,14 @@ class EnhancedViews:
     def _hidden(self) -> list[Plane]:
         return [hidden_by_drops(mean) for mean in self._lens_covers.means]
 
-    def _cover(self, index: int) -> NDArray[np.uint8]:
-        """What streaks, drops and mist cover of a photograph [h, w, 3], 255 for all, small enough to keep."""
+    def _rain_cover(self, index: int) -> Image:
+        """What streaks, drops and mist cover of each pixel of a photograph [H, W, 3], [0, 1]."""
         self.file(index)
-        cover = read_image(self._cover_file(index))
+        return read_image(self._cover_file(index))
+
+    def _cover(self, index: int) -> NDArray[np.uint8]:
+        """The same [h, w, 3], 255 for all, small enough to keep."""
+        cover = self._rain_cover(index)
         return to_uint8(resized(cover, within_side(cover.shape[:2], COVER_SIDE)))
 
 
