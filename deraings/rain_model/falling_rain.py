@@ -13,7 +13,7 @@ from baselines.training.images import Size
 from deraings.enhancement.views import EnhancedViews
 from deraings.image_planes import Plane
 from deraings.rain_model.observation import Observation
-from deraings.rain_model.rain_layer import MIN_ALPHA, RainLayer, RainLayerConfig, alpha_between
+from deraings.rain_model.rain_layer import MIN_ALPHA, RainLayer, RainLayerConfig
 from deraings.rain_model.streaks import SingleStreaks, SingleStreaksConfig, along_rain
 from hydroviews.scene.images import Image
 
@@ -95,7 +95,7 @@ class FallingRain:
             along, contrast = along_rain(observed.photograph, even, self.even_alpha, self.layer.brightness)
             if observed.weights is not None:
                 along, contrast = along * observed.weights, contrast * observed.weights
-            self.streaks.update(along, contrast, self.layer.angle(), view, self._prior_deviation(observed, view))
+            self.streaks.update(along, contrast, self.layer.angle(), view, self._prior_deviation(observed, even, view))
         if self.layer.due(iteration):
             self.layer.update(observed.photograph, even, observed.weights, iteration)
 
@@ -112,15 +112,12 @@ class FallingRain:
             and self.layer.certainty() == 1
         )
 
-    def _prior_deviation(self, observed: Observation, view: int) -> Plane | None:
-        """D of a view [H, W] as the prior sees it, whose median goes to the rain layer.
+    def _prior_deviation(self, observed: Observation, even: Image, view: int) -> Plane | None:
+        """D of a view [H, W] as the prior sees it; what it says of S goes to the rain layer.
 
         0 where the photograph is hidden; None where all of it is, or there is no prior.
         """
         shown = observed.photographed
         if self._prior is None or (shown is not None and not shown.any()):
             return None
-        alpha = alpha_between(observed.photograph, self._prior.image(view), self.layer.brightness)
-        median = np.median(alpha if shown is None else alpha[shown > 0])
-        self.layer.update_prior(float(median))
-        return alpha - median if shown is None else (alpha - median) * shown
+        return self.layer.update_prior(observed.photograph, self._prior.image(view), even, shown)

@@ -30,7 +30,7 @@ from hydroviews.scene.images import Image
 ANGLES = tuple(range(0, 180, 15))  # degrees counter-clockwise from +x
 THIRDS = np.full(3, 1 / 3, np.float32)
 LONG_SIDE = 480  # pixels; streaks are looked for in no larger pictures
-LEARNED = ("powers", "shot_alpha", "prior", "alpha")
+LEARNED = ("powers", "shot_alpha", "prior", "prior_along", "alpha")
 OUTLIER = 4.0  # standard deviations beyond which a difference along a line is cut off
 MIN_CONTRAST = 0.1  # encoded; in front of what is nearer to beta than that, streaks are hardly seen
 TELLING = 0.2  # the same; what is nearer is not counted
@@ -96,6 +96,7 @@ class RainLayer:
         self.powers = np.zeros((len(ANGLES), 3))  # sums of weights, squares and cubes of differences along lines
         self.shot_alpha = np.zeros(1)  # S as the streaks' cumulants have it
         self.prior = np.zeros(2)  # sum and number of the prior's median alphas
+        self.prior_along = np.zeros(2)  # sums of (prior x scene) and prior^2, both along the streaks
         self.alpha = np.zeros(1)  # S
 
     @property
@@ -128,9 +129,7 @@ class RainLayer:
         """
         config = self._config
         alpha = np.clip(alpha_between(photograph, seen, self.brightness), -1, 1)
-        clear = self.brightness - seen @ THIRDS > TELLING
-        if weights is not None:
-            clear &= weights > HALF
+        clear = self._tells(seen, weights)
         if clear.mean() < MIN_CLEAR:
             return
         powers = line_powers(_small(alpha), config.line_length, _small(clear.astype(np.float32)) > HALF)
@@ -139,14 +138,50 @@ class RainLayer:
             self.shot_alpha[0] = alpha_of_shot_noise(self.powers)
         self.alpha[0] = min(self.certainty() * self.alpha_if_it_rains(), config.max_alpha)
 
-    def update_prior(self, median: float) -> None:
-        """Add the median rain_alpha that the prior finds in a view."""
+    def update_prior(self, photograph: Image, without_rain: Image, seen: Image, weights: Plane | None) -> Plane:
+        """Add what a prior finds in a view, and how that compares with what the scene says.
+
+        Args:
+            photograph: [H, W, 3].
+            without_rain: the same as the prior has it, [H, W, 3].
+            seen: what the model expects of it, [H, W, 3], behind even rain.
+            weights: of the pixels [H, W]; those of weight 0 are not looked at, and one at least is to be.
+
+        Returns:
+            D as the prior finds it [H, W], its median being 0: as large as the scene says, see `prior_gain`.
+        """
+        found, by_scene = (alpha_between(photograph, dry, self.brightness) for dry in (without_rain, seen))
+        median = float(np.median(found if weights is None else found[weights > 0]))
         self.prior += median, 1
+        clear = _small(self._tells(seen, weights).astype(np.float32)) > HALF
+        if clear.mean() >= MIN_CLEAR:
+            by_scene = (1 - self.alpha[0]) * np.clip(by_scene, -1, 1)
+            prior, scene = (self._along_streaks(_small(plane), clear) for plane in (found, by_scene))
+            self.prior_along += np.mean(prior * scene), np.mean(prior**2)
+        deviation = np.float32(self.prior_gain()) * (found - median)
+        return deviation if weights is None else deviation * (weights > 0)
+
+    def prior_gain(self) -> float:
+        """How many times the streaks that the prior finds the scene has: the slope of one in the other; 1 if unknown.
+
+        A network that sees a single picture draws streaks paler and wider than they are. By how much, the other views
+        tell: what else a render lacks is independent of it.
+        """
+        products, squares = self.prior_along
+        return max(0.0, float(products / squares)) if squares > LEAST else 1.0
 
     def alpha_if_it_rains(self) -> float:
-        """S if it surely rained: what the streaks' cumulants say, or the mean of that and what the prior finds."""
+        """S if it surely rained: what the streaks' cumulants say, or a mean of that and what the prior finds.
+
+        The prior's median is too little of dense rain, and times `prior_gain` too much of sparse rain. Opinions differ
+        by factors, and too large an S costs more than too small a one: the means are geometric. A prior that sees next
+        to no rain takes away half of S at most.
+        """
         shot = float(self.shot_alpha[0])
-        return 0.5 * (shot + max(0.0, self.prior[0] / self.prior[1])) if self.prior[1] else shot
+        if not self.prior[1]:
+            return shot
+        found = max(0.0, self.prior[0] / self.prior[1]) * np.sqrt(self.prior_gain())
+        return max(0.5 * shot, float(np.sqrt(shot * found)))
 
     def certainty(self) -> float:
         """How sure it is that it rains, 0 to 1; 0 after few updates."""
@@ -158,6 +193,18 @@ class RainLayer:
     def angle(self) -> int:
         """The direction of the streaks in degrees counter-clockwise from +x, to 15 degrees."""
         return ANGLES[int(np.argmax(_skews(self.powers)))]
+
+    def _tells(self, seen: Image, weights: Plane | None) -> NDArray[np.bool_]:
+        """Where a view [H, W, 3] is dark enough, and weighs enough, to show rain in front of it [H, W]."""
+        clear = self.brightness - seen @ THIRDS > TELLING
+        return clear if weights is None else clear & (weights > HALF)
+
+    def _along_streaks(self, alpha: Plane, clear: NDArray[np.bool_]) -> NDArray[np.float32]:
+        """A plane [H, W] averaged along the streaks, less its surroundings, where it is `clear` [n]."""
+        side = line_side(alpha.shape, self._config.line_length)
+        filled = np.where(clear, alpha, alpha[clear].mean())  # edges of what is hidden are no lines
+        along = cv2.filter2D(filled, -1, line_kernel(side, self.angle()))
+        return np.asarray(along - cv2.blur(filled, (side, side)), np.float32)[clear]
 
     def state_dict(self) -> dict[str, NDArray]:
         """All statistics, for checkpoints."""
@@ -187,7 +234,7 @@ def line_powers(difference: NDArray[np.float32], length: float, clear: NDArray[n
         length: of the lines, in longer sides of the picture.
         clear: pixels that count [H, W]; all by default.
     """
-    side = max(3, round(max(difference.shape) * length)) | 1
+    side = line_side(difference.shape, length)
     if clear is not None:
         if not clear.any():
             return np.zeros((len(ANGLES), 3))
@@ -207,6 +254,11 @@ def _line_means(along: Plane, around: Plane, counted: NDArray[np.bool_], n: int,
     sums = np.empty((BANDS, 3))
     line_sums(along, around, counted, np.float32(limit), sums)
     return np.asarray(sums.sum(axis=0) / n)
+
+
+def line_side(size: tuple[int, ...], length: float) -> int:
+    """The side of `line_kernel` in pixels, odd, for lines of `length`, in longer sides, in pictures of (H, W)."""
+    return max(3, round(max(size) * length)) | 1
 
 
 @cache

@@ -165,17 +165,48 @@ def test_black_holes_in_renders_hide_no_rain(scene):
     )
 
 
-def test_a_prior_of_the_even_rain_counts_by_half():
-    layer = RainLayer(100, RainLayerConfig())
-    for _ in range(3):
-        layer.update_prior(0.1)
-    assert layer.alpha_if_it_rains() == pytest.approx(0.05)
-    layer.update_prior(-0.5)
-    assert layer.alpha_if_it_rains() == 0
+def told_by_prior(scene, share, weights=None):
+    """A layer to which a prior told a share of all views' rain; what it made of the last view, and that view's rain."""
+    photographs, layers = rained_on(scene)
+    seen = learned(scene, float(np.median(layers))).astype(np.float32)
+    layer, found = watch(photographs, seen), None
+    for photograph, alpha, even in zip(photographs.astype(np.float32), layers, seen, strict=True):
+        left = ((1 - alpha) / (1 - share * alpha))[..., None]
+        without_rain = (0.88 - (0.88 - (photograph - alpha[..., None] * 0.88) / (1 - alpha[..., None])) * left).astype(
+            np.float32
+        )
+        found = layer.update_prior(photograph, without_rain, even, weights)
+    return layer, found, layers[-1]
+
+
+@pytest.mark.parametrize("share", [0.4, 0.7, 1.0])
+def test_how_much_of_the_streaks_a_prior_sees_is_told_by_the_scene(scene, share):
+    layer, found, alpha = told_by_prior(scene, share)
+    assert layer.prior_gain() == pytest.approx(1 / share, rel=0.15)
+    true = alpha - np.median(alpha)
+    assert (found * true).sum() / (true**2).sum() == pytest.approx(1, abs=0.15)
+    shot, median = layer.shot_alpha[0], layer.prior[0] / layer.prior[1]
+    assert layer.alpha_if_it_rains() == pytest.approx((shot**2 * median**2 * layer.prior_gain()) ** 0.25)
     again = RainLayer(100, RainLayerConfig())
     again.load_state_dict(layer.state_dict())
     assert again.alpha_if_it_rains() == layer.alpha_if_it_rains()
-    assert again.prior[1] == 4
+
+
+def test_a_prior_that_sees_no_rain_takes_away_half_of_it_at_most(scene):
+    layer, found, _ = told_by_prior(scene, 0.0)
+    assert layer.prior_gain() == 1
+    assert np.abs(found).max() < 1e-6
+    assert layer.alpha_if_it_rains() == layer.shot_alpha[0] / 2 > 0
+    assert RainLayer(100, RainLayerConfig()).prior_gain() == 1
+
+
+def test_a_prior_is_not_asked_about_hidden_pixels(scene):
+    shown = np.ones(SIZE, np.float32)
+    shown[:, :60] = 0
+    layer, found, _ = told_by_prior(scene, 0.5, shown)
+    assert not found[:, :60].any()
+    assert found[:, 60:].any()
+    assert layer.prior_gain() == pytest.approx(2, rel=0.15)
 
 
 def test_alpha_stays_once_it_is_settled(scene):
