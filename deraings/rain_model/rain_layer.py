@@ -148,7 +148,7 @@ class RainLayer:
             weights: of the pixels [H, W]; those of weight 0 are not looked at, and one at least is to be.
 
         Returns:
-            D as the prior finds it [H, W], its median being 0: as large as the scene says, see `prior_gain`.
+            D as the prior finds it [H, W]; its median is 0.
         """
         found, by_scene = (alpha_between(photograph, dry, self.brightness) for dry in (without_rain, seen))
         median = float(np.median(found if weights is None else found[weights > 0]))
@@ -158,7 +158,7 @@ class RainLayer:
             by_scene = (1 - self.alpha[0]) * np.clip(by_scene, -1, 1)
             prior, scene = (self._along_streaks(_small(plane), clear) for plane in (found, by_scene))
             self.prior_along += np.mean(prior * scene), np.mean(prior**2)
-        deviation = np.float32(self.prior_gain()) * (found - median)
+        deviation = found - np.float32(median)
         return deviation if weights is None else deviation * (weights > 0)
 
     def prior_gain(self) -> float:

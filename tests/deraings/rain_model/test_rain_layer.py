@@ -184,7 +184,7 @@ def test_how_much_of_the_streaks_a_prior_sees_is_told_by_the_scene(scene, share)
     layer, found, alpha = told_by_prior(scene, share)
     assert layer.prior_gain() == pytest.approx(1 / share, rel=0.15)
     true = alpha - np.median(alpha)
-    assert (found * true).sum() / (true**2).sum() == pytest.approx(1, abs=0.15)
+    assert (found * true).sum() / (true**2).sum() == pytest.approx(share, rel=0.15)
     shot, median = layer.shot_alpha[0], layer.prior[0] / layer.prior[1]
     assert layer.alpha_if_it_rains() == pytest.approx((shot**2 * median**2 * layer.prior_gain()) ** 0.25)
     again = RainLayer(100, RainLayerConfig())
