@@ -11,6 +11,7 @@ layer cannot be told from a brighter scene of less contrast by any single pixel.
   their number (Campbell's theorem): variance and third cumulant say how strong single streaks are, and with that the
   variance says how many there are, and so how much rain there is in the mean. Both are taken of the rain_alpha that
   makes the photograph of the render, along the streaks, less the usual of the other directions, which is the scene's.
+  Where a prior sees the rain of single photographs, S is a mean of both opinions.
 
 The first gates the second: where it does not rain S is 0, whatever the scene.
 """
@@ -132,34 +133,33 @@ class RainLayer:
         clear = self._tells(seen, weights)
         if clear.mean() < MIN_CLEAR:
             return
-        powers = line_powers(_small(alpha), config.line_length, _small(clear.astype(np.float32)) > HALF)
+        powers = line_powers(_small(alpha), config.line_length, _small_mask(clear))
         self.powers = (1 - 1 / config.memory) * self.powers + powers
         if iteration < self._settled or self.certainty() < 1:
             self.shot_alpha[0] = alpha_of_shot_noise(self.powers)
         self.alpha[0] = min(self.certainty() * self.alpha_if_it_rains(), config.max_alpha)
 
-    def update_prior(self, photograph: Image, without_rain: Image, seen: Image, weights: Plane | None) -> Plane:
+    def update_prior(self, photograph: Image, without_rain: Image, seen: Image, shown: Plane | None) -> Plane:
         """Add what a prior finds in a view, and how that compares with what the scene says.
 
         Args:
             photograph: [H, W, 3].
             without_rain: the same as the prior has it, [H, W, 3].
             seen: what the model expects of it, [H, W, 3], behind even rain.
-            weights: of the pixels [H, W]; those of weight 0 are not looked at, and one at least is to be.
+            shown: [H, W], 0 where the photograph is hidden, 1 elsewhere, not 0 everywhere; None where all is shown.
 
         Returns:
-            D as the prior finds it [H, W]; its median is 0.
+            D as the prior finds it [H, W], 0 where the photograph is hidden; the median of the rest is 0.
         """
         found, by_scene = (alpha_between(photograph, dry, self.brightness) for dry in (without_rain, seen))
-        median = float(np.median(found if weights is None else found[weights > 0]))
-        self.prior += median, 1
-        clear = _small(self._tells(seen, weights).astype(np.float32)) > HALF
+        median = np.median(found if shown is None else found[shown > 0])
+        self.prior += float(median), 1
+        clear = _small_mask(self._tells(seen, shown))
         if clear.mean() >= MIN_CLEAR:
             by_scene = (1 - self.alpha[0]) * np.clip(by_scene, -1, 1)
             prior, scene = (self._along_streaks(_small(plane), clear) for plane in (found, by_scene))
             self.prior_along += np.mean(prior * scene), np.mean(prior**2)
-        deviation = found - np.float32(median)
-        return deviation if weights is None else deviation * (weights > 0)
+        return found - median if shown is None else (found - median) * shown
 
     def prior_gain(self) -> float:
         """How many times the streaks that the prior finds the scene has: the slope of one in the other; 1 if unknown.
@@ -202,7 +202,7 @@ class RainLayer:
     def _along_streaks(self, alpha: Plane, clear: NDArray[np.bool_]) -> NDArray[np.float32]:
         """A plane [H, W] averaged along the streaks, less its surroundings, where it is `clear` [n]."""
         side = line_side(alpha.shape, self._config.line_length)
-        filled = np.where(clear, alpha, alpha[clear].mean())  # edges of what is hidden are no lines
+        filled = _filled(alpha, clear)
         along = cv2.filter2D(filled, -1, line_kernel(side, self.angle()))
         return np.asarray(along - cv2.blur(filled, (side, side)), np.float32)[clear]
 
@@ -238,7 +238,7 @@ def line_powers(difference: NDArray[np.float32], length: float, clear: NDArray[n
     if clear is not None:
         if not clear.any():
             return np.zeros((len(ANGLES), 3))
-        difference = np.where(clear, difference, difference[clear].mean())  # edges of what is hidden are no lines
+        difference = _filled(difference, clear)
     counted = np.ones(difference.shape, np.bool_) if clear is None else clear
     around, n = np.asarray(cv2.blur(difference, (side, side)), np.float32), np.count_nonzero(counted)
     powers = np.ones((len(ANGLES), 3))
@@ -247,6 +247,11 @@ def line_powers(difference: NDArray[np.float32], length: float, clear: NDArray[n
         mean, square, _ = _line_means(along, around, counted, n, np.inf)
         row[1:] = _line_means(along, around, counted, n, OUTLIER * np.sqrt(max(square - mean**2, 0)))[1:]
     return powers
+
+
+def _filled(plane: Plane, clear: NDArray[np.bool_]) -> Plane:
+    """A plane [H, W] with the mean of what is `clear` elsewhere: edges of what is hidden are no lines."""
+    return np.where(clear, plane, plane[clear].mean())
 
 
 def _line_means(along: Plane, around: Plane, counted: NDArray[np.bool_], n: int, limit: float) -> NDArray:
@@ -314,3 +319,8 @@ def _skews(powers: NDArray) -> NDArray:
 def _small(plane: Plane) -> Plane:
     """A plane [H, W], averaged down to a longer side of LONG_SIDE."""
     return resized(plane, within_side(plane.shape, LONG_SIDE))
+
+
+def _small_mask(clear: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The same of a mask: where more than half of a pixel is clear."""
+    return _small(clear.astype(np.float32)) > HALF

@@ -165,17 +165,14 @@ def test_black_holes_in_renders_hide_no_rain(scene):
     )
 
 
-def told_by_prior(scene, share, weights=None):
+def told_by_prior(scene, share, shown=None):
     """A layer to which a prior told a share of all views' rain; what it made of the last view, and that view's rain."""
     photographs, layers = rained_on(scene)
     seen = learned(scene, float(np.median(layers))).astype(np.float32)
     layer, found = watch(photographs, seen), None
-    for photograph, alpha, even in zip(photographs.astype(np.float32), layers, seen, strict=True):
-        left = ((1 - alpha) / (1 - share * alpha))[..., None]
-        without_rain = (0.88 - (0.88 - (photograph - alpha[..., None] * 0.88) / (1 - alpha[..., None])) * left).astype(
-            np.float32
-        )
-        found = layer.update_prior(photograph, without_rain, even, weights)
+    for photograph, view, alpha, even in zip(photographs.astype(np.float32), scene, layers, seen, strict=True):
+        left = ((1 - alpha) / (1 - share * alpha))[..., None]  # of contrast, by the prior
+        found = layer.update_prior(photograph, (0.88 - (0.88 - view) * left).astype(np.float32), even, shown)
     return layer, found, layers[-1]
 
 
