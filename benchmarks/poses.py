@@ -7,13 +7,13 @@ table and writes poses.csv. An interrupted run goes on where it stopped.
 """
 
 import dataclasses
-import time
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 import tyro
 
+from benchmarks.timing import counted, counted_seconds
 from deraings.enhancement.enhance import enhance
 from hydroviews.captures.sfm.mapping import TooFewRegistered
 from hydroviews.captures.sfm.poses import estimate_poses
@@ -27,6 +27,7 @@ from hydroviews.scene.camera_errors import compare_cameras
 from hydroviews.scene.scenes import View
 
 ROW = "row.json"
+SPENT = "cpu-seconds.txt"
 CAMERA_MODEL = "SIMPLE_PINHOLE"  # what built pictures are: undistorted, about their middle
 
 
@@ -42,17 +43,17 @@ def measure(
 ) -> dict[str, Any]:
     """Errors of the cameras estimated from views, against their own; kept in the folder."""
     if not (folder / ROW).is_file():
-        start = time.process_time()
         named = linked(views, folder / "photographs")
         true = {name: view.camera.world_to_camera for name, view in named.items()}
         try:
-            scene = estimate_poses(
-                folder / "photographs", folder / "capture", CAMERA_MODEL, seed=seed, rainy=rainy, enhance=enhance
-            )
+            with counted(folder / SPENT):
+                scene = estimate_poses(
+                    folder / "photographs", folder / "capture", CAMERA_MODEL, seed=seed, rainy=rainy, enhance=enhance
+                )
             errors, _ = compare_cameras({view.name: view.camera.world_to_camera for view in scene.views}, true)
         except TooFewRegistered as error:
             errors = dataclasses.replace(compare_cameras({}, true)[0], registered=error.registered)
-        row = {**dataclasses.asdict(errors), "cpu_s": round(time.process_time() - start)}
+        row = {**dataclasses.asdict(errors), "cpu_s": round(counted_seconds(folder / SPENT))}
         write_json(folder / ROW, row)
     found: dict[str, Any] = read_json(folder / ROW)
     return found

@@ -9,7 +9,6 @@ starting Blender; "once" is the whole bake. Cases that are in the file already a
 """
 
 import os
-import resource
 import tempfile
 import time
 from collections.abc import Iterator
@@ -23,6 +22,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from benchmarks.timing import counted, counted_seconds
 from hydroviews.cli.commands import run_command
 from hydroviews.files.atomic import write_bytes
 from hydroviews.rain.lens.bake import aperture_radius, bake_matte, focus_disk, lens_water, trace
@@ -111,17 +111,9 @@ def _composite(clean: Image, cover: NDArray, drops: NDArray) -> Image:
 def _baked(pattern: RaindropPattern, camera: Camera, folder: Path, paths: int | None) -> tuple[float, PathMatte]:
     """A matte and the CPU seconds that its bake took, also where it was baked for an earlier picture."""
     spent = folder / "seconds.txt"
-    before = _cpu_seconds()
-    matte = bake_matte(pattern, camera, folder, paths=paths)
-    if not spent.is_file():
-        write_bytes(spent, str(_cpu_seconds() - before).encode())
-    return float(spent.read_text()), matte
-
-
-def _cpu_seconds() -> float:
-    """Of this process and of those that it started and that have ended."""
-    children = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return time.process_time() + children.ru_utime + children.ru_stime
+    with counted(spent):
+        matte = bake_matte(pattern, camera, folder, paths=paths)
+    return counted_seconds(spent), matte
 
 
 def _cost(matte: PathMatte, light: Image) -> float:

@@ -7,7 +7,6 @@ cameras with the scene's own, and renders from where the photographs were taken,
 with the clean views. Prints a table and writes reconstruction.csv. An interrupted run goes on where it stopped.
 """
 
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,8 @@ import tyro
 
 from baselines.method import find_method
 from baselines.rendering.film import FilmChoice
-from benchmarks.poses import linked
+from benchmarks.poses import SPENT, linked
+from benchmarks.timing import counted, counted_seconds
 from deraings.reconstruct import CAPTURE, TRAINING, Reconstruction, all_views, find_scene, reconstruct
 from hydroviews.captures.sfm.mapping import TooFewRegistered
 from hydroviews.cli.commands import run_command
@@ -38,12 +38,13 @@ def reconstructed(rainy: tuple[View, ...], clean: tuple[View, ...], request: Rec
     """Reconstruct from the photographs of some views in rain, and compare with the same views without: a row."""
     named = dict(zip(linked(rainy, request.photographs), clean, strict=True))
     true = {name: view.camera.world_to_camera for name, view in named.items()}
-    start = time.process_time()
+    spent = request.photographs.with_name(SPENT)
     try:
-        reconstruct(request)
+        with counted(spent):
+            reconstruct(request)
     except TooFewRegistered as error:
         return _row(compare_cameras({}, true)[0], error.registered)
-    seconds = round(time.process_time() - start)
+    seconds = round(counted_seconds(spent))
     scene = all_views(find_scene(request, request.folder / CAPTURE))  # kept by `reconstruct`
     errors, _ = compare_cameras({view.name: view.camera.world_to_camera for view in scene.views}, true)
     scene = scene.resized(request.long_side or find_profile(request.profile).long_side)

@@ -1,8 +1,13 @@
-"""Processor time of things that take milliseconds to seconds."""
+"""Processor time, of this process and of those that it started and that have ended."""
 
+import resource
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
+
+from hydroviews.files.atomic import write_bytes
 
 
 def least(function: Callable[[], Any], repeats: int) -> float:
@@ -14,3 +19,23 @@ def least(function: Callable[[], Any], repeats: int) -> float:
         function()
         turns.append(time.process_time() - start)
     return 1000 * min(turns)
+
+
+@contextmanager
+def counted(total: Path) -> Iterator[None]:
+    """Add the seconds of what is done meanwhile to a file's, also where it is interrupted."""
+    before = _cpu_seconds()
+    try:
+        yield
+    finally:
+        write_bytes(total, str(counted_seconds(total) + _cpu_seconds() - before).encode())
+
+
+def counted_seconds(total: Path) -> float:
+    """What `counted` has added up in a file; 0 where there is none."""
+    return float(total.read_text()) if total.is_file() else 0.0
+
+
+def _cpu_seconds() -> float:
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + children.ru_utime + children.ru_stime

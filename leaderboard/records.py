@@ -29,6 +29,7 @@ UNREADABLE: Final = "unreadable"  # stands in tables for a record that cannot be
 SCORED = (DONE, PARTIAL)  # whose numbers count, where they are there
 LONGEST = 500  # characters of a reason
 LARGEST = 1e300  # what a number may be
+VERSIONS_IN_ORDER = ", then "  # between the versions of code that trained a run
 RESCORE = "evaluate the run again: its renders are scored anew"
 
 CEILING, FLOOR = "3dgs-clean", "3dgs"  # methods that others stand between: plain 3DGS on clean and on rainy views

@@ -26,7 +26,7 @@ from hydroviews.dataset.suites import DEVELOPMENT, TEST, suite_of
 from hydroviews.errors import InputError, unknown_name
 from hydroviews.formats.markdown import markdown_table
 from hydroviews.metrics import find_metrics
-from leaderboard.records import CEILING, FLOOR, GIVEN_POSES, SCORED, effect_of
+from leaderboard.records import CEILING, FLOOR, GIVEN_POSES, SCORED, VERSIONS_IN_ORDER, effect_of
 from leaderboard.tables.comparison import differences, scene_scores
 from leaderboard.tables.dataframes import grade_of, share_of_gap
 from leaderboard.tables.markdown import score_cells
@@ -182,7 +182,8 @@ def _basis(rows: pd.DataFrame, patterns: Sequence[str]) -> str:
     """Which runs a table is of; of those on clean views the ones that others are compared with."""
     rainy = rows[rows.pattern.isin(patterns)]
     own = pd.concat([rainy, rows[rows.pattern.eq(CLEAN) & rows.seed.isin(rainy.seed)]])
-    seeds, versions = (sorted(map(str, set(own[name]))) for name in ("seed", "version"))
+    seeds = sorted(map(str, set(own.seed)))
+    versions = sorted({version for told in own.version for version in told.split(VERSIONS_IN_ORDER)})
     return (
         f"Profile `{own.profile.iloc[0]}`, seed{'s' * (len(seeds) > 1)} {', '.join(seeds)}, code {', '.join(versions)}."
     )

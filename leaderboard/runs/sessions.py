@@ -15,7 +15,7 @@ from pydantic.dataclasses import dataclass
 from baselines.training.loop import timed_loops
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, write_json
-from leaderboard.records import STRICT, Number, code_version, in_words
+from leaderboard.records import STRICT, VERSIONS_IN_ORDER, Number, code_version, in_words
 
 logger = logging.getLogger(__name__)
 
@@ -72,7 +72,7 @@ def noted(sessions: list[Session]) -> dict[str, Any]:
     versions = [session.version for session in sessions]
     changed = [version for i, version in enumerate(versions) if i == 0 or version != versions[i - 1]]
     return {
-        "version": ", then ".join(changed),
+        "version": VERSIONS_IN_ORDER.join(changed),
         "sessions": len(sessions),
         "before_s": _total([session.before_s for session in sessions]),
         "after_s": _total([session.after_s for session in sessions]),

@@ -33,7 +33,8 @@ def board(without=()):
                     views += [keys | {"view": f"v{i}", "psnr": score} for i, score in enumerate(scores)]
     found = pd.DataFrame(views, columns=[*VIEW_KEYS, "view", "psnr"])
     runs = found.groupby([name for name in VIEW_KEYS if name != "suite"], as_index=False).psnr.mean()
-    runs["version"] = runs.method.map(lambda method: "0.2.0+1" if method == "3dgs" else "0.2.0+2")
+    versions = {"3dgs": "0.2.0+1", "3dgs-clean": "0.2.0+1, then 0.2.0+2"}  # trained in two sessions
+    runs["version"] = runs.method.map(lambda method: versions.get(method, "0.2.0+2"))
     return runs.assign(status="done").reindex(columns=columns()), found
 
 
