@@ -16,7 +16,7 @@ for drop_alpha.
     drops.py           drop_alpha and L of every pixel of the lens; drops_kernels, fixed_pattern beside it
     renewed_drops.py   which pixels drops hide that are new in every view
     falling_rain.py    S and D together, and when they are learned
-    rain_layer.py      S, one number a scene, and whether it rains at all; rain_kernels
+    rain_layer.py      S, one number a scene; streak_statistics (whether it rains at all, how much), rain_kernels
     streaks.py         D, of every pixel of every view
     layer_kernels.py   views behind rain and drops, and the gradient back
     warm_up.py         all kernels, compiled and loaded

@@ -1,17 +1,8 @@
-import cv2
 import numpy as np
 import panorama
 import pytest
 
-from deraings.rain_model.rain_layer import (
-    ANGLES,
-    RainLayer,
-    RainLayerConfig,
-    alpha_of_shot_noise,
-    directed_skew,
-    line_kernel,
-    line_powers,
-)
+from deraings.rain_model.rain_layer import RainLayer, RainLayerConfig
 from hydroviews.rain.streaks.recipe import StreakPattern, composite, streak_layer
 
 COUNT, SIZE = 10, (121, 160)
@@ -81,23 +72,6 @@ def test_pixels_without_weight_are_not_looked_at(scene):
     assert layer.alpha[0] == 0
 
 
-def test_more_light_in_one_direction_is_skew():
-    rng = np.random.default_rng(0)
-    seeds = (rng.uniform(size=(80, 80)) > 0.98).astype(np.float32)
-    streaks = cv2.filter2D(seeds, -1, 7 * line_kernel(7, 60))
-    noise = 0.2 * rng.standard_normal(seeds.shape).astype(np.float32)
-    dry, wet = (directed_skew(line_powers(picture, 7 / 80, None)) for picture in (noise, noise + streaks))
-    assert dry < 0.1
-    assert wet > 0.3
-
-
-def test_dark_specks_are_no_rain():
-    rng = np.random.default_rng(0)
-    specks = (rng.uniform(size=(120, 120)) > 0.98).astype(np.float32)
-    noise = 0.02 * rng.standard_normal(specks.shape).astype(np.float32)
-    assert directed_skew(line_powers(noise - specks, 7 / 120, None)) == 0
-
-
 def test_a_view_that_is_nearly_all_light_tells_nothing(scene):
     photographs, layers = rained_on(scene)
     seen = learned(scene, float(np.median(layers)))
@@ -107,20 +81,6 @@ def test_a_view_that_is_nearly_all_light_tells_nothing(scene):
     assert not watch(photographs, seen).powers.any()
 
 
-def test_powers_along_lines_are_the_plain_moments():
-    rng = np.random.default_rng(1)
-    picture = rng.standard_normal((31, 45)).astype(np.float32) ** 3  # with outliers
-    clear = rng.uniform(size=picture.shape) > 0.2
-    for counted in (None, clear):
-        shown = picture if counted is None else np.where(counted, picture, picture[counted].mean())
-        for row, angle in zip(line_powers(picture, 5 / 45, counted), ANGLES, strict=True):
-            lines = cv2.filter2D(shown, -1, line_kernel(5, angle)) - cv2.blur(shown, (5, 5))
-            x = lines.astype(np.float64)[slice(None) if counted is None else counted]
-            x = np.clip(x, -4 * x.std(), 4 * x.std())
-            assert row == pytest.approx([1, (x**2).mean(), (x**3).mean()], rel=1e-4, abs=1e-5)
-    assert not line_powers(picture, 5 / 45, np.zeros(picture.shape, bool)).any()
-
-
 def test_a_view_behind_rain_and_its_gradient_are_the_plain_formulas(scene):
     layer, image = RainLayer(100, RainLayerConfig()), scene[0].astype(np.float32)
     alpha = np.random.default_rng(0).uniform(0, 1, image.shape[:2]).astype(np.float32)
@@ -128,31 +88,6 @@ def test_a_view_behind_rain_and_its_gradient_are_the_plain_formulas(scene):
     expected = left * image + alpha[..., None] * np.float32(layer.brightness)
     assert np.allclose(layer.forward(image, alpha, np.empty_like(image)), expected, atol=1e-6)
     assert np.allclose(layer.backward(image, alpha, np.empty_like(image)), left * image, atol=1e-6)
-
-
-def test_drops_that_ran_a_little_are_no_rain():
-    rng = np.random.default_rng(0)
-    seeds = (rng.uniform(size=(240, 240)) > 0.998).astype(np.float32)
-    drops = 20 * cv2.GaussianBlur(seeds, (0, 0), sigmaX=2.0, sigmaY=2.4)
-    powers = line_powers(drops + 0.2 * rng.standard_normal(seeds.shape).astype(np.float32), 9 / 240, None)
-    skews = powers[:, 2] / powers[:, 1] ** 1.5
-    assert skews.max() - np.median(skews) > RainLayerConfig().dry
-    assert directed_skew(powers) < RainLayerConfig().dry
-
-
-@pytest.mark.parametrize(("density", "strength"), [(0.004, 0.15), (0.004, 0.3), (0.015, 0.15), (0.03, 0.1)])
-def test_cumulants_say_how_much_rain_there_is(density, strength):
-    rng = np.random.default_rng(0)
-    powers = 0
-    for _ in range(8):
-        seeds = rng.poisson(density, (240, 320)).astype(np.float32)
-        streak = strength * cv2.GaussianBlur(np.pad(31 * line_kernel(31, 75), 4), (0, 0), 1.0)
-        rain = cv2.filter2D(seeds, -1, streak)
-        noise = 0.03 * rng.standard_normal(rain.shape).astype(np.float32)
-        powers = powers + line_powers(rain - np.median(rain) + noise, 15 / 320, None)
-    mean = density * float(streak.sum())
-    found = alpha_of_shot_noise(powers)
-    assert found / (1 - found) == pytest.approx(mean, rel=0.25)
 
 
 def test_black_holes_in_renders_hide_no_rain(scene):
@@ -231,13 +166,3 @@ def test_updates_are_spread_over_the_training():
     updates = [iteration for iteration in range(1000) if layer.due(iteration)]
     assert 100 <= updates[0] < 118
     assert 50 <= len(updates) <= 54
-
-
-@pytest.mark.parametrize("angle", ANGLES)
-def test_a_line_kernel_sums_to_one_and_turns_counter_clockwise(angle):
-    kernel = line_kernel(9, angle)
-    assert kernel.sum() == pytest.approx(1, abs=1e-5)
-    ys, xs = np.mgrid[4:-5:-1, -4:5]
-    along = (kernel * (xs * np.cos(np.radians(angle)) + ys * np.sin(np.radians(angle))) ** 2).sum()
-    across = (kernel * (-xs * np.sin(np.radians(angle)) + ys * np.cos(np.radians(angle))) ** 2).sum()
-    assert along > 10 * across
