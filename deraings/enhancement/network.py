@@ -218,15 +218,19 @@ class EnhancementNetwork(nn.Module):
         if config.lens_fine:
             self.lens_fine = added(FINE, widths[0], 3)
         self.apply(initialise)
-        nn.init.zeros_(cast(nn.Conv2d, self.head[0]).weight)  # an untrained network changes nothing
-        if config.mist:
-            nn.init.zeros_(self.mist.end.weight)
-        # Nor do statistics change what a network makes of a picture that has not learned with them.
-        if config.lens_fine:
-            nn.init.zeros_(cast(nn.Conv2d, self.lens_fine[-1]).weight)
-        if config.mist and config.lens_mist:
-            nn.init.zeros_(self.lens_mist.end.weight)
-            nn.init.zeros_(cast(nn.Conv2d, self.lens_mist.shared[-1]).weight)
+        self._start_as_identity()
+
+    def _start_as_identity(self) -> None:
+        """An untrained network changes nothing; nor do statistics, where it has not learned with them."""
+        last = [self.head[0]]
+        if self.config.mist:
+            last.append(self.mist.end)
+        if self.config.lens_fine:
+            last.append(self.lens_fine[-1])
+        if self.config.mist and self.config.lens_mist:
+            last += [self.lens_mist.end, self.lens_mist.shared[-1]]
+        for convolution in last:
+            nn.init.zeros_(cast(nn.Conv2d, convolution).weight)
 
     @property
     def device(self) -> torch.device:
