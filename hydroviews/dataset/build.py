@@ -20,7 +20,7 @@ A finished scene is compared with the manifest before it is kept or added to (se
 import logging
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from hydroviews.blender.embedded_scenes.captures import EMBEDDED
 from hydroviews.dataset.card.card import CARD, LICENCE, find_licence, keep_licence, stated_licence, write_card
@@ -98,7 +98,27 @@ def build(
     request = make_request(scene, source, long_side, seed, lens_renderer)
     licence = None if request.source in EMBEDDED else stated_licence(scene)  # a wrong one is told before rain is drawn
     entry = _take_over(out, folder, request, overwrite)
-    wanted = {pattern.name for pattern in patterns}
+    before = _before(folder, entry, {pattern.name for pattern in patterns}, overwrite, repair)
+    if before.finished:
+        if licence and licence != find_licence(folder):
+            _take_licence(scene, folder, entry)
+        return folder
+    facts = _write(scene, folder, request, patterns, before)
+    record_scene(out, scene.name, facts, unchanged(folder, entry, before.redrawn))
+    return folder
+
+
+class Before(NamedTuple):
+    """What there is of a scene before it is built."""
+
+    entry: Mapping[str, Any]  # what the manifest says of it
+    outdated: Sequence[str]  # its variants, or WHOLE, that other code drew
+    redrawn: Sequence[str]  # those of them that are to be drawn anew
+    finished: bool  # whether all that is wanted is there
+
+
+def _before(folder: Path, entry: Mapping[str, Any], wanted: Collection[str], overwrite: bool, repair: bool) -> Before:
+    """Look at a scene's folder; what is damaged there is removed, to be made again, or refused."""
     for name in filter(lambda name: (folder / name).is_dir(), entry["patterns"]):
         link_shared(folder / name)
     damaged = damaged_files(folder, entry, wanted, described=repair)
@@ -106,32 +126,33 @@ def build(
     redrawn = outdated if overwrite else []
     damaged = [path for path in damaged if path.relative_to(folder).parts[0] not in redrawn]
     drop_or_refuse(folder, damaged, repair, repairable=not outdated)
-    finished = wanted <= set(entry["patterns"]) and _are_there(folder, entry["files"])
+    finished = set(wanted) <= set(entry["patterns"]) and _are_there(folder, entry["files"])
     if outdated and not overwrite:
         _keep_or_refuse(folder, outdated, finished)
-    if finished and not (outdated and overwrite):
-        if licence and licence != find_licence(folder):
-            _take_licence(scene, folder, entry)
-        return folder
-    for note in scene_hidden_notes(scene.resized(long_side)):
+    return Before(entry, outdated, redrawn, finished and not redrawn)
+
+
+def _write(
+    scene: Scene, folder: Path, request: BuildRequest, patterns: Sequence[Pattern], before: Before
+) -> dict[str, Any]:
+    """Write what is missing of a scene, and its card; what the manifest is to say of it beside its files."""
+    small = scene.resized(request.long_side)
+    for note in scene_hidden_notes(small):
         logger.warning(note)
     images = f"{CAPTURED}/images" if scene.captured_rainy else CLEAN
-    clean = write_views(scene.resized(long_side), folder, images)
-    clean = write_cameras(clean, folder, scene, images)
+    clean = write_cameras(write_views(small, folder, images), folder, scene, images)
     if scene.captured_rainy:
         write_captured(clean, folder)
-    rains = sorted({*patterns, *map(parse_pattern, entry["patterns"])})  # those of an earlier call too
-    _write_rain(clean, folder, rains, outdated, entry, request)
+    rains = sorted({*patterns, *map(parse_pattern, before.entry["patterns"])})  # those of an earlier call too
+    _write_rain(clean, folder, rains, before, request)
     names = [pattern.name for pattern in rains]
     if request.source not in EMBEDDED:
         keep_licence(scene, folder)
     write_card(folder, [CAPTURED] if scene.captured_rainy else names, clean.notes)
-    facts: dict[str, Any] = {"seed": seed, "long_side": long_side, "source": request.source, "views": len(clean.views)}
-    made = {"generator": request.generator, "drawing_code": request.drawing_code}
+    asked = {"seed": request.seed, "long_side": request.long_side, "source": request.source}
+    made = {"views": len(clean.views), "generator": request.generator, "drawing_code": request.drawing_code}
     said = {name: getattr(scene, name) for name in SAID}
-    facts |= {**made, "capture": said, "notes": list(clean.notes), "patterns": names}
-    record_scene(out, scene.name, facts, unchanged(folder, entry, redrawn))
-    return folder
+    return {**asked, **made, "capture": said, "notes": list(clean.notes), "patterns": names}
 
 
 def _take_over(out: Path, folder: Path, request: BuildRequest, overwrite: bool) -> Mapping[str, Any]:
@@ -154,17 +175,10 @@ def _take_licence(scene: Scene, folder: Path, entry: Mapping[str, Any]) -> None:
     logger.info("%s: the licence that the capture states now is kept", folder)
 
 
-def _write_rain(
-    clean: Scene,
-    folder: Path,
-    rains: Sequence[Pattern],
-    outdated: Collection[str],
-    entry: Mapping[str, Any],
-    request: BuildRequest,
-) -> None:
+def _write_rain(clean: Scene, folder: Path, rains: Sequence[Pattern], before: Before, request: BuildRequest) -> None:
     """Write the variants that are outdated or, as the manifest's entry says, not finished; and statistics."""
-    files = {rain: [name for name in entry["files"] if name.startswith(f"{rain.name}/")] for rain in rains}
-    finished = set(entry["patterns"]) - set(outdated)
+    files = {rain: [name for name in before.entry["files"] if name.startswith(f"{rain.name}/")] for rain in rains}
+    finished = set(before.entry["patterns"]) - set(before.outdated)
     missing = [rain for rain in rains if rain.name not in finished or not _are_there(folder, files[rain])]
     statistics = survey(clean, request.seed, request.lens_renderer) if missing else None
     for rain in rains:
