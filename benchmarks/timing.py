@@ -1,4 +1,4 @@
-"""Processor time, of this process and of those that it started and that have ended."""
+"""Processor time of what takes milliseconds in one process, and of what takes several sessions."""
 
 import resource
 import time
@@ -37,5 +37,6 @@ def counted_seconds(total: Path) -> float:
 
 
 def _cpu_seconds() -> float:
+    """Of this process and of those that it started and that have ended."""
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
     return time.process_time() + children.ru_utime + children.ru_stime

@@ -117,7 +117,7 @@ class Before(NamedTuple):
     finished: bool  # whether all that is wanted is there
 
 
-def _before(folder: Path, entry: Mapping[str, Any], wanted: Collection[str], overwrite: bool, repair: bool) -> Before:
+def _before(folder: Path, entry: Mapping[str, Any], wanted: set[str], overwrite: bool, repair: bool) -> Before:
     """Look at a scene's folder; what is damaged there is removed, to be made again, or refused."""
     for name in filter(lambda name: (folder / name).is_dir(), entry["patterns"]):
         link_shared(folder / name)
@@ -126,7 +126,7 @@ def _before(folder: Path, entry: Mapping[str, Any], wanted: Collection[str], ove
     redrawn = outdated if overwrite else []
     damaged = [path for path in damaged if path.relative_to(folder).parts[0] not in redrawn]
     drop_or_refuse(folder, damaged, repair, repairable=not outdated)
-    finished = set(wanted) <= set(entry["patterns"]) and _are_there(folder, entry["files"])
+    finished = wanted <= set(entry["patterns"]) and _are_there(folder, entry["files"])
     if outdated and not overwrite:
         _keep_or_refuse(folder, outdated, finished)
     return Before(entry, outdated, redrawn, finished and not redrawn)
