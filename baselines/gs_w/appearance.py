@@ -61,10 +61,7 @@ class ReferenceAppearance(EncodedAppearance):
     def sh_sets(self, parameters: dict[str, Tensor], camera: Camera, view: int, degree: int) -> tuple[Tensor, ...]:
         """See Appearance; one set."""
         maps = self._encoded(view)[0]  # which finds the visibility mask too
-        if self._absent():
-            dynamic = maps.new_zeros(len(parameters["features"]), self.config.dynamic)
-        else:
-            dynamic = self._dropped(self.read(maps, parameters, camera))
+        dynamic = None if self._absent() else self._dropped(self.read(maps, parameters, camera))
         return (self.fusion.coloured(parameters, camera, dynamic),)
 
     def read(self, maps: Tensor, parameters: dict[str, Tensor], camera: Camera) -> Tensor:

@@ -10,9 +10,6 @@ splatting, and how a Gaussian looks from here and there need not pass through a 
 the networks alone.
 """
 
-from collections.abc import Sequence
-from itertools import pairwise
-
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -20,20 +17,10 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from baselines.gs_w.config import ReferenceConfig
+from baselines.splatting.appearance.networks import layers, linear_of_parts
 from baselines.splatting.kernels.sh_coefficients import C0, coefficients
 from baselines.volumetric.encodings import positional
 from hydroviews.scene.cameras import Camera
-
-
-def layers(inputs: int, hidden: Sequence[int], outputs: int) -> nn.Sequential:
-    """Linear layers with rectifiers between them."""
-    parts: list[nn.Module] = []
-    for a, b in pairwise((inputs, *hidden, outputs)):
-        linear = nn.Linear(a, b)
-        nn.init.xavier_uniform_(linear.weight)
-        nn.init.zeros_(linear.bias)
-        parts += [linear, nn.ReLU()]
-    return nn.Sequential(*parts[:-1])
 
 
 class Fusion(nn.Module):
@@ -41,7 +28,7 @@ class Fusion(nn.Module):
 
     def __init__(self, config: ReferenceConfig, sh_degree: int) -> None:
         super().__init__()
-        self.frequencies = config.frequencies
+        self.frequencies, self.dynamic = config.frequencies, config.dynamic
         intrinsic, position = 3 * coefficients(sh_degree), 3 * (1 + 2 * config.frequencies)
         self.encoder = layers(position + config.dynamic + intrinsic, config.encoder, config.fused)
         self.decoder = layers(config.fused + intrinsic, config.decoder, config.fused)
@@ -53,22 +40,30 @@ class Fusion(nn.Module):
         self.register_buffer("middle", torch.zeros(3))  # of the cube, relative to the Gaussians' origin
         self.register_buffer("side", torch.ones(()))  # half of its length
 
-    def forward(self, intrinsic: Tensor, dynamic: Tensor, means: Tensor, directions: Tensor) -> Tensor:
+    def forward(self, intrinsic: Tensor, dynamic: Tensor | None, means: Tensor, directions: Tensor) -> Tensor:
         """What is added to the intrinsic colours [n, 3].
 
         Args:
             intrinsic: [n, I].
-            dynamic: [n, D].
+            dynamic: [n, D]; None: zeros.
             means: positions [n, 3].
             directions: from the camera, of length one [n, 3].
         """
         positions = positional((means - self.middle) / self.side, self.frequencies)
-        fused = functional.relu(self.encoder(torch.cat([positions, dynamic, intrinsic], dim=1)))
-        fused = functional.relu(self.decoder(torch.cat([fused, intrinsic], dim=1)))
-        offset: Tensor = self.colour(torch.cat([fused, directions], dim=1))
-        return offset
+        given = self.dynamic if dynamic is None else dynamic
+        fused = functional.relu(self._said(self.encoder, positions, given, intrinsic))
+        fused = functional.relu(self._said(self.decoder, fused, intrinsic))
+        return self._said(self.colour, fused, directions)
 
-    def coloured(self, parameters: dict[str, Tensor], camera: Camera, dynamic: Tensor) -> Tensor:
+    @staticmethod
+    def _said(network: nn.Sequential, *parts: Tensor | int) -> Tensor:
+        """What a network says of parts side by side; see `linear_of_parts`."""
+        first = network[0]
+        assert isinstance(first, nn.Linear)
+        said: Tensor = network[1:](linear_of_parts(first, *parts))
+        return said
+
+    def coloured(self, parameters: dict[str, Tensor], camera: Camera, dynamic: Tensor | None) -> Tensor:
         """Coefficients [n, K, 3] that Gaussians in sight show to a camera: their own, and an offset of degree 0.
 
         No gradient goes by way of colours to positions: that by where splats lie is left to place them.
@@ -76,7 +71,7 @@ class Fusion(nn.Module):
         Args:
             parameters: of `Gaussians.state_dict()`.
             camera: of the view, relative to the Gaussians' origin.
-            dynamic: features [n, D].
+            dynamic: features [n, D]; None: zeros.
         """
         means, sh = parameters["means"].detach(), parameters["sh"]
         directions = functional.normalize(means - torch.from_numpy(camera.centre).to(means), dim=1)

@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from baselines.gs_w.fusion import layers
+from baselines.splatting.appearance.networks import layers
 from baselines.splatting.kernels.sh_coefficients import C0, coefficients
 from baselines.wild_gs.config import LookConfig
 
