@@ -5,6 +5,9 @@
 R is what is seen without mist, and a its light. mist_alpha lies on a coarse grid over the picture, at a few times of
 the capture (see `time_knots`); both are learned by Adam from the gradient of the photometric loss.
 
+Behind falling rain they are learned from differences alone. SSIM asks for the contrast that streaks give photographs
+and renders have not, and less mist is the cheapest way there: of courtyard's mist before streaks a ninth was left.
+
 What the photographs cannot tell, and what decides it:
 
 * Even mist is as good as a scene of less contrast: a penalty on the mean of mist_alpha keeps its thinnest place clear.
@@ -38,6 +41,7 @@ from hydroviews.scene.images import Image
 from hydroviews.scene.point_colours import PointColours
 
 ADAM_MOMENTS = ("first", "second")
+NOISE = 0.02  # encoded
 MIN_ALPHA = 1e-3  # mist_alpha at the start, at least: from 0 the gradient by its root would be 0
 
 
@@ -112,7 +116,7 @@ class Mist:
         return add_mist(image, np.square(root), self.colour, out)
 
     def backward(
-        self, image: Image, misted: Image, root: Plane, view: int, gradient: Image, buffers: BufferPool
+        self, image: Image, misted: Image, root: Plane, view: int, gradient: Image, told: Image, buffers: BufferPool
     ) -> tuple[Image, MistGradient]:
         """Gradients by the image [H, W, 3], in one of the buffers, and by what is learned.
 
@@ -122,9 +126,11 @@ class Mist:
             root: as given to it.
             view: whose root it is.
             gradient: of the loss by what `forward` returned.
+            told: the same, or that of differences alone: of the loss that mist is learned from.
             buffers: to reuse.
         """
-        by_image, by_alpha, by_colour = mist_gradient(image, misted, np.square(root), self.colour, gradient, buffers)
+        alpha = np.square(root)
+        by_image, by_alpha, by_colour = mist_gradient(image, misted, alpha, self.colour, gradient, told, buffers)
         rows, columns = _spreading(root.shape, self.roots)
         by_knots = rows.T @ (2 * root * (by_alpha + np.float32(self.mean_penalty / root.size))) @ columns
         return by_image, self.learned_from(view, by_knots, by_colour)
@@ -174,6 +180,16 @@ class Mist:
         first, second = (self._adam[f"{name}.{order}"] for order in ADAM_MOMENTS)
         gradient = np.ascontiguousarray(gradient, np.float32)
         adam_step(values, gradient, first, second, int(self.steps[0]), rate)
+
+
+def difference_gradient(seen: Image, photograph: Image, weights: Plane | None) -> Image:
+    """The gradient of the mean difference by what is seen [H, W, 3], pixels weighed by `weights` [H, W].
+
+    That of absolute differences; less where they are below NOISE, whose sign says little.
+    """
+    gradient = np.clip((seen - photograph) / np.float32(NOISE), -1, 1)
+    gradient *= np.float32(1 / gradient.size) if weights is None else weights[..., None] / np.float32(gradient.size)
+    return gradient
 
 
 def roughness_gradient(knots: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -89,8 +89,8 @@ def _add_mist(image, alpha, colour, out):
 
 
 @kernel
-def _mist_gradient(image, misted, alpha, colour, grad, g_image, g_alpha, g_colour):
-    """Gradients by the image's rows [H, 3 W], alpha [H, W] and, in sums [BANDS, 3], the colour."""
+def _mist_gradient(image, misted, alpha, colour, grad, told, g_image, g_alpha, g_colour):
+    """Gradients by the image's rows [H, 3 W], of `grad`; by alpha [H, W] and the colour, sums [BANDS, 3], of `told`."""
     height, n = image.shape
     for band in prange(BANDS):
         tint, share, by_alpha, by_tint = (
@@ -102,16 +102,17 @@ def _mist_gradient(image, misted, alpha, colour, grad, g_image, g_alpha, g_colou
         spread_tint(colour, tint)
         for row in range(band * height // BANDS, (band + 1) * height // BANDS):
             spread_alpha(alpha[row], share)
-            behind, seen, g_row, out = image[row], misted[row], grad[row], g_image[row]
+            behind, seen, g_row, t_row, out = image[row], misted[row], grad[row], told[row], g_image[row]
             for i in range(n):
                 v, b, t = share[i], behind[i], seen[i]
                 light = decode(b)
                 mixed = max((ONE - v) * light + v * tint[i], DARK_LIGHT)
-                by_light = g_row[i] * ((t + OFFSET) / (POWER * mixed) if t > DARK else STEEP)
+                encoding = (t + OFFSET) / (POWER * mixed) if t > DARK else STEEP
+                by_light = t_row[i] * encoding
                 by_alpha[i] = by_light * (tint[i] - light)
                 by_tint[i] += by_light * v
-                slope = POWER * light / (b + OFFSET) if b > DARK else ONE / STEEP
-                out[i] = by_light * (ONE - v) * slope if v > ZERO else g_row[i]
+                decoding = POWER * light / (b + OFFSET) if b > DARK else ONE / STEEP
+                out[i] = g_row[i] * encoding * (ONE - v) * decoding if v > ZERO else g_row[i]
             a_row = g_alpha[row]
             for i in range(n // 3):
                 a_row[i] = by_alpha[3 * i] + by_alpha[3 * i + 1] + by_alpha[3 * i + 2]
@@ -123,7 +124,7 @@ def exercise_kernels() -> None:
     """Both kernels once, on a picture of one pixel."""
     pixel, alpha = np.zeros((1, 1, 3), np.float32), np.zeros((1, 1), np.float32)
     add_mist(pixel, alpha, pixel[0, 0], np.empty_like(pixel))
-    mist_gradient(pixel, pixel, alpha, pixel[0, 0], pixel, BufferPool())
+    mist_gradient(pixel, pixel, alpha, pixel[0, 0], pixel, pixel, BufferPool())
 
 
 def add_mist(image: Image, alpha: Plane, colour: NDArray[np.float32], out: Image) -> Image:
@@ -140,16 +141,32 @@ def add_mist(image: Image, alpha: Plane, colour: NDArray[np.float32], out: Image
 
 
 def mist_gradient(
-    image: Image, misted: Image, alpha: Plane, colour: NDArray[np.float32], gradient: Image, buffers: BufferPool
+    image: Image,
+    misted: Image,
+    alpha: Plane,
+    colour: NDArray[np.float32],
+    gradient: Image,
+    told: Image,
+    buffers: BufferPool,
 ) -> tuple[Image, Plane, NDArray[np.float32]]:
-    """From the gradient by what `add_mist` returns: those by the picture [H, W, 3], alpha [H, W] and the colour [3].
+    """From gradients by what `add_mist` returns: those by the picture [H, W, 3], alpha [H, W] and the colour [3].
 
-    The first two are buffers. All but `misted`, what `add_mist` returned, and the gradient is as given to it.
+    The first two are buffers.
+
+    Args:
+        image: as given to `add_mist`, and so are alpha and the colour.
+        misted: what it returned.
+        alpha: mist_alpha [H, W].
+        colour: linear light [3].
+        gradient: [H, W, 3], of the loss that the picture learns from.
+        told: [H, W, 3], of the one that alpha and the colour learn from.
+        buffers: to reuse.
     """
     g_image = buffers.array("g_behind_mist", image.shape)
     g_alpha = buffers.array("g_mist_alpha", alpha.shape)
     g_colour = buffers.array("g_mist_colour", (BANDS, 3))
-    _mist_gradient(_rows(image), _rows(misted), alpha, colour, _rows(gradient), _rows(g_image), g_alpha, g_colour)
+    given = _rows(image), _rows(misted), alpha, colour, _rows(gradient), _rows(told)
+    _mist_gradient(*given, _rows(g_image), g_alpha, g_colour)
     return g_image, g_alpha, g_colour.sum(axis=0)
 
 

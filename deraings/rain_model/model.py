@@ -21,7 +21,7 @@ from deraings.rain_model.drops import DropLayer, LensDropsConfig
 from deraings.rain_model.drops_by_shape import DropsByShape
 from deraings.rain_model.enhanced_target import EnhancedTarget, EnhancedTargetConfig
 from deraings.rain_model.falling_rain import FallingRain
-from deraings.rain_model.mist import Mist, MistConfig, MistGradient
+from deraings.rain_model.mist import Mist, MistConfig, MistGradient, difference_gradient
 from deraings.rain_model.observation import Observation
 from deraings.rain_model.rain_layer import RainLayerConfig
 from deraings.rain_model.renewed_drops import RenewedDrops, RenewedDropsConfig
@@ -134,14 +134,27 @@ class RainModel:
         image, weights = (misted, None) if drops is None else drops.forward(misted, buffers)
         return Seen(image, misted, rained, scene_image, rain_alpha, single, mist_root, drops, weights, view, iteration)
 
-    def backward(self, seen: Seen, gradient: Image, buffers: BufferPool) -> tuple[Image, MistGradient | None]:
-        """From the gradient by `seen.image`: those by the rendered view [H, W, 3], maybe a buffer, and by the mist."""
+    def backward(
+        self, seen: Seen, gradient: Image, observed: Observation, buffers: BufferPool
+    ) -> tuple[Image, MistGradient | None]:
+        """Gradients by the rendered view [H, W, 3], maybe a buffer, and by the mist.
+
+        Args:
+            seen: the view.
+            gradient: of the loss by `seen.image`.
+            observed: its photograph.
+            buffers: to reuse.
+        """
         by_mist = None
         if seen.drops is not None:
             gradient = seen.drops.backward(gradient, buffers)
         if self.mist and seen.mist_root is not None:
+            told = gradient
+            if seen.rain_alpha is not None:
+                weights = _before_drops(observed.weights, seen.drops)
+                told = difference_gradient(seen.image, observed.photograph, weights)
             gradient, by_mist = self.mist.backward(
-                seen.rained, seen.without_drops, seen.mist_root, seen.view, gradient, buffers
+                seen.rained, seen.without_drops, seen.mist_root, seen.view, gradient, told, buffers
             )
         if self.rain and seen.rain_alpha is not None:
             by_rained = buffers.array("g_rained", gradient.shape)
@@ -241,3 +254,11 @@ class RainModel:
         even = np.full(seen.image.shape[:2], rain.even_alpha, np.float32)
         rained = rain.layer.forward(seen.scene_image, even, buffers.array("rained_even", seen.image.shape))
         return self._misted(rained, seen.mist_root, buffers.array("misted_even", rained.shape))
+
+
+def _before_drops(weights: Plane | None, drops: DropLayer | None) -> Plane | None:
+    """What pixels weigh [H, W] for what lies behind drops; None: all 1."""
+    if drops is None:
+        return weights
+    passing = 1 - drops.alpha
+    return passing if weights is None else weights * passing

@@ -82,8 +82,8 @@ class RainObjective(Objective):
         if enhanced is not None:
             return photometric_loss(seen.scene_image, enhanced, self.lambda_dssim, weights, buffers)
         loss, gradient = photometric_loss(seen.image, target, self.lambda_dssim, weights, buffers)
-        by_scene, by_mist = self.model.backward(seen, gradient, buffers)
         observed = Observation(target.image, target.shown, shown, weights)
+        by_scene, by_mist = self.model.backward(seen, gradient, observed, buffers)
         self.model.update(seen, observed, by_mist, buffers)
         return loss, by_scene
 
@@ -96,10 +96,8 @@ class RainObjective(Objective):
         enhanced = self.model.enhanced_target(view, seen.size, iteration)
         if enhanced is not None:
             return OnGPU(render, weights, enhanced)
-        penalties = [(seen.mist.alpha, self.model.mist.mean_penalty)] if self.model.mist and seen.mist else []
         target = self.target(view, seen.size)
-        learn = partial(self._on_gpu.update, seen, target, weights, buffers)
-        return OnGPU(seen.image, weights, penalties=penalties, learn=learn)
+        return OnGPU(seen.image, weights, learn=partial(self._on_gpu.update, seen, target, weights, buffers))
 
     def residual(self, image: Image, view: int, buffers: BufferPool) -> float:
         """See Objective."""

@@ -5,7 +5,7 @@ learned from is averaged down before it is downloaded. Only steps that falling r
 take the CPU's way. Gradients are torch's.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +21,7 @@ from baselines.training.images import Size
 from deraings.enhancement.mist_branch import decoded, encoded
 from deraings.image_planes import CELLS, Plane, averages_around, within_side
 from deraings.rain_model.drops import DropLayer
-from deraings.rain_model.mist import Mist, spreading
+from deraings.rain_model.mist import NOISE, Mist, spreading
 from deraings.rain_model.mist_kernels import BRIGHTEST, BRIGHTEST_ENCODED
 from deraings.rain_model.model import RainModel
 from deraings.rain_model.observation import Observation
@@ -30,7 +30,7 @@ Matrix = Callable[[int, int], NDArray[np.float32]]  # makes one for a line of so
 
 
 class MistOnGPU(NamedTuple):
-    """A view's mist; knots and colour are what gradients are wanted by."""
+    """A view's mist."""
 
     knots: Tensor  # sqrt(mist_alpha) [h, w]
     colour: Tensor  # linear light [3]
@@ -42,8 +42,11 @@ class SeenOnGPU(NamedTuple):
 
     image: Tensor  # O [H, W, 3]
     without_drops: Tensor  # T [H, W, 3]
+    rained: Tensor  # R [H, W, 3]
     scene_image: Tensor  # B [H, W, 3]
+    rains: bool  # whether R is not B
     mist: MistOnGPU | None
+    drop_alpha: Tensor | None  # [H, W]
     weights: Tensor | None  # [H, W]: 0 where drops hide the scene
     view: int
     iteration: int
@@ -68,15 +71,26 @@ class RainOnGPU:
         seen = scene_image
         if model.rain and alpha is not None:
             seen = behind_rain(seen, alpha, model.rain.layer.brightness)
+        rained = seen
         if model.mist and model.mist.due(iteration):
-            mist = self._mist(model.mist, view, size)
+            mist = self._mist(sent(model.mist.knots(view).copy()), sent(model.mist.colour.copy()), size)
             seen = behind_mist(seen, mist)
-        without_drops, weights, layer = seen, None, self._drop_layer(view, size, iteration)
+            seen.retain_grad()
+        without_drops, drop_alpha, weights, layer = seen, None, None, self._drop_layer(view, size, iteration)
         if layer is not None:
-            seen, weights = behind_drops(seen, self._surroundings(seen.detach()), layer)
-        return SeenOnGPU(seen, without_drops, scene_image, mist, weights, view, iteration)
+            seen, drop_alpha, weights = behind_drops(seen, self._surroundings(seen.detach()), layer)
+        rains = alpha is not None
+        return SeenOnGPU(seen, without_drops, rained, scene_image, rains, mist, drop_alpha, weights, view, iteration)
 
-    def update(self, seen: SeenOnGPU, target: Target, weights: Tensor | None, buffers: BufferPool) -> None:
+    def update(
+        self,
+        seen: SeenOnGPU,
+        target: Target,
+        weights: Tensor | None,
+        buffers: BufferPool,
+        pixels: Tensor,
+        shown: Tensor | None,
+    ) -> None:
         """Learn of the rain from a view, whose gradients are there.
 
         Args:
@@ -84,6 +98,8 @@ class RainOnGPU:
             target: its photograph.
             weights: factors [H, W] on each pixel's share of the loss.
             buffers: to reuse.
+            pixels: the photograph [H, W, 3], uint8.
+            shown: which pixels of it are not hidden, [H, W]; None where all are shown.
         """
         model = self._model
         if model.rain and model.rain.due(seen.view, seen.size, seen.iteration):
@@ -92,8 +108,19 @@ class RainOnGPU:
             small = self._averaged(seen.without_drops.detach(), model.drops.size(seen.view), averaging)
             model.drops.update(target.image, fetched(small), seen.view, target.shown)
         if model.mist and seen.mist is not None:
-            knots, colour = (_gradient(values) for values in (seen.mist.knots, seen.mist.colour))
-            model.mist.update(model.mist.learned_from(seen.view, knots, colour), seen.iteration)
+            told = seen.without_drops.grad
+            if seen.rains:
+                passing = None if seen.drop_alpha is None else 1 - seen.drop_alpha
+                told = difference_gradient(seen.image.detach(), pixels, (weights, shown, passing))
+            self._learn_mist(model.mist, seen, seen.mist, told)
+
+    def _learn_mist(self, mist: Mist, seen: SeenOnGPU, known: MistOnGPU, told: Tensor | None) -> None:
+        """A step of the mist, from the gradient [H, W, 3] of its loss by what is seen through it."""
+        knots, colour = (values.requires_grad_() for values in (known.knots, known.colour))
+        again = self._mist(knots, colour, seen.size)
+        misted, penalty = behind_mist(seen.rained.detach(), again), mist.mean_penalty / again.alpha.numel()
+        torch.autograd.backward([misted, again.alpha], [told, torch.full_like(again.alpha, penalty)])
+        mist.update(mist.learned_from(seen.view, _gradient(knots), _gradient(colour)), seen.iteration)
 
     def _update_on_cpu(self, seen: SeenOnGPU, target: Target, weights: Tensor | None, buffers: BufferPool) -> None:
         """All but mist, from the view as the CPU's kernels show it."""
@@ -136,9 +163,8 @@ class RainOnGPU:
         around = self._averaged(image, within_side(size, CELLS), averaging_around)
         return enlarged(around.permute(2, 0, 1), size).permute(1, 2, 0)
 
-    def _mist(self, mist: Mist, view: int, size: Size) -> MistOnGPU:
-        """The mist of a view of (height, width)."""
-        knots, colour = (sent(values.copy()).requires_grad_() for values in (mist.knots(view), mist.colour))
+    def _mist(self, knots: Tensor, colour: Tensor, size: Size) -> MistOnGPU:
+        """Mist of given knots [h, w] and light [3] over a view of (height, width)."""
         rows, columns = (self._matrix(spreading, pixels, n) for pixels, n in zip(size, knots.shape, strict=True))
         return MistOnGPU(knots, colour, (rows @ knots @ columns.T).square())
 
@@ -160,8 +186,18 @@ def behind_mist(image: Tensor, mist: MistOnGPU) -> Tensor:
     return torch.where(alpha > 0, encoded(_clipped(light, float(BRIGHTEST))), image)
 
 
-def behind_drops(image: Tensor, around: Tensor, layer: DropLayer) -> tuple[Tensor, Tensor]:
-    """A view [H, W, 3] behind drops, and factors [H, W] on each pixel's share of the loss; see `DropLayer.forward`.
+def difference_gradient(seen: Tensor, pixels: Tensor, factors: Sequence[Tensor | None]) -> Tensor:
+    """See `mist.difference_gradient`; the photograph [H, W, 3] is uint8, its pixels are weighed by all factors."""
+    gradient = ((seen - pixels.to(seen) / 255) / NOISE).clamp(-1, 1) / seen.numel()
+    for factor in factors:
+        gradient = gradient if factor is None else gradient * factor[..., None]
+    return gradient
+
+
+def behind_drops(image: Tensor, around: Tensor, layer: DropLayer) -> tuple[Tensor, Tensor, Tensor]:
+    """A view [H, W, 3] behind drops, their alpha [H, W], and factors [H, W] on each pixel's share of the loss.
+
+    See `DropLayer.forward`.
 
     Args:
         image: the view.
@@ -171,8 +207,9 @@ def behind_drops(image: Tensor, around: Tensor, layer: DropLayer) -> tuple[Tenso
     planes = sent(np.concatenate([layer.alpha[None], np.moveaxis(layer.light, 2, 0)]))
     alpha, *light = enlarged(planes, (image.shape[0], image.shape[1]))
     fall = ((layer.hidden - alpha) / (layer.hidden - layer.shown)).clamp(0, 1)
-    alpha = alpha[..., None]
-    return (1 - alpha) * image + alpha * around + torch.stack(light, dim=2), fall * fall * (3 - 2 * fall)
+    cover = alpha[..., None]
+    seen = (1 - cover) * image + cover * around + torch.stack(light, dim=2)
+    return seen, alpha, fall * fall * (3 - 2 * fall)
 
 
 def enlarged(planes: Tensor, size: Size) -> Tensor:

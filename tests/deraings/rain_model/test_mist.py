@@ -22,7 +22,7 @@ def learn(scene, photographs, config=None, steps=STEPS):
         root = mist.root(view, scene[view].shape[:2])
         seen = mist.forward(scene[view], root, buffers.array("misted", scene[view].shape))
         _, gradient = photometric_loss(seen, targets[view], buffers=buffers)
-        _, by_mist = mist.backward(scene[view], seen, root, view, gradient, buffers)
+        _, by_mist = mist.backward(scene[view], seen, root, view, gradient, gradient, buffers)
         mist.update(by_mist, step)
     return mist
 
@@ -93,7 +93,7 @@ def test_the_colour_of_mist_is_held_near_the_light_that_it_should_have():
     mist = Mist(panorama.eight_bit(scene), STEPS, MistConfig(start=0))
     mist.colour[:] = mist.expected + 0.1
     root, nothing = mist.root(0, scene[0].shape[:2]), np.zeros_like(scene[0])
-    _, gradient = mist.backward(scene[0], scene[0].copy(), root, 0, nothing, BufferPool())
+    _, gradient = mist.backward(scene[0], scene[0].copy(), root, 0, nothing, nothing, BufferPool())
     assert (gradient.colour > 0).all()
 
 

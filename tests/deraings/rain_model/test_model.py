@@ -41,8 +41,9 @@ def step(model, photograph, scene_image, view, iteration, buffers):
     model.begin(iteration)
     seen = model.forward(scene_image, view, iteration, buffers)
     _, gradient = photometric_loss(seen.image, target, 0.2, seen.weights, buffers)
-    by_scene, by_mist = model.backward(seen, gradient, buffers)
-    model.update(seen, Observation(photograph, None, None, seen.weights), by_mist, buffers)
+    observed = Observation(photograph, None, None, seen.weights)
+    by_scene, by_mist = model.backward(seen, gradient, observed, buffers)
+    model.update(seen, observed, by_mist, buffers)
     return seen, by_scene, by_mist
 
 
@@ -84,9 +85,8 @@ def test_what_is_seen_is_the_equation(model, views):
 
 def test_the_gradient_agrees_with_differences(model, views):
     scene_image, toward = np.clip(views[1][3], 0.05, 0.95), np.random.default_rng(0).standard_normal((*SIZE, 3))
-    by_scene, by_mist = model.backward(
-        model.forward(scene_image, 3, 60, BufferPool()), toward.astype(np.float32), BufferPool()
-    )
+    seen, observed = model.forward(scene_image, 3, 60, BufferPool()), Observation(views[0][3], None, None, None)
+    by_scene, by_mist = model.backward(seen, toward.astype(np.float32), observed, BufferPool())
     direction = np.sign(by_scene)
     up, down = (model.forward(scene_image + s * direction, 3, 60, BufferPool()).image for s in (1e-3, -1e-3))
     expected = float(((up.astype(np.float64) - down) / 2e-3 * toward).sum())
@@ -97,10 +97,10 @@ def test_the_gradient_agrees_with_differences(model, views):
 def test_only_update_learns(model, views):
     photographs, scene = views
     before, buffers = state_of(model), BufferPool()
-    seen = model.forward(scene[3], 3, 60, buffers)
-    _, by_mist = model.backward(seen, np.ones((*SIZE, 3), np.float32), buffers)
+    seen, observed = model.forward(scene[3], 3, 60, buffers), Observation(photographs[3], None, None, None)
+    _, by_mist = model.backward(seen, np.ones((*SIZE, 3), np.float32), observed, buffers)
     assert same(before, state_of(model))
-    model.update(seen, Observation(photographs[3], None, None, None), by_mist, buffers)
+    model.update(seen, observed, by_mist, buffers)
     after = state_of(model)
     for part in ("mist", "drops", "rain_layer"):
         assert not same(*({n: v for n, v in state.items() if n.startswith(part)} for state in (before, after)))
@@ -111,9 +111,9 @@ def test_drops_are_told_from_every_second_view(model, views):
     for iteration, learns in ((60, True), (61, False), (62, True)):
         sums, buffers = model.drops.lenses[0].sums, BufferPool()
         before = sums.copy()
-        seen = model.forward(scene[3], 3, iteration, buffers)
-        _, by_mist = model.backward(seen, np.ones((*SIZE, 3), np.float32), buffers)
-        model.update(seen, Observation(photographs[3], None, None, None), by_mist, buffers)
+        seen, observed = model.forward(scene[3], 3, iteration, buffers), Observation(photographs[3], None, None, None)
+        _, by_mist = model.backward(seen, np.ones((*SIZE, 3), np.float32), observed, buffers)
+        model.update(seen, observed, by_mist, buffers)
         assert np.array_equal(before, sums) != learns
 
 
@@ -123,8 +123,9 @@ def test_an_update_leaves_what_was_seen_as_it_was(model, views):
     buffers = BufferPool()
     seen = model.forward(scene[3], 3, 60, buffers)
     kept = seen.image.copy(), seen.without_drops.copy(), seen.rained.copy()
-    _, by_mist = model.backward(seen, np.ones((*SIZE, 3), np.float32), buffers)
-    model.update(seen, Observation(photographs[3], None, None, None), by_mist, buffers)
+    observed = Observation(photographs[3], None, None, None)
+    _, by_mist = model.backward(seen, np.ones((*SIZE, 3), np.float32), observed, buffers)
+    model.update(seen, observed, by_mist, buffers)
     assert seen.single
     assert all(np.array_equal(a, b) for a, b in zip(kept, (seen.image, seen.without_drops, seen.rained), strict=True))
 

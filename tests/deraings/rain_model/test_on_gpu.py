@@ -54,15 +54,18 @@ def photographs(scene):
     return rainy
 
 
-def objective_of(scene, config=EAGER, hidden=()):
-    """One that has found mist and falling rain. Its loss is D-SSIM: L1 has kinks, where rounding turns gradients."""
+def objective_of(scene, config=EAGER, hidden=(), even=0.1):
+    """One that has found mist, and falling rain of an even alpha.
+
+    Its loss is D-SSIM: L1 has kinks, where rounding turns gradients.
+    """
     images = TrainingImages(panorama.eight_bit(photographs(scene)), hidden)
     objective = RainObjective(images, STEPS, config, lambda_dssim=1.0)
     objective.model.mist.wanted = True
     objective.model.mist.roots[:] = np.linspace(0, 0.6, objective.model.mist.roots.size).reshape(
         objective.model.mist.roots.shape
     )
-    objective.model.rain.layer.alpha[0] = 0.1
+    objective.model.rain.layer.alpha[0] = even
     return objective
 
 
@@ -93,6 +96,12 @@ def test_a_training_on_the_gpu_learns_the_same(gpu, scene):
     assert model.mist.steps[0] == STEPS
 
 
+def test_mist_is_learned_the_same_where_it_does_not_rain(gpu, scene):
+    """From the gradient of the loss, not from differences alone."""
+    dry = replace(EAGER, rain_layer=RainLayerConfig(start=1.0))
+    compare(gpu, scene, objective_of(scene, dry, even=0.0), objective_of(scene, dry, even=0.0))
+
+
 def test_single_streaks_hidden_pixels_and_small_views(gpu, scene):
     hidden = [np.zeros(scene.shape[1:3], bool) for _ in range(COUNT)]
     hidden[1][:20, :30] = True
@@ -121,7 +130,7 @@ def test_mist_is_that_of_the_kernels(gpu):
     alpha = np.where(rng.random((30, 40)) < 0.2, 0, rng.random((30, 40))).astype(np.float32)
     colour, gradient = np.float32([0.7, 0.8, 0.9]), rng.standard_normal((30, 40, 3)).astype(np.float32)
     misted = add_mist(image, alpha, colour, np.empty_like(image))
-    by_image, by_alpha, by_colour = mist_gradient(image, misted, alpha, colour, gradient, BufferPool())
+    by_image, by_alpha, by_colour = mist_gradient(image, misted, alpha, colour, gradient, gradient, BufferPool())
 
     behind, thick, light = (sent(values).requires_grad_() for values in (image, alpha, colour))
     seen = behind_mist(behind, MistOnGPU(thick, light, thick))
@@ -140,8 +149,9 @@ def test_drops_are_those_of_the_kernels(gpu):
     image = rng.random((30, 40, 3)).astype(np.float32)
     large = DropLayer(resized(alpha, (30, 40)), cv2.resize(light, (40, 30)), 0.3, 0.75)
     expected, factors = large.forward(image, BufferPool())
-    seen, weights = behind_drops(sent(image), sent(surroundings(image)), DropLayer(alpha, light, 0.3, 0.75))
+    seen, cover, weights = behind_drops(sent(image), sent(surroundings(image)), DropLayer(alpha, light, 0.3, 0.75))
     assert fetched(seen) == pytest.approx(expected, abs=1e-5)
+    assert fetched(cover) == pytest.approx(large.alpha, abs=1e-5)
     assert fetched(weights) == pytest.approx(factors, abs=1e-4)
 
 
