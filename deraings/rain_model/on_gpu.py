@@ -44,7 +44,6 @@ class SeenOnGPU(NamedTuple):
     without_drops: Tensor  # T [H, W, 3]
     rained: Tensor  # R [H, W, 3]
     scene_image: Tensor  # B [H, W, 3]
-    rains: bool  # whether R is not B
     mist: MistOnGPU | None
     drop_alpha: Tensor | None  # [H, W]
     weights: Tensor | None  # [H, W]: 0 where drops hide the scene
@@ -55,6 +54,11 @@ class SeenOnGPU(NamedTuple):
     def size(self) -> Size:
         """Height and width."""
         return self.image.shape[0], self.image.shape[1]
+
+    @property
+    def rains(self) -> bool:
+        """Whether falling rain is part of what is seen."""
+        return self.rained is not self.scene_image
 
 
 class RainOnGPU:
@@ -79,8 +83,7 @@ class RainOnGPU:
         without_drops, drop_alpha, weights, layer = seen, None, None, self._drop_layer(view, size, iteration)
         if layer is not None:
             seen, drop_alpha, weights = behind_drops(seen, self._surroundings(seen.detach()), layer)
-        rains = alpha is not None
-        return SeenOnGPU(seen, without_drops, rained, scene_image, rains, mist, drop_alpha, weights, view, iteration)
+        return SeenOnGPU(seen, without_drops, rained, scene_image, mist, drop_alpha, weights, view, iteration)
 
     def update(
         self,
