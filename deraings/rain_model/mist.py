@@ -5,8 +5,9 @@
 R is what is seen without mist, and a its light. mist_alpha lies on a coarse grid over the picture, at a few times of
 the capture (see `time_knots`); both are learned by Adam from the gradient of the photometric loss.
 
-Behind falling rain they are learned from differences alone. SSIM asks for the contrast that streaks give photographs
-and renders have not, and less mist is the cheapest way there: of courtyard's mist before streaks a ninth was left.
+Behind falling rain, mist that a network surely sees is learned from differences alone. SSIM asks for the contrast that
+streaks give photographs and renders have not, and less mist is the cheapest way there: of courtyard's mist before
+streaks a ninth was left. Where there is none, that keeps rain from being taken for mist.
 
 What the photographs cannot tell, and what decides it:
 
@@ -92,6 +93,11 @@ class Mist:
         learned = {"roots": self.roots, "colour": self.colour}
         self.steps = np.zeros(1, np.int64)  # of Adam: mist is not learned in every iteration
         self._adam = {f"{name}.{order}": np.zeros_like(v) for name, v in learned.items() for order in ADAM_MOMENTS}
+
+    @property
+    def sure_in_rain(self) -> bool:
+        """Whether the prior sees so much mist that there is some even if it rains."""
+        return self.seen is not None and self.seen >= self._config.min_seen_in_rain
 
     def due(self, iteration: int) -> bool:
         """Whether views are seen through mist in this step."""

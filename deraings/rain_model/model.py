@@ -150,7 +150,7 @@ class RainModel:
             gradient = seen.drops.backward(gradient, buffers)
         if self.mist and seen.mist_root is not None:
             told = gradient
-            if seen.rain_alpha is not None:
+            if seen.rain_alpha is not None and self.mist.sure_in_rain:
                 weights = _before_drops(observed.weights, seen.drops)
                 told = difference_gradient(seen.image, observed.photograph, weights)
             gradient, by_mist = self.mist.backward(

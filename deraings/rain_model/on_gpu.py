@@ -112,7 +112,7 @@ class RainOnGPU:
             model.drops.update(target.image, fetched(small), seen.view, target.shown)
         if model.mist and seen.mist is not None:
             told = seen.without_drops.grad
-            if seen.rains:
+            if seen.rains and model.mist.sure_in_rain:
                 passing = None if seen.drop_alpha is None else 1 - seen.drop_alpha
                 told = difference_gradient(seen.image.detach(), pixels, (weights, shown, passing))
             self._learn_mist(model.mist, seen, seen.mist, told)

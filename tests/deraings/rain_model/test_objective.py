@@ -88,20 +88,21 @@ def test_gradient_agrees_with_differences():
         assert (up - down) / 1e-3 == pytest.approx(float((gradient * direction).sum()), rel=0.02)
 
 
-@pytest.mark.parametrize("even", [0.0, 0.1])
-def test_mist_learns_from_differences_alone_behind_falling_rain(even):
+@pytest.mark.parametrize(("even", "seen"), [(0.0, 0.02), (0.1, None), (0.1, 0.002), (0.1, 0.02)])
+def test_mist_that_a_network_sees_behind_falling_rain_learns_from_differences_alone(even, seen):
     """SSIM asks for the contrast that streaks give photographs: it would take mist away."""
     scene = scene_of(8)
     photographs = panorama.misted(scene, panorama.slanted_mist(0.3), np.float32([0.6, 0.6, 0.6]))
     config = replace(NOTHING, mist=MistConfig(start=0), rain_layer=RainLayerConfig(start=0.9))
     one, other = (objective_of(photographs, config, lambda_dssim=share) for share in (0.0, 0.9))
     for objective in (one, other):
-        objective.model.rain.layer.alpha[0] = even
+        objective.model.rain.layer.alpha[0], objective.model.mist.seen = even, seen
         steps(objective, renders(scene), 0, 24)
     mists = one.model.mist, other.model.mist
     assert mists[0].roots.max() > 0.1
-    assert np.array_equal(*(mist.roots for mist in mists)) == (even > 0)
-    assert np.array_equal(*(mist.colour for mist in mists)) == (even > 0)
+    alone = even > 0 and seen == 0.02
+    assert np.array_equal(*(mist.roots for mist in mists)) == alone
+    assert np.array_equal(*(mist.colour for mist in mists)) == alone
 
 
 def test_training_taken_up_again_goes_on_the_same():
