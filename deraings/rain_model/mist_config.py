@@ -36,8 +36,8 @@ class MistConfig:
             lightest variant, 0.0102. Below, a network alone can tell.
         min_seen: mist_alpha, [0, 1], median over the lens, from which the enhancement network is believed: of
             development scenes streaks have 0.0024 at most (heavy ones of courtyard 0.0066), the lightest mist 0.0041.
-        min_seen_in_rain: the same, above `min_seen`, from which there surely is mist behind falling rain: of development
-            scenes streaks have 0.0066 at most, medium drops 0.012 and more.
+        min_seen_in_rain: the same, above `min_seen`, from which mist stands behind falling rain: streaks of development
+            scenes have 0.0066 at most, medium drops 0.012 and more.
         min_mist: share of the possible mist, [0, 1], from which scene points are believed: medium streaks show 0.11 at
             most, medium mist 0.23 and more.
         min_fog: share of their contrast, [0, 1], that points lose over the median depth, from which it is fog: clean
