@@ -56,7 +56,13 @@ def _tensor(array: NDArray, like: Tensor) -> Tensor:
 
 @contextmanager
 def torch_threads(count: int) -> Iterator[None]:
-    """Has torch calculate with so many threads while the block lasts, in all threads of the process."""
+    """Has torch calculate with so many threads while the block lasts, in all threads of the process.
+
+    Numba's threads are started first: as they start, they set the number of OpenMP, which is torch's as well.
+    """
+    import numba
+
+    numba.get_num_threads()
     before = torch.get_num_threads()
     torch.set_num_threads(count)
     try:
