@@ -7,7 +7,7 @@ the capture (see `time_knots`); both are learned by Adam from the gradient of th
 
 Behind falling rain, mist that a network surely sees is learned from differences alone. SSIM asks for the contrast that
 streaks give photographs and renders have not, and less mist is the cheapest way there: of courtyard's mist before
-streaks a ninth was left. Where there is none, that keeps rain from being taken for mist.
+streaks a ninth was left. Where there is no mist, SSIM keeps rain from being taken for it.
 
 What the photographs cannot tell, and what decides it:
 
