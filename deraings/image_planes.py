@@ -1,6 +1,7 @@
 """Planes of one value a pixel: at other sizes, and as weights; the light around each pixel."""
 
 from functools import cache
+from typing import TYPE_CHECKING, TypeVar
 
 import cv2
 import numpy as np
@@ -8,11 +9,24 @@ from numpy.typing import NDArray
 
 from hydroviews.scene.images import Image
 
+if TYPE_CHECKING:
+    from torch import Tensor
+
 Plane = NDArray[np.float32]  # [H, W]
+Factors = TypeVar("Factors", Plane, "Tensor")
 
 WHOLE = 0.999  # of a pixel that no hidden one touches, after resizing
 CELLS = 40  # along the longer side, of which the light around pixels is taken
 AROUND = 5  # cells on each side
+
+
+def product(*parts: Factors | None) -> Factors | None:
+    """The product of planes [H, W]; None stands for one that is 1 everywhere."""
+    product: Factors | None = None
+    for part in parts:
+        if part is not None:
+            product = part if product is None else product * part
+    return product
 
 
 def resized(plane: Plane, size: tuple[int, ...]) -> Plane:

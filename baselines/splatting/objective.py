@@ -26,6 +26,7 @@ class OnGPU(NamedTuple):
     image: "Tensor"  # [H, W, 3], differentiable by the render
     weights: "Tensor | None" = None  # [H, W], factors on each pixel's share of the loss; None where all are 1
     target: Target | None = None  # 8 bits, to compare with in place of the photograph, which hides what its mask does
+    penalties: "Sequence[tuple[Tensor, float]]" = ()  # tensors whose means are part of the loss, and how much they are
     # called after the gradients are there, with the photograph's pixels, uint8, and which are shown [H, W]; None: all
     learn: "Callable[[Tensor, Tensor | None], None]" = lambda pixels, shown: None
 

@@ -16,7 +16,7 @@ from baselines.splatting.kernels.photometric import Target
 from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import TrainingImages
 from deraings.enhancement.views import EnhancedViews
-from deraings.image_planes import Plane
+from deraings.image_planes import Plane, product
 from deraings.rain_model.drops import DropLayer, LensDropsConfig
 from deraings.rain_model.drops_by_shape import DropsByShape
 from deraings.rain_model.enhanced_target import EnhancedTarget, EnhancedTargetConfig
@@ -151,7 +151,7 @@ class RainModel:
         if self.mist and seen.mist_root is not None:
             told = gradient
             if seen.rain_alpha is not None and self.mist.sure_in_rain:
-                weights = _before_drops(observed.weights, seen.drops)
+                weights = product(observed.weights, None if seen.drops is None else 1 - seen.drops.alpha)
                 told = difference_gradient(seen.image, observed.photograph, weights)
             gradient, by_mist = self.mist.backward(
                 seen.rained, seen.without_drops, seen.mist_root, seen.view, gradient, told, buffers
@@ -254,11 +254,3 @@ class RainModel:
         even = np.full(seen.image.shape[:2], rain.even_alpha, np.float32)
         rained = rain.layer.forward(seen.scene_image, even, buffers.array("rained_even", seen.image.shape))
         return self._misted(rained, seen.mist_root, buffers.array("misted_even", rained.shape))
-
-
-def _before_drops(weights: Plane | None, drops: DropLayer | None) -> Plane | None:
-    """What pixels weigh [H, W] for what lies behind drops; None: all 1."""
-    if drops is None:
-        return weights
-    passing = 1 - drops.alpha
-    return passing if weights is None else weights * passing

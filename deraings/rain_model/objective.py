@@ -8,7 +8,7 @@ that the network enhanced (`enhanced_target`).
 
 from collections.abc import Callable
 from functools import cache, partial
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from baselines.splatting.objective import Objective, OnGPU
 from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import Size, TrainingImages
 from deraings.enhancement.views import EnhancedViews
-from deraings.image_planes import Plane
+from deraings.image_planes import Plane, product
 from deraings.masks.occlusion_masks import OcclusionMasks
 from deraings.rain_model.model import RainConfig, RainModel
 from deraings.rain_model.observation import Observation
@@ -30,8 +30,6 @@ from deraings.rain_model.on_gpu import RainOnGPU
 from deraings.rain_model.report import report
 from hydroviews.scene.images import Image
 from hydroviews.scene.point_colours import PointColours
-
-Factors = TypeVar("Factors", Plane, Tensor)
 
 
 class RainObjective(Objective):
@@ -66,7 +64,7 @@ class RainObjective(Objective):
         """See Objective: less behind what rain hides, as masks and renewed drops have it; the masks learn, if due."""
         target = self.target(view, size)
         renewed = self.model.renewed_weights(render, target, view, iteration)
-        return _product(renewed, self._mask_weights(render, target, view, size, iteration, buffers))
+        return product(renewed, self._mask_weights(render, target, view, size, iteration, buffers))
 
     def __call__(self, image: Image, view: int, iteration: int, buffers: BufferPool) -> tuple[float, Image]:
         """See Objective; learns of the rain as well. Pixels that are not finite count for nothing."""
@@ -75,9 +73,9 @@ class RainObjective(Objective):
         image, finite = _finite(image)
         self.model.begin(iteration)
         seen = self.model.forward(image, view, iteration, buffers)
-        shown = _product(target.shown, finite)
+        shown = product(target.shown, finite)
         left = self.weights(lambda: seen.image, view, size, iteration, buffers)
-        weights = _product(seen.weights, left, shown)
+        weights = product(seen.weights, left, shown)
         enhanced = self.model.enhanced_target(view, size, iteration)
         if enhanced is not None:
             return photometric_loss(seen.scene_image, enhanced, self.lambda_dssim, weights, buffers)
@@ -92,12 +90,14 @@ class RainObjective(Objective):
         self.model.begin(iteration)
         seen = self._on_gpu.forward(render, view, iteration)
         left = self.weights(cache(lambda: fetched(seen.image)), view, seen.size, iteration, buffers)
-        weights = _product(seen.weights, None if left is None else sent(left))
+        weights = product(seen.weights, None if left is None else sent(left))
         enhanced = self.model.enhanced_target(view, seen.size, iteration)
         if enhanced is not None:
             return OnGPU(render, weights, enhanced)
+        penalties = [(seen.mist.alpha, self.model.mist.mean_penalty)] if self.model.mist and seen.mist else []
         target = self.target(view, seen.size)
-        return OnGPU(seen.image, weights, learn=partial(self._on_gpu.update, seen, target, weights, buffers))
+        learn = partial(self._on_gpu.update, seen, target, weights, buffers)
+        return OnGPU(seen.image, weights, penalties=penalties, learn=learn)
 
     def residual(self, image: Image, view: int, buffers: BufferPool) -> float:
         """See Objective."""
@@ -145,15 +145,6 @@ class RainObjective(Objective):
         if self.masks.due(iteration):
             self.masks.learn(view, loss_map(render(), target, self.lambda_dssim, buffers=buffers), iteration)
         return self.masks.weights(view, size, iteration)
-
-
-def _product(*parts: Factors | None) -> Factors | None:
-    """The product of planes [H, W]; None stands for one that is 1 everywhere."""
-    product: Factors | None = None
-    for part in parts:
-        if part is not None:
-            product = part if product is None else product * part
-    return product
 
 
 def _finite(image: Image) -> tuple[Image, Plane | None]:

@@ -5,7 +5,7 @@ learned from is averaged down before it is downloaded. Only steps that falling r
 take the CPU's way. Gradients are torch's.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +19,7 @@ from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Target
 from baselines.training.images import Size
 from deraings.enhancement.mist_branch import decoded, encoded
-from deraings.image_planes import CELLS, Plane, averages_around, within_side
+from deraings.image_planes import CELLS, Plane, averages_around, product, within_side
 from deraings.rain_model.drops import DropLayer
 from deraings.rain_model.mist import NOISE, Mist, spreading
 from deraings.rain_model.mist_kernels import BRIGHTEST, BRIGHTEST_ENCODED
@@ -30,7 +30,7 @@ Matrix = Callable[[int, int], NDArray[np.float32]]  # makes one for a line of so
 
 
 class MistOnGPU(NamedTuple):
-    """A view's mist."""
+    """A view's mist; knots and colour are what gradients are wanted by."""
 
     knots: Tensor  # sqrt(mist_alpha) [h, w]
     colour: Tensor  # linear light [3]
@@ -77,9 +77,8 @@ class RainOnGPU:
             seen = behind_rain(seen, alpha, model.rain.layer.brightness)
         rained = seen
         if model.mist and model.mist.due(iteration):
-            mist = self._mist(sent(model.mist.knots(view).copy()), sent(model.mist.colour.copy()), size)
+            mist = self._mist(model.mist, view, size)
             seen = behind_mist(seen, mist)
-            seen.retain_grad()
         without_drops, drop_alpha, weights, layer = seen, None, None, self._drop_layer(view, size, iteration)
         if layer is not None:
             seen, drop_alpha, weights = behind_drops(seen, self._surroundings(seen.detach()), layer)
@@ -111,19 +110,20 @@ class RainOnGPU:
             small = self._averaged(seen.without_drops.detach(), model.drops.size(seen.view), averaging)
             model.drops.update(target.image, fetched(small), seen.view, target.shown)
         if model.mist and seen.mist is not None:
-            told = seen.without_drops.grad
+            learning = seen.mist
             if seen.rains and model.mist.sure_in_rain:
                 passing = None if seen.drop_alpha is None else 1 - seen.drop_alpha
-                told = difference_gradient(seen.image.detach(), pixels, (weights, shown, passing))
-            self._learn_mist(model.mist, seen, seen.mist, told)
+                told = difference_gradient(seen.image.detach(), pixels, product(weights, shown, passing))
+                learning = self._mist_told(model.mist, seen, told)
+            knots, colour = (_gradient(values) for values in (learning.knots, learning.colour))
+            model.mist.update(model.mist.learned_from(seen.view, knots, colour), seen.iteration)
 
-    def _learn_mist(self, mist: Mist, seen: SeenOnGPU, known: MistOnGPU, told: Tensor | None) -> None:
-        """A step of the mist, from the gradient [H, W, 3] of its loss by what is seen through it."""
-        knots, colour = (values.requires_grad_() for values in (known.knots, known.colour))
-        again = self._mist(knots, colour, seen.size)
+    def _mist_told(self, mist: Mist, seen: SeenOnGPU, told: Tensor) -> MistOnGPU:
+        """The mist with gradients of another loss: `told` [H, W, 3], its gradient by what is seen through mist."""
+        again = self._mist(mist, seen.view, seen.size)
         misted, penalty = behind_mist(seen.rained.detach(), again), mist.mean_penalty / again.alpha.numel()
         torch.autograd.backward([misted, again.alpha], [told, torch.full_like(again.alpha, penalty)])
-        mist.update(mist.learned_from(seen.view, _gradient(knots), _gradient(colour)), seen.iteration)
+        return again
 
     def _update_on_cpu(self, seen: SeenOnGPU, target: Target, weights: Tensor | None, buffers: BufferPool) -> None:
         """All but mist, from the view as the CPU's kernels show it."""
@@ -166,8 +166,9 @@ class RainOnGPU:
         around = self._averaged(image, within_side(size, CELLS), averaging_around)
         return enlarged(around.permute(2, 0, 1), size).permute(1, 2, 0)
 
-    def _mist(self, knots: Tensor, colour: Tensor, size: Size) -> MistOnGPU:
-        """Mist of given knots [h, w] and light [3] over a view of (height, width)."""
+    def _mist(self, mist: Mist, view: int, size: Size) -> MistOnGPU:
+        """The mist of a view of (height, width)."""
+        knots, colour = (sent(values.copy()).requires_grad_() for values in (mist.knots(view), mist.colour))
         rows, columns = (self._matrix(spreading, pixels, n) for pixels, n in zip(size, knots.shape, strict=True))
         return MistOnGPU(knots, colour, (rows @ knots @ columns.T).square())
 
@@ -189,12 +190,10 @@ def behind_mist(image: Tensor, mist: MistOnGPU) -> Tensor:
     return torch.where(alpha > 0, encoded(_clipped(light, float(BRIGHTEST))), image)
 
 
-def difference_gradient(seen: Tensor, pixels: Tensor, factors: Sequence[Tensor | None]) -> Tensor:
-    """See `mist.difference_gradient`; the photograph [H, W, 3] is uint8, its pixels are weighed by all factors."""
+def difference_gradient(seen: Tensor, pixels: Tensor, weights: Tensor | None) -> Tensor:
+    """See `mist.difference_gradient`; the photograph [H, W, 3] is uint8."""
     gradient = ((seen - pixels.to(seen) / 255) / NOISE).clamp(-1, 1) / seen.numel()
-    for factor in factors:
-        gradient = gradient if factor is None else gradient * factor[..., None]
-    return gradient
+    return gradient if weights is None else gradient * weights[..., None]
 
 
 def behind_drops(image: Tensor, around: Tensor, layer: DropLayer) -> tuple[Tensor, Tensor, Tensor]:

@@ -277,7 +277,8 @@ class CudaBackend:
         seen = self._objective.on_gpu(renders[0], view, iteration, self._buffers)
         if seen is not None:
             loss, gradient = self._photometric_loss(seen, view)
-            seen.image.backward(gradient)
+            more = [torch.full_like(values, weight / values.numel()) for values, weight in seen.penalties]
+            torch.autograd.backward([seen.image, *(values for values, _ in seen.penalties)], [gradient, *more])
             seen.learn(*self._target(view, (seen.image.shape[0], seen.image.shape[1])))
             return loss
         pictures = [fetched(image) for image in renders]
