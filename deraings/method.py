@@ -29,7 +29,7 @@ from hydroviews.files.atomic import sha256
 from hydroviews.scene.scenes import Scene
 
 SHORT_TRAINING = 2000  # iterations, below which a training is short
-RENEWED_DROPS_ALONE = RainConfig(mist=None, drops=None, rain_layer=None, streaks=None, enhanced=None)
+RENEWED_DROPS_ALONE = RainConfig(mist=None, drops=None, staying=None, rain_layer=None, streaks=None, enhanced=None)
 NO_RAIN = replace(RENEWED_DROPS_ALONE, renewed=None)
 
 
@@ -182,10 +182,16 @@ class WithoutAttention(DeRainGS):
 
 
 class Everything(DeRainGS):
-    """Enhancement, masks and the rain model, but for falling rain, which would be taken off twice."""
+    """Enhancement, masks and the rain model, but for what would be taken off twice.
+
+    That is falling rain, and drops that stay as the network sees them, which masks hide.
+    """
 
     profiles: ClassVar[Mapping[str, Any]] = profiles(
         lambda splatting: DeRainGSConfig(
-            splatting, enhancement=DEFAULT, masks=masks_for(splatting), rain=RainConfig(rain_layer=None)
+            splatting,
+            enhancement=DEFAULT,
+            masks=masks_for(splatting),
+            rain=RainConfig(rain_layer=None, staying=None),
         )
     )

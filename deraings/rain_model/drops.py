@@ -15,7 +15,8 @@ nothing is left count for nothing.
 
 A line is believed only where detail stays on the lens (`fixed_pattern`). Where the scene is not learned, or learned
 wrong, photographs do not follow the render either: trees in wind have slopes like drops, and what is taken for a drop
-is never learned afterwards. But no detail of theirs stays.
+is never learned afterwards. But no detail of theirs stays. A network that sees drops stay is believed as well
+(`staying_drops`): few photographs hardly show what stays.
 
 What the photographs cannot tell: L without drop_alpha would be a stain of light that any scene could lose to the lens.
 So L is at most drop_alpha times white or its negative, and drop_alpha is 0 where the slope is near one. Drops grow and
@@ -143,6 +144,19 @@ class LensDrops:
         masks = tuple(hidden) or (None,) * n_views
         self._known = np.logical_or.reduce([shown_beside(mask, self._size) for mask in masks])
         self._believed = smooth_rise(fixed_pattern(pictures, masks, self._size, times), config.usual, config.fixed)
+
+    def believe(self, hidden: Sequence[Plane]) -> None:
+        """Believe lines where a network sees drops that stay, too.
+
+        Args:
+            hidden: what they hide of the lens about the time of each view, [h, w] in [0, 1].
+        """
+        seen, total = np.zeros_like(self._believed), np.zeros(len(self.sums), np.float32)
+        for view, plane in enumerate(hidden):
+            weights = time_weights(view, self._n_views, len(self.sums))
+            seen += weights[:, None, None] * resized(plane, self._size)
+            total += weights
+        self._believed = np.maximum(self._believed, seen / total[:, None, None])
 
     @property
     def staying(self) -> float:

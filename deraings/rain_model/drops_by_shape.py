@@ -4,7 +4,7 @@ The same lens held another way has its drops in other places of the picture. So 
 """
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,12 +33,18 @@ class DropsByShape:
         if len(shapes) > 1:
             counts = ", ".join(str(len(views)) for views in shapes)
             logger.info("photographs of %d shapes (%s): each has drops of its own", len(shapes), counts)
+        self._shapes = shapes
         self.lenses: list[LensDrops] = []
         self._places: dict[int, tuple[LensDrops, int]] = {}  # of views
         for views in shapes:
             lens = LensDrops([pictures[v] for v in views], iterations, config, [hidden[v] for v in views])
             self._places |= {view: (lens, place) for place, view in enumerate(views)}
             self.lenses.append(lens)
+
+    def believe(self, hidden: Callable[[int], Plane]) -> None:
+        """See LensDrops; `hidden` tells of each view."""
+        for lens, views in zip(self.lenses, self._shapes, strict=True):
+            lens.believe([hidden(view) for view in views])
 
     @property
     def staying(self) -> float:

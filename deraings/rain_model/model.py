@@ -25,6 +25,7 @@ from deraings.rain_model.mist import Mist, MistConfig, MistGradient, difference_
 from deraings.rain_model.observation import Observation
 from deraings.rain_model.rain_layer import RainLayerConfig
 from deraings.rain_model.renewed_drops import RenewedDrops, RenewedDropsConfig
+from deraings.rain_model.staying_drops import StayingDrops, StayingDropsConfig
 from deraings.rain_model.streaks import SingleStreaksConfig
 from deraings.rain_model.warm_up import warm_up
 from hydroviews.scene.images import Image
@@ -38,6 +39,7 @@ class RainConfig:
     Attributes:
         mist: on the lens.
         drops: on the lens, where they stay.
+        staying: the same as a network sees them; looked for only beside `drops`, where one says what drops cover.
         renewed: drops on the lens that are new in every view; looked for only where a network says what drops cover.
         rain_layer: falling rain, even.
         streaks: single ones, looked for only where falling rain is.
@@ -46,6 +48,7 @@ class RainConfig:
 
     mist: MistConfig | None = field(default_factory=MistConfig)
     drops: LensDropsConfig | None = field(default_factory=LensDropsConfig)
+    staying: StayingDropsConfig | None = field(default_factory=StayingDropsConfig)
     renewed: RenewedDropsConfig | None = field(default_factory=RenewedDropsConfig)
     rain_layer: RainLayerConfig | None = field(default_factory=RainLayerConfig)
     streaks: SingleStreaksConfig | None = field(default_factory=SingleStreaksConfig)
@@ -89,7 +92,7 @@ class RainModel:
             prior: the photographs without rain as far as a network sees it, asked whether there is mist, and where rain
                 may be what is behind it and what are single streaks.
             points: looks up scene points in the photographs, to tell mist on the lens from fog in the scene.
-            covers: what drops cover of the photographs, as a network sees it; for renewed drops.
+            covers: what drops cover of the photographs, as a network sees it.
         """
         warm_up()
         self.config, self.iterations, self._prior = config, iterations, prior
@@ -104,10 +107,15 @@ class RainModel:
         layer, streaks = config.rain_layer, config.streaks
         self.rain = FallingRain(sizes, iterations, layer, streaks, prior) if layer else None
         self.drops = DropsByShape(pictures, iterations, config.drops, hidden) if config.drops else None
-        self.renewed = None
-        if config.renewed and covers is not None and covers.tells_cover:
+        told = covers if covers is not None and covers.tells_cover else None
+        self.staying, self.renewed = None, None
+        if told and self.drops and config.staying:
+            self.staying = StayingDrops(told, count, self.drops.staying, iterations, config.staying)
+        if self.drops and self.staying and self.staying.wanted:
+            self.drops.believe(self.staying.hidden)
+        elif told and config.renewed:
             drops = self.drops or DropsByShape(pictures, iterations, LensDropsConfig(), hidden)
-            self.renewed = RenewedDrops(covers, images, drops.staying, iterations, config.renewed)
+            self.renewed = RenewedDrops(told, images, drops.staying, iterations, config.renewed)
 
     def begin(self, iteration: int) -> None:
         """Call first in every step: estimates single streaks again when that is due."""
@@ -185,8 +193,10 @@ class RainModel:
             return None
         return self.enhanced.target(view, size)
 
-    def renewed_weights(self, render: Callable[[], Image], target: Target, view: int, iteration: int) -> Plane | None:
-        """Factors [H, W] on pixels' shares of the loss, less where this view alone shows a drop; None: all 1.
+    def drop_weights(self, render: Callable[[], Image], target: Target, view: int, iteration: int) -> Plane | None:
+        """Factors [H, W] on pixels' shares of the loss, less where a network sees a drop; None: all 1.
+
+        Of drops that stay, or else of those that this view alone shows.
 
         Args:
             render: gives the view [H, W, 3] as it is seen through the rest of the rain.
@@ -194,9 +204,11 @@ class RainModel:
             view: index of the training view.
             iteration: of the training.
         """
-        if self.renewed is None or not self.renewed.due(iteration):
-            return None
-        return self.renewed.weights(target, render(), view)
+        if self.staying and self.staying.due(iteration):
+            return self.staying.weights(view, (target.image.shape[0], target.image.shape[1]))
+        if self.renewed and self.renewed.due(iteration):
+            return self.renewed.weights(target, render(), view)
+        return None
 
     @property
     def even_alpha(self) -> float:
@@ -217,8 +229,13 @@ class RainModel:
         drops = self._drop_layer(view, size, self.iterations)
         return np.zeros(size, np.float32) if drops is None else drops.alpha
 
-    def renewed_cover(self, view: int, size: tuple[int, int]) -> Plane:
-        """What drops that are new in every view cover of each pixel [H, W] of a training view at (height, width)."""
+    def seen_cover(self, view: int, size: tuple[int, int]) -> Plane:
+        """What drops cover of each pixel [H, W] of a training view at (height, width) on a network's word alone.
+
+        Those that are new in every view, or those that stay, if its word on these counts to the end.
+        """
+        if self.staying and self.staying.due(self.iterations - 1):
+            return 1 - self.staying.weights(view, size)
         return self.renewed.cover(view, size) if self.renewed else np.zeros(size, np.float32)
 
     def settings(self) -> dict[str, Any]:

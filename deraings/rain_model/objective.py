@@ -61,10 +61,10 @@ class RainObjective(Objective):
     def weights(
         self, render: Callable[[], Image], view: int, size: Size, iteration: int, buffers: BufferPool
     ) -> Plane | None:
-        """See Objective: less behind what rain hides, as masks and renewed drops have it; the masks learn, if due."""
+        """See Objective: less behind what rain hides, as masks and a network have it; the masks learn, if due."""
         target = self.target(view, size)
-        renewed = self.model.renewed_weights(render, target, view, iteration)
-        return product(renewed, self._mask_weights(render, target, view, size, iteration, buffers))
+        behind_drops = self.model.drop_weights(render, target, view, iteration)
+        return product(behind_drops, self._mask_weights(render, target, view, size, iteration, buffers))
 
     def __call__(self, image: Image, view: int, iteration: int, buffers: BufferPool) -> tuple[float, Image]:
         """See Objective; learns of the rain as well. Pixels that are not finite count for nothing."""
@@ -107,7 +107,7 @@ class RainObjective(Objective):
     def hidden(self, view: int, size: Size) -> Plane:
         """How much of each pixel [H, W] of a view of (height, width) is taken for rain, or masked, after training."""
         model = self.model
-        parts = model.mist_alpha, model.drop_alpha, model.renewed_cover, model.rain_alpha
+        parts = model.mist_alpha, model.drop_alpha, model.seen_cover, model.rain_alpha
         covers = [cover(view, size) for cover in parts]
         if self.masks:
             covers.append(self.masks.mask(view, size))

@@ -20,7 +20,8 @@ def report(model: RainModel, masks: OcclusionMasks | None, views: Mapping[int, t
         part that was looked for: `mist_mean` and `mist_max` of mist_alpha, `mist_r`, `mist_g`, `mist_b` of its linear
         light, `mist_seen` (mist_alpha as the network has it), `mist_removed` (share of the possible
         mist that the network takes away), `fog` (contrast lost over the median depth), `drops`
-        (share of the lens more than half covered), `renewed` (share of pixels behind drops that are new in every view),
+        (share of the lens more than half covered), `drops_seen` (the same as the network has it), `renewed` (share of
+        pixels behind drops that are new in every view),
         `rain` (S), `rain_certainty`, `rain_angle` in degrees, `streaks` (mean |D|), `masks` (their mean).
     """
     numbers: dict[str, Any] = {}
@@ -36,6 +37,8 @@ def report(model: RainModel, masks: OcclusionMasks | None, views: Mapping[int, t
             numbers["fog"] = model.mist.paleness.fog
     if model.drops:
         numbers["drops"] = max((model.drop_alpha(view, size) > 0.5).mean() for view, size in views.items())
+    if model.staying and model.staying.wanted:
+        numbers["drops_seen"] = max((model.staying.hidden(view) > 0.5).mean() for view in views)
     if model.renewed and model.renewed.wanted:
         numbers["renewed"] = model.renewed.share
     if model.rain:
