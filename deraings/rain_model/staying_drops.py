@@ -26,12 +26,12 @@ class StayingDropsConfig:
 
     Attributes:
         min_staying: share of the lens, [0, 1], that shows detail which stays, from which it is asked: clean views and
-            streaks have 0.07 at most, light drops on few photographs 0.22 and more.
+            streaks have 0.07 at most, half of the drops renewed 0.17, light ones on eight photographs 0.22 and more.
         until: share of the iterations, [0, 1], up to which pixels count less.
         many_views: so many photographs tell better than the network; of fewer, pixels count less to the end.
     """
 
-    min_staying: float = 0.12
+    min_staying: float = 0.2
     until: float = 0.5
     many_views: int = 24
 
