@@ -22,6 +22,7 @@ from deraings.rain_model.model import RainConfig, RainModel
 from deraings.rain_model.objective import RainObjective
 from deraings.rain_model.on_gpu import MistOnGPU, RainOnGPU, averaging, behind_drops, behind_mist, enlarged
 from deraings.rain_model.rain_layer import RainLayerConfig
+from deraings.rain_model.staying_drops import StayingDrops, StayingDropsConfig
 
 COUNT, STEPS = 8, 60
 EAGER = RainConfig(
@@ -99,6 +100,22 @@ def test_mist_that_a_network_sees_is_learned_the_same_in_rain(gpu, scene):
     for objective in objectives:
         objective.model.mist.seen = 0.02
     compare(gpu, scene, *objectives)
+
+
+def test_pixels_behind_drops_that_a_network_sees_count_as_little(gpu, scene):
+    class Network:
+        drops_stay = True
+
+        def hidden_by_drops(self, view):
+            hidden = np.zeros((20, 30), np.float32)
+            hidden[5:15, view : view + 10] = 0.9
+            return hidden
+
+    objectives = objective_of(scene), objective_of(scene)
+    for objective in objectives:
+        objective.model.staying = StayingDrops(Network(), COUNT, 1.0, STEPS, StayingDropsConfig())
+    compare(gpu, scene, *objectives)
+    assert objectives[1].weights(lambda: scene[0], 0, scene.shape[1:3], STEPS - 1, BufferPool()).min() < 0.2
 
 
 def test_single_streaks_hidden_pixels_and_small_views(gpu, scene):
