@@ -171,6 +171,7 @@ class EnhancedViews:
 
     @cached_property
     def _lens_covers(self) -> LensCovers:
+        self.files()  # together and with progress; below they would be enhanced one by one
         return lens_covers([self._cover(index) for index in range(len(self._images))])
 
     @cached_property

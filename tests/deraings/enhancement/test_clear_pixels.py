@@ -138,3 +138,15 @@ def test_what_covers_a_photograph_is_found_again_if_it_is_lost(tmp_path):
     (kept,) = (tmp_path / "kept").rglob(f"cover/{names[0]}.png")
     kept.unlink()
     assert np.array_equal(views.drop_cover(0), first)
+
+
+def test_to_say_whether_drops_stay_all_are_enhanced_two_at_a_time(tmp_path, monkeypatch):
+    scene = photographed(tmp_path / "scene")
+    names = [view.name for view in scene.train_views]
+    enhancer = Enhancer(EnhancementNetwork(TINY).eval(), {}, "tiny")
+    views = EnhancedViews(read_images(scene.train_views), names, enhancer, tmp_path / "kept")
+    together = []
+    alone = enhanced_views.side_by_side
+    monkeypatch.setattr(enhanced_views, "side_by_side", lambda function, of: together.extend(of) or alone(function, of))
+    assert views.drops_stay in (True, False)
+    assert together == list(range(len(names)))
