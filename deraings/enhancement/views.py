@@ -12,7 +12,14 @@ from tqdm import tqdm
 
 from baselines.training.images import TrainingImages
 from baselines.training.torch_state import one_thread
-from deraings.enhancement.clear_pixels import DROPS, LensCovers, hidden_by_drops, lens_covers, with_clear_pixels
+from deraings.enhancement.clear_pixels import (
+    DROPS,
+    STREAKS,
+    LensCovers,
+    hidden_by_drops,
+    lens_covers,
+    with_clear_pixels,
+)
 from deraings.enhancement.enhance import enhance, enhance_with_cover, without_mist_on_lens
 from deraings.enhancement.lenses import Lens, lenses_of_capture
 from deraings.enhancement.weights import Enhancer
@@ -83,6 +90,10 @@ class EnhancedViews:
             InputError: a kept picture is damaged.
         """
         return np.ascontiguousarray(self._rain_cover(index)[..., DROPS])
+
+    def streak_cover(self, index: int) -> Plane:
+        """The same of streaks."""
+        return np.ascontiguousarray(self._rain_cover(index)[..., STREAKS])
 
     @property
     def drops_stay(self) -> bool:

@@ -19,7 +19,7 @@ from deraings.enhancement.views import EnhancedViews
 from deraings.image_planes import Plane, product
 from deraings.rain_model.drops import DropLayer, LensDropsConfig
 from deraings.rain_model.drops_by_shape import DropsByShape
-from deraings.rain_model.enhanced_target import EnhancedTarget, EnhancedTargetConfig
+from deraings.rain_model.enhanced_target import EnhancedStart, EnhancedTarget, EnhancedTargetConfig
 from deraings.rain_model.falling_rain import FallingRain
 from deraings.rain_model.mist import Mist, MistConfig, MistGradient, difference_gradient
 from deraings.rain_model.observation import Observation
@@ -43,7 +43,8 @@ class RainConfig:
         renewed: drops on the lens that are new in every view; looked for only where a network says what drops cover.
         rain_layer: falling rain, even.
         streaks: single ones, looked for only where falling rain is.
-        enhanced: photographs that a network enhanced, which a scene behind mist is learned from as well.
+        enhanced: photographs that a network enhanced, which a scene behind mist is learned from as well, and one in
+            streaks at first.
     """
 
     mist: MistConfig | None = field(default_factory=MistConfig)
@@ -116,6 +117,9 @@ class RainModel:
         elif told and config.renewed:
             drops = self.drops or DropsByShape(pictures, iterations, LensDropsConfig(), hidden)
             self.renewed = RenewedDrops(told, images, drops.staying, iterations, config.renewed)
+        self.start = None
+        if told and self.rain and config.enhanced and not (self.staying and self.staying.asked):
+            self.start = EnhancedStart(images, told, iterations, config.enhanced)
 
     def begin(self, iteration: int) -> None:
         """Call first in every step: estimates single streaks again when that is due."""
@@ -183,15 +187,16 @@ class RainModel:
     def enhanced_target(self, view: int, size: tuple[int, int], iteration: int) -> Target | None:
         """The enhanced photograph that the scene is compared with in this step instead of learning of the rain, if any.
 
-        Steps in which drops or falling rain are to be learned have the photograph.
+        Steps in which falling rain is to be learned have the photograph, and behind mist those for drops as well.
         """
-        if self.enhanced is None or self.mist is None:
+        if self.rain and self.rain.due(view, size, iteration):
             return None
-        if not (self.mist.due(iteration) and self.enhanced.due(iteration)):
+        if self.start and self.start.due(iteration):
+            return self.start.target(view, size)
+        if self.enhanced is None or self.mist is None or (self.drops and self.drops.due(iteration)):
             return None
-        if (self.drops and self.drops.due(iteration)) or (self.rain and self.rain.due(view, size, iteration)):
-            return None
-        return self.enhanced.target(view, size)
+        behind_mist = self.mist.due(iteration) and self.enhanced.due(iteration)
+        return self.enhanced.target(view, size) if behind_mist else None
 
     def drop_weights(self, render: Callable[[], Image], target: Target, view: int, iteration: int) -> Plane | None:
         """Factors [H, W] on pixels' shares of the loss, less where a network sees a drop; None: all 1.

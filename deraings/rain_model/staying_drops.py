@@ -53,7 +53,8 @@ class StayingDrops:
         """
         self._enhanced = enhanced
         self._last = iterations if n_views < config.many_views else config.until * iterations
-        self.wanted = staying >= config.min_staying and enhanced.drops_stay
+        self.asked = staying >= config.min_staying  # whether detail stays, be it that of drops or not
+        self.wanted = self.asked and enhanced.drops_stay
 
     def hidden(self, view: int) -> Plane:
         """What the network's drops hide of the lens about the time of a view [h, w], [0, 1]."""

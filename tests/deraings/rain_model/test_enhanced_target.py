@@ -12,6 +12,7 @@ from deraings.rain_model.enhanced_target import EnhancedTarget, EnhancedTargetCo
 from deraings.rain_model.mist import MistConfig
 from deraings.rain_model.model import RainConfig
 from deraings.rain_model.objective import RainObjective
+from deraings.rain_model.rain_layer import RainLayerConfig
 from deraings.rain_model.streaks import SingleStreaksConfig
 
 STEPS, COUNT, CONFIG = 60, 8, EnhancedTargetConfig()
@@ -140,3 +141,60 @@ def test_single_streaks_are_renewed_in_a_step_that_has_the_enhanced_photograph(s
     objective(scene[0], 0, renewal, BufferPool())
     assert objective.model.enhanced.due(renewal)
     assert not objective.model.rain.streaks.visits.any()
+
+
+class SeesStreaks(Enhanced):
+    """A network that takes rain away, and says how much of each pixel streaks cover."""
+
+    tells_cover, drops_stay = True, False
+
+    def __init__(self, pictures, streaks):
+        super().__init__(pictures, light=0.0)
+        self.streaks = streaks
+
+    def streak_cover(self, view):
+        return np.full((panorama.HEIGHT, panorama.WIDTH), self.streaks, np.float32)
+
+    def drop_cover(self, view):
+        return np.zeros((panorama.HEIGHT, panorama.WIDTH), np.float32)
+
+
+IN_RAIN = RainConfig(mist=None, rain_layer=RainLayerConfig(start=0.1, updates=9, min_updates=0))
+
+
+def in_rain(scene, streaks, config=IN_RAIN):
+    """An objective for photographs that are lighter than the scene, and what the network makes of them."""
+    network = SeesStreaks(scene, streaks)
+    photographs = TrainingImages(panorama.eight_bit(np.clip(scene + np.float32(0.1), 0, 1)))
+    return RainObjective(photographs, STEPS, config, prior=network, covers=network), network
+
+
+def test_where_streaks_are_seen_the_first_steps_have_enhanced_photographs(scene):
+    objective, network = in_rain(scene, 0.04)
+    plain, seen = Objective(network.pictures), []
+    for step in range(STEPS):
+        view = step % COUNT
+        render = np.clip(scene[view] + np.float32(0.02), 0, 1)
+        loss, gradient = objective(render, view, step, BufferPool())
+        expected, g = plain(render, view, step, BufferPool())
+        seen.append(loss == expected and np.array_equal(gradient, g))
+    rain = objective.model.rain.layer
+    assert seen == [step < 0.3 * STEPS and not rain.due(step) for step in range(STEPS)]
+    assert rain.powers[0, 0] > 1  # rain was looked for all the while
+    assert network.asked == 1
+
+
+@pytest.mark.parametrize("config", [IN_RAIN, replace(IN_RAIN, rain_layer=None), replace(IN_RAIN, enhanced=None)])
+def test_without_streaks_or_what_looks_for_rain_photographs_are_all(scene, config):
+    objective, network = in_rain(scene, 0.01 if config == IN_RAIN else 0.04, config)
+    assert objective.model.enhanced_target(0, scene.shape[1:3], 0) is None
+    assert network.asked == 0
+
+
+def test_where_detail_stays_on_the_lens_it_starts_from_the_photographs(scene):
+    wet = scene.copy()
+    wet[:, 12:34, 16:46] = panorama.shaded_drop(22, 30)
+    objective, network = in_rain(wet, 0.04)
+    assert objective.model.staying.asked
+    assert objective.model.start is None
+    assert network.asked == 0
