@@ -40,7 +40,8 @@ def test_the_page_has_all_settings_that_say_what_rain_is():
         "renewed": {"covered", "sample", "start", "shown", "hidden", "least", "around", "long_side"},
         "rain_layer": {"start", "settled", "updates", "memory", "max_alpha"},
         "streaks": {"smooth", "visits", "renewals", "max_alpha"},
-        "enhanced": {"sample", "until"},
+        "enhanced": {"sample", "until", "streaks_sample", "streaks_until"},
+        "staying": set(),
     }
     for part, named in how.items():
         there = {setting.partition(".")[2] for setting, _ in listed() if setting.startswith(f"{part}.")}
