@@ -59,6 +59,7 @@ class EnhancedViews:
         self._images, self._names, self._enhancer, self.remove_mist = images, names, enhancer, remove_mist
         self.digest = _fingerprint(images, enhancer, remove_mist)
         self._kept = folder / self.digest
+        self._pictures: dict[bool, TrainingImages] = {}  # those read so far, clear or not
 
     def file(self, index: int) -> Path:
         """One picture as a PNG, written unless an earlier call has finished it; so is what rain covers of it."""
@@ -142,7 +143,7 @@ class EnhancedViews:
         return read_image(self.file(index))
 
     def training_images(self, clear: bool = False) -> TrainingImages:
-        """All pictures, as training images that hide what the photographs hide; shows progress.
+        """All pictures, as training images that hide what the photographs hide; shows progress, read once.
 
         Args:
             clear: see `files`.
@@ -150,8 +151,11 @@ class EnhancedViews:
         Raises:
             InputError: a kept picture is damaged.
         """
-        pictures = [to_uint8(read_image(path)) for path in self.files(clear)]
-        return TrainingImages(pictures, [self._images.ignored(index) for index in range(len(pictures))])
+        if clear not in self._pictures:
+            pictures = [to_uint8(read_image(path)) for path in self.files(clear)]
+            hidden = [self._images.ignored(index) for index in range(len(pictures))]
+            self._pictures[clear] = TrainingImages(pictures, hidden)
+        return self._pictures[clear]
 
     def files(self, clear: bool = False) -> list[Path]:
         """All pictures as PNG, in the order of the photographs, two at a time, showing progress.

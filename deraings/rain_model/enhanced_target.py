@@ -51,7 +51,24 @@ class EnhancedTargetConfig:
     streaks_until: float = 0.3
 
 
-class EnhancedTarget:
+class _EnhancedPictures:
+    """Enhanced photographs as targets of the earlier steps."""
+
+    def __init__(self, images: TrainingImages | None, last: float) -> None:
+        """Pictures, None where they are not believed, and the iteration before which steps are compared with them."""
+        self._images, self._last = images, last
+
+    def due(self, iteration: int) -> bool:
+        """Whether the scene is compared with an enhanced photograph in this step."""
+        return self._images is not None and iteration < self._last
+
+    def target(self, view: int, size: Size) -> Target:
+        """An enhanced photograph at (height, width), to compare the scene with in a step that is due."""
+        assert self._images is not None  # no step is due otherwise
+        return prepare_target(self._images.pixels(view, size), self._images.ignored(view, size))
+
+
+class EnhancedTarget(_EnhancedPictures):
     """The enhanced photographs, where the network is believed, and when they are compared with the scene."""
 
     def __init__(
@@ -74,21 +91,16 @@ class EnhancedTarget:
         Raises:
             InputError: a kept picture is damaged.
         """
-        self._last = config.until * iterations
         self.removed = removed_mist(images, enhanced, mist, config.sample)
-        self._images = enhanced.training_images() if self.removed >= config.min_removed else None
+        believed = self.removed >= config.min_removed
+        super().__init__(enhanced.training_images() if believed else None, config.until * iterations)
 
     def due(self, iteration: int) -> bool:
-        """Whether the scene is compared with an enhanced photograph in this step."""
-        return self._images is not None and iteration % 2 == 1 and iteration < self._last
-
-    def target(self, view: int, size: Size) -> Target:
-        """An enhanced photograph at (height, width), to compare the scene with in a step that is due."""
-        assert self._images is not None  # no step is due otherwise
-        return prepare_target(self._images.pixels(view, size), self._images.ignored(view, size))
+        """See above; every second one is."""
+        return iteration % 2 == 1 and super().due(iteration)
 
 
-class EnhancedStart:
+class EnhancedStart(_EnhancedPictures):
     """The enhanced photographs, where a network sees streaks, and when they are compared with the scene."""
 
     def __init__(
@@ -106,18 +118,8 @@ class EnhancedStart:
             InputError: a kept picture is damaged.
         """
         views = evenly_spread(len(images), config.streaks_sample)
-        self.streaks = float(np.mean([enhanced.streak_cover(view).mean() for view in views]))
-        self._last = config.streaks_until * iterations
-        self._images = enhanced.training_images() if self.streaks >= config.min_streaks else None
-
-    def due(self, iteration: int) -> bool:
-        """Whether the scene is compared with an enhanced photograph in this step."""
-        return self._images is not None and iteration < self._last
-
-    def target(self, view: int, size: Size) -> Target:
-        """See EnhancedTarget."""
-        assert self._images is not None  # no step is due otherwise
-        return prepare_target(self._images.pixels(view, size), self._images.ignored(view, size))
+        seen = np.mean([enhanced.streak_cover(view).mean() for view in views]) >= config.min_streaks
+        super().__init__(enhanced.training_images() if seen else None, config.streaks_until * iterations)
 
 
 def removed_mist(images: TrainingImages, enhanced: EnhancedViews, mist: MistConfig, sample: int) -> float:

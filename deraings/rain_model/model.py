@@ -210,7 +210,7 @@ class RainModel:
             iteration: of the training.
         """
         if self.staying and self.staying.due(iteration):
-            return self.staying.weights(view, (target.image.shape[0], target.image.shape[1]))
+            return 1 - self.staying.cover(view, (target.image.shape[0], target.image.shape[1]))
         if self.renewed and self.renewed.due(iteration):
             return self.renewed.weights(target, render(), view)
         return None
@@ -240,7 +240,7 @@ class RainModel:
         Those that are new in every view, or those that stay, if its word on these counts to the end.
         """
         if self.staying and self.staying.due(self.iterations - 1):
-            return 1 - self.staying.weights(view, size)
+            return self.staying.cover(view, size)
         return self.renewed.cover(view, size) if self.renewed else np.zeros(size, np.float32)
 
     def settings(self) -> dict[str, Any]:

@@ -64,6 +64,6 @@ class StayingDrops:
         """Whether pixels count less in this iteration."""
         return self.wanted and iteration < self._last
 
-    def weights(self, view: int, size: tuple[int, int]) -> Plane:
-        """Factors [H, W] on each pixel's share of the loss, in iterations that are due."""
-        return 1 - resized(self.hidden(view), size)
+    def cover(self, view: int, size: tuple[int, int]) -> Plane:
+        """The same of each pixel of a view [H, W]; 1 less it are factors on pixels' shares of the loss, when due."""
+        return resized(self.hidden(view), size)

@@ -127,6 +127,7 @@ def test_pictures_of_a_capture_are_cleared_once(rng, tmp_path, monkeypatch):
     again = EnhancedViews(images, names, enhancer, tmp_path / "kept").files(clear=True)
     assert times == [path.stat().st_mtime_ns for path in again]
     assert np.array_equal(views.training_images(clear=True).pixels(0), (read_image(cleared[0]) * 255).round())
+    assert views.training_images(clear=True) is views.training_images(clear=True)  # large: several ask for them
 
 
 def test_what_covers_a_photograph_is_found_again_if_it_is_lost(tmp_path):
