@@ -25,9 +25,9 @@ from tqdm import tqdm
 from benchmarks.timing import counted, counted_seconds
 from hydroviews.cli.commands import run_command
 from hydroviews.files.atomic import write_bytes
-from hydroviews.rain.lens.bake import aperture_radius, bake_matte, focus_disk, lens_water, trace
-from hydroviews.rain.lens.path_matte import PathMatte
-from hydroviews.rain.lens.pattern import RaindropPattern, draw_pattern
+from hydroviews.rain.lens.optics.bake import aperture_radius, bake_matte, focus_disk, lens_water, trace
+from hydroviews.rain.lens.optics.path_matte import PathMatte
+from hydroviews.rain.lens.patterns.pattern import RaindropPattern, draw_pattern
 from hydroviews.rain.light import expand_highlights
 from hydroviews.rain.scene_statistics import LensRenderer
 from hydroviews.scene.cameras import Camera

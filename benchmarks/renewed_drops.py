@@ -25,11 +25,11 @@ from hydroviews.cli.commands import run_command
 from hydroviews.files.atomic import write_bytes
 from hydroviews.rain.compositing import water_over
 from hydroviews.rain.effect import fall
-from hydroviews.rain.lens.bake import aperture_radius, bake_matte, focus_disk, lens_water, trace
-from hydroviews.rain.lens.drop_bank import DropPainter
 from hydroviews.rain.lens.effect import RaindropEffect, SharpRaindropEffect
-from hydroviews.rain.lens.path_matte import defocus
-from hydroviews.rain.lens.pattern import MEDIUM, RaindropPattern, draw_pattern
+from hydroviews.rain.lens.optics.bake import aperture_radius, bake_matte, focus_disk, lens_water, trace
+from hydroviews.rain.lens.optics.drop_bank import DropPainter
+from hydroviews.rain.lens.optics.path_matte import defocus
+from hydroviews.rain.lens.patterns.pattern import MEDIUM, RaindropPattern, draw_pattern
 from hydroviews.rain.lens.raindrops import PreparedLens
 from hydroviews.rain.lens.renewed import BankLens
 from hydroviews.scene.cameras import Camera

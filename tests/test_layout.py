@@ -138,7 +138,7 @@ def all_imported(folders) -> set[str]:
 def test_no_method_and_no_training_knows_the_other_make():
     """Neither by imports nor by name, nor by raining with whatever effects there are."""
     known = all_imported(("deraings", "baselines", "hydroviews.pairs"))
-    assert "hydroviews.rain.lens.pattern" in known
+    assert "hydroviews.rain.lens.patterns.pattern" in known
     assert {name for name in known if name.startswith(OTHER_MAKE)} == set()
     telling = ("raindrop-b", "streak-b", "registered_effects", "pattern_names", "other_make")
     own = [name for name in modules() if name.startswith(("deraings.", "baselines.", "hydroviews.pairs."))]

@@ -17,11 +17,11 @@ from hydroviews.pairs.lens_pool import WetLens
 from hydroviews.pairs.photographs import Bytes
 from hydroviews.rain import light
 from hydroviews.rain.compositing import water_over
-from hydroviews.rain.lens import pattern as drops_pattern
-from hydroviews.rain.lens.bake import moment_of
-from hydroviews.rain.lens.mist import mist_veil
-from hydroviews.rain.lens.path_matte import PathMatte, defocus
-from hydroviews.rain.lens.pattern import RaindropPattern
+from hydroviews.rain.lens.optics.bake import moment_of
+from hydroviews.rain.lens.optics.path_matte import PathMatte, defocus
+from hydroviews.rain.lens.patterns import pattern as drops_pattern
+from hydroviews.rain.lens.patterns.mist import mist_veil
+from hydroviews.rain.lens.patterns.pattern import RaindropPattern
 from hydroviews.rain.lens.severity import THICKEST_MIST
 from hydroviews.rain.scene_statistics import AIR, TINT
 from hydroviews.rain.streaks import recipe as streaks

@@ -11,10 +11,10 @@ from scipy.sparse import coo_array, csr_array
 from tqdm import tqdm
 
 from hydroviews.pairs.photographs import LONG_SIDES, Frame, frames
-from hydroviews.rain.lens import pattern as drops_pattern
-from hydroviews.rain.lens.bake import bake_matte
-from hydroviews.rain.lens.path_matte import PathMatte
-from hydroviews.rain.lens.pattern import RaindropPattern
+from hydroviews.rain.lens.optics.bake import bake_matte
+from hydroviews.rain.lens.optics.path_matte import PathMatte
+from hydroviews.rain.lens.patterns import pattern as drops_pattern
+from hydroviews.rain.lens.patterns.pattern import RaindropPattern
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.seeds import generator
 

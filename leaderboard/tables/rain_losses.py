@@ -13,7 +13,7 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, replacing
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.read import read_scene
-from hydroviews.rain.lens.pattern import RaindropPattern
+from hydroviews.rain.lens.patterns.pattern import RaindropPattern
 from hydroviews.rain.patterns import PATTERN_FILE
 from hydroviews.rain.scene_statistics import SceneStatistics, survey
 from leaderboard.records import CEILING, FLOOR, GIVEN_POSES, LEADERBOARD, SCORED

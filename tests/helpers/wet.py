@@ -4,8 +4,8 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from hydroviews.pairs.lens_pool import WetLens
-from hydroviews.rain.lens.path_matte import PathMatte, dry
-from hydroviews.rain.lens.pattern import draw_pattern
+from hydroviews.rain.lens.optics.path_matte import PathMatte, dry
+from hydroviews.rain.lens.patterns.pattern import draw_pattern
 
 WIDTH, HEIGHT = 96, 64
 

@@ -18,7 +18,7 @@ from hydroviews.pairs.drawing import Pair, draw_rain
 from hydroviews.pairs.lens_pool import Pool, WetLens, bake_lens, bake_pool
 from hydroviews.pairs.photographs import Bytes, Frame, frames
 from hydroviews.pairs.rainy_pairs import DrawnRain
-from hydroviews.rain.lens.path_matte import dry
+from hydroviews.rain.lens.optics.path_matte import dry
 from hydroviews.scene.images import Image
 from hydroviews.scene.seeds import generator
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from hydroviews.rain.compositing import WATER, Layers, add_water, water_over
 from hydroviews.rain.effect import Effect
-from hydroviews.rain.lens.path_matte import defocus
-from hydroviews.rain.lens.pattern import Focus, RaindropPattern, draw_pattern, fitted_to
+from hydroviews.rain.lens.optics.path_matte import defocus
+from hydroviews.rain.lens.patterns.pattern import Focus, RaindropPattern, draw_pattern, fitted_to
 from hydroviews.rain.lens.raindrops import Raindrops
 from hydroviews.rain.lens.severity import grade_raindrops
 from hydroviews.rain.patterns import Pattern, pattern_generator

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.rain.lens.bodies import Bodies, find_room
-from hydroviews.rain.lens.pattern import RaindropPattern
+from hydroviews.rain.lens.patterns.bodies import Bodies, find_room
+from hydroviews.rain.lens.patterns.pattern import RaindropPattern
 from hydroviews.scene.seeds import generator
 
 LENSES = 4  # in the bank

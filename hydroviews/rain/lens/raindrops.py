@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.rain.lens.bake import aperture_radius, bake_matte, focus_disk, lens_water, moment_of, trace
-from hydroviews.rain.lens.mist import mist_veil
-from hydroviews.rain.lens.path_matte import PathMatte, defocus
-from hydroviews.rain.lens.pattern import RaindropPattern
+from hydroviews.rain.lens.optics.bake import aperture_radius, bake_matte, focus_disk, lens_water, moment_of, trace
+from hydroviews.rain.lens.optics.path_matte import PathMatte, defocus
+from hydroviews.rain.lens.patterns.mist import mist_veil
+from hydroviews.rain.lens.patterns.pattern import RaindropPattern
 from hydroviews.rain.lens.renewed import RenewedDrops
 from hydroviews.rain.light import expand_highlights
 from hydroviews.rain.scene_statistics import SceneStatistics

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.rain.lens.bake import (
+from hydroviews.rain.lens.lives import LENSES, SHIFT, draw_lives
+from hydroviews.rain.lens.optics.bake import (
     COMPOSITED,
     VERSION,
     accurate_passes,
@@ -22,11 +23,10 @@ from hydroviews.rain.lens.bake import (
     paths_per_side,
     water_of,
 )
-from hydroviews.rain.lens.bodies import Bodies, bodies_of, nearest_disk, same_bodies
-from hydroviews.rain.lens.drop_bank import DropBank, DropPainter, cut
-from hydroviews.rain.lens.lives import LENSES, SHIFT, draw_lives
-from hydroviews.rain.lens.mesh import lens_side, water_mesh
-from hydroviews.rain.lens.pattern import RaindropPattern
+from hydroviews.rain.lens.optics.drop_bank import DropBank, DropPainter, cut
+from hydroviews.rain.lens.optics.mesh import lens_side, water_mesh
+from hydroviews.rain.lens.patterns.bodies import Bodies, bodies_of, nearest_disk, same_bodies
+from hydroviews.rain.lens.patterns.pattern import RaindropPattern
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 from hydroviews.scene.seeds import generator

@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.rain.lens.mist import mist_veil
-from hydroviews.rain.lens.path_matte import defocus
-from hydroviews.rain.lens.pattern import RaindropPattern
+from hydroviews.rain.lens.optics.path_matte import defocus
+from hydroviews.rain.lens.patterns.mist import mist_veil
+from hydroviews.rain.lens.patterns.pattern import RaindropPattern
 from hydroviews.rain.scene_statistics import SceneStatistics, fine_detail
 from hydroviews.rain.severity import CLEAN_ERROR, MOST_BY_DROPS, solve, wanted_harm
 from hydroviews.scene.images import to_linear, to_srgb

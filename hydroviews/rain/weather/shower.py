@@ -11,9 +11,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from hydroviews.rain.lens.effect import RaindropEffect
-from hydroviews.rain.lens.mist import mist_veil
-from hydroviews.rain.lens.pattern import RaindropPattern, fitted_to
-from hydroviews.rain.lens.pattern import draw_pattern as draw_lens
+from hydroviews.rain.lens.patterns.mist import mist_veil
+from hydroviews.rain.lens.patterns.pattern import RaindropPattern, fitted_to
+from hydroviews.rain.lens.patterns.pattern import draw_pattern as draw_lens
 from hydroviews.rain.lens.severity import THICKEST_MIST, drops_harm
 from hydroviews.rain.patterns import Pattern, pattern_generator
 from hydroviews.rain.scene_statistics import SceneStatistics, measure_light

@@ -11,8 +11,8 @@ from deraings.enhancement.enhance import enhance
 from deraings.enhancement.network import SMALL
 from deraings.enhancement.weights import DEFAULT, SHIPPED, load_enhancer
 from hydroviews.metrics import psnr
-from hydroviews.rain.lens import pattern as drops_pattern
-from hydroviews.rain.lens.mist import mist_veil
+from hydroviews.rain.lens.patterns import pattern as drops_pattern
+from hydroviews.rain.lens.patterns.mist import mist_veil
 from hydroviews.rain.streaks.recipe import composite, draw_pattern, streak_layer
 from hydroviews.scene.images import Image, resize_area, to_linear, to_srgb
 from hydroviews.scene.seeds import generator

@@ -4,11 +4,14 @@ import pytest
 
 from hydroviews.blender.embedded_scenes import captures
 from hydroviews.dataset.drawing_code import sources_digest
-from hydroviews.rain.lens import bake
+from hydroviews.rain.lens.optics import bake
 
 COMMON = ("blender/cycles.py",)
 RENDERED = (*COMMON, "blender/render_views.py", "blender/embedded_scenes")
-WATER = ("water", "rivulets", "drop_shapes", "drop_surface", "mesh", "path_matte", "bake")
+WATER = (
+    *(f"patterns/{name}" for name in ("water", "runs", "shapes")),
+    *(f"optics/{name}" for name in ("drop_surface", "mesh", "path_matte", "bake")),
+)
 BAKED = (*COMMON, "blender/bake_drops.py", "blender/drop_scene.py", *(f"rain/lens/{name}.py" for name in WATER))
 
 
@@ -16,7 +19,7 @@ BAKED = (*COMMON, "blender/bake_drops.py", "blender/drop_scene.py", *(f"rain/len
     ("what", "revision", "sources", "recorded"),
     [
         ("captures.VERSION", captures.VERSION, RENDERED, (2, "f1a72c571b735a52")),
-        ("bake.VERSION", bake.VERSION, BAKED, (2, "d79f3c2e6b26c135")),
+        ("bake.VERSION", bake.VERSION, BAKED, (2, "f31c432a24e11827")),
     ],
 )
 def test_code_that_makes_what_is_kept_changes_only_with_its_revision_in_view(what, revision, sources, recorded):

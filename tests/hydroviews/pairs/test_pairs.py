@@ -6,8 +6,8 @@ from hydroviews.errors import InputError
 from hydroviews.pairs.drawing import KINDS, air_light, draw_mist, draw_mist_alone, draw_rain, wet_lens
 from hydroviews.pairs.exposure import LINEAR, draw_exposure, exposed
 from hydroviews.pairs.photographs import fit_frame, frame_of, frames, read_photographs, split_photographs
-from hydroviews.rain.lens.bake import moment_of
-from hydroviews.rain.lens.mist import mist_veil
+from hydroviews.rain.lens.optics.bake import moment_of
+from hydroviews.rain.lens.patterns.mist import mist_veil
 from hydroviews.scene.images import to_linear, to_srgb, write_png
 from hydroviews.scene.seeds import generator
 

@@ -6,8 +6,8 @@ import pytest
 from synthetic import capture_in
 
 from hydroviews.rain import severity
-from hydroviews.rain.lens.mist import mist_veil
-from hydroviews.rain.lens.path_matte import defocus
+from hydroviews.rain.lens.optics.path_matte import defocus
+from hydroviews.rain.lens.patterns.mist import mist_veil
 from hydroviews.rain.lens.severity import blur_harm, drops_harm
 from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.registry import find_effect

@@ -15,8 +15,8 @@ from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from hydroviews.formats.read import read_scene
-from hydroviews.rain.lens import bake
-from hydroviews.rain.lens.pattern import RaindropPattern
+from hydroviews.rain.lens.optics import bake
+from hydroviews.rain.lens.patterns.pattern import RaindropPattern
 from hydroviews.rain.lens.severity import drops_harm, veil_harm
 from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.scene_statistics import survey

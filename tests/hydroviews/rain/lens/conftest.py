@@ -1,6 +1,6 @@
 import pytest
 
-from hydroviews.rain.lens import bake
+from hydroviews.rain.lens.optics import bake
 
 
 @pytest.fixture

@@ -7,11 +7,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from hydroviews.rain.lens.bodies import Bodies, bodies_of, find_room, nearest_disk, same_bodies
 from hydroviews.rain.lens.lives import LENSES, Lives, draw_lives
-from hydroviews.rain.lens.pattern import draw_pattern
+from hydroviews.rain.lens.patterns.bodies import Bodies, bodies_of, find_room, nearest_disk, same_bodies
+from hydroviews.rain.lens.patterns.pattern import draw_pattern
+from hydroviews.rain.lens.patterns.water import GAP, water_at
 from hydroviews.rain.lens.renewed import BankLens
-from hydroviews.rain.lens.water import GAP, water_at
 from hydroviews.scene.cameras import Camera
 
 PATTERN = draw_pattern(np.random.default_rng(5), 1)

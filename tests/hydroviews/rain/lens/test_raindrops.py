@@ -8,14 +8,14 @@ import pytest
 
 from hydroviews.blender.process import run_blender
 from hydroviews.errors import InputError
-from hydroviews.rain.lens import bake as lens_bake
-from hydroviews.rain.lens.bake import aperture_radius, bake, bake_matte, focus_disk, lens_water, trace
-from hydroviews.rain.lens.drop_shapes import Outline
-from hydroviews.rain.lens.mesh import water_mesh
-from hydroviews.rain.lens.mist import mist_veil
-from hydroviews.rain.lens.pattern import RaindropPattern, draw_pattern
+from hydroviews.rain.lens.optics import bake as lens_bake
+from hydroviews.rain.lens.optics.bake import aperture_radius, bake, bake_matte, focus_disk, lens_water, trace
+from hydroviews.rain.lens.optics.mesh import water_mesh
+from hydroviews.rain.lens.patterns.mist import mist_veil
+from hydroviews.rain.lens.patterns.pattern import RaindropPattern, draw_pattern
+from hydroviews.rain.lens.patterns.shapes import Outline
+from hydroviews.rain.lens.patterns.water import Drop, Water
 from hydroviews.rain.lens.raindrops import PreparedLens, Raindrops
-from hydroviews.rain.lens.water import Drop, Water
 from hydroviews.rain.scene_statistics import Light, SceneStatistics
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import to_linear, to_srgb

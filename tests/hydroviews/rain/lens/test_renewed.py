@@ -9,17 +9,25 @@ import pytest
 
 from hydroviews.errors import InputError
 from hydroviews.rain.effect import fall
-from hydroviews.rain.lens import bake as lens_bake
-from hydroviews.rain.lens.bake import aperture_radius, bake, bake_matte, bake_paths, focus_disk, lens_water, trace
-from hydroviews.rain.lens.drop_bank import DropPainter, cut
-from hydroviews.rain.lens.drop_shapes import Outline
 from hydroviews.rain.lens.effect import RaindropEffect, RenewedRaindropEffect, SharpRaindropEffect
-from hydroviews.rain.lens.mesh import water_mesh
-from hydroviews.rain.lens.path_matte import defocus
-from hydroviews.rain.lens.pattern import draw_pattern
+from hydroviews.rain.lens.optics import bake as lens_bake
+from hydroviews.rain.lens.optics.bake import (
+    aperture_radius,
+    bake,
+    bake_matte,
+    bake_paths,
+    focus_disk,
+    lens_water,
+    trace,
+)
+from hydroviews.rain.lens.optics.drop_bank import DropPainter, cut
+from hydroviews.rain.lens.optics.mesh import water_mesh
+from hydroviews.rain.lens.optics.path_matte import defocus
+from hydroviews.rain.lens.patterns.pattern import draw_pattern
+from hydroviews.rain.lens.patterns.shapes import Outline
+from hydroviews.rain.lens.patterns.water import Drop, Water
 from hydroviews.rain.lens.raindrops import PreparedLens
 from hydroviews.rain.lens.renewed import RenewedDrops
-from hydroviews.rain.lens.water import Drop, Water
 from hydroviews.rain.light import expand_highlights
 from hydroviews.rain.registry import find_effect, parse_pattern
 from hydroviews.scene.cameras import Camera

@@ -11,7 +11,7 @@ from hydroviews.dataset.statistics import read_statistics
 from hydroviews.dataset.verify import verify
 from hydroviews.rain.compositing import WATER, LayerPlane
 from hydroviews.rain.effect import fall
-from hydroviews.rain.lens.path_matte import PathMatte
+from hydroviews.rain.lens.optics.path_matte import PathMatte
 from hydroviews.rain.lens.severity import drops_harm
 from hydroviews.rain.light import expand_highlights
 from hydroviews.rain.patterns import Pattern

@@ -14,9 +14,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from hydroviews.rain.lens.drop_shapes import Outline
-from hydroviews.rain.lens.pattern import RaindropPattern
-from hydroviews.rain.lens.rivulets import Rivulet, draw_rivulets, swept
+from hydroviews.rain.lens.patterns.pattern import RaindropPattern
+from hydroviews.rain.lens.patterns.runs import Rivulet, draw_rivulets, swept
+from hydroviews.rain.lens.patterns.shapes import Outline
 from hydroviews.scene.seeds import generator
 
 Array = NDArray[np.float64]

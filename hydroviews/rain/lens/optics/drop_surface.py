@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import splu
 
-from hydroviews.rain.lens.drop_shapes import Patch
+from hydroviews.rain.lens.patterns.shapes import Patch
 
 Array = NDArray[np.float64]
 Triangles = NDArray[np.int64]

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from hydroviews.rain.lens.drop_shapes import Outline, Patch, drop_patch, ribbon, rim_of
-from hydroviews.rain.lens.drop_surface import cap_volume, triangle_areas, water_surface
+from hydroviews.rain.lens.optics.drop_surface import cap_volume, triangle_areas, water_surface
+from hydroviews.rain.lens.patterns.shapes import Outline, Patch, drop_patch, ribbon, rim_of
 
 ROUND = Outline(((0.3, -0.2, 0.5),))
 MERGED = Outline(((0.0, 0.0, 1.0), (1.1, 0.4, 0.8), (0.3, 1.4, 0.7)), 1.2, ((0.05, 1.0), (0.03, 2.0)))

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.rain.lens.pattern import RaindropPattern
-from hydroviews.rain.lens.rivulets import draw_rivulets
+from hydroviews.rain.lens.patterns.pattern import RaindropPattern
+from hydroviews.rain.lens.patterns.runs import draw_rivulets
 from hydroviews.scene.seeds import generator
 
 BLOBS = (5, 9, 17)  # knots of the random surfaces along a side

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from hydroviews.errors import InputError
-from hydroviews.rain.lens.path_matte import PathMatte, assemble, defocus
+from hydroviews.rain.lens.optics.path_matte import PathMatte, assemble, defocus
 
 
 def paths_from(places, throughput=1.0, shape=(5, 7), disk=0.0) -> PathMatte:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from hydroviews.files.atomic import replacing
-from hydroviews.rain.lens.path_matte import UNREADABLE, corners, damaged, load_arrays, mirrored
+from hydroviews.rain.lens.optics.path_matte import UNREADABLE, corners, damaged, load_arrays, mirrored
 from hydroviews.scene.images import Image
 
 Plane = NDArray[np.float32]

@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from hydroviews.rain.lens.mist import mist_veil
-from hydroviews.rain.lens.pattern import draw_pattern
-from hydroviews.rain.lens.rivulets import draw_rivulets
+from hydroviews.rain.lens.patterns.mist import mist_veil
+from hydroviews.rain.lens.patterns.pattern import draw_pattern
+from hydroviews.rain.lens.patterns.runs import draw_rivulets
 
 PATTERN = replace(draw_pattern(np.random.default_rng(3), 1), mist=0.5, rivulets=0, seed=0)
 

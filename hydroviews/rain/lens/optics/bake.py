@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.blender.process import run_blender
-from hydroviews.rain.lens.mesh import WaterMesh, lens_side, water_mesh
-from hydroviews.rain.lens.path_matte import PathMatte, assemble, dry
-from hydroviews.rain.lens.pattern import Focus, RaindropPattern
-from hydroviews.rain.lens.water import Water, water_at
+from hydroviews.rain.lens.optics.mesh import WaterMesh, lens_side, water_mesh
+from hydroviews.rain.lens.optics.path_matte import PathMatte, assemble, dry
+from hydroviews.rain.lens.patterns.pattern import Focus, RaindropPattern
+from hydroviews.rain.lens.patterns.water import Water, water_at
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 

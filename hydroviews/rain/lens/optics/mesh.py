@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.rain.lens.drop_shapes import Patch, drop_patch, ribbon, star
-from hydroviews.rain.lens.drop_surface import water_surface
-from hydroviews.rain.lens.water import Drop, Water
+from hydroviews.rain.lens.optics.drop_surface import water_surface
+from hydroviews.rain.lens.patterns.shapes import Patch, drop_patch, ribbon, star
+from hydroviews.rain.lens.patterns.water import Drop, Water
 from hydroviews.scene.cameras import Camera
 
 Array = NDArray[np.float64]

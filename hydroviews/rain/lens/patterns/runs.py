@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.rain.lens.pattern import RaindropPattern
+from hydroviews.rain.lens.patterns.pattern import RaindropPattern
 from hydroviews.scene.seeds import generator
 
 Array = NDArray[np.float64]

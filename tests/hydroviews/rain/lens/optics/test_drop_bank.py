@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from hydroviews.errors import InputError
-from hydroviews.rain.lens.drop_bank import DropBank, DropPainter, cut
-from hydroviews.rain.lens.path_matte import assemble
+from hydroviews.rain.lens.optics.drop_bank import DropBank, DropPainter, cut
+from hydroviews.rain.lens.optics.path_matte import assemble
 
 HEIGHT, WIDTH = 12, 16
 

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.rain.lens.water import GAP, Water
+from hydroviews.rain.lens.patterns.water import GAP, Water
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -4,11 +4,11 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
-from hydroviews.rain.lens import water as drops_film
-from hydroviews.rain.lens.drop_shapes import Outline
-from hydroviews.rain.lens.pattern import RaindropPattern, draw_pattern
-from hydroviews.rain.lens.rivulets import draw_rivulets
-from hydroviews.rain.lens.water import TOUCH, Drop, place_drops, water_at
+from hydroviews.rain.lens.patterns import water as drops_film
+from hydroviews.rain.lens.patterns.pattern import RaindropPattern, draw_pattern
+from hydroviews.rain.lens.patterns.runs import draw_rivulets
+from hydroviews.rain.lens.patterns.shapes import Outline
+from hydroviews.rain.lens.patterns.water import TOUCH, Drop, place_drops, water_at
 
 EXTENT = (1.2, 1 / 1.2)
 PATTERN = replace(draw_pattern(np.random.default_rng(3), 2), coverage=0.15, rivulets=3, growth=0.12, seed=0)

@@ -1,0 +1,1 @@
+"""What water does to light: surfaces, triangles for Blender, light paths baked once, mattes and banks made of them."""
