@@ -25,7 +25,8 @@ def photometric_loss(
         target: what it should look like, uint8 [H, W, 3].
         lambda_dssim: lambda in (1 - lambda) L1 + lambda (1 - SSIM).
         shown: bool [H, W], false where pixels are hidden; None where none is.
-        weights: float32 [H, W], factors on each pixel's share of the loss; None where all are 1.
+        weights: float32 [H, W], factors from 0 on, on each pixel's share of the loss and of SSIM's windows; None where
+            all are 1.
     """
     leaf = image.detach().requires_grad_()
     with torch.enable_grad():

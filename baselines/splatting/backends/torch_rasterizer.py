@@ -9,6 +9,8 @@ from baselines.splatting.kernels.sh_coefficients import C0, C1, C2_XX, C2_XY, C2
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.quaternions import rotation_entries
 
+FAINT = 1e-30  # windows whose weight is as little are divided by it
+
 
 def tensors(gaussians: Gaussians) -> dict[str, Tensor]:
     """The parameters in float64, ready to be differentiated."""
@@ -86,24 +88,43 @@ def photometric_loss(
 ) -> Tensor:
     """(1 - lambda) L1 + lambda (1 - SSIM) as in `photometric`, of images [H, W, 3] in any precision, on any device.
 
-    Where `shown`, bool [H, W], is false, pixels are hidden; `weights` [H, W] are factors on each pixel's share.
+    Where `shown`, bool [H, W], is false, pixels are hidden; `weights` [H, W], from 0 on, are factors on each pixel's
+    share, in the windows of SSIM as well.
     """
-    if shown is not None:
-        image, target = (torch.where(shown[..., None], picture, 0) for picture in (image, target))
     x, y = image.permute(2, 0, 1), target.permute(2, 0, 1).to(image.dtype)
-    taps = torch.exp(-(torch.arange(-5, 6, dtype=image.dtype, device=image.device) ** 2) / (2 * 1.5**2))
-    taps = taps / taps.sum()
-    planes = torch.cat([x, y, x * x, y * y, x * y])[:, None]
-    planes = torch.nn.functional.conv2d(planes, taps.view(1, 1, 1, -1), padding=(0, 5))
-    planes = torch.nn.functional.conv2d(planes, taps.view(1, 1, -1, 1), padding=(5, 0))[:, 0]
-    mean_x, mean_y, xx, yy, xy = planes.split(3)
+    w = _visible_weights(shown, weights)
+    if w is not None:
+        x, y = (torch.where(w == 0, 0, picture) for picture in (x, y))
+    mean_x, mean_y, xx, yy, xy = _window_means(torch.cat([x, y, x * x, y * y, x * y]), w).split(3)
     c1, c2 = 0.01**2, 0.03**2
     ssim = (2 * mean_x * mean_y + c1) * (2 * (xy - mean_x * mean_y) + c2)
     ssim = ssim / ((mean_x**2 + mean_y**2 + c1) * (xx - mean_x**2 + yy - mean_y**2 + c2))
-    if shown is not None:
-        ssim = torch.where(shown, ssim, 1)
     losses = (1 - lambda_dssim) * (x - y).abs() + lambda_dssim * (1 - ssim)
-    return (losses if weights is None else weights * losses).mean()
+    return (losses if w is None else w * losses).mean()
+
+
+def _visible_weights(shown: Tensor | None, weights: Tensor | None) -> Tensor | None:
+    """Weights [H, W], 0 where pixels are hidden; None where all are 1."""
+    if shown is None:
+        return weights
+    return shown.float() if weights is None else torch.where(shown, weights, 0)
+
+
+def _window_means(planes: Tensor, weights: Tensor | None) -> Tensor:
+    """Means [N, H, W] of planes in SSIM's windows, weighted where there are weights [H, W]."""
+    if weights is None:
+        return _filtered(planes)
+    weights = weights.to(planes.dtype)[None]
+    sums = _filtered(torch.cat([weights * planes, weights, torch.ones_like(weights)]))
+    return sums[:-2] / (sums[-2] / sums[-1]).clamp_min(FAINT)
+
+
+def _filtered(planes: Tensor) -> Tensor:
+    """Planes [N, H, W], zero outside, through the Gaussian window."""
+    taps = torch.exp(-(torch.arange(-5, 6, dtype=planes.dtype, device=planes.device) ** 2) / (2 * 1.5**2))
+    taps = taps / taps.sum()
+    planes = torch.nn.functional.conv2d(planes[:, None], taps.view(1, 1, 1, -1), padding=(0, 5))
+    return torch.nn.functional.conv2d(planes, taps.view(1, 1, -1, 1), padding=(5, 0))[:, 0]
 
 
 def _covariances(p: dict[str, Tensor], local: Tensor, camera: Camera) -> Tensor:

@@ -17,6 +17,7 @@ from baselines.splatting.kernels.adam import BETA1, BETA2, EPSILON
 
 RADIUS, SIGMA = 5, 1.5  # of SSIM's window
 C1, C2 = 0.01**2, 0.03**2
+FAINT = tl.constexpr(1e-30)  # windows whose weight is as little are divided by it
 BLOCK = 512  # numbers a program
 
 
@@ -28,18 +29,18 @@ def photometric_loss(
     height, row = image.shape[0], image.shape[1] * 3
     taps, blocks = _window(image.device), triton.cdiv(row, BLOCK)
     grid, shape = (height, blocks), (height, row, RADIUS, BLOCK)
-    hidden, weighed = shown is not None, weights is not None
+    varies = shown is not None, weights is not None
     seen = shown.view(torch.uint8) if shown is not None else target
     factors = weights.contiguous() if weights is not None else image
-    moments, slopes, blurred = (image.new_empty(planes, height, row) for planes in (5, 3, 3))
+    moments, slopes, blurred = (image.new_empty(planes, height, row) for planes in (5 + any(varies), 3, 3))
     losses, gradient = image.new_empty(height, blocks), torch.empty_like(image)
-    _blur_pictures[grid](image, target, seen, taps, moments, *shape, hidden)
+    pictures = image, target, seen, factors
+    _blur_pictures[grid](*pictures, taps, moments, *shape, *varies)
     lambdas = lambda_dssim, C1, C2
-    _compare[grid](image, target, seen, factors, taps, moments, slopes, losses, *lambdas, *shape, hidden, weighed)
+    _compare[grid](*pictures, taps, moments, slopes, losses, *lambdas, *shape, *varies)
     _blur_slopes[grid](slopes, taps, blurred, *shape)
     share = 1 / image.numel()
-    pictures = image, target, seen, factors
-    _gradient[grid](*pictures, taps, blurred, gradient, lambda_dssim, share, *shape, hidden, weighed)
+    _gradient[grid](*pictures, taps, blurred, gradient, lambda_dssim, share, *shape, *varies)
     return losses.sum() * share, gradient
 
 
@@ -64,47 +65,64 @@ def _window(device: torch.device) -> Tensor:
 
 
 @triton.jit
-def _pixels(image, target, shown, line, at, row, inside, HIDDEN: tl.constexpr):
-    """Both pictures, 0 where hidden or outside."""
+def _pixels(image, target, shown, weights, line, at, row, inside, HIDDEN: tl.constexpr, WEIGHED: tl.constexpr):
+    """Both pictures and the weight of each number, 0 where hidden, without weight, or outside."""
+    pixel = line * (row // 3) + at // 3
     if HIDDEN:
-        inside = inside & (tl.load(shown + line * (row // 3) + at // 3, mask=inside, other=0) != 0)
+        inside = inside & (tl.load(shown + pixel, mask=inside, other=0) != 0)
+    if WEIGHED:
+        weight = tl.load(weights + pixel, mask=inside, other=0.0)
+        inside = inside & (weight != 0)
+    else:
+        weight = inside.to(tl.float32)
     x = tl.load(image + line * row + at, mask=inside, other=0.0)
     y = tl.load(target + line * row + at, mask=inside, other=0).to(tl.float32) / 255
-    return x, y, inside
-
-
-@triton.jit
-def _weights(weights, line, at, row, counted, WEIGHED: tl.constexpr):
-    """What each number counts, 0 where it does not."""
-    if WEIGHED:
-        return tl.load(weights + line * (row // 3) + at // 3, mask=counted, other=0.0)
-    return counted.to(tl.float32)
+    return x, y, weight
 
 
 @triton.jit
 def _blur_pictures(
-    image, target, shown, taps, out, height, row, RADIUS: tl.constexpr, BLOCK: tl.constexpr, HIDDEN: tl.constexpr
+    image,
+    target,
+    shown,
+    weights,
+    taps,
+    out,
+    height,
+    row,
+    RADIUS: tl.constexpr,
+    BLOCK: tl.constexpr,
+    HIDDEN: tl.constexpr,
+    WEIGHED: tl.constexpr,
 ):
-    """Along rows: x, y, x^2, y^2 and x y."""
+    """Along rows: x, y, x^2, y^2 and x y by their weights; where these vary, they themselves by what is inside."""
     line = tl.program_id(0)
     at = tl.program_id(1) * BLOCK + tl.arange(0, BLOCK)
     mean_x = tl.zeros([BLOCK], tl.float32)
-    mean_y, xx, yy, xy = mean_x, mean_x, mean_x, mean_x
+    mean_y, xx, yy, xy, total, part = mean_x, mean_x, mean_x, mean_x, mean_x, mean_x
     for k in tl.static_range(2 * RADIUS + 1):
         column = at + 3 * (k - RADIUS)
-        x, y, _ = _pixels(image, target, shown, line, column, row, (column >= 0) & (column < row), HIDDEN)
-        weight = tl.load(taps + k)
-        mean_x += weight * x
-        mean_y += weight * y
-        xx += weight * x * x
-        yy += weight * y * y
-        xy += weight * x * y
+        there = (column >= 0) & (column < row)
+        x, y, weight = _pixels(image, target, shown, weights, line, column, row, there, HIDDEN, WEIGHED)
+        tap = tl.load(taps + k)
+        if HIDDEN or WEIGHED:
+            part += tl.where(there, tap, 0.0)
+            tap *= weight
+            total += tap
+        mean_x += tap * x
+        mean_y += tap * y
+        xx += tap * x * x
+        yy += tap * y * y
+        xy += tap * x * y
     to, plane, inside = out + line * row + at, height * row, at < row
     tl.store(to, mean_x, mask=inside)
     tl.store(to + plane, mean_y, mask=inside)
     tl.store(to + 2 * plane, xx, mask=inside)
     tl.store(to + 3 * plane, yy, mask=inside)
     tl.store(to + 4 * plane, xy, mask=inside)
+    if HIDDEN or WEIGHED:
+        # Columns beyond the row have no part inside, and are not stored.
+        tl.store(to + 5 * plane, total / tl.where(inside, part, 1.0), mask=inside)
 
 
 @triton.jit
@@ -132,18 +150,30 @@ def _compare(
     at = tl.program_id(1) * BLOCK + tl.arange(0, BLOCK)
     plane, inside = height * row, at < row
     mean_x = tl.zeros([BLOCK], tl.float32)
-    mean_y, xx, yy, xy = mean_x, mean_x, mean_x, mean_x
+    mean_y, xx, yy, xy, total, part = mean_x, mean_x, mean_x, mean_x, mean_x, mean_x
     for k in tl.static_range(2 * RADIUS + 1):
         other = line + k - RADIUS
         there = inside & (other >= 0) & (other < height)
         source = moments + other * row + at
-        weight = tl.load(taps + k)
-        mean_x += weight * tl.load(source, mask=there, other=0.0)
-        mean_y += weight * tl.load(source + plane, mask=there, other=0.0)
-        xx += weight * tl.load(source + 2 * plane, mask=there, other=0.0)
-        yy += weight * tl.load(source + 3 * plane, mask=there, other=0.0)
-        xy += weight * tl.load(source + 4 * plane, mask=there, other=0.0)
-    x, y, counted = _pixels(image, target, shown, line, at, row, inside, HIDDEN)
+        tap = tl.load(taps + k)
+        mean_x += tap * tl.load(source, mask=there, other=0.0)
+        mean_y += tap * tl.load(source + plane, mask=there, other=0.0)
+        xx += tap * tl.load(source + 2 * plane, mask=there, other=0.0)
+        yy += tap * tl.load(source + 3 * plane, mask=there, other=0.0)
+        xy += tap * tl.load(source + 4 * plane, mask=there, other=0.0)
+        if HIDDEN or WEIGHED:
+            total += tap * tl.load(source + 5 * plane, mask=there, other=0.0)
+            part += tl.where(there, tap, 0.0)
+    x, y, weight = _pixels(image, target, shown, weights, line, at, row, inside, HIDDEN, WEIGHED)
+    slope = weight
+    if HIDDEN or WEIGHED:
+        inverse = 1 / tl.maximum(total / tl.where(inside, part, 1.0), FAINT)
+        slope = weight * inverse
+        mean_x *= inverse
+        mean_y *= inverse
+        xx *= inverse
+        yy *= inverse
+        xy *= inverse
     a1 = 2 * mean_x * mean_y + c1
     a2 = 2 * (xy - mean_x * mean_y) + c2
     b1 = mean_x * mean_x + mean_y * mean_y + c1
@@ -151,12 +181,11 @@ def _compare(
     ssim = a1 * a2 / (b1 * b2)
     by_mean = 2 * mean_y * (a2 - a1) / (b1 * b2) - 2 * mean_x * ssim * (1 / b1 - 1 / b2)
     loss = (1 - lambda_dssim) * tl.abs(x - y) + lambda_dssim * (1 - ssim)
-    weight = _weights(weights, line, at, row, counted, WEIGHED)
     tl.store(losses + line * tl.num_programs(1) + tl.program_id(1), tl.sum(weight * loss))
     to = slopes + line * row + at
-    tl.store(to, weight * by_mean, mask=inside)
-    tl.store(to + plane, -weight * ssim / b2, mask=inside)
-    tl.store(to + 2 * plane, 2 * weight * a1 / (b1 * b2), mask=inside)
+    tl.store(to, slope * by_mean, mask=inside)
+    tl.store(to + plane, -slope * ssim / b2, mask=inside)
+    tl.store(to + 2 * plane, 2 * slope * a1 / (b1 * b2), mask=inside)
 
 
 @triton.jit
@@ -213,11 +242,10 @@ def _gradient(
         mean += weight * tl.load(source, mask=there, other=0.0)
         xx += weight * tl.load(source + plane, mask=there, other=0.0)
         xy += weight * tl.load(source + 2 * plane, mask=there, other=0.0)
-    x, y, counted = _pixels(image, target, shown, line, at, row, inside, HIDDEN)
+    x, y, weight = _pixels(image, target, shown, weights, line, at, row, inside, HIDDEN, WEIGHED)
     sign = tl.where(x > y, 1.0, 0.0) - tl.where(x < y, 1.0, 0.0)
-    weight = _weights(weights, line, at, row, counted, WEIGHED)
-    by_x = (1 - lambda_dssim) * weight * sign - lambda_dssim * (mean + 2 * x * xx + y * xy)
-    tl.store(gradient + line * row + at, tl.where(counted, share * by_x, 0.0), mask=inside)
+    by_x = (1 - lambda_dssim) * sign - lambda_dssim * (mean + 2 * x * xx + y * xy)
+    tl.store(gradient + line * row + at, share * weight * by_x, mask=inside)
 
 
 @triton.jit

@@ -2,7 +2,7 @@
 
     l = mean over channels of (1 - lambda) |C^ - C| + lambda (1 - SSIM)
 
-The same kernel as the loss itself.
+The same kernel as the loss itself: windows of SSIM leave hidden pixels out.
 """
 
 import numpy as np

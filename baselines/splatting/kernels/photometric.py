@@ -6,8 +6,13 @@
 SSIM after Wang et al. 2004, equation 13: an 11x11 Gaussian window of sigma 1.5, zero outside the image, per channel,
 constants for values in [0, 1]. `loss_sweep.py` calculates it.
 
-Hidden pixels count as lying outside the image: windows see zero there in both pictures, and no loss is taken at them.
-So nothing that stands in them, in the target or in the render, changes the loss or its gradient.
+Pixels have weights w from 0 on; hidden ones have 0. With the window G, zero outside, and N pixels and channels,
+
+    W = G(w) / G(1),  mu_x = G(w x) / W,  sigma_x^2 = G(w x^2) / W - mu_x^2,  sigma_xy = G(w x y) / W - mu_x mu_y
+    loss = 1/N sum w ((1 - lambda) |x - y| + lambda (1 - SSIM))
+
+What lies outside the image weighs as much as the inside of the same window does on average, so a common factor on w
+is one on the loss. Where w is 0, nothing in the target or in the render changes the loss or its gradient.
 """
 
 from dataclasses import dataclass
@@ -70,7 +75,8 @@ def photometric_loss(
         image: float32 [H, W, 3].
         target: what it should look like; what is hidden of it counts for nothing.
         lambda_dssim: lambda in (1 - lambda) L1 + lambda (1 - SSIM).
-        weights: [H, W] factors on each pixel's share of the loss (0 leaves it out); the average stays over all pixels.
+        weights: [H, W] factors from 0 on, on each pixel's share of the loss and of SSIM's windows (0 leaves it out);
+            the average stays over all pixels.
         buffers: memory to reuse; the gradient is one of them.
 
     Raises:

@@ -4,9 +4,11 @@ import numba
 import numpy as np
 import pytest
 import torch
+from ssim_windows import KINDS, hard_weights, loss_by_windows
 
 from baselines.splatting.backends.torch_rasterizer import photometric_loss as exact_loss
 from baselines.splatting.kernels.adam import adam_step
+from baselines.splatting.kernels.loss_map import loss_map
 from baselines.splatting.kernels.photometric import NONE, compare, photometric_loss, prepare_target
 from hydroviews.scene.images import to_uint8
 
@@ -34,29 +36,77 @@ def test_loss_and_gradient_match_autograd(size, share):
     assert np.abs(gradient - x.grad.numpy()).max() < 2e-5 * np.abs(x.grad.numpy()).max() + 1e-9
 
 
-def test_weights_scale_each_pixels_share():
-    image, target = pair(31, 22)
-    weights = np.random.default_rng(1).random((22, 31)).astype(np.float32)
-    loss, gradient = photometric_loss(image, target_of(target), 0.2, weights)
-    x = torch.from_numpy(image).double().requires_grad_()
-    y, w = torch.from_numpy(target).double(), torch.from_numpy(weights).double()[..., None]
-    # the SSIM map has no shortcut: weigh it by differentiating one weighted pixel's share at a time is too slow,
-    # so take it from the difference between all of L1 and the whole loss
-    window = torch.exp(-(torch.arange(-5, 6, dtype=torch.float64) ** 2) / 4.5)
-    window = (window / window.sum()).view(1, 1, 1, -1)
-
-    def blur(plane):
-        plane = torch.nn.functional.conv2d(plane.permute(2, 0, 1)[:, None], window, padding=(0, 5))
-        plane = torch.nn.functional.conv2d(plane, window.transpose(2, 3), padding=(5, 0))
-        return plane[:, 0].permute(1, 2, 0)
-
-    mx, my = blur(x), blur(y)
-    ssim = (2 * mx * my + 1e-4) * (2 * (blur(x * y) - mx * my) + 9e-4)
-    ssim = ssim / ((mx**2 + my**2 + 1e-4) * (blur(x * x) - mx**2 + blur(y * y) - my**2 + 9e-4))
-    exact = (w * (0.8 * (x - y).abs() + 0.2 * (1 - ssim))).mean()
+@pytest.mark.parametrize("size", [(1, 1), (4, 3), (27, 22)])
+@pytest.mark.parametrize("kind", KINDS)
+def test_windows_weigh_pixels_as_the_loss_does(size, kind):
+    """Against every window spelled out in float64, with NaN wherever a pixel counts for nothing."""
+    image, target = pair(*size, seed=2)
+    weights = hard_weights(kind, *target.shape[:2])
+    x, y = torch.from_numpy(image).double().requires_grad_(), torch.from_numpy(target)
+    exact = loss_by_windows(x, y, 0.2, torch.from_numpy(weights))
     exact.backward()
-    assert loss == pytest.approx(float(exact.detach()), abs=1e-6)
-    assert np.abs(gradient - x.grad.numpy()).max() < 2e-5 * np.abs(x.grad.numpy()).max()
+    expected, hidden = x.grad.numpy(), weights == 0
+    tolerance = 5e-5 if kind == "one pixel" else 5e-6  # alone in its window, whose variance is nothing but rounding
+    broken = np.where(hidden[..., None], np.float32(np.nan), image)
+    ways = [(weights, None), (np.where(hidden, np.float32(3), weights), hidden)]  # what is hidden may weigh anything
+    for factors, ignored in [*ways, (None, hidden)] if set(np.unique(weights)) <= {0, 1} else ways:
+        loss, gradient = photometric_loss(broken, target_of(target, ignored), 0.2, factors)
+        assert loss == pytest.approx(float(exact.detach()), rel=1e-6, abs=1e-7 * float(weights.max()))
+        assert np.linalg.norm(gradient - expected) <= tolerance * np.linalg.norm(expected)
+        assert not gradient[hidden].any()
+
+        tried = torch.from_numpy(broken).double().requires_grad_()
+        given = [value if value is None else torch.from_numpy(value) for value in (ignored, factors)]
+        slow = exact_loss(tried, y.double(), 0.2, given[0] if ignored is None else ~given[0], given[1])
+        slow.backward()
+        assert float(slow.detach()) == pytest.approx(float(exact.detach()), rel=1e-9)
+        assert np.linalg.norm(tried.grad.numpy() - expected) <= 1e-9 * np.linalg.norm(expected)
+
+
+@pytest.mark.parametrize("size", [(133, 161), (7, 400)])
+def test_weights_match_autograd_where_parts_meet(size):
+    image, target = pair(*size)
+    weights = np.random.default_rng(1).random(target.shape[:2]).astype(np.float32)
+    x = torch.from_numpy(image).double().requires_grad_()
+    exact = exact_loss(x, torch.from_numpy(target).double(), 0.2, None, torch.from_numpy(weights))
+    exact.backward()
+    loss, gradient = photometric_loss(image, target_of(target), 0.2, weights)
+    assert loss == pytest.approx(float(exact.detach()), abs=1e-7)
+    assert np.linalg.norm(gradient - x.grad.numpy()) < 2e-6 * np.linalg.norm(x.grad.numpy())
+
+
+@pytest.mark.parametrize("level", [0.0, 0.2, 1.0])
+@pytest.mark.parametrize("kind", KINDS)
+def test_constant_pictures_that_are_equal_have_no_loss_whatever_weighs(level, kind):
+    """Variances are nothing but rounding there."""
+    image = target_of(np.full((30, 21, 3), level, np.float32)).image
+    weights = hard_weights(kind, 30, 21)
+    loss, gradient = photometric_loss(image, target_of(image), 0.2, weights)
+    assert loss == pytest.approx(0, abs=1e-6 * float(weights.max()))
+    assert np.abs(gradient).max() <= 1e-6 * weights.max()
+
+
+@pytest.mark.parametrize("factor", [1e-12, 0.3, 7.0, 1e12])
+def test_a_common_factor_on_weights_is_one_on_the_loss(factor):
+    image, target = pair(40, 30)
+    weights = np.random.default_rng(1).random(target.shape[:2]).astype(np.float32)
+    weights[5:20, 10:30] = 0
+    loss, gradient = photometric_loss(image, target_of(target), 0.2, weights)
+    scaled, by_factor = photometric_loss(image, target_of(target), 0.2, np.float32(factor) * weights)
+    assert scaled == pytest.approx(factor * loss, rel=1e-6)
+    assert np.linalg.norm(by_factor - factor * gradient) < 1e-5 * factor * np.linalg.norm(gradient)
+
+
+def test_pixels_beside_hidden_ones_are_compared_as_if_nothing_were_hidden():
+    """Two flat pictures stay as alike as they are behind isolated hidden pixels."""
+    image, target = np.full((24, 24, 3), 0.6, np.float32), np.full((24, 24, 3), 0.2, np.float32)
+    ignored = np.zeros((24, 24), bool)
+    ignored[8:16:2, 8:16:3] = True
+    whole, losses = loss_map(image, target_of(target)), loss_map(image, target_of(target, ignored))
+    deep = np.zeros_like(ignored)
+    deep[6:-6, 6:-6] = True  # windows reach over no edge
+    assert np.allclose(losses[deep & ~ignored], whole[12, 12], rtol=1e-5)
+    assert not losses[ignored].any()
 
 
 def test_weight_one_is_no_weight_and_zero_is_no_gradient():
@@ -64,8 +114,8 @@ def test_weight_one_is_no_weight_and_zero_is_no_gradient():
     plain = photometric_loss(image, target_of(target))
     ones = photometric_loss(image, target_of(target), weights=np.ones((20, 20), np.float32))
     nothing = photometric_loss(image, target_of(target), weights=np.zeros((20, 20), np.float32))
-    assert plain[0] == ones[0]
-    assert np.array_equal(plain[1], ones[1])
+    assert ones[0] == pytest.approx(plain[0], rel=1e-6)
+    assert np.linalg.norm(ones[1] - plain[1]) < 1e-6 * np.linalg.norm(plain[1])
     assert nothing[0] == 0
     assert not nothing[1].any()
 

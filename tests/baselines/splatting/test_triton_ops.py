@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from ssim_windows import KINDS, hard_weights, loss_by_windows
 
 from baselines.splatting.backends import torch_ops
 from baselines.splatting.backends.torch_rasterizer import photometric_loss
@@ -31,6 +32,8 @@ def compare(device: str) -> None:
             shown = torch.rand(size, generator=generator) > 0.3 if hides else None
             for weights in (None, 2 * torch.rand(size, generator=generator)):
                 compare_losses(triton_ops, device, image, target, shown, weights)
+    for kind in KINDS:
+        compare_hard_losses(triton_ops, device, kind, generator)
     compare_adam(triton_ops, device, torch.randn(4, 5, 7, 3, generator=generator), torch.rand(21, generator=generator))
 
 
@@ -45,6 +48,28 @@ def compare_losses(ops, device, image, target, shown, weights) -> None:
         error = (gradient.cpu() - exact.grad).abs().max() / exact.grad.abs().max()
         assert error < 2e-6, (tried.__name__, tuple(image.shape), float(error))
         assert shown is None or not gradient[~given[2]].any()
+
+
+def compare_hard_losses(ops, device, kind, generator) -> None:
+    """Against every window spelled out, with NaN wherever a pixel counts for nothing."""
+    weights = torch.from_numpy(hard_weights(kind, 9, 13))
+    image = torch.rand(9, 13, 3, generator=generator)
+    target = torch.randint(0, 256, image.shape, generator=generator, dtype=torch.uint8)
+    exact = image.double().requires_grad_()
+    wanted = loss_by_windows(exact, target.double() / 255, 0.2, weights)
+    wanted.backward()
+    hidden = weights == 0
+    tolerance = 5e-5 if kind == "one pixel" else 2e-6  # alone in its window, whose variance is nothing but rounding
+    broken = torch.where(hidden[..., None], torch.nan, image).to(device)
+    shown, anything = ~hidden, torch.where(hidden, 3, weights)
+    for given in ((None, weights), (shown, anything)):
+        where = [value if value is None else value.to(device) for value in given]
+        for tried in (ops, torch_ops):
+            loss, gradient = tried.photometric_loss(broken, target.to(device), 0.2, *where)
+            assert float(loss) == pytest.approx(wanted.item(), rel=tolerance), (tried.__name__, kind)
+            error = torch.linalg.norm(gradient.cpu() - exact.grad)
+            assert error <= tolerance * torch.linalg.norm(exact.grad), (tried.__name__, kind, float(error))
+            assert not gradient.cpu()[hidden].any()
 
 
 def compare_adam(ops, device, arrays, rates) -> None:
