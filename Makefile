@@ -25,7 +25,7 @@ FILM_ARGS ?=
 
 ABLATION := deraings.method:Masks 3dgs+enhance deraings.method:WithoutAttention deraings \
             deraings.method:RainModelOnly deraings-plus deraings.method:Everything
-EFFECTS  := dark haze night raindrop raindrop-b raindrop-renewed raindrop-sharp shower storm streak streak-b
+EFFECTS  := dark haze night raindrop raindrop-b raindrop-renewed raindrop-sharp shower storm streak streak-b window
 BOARD_PAGES := README.md docs/topics/results-by-method.md docs/topics/results.md docs/topics/results-by-grade.md
 METHODS  ?= 3dgs nerf-w derain-nerf wild-gaussians gs-w deraings deraings-plus
 SCENES   ?=

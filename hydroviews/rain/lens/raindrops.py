@@ -94,9 +94,12 @@ class PreparedLens:
             pattern, camera = self._pattern, self._camera
             baked = pattern.lens_renderer != "traced" and self._renewed is None
             matte = bake_matte(pattern, camera, self._folder, frame) if baked else None
-            veil = mist_veil(pattern, camera.width, camera.height, moment_of(pattern, frame))
-            self._held = frame, matte, veil
+            self._held = frame, matte, self._veil(moment_of(pattern, frame))
         return self._held[1:]
+
+    def _veil(self, moment: float) -> Plane:
+        """V [H, W] at a moment, 0 at the first view, 1 at the last."""
+        return mist_veil(self._pattern, self._camera.width, self._camera.height, moment)
 
     def _drops(self, light: Image, matte: PathMatte | None, frame: int, number: int) -> tuple[Plane, Plane]:
         """Cover [H, W] and linear radiance [H, W, 3] of the drops in front of a picture of linear light."""

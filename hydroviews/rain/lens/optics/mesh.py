@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.rain.lens.optics.drop_surface import water_surface
+from hydroviews.rain.lens.patterns.beads import Beads
 from hydroviews.rain.lens.patterns.shapes import Patch, drop_patch, ribbon, star
 from hydroviews.rain.lens.patterns.water import Drop, Water
 from hydroviews.scene.cameras import Camera
@@ -17,6 +18,8 @@ from hydroviews.scene.cameras import Camera
 Array = NDArray[np.float64]
 RESOLUTIONS = ((0.01, 24, 6), (0.018, 32, 8), (0.035, 48, 12), (np.inf, 72, 18))  # up to a radius: segments, rings
 DROPLET = (10, 3)  # segments and rings of a drop of a few pixels
+BEAD_SIZES = ((0.004, 16, 4), (np.inf, 28, 6))  # up to a radius: segments and rings of a bead
+SAGGING = 0.5  # how much narrower above than below a bead is that is higher than wide
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +49,11 @@ def water_mesh(water: Water, capillary_length: float, camera: Camera) -> WaterMe
     patches = [_on_lens(patch, camera) for patch in patches]
     surfaces = list(zip(*water_surface(patches, capillary_length * _scale(camera)), strict=True))
     surfaces += [(_on_lens(patch, camera), height * _scale(camera)) for patch, height in map(_droplet, water.droplets)]
+    for low, (high, segments, rings) in zip((0.0, *(size[0] for size in BEAD_SIZES)), BEAD_SIZES, strict=False):
+        some = water.beads[(water.beads.radii > low) & (water.beads.radii <= high)]
+        if len(some):
+            patch, height = _beads(some, segments, rings)
+            surfaces.append((_on_lens(patch, camera), height * _scale(camera)))
     return solid(surfaces)
 
 
@@ -79,6 +87,28 @@ def _droplet(droplet: Array) -> tuple[Patch, Array]:
     share = np.linalg.norm(patch.vertices - middle, axis=1)
     height = np.sqrt(np.maximum(curvature**2 - share**2, 0)) - curvature * np.cos(angle)
     return patch, np.where(patch.rim, 0, np.maximum(height, 0))
+
+
+def _beads(beads: Beads, segments: int, rings: int) -> tuple[Patch, Array]:
+    """All of some beads as one patch: spheres' caps, each drawn out to its outline."""
+    turn = np.linspace(0, 2 * np.pi, segments, endpoint=False)
+    one = star(np.zeros(2), np.column_stack([np.cos(turn), np.sin(turn)]), rings, contact_angle=1.0)
+    share = np.linalg.norm(one.vertices, axis=1)  # 0 in the middle, 1 at the rim
+    angle = np.arctan2(one.vertices[:, 1], one.vertices[:, 0])
+    periods = np.arange(2, 2 + beads.waves.shape[1])
+    waves = beads.waves[..., 0, None] * np.cos(periods[:, None] * angle + beads.waves[..., 1, None])
+    reach = beads.radii[:, None] * share * np.clip(1 + waves.sum(axis=1), 0.5, 1.6)
+    across, down = reach * np.cos(angle), reach * np.sin(angle)
+    sag = SAGGING * np.clip(1 / beads.aspects - 1, 0, 1)[:, None]
+    across *= np.sqrt(beads.aspects)[:, None] * (1 + sag * down / beads.radii[:, None])
+    down /= np.sqrt(beads.aspects)[:, None]
+    curvature = (beads.radii / np.sin(beads.angles))[:, None]
+    height = np.sqrt(np.maximum(curvature**2 - (share * beads.radii[:, None]) ** 2, 0))
+    height = np.maximum(height - curvature * np.cos(beads.angles)[:, None], 0) * ~one.rim
+    vertices = beads.places[:, None] + np.stack([across, down], axis=-1)
+    first = len(one.vertices) * np.arange(len(beads))[:, None, None]
+    rim = np.tile(one.rim, len(beads))
+    return Patch(vertices.reshape(-1, 2), (one.triangles + first).reshape(-1, 3), rim, 1.0), height.ravel()
 
 
 def _on_lens(patch: Patch, camera: Camera) -> Patch:

@@ -31,6 +31,7 @@ class PathMatte:
     pixels: NDArray[np.int64]  # [P] flat indices of the lens pixels that paths pass
     paths: csr_array  # [P, H W] weights of background pixels; no row sums to more than 1
     disk: float  # diameter in pixels of the defocused image of a point on the lens
+    sky: Plane | None = None  # [H, W], the part of the mask's light that is bright of its own, defocused; windows only
 
     def apply(self, background: NDArray[np.float32]) -> NDArray[np.float32]:
         """The radiance D [H, W, 3] that the drops add, for a picture B [H, W, 3] of linear light.
@@ -59,6 +60,7 @@ class PathMatte:
                 columns=self.paths.indices,
                 row_starts=self.paths.indptr,
                 disk=np.array(self.disk),
+                **({} if self.sky is None else {"sky": self.sky}),
             )
 
     @classmethod
@@ -72,7 +74,8 @@ class PathMatte:
             parts = load_arrays(path)
             shape = (len(parts["pixels"]), parts["mask"].size)
             paths = csr_array((parts["weights"], parts["columns"], parts["row_starts"]), shape=shape)
-            matte = cls(parts["mask"], parts["ambient"], parts["pixels"], paths, float(parts["disk"]))
+            disk, sky = float(parts["disk"]), parts.get("sky")
+            matte = cls(parts["mask"], parts["ambient"], parts["pixels"], paths, disk, sky)
             return matte, str(parts["key"])
         except UNREADABLE as error:
             raise damaged(path, error) from error
@@ -89,13 +92,16 @@ def damaged(path: Path, error: Exception) -> InputError:
     return InputError(f"{path}: cannot be read as baked drops", found=error, fix="remove the file; it is baked again")
 
 
-def dry(height: int, width: int) -> PathMatte:
-    """The matte of a lens without drops."""
+def dry(height: int, width: int, *, window: bool = False) -> PathMatte:
+    """The matte of a lens, or of a window, without drops."""
     nothing = np.zeros((height, width), np.float32)
-    return PathMatte(nothing, nothing, np.zeros(0, np.int64), csr_array((0, height * width), dtype=np.float32), 0.0)
+    paths = csr_array((0, height * width), dtype=np.float32)
+    return PathMatte(nothing, nothing, np.zeros(0, np.int64), paths, 0.0, nothing if window else None)
 
 
-def assemble(cover: NDArray, pixel: NDArray, place: NDArray, throughput: NDArray, disk: float) -> PathMatte:
+def assemble(
+    cover: NDArray, pixel: NDArray, place: NDArray, throughput: NDArray, disk: float, sky: Plane | None = None
+) -> PathMatte:
     """A matte from traced light paths.
 
     Args:
@@ -104,11 +110,13 @@ def assemble(cover: NDArray, pixel: NDArray, place: NDArray, throughput: NDArray
         place: [N, 2], where it comes from: x, y in pixels, beyond the borders too, where the picture is mirrored.
         throughput: [N], its share of that pixel's light.
         disk: diameter of the defocus disk in pixels.
+        sky: [H, W], of windows, the bright part's share of each lens pixel's light, in focus. What shows hardly
+            anything of the picture reads one pixel of it a path, instead of mixing four.
     """
     height, width = cover.shape
     pixels, row = np.unique(pixel, return_inverse=True)
     rows, columns, weights = [], [], []
-    for x, y, bilinear in corners(place):
+    for x, y, bilinear in corners(place) if sky is None else nearest(place):
         rows.append(row)
         columns.append(mirrored(y, height) * width + mirrored(x, width))
         weights.append((throughput * bilinear).astype(np.float32))
@@ -117,7 +125,14 @@ def assemble(cover: NDArray, pixel: NDArray, place: NDArray, throughput: NDArray
     through = np.bincount(pixel, throughput, minlength=cover.size).reshape(cover.shape)
     ambient = np.maximum(cover - through, 0).astype(np.float32)
     mask = np.clip(defocus(cover.astype(np.float32), disk), 0, 1)
-    return PathMatte(mask, defocus(ambient, disk), pixels, paths, disk)
+    bright = None if sky is None else defocus(sky, disk)
+    return PathMatte(mask, defocus(ambient, disk), pixels, paths, disk, bright)
+
+
+def nearest(place: NDArray) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]]:
+    """The pixel x, y [N] that places [N, 2] lie in, and its share: all."""
+    pixel = np.floor(place).astype(np.int64)
+    yield pixel[:, 0], pixel[:, 1], np.ones(len(place))
 
 
 def corners(place: NDArray) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]]:

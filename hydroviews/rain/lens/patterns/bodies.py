@@ -35,7 +35,7 @@ def bodies_of(water: Water) -> Bodies:
     parts = [np.column_stack(rivulet.ribbon)[::RIBBON_STEP] for rivulet in water.rivulets]
     parts += [np.array(drop.outline.disks) for drop in water.drops]
     large = len(parts)
-    parts += list(water.droplets[:, None, :3])
+    parts += [*water.droplets[:, None, :3], *water.beads.disks[:, None]]
     starts = np.cumsum([0, *map(len, parts)])
     return Bodies(np.concatenate([np.zeros((0, 3)), *parts]), starts, large)
 

@@ -4,8 +4,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from hydroviews.rain.lens.patterns.fields import surface
 from hydroviews.rain.lens.patterns.pattern import RaindropPattern
 from hydroviews.rain.lens.patterns.runs import draw_rivulets
+from hydroviews.rain.lens.patterns.water import place_drops
+from hydroviews.rain.lens.patterns.window import WindowPattern
 from hydroviews.scene.seeds import generator
 
 BLOBS = (5, 9, 17)  # knots of the random surfaces along a side
@@ -13,6 +16,11 @@ SHARES = (0.5, 0.3, 0.2)  # of each
 DRIFT = 0.08  # sides that mist moves from the first view to the last
 FINEST = 160  # pixels along the longer side at which trails are wiped; mist has no finer detail
 WIPED = 0.75  # share of the mist that a running drop takes along
+STEEPNESS = 2.5  # exponent of a pane's mist: thin over most of the picture, thick in a few regions
+WIPES = 1.6  # half the width of what a running drop wipes off a pane, in its radii
+HALO = 1.8  # radius of what a larger drop has taken up around it, in its own
+EDGE = 0.002  # sides over which a pane's wiped edges are soft
+SUBPIXEL = 16  # parts of a pixel in which wiped places are drawn
 
 
 def mist_veil(pattern: RaindropPattern, width: int, height: int, moment: float) -> NDArray[np.float32]:
@@ -54,25 +62,9 @@ def _form(seed: int, extent: tuple[float, float], x: NDArray, y: NDArray, moment
     clouds = np.zeros((len(y), len(x)))
     for knots, share in zip(BLOBS, SHARES, strict=True):
         grid = rng.uniform(-1, 1, (2 * knots, 2 * knots))
-        clouds += share * _surface(grid, x * knots / 2 + 1, y * knots / 2 + 1)
+        clouds += share * surface(grid, x * knots / 2 + 1, y * knots / 2 + 1)
     dense = np.clip(0.55 + 0.75 * (along[:, None] + across[None]) + 0.9 * clouds, 0, 1)
     return np.asarray(dense**2 * (3 - 2 * dense))
-
-
-def _surface(grid: NDArray[np.float64], x: NDArray, y: NDArray) -> NDArray[np.float64]:
-    """Cubic B-spline surface over a grid, which repeats itself, at x [C] and y [R]: [R, C]."""
-    return np.asarray(_spline(len(grid), y) @ grid @ _spline(len(grid), x).T)
-
-
-def _spline(knots: int, t: NDArray) -> NDArray[np.float64]:
-    """Weights [T, knots] of a uniform periodic cubic B-spline."""
-    start = np.floor(t).astype(int)
-    f = t - start
-    parts = ((1 - f) ** 3, 3 * f**3 - 6 * f**2 + 4, -3 * f**3 + 3 * f**2 + 3 * f + 1, f**3)
-    weights = np.zeros((len(t), knots))
-    for offset, part in enumerate(parts):
-        np.add.at(weights, (np.arange(len(t)), (start + offset) % knots), part / 6)
-    return weights
 
 
 def _wiped(
@@ -86,3 +78,27 @@ def _wiped(
             square = ((x - px) / reach)[None] ** 2 + ((y - py) / reach)[:, None] ** 2
             np.maximum(wiped, np.exp(-(square**2)), out=wiped)
     return wiped
+
+
+def window_mist(pattern: WindowPattern, width: int, height: int, moment: float) -> NDArray[np.float32]:
+    """The share V [height, width] of each pixel's light that mist on a pane replaces, in [0, pattern.mist].
+
+    Thick in some regions, absent from others; larger drops and runs have wiped what was around them, with edges of a
+    pixel or two. Arguments as for `mist_veil`.
+    """
+    side = float(np.sqrt(width * height))
+    x, y = (np.arange(width) + 0.5) / side, (np.arange(height) + 0.5) / side
+    form = _form(pattern.seed, (width / side, height / side), x, y, moment) ** STEEPNESS
+    clear = np.zeros((height, width), np.float32)
+    extent = (width / side, height / side)
+    for rivulet in draw_rivulets(pattern, extent, moment):
+        line = np.round(rivulet.way * side * SUBPIXEL).astype(np.int32)
+        thick = max(1, round(2 * WIPES * rivulet.start_radius * side))
+        cv2.polylines(clear, [line], False, (1.0,), thick, cv2.LINE_AA, SUBPIXEL.bit_length() - 1)
+    for drop in place_drops(pattern, extent):
+        for cx, cy, radius in drop.outline.disks:
+            middle = (round(cx * side * SUBPIXEL), round(cy * side * SUBPIXEL))
+            reach = round(HALO * radius * side * SUBPIXEL)
+            cv2.circle(clear, middle, reach, (WIPED,), cv2.FILLED, cv2.LINE_AA, SUBPIXEL.bit_length() - 1)
+    wiped = np.clip(cv2.GaussianBlur(clear, (0, 0), EDGE * side), 0, 1)
+    return np.asarray(pattern.mist * form * (1 - WIPED * wiped), np.float32)

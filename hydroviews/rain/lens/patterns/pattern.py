@@ -1,7 +1,7 @@
 """What is drawn for one wet lens, and from which distributions."""
 
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Literal, TypeVar, get_args
 
 import numpy as np
 
@@ -15,6 +15,7 @@ COVERAGE = ((0.05, 0.09), (0.08, 0.14), (0.12, 0.2))  # by grade
 MIST = ((0.05, 0.15), (0.2, 0.3), (0.4, 0.6))
 DROPLETS = ((200, 500), (400, 800), (700, 1200))
 RIVULETS = ((0, 1), (1, 2), (2, 4))
+TAIL = 7.0  # length of the unbroken tail of a running drop, in its radii
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,11 @@ class RaindropPattern:
     seed: int  # of places, shapes and motion
     renewed: float = 0.0  # share of the drops that are new from one view to the next
     focus: Focus = "scene"  # what is sharp; the other is blurred
+
+    @property
+    def runs(self) -> tuple[float, float]:
+        """Radii of running drops, and the lengths of their tails in radii."""
+        return self.radius_median, TAIL
 
     def __post_init__(self) -> None:
         """Refuse what no lens can be.
@@ -112,7 +118,10 @@ def draw_pattern(rng: np.random.Generator, grade: int = MEDIUM) -> RaindropPatte
     )
 
 
-def fitted_to(drawn: RaindropPattern, statistics: SceneStatistics) -> RaindropPattern:
+AnyPattern = TypeVar("AnyPattern", bound=RaindropPattern)
+
+
+def fitted_to(drawn: AnyPattern, statistics: SceneStatistics) -> AnyPattern:
     """The lens as a scene wants it drawn; one photograph has one key frame."""
     key_frames = drawn.key_frames if len(statistics.views) > 1 else 1
     return replace(drawn, lens_renderer=statistics.lens_renderer, key_frames=key_frames)

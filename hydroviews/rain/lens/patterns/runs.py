@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from hydroviews.rain.lens.patterns.pattern import RaindropPattern
+from hydroviews.rain.lens.patterns.pattern import TAIL, RaindropPattern
 from hydroviews.scene.seeds import generator
 
 Array = NDArray[np.float64]
@@ -19,7 +19,6 @@ CANDIDATES = 40  # runs that are tried, at most
 STEP = 0.004  # between points of a way, in sides
 LEAVES = 0.5  # of the water it takes up, a running drop keeps this share; the tail has the rest
 FATTEST = 1.4  # the most that a running drop grows, in radii
-TAIL = 7.0  # length of the unbroken tail, in radii of the drop
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +30,7 @@ class Rivulet:
     radius: float  # of its head
     contact_angle: float  # radians
     seed: int  # of its beads
+    tail: float = TAIL  # length of the unbroken tail, in radii of the drop
 
     def swallow(self, radius: float) -> "Rivulet":
         """The rivulet after it took up a drop."""
@@ -41,9 +41,9 @@ class Rivulet:
     def ribbon(self) -> tuple[Array, Array]:
         """Path [N, 2] and half widths [N] of its unbroken water, from the tail's tip to the head's front."""
         length = STEP * (len(self.way) - 1)
-        tail = max(min(TAIL * self.radius, length), 1.2 * self.radius)
+        tail = max(min(self.tail * self.radius, length), 1.2 * self.radius)
         behind = np.concatenate([
-            np.linspace(tail, self.radius, 40, endpoint=False),
+            np.linspace(tail, self.radius, round(40 * max(self.tail / TAIL, 1)), endpoint=False),
             self.radius * np.cos(np.linspace(0, np.pi, 32)),
         ])  # fmt: skip
         path = self._at(length - behind)
@@ -63,7 +63,7 @@ class Rivulet:
         along = np.cumsum(steps)
         places = self._at(along) + np.column_stack([aside, np.zeros(400)])
         beads = np.column_stack([places, sizes, np.full(400, 0.8 * self.contact_angle)])
-        return beads[along < STEP * (len(self.way) - 1) - (TAIL + 1) * self.radius]
+        return beads[along < STEP * (len(self.way) - 1) - (self.tail + 1) * self.radius]
 
     def clear_of_water(self, droplets: Array) -> NDArray[np.bool_]:
         """Which droplets [N, 4] its unbroken water does not touch."""
@@ -89,13 +89,14 @@ def draw_rivulets(pattern: RaindropPattern, extent: tuple[float, float], moment:
     rng = generator(pattern.seed, "rivulets")
     uniform, waves = rng.uniform(size=(CANDIDATES, 6)), rng.uniform(size=(CANDIDATES, 3, 2))
     low, high = np.radians([pattern.contact_angle_min, pattern.contact_angle_max])
+    scale, tail = pattern.runs
     chosen: list[Rivulet] = []
     lanes: list[tuple[float, float]] = []
     for i in range(CANDIDATES):
         if len(chosen) == pattern.rivulets:
             break
         x, begin, total, before, size, angle = uniform[i].tolist()
-        radius = pattern.radius_median * (1.7 + size)
+        radius = scale * (1.7 + size)
         middle, reach = x * extent[0], 3 * radius + 0.02
         if any(abs(middle - other) < reach + theirs for other, theirs in lanes):
             continue
@@ -103,7 +104,7 @@ def draw_rivulets(pattern: RaindropPattern, extent: tuple[float, float], moment:
         run = (0.25 + 0.6 * total) * extent[1]
         done = run * (0.35 + 0.4 * before + (0.65 - 0.4 * before) * moment)
         way = _way(middle, (1.1 * begin - 0.3) * extent[1], run, done, radius, waves[i])
-        chosen.append(Rivulet(way, radius, radius, low + (high - low) * angle, pattern.seed + i))
+        chosen.append(Rivulet(way, radius, radius, low + (high - low) * angle, pattern.seed + i, tail))
     return chosen
 
 

@@ -5,7 +5,7 @@ is down. Everything is drawn at once for as many drops as there may ever be, and
 pattern with more drops has those of a pattern with fewer.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import reduce
 
 import numpy as np
@@ -14,9 +14,12 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from hydroviews.rain.lens.patterns.beads import Beads, draw_beads, joined, no_beads, untouched
+from hydroviews.rain.lens.patterns.film import draw_film
 from hydroviews.rain.lens.patterns.pattern import RaindropPattern
 from hydroviews.rain.lens.patterns.runs import Rivulet, draw_rivulets, swept
 from hydroviews.rain.lens.patterns.shapes import Outline
+from hydroviews.rain.lens.patterns.window import WindowPattern
 from hydroviews.scene.seeds import generator
 
 Array = NDArray[np.float64]
@@ -45,6 +48,7 @@ class Water:
     drops: tuple[Drop, ...]
     rivulets: tuple[Rivulet, ...]
     droplets: Array  # [N, 4]: x, y, radius, contact angle
+    beads: Beads = field(default_factory=no_beads)  # of a window
 
 
 def water_at(pattern: RaindropPattern, extent: tuple[float, float], moment: float) -> Water:
@@ -67,8 +71,25 @@ def water_at(pattern: RaindropPattern, extent: tuple[float, float], moment: floa
     merged = _merge(kept)
     taken = np.array([disk for drop in merged for disk in drop.outline.disks]).reshape(-1, 3)
     beads = np.concatenate([np.zeros((0, 4)), *(rivulet.beads for rivulet in rivulets)])
+    if isinstance(pattern, WindowPattern):
+        left = _free(beads, len(beads), taken, rivulets)
+        return Water(tuple(merged), tuple(rivulets), left, _on_pane(pattern, extent, taken, left, rivulets))
     droplets = np.concatenate([beads, _droplets(pattern, extent)])
     return Water(tuple(merged), tuple(rivulets), _free(droplets, len(beads), taken, rivulets))
+
+
+def _on_pane(
+    pattern: WindowPattern, extent: tuple[float, float], taken: Array, left: Array, rivulets: list[Rivulet]
+) -> Beads:
+    """Film and beads of a window that no larger water touches, has swept away or has left behind."""
+    film = draw_film(pattern, extent)
+    beads = joined(film, draw_beads(pattern, extent, film))
+    hiding = [taken * [1, 1, BULGE], left[:, :3]]
+    for rivulet in rivulets:
+        path, widths = rivulet.ribbon
+        hiding.append(np.column_stack([path, 1.15 * widths]))
+        hiding.append(np.column_stack([rivulet.way, np.full(len(rivulet.way), 0.9 * rivulet.start_radius)]))
+    return beads[untouched(beads, np.concatenate(hiding))]
 
 
 def place_drops(pattern: RaindropPattern, extent: tuple[float, float]) -> list[Drop]:

@@ -1,0 +1,115 @@
+"""How many beads and how much mist a grade needs on a window, and what colour the mist has.
+
+Most of what drops of a pane show is their own, so that they differ from the scene alike in every view. Where beads are
+many, each place of the scene is behind one in a share m of the views. A part of that is learned as a veil of the drops'
+mean light, and what is left differs from view to view and averages out with the views that see a place. Mist stays
+in place and is learned as part of the scene.
+"""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from hydroviews.rain.lens.optics.own_light import GLARE
+from hydroviews.rain.lens.patterns.bodies import bodies_of
+from hydroviews.rain.lens.patterns.mist import window_mist
+from hydroviews.rain.lens.patterns.water import water_at
+from hydroviews.rain.lens.patterns.window import KINDS, WindowPattern
+from hydroviews.rain.scene_statistics import SceneStatistics
+from hydroviews.rain.severity import solve, wanted_harm
+from hydroviews.scene.images import Image, luminance, to_linear, to_srgb
+
+LOSS = {"light": 1.5, "medium": 3.9, "heavy": 9.5}  # dB that plain 3DGS is to lose
+LEARNED = 0.2  # share of the drops' cover that plain 3DGS learns as a veil of their mean light; to be calibrated
+NOISE = 1.0  # of what differs from view to view, over the error of a mean; to be calibrated
+MOST_MIST = {"light": 0.25, "medium": 0.7, "heavy": 0.95}
+BEADS = (800, 4000)
+VEIL = (0.44, 0.93)  # of published pictures, sRGB-encoded: grey indoors, nearly white outdoors
+DIMMER = (0.85, 1.4)  # of the veil over the scene's brightest tenth, sRGB-encoded
+TURN = 0.4  # tangent by which a drop turns light at its rim, about
+AVERAGED = 0.04  # sides over which the cover by single drops averages out among views
+
+
+def lit_by(drawn: WindowPattern, rng: np.random.Generator, statistics: SceneStatistics) -> WindowPattern:
+    """The pattern with mist as bright as a little less than the brightest tenth of the scene, within VEIL."""
+    air = np.array(statistics.light.air, np.float32)
+    encoded = to_srgb(luminance(air[None]))[0] * rng.uniform(*DIMMER)
+    veil = to_linear(np.clip(encoded, *VEIL).astype(np.float32)[None])[0]
+    tint = 1 + 0.02 * rng.uniform(-1, 1, 3)
+    red, green, blue = (float(value) for value in veil * tint / np.maximum(air, 1e-3))
+    return replace(drawn, air=(red, green, blue))
+
+
+def grade_window(drawn: WindowPattern, grade: str, statistics: SceneStatistics) -> WindowPattern:
+    """The pattern with as many beads, and then as much mist, as cost plain 3DGS what the grade says on this scene."""
+    wanted = wanted_harm(LOSS[grade], statistics)
+    harm = WindowHarm(drawn, statistics)
+    fewest, most = (count / drawn.droplets for count in BEADS)
+    beads = solve(lambda share: harm(share, 0.0), KINDS[drawn.kind].by_drops * wanted, fewest, min(most, 1.0))
+    mist = solve(lambda level: harm(beads, level), wanted, 0.0, MOST_MIST[grade])
+    if harm(beads, mist) < wanted:
+        beads = solve(lambda share: harm(share, mist), wanted, beads, max(most, beads))
+    return replace(drawn, droplets=round(beads * drawn.droplets), mist=round(mist, 4))
+
+
+class WindowHarm:
+    """For beads as a share of those drawn, and mist, the mean squared error that a pane leaves in what is learned."""
+
+    def __init__(self, pattern: WindowPattern, statistics: SceneStatistics) -> None:
+        air = (np.array(pattern.air) * statistics.light.air).astype(np.float32)
+        self._air, self._blur = air, pattern.mist_blur
+        self._noise = NOISE * statistics.drops_cost * statistics.mean_inverse_visibility
+        self._light = drops_light(pattern)
+        self._scenes = [(sample, to_linear(sample)) for sample in statistics.samples]
+        form = replace(pattern, mist=1.0)
+        shapes = {(sample.shape[0], sample.shape[1]) for sample in statistics.samples}
+        self._forms = {(h, w): window_mist(form, w, h, moment=0.5)[..., None] for h, w in shapes}
+        self._covers = {shape: cover_by_water(pattern, shape) for shape in shapes}
+
+    def __call__(self, beads: float, mist: float) -> float:
+        """In encoded values."""
+        return float(np.mean([self._of(sample, linear, beads, mist) for sample, linear in self._scenes]))
+
+    def _of(self, sample: Image, linear: Image, beads: float, mist: float) -> float:
+        small, rest = self._covers[sample.shape[0], sample.shape[1]]
+        cover = np.minimum(beads * small + rest, 0.9)[..., None]
+        veil = mist * self._forms[sample.shape[0], sample.shape[1]]
+        sky, bright, dark = self._light
+        misty = (1 - veil) * linear + veil * self._air
+        veiled = LEARNED * cover
+        learned = to_srgb((1 - veiled) * misty + veiled * (sky * bright + (1 - sky) * dark))
+        seen = to_srgb(misty)
+        shown = [(share, float(to_srgb(np.array([v], np.float32))[0])) for share, v in ((sky, bright), (1 - sky, dark))]
+        off = sum(share * (value - seen) ** 2 for share, value in shown)
+        return float(np.mean((learned - sample) ** 2) + self._noise * np.mean(cover * (1 - cover) * off))
+
+
+def drops_light(pattern: WindowPattern) -> tuple[float, float, float]:
+    """The share of drops' light that is bright, and linear light of the bright and the dark part, in the mean.
+
+    A drop turns light by about TURN times the distance from its middle over its radius, and its bright part is a
+    segment of its disk.
+    """
+    t = float(np.clip(pattern.edge / TURN, -1, 1))
+    sky = float((np.arccos(t) - t * np.sqrt(1 - t * t)) / np.pi)
+    bright, dark = (float(v) for v in to_linear(np.array([pattern.bright, pattern.dark], np.float32)))
+    dim = 1 - pattern.uneven / 2
+    return sky, dim * bright * (GLARE if pattern.tilt > 0 else 1.0), dim * dark
+
+
+def cover_by_water(pattern: WindowPattern, shape: tuple[int, int]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Cover [H, W] of a picture by beads, and by all other water, averaged over AVERAGED sides."""
+    height, width = shape
+    side = float(np.sqrt(height * width))
+    water = water_at(pattern, (width / side, height / side), moment=0.5)
+    others = bodies_of(replace(water, beads=water.beads[np.zeros(0, int)])).disks
+    return _averaged(water.beads.disks, shape, side), _averaged(others, shape, side)
+
+
+def _averaged(disks: NDArray[np.float64], shape: tuple[int, int], side: float) -> NDArray[np.float32]:
+    edges = [np.arange(0, length + 1) for length in shape]
+    area = np.pi * (disks[:, 2] * side) ** 2
+    found, *_ = np.histogram2d(disks[:, 1] * side, disks[:, 0] * side, edges, weights=area)
+    return np.asarray(cv2.GaussianBlur(found.astype(np.float32), (0, 0), AVERAGED * side), np.float32)
