@@ -21,6 +21,7 @@ from hydroviews.scene.seeds import generator
 Plane = NDArray[np.float32]
 ROUND = 0.25  # tangent: radius of the dark part, around what is turned downwards by as much; makes crescents
 GLARE = 2.0  # radiance of the bright part over what a photograph records of it, where it is spread by defocus
+SHARP = 0.3  # share of the way across a tilted pane that is in focus
 DISKS = (0.0, 0.25, 0.5, 1.0)  # shares of the largest defocus disk at which a tilted pane is blurred
 
 
@@ -48,7 +49,9 @@ class SkyEdge:
             width: of the lens in pixels.
         """
         turned = place - np.column_stack([pixel % width + 0.5, pixel // width + 0.5])
-        tangent = np.linalg.norm(turned / self.focal + ROUND * np.array(self.towards), axis=1) - ROUND
+        tangents, up = turned / self.focal, np.array(self.towards)
+        tangent = np.linalg.norm(tangents + ROUND * up, axis=1) - ROUND
+        tangent[tangents @ up < -ROUND] = -np.inf  # what is turned down that far is beyond the dark part, and dark
         t = np.clip((tangent - self.edge) / self.softness + 0.5, 0, 1)
         return np.asarray(t * t * (3 - 2 * t))
 
@@ -80,7 +83,8 @@ class OwnLight:
 def tilted(planes: Sequence[Plane], pattern: WindowPattern) -> list[Plane]:
     """Planes [H, W] or [H, W, C] as a tilted pane shows them: sharp on one side, blurred by a disk on the other.
 
-    The disk grows linearly across the pane. Pictures blurred by a few disks are mixed, pixel by pixel.
+    The near SHARP of the pane is sharp, and from there on the disk grows linearly. Pictures blurred by a few disks are
+    mixed, pixel by pixel.
     """
     if pattern.tilt == 0:
         return list(planes)
@@ -90,6 +94,7 @@ def tilted(planes: Sequence[Plane], pattern: WindowPattern) -> list[Plane]:
     along = ((np.arange(height) + 0.5) / height - 0.5) * np.sin(pattern.tilt_direction)
     reach = np.abs(across).max() + np.abs(along).max()
     far = ((along[:, None] + across) / reach + 1) / 2  # 0 at the near corner, 1 at the far one
+    far = np.maximum(far - SHARP, 0) / (1 - SHARP)
     weights = [np.interp(far, DISKS, row).astype(np.float32) for row in np.eye(len(DISKS))]
     mixed = []
     for plane in planes:

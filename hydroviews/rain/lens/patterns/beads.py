@@ -60,8 +60,9 @@ def draw_beads(pattern: WindowPattern, extent: tuple[float, float], taken: Beads
         extent: width and height of the picture in sides.
         taken: beads that are there already.
     """
-    density = smooth_field(generator(pattern.seed, "patches"), extent, (4, 9))
-    density = 1 - pattern.patches * (1 - np.clip(2.2 * density - 0.7, 0, 1))
+    field = smooth_field(generator(pattern.seed, "patches"), extent, (3, 8))
+    crowded = np.clip(0.45 + 0.45 * (field - field.mean()) / field.std(), 0, 1) ** 1.5  # a sixth of the pane is free
+    density = 1 - pattern.patches * (1 - crowded)
     radii = log_normal(
         generator(pattern.seed, "beads"), pattern.droplets, pattern.droplet_median, pattern.droplet_spread
     )

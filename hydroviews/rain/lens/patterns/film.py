@@ -9,7 +9,7 @@ from hydroviews.scene.seeds import generator
 
 Array = NDArray[np.float64]
 COLUMNS, ROWS = 240, 160  # cells of the field of bands
-HALF_WIDTHS = (0.02, 0.06)  # of a band, in widths of the picture
+HALF_WIDTHS = (0.02, 0.075)  # of a band, in widths of the picture
 WANDER = 0.012  # how far a band swings, in widths
 RIDGES = (2.6, 0.22)  # aspect and wave of ridges
 TINY = (1.1, 0.12)  # of the beads between them

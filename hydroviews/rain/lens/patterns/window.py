@@ -76,11 +76,11 @@ class Kind(NamedTuple):
 # What the published pictures show, one kind a line. Edges are small or negative where drops are mostly bright.
 KINDS = {
     "clear": Kind((900, 1800), (0.85, 1.2), (0.0, 0.5), (0.002, 0.01), (0, 1), (0, 0), (0.0, 0.05), (-0.03, 0.08), 0.9),
-    "film": Kind((800, 1300), (0.9, 1.6), (0.3, 0.8), (0.0, 0.005), (0, 1), (3, 6), (0.0, 0.1), (0.0, 0.12), 0.9),
+    "film": Kind((800, 1300), (0.9, 1.6), (0.3, 0.8), (0.0, 0.005), (0, 1), (4, 7), (0.0, 0.1), (0.0, 0.12), 0.9),
     "misted": Kind((1400, 2400), (0.7, 1.1), (0.6, 1.0), (0.01, 0.03), (0, 2), (0, 0), (0.2, 0.4), (0.04, 0.15), 0.6),
     "flat": Kind((1200, 2200), (2.0, 2.8), (0.2, 0.8), (0.0, 0.005), (0, 0), (0, 1), (0.2, 0.4), (0.05, 0.16), 0.6),
     "fog": Kind((900, 1700), (0.8, 1.5), (0.2, 0.8), (0.01, 0.03), (3, 6), (0, 0), (0.5, 0.8), (0.08, 0.2), 0.35),
-    "drenched": Kind((2400, 4000), (1.2, 2.0), (0.5, 1.0), (0.01, 0.03), (1, 3), (2, 4), (0.4, 0.7), (0.0, 0.12), 0.5),
+    "drenched": Kind((1500, 2600), (1.2, 2.0), (0.5, 1.0), (0.01, 0.03), (1, 3), (2, 4), (0.4, 0.7), (0.0, 0.12), 0.3),
 }  # fmt: skip
 BY_GRADE = (("clear", "film"), ("misted", "flat"), ("fog", "drenched"))
 TILTED = 0.25  # share of the patterns whose pane is tilted
@@ -97,7 +97,7 @@ def draw_window(rng: np.random.Generator, grade: int) -> WindowPattern:
     * Contact angles are those of drops on a lens. Steeper drops turn light farther and have darker rims.
     * Drops have 0.85 to 1 of light of their own, with a soft edge between bright and dark; a tilted pane has nothing
       else. Bright and dark are 0.6 to 1 and 0.05 to 0.3, sRGB-encoded.
-    * The pane is in focus: the disk is at most half a pixel at 320. A tilted pane's grows to 3 to 8 % of a side.
+    * The pane is in focus: the disk is at most half a pixel at 320. A tilted pane's grows to 1.5 to 4 % of a side.
     * Mist blurs by up to 1 % of a side. Its colour is set by the scene.
 
     Args:
@@ -142,7 +142,7 @@ def draw_window(rng: np.random.Generator, grade: int) -> WindowPattern:
         bright=between(0.75, 1.0),
         dark=between(0.05, 0.3),
         uneven=between(0.1, 0.5),
-        tilt=between(0.03, 0.08) if tilted else 0.0,
+        tilt=between(0.015, 0.04) if tilted else 0.0,
         tilt_direction=between(0, 2 * np.pi),
         key_frames=3,
         lens_renderer="disk",

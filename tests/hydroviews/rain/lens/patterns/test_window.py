@@ -1,0 +1,143 @@
+"""What is on a pane: settings by grade, beads, film, mist."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hydroviews.errors import InputError
+from hydroviews.rain.lens.optics.mesh import water_mesh
+from hydroviews.rain.lens.patterns.beads import Beads, log_normal, no_beads
+from hydroviews.rain.lens.patterns.film import draw_film
+from hydroviews.rain.lens.patterns.mist import window_mist
+from hydroviews.rain.lens.patterns.runs import draw_rivulets
+from hydroviews.rain.lens.patterns.water import water_at
+from hydroviews.rain.lens.patterns.window import BY_GRADE, KINDS, WindowPattern, draw_window
+from hydroviews.scene.cameras import Camera
+
+EXTENT = (1.2, 1 / 1.2)  # sides of a picture of 3:2, about
+EVEN = replace(draw_window(np.random.default_rng(0), 0), patches=0.0, film=0, rivulets=0, coverage=0.0, bead_aspect=1.0)
+
+
+def of_kind(name: str) -> WindowPattern:
+    """The first draw of a kind."""
+    grade = next(i for i, kinds in enumerate(BY_GRADE) if name in kinds)
+    drawn = (draw_window(np.random.default_rng(seed), grade) for seed in range(100))
+    return next(pattern for pattern in drawn if pattern.kind == name)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_a_kind_has_its_ingredients(name):
+    pattern, kind = of_kind(name), KINDS[name]
+    assert kind.beads[0] <= pattern.droplets <= kind.beads[1]
+    assert 800 <= pattern.droplets <= 4000
+    assert kind.film[0] <= pattern.film <= kind.film[1]
+    assert kind.runs[0] <= pattern.rivulets <= kind.runs[1]
+    assert len(draw_film(pattern, EXTENT)) >= 50 * pattern.film
+    assert len(water_at(pattern, EXTENT, 0.0).beads) > 0.5 * pattern.droplets
+
+
+def test_kinds_differ_between_grades():
+    assert len({kind for kinds in BY_GRADE for kind in kinds}) == len(KINDS) == 6
+
+
+def test_the_same_seed_gives_the_same_water():
+    pattern = replace(of_kind("drenched"), droplets=300, film=1)
+    one, same = (water_at(pattern, EXTENT, 0.0).beads for _ in range(2))
+    other = water_at(replace(pattern, seed=pattern.seed + 1), EXTENT, 0.0).beads
+    assert all(np.array_equal(a, b) for a, b in zip(vars(one).values(), vars(same).values(), strict=True))
+    assert not np.array_equal(one.places[:50], other.places[:50])
+
+
+def test_radii_of_beads_are_those_of_published_pictures():
+    width = EXTENT[0]
+    for seed in range(3):
+        pattern = replace(draw_window(np.random.default_rng(seed), 1), patches=0.0, film=0, rivulets=0, coverage=0.0)
+        radii = water_at(replace(pattern, droplets=1500), EXTENT, 0.0).beads.radii / width
+        assert len(radii) > 1400
+        assert 0.0025 < np.median(radii) < 0.0033
+        assert 0.008 < np.quantile(radii, 0.95) < 0.015
+
+
+def test_beads_keep_apart():
+    beads = water_at(replace(EVEN, droplets=800), EXTENT, 0.0).beads
+    apart = np.linalg.norm(beads.places[:, None] - beads.places[None], axis=-1)
+    near = (beads.radii[:, None] + beads.radii[None]) * 0.95  # aspects differ a little
+    assert (apart < near)[~np.eye(len(beads), dtype=bool)].mean() < 1e-4
+
+
+def test_patches_leave_regions_free():
+    def emptiest(patches: float) -> float:
+        places = water_at(replace(EVEN, patches=patches, droplets=800), EXTENT, 0.0).beads.places
+        counts, *_ = np.histogram2d(*places.T, bins=6, range=[(0, EXTENT[0]), (0, EXTENT[1])])
+        return float(np.quantile(counts / counts.mean(), 0.15))
+
+    assert emptiest(1.0) < 0.3 < emptiest(0.0)
+
+
+def test_larger_water_hides_beads_and_runs_wipe_them():
+    pattern = replace(EVEN, coverage=0.03, rivulets=2, droplets=1500)
+    water = water_at(pattern, EXTENT, 0.0)
+    disks = np.array([disk for drop in water.drops for disk in drop.outline.disks])
+    assert len(disks) >= 10
+    ways = np.concatenate([rivulet.way for rivulet in water.rivulets])
+    assert (
+        np.linalg.norm(water.beads.places[:, None] - disks[None, :, :2], axis=-1).min(axis=0).min() > disks[:, 2].min()
+    )
+    reach = 0.9 * min(rivulet.start_radius for rivulet in water.rivulets)
+    assert np.linalg.norm(water.beads.places[:, None] - ways[None], axis=-1).min() > reach
+
+
+def test_film_lies_in_bands():
+    film = draw_film(replace(EVEN, film=3), EXTENT)
+    columns, _ = np.histogram(film.places[:, 0], bins=60, range=(0, EXTENT[0]))
+    assert np.sort(columns)[-20:].sum() > 0.85 * len(film)
+    assert (film.aspects > 2).sum() > 50  # ridges
+    assert len(draw_film(replace(EVEN, film=0), EXTENT)) == 0
+
+
+def test_meshes_of_beads_are_closed_and_as_high_as_spheres_caps():
+    camera = Camera(120, 100, 100, 100, 60, 50, np.eye(4))
+    pattern = replace(EVEN, droplets=40)
+    water = water_at(pattern, EXTENT, 0.0)
+    mesh = water_mesh(replace(water, droplets=np.zeros((0, 4))), pattern.capillary_length, camera)
+    assert len(mesh.caps) == len(mesh.bases)
+    height = float(mesh.vertices[:, 2].max()) - 1
+    expected = (water.beads.radii * np.tan(water.beads.angles / 2)).max() * np.sqrt(120 * 100) / 100
+    assert height == pytest.approx(expected, rel=1e-3)
+
+
+def test_log_normal_radii_fall():
+    radii = log_normal(np.random.default_rng(0), 4000, 0.0035, 0.8)
+    assert np.all(np.diff(radii) <= 0)
+    assert np.median(radii) == pytest.approx(0.0035, rel=0.05)
+
+
+def test_no_beads_are_none():
+    assert len(no_beads()) == 0
+    assert no_beads().disks.shape == (0, 3)
+    assert isinstance(no_beads()[np.zeros(0, int)], Beads)
+
+
+def test_mist_of_a_pane_is_uneven_and_wiped():
+    pattern = replace(of_kind("fog"), mist=0.9, rivulets=3, coverage=0.02)
+    wiped, whole = (window_mist(p, 240, 160, 0.5) for p in (pattern, replace(pattern, rivulets=0, coverage=0.0)))
+    assert whole.max() > 0.6
+    assert np.quantile(whole, 0.2) < 0.1
+    assert np.all(wiped <= whole + 1e-6)
+    side = np.sqrt(240 * 160)
+    inside = [
+        (int(x * side), int(y * side))
+        for rivulet in draw_rivulets(pattern, (240 / side, 160 / side), 0.5)
+        for x, y in rivulet.way[5:-5:5]
+        if 0 <= x * side < 240 and 0 <= y * side < 160
+    ]
+    assert inside
+    assert all(wiped[y, x] < 0.45 * whole[y, x] + 1e-6 for x, y in inside)
+    assert window_mist(replace(pattern, mist=0.0), 60, 40, 0.0).max() == 0
+
+
+@pytest.mark.parametrize("wrong", [{"own_light": 1.2}, {"own_light": -0.1}, {"lens_renderer": "traced"}])
+def test_what_no_pane_can_be_is_refused(wrong):
+    with pytest.raises(InputError):
+        replace(EVEN, **wrong)

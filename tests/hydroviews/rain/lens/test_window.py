@@ -1,0 +1,158 @@
+"""The effect `window`, from the pattern to the picture."""
+
+from dataclasses import replace
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+
+from hydroviews.rain.effect import fall
+from hydroviews.rain.lens.optics import bake as lens_bake
+from hydroviews.rain.lens.optics.path_matte import PathMatte, dry
+from hydroviews.rain.lens.patterns.window import BY_GRADE, draw_window
+from hydroviews.rain.lens.window import Window, WindowEffect, behind_mist
+from hydroviews.rain.lens.window_severity import LOSS, VEIL, WindowHarm
+from hydroviews.rain.patterns import GRADES, Pattern
+from hydroviews.rain.registry import find_effect
+from hydroviews.rain.scene_statistics import Light, SceneStatistics
+from hydroviews.rain.severity import wanted_harm
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.images import luminance, to_linear, to_srgb
+from hydroviews.scene.scenes import View, no_points
+
+CAMERA = Camera(60, 45, 48, 48, 30, 22.5, np.eye(4))
+PANE = replace(
+    draw_window(np.random.default_rng(1), 1), droplets=60, droplet_median=0.02, coverage=0.02, radius_median=0.04,
+    rivulets=0, film=0, patches=0.0, mist=0.6, tilt=0.0, own_light=1.0, key_frames=1,
+)  # fmt: skip
+
+needs_bpy = pytest.mark.skipif(
+    find_spec("bpy") is None, reason="bpy is not installed: pip install 'hydroviews[blender]'"
+)
+
+
+def statistics(detail: float = 0.002, count: int = 8) -> SceneStatistics:
+    rng = np.random.default_rng(0)
+    samples = tuple(rng.uniform(0.2, 0.7, (30, 40, 3)).astype(np.float32) for _ in range(2))
+    views = tuple(View(f"view-{i}", CAMERA, None) for i in range(count))
+    light = Light((0.2, 0.2, 0.2), (0.5, 0.55, 0.6))
+    return SceneStatistics("none", 0, views, no_points(), 1 / count, samples, detail, light)
+
+
+def picture(seed: int) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(0, 1, (45, 60, 3)).astype(np.float32)
+
+
+def half_wet(pattern, camera, folder, frame):
+    """A matte whose left half is water that is bright below; its paths end where they begin."""
+    none = dry(camera.height, camera.width, window=True)
+    mask, sky = np.zeros_like(none.mask), np.zeros_like(none.mask)
+    mask[:, : camera.width // 2] = 0.9
+    sky[camera.height // 2 :, : camera.width // 2] = 0.9
+    return PathMatte(mask, mask, none.pixels, none.paths, 0.0, sky)
+
+
+def test_it_is_registered():
+    assert isinstance(find_effect("window"), WindowEffect)
+
+
+def test_grades_have_kinds_of_their_own_and_the_same_seed_the_same_pattern():
+    effect = WindowEffect()
+    for index, grade in enumerate(GRADES):
+        drawn, again = (effect.draw(Pattern("window", index), statistics()) for _ in range(2))
+        assert drawn == again
+        assert drawn.kind in BY_GRADE[index]
+        assert Pattern("window", index).grade == grade
+
+
+def test_harm_grows_with_grades_beads_and_mist():
+    scene = statistics()
+    harms = []
+    for index in range(3):
+        drawn = WindowEffect().draw(Pattern("window", index), scene)
+        harm = WindowHarm(drawn, scene)
+        harms.append(harm(1.0, drawn.mist))
+        assert harm(1.0, drawn.mist) < harm(1.0, drawn.mist + 0.2)
+        assert harm(1.0, drawn.mist) < harm(1.5, drawn.mist) or drawn.mist > 0
+    assert harms == sorted(harms)
+    assert harms[2] == pytest.approx(wanted_harm(LOSS["heavy"], scene), rel=0.1)
+
+
+def test_the_mist_is_as_bright_as_published_veils():
+    for seed in range(5):
+        scene = replace(statistics(), seed=seed)
+        drawn = WindowEffect().draw(Pattern("window", 2), scene)
+        veil = to_srgb(luminance((np.array(drawn.air) * scene.light.air)[None]))[0]
+        assert VEIL[0] - 0.02 < veil < VEIL[1] + 0.02
+
+
+def test_the_rainy_view_follows_from_layers_and_parameters_alone(tmp_path, monkeypatch):
+    monkeypatch.setattr("hydroviews.rain.lens.raindrops.bake_matte", half_wet)
+    scene = statistics()
+    rain = Window(replace(PANE, mist_blur=0.0), scene)
+    clean = picture(0)
+    layers = fall(rain.prepare(CAMERA, tmp_path), clean, scene.views[0])
+    assert set(layers) == {"M", "V", "R", "G", "B"}
+    rainy = WindowEffect().composite(rain.parameters, clean, layers)
+    passing = ((1 - layers["M"]) * (1 - layers["V"]))[..., None]
+    expected = to_srgb(to_linear(clean) * passing + np.stack([layers[c] for c in "RGB"], -1))
+    assert np.allclose(rainy, expected, atol=1e-6)
+
+
+def test_own_light_does_not_depend_on_the_scene(tmp_path, monkeypatch):
+    monkeypatch.setattr("hydroviews.rain.lens.raindrops.bake_matte", half_wet)
+    scene = statistics()
+    own, mixed = (Window(replace(PANE, own_light=share), scene).prepare(CAMERA, tmp_path) for share in (1.0, 0.5))
+    one, other = (own.layers(picture(seed), scene.views[0]) for seed in (0, 1))
+    assert all(np.array_equal(one[name], other[name]) for name in one)
+    bright = one["G"][40, :20].mean() / one["G"][5, :20].mean()
+    assert bright > 3
+    assert not np.array_equal(
+        mixed.layers(picture(0), scene.views[0])["R"], mixed.layers(picture(1) ** 2, scene.views[0])["R"]
+    )
+
+
+def test_the_scene_is_blurred_where_mist_is_thick():
+    light = picture(0)
+    veil = np.zeros((45, 60), np.float32)
+    veil[:, 30:] = 1.0
+    seen = behind_mist(light, veil, 0.05)
+    assert np.array_equal(seen[:, :30], light[:, :30])
+    assert seen[:, 30:].std() < 0.5 * light[:, 30:].std()
+    assert behind_mist(light, np.zeros_like(veil), 0.05) is light
+
+
+@pytest.mark.usefixtures("kept")
+@pytest.mark.blender
+@needs_bpy
+def test_baked_beads_are_dark_above_and_bright_below(tmp_path):
+    pattern = replace(PANE, up=0.0, edge=0.08, bead_aspect=1.0, mist=0.0, focus_blur=0.0)
+    matte = lens_bake.bake_matte(pattern, CAMERA, tmp_path)
+    assert matte.sky is not None
+    assert 0.05 < matte.mask.mean() < 0.9
+    assert np.all(matte.sky <= matte.mask + 1e-5)
+    water, side = lens_bake.water_of(pattern, CAMERA, 0), np.sqrt(60 * 45)
+    above, below = [], []
+    for (x, y), radius in zip(water.beads.places * side, water.beads.radii * side, strict=True):
+        if radius > 2 and 4 < x < 56 and 4 < y < 41:
+            above.append(matte.sky[int(y - 0.7 * radius), int(x)])
+            below.append(matte.sky[int(y + 0.7 * radius), int(x)])
+    assert len(above) >= 3
+    assert np.mean(below) > np.mean(above) + 0.2
+
+
+@pytest.mark.usefixtures("kept")
+@pytest.mark.blender
+@needs_bpy
+def test_renewed_beads_keep_their_own_light(tmp_path, monkeypatch):
+    monkeypatch.setattr("hydroviews.rain.lens.renewed.LENSES", 1)
+    scene = statistics(count=3)
+    ready = Window(replace(PANE, renewed=0.5, mist=0.0), scene).prepare(CAMERA, tmp_path)
+    first, second = (ready.layers(picture(0), view) for view in scene.views[:2])
+    assert not np.array_equal(first["M"], second["M"])
+    wet = first["M"] > 0.9
+    assert wet.any()
+    assert first["G"][wet].std() > 0.05  # bright and dark parts
+    dark, bright = to_linear(np.array([PANE.dark, PANE.bright], np.float32))
+    assert (1 - PANE.uneven) * dark * 0.85 <= first["G"][wet].min()
+    assert first["G"][wet].max() <= bright * 1.001
