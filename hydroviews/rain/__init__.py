@@ -8,7 +8,7 @@
     compositing.py       the planes of a layer file, and the equation of water and light
     layers.py            layer files
     light.py             clipped lamps, the light of the air, the light that drops gather
-    lens/                drops and mist on the lens       (`raindrop`)
+    lens/                drops and mist on the lens       (`raindrop`), on a pane (`window`)
     streaks/             the paper's recipe of streaks    (`streak`)
     storm/               drops in space, seen by all views (`storm`)
     weather/             haze, darkness, night, and all together (`haze`, `dark`, `night`, `shower`)

@@ -99,7 +99,7 @@ def expected_view(facts: Mapping[str, Any], clean: Image, layers: Mapping[str, N
 
     Planes S are blended (Eq. 1), in encoded values: R = (1 - S) B + beta S. Planes M, V, R, G and B cover and add
     (Eq. 2), in linear light: R = (1 - Md) B + D with Md = 1 - (1 - M) (1 - V) and D = (R, G, B). An effect with other
-    planes, or a lens focused on its drops, has an equation of its own, for which there is only its own word.
+    planes, or one that blurs the scene, has an equation of its own, for which there is only its own word.
 
     Args:
         facts: the variant's `pattern.json`.
@@ -114,7 +114,8 @@ def expected_view(facts: Mapping[str, Any], clean: Image, layers: Mapping[str, N
     if set(planes) == set(STREAKS):
         beta = float(facts["parameters"]["brightness"])
         return (1 - planes["S"]) * background + beta * planes["S"]
-    if set(planes) != set(WATER) or facts["parameters"].get("focus") == "drops":
+    blurred = facts["parameters"].get("focus") == "drops" or "mist_blur" in facts["parameters"]
+    if set(planes) != set(WATER) or blurred:
         return find_effect(facts["effect"]).composite(facts["parameters"], clean, layers).astype(np.float64)
     cover = 1 - (1 - planes["M"]) * (1 - planes["V"])
     light = np.where(background <= 0.04045, background / 12.92, ((background + 0.055) / 1.055) ** 2.4)

@@ -1,9 +1,10 @@
 """How many beads and how much mist a grade needs on a window, and what colour the mist has.
 
-Most of what drops of a pane show is their own, so that they differ from the scene alike in every view. Where beads are
-many, each place of the scene is behind one in a share m of the views. A part of that is learned as a veil of the drops'
-mean light, and what is left differs from view to view and averages out with the views that see a place. Mist stays
-in place and is learned as part of the scene.
+Most of what drops of a pane show is their own, so that they differ from the scene alike in every view. Where beads
+are many, each place of the scene is behind one in a share m of the views. Few of them are outliers, which the L1 loss
+passes over; many are learned as a veil of the drops' mean light, about as m squared. What is left differs from view
+to view; the more views see a place, the surer they pass over it, so it falls faster than the error of a mean. Mist
+stays in place and is learned as part of the scene.
 """
 
 from dataclasses import replace
@@ -21,11 +22,12 @@ from hydroviews.rain.scene_statistics import SceneStatistics
 from hydroviews.rain.severity import solve, wanted_harm
 from hydroviews.scene.images import Image, luminance, to_linear, to_srgb
 
-LOSS = {"light": 1.5, "medium": 3.9, "heavy": 10.0}  # dB that plain 3DGS is to lose
-LEARNED = 0.2  # share of the drops' cover that plain 3DGS learns as a veil of their mean light; to be calibrated
-NOISE = 1.0  # of what differs from view to view, over the error of a mean; to be calibrated
+LOSS = {"light": 1.4, "medium": 3.7, "heavy": 9.0}  # dB that plain 3DGS is to lose
+LEARNED = 1.1  # what plain 3DGS learns as a veil of the drops' mean light, over the square of their cover; measured
+NOISE = 2.5  # of what differs from view to view, over its variance times inverse visibility to the power 1.5; measured
 MOST_MIST = {"light": 0.25, "medium": 0.7, "heavy": 0.95}
 BEADS = (800, 4000)
+FAINT = (0.6, 0.3)  # the least light of the bright part, the most of the dark one, sRGB-encoded
 VEIL = (0.44, 0.93)  # of published pictures, sRGB-encoded: grey indoors, nearly white outdoors
 DIMMER = (0.85, 1.4)  # of the veil over the scene's brightest tenth, sRGB-encoded
 TURN = 0.4  # tangent by which a drop turns light at its rim, about
@@ -43,15 +45,21 @@ def lit_by(drawn: WindowPattern, rng: np.random.Generator, statistics: SceneStat
 
 
 def grade_window(drawn: WindowPattern, grade: str, statistics: SceneStatistics) -> WindowPattern:
-    """The pattern with as many beads, and then as much mist, as cost plain 3DGS what the grade says on this scene."""
+    """The pattern with as many beads, and then as much mist, as cost plain 3DGS what the grade says on this scene.
+
+    Where the fewest beads are too many, their light is fainter.
+    """
     wanted = wanted_harm(LOSS[grade], statistics)
     harm = WindowHarm(drawn, statistics)
     fewest, most = (count / drawn.droplets for count in BEADS)
-    beads = solve(lambda share: harm(share, 0.0), KINDS[drawn.kind].by_drops * wanted, fewest, min(most, 1.0))
-    mist = solve(lambda level: harm(beads, level), wanted, 0.0, MOST_MIST[grade])
-    if harm(beads, mist) < wanted:
-        beads = solve(lambda share: harm(share, mist), wanted, beads, max(most, beads))
-    return replace(drawn, droplets=round(beads * drawn.droplets), mist=round(mist, 4))
+    by_drops = KINDS[drawn.kind].by_drops * wanted
+    beads = solve(lambda share: harm(share, 0.0), by_drops, fewest, min(most, 1.0))
+    vivid = solve(lambda share: harm(beads, 0.0, share), by_drops, 0.0, 1.0)
+    mist = solve(lambda level: harm(beads, level, vivid), wanted, 0.0, MOST_MIST[grade])
+    if harm(beads, mist, vivid) < wanted:
+        beads = solve(lambda share: harm(share, mist, vivid), wanted, beads, max(most, beads))
+    bright, dark = (round(value, 4) for value in faded(drawn, vivid))
+    return replace(drawn, droplets=round(beads * drawn.droplets), mist=round(mist, 4), bright=bright, dark=dark)
 
 
 class WindowHarm:
@@ -60,25 +68,26 @@ class WindowHarm:
     def __init__(self, pattern: WindowPattern, statistics: SceneStatistics) -> None:
         air = (np.array(pattern.air) * statistics.light.air).astype(np.float32)
         self._air, self._blur = air, pattern.mist_blur
-        self._noise = NOISE * statistics.drops_cost * statistics.mean_inverse_visibility
-        self._light = drops_light(pattern)
+        self._noise = NOISE * statistics.drops_cost * statistics.mean_inverse_visibility**1.5
+        self._pattern = pattern
         self._scenes = [(sample, to_linear(sample)) for sample in statistics.samples]
         form = replace(pattern, mist=1.0)
         shapes = {(sample.shape[0], sample.shape[1]) for sample in statistics.samples}
         self._forms = {(h, w): window_mist(form, w, h, moment=0.5)[..., None] for h, w in shapes}
         self._covers = {shape: cover_by_water(pattern, shape) for shape in shapes}
 
-    def __call__(self, beads: float, mist: float) -> float:
-        """In encoded values."""
-        return float(np.mean([self._of(sample, linear, beads, mist) for sample, linear in self._scenes]))
+    def __call__(self, beads: float, mist: float, vivid: float = 1.0) -> float:
+        """In encoded values; `vivid` is as for `faded`."""
+        light = drops_light(self._pattern, vivid)
+        return float(np.mean([self._of(sample, linear, beads, mist, light) for sample, linear in self._scenes]))
 
-    def _of(self, sample: Image, linear: Image, beads: float, mist: float) -> float:
+    def _of(self, sample: Image, linear: Image, beads: float, mist: float, light: tuple[float, float, float]) -> float:
         small, rest = self._covers[sample.shape[0], sample.shape[1]]
         cover = np.minimum(beads * small + rest, 0.9)[..., None]
         veil = mist * self._forms[sample.shape[0], sample.shape[1]]
-        sky, bright, dark = self._light
+        sky, bright, dark = light
         misty = (1 - veil) * linear + veil * self._air
-        veiled = LEARNED * cover
+        veiled = LEARNED * cover**2
         learned = to_srgb((1 - veiled) * misty + veiled * (sky * bright + (1 - sky) * dark))
         seen = to_srgb(misty)
         shown = [(share, float(to_srgb(np.array([v], np.float32))[0])) for share, v in ((sky, bright), (1 - sky, dark))]
@@ -86,7 +95,15 @@ class WindowHarm:
         return float(np.mean((learned - sample) ** 2) + self._noise * np.mean(cover * (1 - cover) * off))
 
 
-def drops_light(pattern: WindowPattern) -> tuple[float, float, float]:
+def faded(pattern: WindowPattern, vivid: float) -> tuple[float, float]:
+    """The bright and the dark part of drops, sRGB-encoded: as drawn if `vivid` is 1, and FAINT if it is 0."""
+    bright, dark = (
+        faint + vivid * (own - faint) for own, faint in zip((pattern.bright, pattern.dark), FAINT, strict=True)
+    )
+    return bright, dark
+
+
+def drops_light(pattern: WindowPattern, vivid: float) -> tuple[float, float, float]:
     """The share of drops' light that is bright, and linear light of the bright and the dark part, in the mean.
 
     A drop turns light by about TURN times the distance from its middle over its radius, and its bright part is a
@@ -94,7 +111,7 @@ def drops_light(pattern: WindowPattern) -> tuple[float, float, float]:
     """
     t = float(np.clip(pattern.edge / TURN, -1, 1))
     sky = float((np.arccos(t) - t * np.sqrt(1 - t * t)) / np.pi)
-    bright, dark = (float(v) for v in to_linear(np.array([pattern.bright, pattern.dark], np.float32)))
+    bright, dark = (float(v) for v in to_linear(np.array(faded(pattern, vivid), np.float32)))
     dim = 1 - pattern.uneven / 2
     return sky, dim * bright * (GLARE if pattern.tilt > 0 else 1.0), dim * dark
 
@@ -103,9 +120,12 @@ def cover_by_water(pattern: WindowPattern, shape: tuple[int, int]) -> tuple[NDAr
     """Cover [H, W] of a picture by beads, and by all other water, averaged over AVERAGED sides."""
     height, width = shape
     side = float(np.sqrt(height * width))
-    water = water_at(pattern, (width / side, height / side), moment=0.5)
-    others = bodies_of(replace(water, beads=water.beads[np.zeros(0, int)])).disks
-    return _averaged(water.beads.disks, shape, side), _averaged(others, shape, side)
+    extent = (width / side, height / side)
+    every, others = (
+        _averaged(bodies_of(water_at(some, extent, moment=0.5)).disks, shape, side)
+        for some in (pattern, replace(pattern, droplets=0))
+    )
+    return np.maximum(every - others, 0), others
 
 
 def _averaged(disks: NDArray[np.float64], shape: tuple[int, int], side: float) -> NDArray[np.float32]:

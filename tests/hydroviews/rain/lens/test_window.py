@@ -1,11 +1,15 @@
 """The effect `window`, from the pattern to the picture."""
 
+import json
 from dataclasses import replace
 from importlib.util import find_spec
 
 import numpy as np
 import pytest
+from synthetic import capture_in
 
+from hydroviews.dataset.build import build
+from hydroviews.dataset.verify import verify
 from hydroviews.rain.effect import fall
 from hydroviews.rain.lens.optics import bake as lens_bake
 from hydroviews.rain.lens.optics.path_matte import PathMatte, dry
@@ -13,7 +17,7 @@ from hydroviews.rain.lens.patterns.window import BY_GRADE, draw_window
 from hydroviews.rain.lens.window import Window, WindowEffect, behind_mist
 from hydroviews.rain.lens.window_severity import LOSS, VEIL, WindowHarm
 from hydroviews.rain.patterns import GRADES, Pattern
-from hydroviews.rain.registry import find_effect
+from hydroviews.rain.registry import find_effect, parse_pattern
 from hydroviews.rain.scene_statistics import Light, SceneStatistics
 from hydroviews.rain.severity import wanted_harm
 from hydroviews.scene.cameras import Camera
@@ -156,3 +160,15 @@ def test_renewed_beads_keep_their_own_light(tmp_path, monkeypatch):
     dark, bright = to_linear(np.array([PANE.dark, PANE.bright], np.float32))
     assert (1 - PANE.uneven) * dark * 0.85 <= first["G"][wet].min()
     assert first["G"][wet].max() <= bright * 1.001
+
+
+@pytest.mark.usefixtures("kept")
+@pytest.mark.blender
+@needs_bpy
+def test_a_built_pane_verifies(tmp_path):
+    scene = capture_in(tmp_path / "capture" / "yard")
+    folder = build(scene, tmp_path / "data", patterns=[parse_pattern("window-2")], long_side=40)
+    assert verify(tmp_path / "data") == []
+    parameters = json.loads((folder / "window-2" / "pattern.json").read_text())["parameters"]
+    assert parameters["kind"] in BY_GRADE[2]
+    assert parameters["mist_blur"] > 0
