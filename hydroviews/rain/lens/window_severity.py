@@ -23,7 +23,8 @@ from hydroviews.rain.severity import solve, wanted_harm
 from hydroviews.scene.images import Image, luminance, to_linear, to_srgb
 
 LOSS = {"light": 1.4, "medium": 3.7, "heavy": 9.0}  # dB that plain 3DGS is to lose
-LEARNED = 1.1  # what plain 3DGS learns as a veil of the drops' mean light, over the square of their cover; measured
+LEARNED = 0.9  # what plain 3DGS learns as a veil of the drops' mean light, over the square of their cover; measured
+SMEARED = 1.5  # the same of drops out of focus, which are no outliers, over that of drops in focus; measured
 NOISE = 2.5  # of what differs from view to view, over its variance times inverse visibility to the power 1.5; measured
 MOST_MIST = {"light": 0.25, "medium": 0.7, "heavy": 0.95}
 BEADS = (800, 4000)
@@ -70,6 +71,7 @@ class WindowHarm:
         self._air, self._blur = air, pattern.mist_blur
         self._noise = NOISE * statistics.drops_cost * statistics.mean_inverse_visibility**1.5
         self._pattern = pattern
+        self._learned = LEARNED * (SMEARED if pattern.tilt > 0 else 1.0)
         self._scenes = [(sample, to_linear(sample)) for sample in statistics.samples]
         form = replace(pattern, mist=1.0)
         shapes = {(sample.shape[0], sample.shape[1]) for sample in statistics.samples}
@@ -87,7 +89,7 @@ class WindowHarm:
         veil = mist * self._forms[sample.shape[0], sample.shape[1]]
         sky, bright, dark = light
         misty = (1 - veil) * linear + veil * self._air
-        veiled = LEARNED * cover**2
+        veiled = self._learned * cover**2
         learned = to_srgb((1 - veiled) * misty + veiled * (sky * bright + (1 - sky) * dark))
         seen = to_srgb(misty)
         shown = [(share, float(to_srgb(np.array([v], np.float32))[0])) for share, v in ((sky, bright), (1 - sky, dark))]
