@@ -9,7 +9,7 @@ from hydroviews.rain.effect import Effect
 from hydroviews.rain.patterns import GRADES, Pattern
 
 GROUP = "hydroviews.effects"  # entry points: subclasses of Effect
-DEFAULT_EFFECTS = ("raindrop", "streak")  # the paper's
+DEFAULT_EFFECTS = ("raindrop", "streak")  # drops and streaks, the two that the paper has
 
 
 @cache
