@@ -23,9 +23,9 @@ from hydroviews.rain.severity import solve, wanted_harm
 from hydroviews.scene.images import Image, luminance, to_linear, to_srgb
 
 LOSS = {"light": 1.4, "medium": 3.7, "heavy": 9.0}  # dB that plain 3DGS is to lose
-LEARNED = 0.9  # what plain 3DGS learns as a veil of the drops' mean light, over the square of their cover; measured
-SMEARED = 1.5  # the same of drops out of focus, which are no outliers, over that of drops in focus; measured
-NOISE = 2.5  # of what differs from view to view, over its variance times inverse visibility to the power 1.5; measured
+LEARNED = 0.7  # what plain 3DGS learns as a veil of the drops' mean light, over the square of their cover; measured
+SMEARED = 1.7  # the same of drops out of focus, which are no outliers, over that of drops in focus; measured
+NOISE = 4.0  # of what differs from view to view, over its variance times inverse visibility to the power 1.5; measured
 MOST_MIST = {"light": 0.25, "medium": 0.7, "heavy": 0.95}
 BEADS = (800, 4000)
 FAINT = (0.6, 0.3)  # the least light of the bright part, the most of the dark one, sRGB-encoded

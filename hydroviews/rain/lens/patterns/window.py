@@ -83,6 +83,7 @@ KINDS = {
     "drenched": Kind((1500, 2600), (1.2, 2.0), (0.5, 1.0), (0.01, 0.03), (1, 3), (2, 4), (0.4, 0.7), (0.0, 0.12), 0.3),
 }  # fmt: skip
 BY_GRADE = (("clear", "film"), ("misted", "flat"), ("fog", "drenched"))
+SPREADS = ((0.6, 0.75), (0.75, 0.88), (0.75, 0.88))  # of beads, by grade
 TILTED = 0.25  # share of the patterns whose pane is tilted
 REVERSED = 0.2  # share of the patterns whose drops are bright above
 
@@ -93,7 +94,8 @@ def draw_window(rng: np.random.Generator, grade: int) -> WindowPattern:
     Distributions, and why, measured on the published pictures (docs/topics/window.md):
 
     * Radii of beads are log-normal. The median is 0.3 % of the picture's width, which is 0.0035 sides, and the 95 %
-      quantile 1 to 1.5 %, which is a spread of 0.75 to 0.88. Larger drops have radii of 0.8 to 2 % of the width.
+      quantile 1 to 1.5 %, which is a spread of 0.75 to 0.88. Light panes have hardly any beads of more than 1 %: the
+      same number of beads covers less. Larger drops have radii of 0.8 to 2 % of the width.
     * Contact angles are those of drops on a lens. Steeper drops turn light farther and have darker rims.
     * Drops have 0.85 to 1 of light of their own, with a soft edge between bright and dark; a tilted pane has nothing
       else. Bright and dark are 0.6 to 1 and 0.05 to 0.3, sRGB-encoded.
@@ -119,7 +121,7 @@ def draw_window(rng: np.random.Generator, grade: int) -> WindowPattern:
         radius_spread=between(0.2, 0.3),
         droplets=round(between(*kind.beads)),
         droplet_median=between(0.0033, 0.0037),
-        droplet_spread=between(0.75, 0.88),
+        droplet_spread=between(*SPREADS[grade]),
         bead_aspect=between(*kind.aspect),
         bead_wave=between(0.05, 0.14),
         patches=between(*kind.patches),
