@@ -2,9 +2,9 @@
 
 Most of what drops of a pane show is their own, so that they differ from the scene alike in every view. Where beads
 are many, each place of the scene is behind one in a share m of the views. Few of them are outliers, which the L1 loss
-passes over; many are learned as a veil of the drops' mean light, about as m squared. What is left differs from view
-to view; the more views see a place, the surer they pass over it, so it falls faster than the error of a mean. Mist
-stays in place and is learned as part of the scene.
+passes over; many are learned as a veil of the drops' mean light, about as m squared over the number of views that see
+a place. What is left differs from view to view; the more views see a place, the surer they pass over it, so it falls
+faster than the error of a mean. Mist stays in place and is learned as part of the scene.
 """
 
 from dataclasses import replace
@@ -23,9 +23,9 @@ from hydroviews.rain.severity import solve, wanted_harm
 from hydroviews.scene.images import Image, luminance, to_linear, to_srgb
 
 LOSS = {"light": 1.4, "medium": 3.7, "heavy": 9.0}  # dB that plain 3DGS is to lose
-LEARNED = 0.7  # what plain 3DGS learns as a veil of the drops' mean light, over the square of their cover; measured
-SMEARED = 1.7  # the same of drops out of focus, which are no outliers, over that of drops in focus; measured
-NOISE = 4.0  # of what differs from view to view, over its variance times inverse visibility to the power 1.5; measured
+LEARNED = 22.0  # veil of the drops' mean light that is learned, over cover squared times inverse visibility; measured
+SMEARED = 1.3  # the same of drops out of focus, which are no outliers, over that of drops in focus; measured
+NOISE = 3.5  # of what differs from view to view, over its variance times inverse visibility to the power 1.5; measured
 MOST_MIST = {"light": 0.25, "medium": 0.7, "heavy": 0.95}
 BEADS = (800, 4000)
 FAINT = (0.6, 0.3)  # the least light of the bright part, the most of the dark one, sRGB-encoded
@@ -71,7 +71,7 @@ class WindowHarm:
         self._air, self._blur = air, pattern.mist_blur
         self._noise = NOISE * statistics.drops_cost * statistics.mean_inverse_visibility**1.5
         self._pattern = pattern
-        self._learned = LEARNED * (SMEARED if pattern.tilt > 0 else 1.0)
+        self._learned = LEARNED * statistics.mean_inverse_visibility * (SMEARED if pattern.tilt > 0 else 1.0)
         self._scenes = [(sample, to_linear(sample)) for sample in statistics.samples]
         form = replace(pattern, mist=1.0)
         shapes = {(sample.shape[0], sample.shape[1]) for sample in statistics.samples}
@@ -89,7 +89,7 @@ class WindowHarm:
         veil = mist * self._forms[sample.shape[0], sample.shape[1]]
         sky, bright, dark = light
         misty = (1 - veil) * linear + veil * self._air
-        veiled = self._learned * cover**2
+        veiled = np.minimum(self._learned * cover, 1) * cover
         learned = to_srgb((1 - veiled) * misty + veiled * (sky * bright + (1 - sky) * dark))
         seen = to_srgb(misty)
         shown = [(share, float(to_srgb(np.array([v], np.float32))[0])) for share, v in ((sky, bright), (1 - sky, dark))]
