@@ -104,7 +104,9 @@ def photometric_loss(
 
 
 def _visible_weights(shown: Tensor | None, weights: Tensor | None) -> Tensor | None:
-    """Weights [H, W], 0 where pixels are hidden; None where all are 1."""
+    """Weights [H, W], at least 0, 0 where pixels are hidden; None where all are 1."""
+    if weights is not None:
+        weights = weights.clamp_min(0)
     if shown is None:
         return weights
     return shown.float() if weights is None else torch.where(shown, weights, 0)

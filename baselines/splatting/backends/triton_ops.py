@@ -71,7 +71,7 @@ def _pixels(image, target, shown, weights, line, at, row, inside, HIDDEN: tl.con
     if HIDDEN:
         inside = inside & (tl.load(shown + pixel, mask=inside, other=0) != 0)
     if WEIGHED:
-        weight = tl.load(weights + pixel, mask=inside, other=0.0)
+        weight = tl.maximum(tl.load(weights + pixel, mask=inside, other=0.0), 0.0)
         inside = inside & (weight != 0)
     else:
         weight = inside.to(tl.float32)

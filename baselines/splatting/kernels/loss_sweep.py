@@ -126,7 +126,7 @@ def read_inside(left, n, inside, windows):
 def read_weights(weights, ignored, row, left, n, out):
     """The weights of the columns of a row, 0 where hidden; those outside stay. `left` begins a pixel."""
     for pixel in range(max(0, left // 3), min(n, left + WIDE + 2) // 3):
-        weight = weights[row, pixel] if weights.shape[0] > 0 else ONE
+        weight = max(weights[row, pixel], NONE) if weights.shape[0] > 0 else ONE  # rounding leaves -1e-7 of some
         if ignored.shape[0] > 0 and ignored[row, pixel]:
             weight = NONE
         i = 3 * pixel - left

@@ -120,6 +120,16 @@ def test_weight_one_is_no_weight_and_zero_is_no_gradient():
     assert not nothing[1].any()
 
 
+def test_a_weight_that_rounding_left_below_zero_is_zero():
+    image, target = pair(40, 30)
+    weights = np.ones(target.shape[:2], np.float32)
+    weights[:, :20] = 0
+    expected = photometric_loss(image, target_of(target), 0.2, weights)
+    found = photometric_loss(image, target_of(target), 0.2, np.where(weights == 0, np.float32(-1e-7), weights))
+    assert found[0] == expected[0]
+    assert np.array_equal(found[1], expected[1])
+
+
 def test_equal_images_have_no_loss():
     _, target = pair(20, 20)
     loss, gradient = photometric_loss(target.copy(), target_of(target))
