@@ -7,7 +7,7 @@ views. Trains every method on every case, one after another; prints a table and 
 Finished trainings are kept, an interrupted one goes on where it stopped.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -112,6 +112,21 @@ def row(case: str, name: str, pair: Pair, profile: str, seed: int, folder: Path)
     return {"photographs": case, "method": name, **held_out(method, truth), "used": method.summary().used}
 
 
+def train_all(
+    cases: Mapping[str, Callable[[], Pair]], methods: Sequence[str], profile: str, seed: int, folder: Path, csv: Path
+) -> pd.DataFrame:
+    """A row for every case and method; those that `csv` has are kept, and trainings in `folder` go on."""
+    rows: list[dict[str, Any]] = pd.read_csv(csv).to_dict("records") if csv.is_file() else []
+    for case, opened in cases.items():
+        for name in methods:
+            if any((row["photographs"], row["method"]) == (case, name) for row in rows):
+                continue
+            print(f"{case}, {name}:")
+            rows.append(row(case, name, opened(), profile, seed, folder))
+            write_bytes(csv, pd.DataFrame(rows).to_csv(index=False).encode())
+    return pd.DataFrame(rows)
+
+
 def main(
     scene: str = "courtyard",
     profile: str = "demo",
@@ -134,17 +149,9 @@ def main(
     """
     built = build_source(scene, data / profile, find_profile(profile), patterns=PATTERNS, all_patterns=False)
     folder = out / f"{built.name}-{profile}-{seed}"
-    csv = folder / "hard_rain.csv"
-    rows: list[dict[str, Any]] = pd.read_csv(csv).to_dict("records") if csv.is_file() else []
-    for case, opened in cases(built, folder).items():
-        for name in methods:
-            done = any((row["photographs"], row["method"]) == (case, name) for row in rows)
-            if done or (only and not case.startswith(only)):
-                continue
-            print(f"{case}, {name}:")
-            rows.append(row(case, name, opened(), profile, seed, folder))
-            write_bytes(csv, pd.DataFrame(rows).to_csv(index=False).encode())
-    print(f"\n{pd.DataFrame(rows).to_string(index=False)}")
+    chosen = {name: case for name, case in cases(built, folder).items() if not only or name.startswith(only)}
+    rows = train_all(chosen, methods, profile, seed, folder, folder / "hard_rain.csv")
+    print(f"\n{rows.to_string(index=False)}")
 
 
 if __name__ == "__main__":

@@ -1,17 +1,25 @@
-"""What photographs alone say of mist on the lens: the light it should have, and the most that mist_alpha can be."""
+"""What photographs alone say of mist on the lens: the light it should have, and the most that mist_alpha can be.
+
+Drops with light of their own lie in front of the mist. They may be darker or lighter than the mist, so pixels under
+them (`still_pixels`) do not count.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from deraings.rain_model.mist_config import MistConfig
+from deraings.rain_model.still_pixels import still_cover
 from deraings.rain_model.time_knots import count_time_knots, time_weights
 from hydroviews.scene.images import luminance, to_linear
 
 MAX_PICTURES = 40  # that are looked at for a time knot
+WET = 0.25  # share of a pixel under drops with light of their own, from which it says nothing of mist
+BESIDE = 5  # pixels, of the square around a place that drops may not touch: point colours are a little blurred
 MIN_LIGHT = 1e-3  # linear; mist is taken to be at least as light
 
 
@@ -25,6 +33,7 @@ class MistBounds:
     possible: NDArray[np.float32]  # the same, less its smallest value
     usual: float  # the median of `possible` over the places that are shown
     suspected: bool  # whether it is enough to look for mist
+    masks: list[NDArray[np.bool_] | None]  # [H, W] a picture: masked pixels, and those under drops
 
     def at(self, view: int, places: NDArray[np.float32]) -> NDArray[np.float32]:
         """Possible mist_alpha [N] of a view at places [N, 2], across and down, [0, 1]."""
@@ -32,6 +41,16 @@ class MistBounds:
         across, down = places.T
         where = (down * (knots.shape[0] - 1), across * (knots.shape[1] - 1))
         return np.asarray(map_coordinates(knots, where, order=1, mode="nearest"))
+
+    def dry_at(self, view: int, places: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """Whether a view shows the scene at places [N, 2], across and down, [0, 1], and around them: [N]."""
+        mask = self.masks[view]
+        if mask is None:
+            return np.ones(len(places), np.bool_)
+        wet = cv2.dilate(mask.astype(np.uint8), np.ones((BESIDE, BESIDE), np.uint8)) > 0
+        size = np.array(wet.shape[::-1])
+        across, down = np.clip((places * size).astype(int), 0, size - 1).T
+        return np.asarray(~wet[down, across], np.bool_)
 
 
 def mist_bounds(
@@ -42,15 +61,15 @@ def mist_bounds(
     cell = max(height, width) / config.cells
     times = count_time_knots(len(pictures), config.views_per_knot, config.max_time_knots)
     grid = (times, max(2, round(height / cell) + 1), max(2, round(width / cell) + 1))
-    colour = mist_light(pictures, config.brightest, hidden)
-    bound = max_mist_alpha(pictures, colour, grid, config.dark_quantile, hidden)
+    masks = dry_masks(pictures, hidden, times)
+    colour = mist_light(pictures, config.brightest, masks)
+    bound = max_mist_alpha(pictures, colour, grid, config.dark_quantile, masks)
     known = bound[np.isfinite(bound)]
     least = known.min() if known.size else np.float32(1)
     usual = float(np.median(known - least)) if known.size else 0.0
     suspected = known.size > 0 and bool(np.quantile(known - least, 0.25) >= config.min_possible)
     bound = np.where(np.isfinite(bound), bound, np.float32(1))
-    even = np.float32(config.evenness * usual)
-    return MistBounds(len(pictures), colour, np.minimum(bound, even), np.minimum(bound - least, even), usual, suspected)
+    return MistBounds(len(pictures), colour, bound, bound - least, usual, suspected, masks)
 
 
 def mist_light(
@@ -104,6 +123,23 @@ def max_mist_alpha(
         around = [cells[i : i + height, j : j + width] for i in (0, 1) for j in (0, 1)]
         bound[time] = np.fmax.reduce(around)
     return bound
+
+
+def dry_masks(
+    pictures: Sequence[NDArray[np.uint8]], hidden: Sequence[NDArray[np.bool_] | None], times: int
+) -> list[NDArray[np.bool_] | None]:
+    """The masks [H, W] `hidden`, one a picture, and the pixels that drops with light of their own cover at its time."""
+    masks = list(hidden) or [None] * len(pictures)
+    dry = list(masks)
+    for time in range(times):
+        near = [i for i in range(len(pictures)) if time_weights(i, len(pictures), times)[time] >= 0.5]
+        for size in sorted({pictures[i].shape for i in near}):
+            views = [i for i in near if pictures[i].shape == size]
+            wet = still_cover([pictures[i] for i in views], [masks[i] for i in views]) > WET
+            for i in views:
+                mask = masks[i]
+                dry[i] = wet if mask is None else wet | mask
+    return dry
 
 
 def _cell_quantiles(planes: list[NDArray[np.float32]], cells: tuple[int, int], share: float) -> NDArray[np.float32]:

@@ -38,14 +38,13 @@ class MistConfig:
             development scenes streaks have 0.0024 at most (heavy ones of courtyard 0.0066), the lightest mist 0.0041.
         min_seen_in_rain: the same, above `min_seen`, from which mist stands behind falling rain: streaks of development
             scenes have 0.0066 at most, medium drops 0.012 and more.
-        min_mist: share of the possible mist, [0, 1], from which scene points are believed: medium streaks show 0.11 at
-            most, medium mist 0.23 and more.
+        min_mist: share of the possible mist, [0, 1], from which scene points show mist: clean views, streaks and drops
+            without mist have 0.41 at most, mist on a window 0.57 and more.
         min_fog: share of their contrast, [0, 1], that points lose over the median depth, from which it is fog: clean
             views have 0.06 at most, fog that takes half of the light 0.3 and more.
-        evenness: mist_alpha is at most so many times, from 1, its median over the lens.
     """
 
-    cells: int = 12
+    cells: int = 24
     views_per_knot: int = 12
     max_time_knots: int = 3
     start: float = 0.03
@@ -64,6 +63,5 @@ class MistConfig:
     min_possible: float = 0.007
     min_seen: float = 0.003
     min_seen_in_rain: float = 0.009
-    min_mist: float = 0.15
+    min_mist: float = 0.5
     min_fog: float = 0.15
-    evenness: float = 3.0

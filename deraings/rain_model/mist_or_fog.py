@@ -13,6 +13,7 @@ pixels that are explained worst, by drops, streaks, gloss or what stands in betw
 
 import logging
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -81,8 +82,10 @@ def sees_mist(seen: float | None, config: MistConfig) -> bool:
 def paleness_of(bounds: MistBounds, points: Callable[[], PointColours]) -> Paleness | None:
     """What the points of photographs with these bounds show; see `fit_paleness`."""
     seen = points()
-    places = [bounds.at(int(view), seen.places[:, column]) for column, view in enumerate(seen.views)]
-    return fit_paleness(seen, np.stack(places, axis=1), bounds.colour)
+    columns = list(enumerate(seen.views.tolist()))
+    possible = np.stack([bounds.at(view, seen.places[:, column]) for column, view in columns], axis=1)
+    dry = np.stack([bounds.dry_at(view, seen.places[:, column]) for column, view in columns], axis=1)
+    return fit_paleness(replace(seen, seen=seen.seen & dry), possible, bounds.colour)
 
 
 def point_colours(scene: Scene, images: TrainingImages) -> PointColours:

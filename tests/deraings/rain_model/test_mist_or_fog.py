@@ -81,7 +81,7 @@ def test_too_little_is_no_evidence():
 
 @pytest.mark.parametrize(
     ("mist", "fog", "wanted"),
-    [(0.0, 0.0, False), (0.2, 0.0, True), (1.0, 0.0, True), (0.0, 1.0, False), (1.0, 0.5, False)],
+    [(0.0, 0.0, False), (0.3, 0.0, False), (0.6, 0.0, True), (1.0, 0.0, True), (0.0, 1.0, False), (1.0, 0.5, False)],
 )
 def test_mist_is_looked_for_where_points_show_it_and_not_in_fog(mist, fog, wanted):
     scene = panorama.views_of(panorama.paint(), VIEWS)
@@ -104,7 +104,7 @@ def test_mist_is_looked_for_where_points_show_it_and_not_in_fog(mist, fog, wante
         (Paleness(0.1, 0.0), 0.001, False),
         (Paleness(-0.2, 0.0), 0.01, True),
         (Paleness(-0.2, 0.0), None, False),
-        (Paleness(0.2, 0.0), None, True),
+        (Paleness(0.6, 0.0), None, True),
         (Paleness(0.9, 0.3), 0.01, False),
     ],
 )
