@@ -15,8 +15,9 @@ nothing is left count for nothing.
 
 A line is believed only where detail stays on the lens (`fixed_pattern`). Where the scene is not learned, or learned
 wrong, photographs do not follow the render either: trees in wind have slopes like drops, and what is taken for a drop
-is never learned afterwards. But no detail of theirs stays. A network that sees drops stay is believed as well
-(`staying_drops`): few photographs hardly show what stays.
+is never learned afterwards. But no detail of theirs stays. Many small drops may leave no clear place beside them, by
+which to tell detail that stays from chance. Pixels that hardly change count as drops, too (`still_pixels`). So do those
+where a network predicts drops that stay (`staying_drops`): few photographs hardly show what stays.
 
 What the photographs cannot tell: L without drop_alpha would be a stain of light that any scene could lose to the lens.
 So L is at most drop_alpha times white or its negative, and drop_alpha is 0 where the slope is near one. Drops grow and
@@ -36,7 +37,8 @@ from deraings.image_planes import Plane, resized, shown_beside, smooth_rise, sur
 from deraings.rain_model.drops_kernels import SUMS, add_view, fit_lines
 from deraings.rain_model.fixed_pattern import fixed_pattern
 from deraings.rain_model.layer_kernels import behind_drops, shade
-from deraings.rain_model.time_knots import count_time_knots, time_weights
+from deraings.rain_model.still_pixels import still_cover
+from deraings.rain_model.time_knots import count_time_knots, time_weights, views_near
 from hydroviews.scene.images import Image
 
 HALF = np.float32(0.5)
@@ -143,7 +145,17 @@ class LensDrops:
         self.sums = np.zeros((times, height, SUMS, width), np.float32)
         masks = tuple(hidden) or (None,) * n_views
         self._known = np.logical_or.reduce([shown_beside(mask, self._size) for mask in masks])
-        self._believed = smooth_rise(fixed_pattern(pictures, masks, self._size, times), config.usual, config.fixed)
+        stays = smooth_rise(fixed_pattern(pictures, masks, self._size, times), config.usual, config.fixed)
+        self._believed = np.maximum(stays, [self._still(pictures, masks, time) for time in range(times)])
+
+    def _still(
+        self, pictures: Sequence[NDArray[np.uint8]], masks: Sequence[NDArray[np.bool_] | None], time: int
+    ) -> Plane:
+        """The share of each pixel of the lens [h, w] that hardly changes in the views about a time."""
+        near = views_near(time, self._n_views, len(self.sums))
+        small = (cv2.resize(pictures[view], self._size[::-1], interpolation=cv2.INTER_AREA) for view in near)
+        hidden = [~shown_beside(masks[view], self._size) for view in near]
+        return still_cover([np.asarray(picture, np.uint8) for picture in small], hidden)
 
     def believe(self, hidden: Sequence[Plane]) -> None:
         """Believe lines where a network sees drops that stay, too.

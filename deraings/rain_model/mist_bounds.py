@@ -14,7 +14,7 @@ from scipy.ndimage import map_coordinates
 
 from deraings.rain_model.mist_config import MistConfig
 from deraings.rain_model.still_pixels import still_cover
-from deraings.rain_model.time_knots import count_time_knots, time_weights
+from deraings.rain_model.time_knots import count_time_knots, time_weights, views_near
 from hydroviews.scene.images import luminance, to_linear
 
 MAX_PICTURES = 40  # that are looked at for a time knot
@@ -113,7 +113,7 @@ def max_mist_alpha(
     table = to_linear(np.arange(256, dtype=np.float32) / 255)
     bound = np.empty(grid, np.float32)
     for time in range(times):
-        near = [i for i in range(len(pictures)) if time_weights(i, len(pictures), times)[time] >= 0.5]
+        near = views_near(time, len(pictures), times)
         planes = []
         for index in near[:: -(-len(near) // MAX_PICTURES)]:
             alpha, mask = (table[pictures[index]] / np.maximum(colour, MIN_LIGHT)).min(axis=2), masks[index]
@@ -132,7 +132,7 @@ def dry_masks(
     masks = list(hidden) or [None] * len(pictures)
     dry = list(masks)
     for time in range(times):
-        near = [i for i in range(len(pictures)) if time_weights(i, len(pictures), times)[time] >= 0.5]
+        near = views_near(time, len(pictures), times)
         for size in sorted({pictures[i].shape for i in near}):
             views = [i for i in near if pictures[i].shape == size]
             wet = still_cover([pictures[i] for i in views], [masks[i] for i in views]) > WET

@@ -16,3 +16,8 @@ def time_weights(view: int, n_views: int, n_knots: int) -> NDArray[np.float32]:
     """Weights [T] of the knots in a view, of sum 1: linear interpolation between the two nearest."""
     time = view / max(n_views - 1, 1) * (n_knots - 1)
     return np.maximum(0, 1 - np.abs(np.arange(n_knots) - time)).astype(np.float32)
+
+
+def views_near(knot: int, n_views: int, n_knots: int) -> list[int]:
+    """The views in which a knot weighs at least a half, in order."""
+    return [view for view in range(n_views) if time_weights(view, n_views, n_knots)[knot] >= 0.5]
