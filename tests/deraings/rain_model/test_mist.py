@@ -39,6 +39,35 @@ def test_mist_is_found():
     assert np.corrcoef(alpha_of(mist).ravel(), true.ravel())[0, 1] > 0.95
 
 
+def behind_beads(photographs):
+    """Photographs behind dark and bright drops of two pixels, each as it is in all views, on a ninth of the lens."""
+    wet = photographs.copy()
+    for shade, start in ((0.02, 2), (1.0, 5)):
+        for down, across in ((0, 0), (0, 1), (1, 0), (1, 1)):
+            wet[:, start + down :: 8, start + across :: 8] = shade
+    return wet
+
+
+def test_drops_with_light_of_their_own_say_nothing_of_mist():
+    scene = panorama.views_of(panorama.paint(), 24)
+    photographs = panorama.misted(scene, panorama.slanted_mist(0.4), AIR)
+    dry, wet = (
+        mist_bounds(panorama.eight_bit(views), MistConfig()) for views in (photographs, behind_beads(photographs))
+    )
+    assert wet.suspected
+    assert np.abs(wet.colour - dry.colour).max() < 0.05
+    assert np.abs(wet.max_alpha - dry.max_alpha).mean() < 0.05
+    assert np.corrcoef(wet.max_alpha.ravel(), dry.max_alpha.ravel())[0, 1] > 0.95
+
+
+def test_places_under_drops_and_beside_them_are_not_dry():
+    scene = panorama.views_of(panorama.paint(), 24)
+    scene[:, 20:24, 30:34] = 0.02
+    bounds = mist_bounds(panorama.eight_bit(scene), MistConfig())
+    places = np.array([[32, 22], [35, 22], [10, 10]], np.float32) / (panorama.WIDTH, panorama.HEIGHT)
+    assert bounds.dry_at(0, places.astype(np.float32)).tolist() == [False, False, True]
+
+
 @pytest.mark.parametrize("paler", [0.0, 0.5])
 def test_dry_views_and_fog_in_the_scene_have_none(paler):
     scene = panorama.views_of(panorama.paint() * (1 - paler) + 0.7 * paler, 10)
