@@ -4,8 +4,8 @@
     python -m benchmarks.window_look --rainy rainy.png --clean clean.png
 
 Prints a table and writes window_look.csv and window_look.png: three patterns of every capture, 300x200 pixels each. All
-is measured at 702 pixels of width, in encoded grey values. Around every pixel, in a window of a tenth of the width,
-least squares give the line of rainy on clean; pixels whose window shows hardly any contrast do not count.
+is measured at 702 pixels of width, in encoded grey values. Least squares give the line of rainy on clean around every
+pixel, in a window of a tenth of the width. Pixels whose window shows hardly any contrast do not count.
 """
 
 import tempfile

@@ -1,4 +1,4 @@
-"""What the parts of a wet window cost, and how much of that a method recovers: drops alone, mist alone, a true cover.
+"""The cost of the parts of a wet window, and the share that a method recovers: drops alone, mist alone, a true cover.
 
     python -m benchmarks.windows --scene courtyard --pattern window-1 --methods 3dgs deraings-plus
 
@@ -33,7 +33,7 @@ PLAIN = "3dgs"
 
 
 def cases(built: Path, pattern: str, made: Path) -> dict[str, Callable[[], Pair]]:
-    """What opens the photographs of every case of a built scene, by its name; `made` gets those that are painted."""
+    """Functions that open the photographs of every case of a built scene, by its name; `made` gets painted ones."""
     clean, variant = open_clean(built), built / pattern
 
     def drops() -> Scene:

@@ -1,4 +1,4 @@
-"""What photographs alone say of mist on the lens: the light it should have, and the most that mist_alpha can be.
+"""Bounds on mist from photographs alone: the light it should have, and the most that mist_alpha can be.
 
 Drops with light of their own lie in front of the mist. They may be darker or lighter than the mist, so pixels under
 them (`still_pixels`) do not count.
@@ -43,7 +43,7 @@ class MistBounds:
         return np.asarray(map_coordinates(knots, where, order=1, mode="nearest"))
 
     def dry_at(self, view: int, places: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """Whether a view shows the scene at places [N, 2], across and down, [0, 1], and around them: [N]."""
+        """True [N] if neither a mask nor a drop of a view touches places [N, 2], across and down, [0, 1]."""
         mask = self.masks[view]
         if mask is None:
             return np.ones(len(places), np.bool_)

@@ -13,7 +13,7 @@ KINDS = ("scattered", "block", "border", "one pixel", "nothing", "fractional", "
 def loss_by_windows(image: Tensor, target: Tensor, share: float, weights: Tensor | None = None) -> Tensor:
     """The mean of w ((1 - share) |x - y| + share (1 - SSIM)) of images [H, W, 3] in [0, 1], weights w [H, W] from 0 on.
 
-    Where w is 0 an image may be anything. What lies outside is 0, and weighs as the inside of the window on average.
+    An image may be anything at weight 0. The outside is 0, and weighs as the inside of the window on average.
     """
     height, width, _ = image.shape
     w = torch.ones(height, width) if weights is None else weights

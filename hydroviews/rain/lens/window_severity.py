@@ -1,10 +1,10 @@
 """How many beads and how much mist a grade needs on a window, and what colour the mist has.
 
-Most of what drops of a pane show is their own, so that they differ from the scene alike in every view. Where beads
-are many, each place of the scene is behind one in a share m of the views. Few of them are outliers, which the L1 loss
-passes over; many are learned as a veil of the drops' mean light, about as m squared over the number of views that see
-a place. What is left differs from view to view; the more views see a place, the surer they pass over it, so it falls
-faster than the error of a mean. Mist stays in place and is learned as part of the scene.
+Drops of a pane show mostly light of their own, so they differ from the scene alike in every view. Each place of the
+scene is behind a bead in a share m of the views. The L1 loss passes over few beads as outliers. Many beads are learned
+as a veil of their mean light, about as m squared over the number of views that see a place. The rest differs from view
+to view, and falls with the number of views faster than the error of a mean. Mist stays in place and is learned as part
+of the scene.
 """
 
 from dataclasses import replace
@@ -48,7 +48,7 @@ def lit_by(drawn: WindowPattern, rng: np.random.Generator, statistics: SceneStat
 def grade_window(drawn: WindowPattern, grade: str, statistics: SceneStatistics) -> WindowPattern:
     """The pattern with as many beads, and then as much mist, as cost plain 3DGS what the grade says on this scene.
 
-    Where the fewest beads are too many, their light is fainter. The heavy grade has no upper end: heavy panes have at
+    Beads have fainter light if the fewest are too many. The heavy grade has no upper end: heavy panes have at
     least the beads and the mist that were drawn, as published ones have.
     """
     heavy = grade == "heavy"

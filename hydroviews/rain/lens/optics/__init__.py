@@ -1,1 +1,1 @@
-"""What water does to light: surfaces, triangles for Blender, light paths baked once, mattes and banks made of them."""
+"""The way of light through water: surfaces, triangles for Blender, baked light paths, mattes and banks of drops."""

@@ -171,7 +171,7 @@ def water_of(pattern: RaindropPattern, camera: Camera, frame: int) -> Water:
 
 
 def sky_edge(pattern: RaindropPattern, camera: Camera) -> SkyEdge | None:
-    """Where the light that drops have of their own turns bright; None for those that show the scene alone."""
+    """The edge of the bright part in a pane's drops; None for drops that show the scene alone."""
     return SkyEdge.of(pattern, camera) if isinstance(pattern, WindowPattern) else None
 
 

@@ -27,7 +27,7 @@ DISKS = (0.0, 0.25, 0.5, 1.0)  # shares of the largest defocus disk at which a t
 
 @dataclass(frozen=True)
 class SkyEdge:
-    """Where the bright part of the surroundings begins."""
+    """The edge at which the bright part of the surroundings begins."""
 
     towards: tuple[float, float]  # unit vector in the picture, right and down
     edge: float  # tangent
@@ -36,7 +36,7 @@ class SkyEdge:
 
     @classmethod
     def of(cls, pattern: WindowPattern, camera: Camera) -> "SkyEdge":
-        """Of a pattern in front of a camera."""
+        """The edge of a pattern in front of a camera."""
         towards = (float(np.sin(pattern.up)), float(-np.cos(pattern.up)))
         return cls(towards, pattern.edge, pattern.softness, (camera.fx, camera.fy))
 

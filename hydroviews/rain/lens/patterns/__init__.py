@@ -1,4 +1,4 @@
-"""What is on the glass, one file an ingredient: from settings and a generator to bodies of water or planes.
+"""Ingredients of a wet glass, one file each: functions from settings and a generator to bodies of water or planes.
 
     pattern.py   the settings of a wet lens, and the distributions they are drawn from
     window.py    the same of a wet pane

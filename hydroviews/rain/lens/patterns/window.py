@@ -1,4 +1,4 @@
-"""What is drawn for one wet window pane, and from which distributions."""
+"""Settings of one wet window pane, and the distributions they are drawn from."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -80,7 +80,8 @@ KINDS = {
     "misted": Kind((1400, 2400), (0.7, 1.1), (0.6, 1.0), (0.01, 0.03), (0, 2), (0, 0), (0.2, 0.4), (0.04, 0.15), 0.6),
     "flat": Kind((1200, 2200), (2.0, 2.8), (0.2, 0.8), (0.0, 0.005), (0, 0), (0, 1), (0.2, 0.4), (0.05, 0.16), 0.6),
     "fog": Kind((900, 1700), (0.8, 1.5), (0.2, 0.8), (0.01, 0.03), (3, 6), (0, 0), (0.12, 0.22), (0.08, 0.2), 0.35),
-    "drenched": Kind((1500, 2600), (1.2, 2.0), (0.5, 1.0), (0.01, 0.03), (1, 3), (2, 4), (0.12, 0.22), (0.0, 0.12), 0.3),
+    "drenched": Kind((1500, 2600), (1.2, 2.0), (0.5, 1.0), (0.01, 0.03), (1, 3), (2, 4),
+        (0.12, 0.22), (0.0, 0.12), 0.3),
 }  # fmt: skip
 BY_GRADE = (("clear", "film"), ("misted", "flat"), ("fog", "drenched"))
 SPREADS = ((0.6, 0.75), (0.75, 0.88), (0.75, 0.88))  # of beads, by grade
@@ -93,8 +94,8 @@ def draw_window(rng: np.random.Generator, grade: int) -> WindowPattern:
 
     Distributions, and why, measured on the published pictures (docs/topics/window.md):
 
-    * Radii of beads are log-normal. The median is 0.3 % of the picture's width, which is 0.0035 sides, and the 95 %
-      quantile 1 to 1.5 %, which is a spread of 0.75 to 0.88. Light panes have hardly any beads of more than 1 %: the
+    * Radii of beads are log-normal. The median is 0.3 % of the picture's width, 0.0035 sides. The 95 % quantile is 1 to
+      1.5 %, which is a spread of 0.75 to 0.88. Light panes have hardly any beads of more than 1 %: the
       same number of beads covers less. Larger drops have radii of 0.8 to 2 % of the width.
     * Contact angles are those of drops on a lens. Steeper drops turn light farther and have darker rims.
     * Drops have 0.85 to 1 of light of their own, with a soft edge between bright and dark; a tilted pane has nothing
