@@ -18,7 +18,7 @@ from benchmarks.hard_rain import Pair, painted, train_all
 from hydroviews.cli.commands import run_command
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean, open_variant
-from hydroviews.files.atomic import read_json
+from hydroviews.files.atomic import read_json, sha256
 from hydroviews.profiles import find_profile
 from hydroviews.rain.compositing import Layers
 from hydroviews.rain.layers import read_layers
@@ -119,7 +119,8 @@ def main(
         seed: of the trainings.
     """
     built = build_source(scene, data / profile, find_profile(profile), patterns=(pattern,), all_patterns=False)
-    folder = out / f"{built.name}-{pattern}-{profile}-{seed}"
+    drawn = sha256(built / pattern / PATTERN_FILE)[:8]  # another pane is another folder
+    folder = out / f"{built.name}-{pattern}-{drawn}-{profile}-{seed}"
     chosen = {name: case for name, case in cases(built, pattern, folder).items() if not only or name.startswith(only)}
     rows = train_all(chosen, methods, profile, seed, folder, folder / "windows.csv")
     print(f"\n{with_shares(rows).to_string(index=False)}")
