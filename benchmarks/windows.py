@@ -90,10 +90,15 @@ def masked(scene: Scene, variant: Path, folder: Path) -> Scene:
 
 
 def with_shares(rows: pd.DataFrame) -> pd.DataFrame:
-    """Rows with the share of the gap between plain splatting on photographs and on clean views that is recovered."""
+    """Rows with the share of the gap between plain splatting on photographs and on clean views that is recovered.
+
+    The share is NaN without the rows of plain splatting.
+    """
     plain = rows[rows["method"] == PLAIN].set_index("photographs")["PSNR"]
     floors = rows["photographs"].str.removesuffix(", true cover hidden").map(plain)
-    return rows.assign(**{"share of the gap": ((rows["PSNR"] - floors) / (plain["clean"] - floors)).round(2)})
+    return rows.assign(
+        **{"share of the gap": ((rows["PSNR"] - floors) / (plain.get("clean", np.nan) - floors)).round(2)}
+    )
 
 
 def main(
