@@ -23,6 +23,7 @@ from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.files.atomic import read_json, write_bytes
 from hydroviews.profiles import find_profile
+from hydroviews.rain.compositing import Layers
 from hydroviews.rain.layers import read_layers
 from hydroviews.rain.patterns import PATTERN_FILE
 from hydroviews.rain.registry import find_effect
@@ -82,15 +83,20 @@ def foggy(scene: Scene) -> Callable[[View], Image]:
     return paint
 
 
-def behind(variant: Path) -> Callable[[View], Image]:
-    """Photographs as they are through the wet lens of a variant."""
+def behind(variant: Path, part: Callable[[Layers], Layers] = lambda layers: layers) -> Callable[[View], Image]:
+    """Photographs as they are through the wet lens of a variant, or through a part of its layers."""
     pattern = read_json(variant / PATTERN_FILE)
 
     def paint(view: View) -> Image:
-        layers = read_layers(variant / "layers" / f"{view.name}.exr")
+        layers = part(layers_of(variant, view))
         return find_effect(pattern["effect"]).composite(pattern["parameters"], view.image(), layers)
 
     return paint
+
+
+def layers_of(variant: Path, view: View) -> Layers:
+    """The layers of a view of a variant."""
+    return read_layers(variant / "layers" / f"{view.name}.exr")
 
 
 def blank(scene: Scene) -> Callable[[View], Image]:

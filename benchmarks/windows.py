@@ -9,24 +9,22 @@ with the share of the gap to clean views, and writes windows.csv. Finished train
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from benchmarks.hard_rain import Pair, painted, train_all
+from benchmarks.hard_rain import Pair, behind, layers_of, painted, train_all
 from hydroviews.cli.commands import run_command
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.files.atomic import read_json, sha256
 from hydroviews.profiles import find_profile
 from hydroviews.rain.compositing import Layers
-from hydroviews.rain.layers import read_layers
-from hydroviews.rain.lens.window import WindowEffect
 from hydroviews.rain.patterns import PATTERN_FILE
-from hydroviews.scene.images import Image
 from hydroviews.scene.masks import write_ignored
-from hydroviews.scene.scenes import Scene, View
+from hydroviews.scene.scenes import Scene
 
 COVERED = 0.5  # M, above which a pixel is hidden by the true cover
 PLAIN = "3dgs"
@@ -35,34 +33,20 @@ PLAIN = "3dgs"
 def cases(built: Path, pattern: str, made: Path) -> dict[str, Callable[[], Pair]]:
     """Functions that open the photographs of every case of a built scene, by its name; `made` gets painted ones."""
     clean, variant = open_clean(built), built / pattern
+    air = np.array(read_json(variant / PATTERN_FILE)["parameters"]["air_light"], np.float32)  # light [3] of the mist
+    no_mist, no_drops = partial(without_mist, air=air), partial(without_drops, air=air)
 
     def drops() -> Scene:
-        return painted(clean, made / "drops", part(variant, without_mist))
+        return painted(clean, made / "drops", behind(variant, no_mist))
 
     return {
         "clean": lambda: (clean, clean),
         pattern: lambda: (open_variant(built, pattern), clean),
         "drops alone": lambda: (drops(), clean),
-        "mist alone": lambda: (painted(clean, made / "mist", part(variant, without_drops)), clean),
+        "mist alone": lambda: (painted(clean, made / "mist", behind(variant, no_drops)), clean),
         "clean, true cover hidden": lambda: (masked(clean, variant, made / "masks"), clean),
         "drops alone, true cover hidden": lambda: (masked(drops(), variant, made / "masks"), clean),
     }
-
-
-def part(variant: Path, chosen: Callable[[Layers, np.ndarray], Layers]) -> Callable[[View], Image]:
-    """Clean views behind a part of a variant's rain; `chosen` takes layers and the light [3] of the mist."""
-    parameters = read_json(variant / PATTERN_FILE)["parameters"]
-    air = np.array(parameters["air_light"], np.float32)
-
-    def paint(view: View) -> Image:
-        return WindowEffect().composite(parameters, view.image(), chosen(layers_of(variant, view), air))
-
-    return paint
-
-
-def layers_of(variant: Path, view: View) -> Layers:
-    """The layers of a view of a variant."""
-    return read_layers(variant / "layers" / f"{view.name}.exr")
 
 
 def without_mist(layers: Layers, air: np.ndarray) -> Layers:

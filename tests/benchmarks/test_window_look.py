@@ -1,4 +1,4 @@
-"""What is measured of a pane, on pictures whose mist and spots are known."""
+"""Measured statistics of a pane, on pictures whose mist and spots are known."""
 
 import cv2
 import numpy as np

@@ -73,7 +73,7 @@ class Kind(NamedTuple):
     by_drops: float  # share of the grade's harm that water is to do; the rest is mist's
 
 
-# What the published pictures show, one kind a line. Edges are small or negative where drops are mostly bright.
+# Kinds of panes in published pictures, one per line. Edges are small or negative where drops are mostly bright.
 KINDS = {
     "clear": Kind((900, 1800), (0.85, 1.2), (0.0, 0.5), (0.002, 0.01), (0, 1), (0, 0), (0.0, 0.05), (-0.03, 0.08), 0.9),
     "film": Kind((800, 1300), (0.9, 1.6), (0.3, 0.8), (0.0, 0.005), (0, 1), (4, 7), (0.0, 0.1), (0.0, 0.12), 0.9),
