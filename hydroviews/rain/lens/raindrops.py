@@ -104,10 +104,10 @@ class PreparedLens:
     def _drops(self, light: Image, matte: PathMatte | None, frame: int, number: int) -> tuple[Plane, Plane]:
         """Cover [H, W] and linear radiance [H, W, 3] of the drops in front of a picture of linear light."""
         if self._renewed is not None:
-            mask, drops = self._renewed.over(light, number)
+            painter = self._renewed.painted(light, number)
             blurred = self._pattern.focus == "scene" and self._pattern.lens_renderer == "disk"
             disk = self._disk if blurred else 0.0
-            return np.clip(defocus(mask, disk), 0, 1), defocus(drops, disk)
+            return np.clip(defocus(painter.mask, disk), 0, 1), defocus(painter.radiance, disk)
         if matte is not None:
             return matte.mask, matte.apply(light)
         opening = aperture_radius(self._disk, self._camera)

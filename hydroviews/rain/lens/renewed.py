@@ -9,7 +9,6 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hydroviews.rain.lens.lives import LENSES, SHIFT, draw_lives
 from hydroviews.rain.lens.optics.bake import (
@@ -51,17 +50,12 @@ class RenewedDrops:
         self._lives = draw_lives(pattern, [lens.bodies(camera) for lens in self._lenses], sides, views)
         self._held: dict[tuple[int, int], DropBank] = {}
 
-    def over(self, light: Image, view: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Cover [H, W] and linear radiance [H, W, 3] of the drops of a view, by number, in focus.
+    def painted(self, light: Image, view: int) -> DropPainter:
+        """Drops of a view, by number, in focus: cover, radiance, and the bright part of a window's own light.
 
         Raises:
             InputError: Blender failed, or a kept lens is damaged.
         """
-        painter = self.painted(light, view)
-        return painter.mask, painter.radiance
-
-    def painted(self, light: Image, view: int) -> DropPainter:
-        """The same, with the part of the light that is bright of the drops' own, if they are a window's."""
         painter = DropPainter(light)
         for born in self._lives.at(view):
             frame = (view - born.birth) * self._pattern.key_frames // self._views

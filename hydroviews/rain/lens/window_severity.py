@@ -22,7 +22,7 @@ from hydroviews.rain.scene_statistics import SceneStatistics
 from hydroviews.rain.severity import solve, wanted_harm
 from hydroviews.scene.images import Image, luminance, to_linear, to_srgb
 
-LOSS = {"light": 1.4, "medium": 4.1, "heavy": 9.0}  # dB that plain 3DGS is to lose
+LOSS = {"light": 1.4, "medium": 4.1, "heavy": 8.5}  # dB that plain 3DGS is to lose
 LEARNED = 22.0  # veil of the drops' mean light that is learned, over cover squared times inverse visibility; measured
 SMEARED = 1.3  # the same of drops out of focus, which are no outliers, over that of drops in focus; measured
 NOISE = 3.5  # of what differs from view to view, over its variance times inverse visibility to the power 1.5; measured
@@ -48,15 +48,18 @@ def lit_by(drawn: WindowPattern, rng: np.random.Generator, statistics: SceneStat
 def grade_window(drawn: WindowPattern, grade: str, statistics: SceneStatistics) -> WindowPattern:
     """The pattern with as many beads, and then as much mist, as cost plain 3DGS what the grade says on this scene.
 
-    Beads have fainter light if the fewest are too many. The heavy grade has no upper end: heavy panes have at
-    least the beads and the mist that were drawn, as published ones have.
+    If the fewest beads are too many, they have fainter light, and there are fewer bands of film. The heavy grade has
+    no upper end: heavy panes have at least the beads and the mist that were drawn, as published ones have.
     """
     heavy = grade == "heavy"
     wanted = wanted_harm(LOSS[grade], statistics)
-    harm = WindowHarm(drawn, statistics)
+    by_drops = KINDS[drawn.kind].by_drops * wanted
     fewest, most = (count / drawn.droplets for count in BEADS)
     fewest = 1.0 if heavy else fewest
-    by_drops = KINDS[drawn.kind].by_drops * wanted
+    harm = WindowHarm(drawn, statistics)
+    while drawn.film > 0 and not heavy and harm(fewest, 0.0, 0.0) > by_drops:
+        drawn = replace(drawn, film=drawn.film - 1)
+        harm = WindowHarm(drawn, statistics)
     beads = solve(lambda share: harm(share, 0.0), by_drops, fewest, min(most, 1.0))
     vivid = 1.0 if heavy else solve(lambda share: harm(beads, 0.0, share), by_drops, 0.0, 1.0)
     mist = solve(lambda level: harm(beads, level, vivid), wanted, drawn.mist if heavy else 0.0, MOST_MIST[grade])

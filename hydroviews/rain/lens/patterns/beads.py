@@ -111,7 +111,7 @@ def scattered(
     grid = np.zeros([int(np.ceil(FINE * (1 + 2 * MARGIN) * side)) + 1 for side in extent[::-1]], np.bool_)
     origin = MARGIN * np.array(extent)
     for disk, aspect in zip(taken.disks, taken.aspects, strict=True):
-        _mark(grid, FINE * (disk[:2] + origin), FINE * disk[2], aspect)
+        _is_free(grid, FINE * (disk[:2] + origin), FINE * disk[2], aspect, True)
     chosen = _throw(grid, FINE * (places + origin), wanted, FINE * radii, aspects)
     found = np.flatnonzero(chosen >= 0)
     return Beads(places[found, chosen[found]], radii[found], angles[found], aspects[found], waves[found])
@@ -141,27 +141,22 @@ def _throw(grid, places, wanted, radii, aspects):  # type: ignore[no-untyped-def
     chosen = np.full(len(radii), -1, np.int64)
     for i in range(len(radii)):
         for t in range(wanted.shape[1]):
-            if wanted[i, t] and _free(grid, places[i, t], APART * radii[i] + 0.5, aspects[i]):
-                _mark(grid, places[i, t], radii[i], aspects[i])
+            if wanted[i, t] and _is_free(grid, places[i, t], APART * radii[i] + 0.5, aspects[i], False):
+                _is_free(grid, places[i, t], radii[i], aspects[i], True)
                 chosen[i] = t
                 break
     return chosen
 
 
 @numba.njit(cache=True, nogil=True)
-def _free(grid, place, radius, aspect):  # type: ignore[no-untyped-def]
-    wide, high = radius * np.sqrt(aspect), radius / np.sqrt(aspect)
-    for y in range(max(0, int(place[1] - high)), min(grid.shape[0], int(place[1] + high) + 2)):
-        for x in range(max(0, int(place[0] - wide)), min(grid.shape[1], int(place[0] + wide) + 2)):
-            if grid[y, x] and ((x - place[0]) / wide) ** 2 + ((y - place[1]) / high) ** 2 <= 1:
-                return False
-    return True
-
-
-@numba.njit(cache=True, nogil=True)
-def _mark(grid, place, radius, aspect):  # type: ignore[no-untyped-def]
+def _is_free(grid, place, radius, aspect, take):  # type: ignore[no-untyped-def]
+    """Whether an ellipse of cells is free; all its cells are taken if `take` says so, free or not."""
     wide, high = radius * np.sqrt(aspect), radius / np.sqrt(aspect)
     for y in range(max(0, int(place[1] - high)), min(grid.shape[0], int(place[1] + high) + 2)):
         for x in range(max(0, int(place[0] - wide)), min(grid.shape[1], int(place[0] + wide) + 2)):
             if ((x - place[0]) / wide) ** 2 + ((y - place[1]) / high) ** 2 <= 1:
-                grid[y, x] = True
+                if take:
+                    grid[y, x] = True
+                elif grid[y, x]:
+                    return False
+    return True
