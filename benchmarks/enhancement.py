@@ -29,7 +29,8 @@ from deraings.enhancement.network import CONFIGS, EnhancementNetwork, NetworkCon
 from deraings.enhancement.pairs import Pairs
 from deraings.enhancement.size import measure
 from deraings.enhancement.training import train
-from deraings.enhancement.validation import as_columns, scores, validation_set
+from deraings.enhancement.validation import as_columns, scores
+from deraings.enhancement.validation_pictures import validation_set
 from deraings.enhancement.weights import Enhancer
 from hydroviews.cli.commands import run_command
 from hydroviews.files.atomic import write_bytes

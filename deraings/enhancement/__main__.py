@@ -20,7 +20,8 @@ from deraings.enhancement.lenses import lenses_of_capture
 from deraings.enhancement.network import CONFIGS, EnhancementNetwork
 from deraings.enhancement.size import describe
 from deraings.enhancement.training import EnhancementTraining, train
-from deraings.enhancement.validation import as_columns, scores, table, validation_set
+from deraings.enhancement.validation import as_columns, scores, table
+from deraings.enhancement.validation_pictures import validation_set
 from deraings.enhancement.weights import load_enhancer, save_network
 from hydroviews.cli.commands import run_command
 from hydroviews.errors import InputError
@@ -59,7 +60,7 @@ def train_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
 
     def validate(network: EnhancementNetwork) -> dict[str, float]:
         alone = as_columns(scores(network, watched))
-        together = as_columns(scores(network, watched, MOST_COMPANIONS)) if config.network.lens else {}
+        together = as_columns(scores(network, watched, MOST_COMPANIONS, views=0)) if config.network.lens else {}
         return alone | {f"{kind} of {MOST_COMPANIONS + 1}": value for kind, value in together.items()}
 
     network = start.network if start else None
@@ -109,7 +110,7 @@ def validate_command(
     pictures: int = 0,
     companions: tuple[int, ...] = WATCHED_COMPANIONS,
 ) -> None:
-    """Print what weights gain on held-out photographs.
+    """Print what weights see of rain on held-out photographs, and what they gain: see `validation`.
 
     Args:
         photographs: the folders that were trained on; the held-out ones are validated on.

@@ -135,11 +135,30 @@ def _halves(start: int, end: int) -> slice:
 
 def without_mist_on_lens(image: Image, network: EnhancementNetwork, lens: Lens | None) -> Image:
     """A picture [H, W, 3] without its mist, and nothing else done to it: not clipped; see `enhance`."""
-    batch = _batch(image, network)
+    return without_mist(image, mist_on_lens(image, network, lens))
+
+
+def mist_on_lens(image: Image, network: EnhancementNetwork, lens: Lens | None) -> Tensor | None:
+    """The mist over a picture [H, W, 3], as far as the network sees.
+
+    Returns:
+        [4, 16, 16], see `mist_branch`; None where the network looks for none.
+    """
+    if lens is not None and lens.mist is not None:
+        return lens.mist
+    if not network.config.mist:
+        return None
     with torch.inference_mode():
-        if lens is None or lens.mist is None:
-            return _image(network.remove_mist(batch))
-        return _image(without_mist_over_whole(batch, lens.mist[None].to(batch.device)))
+        return network.find_mist(_batch(image, network))[0]
+
+
+def without_mist(image: Image, mist: Tensor | None) -> Image:
+    """A picture [H, W, 3] without a mist from `mist_on_lens`: sRGB-encoded, not clipped above."""
+    if mist is None:
+        return image
+    batch = torch.from_numpy(np.ascontiguousarray(image, np.float32)).permute(2, 0, 1)[None].to(mist.device)
+    with torch.inference_mode():
+        return _image(without_mist_over_whole(batch, mist[None]))
 
 
 def _batch(image: Image, network: EnhancementNetwork) -> Tensor:

@@ -1,154 +1,218 @@
-"""How much a network gains on held-out photographs, in rain as hard as the benchmark's grades would make it."""
+"""How well a network sees rain on held-out photographs, and how much it gains: planes first, then cover, then PSNR.
+
+* Mist: its predicted planes are taken off the clean photograph behind the true mist alone. What is left is their error.
+* Drops and streaks: average precision, precision and recall of the predicted cover, over all pixels of a kind.
+* The picture: PSNR before and after, and the error of its brightness.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
+from typing import NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
-from tqdm import tqdm
 
+from baselines.derain_nerf.raindrop_attention.validation import average_precision
 from baselines.training.validation import measure_by_kind
-from deraings.enhancement.enhance import enhance
-from deraings.enhancement.lenses import lenses_of_capture
+from deraings.enhancement.clear_pixels import DROPS, STREAKS
+from deraings.enhancement.enhance import enhance, enhance_with_cover, mist_on_lens, without_mist
+from deraings.enhancement.lenses import Lens, lenses_of_capture
 from deraings.enhancement.network import EnhancementNetwork
+from deraings.enhancement.validation_pictures import ValidationPicture
 from deraings.enhancement.weights import Enhancer
+from deraings.image_planes import Plane
+from deraings.lens_views import AROUND, mean_around
 from hydroviews.formats.markdown import markdown_table
 from hydroviews.metrics import psnr
-from hydroviews.pairs.captures import Capture
-from hydroviews.pairs.drawing import air_light
-from hydroviews.pairs.lens_pool import camera_of
-from hydroviews.pairs.photographs import fit_frame, frame_of
-from hydroviews.rain.effect import fall
-from hydroviews.rain.patterns import GRADES, Pattern
-from hydroviews.rain.registry import find_effect
-from hydroviews.rain.scene_statistics import FINE, SAMPLED_SIDE, Light, SceneStatistics
-from hydroviews.scene.images import Image, image_size, read_image, resize_area, to_linear, to_uint8
-from hydroviews.scene.scenes import Points, View
-from hydroviews.scene.seeds import generator
+from hydroviews.scene.images import Image, to_uint8
 
-LONG_SIDE = 384  # pixels of the validation pictures
-RARITY, DETAIL = 0.06, 0.0017  # medians of the benchmark's embedded scenes, LLFF flower and Mip-NeRF 360 bonsai
-EFFECTS = ("streak", "raindrop")
-
-
-@dataclass(frozen=True, eq=False)
-class ValidationPicture:
-    """A held-out photograph in known rain."""
-
-    kind: str  # such as streak-medium; or clean
-    rainy: Image
-    clean: Image
-    companions: NDArray[np.uint8]  # [K, H, W, 3], parts of other held-out photographs in the same rain
+DROP = 0.5  # cover from which a pixel is a drop's, and is taken for one
+# The same of streaks. Even heavy ones hardly reach 0.5, which 2 % of the pixels do at most, and 0.1 % in light ones.
+# 0.3 is reached by 2 % of the pixels in light ones, 4 % in medium ones and 10 to 20 % in heavy ones.
+STREAK = 0.3
+VIEWS = 8  # companions, at most, that a mean cover is of
 
 
 @dataclass(frozen=True)
 class Score:
-    """Means over the pictures of a kind; PSNR in dB, brightness in 1/255."""
+    """Of the pictures of a kind; NaN where nobody knows the truth or where there is nothing to be found.
+
+    PSNR is in dB and a mean over pictures, infinite where a picture is the clean one. Average precision, precision and
+    recall are of all pixels of all pictures, in [0, 1].
+    """
 
     kind: str
     pictures: int
+    misted: float  # PSNR of clean pictures behind the true mist alone
+    planes: float  # PSNR of the same, after the predicted mist is taken off
+    drops: float  # average precision of the cover by drops
+    drops_precision: float  # at DROP
+    drops_recall: float
+    drops_over_views: float  # average precision of the mean cover of companions, where drops stay on the lens
+    streaks: float  # average precision of the cover by streaks
+    streaks_precision: float  # at STREAK
+    streaks_recall: float
     before: float  # PSNR of the rainy pictures
-    after: float  # and of the enhanced ones
-    brightness: float  # mean over pictures of |mean(enhanced) - mean(clean)|
+    after: float  # PSNR of the enhanced ones
+    brightness: float  # mean over pictures of |mean(enhanced) - mean(clean)|, in 1/255
 
 
-def setting_of(photograph: Path, image: Image, seed: int) -> SceneStatistics:
-    """A photograph as if it were a scene, for severity to grade rain by its detail, contrast and light.
+class Detection(NamedTuple):
+    """How well a cover is found; NaN where there is nothing to be found."""
 
-    How often places of a scene are seen is taken from the benchmark's scenes, how well it can be reconstructed is what
-    the benchmark assumes of unknown captures, and a photograph with less detail than its scenes, such as a smooth or
-    a softly focused one, gets the rain of one with as much: otherwise the graded rain would be hardly visible.
-    """
-    height, width = image.shape[:2]
-    scale = max(1.0, max(width, height) / SAMPLED_SIDE)
-    small = resize_area(image, round(width / scale), round(height / scale))
-    fine = image - cv2.GaussianBlur(image, (0, 0), FINE)
-    linear = to_linear(image)
-    mean, air = linear.mean(axis=(0, 1), dtype=np.float64), air_light(linear)
-    return SceneStatistics(
-        scene=photograph.stem,
-        seed=seed,
-        views=(View(photograph.stem, camera_of((width, height)), photograph),),
-        points=Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8)),
-        mean_inverse_visibility=RARITY,
-        samples=(small,),
-        detail=max(DETAIL, float(np.mean(fine**2, dtype=np.float64))),
-        light=Light(tuple(mean.tolist()), tuple(air.tolist())),
-    )
+    average_precision: float
+    precision: float  # NaN also where nothing is taken for covered
+    recall: float
 
 
-def validation_set(files: Sequence[Path], seed: int, folder: Path, companions: int = 0) -> list[ValidationPicture]:
-    """Every photograph in light, medium and heavy streaks and raindrops, and clean.
+class _Row(NamedTuple):
+    """Of one picture."""
+
+    numbers: tuple[float, ...]  # misted, planes, before, after, brightness: see Score
+    cover: Image | None  # predicted by streaks, drops and mist, [H, W, 3]
+    over_views: Plane | None  # mean cover by drops [H, W]
+    picture: ValidationPicture
+
+
+def scores(
+    network: EnhancementNetwork, pictures: Sequence[ValidationPicture], companions: int = 0, views: int = VIEWS
+) -> list[Score]:
+    """How a network does, a row a kind.
 
     Args:
-        files: held-out photographs.
-        seed: of the rain.
-        folder: keeps what Blender bakes.
-        companions: how many parts of others come with each.
-
-    Raises:
-        InputError: an unreadable photograph, or Blender failed.
+        network: what is judged.
+        pictures: from `validation_set`.
+        companions: how many photographs of the same lens the network is given with each, at most.
+        views: companions of which the cover is predicted for a mean cover; 0 for no mean, which saves time.
     """
-    found = []
-    sources = [to_uint8(read_image(file)) for file in files] if companions else []
-    for file in tqdm(files, desc="validation pictures", unit="picture"):
-        image = fit_frame(read_image(file), frame_of(*image_size(file), LONG_SIDE))
-        capture, size = Capture(sources, False, np.ones(3, np.float32)), (image.shape[1], image.shape[0])
-        others = capture.pictures(companions, size, size, generator(seed, "companions", file.stem))
-        pictures = [image, *(other.astype(np.float32) / 255 for other in others)]
-        found.append(ValidationPicture("clean", image, image, others))
-        setting = setting_of(file, image, seed)
-        for effect in EFFECTS:
-            for index, grade in enumerate(GRADES):
-                pattern = Pattern(effect, index)
-                rained = rain_on(pictures, pattern, setting, folder / file.stem / f"{effect}-{index}")
-                seen = np.stack([to_uint8(other) for other in rained[1:]]) if companions else others
-                found.append(ValidationPicture(f"{effect}-{grade}", rained[0], image, seen))
-    return found
-
-
-def rain_on(images: Sequence[Image], pattern: Pattern, setting: SceneStatistics, folder: Path) -> list[Image]:
-    """A photograph, and others of its size that the same camera has taken, in a pattern of the benchmark."""
-    effect, view = find_effect(pattern.effect), setting.views[0]
-    rain = effect.place(effect.draw(pattern, setting), pattern, setting)
-    prepared = rain.prepare(view.camera, folder)
-    # What falls is new in every view; a lens stays as it is.
-    views = [replace(view, name=f"{view.name} {i}") if i and effect.falling else view for i in range(len(images))]
-    return [
-        effect.composite(rain.parameters, image, fall(prepared, image, seen))
-        for image, seen in zip(images, views, strict=True)
-    ]
-
-
-def scores(network: EnhancementNetwork, pictures: Sequence[ValidationPicture], companions: int = 0) -> list[Score]:
-    """How the network does with so many companions, a row a kind."""
     enhancer = Enhancer(network, {}, "being validated")
+    rows = measure_by_kind(pictures, lambda picture: _measure(picture, enhancer, companions, views))
+    return [_score(kind, row) for kind, row in rows.items()]
 
-    def measure(picture: ValidationPicture) -> tuple[float, float, float]:
-        together = [to_uint8(picture.rainy), *picture.companions[:companions]]
-        (lens, *_) = lenses_of_capture(len(together), together.__getitem__, network)
-        enhanced = enhance(picture.rainy, enhancer, lens=lens)
-        brightness = 255 * abs(float(enhanced.mean(dtype=np.float64) - picture.clean.mean(dtype=np.float64)))
-        return float(psnr(picture.rainy, picture.clean)), float(psnr(enhanced, picture.clean)), brightness
 
-    rows = measure_by_kind(pictures, measure)
-    return [Score(kind, len(row), *np.mean(row, axis=0).tolist()) for kind, row in rows.items()]
+def _measure(picture: ValidationPicture, enhancer: Enhancer, companions: int, views: int) -> _Row:
+    network, others = enhancer.network, picture.companions[:companions]
+    together = [to_uint8(picture.rainy), *others]
+    (lens, *_) = lenses_of_capture(len(together), together.__getitem__, network)
+    enhanced, cover = _enhanced(picture.rainy, enhancer, lens)
+    brightness = 255 * abs(float(enhanced.mean(dtype=np.float64) - picture.clean.mean(dtype=np.float64)))
+    before, after = float(psnr(picture.rainy, picture.clean)), float(psnr(enhanced, picture.clean))
+    numbers = (*mist_errors(picture, network, lens), before, after, brightness)
+    averaged = others[:views] if picture.drops is not None and cover is not None else []
+    covers = [enhance_with_cover(other.astype(np.float32) / 255, enhancer, lens=lens)[1] for other in averaged]
+    return _Row(numbers, cover, cover_over_views(covers), picture)
+
+
+def _enhanced(image: Image, enhancer: Enhancer, lens: Lens | None) -> tuple[Image, Image | None]:
+    """A picture enhanced, and what rain covers of it [H, W, 3]; None where the network does not tell."""
+    if enhancer.network.config.alpha:
+        return enhance_with_cover(image, enhancer, lens=lens)
+    return enhance(image, enhancer, lens=lens), None
+
+
+def mist_errors(picture: ValidationPicture, network: EnhancementNetwork, lens: Lens | None) -> tuple[float, float]:
+    """PSNR, in dB, of the clean picture behind the true mist alone, and after the predicted mist is taken off.
+
+    The mist is predicted from the rainy picture. Errors of drops and streaks do not count, nor does what the rest of
+    the network mends. Both are NaN where the true mist is not known.
+    """
+    if picture.mist is None:
+        return np.nan, np.nan
+    misted = picture.mist.over(picture.clean)
+    left = without_mist(misted, mist_on_lens(picture.rainy, network, lens))
+    return float(psnr(misted, picture.clean)), float(psnr(np.clip(left, 0, 1), picture.clean))
+
+
+def cover_over_views(covers: Sequence[Image]) -> Plane | None:
+    """The mean cover by drops [H, W] of the views before and after one, as `clear_pixels` averages them in use.
+
+    Args:
+        covers: what rain covers of each [H, W, 3], [0, 1], in the order of the views.
+
+    Returns:
+        None where there is no other view.
+    """
+    drops = {view: np.ascontiguousarray(cover[..., DROPS]) for view, cover in enumerate(covers, start=1)}
+    return mean_around(0, drops, drops[1].shape, AROUND) if drops else None
+
+
+def _score(kind: str, rows: Sequence[_Row]) -> Score:
+    misted, planes, before, after, brightness = np.mean([row.numbers for row in rows], axis=0).tolist()
+    true_drops, true_streaks = [row.picture.drops for row in rows], [row.picture.streaks for row in rows]
+    drops = detection([None if row.cover is None else row.cover[..., DROPS] for row in rows], true_drops, DROP)
+    streaks = detection([None if row.cover is None else row.cover[..., STREAKS] for row in rows], true_streaks, STREAK)
+    over_views = detection([row.over_views for row in rows], true_drops, DROP).average_precision
+    picture = before, after, brightness
+    return Score(kind, len(rows), misted, planes, *drops, over_views, *streaks, *picture)
+
+
+def detection(found: Sequence[Plane | None], true: Sequence[Plane | None], threshold: float) -> Detection:
+    """How well covers of pictures are found, over the pixels of all of them.
+
+    Args:
+        found: covers [H, W] in [0, 1]; None where there is none.
+        true: the same of the same pictures; pictures with None in either do not count.
+        threshold: cover above which a pixel is covered, in the truth, and for precision and recall in what is found.
+    """
+    both = [(f.ravel(), t.ravel()) for f, t in zip(found, true, strict=True) if f is not None and t is not None]
+    cover, truth = (np.concatenate(planes) for planes in zip(*both, strict=True)) if both else (np.zeros(0),) * 2
+    covered: NDArray[np.bool_] = truth > threshold
+    if not covered.any():
+        return Detection(np.nan, np.nan, np.nan)
+    flagged = cover > threshold
+    hits = float(np.sum(flagged & covered))
+    precision = hits / float(flagged.sum()) if flagged.any() else np.nan
+    return Detection(average_precision(cover, covered), precision, hits / float(covered.sum()))
 
 
 def as_columns(rows: Sequence[Score]) -> dict[str, float]:
-    """For a row of a training curve: PSNR after, by kind."""
-    return {row.kind: row.after for row in rows}
+    """For a row of a training curve: PSNR after by kind, and average precision of drops where there are any."""
+    drops = {f"{row.kind} drops": row.drops for row in rows if np.isfinite(row.drops)}
+    return {row.kind: row.after for row in rows} | drops
+
+
+HEAD = (
+    "rain",
+    "pictures",
+    "true mist alone, dB",
+    "planes leave, dB",
+    "drops AP",
+    "precision",
+    "recall",
+    "AP over views",
+    "streaks AP",
+    "precision",
+    "recall",
+    "PSNR before",
+    "after",
+    "gain",
+    "brightness error",
+)
 
 
 def table(rows: Sequence[Score]) -> str:
-    """Markdown."""
-    cells = []
-    for row in rows:
-        gain = f"{row.after - row.before:+.2f}" if np.isfinite(row.before) else ""
-        before = f"{row.before:.2f}" if np.isfinite(row.before) else "the same"
-        brightness = f"{row.brightness:.2f}/255"
-        cells.append((row.kind, row.pictures, before, f"{row.after:.2f}", gain, brightness))
-    head = ("rain", "pictures", "PSNR before", "after", "gain", "brightness error")
-    return markdown_table(head, cells, keep_empty=True)
+    """Markdown: planes, cover, then the picture. What nobody knows is left empty."""
+    return markdown_table(HEAD, [_cells(row) for row in rows], keep_empty=True)
+
+
+def _cells(row: Score) -> tuple[str | int, ...]:
+    drops = row.drops, row.drops_precision, row.drops_recall, row.drops_over_views
+    shares = (*drops, row.streaks, row.streaks_precision, row.streaks_recall)
+    return (
+        row.kind,
+        row.pictures,
+        _decibels(row.misted),
+        _decibels(row.planes),
+        *("" if np.isnan(share) else f"{share:.3f}" for share in shares),
+        _decibels(row.before),
+        _decibels(row.after),
+        f"{row.after - row.before:+.2f}" if np.isfinite(row.before) else "",
+        f"{row.brightness:.2f}/255",
+    )
+
+
+def _decibels(value: float) -> str:
+    """Two decimals; in words where pictures are the same, and nothing where nobody knows."""
+    if np.isnan(value):
+        return ""
+    return "the same" if np.isinf(value) else f"{value:.2f}"
