@@ -20,7 +20,7 @@ from deraings.enhancement.lenses import lenses_of_capture
 from deraings.enhancement.network import CONFIGS, EnhancementNetwork
 from deraings.enhancement.size import describe
 from deraings.enhancement.training import EnhancementTraining, train
-from deraings.enhancement.validation import as_columns, scores, table
+from deraings.enhancement.validation import as_columns, scores, scores_by_companions, table
 from deraings.enhancement.validation_pictures import validation_set
 from deraings.enhancement.weights import load_enhancer, save_network
 from hydroviews.cli.commands import run_command
@@ -83,7 +83,7 @@ def write_weights(request: TrainingRequest, training: EnhancementTraining, data:
     training.averaged.load_state_dict(rounded(training.averaged.state_dict()))
     counts = WATCHED_COMPANIONS if request.training.network.lens else WATCHED_COMPANIONS[:1]
     pictures = validation_set(held_out, VALIDATION_SEED, request.data.cache / "validation", counts[-1])
-    rows = {count: scores(training.averaged, pictures, count) for count in counts}
+    rows = scores_by_companions(training.averaged, pictures, counts)
     settings = asdict(request.training)
     card: dict[str, Any] = {
         "data": data,
@@ -123,8 +123,8 @@ def validate_command(
     print(enhancer.reason)
     files = [file for folder in photographs for file in split_photographs(folder).held_out[: pictures or None]]
     drawn = validation_set(files, VALIDATION_SEED, cache / "validation", max(companions))
-    for count in companions:
-        print(f"\n{count} companions\n\n{table(scores(enhancer.network, drawn, count))}")
+    for count, rows in scores_by_companions(enhancer.network, drawn, companions).items():
+        print(f"\n{count} companions\n\n{table(rows)}")
 
 
 def enhance_command(

@@ -30,7 +30,7 @@ DROP = 0.5  # cover from which a pixel is a drop's, and is taken for one
 # The same of streaks. Even heavy ones hardly reach 0.5, which 2 % of the pixels do at most, and 0.1 % in light ones.
 # 0.3 is reached by 2 % of the pixels in light ones, 4 % in medium ones and 10 to 20 % in heavy ones.
 STREAK = 0.3
-VIEWS = 8  # companions, at most, that a mean cover is of
+VIEWS = 4  # companions, at most, that a mean cover is of: predicting theirs takes longer than all the rest
 
 
 @dataclass(frozen=True)
@@ -90,6 +90,13 @@ def scores(
     return [_score(kind, row) for kind, row in rows.items()]
 
 
+def scores_by_companions(
+    network: EnhancementNetwork, pictures: Sequence[ValidationPicture], counts: Sequence[int]
+) -> dict[int, list[Score]]:
+    """`scores` with each number of companions; mean covers, which take long, with the largest number alone."""
+    return {count: scores(network, pictures, count, VIEWS if count == max(counts) else 0) for count in counts}
+
+
 def _measure(picture: ValidationPicture, enhancer: Enhancer, companions: int, views: int) -> _Row:
     network, others = enhancer.network, picture.companions[:companions]
     together = [to_uint8(picture.rainy), *others]
@@ -98,8 +105,8 @@ def _measure(picture: ValidationPicture, enhancer: Enhancer, companions: int, vi
     brightness = 255 * abs(float(enhanced.mean(dtype=np.float64) - picture.clean.mean(dtype=np.float64)))
     before, after = float(psnr(picture.rainy, picture.clean)), float(psnr(enhanced, picture.clean))
     numbers = (*mist_errors(picture, network, lens), before, after, brightness)
-    averaged = others[:views] if picture.drops is not None and cover is not None else []
-    covers = [enhance_with_cover(other.astype(np.float32) / 255, enhancer, lens=lens)[1] for other in averaged]
+    looked_at = others[: views if picture.drops is not None and network.config.alpha else 0]
+    covers = [enhance_with_cover(other.astype(np.float32) / 255, enhancer, lens=lens)[1] for other in looked_at]
     return _Row(numbers, cover, cover_over_views(covers), picture)
 
 

@@ -2,10 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 from tiny_network import TINY
 
-from baselines.training.validation import as_json
 from deraings.enhancement import __main__ as commands
 from deraings.enhancement.__main__ import (
     TrainingRequest,
@@ -17,12 +15,9 @@ from deraings.enhancement.__main__ import (
 from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.data import Data, described, started_from
 from deraings.enhancement.network import EnhancementNetwork
-from deraings.enhancement.validation import ValidationPicture, as_columns, scores, table
 from deraings.enhancement.weights import save_network
 from hydroviews.errors import InputError
 from hydroviews.scene.images import read_image, write_png
-
-ALONE = np.zeros((0, 32, 32, 3), np.uint8)  # companions
 
 
 def pictures(folder, count: int = 2):
@@ -179,36 +174,3 @@ def test_a_training_begins_only_with_its_own_kind_of_network(tmp_path, weights):
     assert start.network.config == TINY
     with pytest.raises(InputError, match="cannot begin a training of another network"):
         started_from(data, TrainingConfig())
-
-
-def test_scores_are_means_by_kind():
-    clean = np.full((32, 32, 3), 0.5, np.float32)
-    network = EnhancementNetwork(TINY).requires_grad_(False)
-    rows = scores(
-        network,
-        [ValidationPicture("mist", clean + 0.1, clean, ALONE), ValidationPicture("mist", clean + 0.01, clean, ALONE)],
-    )
-    assert [row.kind for row in rows] == ["mist"]
-    assert (rows[0].before, rows[0].after) == (pytest.approx(30, abs=1e-3), pytest.approx(30, abs=1e-3))
-    assert rows[0].brightness == pytest.approx(255 * 0.055, abs=1e-3)
-    assert as_columns(rows) == {"mist": rows[0].after}
-    assert "| mist | 2 | 30.00 | 30.00 |" in table(rows)
-    assert "14.03/255" in table(rows)
-
-
-def test_scores_with_companions_are_of_a_network_that_knows_them():
-    clean, others = np.full((32, 32, 3), 0.5, np.float32), np.full((3, 32, 32, 3), 100, np.uint8)
-    network = EnhancementNetwork(TINY).requires_grad_(False)
-    torch.nn.init.ones_(network.lens_fine[-1].weight)
-    torch.nn.init.normal_(network.head[0].weight, std=0.1)
-    picture = [ValidationPicture("mist", clean + 0.1, clean, others)]
-    after = [scores(network, picture, count)[0].after for count in (0, 1, 3)]
-    assert after[0] == scores(network, picture)[0].after
-    assert len(set(after)) == 3
-
-
-def test_clean_pictures_that_stay_the_same_have_no_number():
-    clean = np.full((32, 32, 3), 0.5, np.float32)
-    rows = scores(EnhancementNetwork(TINY).requires_grad_(False), [ValidationPicture("clean", clean, clean, ALONE)])
-    assert as_json(rows, decimals=3)[0]["before"] is None
-    assert "the same" in table(rows)

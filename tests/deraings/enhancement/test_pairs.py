@@ -6,7 +6,7 @@ from wet import HEIGHT, WIDTH, lens, photograph
 from baselines.training.supervised_training import draw_ahead
 from deraings.enhancement.pair_folders import PairFolder, find_pairs
 from deraings.enhancement.pairs import MISTED, Batches, Pairs, stored
-from deraings.enhancement.validation import rain_on, setting_of
+from deraings.enhancement.validation_pictures import rainy_picture, setting_of
 from hydroviews.errors import InputError
 from hydroviews.pairs.drawing import Pair
 from hydroviews.pairs.lens_pool import camera_of
@@ -105,9 +105,10 @@ def test_graded_streaks_get_harder_with_the_grade(tmp_path):
     image = photograph(0, 256, 384).astype(np.float32) / 255
     setting = setting_of(tmp_path / "a.png", image, 0)
     assert setting.views[0].camera.width == camera_of((384, 256)).width == 384
-    rainy = [rain_on([image, image], Pattern("streak", i), setting, tmp_path) for i in range(3)]
-    harm = [float(np.mean((first - image) ** 2)) for first, _ in rainy]
-    assert all(np.abs(first - second).max() > 0.1 for first, second in rainy)  # other streaks
+    others = photograph(0, 256, 384)[None]
+    seen = [rainy_picture(image, others, Pattern("streak", i), setting, tmp_path) for i in range(3)]
+    harm = [float(np.mean((picture.rainy - image) ** 2)) for picture in seen]
+    assert all(np.abs(picture.rainy - picture.companions[0] / 255).max() > 0.1 for picture in seen)  # other streaks
     assert harm[0] < harm[1] < harm[2]
 
 

@@ -1,0 +1,249 @@
+"""What validation says of networks whose planes, covers and pictures are known."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+from tiny_network import TINY
+from wet import photograph
+
+from baselines.training.validation import as_json
+from deraings.enhancement import validation, validation_pictures
+from deraings.enhancement.network import EnhancementNetwork
+from deraings.enhancement.validation import as_columns, detection, scores, scores_by_companions, table
+from deraings.enhancement.validation_pictures import (
+    PATTERNS,
+    TrueMist,
+    ValidationPicture,
+    rainy_picture,
+    setting_of,
+    validation_set,
+)
+from hydroviews.rain.patterns import GRADES, Pattern
+from hydroviews.scene.images import to_linear, to_srgb, write_png
+
+SIDE = 32
+ALONE = np.zeros((0, SIDE, SIDE, 3), np.uint8)  # companions
+WHITE = np.full(3, 0.7, np.float32)
+
+
+@pytest.fixture
+def network():
+    """One that changes nothing, and finds no mist."""
+    return EnhancementNetwork(TINY).requires_grad_(False)
+
+
+@pytest.fixture
+def clean():
+    return np.random.default_rng(0).uniform(0.2, 0.8, (SIDE, SIDE, 3)).astype(np.float32)
+
+
+def half_covered():
+    cover = np.zeros((SIDE, SIDE), np.float32)
+    cover[:, : SIDE // 4] = 1
+    return cover
+
+
+def picture(clean, **truth):
+    rainy = np.clip(clean + np.float32(0.1), 0, 1)
+    return ValidationPicture("rain", rainy, clean, truth.pop("companions", ALONE), **truth)
+
+
+def seeing(network, cover, light, streaks=-9.0, drops=-9.0):
+    """The network, with the same mist and the same cover found everywhere in every picture."""
+    values = [math.atanh(cover / 0.97), *(math.log(value / (1 - value)) for value in light)]
+    for branch in (network.mist, network.lens_mist):
+        branch.end.bias.copy_(torch.tensor(values))
+    network.alpha[0].weight.zero_()
+    network.alpha[0].bias.copy_(torch.tensor([streaks, drops, -9.0]).repeat_interleave(4))
+    return network
+
+
+def rows_found(monkeypatch, network, pictures, covers, **options):
+    """Scores of a network that finds these covers [H, W, 3], one after another."""
+    found = iter(covers)
+    monkeypatch.setattr(validation, "enhance_with_cover", lambda image, *_, **__: (image, next(found)))
+    return scores(network, pictures, **options)
+
+
+def cover_of(drops, streaks=None):
+    nothing = np.zeros_like(drops)
+    return np.stack([nothing if streaks is None else streaks, drops, nothing], axis=-1)
+
+
+def test_what_changes_nothing_gains_nothing(network, clean):
+    mist = TrueMist(np.full((SIDE, SIDE), 0.4, np.float32), WHITE, True)
+    (row,) = scores(network, [picture(clean, mist=mist)])
+    assert row.after == pytest.approx(row.before, abs=1e-6)
+    assert row.planes == pytest.approx(row.misted, abs=1e-3)
+    assert row.misted < 30
+
+
+def test_scores_are_means_by_kind(network):
+    clean = np.full((SIDE, SIDE, 3), 0.5, np.float32)
+    pictures = [ValidationPicture("mist", clean + np.float32(more), clean, ALONE) for more in (0.1, 0.01)]
+    (row,) = scores(network, pictures)
+    assert (row.kind, row.pictures) == ("mist", 2)
+    assert (row.before, row.after) == (pytest.approx(30, abs=1e-3), pytest.approx(30, abs=1e-3))
+    assert row.brightness == pytest.approx(255 * 0.055, abs=1e-3)
+    assert as_columns([row]) == {"mist": row.after}
+    assert "| 30.00 | 30.00 | +0.00 | 14.03/255 |" in table([row])
+
+
+def test_true_planes_leave_the_clean_picture_and_wrong_ones_do_not(network, clean):
+    mist = TrueMist(np.full((SIDE, SIDE), 0.4, np.float32), WHITE, True)
+    seen = picture(clean, mist=mist, drops=half_covered())
+    (true,) = scores(seeing(network, 0.4, WHITE), [seen])
+    (thin,) = scores(seeing(network, 0.3, WHITE), [seen])
+    (dark,) = scores(seeing(network, 0.4, WHITE / 2), [seen])
+    assert true.planes > 80
+    assert true.misted < dark.planes < 40
+    assert true.misted < thin.planes < 40
+
+
+def test_mist_that_is_not_there_is_an_error_of_the_planes(network, clean):
+    none = TrueMist(np.zeros((SIDE, SIDE), np.float32), np.zeros(3, np.float32), True)
+    (row,) = scores(seeing(network, 0.2, WHITE), [ValidationPicture("clean", clean, clean, ALONE, mist=none)])
+    assert math.isinf(row.misted)
+    assert row.planes < 35
+
+
+def test_mist_lies_over_pictures_in_linear_light_or_in_encoded_values(clean):
+    cover = np.linspace(0, 1, SIDE * SIDE, dtype=np.float32).reshape(SIDE, SIDE)
+    share = cover[..., None]
+    linear, encoded = (TrueMist(cover, WHITE, way).over(clean) for way in (True, False))
+    np.testing.assert_allclose(linear, to_srgb((1 - share) * to_linear(clean) + share * WHITE), atol=1e-5)
+    np.testing.assert_allclose(encoded, (1 - share) * clean + share * WHITE, atol=1e-6)
+    assert np.abs(linear - encoded).max() > 0.02
+
+
+def test_a_perfect_cover_has_average_precision_one_and_an_inverted_one_far_less(monkeypatch, network, clean):
+    drops = half_covered()
+    pictures = [picture(clean, drops=drops, streaks=drops.T)] * 2
+    (best,) = rows_found(monkeypatch, network, pictures, [cover_of(drops, drops.T)] * 2)
+    assert (best.drops, best.drops_precision, best.drops_recall) == (1, 1, 1)
+    assert (best.streaks, best.streaks_precision, best.streaks_recall) == (1, 1, 1)
+    (worst,) = rows_found(monkeypatch, network, pictures, [cover_of(1 - drops, 1 - drops.T)] * 2)
+    assert worst.drops == pytest.approx(drops.mean())
+    assert (worst.drops_precision, worst.drops_recall) == (0, 0)
+
+
+def test_covers_of_drops_and_streaks_are_each_their_own_channel(network, clean):
+    share = half_covered().mean()
+    seen = [picture(clean, drops=half_covered(), streaks=half_covered())]
+    (row,) = scores(seeing(network, 0.1, WHITE, drops=3.0), seen)
+    assert (row.drops, row.drops_precision, row.drops_recall) == (pytest.approx(share), pytest.approx(share), 1)
+    assert (row.streaks, row.streaks_recall) == (pytest.approx(share), 0)
+    assert math.isnan(row.streaks_precision)  # nothing is taken for a streak
+    (row,) = scores(seeing(network, 0.1, WHITE, streaks=3.0), seen)
+    assert (row.drops_recall, row.streaks_recall) == (0, 1)
+
+
+def test_detection_against_counting():
+    truth, found = (np.array([values], np.float32) for values in ([1, 0.6, 0.4, 0], [0.9, 0.3, 0.8, 0.7]))
+    counted = detection([found, None, truth], [truth, truth, None], 0.5)
+    assert counted.average_precision == pytest.approx(0.5 * 1 + 0.5 * 2 / 4)
+    assert (counted.precision, counted.recall) == (pytest.approx(1 / 3), pytest.approx(1 / 2))
+    lower = detection([found], [truth], 0.35)
+    assert (lower.precision, lower.recall) == (pytest.approx(2 / 3), pytest.approx(2 / 3))
+    assert all(math.isnan(value) for value in detection([found], [0 * truth], 0.5))
+    assert all(math.isnan(value) for value in detection([None], [truth], 0.5))
+
+
+def test_a_mean_over_views_sees_drops_that_each_view_sees_badly(monkeypatch, network, clean):
+    rng, drops = np.random.default_rng(0), half_covered()
+    covers = [cover_of(np.clip(drops * 0.3 + rng.uniform(0, 0.7, drops.shape), 0, 1)) for _ in range(5)]
+    others = np.full((6, SIDE, SIDE, 3), 100, np.uint8)
+    wet = [picture(clean, drops=drops, companions=others)]
+    (row,) = rows_found(monkeypatch, network, wet, covers, companions=6, views=4)
+    assert 1 >= row.drops_over_views > row.drops + 0.02
+    (row,) = rows_found(monkeypatch, network, wet, covers[:1], companions=6, views=0)
+    assert math.isnan(row.drops_over_views)
+    (row,) = rows_found(monkeypatch, network, wet, covers[:1], companions=0)
+    assert math.isnan(row.drops_over_views)
+
+
+def test_mean_covers_are_of_the_most_companions(network, clean):
+    wet = [picture(clean, drops=half_covered(), companions=np.full((3, SIDE, SIDE, 3), 100, np.uint8))]
+    found = scores_by_companions(network, wet, (0, 1, 3))
+    assert list(found) == [0, 1, 3]
+    assert [math.isfinite(row.drops_over_views) for (row,) in found.values()] == [False, False, True]
+
+
+def test_scores_with_companions_are_of_a_network_that_knows_them(network):
+    clean, others = np.full((SIDE, SIDE, 3), 0.5, np.float32), np.full((3, SIDE, SIDE, 3), 100, np.uint8)
+    torch.nn.init.ones_(network.lens_fine[-1].weight)
+    torch.nn.init.normal_(network.head[0].weight, std=0.1)
+    seen = [picture(clean, companions=others)]
+    after = [scores(network, seen, count)[0].after for count in (0, 1, 3)]
+    assert after[0] == scores(network, seen)[0].after
+    assert len(set(after)) == 3
+
+
+def test_what_nobody_knows_has_no_number(network, clean):
+    rows = scores(network, [ValidationPicture("clean", clean, clean, ALONE)])
+    kept = as_json(rows, decimals=3)[0]
+    assert all(kept[name] is None for name in ("before", "misted", "planes", "drops", "drops_over_views", "streaks"))
+    assert "| clean | 1 |  |  |  |  |  |  |  |  |  | the same | the same |  | 0.00/255 |" in table(rows)
+
+
+def test_a_curve_has_drops_where_there_are_any(network, clean):
+    rows = scores(network, [picture(clean, drops=half_covered())])
+    assert as_columns(rows) == {"rain": rows[0].after, "rain drops": rows[0].drops}
+
+
+def rainy(tmp_path, effect, count=1, flat=False):
+    """A validation picture of the medium grade; `flat`: of a picture of one colour."""
+    write_png(tmp_path / "a.png", photograph())
+    image = np.full(photograph().shape, 0.4, np.float32) if flat else photograph().astype(np.float32) / 255
+    others = np.stack([photograph(1)] * count)
+    setting = setting_of(tmp_path / "a.png", image, 0)
+    return rainy_picture(image, others, Pattern(effect, 1), setting, tmp_path / "baked")
+
+
+@pytest.mark.parametrize("effect", ["streak", "streak-b"])
+def test_streaks_are_new_in_each_companion_and_known(tmp_path, effect):
+    seen = rainy(tmp_path, effect, 2)
+    assert seen.kind == f"{effect}-medium"
+    assert not np.array_equal(seen.companions[0], seen.companions[1])
+    assert (seen.drops, seen.mist) == (None, None)
+    harm, streaks = np.abs(seen.rainy - seen.clean).mean(axis=2), seen.streaks
+    assert harm[streaks > 0.3].mean() > 1.5 * harm[streaks < 0.1].mean()
+
+
+def test_drops_of_the_other_make_stay_and_are_known_with_their_mist(tmp_path):
+    seen = rainy(tmp_path, "raindrop-b", 2)
+    assert np.array_equal(seen.companions[0], seen.companions[1])
+    assert 0.01 < (seen.drops > 0.5).mean() < 0.5
+    assert seen.streaks is None
+    dry = seen.drops == 0
+    np.testing.assert_allclose(seen.mist.over(seen.clean)[dry], seen.rainy[dry], atol=2e-3)
+    assert np.abs(seen.rainy - seen.clean)[dry].max() > 0.02
+
+
+@pytest.mark.blender
+@pytest.mark.parametrize("effect", ["raindrop", "window"])
+def test_baked_drops_are_known_with_their_mist(tmp_path, effect):
+    """Of one colour, so that the blur behind a window's mist changes nothing."""
+    seen = rainy(tmp_path, effect, flat=True)
+    assert (seen.drops > 0.5).any()
+    dry = seen.drops == 0
+    assert dry.any()
+    np.testing.assert_allclose(seen.mist.over(seen.clean)[dry], seen.rainy[dry], atol=3e-3)
+
+
+def test_a_set_has_every_pattern_of_every_photograph(tmp_path, monkeypatch):
+    kinds = [f"{pattern.effect}-{pattern.grade}" for pattern in PATTERNS]
+    assert {f"{effect}-{grade}" for effect in ("streak", "raindrop", "window") for grade in GRADES} < set(kinds)
+    assert {"raindrop-b-medium", "streak-b-medium"} < set(kinds)
+    assert len(set(kinds)) == len(kinds)
+    unbaked = [pattern for pattern in PATTERNS if pattern.effect not in ("raindrop", "window")]
+    monkeypatch.setattr(validation_pictures, "PATTERNS", unbaked)
+    for index in range(2):
+        write_png(tmp_path / f"{index}.png", photograph(index, 256, 384))
+    found = validation_set([tmp_path / "0.png", tmp_path / "1.png"], 0, tmp_path, companions=1)
+    names = ["clean", "streak-light", "streak-medium", "streak-heavy", "raindrop-b-medium", "streak-b-medium"]
+    assert [one.kind for one in found] == 2 * names
+    assert all(one.companions.shape == (1, 256, 384, 3) for one in found)
+    assert not found[0].mist.cover.any()
