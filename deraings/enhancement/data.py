@@ -13,8 +13,8 @@ from deraings.enhancement.weights import Enhancer, find_weights, load_enhancer
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import listing, sha256
 from hydroviews.pairs.captures import COMPANIONS
-from hydroviews.pairs.drawing import KINDS
-from hydroviews.pairs.lens_pool import LENSES, bake_pool
+from hydroviews.pairs.drawing import shares_without
+from hydroviews.pairs.lens_pool import LENSES, WINDOWS, bake_pool
 from hydroviews.pairs.photographs import LONG_SIDES, frames, read_photographs, split_photographs
 from hydroviews.pairs.rainy_pairs import DrawnRain
 
@@ -28,12 +28,15 @@ class Data:
     start: str = ""  # weights to begin with, shipped ones or a file; none: begin with chance
     sides: tuple[int, ...] = LONG_SIDES  # pixels; photographs are brought to any of these long sides
     lenses: int = LENSES  # wet lenses baked for landscape and for portrait of every long side
+    windows: int = WINDOWS  # window panes baked for the same
+    without: tuple[str, ...] = ()  # families of rain that are not drawn, by the names in hydroviews.pairs.drawing.KINDS
     cache: Path = Path("results/enhancement/rain")  # keeps what Blender bakes
 
     def __post_init__(self) -> None:
-        if not self.sides or self.lenses < 1:
-            found = f"--sides {self.sides}, --lenses {self.lenses}"
+        if not self.sides or min(self.lenses, self.windows) < 1:
+            found = f"--sides {self.sides}, --lenses {self.lenses}, --windows {self.windows}"
             raise InputError(f"{found}: nothing to learn from", expected="at least one of each")
+        shares_without(*self.without)
 
     def held_out(self) -> list[Path]:
         """The photographs that are not learned from, the folders' by turns.
@@ -53,10 +56,12 @@ def training_pairs(data: Data, config: TrainingConfig) -> Pairs:
     """
     check_parts(data.sides, config.patch)
     photographs = [file for folder in data.photographs for file in split_photographs(folder).training]
-    pool = bake_pool(data.cache, config.seed, data.lenses, data.sides)
+    kinds = shares_without(*data.without)
+    windows = data.windows if "window" in kinds else 0
+    pool = bake_pool(data.cache, config.seed, data.lenses, data.sides, windows)
     published = [PairFolder(folder, config.patch) for folder in data.pairs]
     companions = COMPANIONS if config.network.lens else (0,)
-    drawn = DrawnRain(read_photographs(photographs, data.sides), pool, KINDS, companions)
+    drawn = DrawnRain(read_photographs(photographs, data.sides), pool, kinds, companions)
     return Pairs(drawn, published, config.patch, config.seed, MISTED if config.network.mist else 0)
 
 
@@ -108,7 +113,9 @@ def described(data: Data, start: Enhancer | None) -> str:
         named = listing(file for pair in pairs for file in pair)
         folders.append(f"{len(pairs)} pairs ({folder.parent.name}/{folder.name}, {named})")
     sizes = " or ".join(str(side) for side in data.sides)
-    words = f"{', '.join(folders)}, {sizes} pixels wide or high; {data.lenses} wet lenses a frame"
+    words = f"{', '.join(folders)}, {sizes} pixels wide or high; "
+    words += f"{data.lenses} wet lenses and {data.windows} windows a frame"
+    words += f"; no {' and no '.join(data.without)}" if data.without else ""
     if start:
         path = find_weights(data.start)
         words += f"; begun with {path.name} ({start.card['steps']} steps, {sha256(path)[:12]})"

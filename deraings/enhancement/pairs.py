@@ -10,14 +10,16 @@ from torch import Tensor
 
 from deraings.enhancement.lens_statistics import coarse_statistics, fine_statistics, halved, over_pictures
 from deraings.enhancement.mist_branch import SIDE, Box, cell_statistics, squeezed
+from hydroviews.pairs.camera import compressed, noisy
 from hydroviews.pairs.drawing import Pair, each
 from hydroviews.pairs.rainy_pairs import DrawnRain
-from hydroviews.pairs.recipes import compressed
 from hydroviews.scene.images import Image
 from hydroviews.scene.seeds import generator
 
 COMPRESSED = 0.1  # share of the rainy pairs that are stored as JPEG after the rain
 QUALITIES = (70, 96)  # of JPEG
+NOISY = 0.2  # share of the rainy pairs that a camera's sensor gives noise
+NOISIEST = 0.015  # its standard deviation at most, in encoded values
 MISTED = 8  # small whole pictures in mist alone that come with a pair where a network for the mist learns of many
 
 
@@ -60,6 +62,7 @@ class Pairs:
         """
         rng = generator(self._seed, "pair", index)
         pair = self._sources[rng.integers(len(self._sources))].pair(rng)
+        pair = sensed(pair, rng) if rng.uniform() < NOISY else pair
         pair = stored(pair, rng) if rng.uniform() < COMPRESSED else pair
         if rng.uniform() < 0.5:
             pair = Pair(*(plane[..., ::-1, :] for plane in pair))
@@ -82,6 +85,15 @@ class Batches:
     def __getitem__(self, step: int) -> Sample:
         samples = [self._pairs[index] for index in range(step * self._size, (step + 1) * self._size)]
         return Sample(*(torch.stack(tensors) for tensors in zip(*samples, strict=True)))
+
+
+def sensed(pair: Pair, rng: np.random.Generator) -> Pair:
+    """The pair with noise of a sensor on its rainy pictures; where there is no rain it stays as it is."""
+    if np.array_equal(pair.rainy, pair.clean):
+        return pair
+    sigma = float(rng.uniform(0, NOISIEST))
+    seen = each(lambda picture: noisy(picture, sigma, rng), pair.companions)
+    return pair._replace(rainy=noisy(pair.rainy, sigma, rng), companions=seen)
 
 
 def stored(pair: Pair, rng: np.random.Generator) -> Pair:

@@ -6,10 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.pairs.captures import SOURCES, Capture
-from hydroviews.pairs.drawing import KINDS, Pair, draw_mist_alone, draw_rain
+from hydroviews.pairs.drawing import KINDS, Pair, draw_rain
 from hydroviews.pairs.exposure import draw_exposure, exposed
 from hydroviews.pairs.lens_pool import Pool
+from hydroviews.pairs.mist_alone import draw_mist_alone
 from hydroviews.pairs.photographs import Bytes, Frame
+from hydroviews.pairs.raindrops import OWN_MIST
+
+OWN, RECIPES = {"window", "raindrop"}, {"pane", "mixed"}  # kinds of rain with the data set's mist, and with other
 
 
 class DrawnRain:
@@ -26,8 +30,8 @@ class DrawnRain:
 
         Args:
             photographs: from `read_photographs`.
-            pool: wet lenses for their frames.
-            kinds: shares of the kinds of rain, which add up to 1.
+            pool: wet lenses for their frames, of all kinds drawn.
+            kinds: shares of the kinds of rain, which add up to 1: see `drawing.shares_without`.
             companions: how many other pictures of a capture come with one, any of these numbers.
         """
         self._photographs, self._pool, self._kinds, self._companions = photographs, pool, kinds, companions
@@ -51,11 +55,15 @@ class DrawnRain:
     def misted(
         self, rng: np.random.Generator, side: int, count: int
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-        """So many pictures of a capture, squeezed to [side, side] pixels, in mist alone: see `draw_mist_alone`."""
+        """So many pictures of a capture, squeezed to [side, side] pixels, in mist alone: see `draw_mist_alone`.
+
+        Mist of a family that is left out of the kinds of rain is left out here, too.
+        """
         sides = self._photographs[rng.integers(len(self._photographs))]
         height, width = next(iter(sides.values())).shape[:2]
         pictures = self._capture(sides, rng).pictures(count, (width, height), (side, side), rng)
-        return draw_mist_alone(pictures, rng)
+        own, recipes = (bool(some & self._kinds.keys()) for some in (OWN, RECIPES))
+        return draw_mist_alone(pictures, rng, OWN_MIST if own == recipes else float(own))
 
     def _capture(self, sides: dict[int, Bytes], rng: np.random.Generator) -> Capture:
         """Of this photograph, and of others for the most part."""
