@@ -10,11 +10,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from baselines.derain_nerf.raindrop_attention.validation import average_precision
 from baselines.training.validation import measure_by_kind
 from deraings.enhancement.clear_pixels import DROPS, STREAKS
+from deraings.enhancement.detection import detection
 from deraings.enhancement.enhance import enhance, enhance_with_cover, mist_on_lens, without_mist
 from deraings.enhancement.lenses import Lens, lenses_of_capture
 from deraings.enhancement.network import EnhancementNetwork
@@ -55,14 +54,6 @@ class Score:
     before: float  # PSNR of the rainy pictures
     after: float  # PSNR of the enhanced ones
     brightness: float  # mean over pictures of |mean(enhanced) - mean(clean)|, in 1/255
-
-
-class Detection(NamedTuple):
-    """How well a cover is found; NaN where there is nothing to be found."""
-
-    average_precision: float
-    precision: float  # NaN also where nothing is taken for covered
-    recall: float
 
 
 class _Row(NamedTuple):
@@ -151,25 +142,6 @@ def _score(kind: str, rows: Sequence[_Row]) -> Score:
     over_views = detection([row.over_views for row in rows], true_drops, DROP).average_precision
     picture = before, after, brightness
     return Score(kind, len(rows), misted, planes, *drops, over_views, *streaks, *picture)
-
-
-def detection(found: Sequence[Plane | None], true: Sequence[Plane | None], threshold: float) -> Detection:
-    """How well covers of pictures are found, over the pixels of all of them.
-
-    Args:
-        found: covers [H, W] in [0, 1]; None where there is none.
-        true: the same of the same pictures; pictures with None in either do not count.
-        threshold: cover above which a pixel is covered, in the truth, and for precision and recall in what is found.
-    """
-    both = [(f.ravel(), t.ravel()) for f, t in zip(found, true, strict=True) if f is not None and t is not None]
-    cover, truth = (np.concatenate(planes) for planes in zip(*both, strict=True)) if both else (np.zeros(0),) * 2
-    covered: NDArray[np.bool_] = truth > threshold
-    if not covered.any():
-        return Detection(np.nan, np.nan, np.nan)
-    flagged = cover > threshold
-    hits = float(np.sum(flagged & covered))
-    precision = hits / float(flagged.sum()) if flagged.any() else np.nan
-    return Detection(average_precision(cover, covered), precision, hits / float(covered.sum()))
 
 
 def as_columns(rows: Sequence[Score]) -> dict[str, float]:
