@@ -21,13 +21,14 @@ from deraings.enhancement.network import CONFIGS, EnhancementNetwork
 from deraings.enhancement.size import describe
 from deraings.enhancement.training import EnhancementTraining, train
 from deraings.enhancement.validation import as_columns, scores, scores_by_companions, table
-from deraings.enhancement.validation_pictures import validation_set
+from deraings.enhancement.validation_pictures import PATTERNS, validation_set
 from deraings.enhancement.weights import load_enhancer, save_network
 from hydroviews.cli.commands import run_command
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.formats.photographs import one_by_one
 from hydroviews.pairs.photographs import split_photographs
+from hydroviews.rain.registry import parse_pattern
 from hydroviews.scene.images import read_image, to_uint8, write_png
 
 WATCHED = 4  # held-out photographs of the validations while training; at the end it is all of them
@@ -109,6 +110,7 @@ def validate_command(
     cache: Path = Path("results/enhancement/rain"),
     pictures: int = 0,
     companions: tuple[int, ...] = WATCHED_COMPANIONS,
+    patterns: tuple[str, ...] = (),
 ) -> None:
     """Print what weights see of rain on held-out photographs, and what they gain: see `validation`.
 
@@ -118,11 +120,16 @@ def validate_command(
         cache: keeps what Blender bakes.
         pictures: how many photographs of each folder, 0 for all.
         companions: how many other photographs of the lens the network is given, a table for each.
+        patterns: rain to judge by besides the usual kinds, such as storm-1 for medium storms.
+
+    Raises:
+        InputError: no such pattern, or an unreadable photograph.
     """
+    judges = [*PATTERNS, *map(parse_pattern, patterns)]
     enhancer = load_enhancer(weights)
     print(enhancer.reason)
     files = [file for folder in photographs for file in split_photographs(folder).held_out[: pictures or None]]
-    drawn = validation_set(files, VALIDATION_SEED, cache / "validation", max(companions))
+    drawn = validation_set(files, VALIDATION_SEED, cache / "validation", max(companions), judges)
     for count, rows in scores_by_companions(enhancer.network, drawn, companions).items():
         print(f"\n{count} companions\n\n{table(rows)}")
 

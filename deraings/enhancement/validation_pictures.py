@@ -1,7 +1,8 @@
 """Held-out photographs in known rain, as hard as the benchmark's grades would make it, for networks to be judged on.
 
-The rain is that of three effects in all grades, and, in the medium grade, rain of another make, which no network is
-trained on. Each picture carries what is true of its rain: the cover by drops and by streaks, and the mist.
+The rain is that of three effects in all grades, and any that the user names besides: rain that no network was trained
+on tells what has been learned from what has been adapted to. Each picture carries what is true of its rain: the cover
+by drops and by streaks, and the mist.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,6 +20,7 @@ from hydroviews.pairs.captures import Capture
 from hydroviews.pairs.drawing import air_light
 from hydroviews.pairs.lens_pool import camera_of
 from hydroviews.pairs.photographs import fit_frame, frame_of
+from hydroviews.rain.compositing import Layers
 from hydroviews.rain.effect import fall
 from hydroviews.rain.patterns import GRADES, Pattern
 from hydroviews.rain.registry import find_effect
@@ -29,22 +31,15 @@ from hydroviews.scene.seeds import generator
 
 LONG_SIDE = 384  # pixels of the validation pictures
 RARITY, DETAIL = 0.06, 0.0017  # medians of the benchmark's embedded scenes, LLFF flower and Mip-NeRF 360 bonsai
-PATTERNS = (
-    *(Pattern(effect, index) for effect in ("streak", "raindrop", "window") for index in range(len(GRADES))),
-    *(Pattern(effect, GRADES.index("medium")) for effect in ("raindrop-b", "streak-b")),
-)
-# The parameter with the light of an effect's mist, and whether mist is added in linear light. Effects with streaks are
-# not among them: streaks too dense to be seen singly are mist to a network, and no plane of a layer file has them.
-MIST_LIGHT = {"raindrop": ("air_light", True), "window": ("air_light", True), "raindrop-b": ("mist_colour", False)}
+PATTERNS = tuple(Pattern(effect, index) for effect in ("streak", "raindrop", "window") for index in range(len(GRADES)))
 
 
 @dataclass(frozen=True, eq=False)
 class TrueMist:
-    """The mist that a picture was drawn with: V of the light is blocked, and V w is added."""
+    """The mist that a picture was drawn with, in linear light: V of the light is blocked, and V w is added."""
 
     cover: Plane  # V [H, W], [0, 1]
-    light: NDArray[np.float32]  # w [3], [0, 1], in linear light or encoded
-    linear: bool  # whether the mist is added in linear light; otherwise in encoded values
+    light: NDArray[np.float32]  # w [3]
 
     def over(self, clean: Image) -> Image:
         """A picture behind this mist alone. The blur behind a window's mist is left out: no plane can undo blur.
@@ -57,9 +52,8 @@ class TrueMist:
         """
         if not self.cover.any():
             return clean  # without the rounding of light there and back
-        scene, cover = to_linear(clean) if self.linear else clean, self.cover[..., None]
-        misted = np.asarray(scene + cover * (self.light - scene), np.float32)
-        return to_srgb(misted) if self.linear else misted
+        scene, cover = to_linear(clean), self.cover[..., None]
+        return to_srgb(np.asarray(scene + cover * (self.light - scene), np.float32))
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,14 +69,17 @@ class ValidationPicture:
     mist: TrueMist | None = None  # None: nobody knows
 
 
-def validation_set(files: Sequence[Path], seed: int, folder: Path, companions: int = 0) -> list[ValidationPicture]:
-    """Every photograph in all PATTERNS, and clean.
+def validation_set(
+    files: Sequence[Path], seed: int, folder: Path, companions: int = 0, patterns: Sequence[Pattern] = PATTERNS
+) -> list[ValidationPicture]:
+    """Every photograph in all patterns, and clean.
 
     Args:
         files: held-out photographs.
         seed: of the rain.
         folder: keeps what Blender bakes.
         companions: how many parts of others come with each.
+        patterns: effects and grades.
 
     Raises:
         InputError: an unreadable photograph, or Blender failed.
@@ -95,7 +92,7 @@ def validation_set(files: Sequence[Path], seed: int, folder: Path, companions: i
         others = capture.pictures(companions, size, size, generator(seed, "companions", file.stem))
         found.append(clean_picture(image, others))
         setting = setting_of(file, image, seed)
-        for pattern in PATTERNS:
+        for pattern in patterns:
             kept = folder / file.stem / f"{pattern.effect}-{pattern.index}"
             found.append(rainy_picture(image, others, pattern, setting, kept))
     return found
@@ -103,7 +100,7 @@ def validation_set(files: Sequence[Path], seed: int, folder: Path, companions: i
 
 def clean_picture(image: Image, companions: NDArray[np.uint8]) -> ValidationPicture:
     """A photograph [H, W, 3] without rain, of which it is known that there is no mist."""
-    none = TrueMist(np.zeros(image.shape[:2], np.float32), np.zeros(3, np.float32), True)
+    none = TrueMist(np.zeros(image.shape[:2], np.float32), np.zeros(3, np.float32))
     return ValidationPicture("clean", image, image, companions, mist=none)
 
 
@@ -138,16 +135,18 @@ def rainy_picture(
         companions=seen,
         drops=covers.get("water"),
         streaks=covers.get("streaks"),
-        mist=true_mist(pattern.effect, rain.parameters, covers.get("mist")),
+        mist=true_mist(rain.parameters, layers),
     )
 
 
-def true_mist(effect: str, parameters: Mapping[str, Any], cover: Plane | None) -> TrueMist | None:
-    """The mist of an effect's parameters and its cover [H, W]; None where these do not tell."""
-    if cover is None or effect not in MIST_LIGHT:
+def true_mist(parameters: Mapping[str, Any], layers: Layers) -> TrueMist | None:
+    """The mist of an effect's parameters and layers: V, in the light of its air; None where these do not tell.
+
+    Of streaks nobody knows: those too dense to be seen singly are mist to a network, and no plane has them.
+    """
+    if "V" not in layers or "air_light" not in parameters:
         return None
-    name, linear = MIST_LIGHT[effect]
-    return TrueMist(cover, np.array(parameters[name], np.float32), linear)
+    return TrueMist(layers["V"], np.array(parameters["air_light"], np.float32))
 
 
 def setting_of(photograph: Path, image: Image, seed: int) -> SceneStatistics:

@@ -7,7 +7,7 @@ import torch
 from tiny_network import TINY
 
 from deraings.enhancement.enhance import enhance, enhance_with_cover, spans
-from deraings.enhancement.network import EnhancementNetwork
+from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
 from deraings.enhancement.weights import Enhancer
 
 
@@ -63,9 +63,7 @@ class Mean(torch.nn.Module):
     device = torch.device("cpu")
 
     multiple = 1
-
-    def remove_mist(self, batch):
-        return batch
+    config = NetworkConfig()  # which looks for no mist
 
     def refine(self, batch, fine):
         return batch.mean().expand_as(batch)
