@@ -1,6 +1,7 @@
 """Photographs behind the data set's own window panes: baked water; light, mist and tilt are new in every pair."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,12 +37,18 @@ class Window:
 
     def over(self, picture: Image) -> Image:
         """The picture [H, W, 3] behind the pane, both sRGB-encoded."""
-        linear, veil = to_linear(picture), self.veil[..., None]
-        seen = behind_mist(linear, self.veil, self.blur)
-        seen = (1 - self.mask)[..., None] * (seen + veil * (self.light - seen)) + self.own * self.lit
-        if self.own < 1:
+        linear = to_linear(picture)
+        passing, added = self._layers
+        seen = passing * behind_mist(linear, self.veil, self.blur) + added
+        if self.own < 1 and self.mask.any():
             seen += (1 - self.own) * self.matte.apply(expand_highlights(linear))
         return to_srgb(seen)
+
+    @cached_property
+    def _layers(self) -> tuple[NDArray[np.float32], Image]:
+        """The share of the scene's light that passes [H, W, 1], and light that is the same for all scenes."""
+        dry, veil = (1 - self.mask)[..., None], self.veil[..., None]
+        return dry * (1 - veil), dry * veil * self.light + self.own * self.lit
 
     def mist(self) -> NDArray[np.float32]:
         """V and V w, [H, W, 4]."""
@@ -79,11 +86,12 @@ def draw_window_pane(
         veil = draw_veil(rng, width, height, level) * (1 - draw_wiped(rng, matte.mask))
     light = draw_veil_light(air, rng)
     half = lens.half
-    if not has_drops:
-        matte, half = dry(height, width, window=True), dry(height // 2, width // 2, window=True)
     mask, lit = matte.mask, np.zeros((height, width, 3), np.float32)
     if has_drops:
         mask, lit = tilted([mask, OwnLight(pattern, width, height).radiance(mask, matte.sky)], pattern)
+    else:
+        matte, half = dry(height, width, window=True), dry(height // 2, width // 2, window=True)
+        mask = matte.mask
     window = Window(np.clip(mask, 0, 1), lit, pattern.own_light, matte, veil, light, pattern.mist_blur)
     return window, window.half(half)
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.pairs.recipes.compositing import Space, put_over
-from hydroviews.pairs.recipes.fields import Plane, clouds, halved, log_uniform, tinted
+from hydroviews.pairs.recipes.fields import Plane, clouds, halved, log_uniform, mean_colour, tinted
 from hydroviews.pairs.recipes.shapes import draw_shapes
 from hydroviews.pairs.recipes.stamps import Stamped, stamp
 from hydroviews.rain.lens.optics.path_matte import defocus
@@ -55,7 +55,7 @@ class Drops:
         """What of the scene is seen in drops, [H, W, 3], times the share of cover that shows it."""
         shown = self.shown[..., None]
         if self.content == "mean" or self.source is None:
-            seen = scene.mean(axis=(0, 1)) if self.content == "mean" else _blurred(scene, self.blur)
+            seen = mean_colour(scene) if self.content == "mean" else _blurred(scene, self.blur)
             return np.asarray(shown * seen, np.float32)
         columns, rows = cv2.split(self.source)
         flags, border = cv2.INTER_LINEAR, cv2.BORDER_REFLECT
@@ -152,10 +152,10 @@ def _own_light(
     hollow = rng.uniform() < 0.5
     along = np.linalg.norm(place + (arc if hollow else -arc) * towards, axis=1)
     along = along - arc if hollow else arc - along
-    soft = log_uniform(rng, 0.15, 1.2)
-    share = np.clip((along - rng.uniform(-0.6, 0.6)) / soft + 0.5, 0, 1).astype(np.float32)
+    soft = log_uniform(rng, 0.25, 1.5)
+    share = np.clip((along - rng.uniform(-0.6, 0.4)) / soft + 0.5, 0, 1).astype(np.float32)
     share = (share * share * (3 - 2 * share))[:, None]
-    bright = glare * space.decoded(tinted(rng, float(rng.uniform(0.6, 1)), float(rng.uniform(0, 0.15))))
+    bright = glare * space.decoded(tinted(rng, float(rng.uniform(0.6, 1)), float(rng.uniform(0, 0.08))))
     dark = space.decoded(tinted(rng, float(rng.uniform(0.02, 0.3)), 0.2))
     height, width = stamped.cover.shape
     uneven = np.clip(0.5 + 0.4 * clouds(rng, width, height, 0.2 * np.sqrt(width * height))[inside], 0, 1)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.pairs.recipes.compositing import draw_space, put_over
-from hydroviews.pairs.recipes.fields import Plane, clouds, log_uniform, tinted
+from hydroviews.pairs.recipes.fields import Plane, clouds, log_uniform, mean_colour, tinted
 from hydroviews.scene.images import Image
 
 FALLING = 2  # layers of streaks drawn for a capture; companions have them anywhere
@@ -50,8 +50,11 @@ def draw_lines(rng: np.random.Generator, width: int, height: int) -> Fall:
 
     def over(picture: Image, layer: Plane) -> Image:
         scene = space.decoded(picture)
-        light = (1 - of_scene) * bright + of_scene * np.minimum(1.3 * scene.mean(axis=(0, 1)), 1)
-        scene = (1 - veil) * scene + np.float32(veil) * bright
+        light = bright
+        if of_scene > 0:
+            light = (1 - of_scene) * bright + np.float32(of_scene) * np.minimum(1.3 * mean_colour(scene), 1)
+        if veil > 0:
+            scene = scene + np.float32(veil) * (bright - scene)
         cover = layer[..., None]
         return space.encoded(put_over(scene, cover, cover * light, screen))
 
@@ -74,13 +77,11 @@ def _draw_kind(rng: np.random.Generator, angle: float, spread: float, width: int
     if form == "noise":
         share = log_uniform(rng, 0.05, 0.8) / length / 4
         return lambda rng: opacity * _noise(rng, kernel, share, width, height)
-    least, power = float(rng.uniform(0.4, 0.95)), float(rng.uniform(0.7, 2))
+    least, power = float(rng.uniform(0.6, 0.97)), float(rng.uniform(0.7, 2))
     return lambda rng: opacity * _texture(rng, kernel, least, power, width, height)
 
 
-def _drawn(
-    rng: np.random.Generator, streaks: tuple[int, float, float, float, float], width: int, height: int
-) -> Plane:
+def _drawn(rng: np.random.Generator, streaks: tuple[int, float, float, float, float], width: int, height: int) -> Plane:
     """Single lines; count, length in pixels, angle and its spread in degrees, and thickness in pixels are given."""
     count, length, angle, spread, thickness = streaks
     middles = rng.uniform((0, 0), (width, height), (count, 2))

@@ -63,5 +63,5 @@ def draw_wiped(rng: np.random.Generator, cover: Plane) -> Plane:
 
 
 def _disk(diameter: float) -> NDArray[np.uint8]:
-    size = max(1, round(diameter)) | 1
+    size = max(3, round(diameter)) | 1
     return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)), np.uint8)

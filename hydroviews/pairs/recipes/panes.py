@@ -28,9 +28,10 @@ class Pane:
 
     def over(self, picture: Image) -> Image:
         """The picture [H, W, 3] through the pane, both sRGB-encoded."""
-        scene = behind_mist(self.space.decoded(picture), self.veil, self.blur)
-        veil = self.veil[..., None]
-        seen = scene + veil * (self.light - scene)
+        seen = self.space.decoded(picture)
+        if self.veil.any():
+            seen = behind_mist(seen, self.veil, self.blur)
+            seen = seen + self.veil[..., None] * (self.light - seen)
         return self.space.encoded(seen if self.drops is None else self.drops.over(seen))
 
     @property

@@ -1,4 +1,4 @@
-"""Outlines and places of drops on a pane: from a few large ones to thousands of beads, even, in patches or in columns."""
+"""Outlines and places of drops on a pane: a few large ones to thousands of beads, even, in patches or in columns."""
 
 from dataclasses import dataclass
 
@@ -8,17 +8,17 @@ from numpy.typing import NDArray
 from hydroviews.pairs.recipes.fields import clouds, log_uniform
 
 Array = NDArray[np.float64]
-MEDIANS = (0.002, 0.03)  # of the radii, in longer sides of the picture
+MEDIANS = (0.002, 0.004, 0.03)  # of the radii, in longer sides of the picture; half of them lie below 0.4 %
 SPREADS = (0.1, 1.0)  # of the radii's logarithm
 LARGEST = 0.05  # radius, in longer sides
 SMALLEST = 0.4  # radius, pixels
-COVERAGES = (0.01, 0.4)
+COVERAGES = (0.015, 0.15, 0.45)  # share of the picture; half of them lie above 15 %
 MOST = 5000  # drops
 LARGER = 0.4  # share of the panes of small drops with a few larger ones among them
 IN_COLUMNS = 0.2  # share of the panes
 PATCHY = 0.6  # share of the others
 TURNED = 0.25  # share of the panes whose drops point anywhere
-TRIES = 4  # places drawn for a drop, where places are chosen
+TRIES = 8  # places drawn for a drop, where places are chosen
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,19 +43,24 @@ def draw_shapes(rng: np.random.Generator, width: int, height: int) -> Shapes:
         radii,
         np.clip(aspect * np.exp(rng.uniform(0, 0.25) * rng.normal(size=count)), 0.6, 3),
         turns,
-        np.clip(rng.uniform(0, 0.12) * rng.normal(size=(count, 4)), -0.2, 0.2),
+        np.clip(rng.uniform(0, 0.09) * rng.normal(size=(count, 4)), -0.15, 0.15),
     )
 
 
 def _draw_radii(rng: np.random.Generator, width: int, height: int) -> Array:
     side = max(width, height)
-    median, spread = log_uniform(rng, *MEDIANS), log_uniform(rng, *SPREADS)
+    median, spread = _of_halves(rng, MEDIANS), log_uniform(rng, *SPREADS)
     each = np.pi * (median * side) ** 2 * np.exp(2 * spread**2)
-    count = int(np.clip(log_uniform(rng, *COVERAGES) * width * height / each, 3, MOST))
+    count = int(np.clip(_of_halves(rng, COVERAGES) * width * height / each, 3, MOST))
     radii = median * np.exp(spread * rng.normal(size=count))
     if median < 0.008 and rng.uniform() < LARGER:
         radii = np.concatenate([radii, rng.uniform(0.008, 0.025, int(rng.integers(3, 30)))])
     return np.sort(np.clip(radii * side, SMALLEST, LARGEST * side))[::-1]
+
+
+def _of_halves(rng: np.random.Generator, limits: tuple[float, float, float]) -> float:
+    """A number from the least to the most of three, with the one between as median."""
+    return log_uniform(rng, *(limits[:2] if rng.uniform() < 0.5 else limits[1:]))
 
 
 def _draw_places(rng: np.random.Generator, count: int, width: int, height: int) -> Array:
@@ -65,7 +70,7 @@ def _draw_places(rng: np.random.Generator, count: int, width: int, height: int) 
     if rng.uniform() > PATCHY:
         return rng.uniform(size=(count, 2)) * (width, height)
     field = clouds(rng, 60, 40, float(rng.uniform(2, 12)))
-    density = np.clip(0.5 + rng.uniform(0.2, 1.5) * field, 0.02, 1)
+    density = np.clip(0.4 + rng.uniform(0.2, 1.5) * field, 0, 1)
     places = rng.uniform(size=(count, TRIES, 2))
     chance = density[(40 * places[..., 1]).astype(int), (60 * places[..., 0]).astype(int)]
     first = np.argmax(rng.uniform(size=(count, TRIES)) < chance, axis=1)

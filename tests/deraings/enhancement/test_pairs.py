@@ -5,10 +5,10 @@ from wet import HEIGHT, WIDTH, lens, photograph
 
 from baselines.training.supervised_training import draw_ahead
 from deraings.enhancement.pair_folders import PairFolder, find_pairs
-from deraings.enhancement.pairs import MISTED, Batches, Pairs, stored
+from deraings.enhancement.pairs import MISTED, Batches, Pairs, sensed, stored
 from deraings.enhancement.validation_pictures import rainy_picture, setting_of
 from hydroviews.errors import InputError
-from hydroviews.pairs.drawing import Pair
+from hydroviews.pairs.drawing import Pair, shares_without
 from hydroviews.pairs.lens_pool import camera_of
 from hydroviews.pairs.rainy_pairs import DrawnRain
 from hydroviews.rain.patterns import Pattern
@@ -19,7 +19,7 @@ from hydroviews.scene.seeds import generator
 def test_a_pair_depends_on_seed_and_number_alone():
     sides = {384: photograph(0, 256, 384), 480: photograph(1, 320, 480)}
     pool = {(384, 256): (lens(True, 256, 384),), (480, 320): (lens(True, 320, 480),)}
-    source = DrawnRain([sides], pool)
+    source = DrawnRain([sides], pool, shares_without("window"))
     first = Pairs(source, [], 64, seed=0)
     for batch in draw_ahead(Batches(first, 2), 3, 4, workers=0):
         assert batch.rainy.shape == batch.clean.shape == batch.cover.shape == (2, 3, 64, 64)
@@ -119,12 +119,13 @@ def test_a_rainy_picture_belongs_to_the_clean_one_whose_name_it_continues_furthe
     assert clean.name == "1_2.png"
 
 
-def test_a_pair_is_stored_with_its_companions():
-    """A lens is known from photographs as they are stored, too."""
+@pytest.mark.parametrize("change", [stored, sensed])
+def test_a_camera_changes_a_pair_with_its_companions(change):
+    """A lens is known from photographs as they are taken and stored, too."""
     rng = np.random.default_rng(0)
     sizes = (32, 48, 3), (32, 48, 3), (32, 48, 3), (32, 48, 4), (2, 16, 24, 3)
     pair = Pair(*(rng.random(size).astype(np.float32) for size in sizes))
-    found = stored(pair, rng)
+    found = change(pair, rng)
     for before, after in ((pair.rainy, found.rainy), (pair.companions, found.companions)):
         assert 1e-3 < np.abs(before - after).mean() < 0.3
-    assert stored(pair._replace(rainy=pair.clean), rng).companions is pair.companions
+    assert change(pair._replace(rainy=pair.clean), rng).companions is pair.companions

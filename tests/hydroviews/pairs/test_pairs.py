@@ -3,9 +3,11 @@ import pytest
 from wet import HEIGHT, WIDTH, lens, photograph
 
 from hydroviews.errors import InputError
-from hydroviews.pairs.drawing import KINDS, air_light, draw_mist, draw_mist_alone, draw_rain, wet_lens
-from hydroviews.pairs.exposure import LINEAR, draw_exposure, exposed
+from hydroviews.pairs.drawing import KINDS, draw_rain, shares_without
+from hydroviews.pairs.exposure import LINEAR, air_light, draw_exposure, exposed
+from hydroviews.pairs.mist_alone import draw_mist_alone
 from hydroviews.pairs.photographs import fit_frame, frame_of, frames, read_photographs, split_photographs
+from hydroviews.pairs.raindrops import draw_mist, wet_lens
 from hydroviews.rain.lens.optics.bake import moment_of
 from hydroviews.rain.lens.patterns.mist import mist_veil
 from hydroviews.scene.images import to_linear, to_srgb, write_png
@@ -15,33 +17,91 @@ NONE = np.zeros((0, HEIGHT // 2, WIDTH // 2, 3), np.uint8)  # companions
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_rain_changes_what_it_should(kind):
-    rainy, clean, cover, mist, companions = draw_rain(photograph(), kind, [lens()], generator(3, kind))
-    assert companions.shape == (0, HEIGHT // 2, WIDTH // 2, 3)
-    np.testing.assert_array_equal(clean, photograph().astype(np.float32) / 255)
-    assert rainy.shape == clean.shape
-    assert rainy.min() >= 0
-    assert rainy.max() <= 1
-    assert np.array_equal(rainy, clean) == (kind == "clean")
-    assert cover.min() >= 0
-    assert cover.max() <= 1
-    assert (cover[..., 0] > 0).any() == (kind in ("streak", "both", "lines"))
-    assert (cover[..., 1] > 0).any() == (kind in ("raindrop", "both", "pane"))
-    if kind != "pane":  # whose mist may be added in encoded values
-        assert np.isnan(mist).all() == (kind in ("streak", "both", "lines"))
-    if kind == "raindrop":
-        np.testing.assert_array_equal(mist[..., 0], cover[..., 2])
-    dry_pixels = cover.max(axis=-1) == 0
-    if kind == "lines":  # there is a thin veil between them
-        return
-    np.testing.assert_allclose(rainy[dry_pixels], clean[dry_pixels], atol=1e-6)
+def test_rain_changes_what_it_should(kind, lenses):
+    falls, wets = kind in ("streak", "lines", "mixed"), kind in ("window", "raindrop", "pane", "mixed")
+    drops = mists = 0
+    for seed in range(12):
+        rainy, clean, cover, mist, companions = draw_rain(photograph(), kind, lenses, generator(seed, kind))
+        assert companions.shape == (0, HEIGHT // 2, WIDTH // 2, 3)
+        np.testing.assert_array_equal(clean, photograph().astype(np.float32) / 255)
+        assert rainy.shape == cover.shape == clean.shape
+        assert rainy.min() >= 0
+        assert rainy.max() <= 1
+        assert np.array_equal(rainy, clean) == (kind == "clean")
+        assert cover.min() >= 0
+        assert cover.max() <= 1
+        assert (cover[..., 0] > 0).any() == falls
+        drops, mists = drops + (cover[..., 1] > 0).any(), mists + (cover[..., 2] > 0).any()
+        if falls:
+            assert np.isnan(mist).all()
+        elif not np.isnan(mist).any():
+            np.testing.assert_array_equal(mist[..., 0], cover[..., 2])
+        dry_pixels = cover.max(axis=-1) == 0
+        np.testing.assert_allclose(rainy[dry_pixels], clean[dry_pixels], atol=1e-5)
+    assert (drops > 0) == wets
+    assert (mists > 0) == (kind not in ("clean", "streak"))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_rain_depends_on_the_seed_alone(kind, lenses):
+    companions = np.stack([photograph(1)[::2, ::2]] * 2)
+    first, again, other = (
+        draw_rain(photograph(), kind, lenses, generator(seed, kind), companions) for seed in (0, 0, 1)
+    )
+    for one, same in zip(first, again, strict=True):
+        np.testing.assert_array_equal(one, same)
+    assert np.array_equal(first.rainy, other.rainy) == (kind == "clean")
+
+
+@pytest.mark.parametrize("kind", ["window", "pane"])
+def test_drops_and_mist_come_together_and_alone(kind, lenses):
+    covers = [draw_rain(photograph(), kind, lenses, generator(seed, kind)).cover for seed in range(60)]
+    found = {((cover[..., 1] > 0).any(), (cover[..., 2] > 0).any()) for cover in covers}
+    assert found == {(True, True), (True, False), (False, True)}
+
+
+@pytest.mark.parametrize("kind", ["window", "pane"])
+def test_known_mist_is_all_that_is_between_drops(kind, lenses):
+    """Where nothing is blurred, the pair's two planes of mist make the rainy picture of the clean one."""
+    uniform = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
+    checked = 0
+    for seed in range(40):
+        rainy, clean, cover, mist, _ = draw_rain(uniform, kind, lenses, generator(seed, kind))
+        if np.isnan(mist).any():
+            continue
+        free = cover[..., 1] == 0
+        expected = to_srgb((1 - mist[..., :1]) * to_linear(clean) + mist[..., 1:])
+        np.testing.assert_allclose(rainy[free], expected[free], atol=2e-4)
+        checked += bool(mist[free].any())
+    assert checked > 4
+
+
+def test_shares_add_up_and_families_can_be_left_out():
+    assert sum(KINDS.values()) == pytest.approx(1)
+    own = {name: KINDS[name] for name in ("window", "raindrop", "streak")}
+    assert sum(own.values()) <= 0.4 + 1e-9
+    assert max(own, key=lambda name: own[name]) == "window"
+    left = shares_without("pane")
+    assert left.keys() == KINDS.keys() - {"pane", "mixed"}
+    assert sum(left.values()) == pytest.approx(1)
+    assert left["window"] / left["clean"] == pytest.approx(KINDS["window"] / KINDS["clean"])
+    assert shares_without() == pytest.approx(KINDS)
+    with pytest.raises(InputError, match="fog"):
+        shares_without("fog")
+    with pytest.raises(InputError, match="not all"):
+        shares_without(*KINDS)
+
+
+def test_a_window_needs_a_window():
+    with pytest.raises(ValueError, match="a window"):
+        draw_rain(photograph(), "window", [lens()], generator(0))
 
 
 def test_mist_is_composited_in_linear_light_with_the_light_of_the_air():
     picture, wet = photograph(), lens(drops=False)
     pattern = draw_mist(wet, generator(5))
     assert pattern.mist > 0
-    rainy, mask, found, _ = wet_lens(picture, wet, generator(5), NONE)
+    rainy, mask, found, _ = wet_lens(picture, air_light(LINEAR[picture]), wet, generator(5), NONE)
     assert not mask.any()
     mist = mist_veil(pattern, WIDTH, HEIGHT, moment_of(pattern, 0))[..., None]
     linear = to_linear(picture.astype(np.float32) / 255)
@@ -53,7 +113,7 @@ def test_mist_is_composited_in_linear_light_with_the_light_of_the_air():
 def test_drops_show_what_light_paths_bring():
     picture = photograph()
     dry_mist = next(seed for seed in range(100) if draw_mist(lens(), generator(seed)).mist == 0)
-    rainy, mask, *_ = wet_lens(picture, lens(), generator(dry_mist), NONE)
+    rainy, mask, *_ = wet_lens(picture, np.ones(3, np.float32), lens(), generator(dry_mist), NONE)
     np.testing.assert_array_equal(mask, lens().matte.mask)
     np.testing.assert_allclose(rainy[30, 40], picture[0, 0] / 255, atol=1e-3)
     np.testing.assert_allclose(rainy[:20], picture[:20] / 255, atol=1e-3)

@@ -1,0 +1,133 @@
+import numpy as np
+import pytest
+
+from hydroviews.pairs.recipes.compositing import ENCODED
+from hydroviews.pairs.recipes.drops import Drops, draw_drops
+from hydroviews.pairs.recipes.shapes import LARGEST, Shapes, draw_shapes
+from hydroviews.pairs.recipes.stamps import stamp
+from hydroviews.scene.seeds import generator
+
+WIDTH, HEIGHT = 240, 160
+BLACK, WHITE = np.zeros((HEIGHT, WIDTH, 3), np.float32), np.ones((HEIGHT, WIDTH, 3), np.float32)
+
+
+def shapes(middles, radii, aspect=1.0, turn=0.0):
+    count = len(radii)
+    ones = np.ones(count)
+    places = np.array(middles, float).reshape(count, 2)
+    return Shapes(places, np.array(radii, float), aspect * ones, turn * ones, np.zeros((count, 4)))
+
+
+def test_most_drops_are_small_and_some_panes_have_thousands():
+    panes = [draw_shapes(generator(seed), 480, 320) for seed in range(120)]
+    medians = np.array([np.median(pane.radii) for pane in panes]) / 480
+    assert medians.min() < 0.0025
+    assert 0.003 < np.median(medians) < 0.007
+    assert 0.015 < medians.max() < 0.04
+    counts = np.array([len(pane.radii) for pane in panes])
+    assert counts.min() < 30
+    assert counts.max() > 2000
+    assert 100 < np.median(counts) < 2000
+    assert max(pane.radii.max() for pane in panes) <= LARGEST * 480
+    spreads = [np.log(pane.radii).std() for pane in panes if len(pane.radii) > 20]
+    assert min(spreads) < 0.25
+    assert max(spreads) > 0.7
+    aspects = np.array([np.median(pane.aspects) for pane in panes])
+    assert aspects.min() < 0.8
+    assert aspects.max() > 2
+
+
+@pytest.mark.parametrize(("aspect", "turn", "wide", "high"), [(1, 0, 10, 10), (4, 0, 20, 5), (4, np.pi / 2, 5, 20)])
+def test_a_drop_is_as_large_as_said_and_where(aspect, turn, wide, high):
+    cover, place, owner = stamp(shapes([[100, 60]], [10], aspect, turn), WIDTH, HEIGHT)
+    assert cover.sum() == pytest.approx(np.pi * 100, rel=0.03)
+    assert cover[60, 100 + wide - 2] == cover[60 + high - 2, 100] == 1
+    assert cover[60, 100 + wide + 1] == cover[60 + high + 1, 100] == 0
+    assert place[60, 100 + wide - 1] == pytest.approx((1, 0), abs=0.2)
+    assert place[60 + high - 1, 100] == pytest.approx((0, 1), abs=0.2)
+    assert set(np.unique(owner)) == {-1, 0}
+
+
+def test_no_drop_lies_over_another_and_tiny_ones_cover_little():
+    first, second = (
+        stamp(shapes([[50, 50], [54, 50]], [10, 5]), WIDTH, HEIGHT),
+        stamp(shapes([[50, 50]], [10]), 240, 160),
+    )
+    np.testing.assert_array_equal(first.cover, second.cover)
+    tiny = stamp(shapes([[50.5, 50.5]], [0.4]), WIDTH, HEIGHT)
+    assert tiny.cover.sum() == pytest.approx(np.pi * 0.16, rel=0.6)
+
+
+def test_drops_lie_evenly_or_in_patches():
+    """The share of 8 x 8 parts of a pane that are empty, of panes with many drops."""
+    empty = []
+    for seed in range(80):
+        middles = draw_shapes(generator(seed), 480, 320).middles
+        if len(middles) > 400:
+            counts, *_ = np.histogram2d(*middles.T, bins=8, range=((0, 480), (0, 320)))
+            empty.append(float((counts == 0).mean()))
+    assert min(empty) == 0
+    assert max(empty) > 0.2
+
+
+def test_drops_change_nothing_where_they_are_not():
+    scene = np.random.default_rng(0).random(BLACK.shape).astype(np.float32)
+    for seed in range(25):
+        drops, _ = draw_drops(generator(seed), WIDTH, HEIGHT, ENCODED)
+        assert 0 <= drops.cover.min() <= drops.cover.max() <= 1
+        dry = drops.cover == 0
+        np.testing.assert_allclose(drops.over(scene)[dry], scene[dry], atol=1e-5)
+
+
+def test_some_drops_have_light_of_their_own_and_others_show_the_scene():
+    shares = []
+    for seed in range(40):
+        drops, _ = draw_drops(generator(seed), WIDTH, HEIGHT, ENCODED)
+        inside = drops.cover > 0.6
+        if inside.sum() > 20:
+            difference = (drops.over(WHITE) - drops.over(BLACK))[inside].mean(axis=-1)
+            shares.append(float(np.median(difference - (1 - drops.cover[inside]))))
+    assert min(shares) < 0.05
+    assert max(shares) > 0.6
+
+
+def test_own_light_has_a_dark_and_a_bright_part_in_one_direction():
+    """Of panes in focus, the brightness of all drops as a function of the height in the drop: most are bright below."""
+    below = []
+    for seed in range(60):
+        drops, _ = draw_drops(generator(seed), WIDTH, HEIGHT, ENCODED)
+        light = drops.own.mean(axis=-1)
+        if drops.shown.any() or drops.spread > 0.6 or drops.screen or not light.any():
+            continue
+        inside = (drops.cover > 0.9).astype(np.float32)
+        top = (inside > 0) & (np.roll(inside, 2, axis=0) == 0)
+        bottom = (inside > 0) & (np.roll(inside, -2, axis=0) == 0)
+        if top.any() and bottom.any():
+            below.append(float(light[bottom].mean() - light[top].mean()))
+    assert len(below) > 5
+    assert np.mean(np.array(below) > 0) > 0.6
+    assert max(below) > 0.2
+
+
+def test_drops_show_their_surroundings_upside_down():
+    cover, source = np.zeros((HEIGHT, WIDTH), np.float32), np.zeros((HEIGHT, WIDTH, 2), np.float32)
+    cover[20:40, 30:50] = 1
+    source[..., 0], source[..., 1] = np.meshgrid(np.arange(WIDTH), HEIGHT - 1 - np.arange(HEIGHT))
+    drops = Drops(cover, 0 * BLACK, cover, cover, source, "refracted", 0.1, 0.0, 1.0, False)
+    scene = np.random.default_rng(0).random(BLACK.shape).astype(np.float32)
+    seen = drops.over(scene)
+    np.testing.assert_allclose(seen[25, 35], scene[HEIGHT - 26, 35], atol=1e-5)
+    np.testing.assert_array_equal(seen[:20], scene[:20])
+
+
+def test_a_tilted_pane_is_sharp_on_one_side_only():
+    """Gradients of the cover at the far side of some panes are much weaker than at the near side."""
+    ratios = []
+    for seed in range(60):
+        drops, _ = draw_drops(generator(seed), WIDTH, HEIGHT, ENCODED)
+        steps = np.abs(np.diff(drops.cover, axis=1))
+        sides = [part.max() for part in (steps[:, :40], steps[:, -40:], steps[:20], steps[-20:])]
+        if min(sides) > 0.02:
+            ratios.append(max(sides) / min(sides))
+    assert max(ratios) > 3
+    assert np.median(ratios) < 2
