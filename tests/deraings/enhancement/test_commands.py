@@ -136,7 +136,10 @@ def test_what_a_training_begins_with_stands_in_its_data(tmp_path, weights):
 def test_sizes_and_lenses_stand_in_the_data(tmp_path):
     pictures(tmp_path / "photographs")
     data = Data((tmp_path / "photographs",), sides=(480, 288), lenses=7)
-    assert "480 or 288 pixels wide or high; 7 wet lenses a frame" in described(data, None)
+    assert "480 or 288 pixels wide or high; 7 wet lenses and 6 windows a frame" in described(data, None)
+    assert described(replace(data, without=("pane", "streak")), None).endswith("; no pane and no streak")
+    with pytest.raises(InputError, match="fog"):
+        replace(data, without=("fog",))
 
 
 def test_other_photographs_and_pairs_are_other_data(tmp_path):

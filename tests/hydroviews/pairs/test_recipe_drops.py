@@ -3,6 +3,7 @@ import pytest
 
 from hydroviews.pairs.recipes.compositing import ENCODED
 from hydroviews.pairs.recipes.drops import Drops, draw_drops
+from hydroviews.pairs.recipes.fields import halved
 from hydroviews.pairs.recipes.shapes import LARGEST, Shapes, draw_shapes
 from hydroviews.pairs.recipes.stamps import stamp
 from hydroviews.scene.seeds import generator
@@ -49,11 +50,11 @@ def test_a_drop_is_as_large_as_said_and_where(aspect, turn, wide, high):
 
 
 def test_no_drop_lies_over_another_and_tiny_ones_cover_little():
-    first, second = (
-        stamp(shapes([[50, 50], [54, 50]], [10, 5]), WIDTH, HEIGHT),
-        stamp(shapes([[50, 50]], [10]), 240, 160),
-    )
-    np.testing.assert_array_equal(first.cover, second.cover)
+    alone = stamp(shapes([[50, 50]], [10]), WIDTH, HEIGHT)
+    for beside in (52, 58, 62):
+        both = stamp(shapes([[50, 50], [beside, 50]], [10, 5]), WIDTH, HEIGHT)
+        np.testing.assert_array_equal(both.cover, alone.cover)
+    assert set(np.unique(stamp(shapes([[50, 50], [70, 50]], [10, 5]), WIDTH, HEIGHT).owner)) == {-1, 0, 1}
     tiny = stamp(shapes([[50.5, 50.5]], [0.4]), WIDTH, HEIGHT)
     assert tiny.cover.sum() == pytest.approx(np.pi * 0.16, rel=0.6)
 
@@ -118,6 +119,9 @@ def test_drops_show_their_surroundings_upside_down():
     seen = drops.over(scene)
     np.testing.assert_allclose(seen[25, 35], scene[HEIGHT - 26, 35], atol=1e-5)
     np.testing.assert_array_equal(seen[:20], scene[:20])
+    smooth = np.repeat(np.linspace(0, 1, HEIGHT, dtype=np.float32)[:, None, None], WIDTH, 1).repeat(3, 2)
+    expected, small = halved(drops.over(smooth)), drops.half().over(halved(smooth))
+    np.testing.assert_allclose(small, expected, atol=0.02)
 
 
 def test_a_tilted_pane_is_sharp_on_one_side_only():
