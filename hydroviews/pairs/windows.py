@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from hydroviews.pairs.lens_pool import WetLens
 from hydroviews.pairs.raindrops import OWN_MIST, with_light
 from hydroviews.pairs.recipes.fields import Plane, halved
-from hydroviews.pairs.recipes.mist import draw_light, draw_thick_level, draw_veil, draw_wiped
+from hydroviews.pairs.recipes.mist import draw_light, draw_thick_level, draw_veil
+from hydroviews.pairs.recipes.panes import wiped
 from hydroviews.rain.lens.optics.own_light import OwnLight, tilted
 from hydroviews.rain.lens.optics.path_matte import PathMatte, dry
 from hydroviews.rain.lens.patterns.window import BY_GRADE, WindowPattern, draw_window
@@ -80,10 +81,12 @@ def draw_window_pane(
         raise ValueError("expected a window")
     pattern = draw_lighting(lens.pattern, rng)
     level = draw_thick_level(rng) if has_mist else 0.0
-    if rng.uniform() < OWN_MIST:
+    if not has_drops:
+        veil = draw_veil(rng, width, height, level)
+    elif rng.uniform() < OWN_MIST:
         veil = np.float32(level) * lens.window_form
     else:
-        veil = draw_veil(rng, width, height, level) * (1 - draw_wiped(rng, matte.mask))
+        veil = wiped(rng, draw_veil(rng, width, height, level), matte.mask)
     light = draw_veil_light(air, rng)
     half = lens.half
     mask, lit = matte.mask, np.zeros((height, width, 3), np.float32)

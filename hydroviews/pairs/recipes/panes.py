@@ -60,7 +60,10 @@ def draw_pane(rng: np.random.Generator, width: int, height: int, has_drops: bool
     pane = draw_mist(rng, width, height, draw_thick_level(rng) if has_mist else 0.0)
     if not has_drops:
         return pane
-    drops, cover = draw_drops(rng, width, height, pane.space)
-    wiped = has_mist and rng.uniform() < WIPED
-    veil = pane.veil * (1 - draw_wiped(rng, cover)) if wiped else pane.veil
-    return replace(pane, drops=drops, veil=veil)
+    drops, in_focus = draw_drops(rng, width, height, pane.space)
+    return replace(pane, drops=drops, veil=wiped(rng, pane.veil, in_focus))
+
+
+def wiped(rng: np.random.Generator, veil: Plane, cover: Plane) -> Plane:
+    """A veil [H, W] that drops with a cover [H, W] in focus have wiped off around them, or have not."""
+    return veil * (1 - draw_wiped(rng, cover)) if rng.uniform() < WIPED else veil
