@@ -67,7 +67,7 @@ def mist_bounds(
     known = bound[np.isfinite(bound)]
     least = known.min() if known.size else np.float32(1)
     usual = float(np.median(known - least)) if known.size else 0.0
-    suspected = known.size > 0 and bool(np.quantile(known - least, 0.25) >= config.min_possible)
+    suspected = known.size > 0 and bool(np.quantile(known - least, 0.75) >= config.min_possible)
     bound = np.where(np.isfinite(bound), bound, np.float32(1))
     return MistBounds(len(pictures), colour, bound, bound - least, usual, suspected, masks)
 

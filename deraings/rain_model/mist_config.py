@@ -31,9 +31,8 @@ class MistConfig:
             heavy drops have 26.0 dB, with 0.001 to 0.01 26.4 to 26.6.
         max_alpha: most that mist_alpha may be, [0, 1).
         dark_quantile: share of what a place of the lens shows, (0, 1), that may be darker than the mist there: noise.
-        min_possible: lower quartile over the lens of the mist_alpha that photographs allow, [0, 1], from which scene
-            points are asked for mist: midway between clean views of development scenes, 0.0053 at most, and bonsai's
-            lightest variant, 0.0102. Below, a network alone can tell.
+        min_possible: upper quartile over the lens of the mist_alpha that photographs allow, [0, 1], from which scene
+            points are asked for mist: mist on a window leaves whole regions free. Below, a network alone can tell.
         min_seen: mist_alpha, [0, 1], median over the lens, from which the enhancement network is believed: of
             development scenes streaks have 0.0024 at most (heavy ones of courtyard 0.0066), the lightest mist 0.0041.
         min_seen_in_rain: the same, above `min_seen`, from which mist stands behind falling rain: streaks of development

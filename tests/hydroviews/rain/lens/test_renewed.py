@@ -109,7 +109,7 @@ def test_drops_grow_with_their_age(tmp_path, monkeypatch):
     asked = []
     monkeypatch.setattr(rain, "_lens", lambda *number_and_frame: asked.append(number_and_frame))
     monkeypatch.setattr(DropPainter, "paint", lambda *_: None)
-    rain.over(np.zeros((30, 40, 3), np.float32), 29)
+    rain.painted(np.zeros((30, 40, 3), np.float32), 29)
     assert asked == [(born.lens, (29 - born.birth) // 10) for born in rain._lives.at(29)]
     assert {frame for _, frame in asked} == {0, 1, 2}
 

@@ -15,7 +15,7 @@ from hydroviews.rain.lens.optics import bake as lens_bake
 from hydroviews.rain.lens.optics.path_matte import PathMatte, dry
 from hydroviews.rain.lens.patterns.window import BY_GRADE, draw_window
 from hydroviews.rain.lens.window import Window, WindowEffect, behind_mist
-from hydroviews.rain.lens.window_severity import LOSS, VEIL, WindowHarm
+from hydroviews.rain.lens.window_severity import LOSS, VEIL, WindowHarm, grade_window
 from hydroviews.rain.patterns import GRADES, Pattern, pattern_generator
 from hydroviews.rain.registry import find_effect, parse_pattern
 from hydroviews.rain.scene_statistics import Light, SceneStatistics
@@ -90,6 +90,14 @@ def test_a_heavy_pane_has_at_least_what_was_drawn():
     assert graded.mist >= round(drawn.mist, 4)
     assert graded.droplets >= drawn.droplets
     assert graded.bright == round(drawn.bright, 4)
+
+
+def test_film_that_harms_too_much_has_fewer_bands():
+    """Heavy panes keep all of theirs."""
+    scene, film = statistics(), replace(draw_window(np.random.default_rng(0), 0), film=6)
+    dear = replace(scene, drops_cost=100.0)
+    assert grade_window(film, "light", dear).film < grade_window(film, "light", scene).film <= 6
+    assert grade_window(film, "heavy", dear).film == 6
 
 
 def test_the_mist_is_as_bright_as_published_veils():
