@@ -5,6 +5,7 @@ from dataclasses import asdict
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from tqdm import tqdm
 
 
@@ -26,6 +27,25 @@ def measure_by_kind(pictures: Iterable[P], measure: Callable[[P], R]) -> dict[st
     for picture in tqdm(pictures, desc="validation", unit="picture", leave=False):
         rows.setdefault(picture.kind, []).append(measure(picture))
     return rows
+
+
+def average_precision(found: NDArray, truth: NDArray) -> float:
+    """Area under the curve of precision over recall, in steps; what is found equally strongly is taken together.
+
+    Args:
+        found: [N], higher where more certain.
+        truth: bool [N], at least one true.
+
+    Raises:
+        ValueError: nothing is true.
+    """
+    if not truth.any():
+        raise ValueError("average precision of nothing to be found")
+    order = np.argsort(-found, kind="stable")
+    sorted_found, hits = found[order], np.cumsum(truth[order])
+    last = np.append(np.flatnonzero(np.diff(sorted_found)), len(found) - 1)  # of those found equally strongly
+    precision, recall = hits[last] / (last + 1), hits[last] / hits[-1]
+    return float(np.sum(np.diff(recall, prepend=0.0) * precision))
 
 
 def as_json(scores: Sequence[Any], decimals: int) -> list[dict[str, str | int | float | None]]:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.derain_nerf.raindrop_attention.validation import average_precision
+from baselines.training.validation import average_precision
 from deraings.image_planes import Plane
 
 

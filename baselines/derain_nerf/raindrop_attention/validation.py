@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from baselines.derain_nerf.raindrop_attention.detection import detect
 from baselines.derain_nerf.raindrop_attention.network import DerainGenerator
 from baselines.derain_nerf.raindrop_attention.pairs import ValidationPicture
-from baselines.training.validation import measure_by_kind
+from baselines.training.validation import average_precision, measure_by_kind
 from hydroviews.formats.markdown import markdown_table
 from hydroviews.metrics import psnr
 
@@ -56,25 +56,6 @@ def _score(kind: str, rows: Sequence[_Row]) -> Score:
     precision = average_precision(attention, truth) if truth.any() else np.nan
     before, after = (float(np.mean(v)) for v in ([row.before for row in rows], [row.after for row in rows]))
     return Score(kind, len(rows), precision, overlap, float(flagged.mean()), before, after)
-
-
-def average_precision(found: NDArray, truth: NDArray) -> float:
-    """Area under the curve of precision over recall, in steps; what is found equally strongly is taken together.
-
-    Args:
-        found: [N], higher where more certain.
-        truth: bool [N], at least one true.
-
-    Raises:
-        ValueError: nothing is true.
-    """
-    if not truth.any():
-        raise ValueError("average precision of nothing to be found")
-    order = np.argsort(-found, kind="stable")
-    sorted_found, hits = found[order], np.cumsum(truth[order])
-    last = np.append(np.flatnonzero(np.diff(sorted_found)), len(found) - 1)  # of those found equally strongly
-    precision, recall = hits[last] / (last + 1), hits[last] / hits[-1]
-    return float(np.sum(np.diff(recall, prepend=0.0) * precision))
 
 
 def as_columns(rows: Sequence[Score]) -> dict[str, float]:

@@ -12,12 +12,12 @@ from baselines.derain_nerf.raindrop_attention.config import LossConfig
 from baselines.derain_nerf.raindrop_attention.network import DerainGenerator
 from baselines.derain_nerf.raindrop_attention.pairs import Batch, Patches, ValidationPicture, without_drops
 from baselines.derain_nerf.raindrop_attention.training import train
-from baselines.derain_nerf.raindrop_attention.validation import as_columns, average_precision, scores, table
+from baselines.derain_nerf.raindrop_attention.validation import as_columns, scores, table
 from baselines.derain_nerf.raindrop_attention.weights import load_detector, save_generator
 from baselines.training.checkpoints import CHECKPOINT
 from baselines.training.network_commands import rounded
 from baselines.training.supervised_training import CURVE, Intervals, rate_at
-from baselines.training.validation import as_json
+from baselines.training.validation import as_json, average_precision
 from hydroviews.errors import InputError
 from hydroviews.pairs.rainy_pairs import DrawnRain
 
