@@ -19,9 +19,10 @@ from tqdm import tqdm
 from baselines.training.torch_state import one_thread
 from deraings.enhancement.before_after import before_and_after, on_sheet
 from deraings.enhancement.clear_pixels import DROPS, STREAKS
-from deraings.enhancement.enhance import enhance_with_cover
+from deraings.enhancement.enhance import predict
 from deraings.enhancement.weights import DEFAULT, load_enhancer
 from hydroviews.cli.commands import run_command
+from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_bytes
 from hydroviews.scene.images import Image, list_images, read_image, write_png
 
@@ -34,7 +35,7 @@ def counted(photograph: Image, enhanced: Image, cover: Image) -> tuple[float, ..
     Args:
         photograph: [H, W, 3].
         enhanced: the same, enhanced.
-        cover: what rain covers of it [H, W, 3], see `enhance_with_cover`.
+        cover: what rain covers of it [H, W, 3], see `predict`.
     """
     covers = cover.mean(axis=(0, 1))
     return float(covers[STREAKS]), float(covers[DROPS]), float(np.sqrt(np.mean((enhanced - photograph) ** 2)))
@@ -71,10 +72,12 @@ def main(rainy: Path, dry: Path, out: Path = Path("results/bench/real-rain"), we
         for kind, of_kind in files.items():
             for file in tqdm(of_kind, desc=kind, unit="photograph"):
                 photograph = read_image(file)
-                enhanced, cover = enhance_with_cover(photograph, enhancer)
-                rows.append((kind, file.name, *counted(photograph, enhanced, cover)))
+                enhanced = predict(photograph, enhancer)
+                if enhanced.cover is None:
+                    raise InputError(f"{weights}: a network that does not predict covers", expected="one with `alpha`")
+                rows.append((kind, file.name, *counted(photograph, enhanced.picture, enhanced.cover)))
                 if file in shown:
-                    pictures.append((file.name, photograph, enhanced))
+                    pictures.append((file.name, photograph, enhanced.picture))
     found = pd.DataFrame(rows, columns=["kind", "photograph", *COLUMNS])
     write_bytes(out / "real_rain.csv", found.to_csv(index=False).encode())
     remark = f"{len(pictures)} of {len(files['rainy'])}"

@@ -27,6 +27,7 @@ class TrainingConfig:
     floor: float = 0.1  # added to the mean absolute error by rain that a picture's loss is a share of
     lifting: float = 0.5  # weight of the loss of the mist alone, where the network has one
     detection: float = 0.5  # weight of the loss in the cover by rain, where the network predicts it
+    doubt: float = 0.1  # weight of the loss of the predicted error, where the network predicts it
     averaging: float = 0.999  # what an average of the weights keeps of itself in a step
     precision: Precision = "bfloat16"  # of convolutions and attention in training; weights are float32 in both
     seed: int = 0

@@ -75,8 +75,8 @@ def started_from(data: Data, config: TrainingConfig) -> Enhancer | None:
         return None
     enhancer = load_enhancer(data.start, "cpu")
     begun, wanted = enhancer.network.config, config.network
-    mist, fine = wanted.lens_mist and begun.lens_mist, wanted.lens_fine and begun.lens_fine
-    if begun != replace(wanted, lens_mist=mist, lens_fine=fine):
+    parts = {part: getattr(wanted, part) and getattr(begun, part) for part in ("lens_mist", "lens_fine", "error")}
+    if begun != replace(wanted, **parts):
         raise InputError(
             f"{find_weights(data.start)}: cannot begin a training of another network",
             found=f"a network of {enhancer.network.config}",

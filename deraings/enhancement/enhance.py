@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -12,6 +13,7 @@ from deraings.enhancement.lenses import Lens
 from deraings.enhancement.mist_branch import without_mist_over_whole
 from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.weights import Enhancer, load_enhancer
+from deraings.image_planes import Plane
 from hydroviews.scene.images import Image
 
 TILE = 768  # pixels along a side, beyond which a picture is taken in tiles
@@ -48,23 +50,25 @@ def enhance(
     return np.clip(_in_tiles(image, network, network.refine, (tile, overlap), remove_mist, lens), 0, 1)
 
 
-def enhance_with_cover(
-    image: Image, enhancer: Enhancer, remove_mist: bool = True, lens: Lens | None = None
-) -> tuple[Image, Image]:
-    """The same, and how much of each pixel [H, W, 3] streaks, drops and mist cover, [0, 1], as far as the network sees.
+class Enhanced(NamedTuple):
+    """A picture without its rain, as far as the network can, and what else the network predicts."""
 
-    Raises:
-        ValueError: see `enhance`; or the network does not tell.
-    """
+    picture: Image  # [H, W, 3], sRGB-encoded, [0, 1]
+    cover: Image | None  # what of each pixel streaks, drops and mist block [H, W, 3], [0, 1]; None: not predicted
+    error: Plane | None  # mean absolute error of the picture that is to be expected [H, W]; None: not predicted
+
+
+def predict(image: Image, enhancer: Enhancer, remove_mist: bool = True, lens: Lens | None = None) -> Enhanced:
+    """`enhance` with all else that the network predicts; arguments and errors as there."""
     network = enhancer.network
-    if not network.config.alpha:
-        raise ValueError("the network does not tell what rain covers")
 
-    def both(batch: Tensor, fine: Tensor | None) -> Tensor:
-        return torch.cat(network.refine_with_alpha(batch, fine), dim=1)
+    def together(batch: Tensor, fine: Tensor | None) -> Tensor:
+        return torch.cat([part for part in network.predict(batch, fine) if part is not None], dim=1)
 
-    found = np.clip(_in_tiles(image, network, both, (TILE, OVERLAP), remove_mist, lens), 0, 1)
-    return np.ascontiguousarray(found[..., :3]), np.ascontiguousarray(found[..., 3:])
+    found = np.clip(_in_tiles(image, network, together, (TILE, OVERLAP), remove_mist, lens), 0, 1)
+    cover = np.ascontiguousarray(found[..., 3:6]) if network.config.alpha else None
+    error = np.ascontiguousarray(found[..., -1]) if network.config.error else None
+    return Enhanced(np.ascontiguousarray(found[..., :3]), cover, error)
 
 
 Refine = Callable[[Tensor, Tensor | None], Tensor]  # [N, 3, h, w] and statistics of lenses to [N, C, h, w]

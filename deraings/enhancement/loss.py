@@ -39,6 +39,21 @@ def enhancement_loss(
     return (size / (rain + floor)).mean()
 
 
+def error_loss(scale: Tensor, enhanced: Tensor, clean: Tensor) -> Tensor:
+    """Negative log likelihood of errors as of a Laplace distribution: |error| / s + log s, the least at s = E |error|.
+
+    Args:
+        scale: s, predicted, [N, 1, H, W], positive.
+        enhanced: [N, 3, H, W].
+        clean: the same shape.
+
+    Returns:
+        A scalar.
+    """
+    error = (enhanced - clean).abs().mean(dim=1, keepdim=True)
+    return (error / scale + scale.log()).mean()
+
+
 def cover_loss(found: Tensor, cover: Tensor) -> Tensor:
     """Cross entropy of the cover by streaks, drops and mist, which the generator knows of what it has drawn.
 

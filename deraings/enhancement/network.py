@@ -10,9 +10,10 @@ Tensors are [N, C, H, W] in channels-last memory, so that layer normalisation an
 numbers.
 """
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import cast
+from typing import NamedTuple, cast
 
 import torch
 from torch import Tensor, nn
@@ -25,6 +26,7 @@ LEVELS = 5
 KEPT = (1 / 2, 2 / 3, 3 / 4, 4 / 5)  # shares of its entries that a row of sparse attention keeps (Chen et al. 2023)
 KEPT_WEIGHT = 0.2  # of each share, to begin with
 SHORTEST = 1e-6  # length of a query or key that scores are divided by
+ERROR = 0.03  # mean absolute error, encoded, that an untrained network predicts of itself
 SQUEEZE = 4  # channels in a channel attention's middle layer: a fourth
 
 
@@ -39,6 +41,7 @@ class NetworkConfig:
     head_width: int = 48  # channels of an attention head
     stem: int = 1  # the picture is taken in squares of so many pixels: 2 makes every level four times smaller
     alpha: bool = False  # in training also predict how much of each pixel streaks, drops and mist block
+    error: bool = False  # also predict the scale of its own error
     gain: bool = False  # predict I' = I + g I + r instead of I' = I + r, g and r from the network
     mist: int = 0  # channels of the branch that takes mist off the whole picture first; 0: there is none
     lens_mist: bool = False  # a second such branch, for pictures of which it is known what others of their lens show
@@ -65,6 +68,14 @@ SMALL = NetworkConfig(
     lens_fine=True,
 )
 CONFIGS = {"paper": PAPER, "small": SMALL}
+
+
+class Prediction(NamedTuple):
+    """Of pictures or parts of pictures."""
+
+    picture: Tensor  # [N, 3, H, W], not clipped
+    cover: Tensor | None  # what of each pixel streaks, drops and mist block, [N, 3, H, W] in [0, 1]
+    error: Tensor | None  # mean absolute error of the picture that is to be expected, [N, 1, H, W], positive
 
 
 class ChannelNorm(nn.Module):
@@ -211,6 +222,8 @@ class EnhancementNetwork(nn.Module):
         self.head = nn.Sequential(nn.Conv2d(widths[0], given, 3, padding=1), nn.PixelShuffle(config.stem))
         if config.alpha:
             self.alpha = nn.Sequential(nn.Conv2d(widths[0], taken, 3, padding=1), nn.PixelShuffle(config.stem))
+        if config.error:
+            self.error = nn.Sequential(nn.Conv2d(widths[0], config.stem**2, 3, padding=1), nn.PixelShuffle(config.stem))
         if config.mist:
             self.mist = MistBranch(config.mist)
         if config.mist and config.lens_mist:
@@ -223,6 +236,8 @@ class EnhancementNetwork(nn.Module):
     def _start_as_identity(self) -> None:
         """An untrained network changes nothing; nor do statistics, where it has not learned with them."""
         last = [self.head[0]]
+        if self.config.error:
+            last.append(self.error[0])
         if self.config.mist:
             last.append(self.mist.end)
         if self.config.lens_fine:
@@ -231,6 +246,8 @@ class EnhancementNetwork(nn.Module):
             last += [self.lens_mist.end, self.lens_mist.shared[-1]]
         for convolution in last:
             nn.init.zeros_(cast(nn.Conv2d, convolution).weight)
+        if self.config.error:
+            nn.init.constant_(cast(Tensor, self.error[0].bias), math.log(ERROR))
 
     @property
     def device(self) -> torch.device:
@@ -272,10 +289,15 @@ class EnhancementNetwork(nn.Module):
         """The rest, for pictures or parts of pictures that are free of mist."""
         return self.enhanced(image, self.features(image, fine))
 
-    def refine_with_alpha(self, image: Tensor, fine: Tensor | None = None) -> tuple[Tensor, Tensor]:
-        """The same, and how much of each pixel streaks, drops and mist block, [N, 3, H, W] in [0, 1]."""
+    def predict(self, image: Tensor, fine: Tensor | None = None) -> Prediction:
+        """The same, with all else that the network predicts of each pixel."""
         features = self.features(image, fine)
-        return self.enhanced(image, features), torch.sigmoid(self.alpha(features))
+        cover = torch.sigmoid(self.alpha(features)) if self.config.alpha else None
+        return Prediction(self.enhanced(image, features), cover, self.error_scale(features))
+
+    def error_scale(self, features: Tensor) -> Tensor | None:
+        """The scale [N, 1, H, W] of the error of the picture that features lead to; None where it is not predicted."""
+        return self.error(features).float().exp() if self.config.error else None
 
     def features(self, image: Tensor, fine: Tensor | None = None) -> Tensor:
         """What the decoder ends with, [N, width, H / stem, W / stem]."""

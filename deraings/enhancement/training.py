@@ -8,7 +8,7 @@ from torch import Tensor
 from baselines.training import supervised_training
 from baselines.training.supervised_training import Intervals, Learner, SupervisedTraining, Validate, network_fingerprint
 from deraings.enhancement.config import TrainingConfig
-from deraings.enhancement.loss import cover_loss, enhancement_loss
+from deraings.enhancement.loss import cover_loss, enhancement_loss, error_loss
 from deraings.enhancement.mist_branch import crop_mist, mist_loss, without_mist
 from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.pairs import Batches, Pairs, Sample
@@ -33,7 +33,8 @@ class EnhancementTraining(SupervisedTraining):
     def begin_with(self, start: EnhancementNetwork) -> None:
         """Begin with a trained network instead of chance; the optimiser knows nothing yet.
 
-        It has the same configuration, or has not looked at lenses so far: what does that is no better at first.
+        It has the same configuration, or has not looked at lenses or predicted its error so far: what does that is no
+        better at first.
         """
         for network in (self.network, self.averaged):
             network.load_state_dict(start.state_dict(), strict=network.config == start.config)
@@ -57,8 +58,11 @@ class EnhancementTraining(SupervisedTraining):
             features = network.features(rainy, batch.fine)
             enhanced = network.enhanced(rainy, features)
             found = network.alpha(features) if config.network.alpha else None
+            scale = network.error_scale(features.detach())  # the picture is not to be traded for a better known error
         if found is not None:
             extra = extra + config.detection * cover_loss(found.float(), batch.cover)
+        if scale is not None:
+            extra = extra + config.doubt * error_loss(scale, enhanced.detach().float(), batch.clean)
         weights = config.frequency, config.smooth, config.floor
         return extra + enhancement_loss(enhanced.float(), batch.clean, batch.rainy, *weights)
 

@@ -2,7 +2,7 @@
 
 * Mist: its predicted planes are taken off the clean photograph behind the true mist alone. What is left is their error.
 * Drops and streaks: average precision, precision and recall of the predicted cover, over all pixels of a kind.
-* The picture: PSNR before and after, and the error of its brightness.
+* The picture: PSNR before and after, the error of its brightness, and how well the network predicts its own error.
 """
 
 from collections.abc import Sequence
@@ -10,11 +10,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.stats import spearmanr
 
 from baselines.training.validation import measure_by_kind
 from deraings.enhancement.clear_pixels import DROPS, STREAKS
 from deraings.enhancement.detection import detection
-from deraings.enhancement.enhance import enhance, enhance_with_cover, mist_on_lens, without_mist
+from deraings.enhancement.enhance import Enhanced, mist_on_lens, predict, without_mist
 from deraings.enhancement.lenses import Lens, lenses_of_capture
 from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.validation_pictures import ValidationPicture
@@ -29,6 +30,7 @@ DROP = 0.5  # cover from which a pixel is a drop's, and is taken for one
 # The same of streaks. Even heavy ones hardly reach 0.5, which 2 % of the pixels do at most, and 0.1 % in light ones.
 # 0.3 is reached by 2 % of the pixels in light ones, 4 % in medium ones and 10 to 20 % in heavy ones.
 STREAK = 0.3
+RANKED = 3  # every so many rows and columns are ranked
 VIEWS = 4  # companions, at most, that a mean cover is of: predicting theirs takes longer than all the rest
 
 
@@ -54,13 +56,15 @@ class Score:
     before: float  # PSNR of the rainy pictures
     after: float  # PSNR of the enhanced ones
     brightness: float  # mean over pictures of |mean(enhanced) - mean(clean)|, in 1/255
+    error_rank: float  # mean over pictures of the rank correlation of predicted and true error
+    error_ratio: float  # mean over pictures of true over predicted mean error
 
 
 class _Row(NamedTuple):
     """Of one picture."""
 
     numbers: tuple[float, ...]  # misted, planes, before, after, brightness: see Score
-    cover: Image | None  # predicted by streaks, drops and mist, [H, W, 3]
+    enhanced: Enhanced
     over_views: Plane | None  # mean cover by drops [H, W]
     picture: ValidationPicture
 
@@ -92,20 +96,13 @@ def _measure(picture: ValidationPicture, enhancer: Enhancer, companions: int, vi
     network, others = enhancer.network, picture.companions[:companions]
     together = [to_uint8(picture.rainy), *others]
     (lens, *_) = lenses_of_capture(len(together), together.__getitem__, network)
-    enhanced, cover = _enhanced(picture.rainy, enhancer, lens)
-    brightness = 255 * abs(float(enhanced.mean(dtype=np.float64) - picture.clean.mean(dtype=np.float64)))
-    before, after = float(psnr(picture.rainy, picture.clean)), float(psnr(enhanced, picture.clean))
+    enhanced = predict(picture.rainy, enhancer, lens=lens)
+    brightness = 255 * abs(float(enhanced.picture.mean(dtype=np.float64) - picture.clean.mean(dtype=np.float64)))
+    before, after = (float(psnr(image, picture.clean)) for image in (picture.rainy, enhanced.picture))
     numbers = (*mist_errors(picture, network, lens), before, after, brightness)
     looked_at = others[: views if picture.drops is not None and network.config.alpha else 0]
-    covers = [enhance_with_cover(other.astype(np.float32) / 255, enhancer, lens=lens)[1] for other in looked_at]
-    return _Row(numbers, cover, cover_over_views(covers), picture)
-
-
-def _enhanced(image: Image, enhancer: Enhancer, lens: Lens | None) -> tuple[Image, Image | None]:
-    """A picture enhanced, and what rain covers of it [H, W, 3]; None where the network does not tell."""
-    if enhancer.network.config.alpha:
-        return enhance_with_cover(image, enhancer, lens=lens)
-    return enhance(image, enhancer, lens=lens), None
+    covers = [predict(other.astype(np.float32) / 255, enhancer, lens=lens).cover for other in looked_at]
+    return _Row(numbers, enhanced, cover_over_views([cover for cover in covers if cover is not None]), picture)
 
 
 def mist_errors(picture: ValidationPicture, network: EnhancementNetwork, lens: Lens | None) -> tuple[float, float]:
@@ -137,11 +134,29 @@ def cover_over_views(covers: Sequence[Image]) -> Plane | None:
 def _score(kind: str, rows: Sequence[_Row]) -> Score:
     misted, planes, before, after, brightness = np.mean([row.numbers for row in rows], axis=0).tolist()
     true_drops, true_streaks = [row.picture.drops for row in rows], [row.picture.streaks for row in rows]
-    drops = detection([None if row.cover is None else row.cover[..., DROPS] for row in rows], true_drops, DROP)
-    streaks = detection([None if row.cover is None else row.cover[..., STREAKS] for row in rows], true_streaks, STREAK)
+    covers = [row.enhanced.cover for row in rows]
+    drops = detection([None if cover is None else cover[..., DROPS] for cover in covers], true_drops, DROP)
+    streaks = detection([None if cover is None else cover[..., STREAKS] for cover in covers], true_streaks, STREAK)
     over_views = detection([row.over_views for row in rows], true_drops, DROP).average_precision
-    picture = before, after, brightness
+    doubts = np.mean([doubt(row.enhanced, row.picture.clean) for row in rows], axis=0).tolist()
+    picture = before, after, brightness, *doubts
     return Score(kind, len(rows), misted, planes, *drops, over_views, *streaks, *picture)
+
+
+def doubt(enhanced: Enhanced, clean: Image) -> tuple[float, float]:
+    """How well a network predicts its own error: rank correlation over pixels, and true over predicted mean error.
+
+    Both are NaN where no error is predicted. Errors are means over channels of |enhanced - clean|.
+
+    Args:
+        enhanced: what the network predicts.
+        clean: [H, W, 3].
+    """
+    if enhanced.error is None:
+        return np.nan, np.nan
+    true = np.abs(enhanced.picture - clean).mean(axis=2)
+    correlation = spearmanr(enhanced.error[::RANKED, ::RANKED], true[::RANKED, ::RANKED], axis=None).statistic
+    return float(correlation), float(true.mean() / enhanced.error.mean())
 
 
 def as_columns(rows: Sequence[Score]) -> dict[str, float]:
@@ -166,6 +181,8 @@ HEAD = (
     "after",
     "gain",
     "brightness error",
+    "error rank",
+    "true over predicted",
 )
 
 
@@ -187,6 +204,7 @@ def _cells(row: Score) -> tuple[str | int, ...]:
         _decibels(row.after),
         f"{row.after - row.before:+.2f}" if np.isfinite(row.before) else "",
         f"{row.brightness:.2f}/255",
+        *("" if np.isnan(value) else f"{value:.2f}" for value in (row.error_rank, row.error_ratio)),
     )
 
 

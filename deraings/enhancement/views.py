@@ -20,7 +20,7 @@ from deraings.enhancement.clear_pixels import (
     lens_covers,
     with_clear_pixels,
 )
-from deraings.enhancement.enhance import enhance, enhance_with_cover, without_mist_on_lens
+from deraings.enhancement.enhance import predict, without_mist_on_lens
 from deraings.enhancement.lenses import Lens, lenses_of_capture
 from deraings.enhancement.weights import Enhancer
 from deraings.image_planes import Plane, resized, within_side
@@ -72,12 +72,10 @@ class EnhancedViews:
     def _enhance(self, index: int, path: Path) -> None:
         photograph = self._photograph(index).astype(np.float32) / 255
         lens = self._lenses[index]
-        if self.tells_cover:
-            picture, cover = enhance_with_cover(photograph, self._enhancer, self.remove_mist, lens)
-            write_png(self._cover_file(index), cover)
-        else:
-            picture = enhance(photograph, self._enhancer, remove_mist=self.remove_mist, lens=lens)
-        write_png(path, picture)
+        enhanced = predict(photograph, self._enhancer, self.remove_mist, lens)
+        if enhanced.cover is not None:
+            write_png(self._cover_file(index), enhanced.cover)
+        write_png(path, enhanced.picture)
 
     @property
     def tells_cover(self) -> bool:

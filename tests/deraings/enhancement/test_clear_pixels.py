@@ -8,6 +8,7 @@ from tiny_network import TINY
 from baselines.training.images import read_images
 from deraings.enhancement import views as enhanced_views
 from deraings.enhancement.clear_pixels import DROPS, STREAKS, hidden_by_drops, lens_covers, with_clear_pixels
+from deraings.enhancement.enhance import Enhanced
 from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.views import EnhancedViews
 from deraings.enhancement.weights import Enhancer
@@ -111,9 +112,9 @@ def test_pictures_of_a_capture_are_cleared_once(rng, tmp_path, monkeypatch):
     checks = np.float32(0.1) * (np.indices((HEIGHT, WIDTH)).sum(0) % 2 * 2 - 1).astype(np.float32)[..., None]
 
     def checked(image, *_):
-        return np.clip(image + checks, 0, 1), next(seen).astype(np.float32) / 255
+        return Enhanced(np.clip(image + checks, 0, 1), next(seen).astype(np.float32) / 255, None)
 
-    monkeypatch.setattr(enhanced_views, "enhance_with_cover", checked)
+    monkeypatch.setattr(enhanced_views, "predict", checked)
     enhancer = Enhancer(EnhancementNetwork(TINY).eval(), {}, "tiny")
     views = EnhancedViews(images, names, enhancer, tmp_path / "kept")
     cleared, network = views.files(clear=True), views.files()

@@ -6,7 +6,7 @@ import pytest
 import torch
 from tiny_network import TINY
 
-from deraings.enhancement.enhance import enhance, enhance_with_cover, spans
+from deraings.enhancement.enhance import enhance, predict, spans
 from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
 from deraings.enhancement.weights import Enhancer
 
@@ -92,10 +92,10 @@ def test_what_is_no_picture_is_refused(broken):
 
 def test_the_cover_comes_with_the_same_picture_from_networks_that_tell_it():
     image, enhancer = picture(50, 70), awake_enhancer()
-    enhanced, cover = enhance_with_cover(image, enhancer)
+    enhanced, cover, error = predict(image, enhancer)
     np.testing.assert_array_equal(enhanced, enhance(image, enhancer))
     assert cover.shape == image.shape
     assert 0 <= cover.min() < cover.max() <= 1
+    assert error is None
     mute = Enhancer(EnhancementNetwork(replace(enhancer.network.config, alpha=False)), {}, "for a test")
-    with pytest.raises(ValueError, match="does not tell"):
-        enhance_with_cover(image, mute)
+    assert predict(image, mute).cover is None

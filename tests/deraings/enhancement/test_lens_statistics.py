@@ -11,7 +11,7 @@ from tiny_network import TINY
 from baselines.training.images import TrainingImages
 from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.data import Data, started_from
-from deraings.enhancement.enhance import enhance, enhance_with_cover, shipped
+from deraings.enhancement.enhance import enhance, predict, shipped
 from deraings.enhancement.lens_statistics import (
     COARSE,
     FINE,
@@ -168,7 +168,7 @@ def test_training_views_are_enhanced_with_what_all_of_them_say(tmp_path):
     np.testing.assert_allclose(views.image(1), enhance(image, listening(), lens=lens), atol=0.01)
     assert np.abs(views.image(1) - enhance(image, listening())).max() > 0.02
     assert len(views.files()) == 3
-    _, cover = enhance_with_cover(image, listening(), lens=lens)
+    cover = predict(image, listening(), lens=lens).cover
     np.testing.assert_allclose(views.drop_cover(1), cover[..., 1], atol=0.01)
     assert cover.std() > 0
 

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from baselines.training.images import TrainingImages
-from deraings.enhancement.enhance import enhance, enhance_with_cover
+from deraings.enhancement.enhance import enhance, predict
 from deraings.enhancement.lenses import lenses_of_capture
 from deraings.enhancement.weights import load_enhancer
 
@@ -28,8 +28,7 @@ def test_it_makes_the_same_pictures(on_gpu):
         lens = lenses_of_capture(len(images), images.pixels, enhancer.network)[0]
         picture = photographs[0].astype(np.float32) / 255
         made.append((enhancer.network.device.type, enhance(picture, enhancer, tile=48, overlap=16, lens=lens)))
-        if enhancer.network.config.alpha:
-            enhance_with_cover(picture, enhancer, lens=lens)
+        predict(picture, enhancer, lens=lens)
     (here, ours), (there, theirs) = made
     assert (here, there) == ("cpu", "cuda")
     assert np.abs(ours - theirs).max() < 1e-3

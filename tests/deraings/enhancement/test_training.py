@@ -13,7 +13,7 @@ from baselines.training.network_commands import rounded
 from baselines.training.supervised_training import CURVE, Intervals, rate_at
 from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.lens_statistics import COARSE, FINE
-from deraings.enhancement.loss import cover_loss, enhancement_loss
+from deraings.enhancement.loss import cover_loss, enhancement_loss, error_loss
 from deraings.enhancement.pairs import Pairs, Sample
 from deraings.enhancement.training import EnhancementTraining, train
 from deraings.enhancement.weights import load_enhancer, save_network
@@ -231,3 +231,46 @@ def test_weights_that_are_not_there_or_of_something_else_are_refused(tmp_path):
     save_network(tmp_path / "other.safetensors", TINY, {"w": torch.zeros(1)}, {"data": "", "steps": 0})
     with pytest.raises(InputError, match="not an enhancement network"):
         load_enhancer(tmp_path / "other.safetensors")
+
+
+class PartlyHidden(Brighter):
+    """Pictures whose lower half is noise that says nothing of what is behind."""
+
+    def pair(self, rng):
+        clean = rng.uniform(0, 0.8, (48, 40, 3)).astype(np.float32)
+        rainy = clean.copy()
+        rainy[:, 20:] = rng.uniform(0, 0.8, (48, 20, 3))
+        unknown, others = np.full((48, 40, 4), np.nan, np.float32), np.zeros((0, 24, 20, 3), np.float32)
+        return Pair(rainy, clean, np.zeros_like(clean), unknown, others)
+
+
+def test_a_network_learns_how_large_its_error_is(tmp_path):
+    config = replace(CONFIG, network=replace(TINY, error=True), steps=40, rate=3e-3, averaging=0.9, doubt=1.0)
+    network = learn(tmp_path, config, PartlyHidden(), intervals=SELDOM).averaged
+    pair = PartlyHidden().pair(np.random.default_rng(5))
+    rainy = torch.from_numpy(pair.rainy[:32, :32].transpose(2, 0, 1).copy())[None]
+    with torch.no_grad():
+        found = network.predict(rainy)
+    true = (found.picture - torch.from_numpy(pair.clean[:32, :32].transpose(2, 0, 1).copy())[None]).abs().mean()
+    assert found.error.shape == (1, 1, 32, 32)
+    assert 0.5 * true < found.error.mean() < 2 * true
+
+
+def test_the_loss_of_a_predicted_error_is_least_at_its_mean():
+    clean, enhanced = torch.zeros(1, 3, 8, 8), torch.full((1, 3, 8, 8), 0.2)
+    losses = [float(error_loss(torch.full((1, 1, 8, 8), s), enhanced, clean)) for s in (0.1, 0.19, 0.2, 0.21, 0.4)]
+    assert min(losses) == losses[2]
+
+
+def test_the_picture_is_not_traded_for_a_better_known_error(tmp_path):
+    """Weights of all parts but the error's are the same to the bit."""
+    plain, doubting = CONFIG, replace(CONFIG, network=replace(TINY, error=True), doubt=5.0)
+    networks = []
+    for config in (plain, doubting):
+        training = EnhancementTraining(config)
+        training.network.load_state_dict(EnhancementTraining(plain).network.state_dict(), strict=False)
+        pairs = Pairs(Brighter(), [], config.patch, config.seed, misted=1)
+        batch = Sample(*(torch.stack(parts) for parts in zip(pairs[0], pairs[1], strict=True)))
+        training._loss(batch).backward()
+        networks.append({n: p.grad for n, p in training.network.named_parameters() if not n.startswith("error")})
+    assert all(torch.equal(networks[0][n], networks[1][n]) for n in networks[0] if networks[0][n] is not None)

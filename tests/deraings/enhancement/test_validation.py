@@ -12,6 +12,7 @@ from baselines.training.validation import as_json
 from deraings.enhancement import __main__ as commands
 from deraings.enhancement import validation
 from deraings.enhancement.detection import detection
+from deraings.enhancement.enhance import Enhanced
 from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.validation import as_columns, scores, scores_by_companions, table
 from deraings.enhancement.validation_pictures import (
@@ -67,7 +68,7 @@ def seeing(network, cover, light, streaks=-9.0, drops=-9.0):
 def rows_found(monkeypatch, network, pictures, covers, **options):
     """Scores of a network that finds these covers [H, W, 3], one after another."""
     found = iter(covers)
-    monkeypatch.setattr(validation, "enhance_with_cover", lambda image, *_, **__: (image, next(found)))
+    monkeypatch.setattr(validation, "predict", lambda image, *_, **__: Enhanced(image, next(found), None))
     return scores(network, pictures, **options)
 
 
@@ -262,3 +263,12 @@ def test_the_command_judges_by_rain_that_the_user_names(tmp_path, network, monke
     assert shown.count("| streak-light | 1 |") == shown.count("| streak-b-medium | 1 |") == 2
     with pytest.raises(InputError, match="drizzle"):
         commands.validate_command(*settings, patterns=("drizzle-1",))
+
+
+def test_an_error_that_is_predicted_right_ranks_first():
+    rng = np.random.default_rng(0)
+    clean, error = rng.random((30, 30, 3), np.float32), rng.random((30, 30), np.float32)
+    picture = clean + error[..., None]
+    assert validation.doubt(Enhanced(picture, None, error), clean) == pytest.approx((1, 1), abs=1e-3)
+    assert validation.doubt(Enhanced(picture, None, 2 * error[::-1].copy()), clean)[0] < 0.5
+    assert np.isnan(validation.doubt(Enhanced(picture, None, None), clean)).all()
