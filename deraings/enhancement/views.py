@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
@@ -26,9 +27,11 @@ from deraings.enhancement.weights import Enhancer
 from deraings.image_planes import Plane, resized, within_side
 from hydroviews.cli.threads import side_by_side
 from hydroviews.scene.images import Image, read_image, to_uint8, write_png
+from hydroviews.scene.masks import Ignored
 
 logger = logging.getLogger(__name__)
 
+BESIDE = 9  # pixels of the square around a hidden one in which nothing is told of rain
 COVER_SIDE = 400  # pixels of the longer side, at most, of covers that are kept in memory
 
 
@@ -74,7 +77,7 @@ class EnhancedViews:
         lens = self._lenses[index]
         enhanced = predict(photograph, self._enhancer, self.remove_mist, lens)
         if enhanced.cover is not None:
-            write_png(self._cover_file(index), enhanced.cover)
+            write_png(self._cover_file(index), without_holes(enhanced.cover, self._images.ignored(index)))
         write_png(path, enhanced.picture)
 
     @property
@@ -200,6 +203,14 @@ class EnhancedViews:
         """The same [h, w, 3], 255 for all, small enough to keep."""
         cover = self._rain_cover(index)
         return to_uint8(resized(cover, within_side(cover.shape[:2], COVER_SIDE)))
+
+
+def without_holes(cover: Image, hidden: Ignored | None) -> Image:
+    """What rain covers [H, W, 3], 0 where a mask [H, W] hides a pixel and beside that: holes look like drops."""
+    if hidden is None:
+        return cover
+    beside = cv2.dilate(hidden.astype(np.uint8), np.ones((BESIDE, BESIDE), np.uint8)) > 0
+    return np.where(beside[..., None], np.float32(0), cover)
 
 
 def _of_all(function: Callable[[int], Path], count: int, doing: str) -> list[Path]:

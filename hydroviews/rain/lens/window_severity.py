@@ -26,6 +26,7 @@ LOSS = {"light": 1.4, "medium": 4.1, "heavy": 8.5}  # dB that plain 3DGS is to l
 LEARNED = 22.0  # veil of the drops' mean light that is learned, over cover squared times inverse visibility; measured
 SMEARED = 1.3  # the same of drops out of focus, which are no outliers, over that of drops in focus; measured
 NOISE = 3.5  # of what differs from view to view, over its variance times inverse visibility to the power 1.5; measured
+RAREST = 0.15  # mean inverse visibility that counts at most: what hardly any view shows is hardly judged either
 MOST_MIST = {"light": 0.25, "medium": 0.7, "heavy": 0.95}
 BEADS = (800, 4000)
 FAINT = (0.6, 0.3)  # the least light of the bright part, the most of the dark one, sRGB-encoded
@@ -75,9 +76,10 @@ class WindowHarm:
     def __init__(self, pattern: WindowPattern, statistics: SceneStatistics) -> None:
         air = (np.array(pattern.air) * statistics.light.air).astype(np.float32)
         self._air, self._blur = air, pattern.mist_blur
-        self._noise = NOISE * statistics.drops_cost * statistics.mean_inverse_visibility**1.5
+        rarity = min(statistics.mean_inverse_visibility, RAREST)
+        self._noise = NOISE * statistics.drops_cost * rarity**1.5
         self._pattern = pattern
-        self._learned = LEARNED * statistics.mean_inverse_visibility * (SMEARED if pattern.tilt > 0 else 1.0)
+        self._learned = LEARNED * rarity * (SMEARED if pattern.tilt > 0 else 1.0)
         self._scenes = [(sample, to_linear(sample)) for sample in statistics.samples]
         form = replace(pattern, mist=1.0)
         shapes = {(sample.shape[0], sample.shape[1]) for sample in statistics.samples}

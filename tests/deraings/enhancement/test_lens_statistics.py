@@ -188,6 +188,20 @@ def test_what_is_hidden_does_not_decide_how_much_mist_there_is(tmp_path):
     assert np.abs(seen - enhance(shown[0].astype(np.float32) / 255, shipped(), lens=lens)[~hidden]).max() < 0.02
 
 
+def test_holes_are_not_taken_for_drops(tmp_path):
+    """What is hidden is filled evenly, as a drop would look."""
+    photographs, hidden = capture(3, 64, 96), np.zeros((64, 96), bool)
+    hidden[20:24, 30:34] = True
+    plain, masked = (
+        enhanced_views(photographs, listening(), tmp_path / name, masks)
+        for name, masks in (("plain", ()), ("masked", [hidden] * 3))
+    )
+    cover, holed = plain.drop_cover(0), masked.drop_cover(0)
+    assert (holed[16:28, 26:38] == 0).all()
+    assert cover[16:28, 26:38].mean() > 0.1
+    assert (holed[:12] > 0).any()
+
+
 def test_the_light_of_mist_on_a_lens_is_seen(tmp_path):
     clean = panorama.views_of(panorama.paint(), 12)
     alpha, light = panorama.slanted_mist(0.1), np.full(3, 0.7, np.float32)
