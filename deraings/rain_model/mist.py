@@ -83,9 +83,10 @@ class Mist:
         self.colour = self.expected.copy()  # a [3], linear light
         light = prior.mist_light() if prior is not None else None
         self.seen = None if light is None else light / float(self.expected[0])  # mist_alpha, as the prior has it
-        suspected = bounds.suspected or sees_mist(self.seen, config)
+        suspected = bounds.partly or sees_mist(self.seen, config)
         self.paleness = paleness_of(bounds, points) if suspected and points is not None else None
-        self.wanted = suspected and is_mist(self.paleness, self.seen, config)
+        told = self.paleness is not None or self.seen is not None
+        self.wanted = suspected and is_mist(self.paleness, self.seen, config) if told else bounds.mostly
         self._max_roots = np.sqrt(np.minimum(config.slack * bounds.max_alpha, config.max_alpha))
         likely = config.likely * bounds.possible + MIN_ALPHA
         roots = np.minimum(np.sqrt(likely), self._max_roots) * self.wanted

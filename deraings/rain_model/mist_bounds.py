@@ -32,7 +32,8 @@ class MistBounds:
     max_alpha: NDArray[np.float32]  # the most that mist_alpha can be
     possible: NDArray[np.float32]  # the same, less its smallest value
     usual: float  # the median of `possible` over the places that are shown
-    suspected: bool  # whether it is enough to look for mist
+    partly: bool  # whether there may be mist on a quarter of the lens, enough to ask points
+    mostly: bool  # the same on three quarters, enough to look for mist where nothing else tells
     masks: list[NDArray[np.bool_] | None]  # [H, W] a picture: masked pixels, and those under drops
 
     def at(self, view: int, places: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -67,9 +68,10 @@ def mist_bounds(
     known = bound[np.isfinite(bound)]
     least = known.min() if known.size else np.float32(1)
     usual = float(np.median(known - least)) if known.size else 0.0
-    suspected = known.size > 0 and bool(np.quantile(known - least, 0.75) >= config.min_possible)
+    lower, upper = np.quantile(known - least, (0.25, 0.75)) if known.size else (0.0, 0.0)
+    partly, mostly = (bool(quartile >= config.min_possible) for quartile in (upper, lower))
     bound = np.where(np.isfinite(bound), bound, np.float32(1))
-    return MistBounds(len(pictures), colour, bound, bound - least, usual, suspected, masks)
+    return MistBounds(len(pictures), colour, bound, bound - least, usual, partly, mostly, masks)
 
 
 def mist_light(

@@ -33,6 +33,7 @@ class MistConfig:
         dark_quantile: share of what a place of the lens shows, (0, 1), that may be darker than the mist there: noise.
         min_possible: upper quartile over the lens of the mist_alpha that photographs allow, [0, 1], from which scene
             points are asked for mist: mist on a window leaves whole regions free. Below, a network alone can tell.
+            Where neither tells, mist is looked for if the lower quartile is as large.
         min_seen: mist_alpha, [0, 1], median over the lens, from which the enhancement network is believed: of
             development scenes streaks have 0.0024 at most (heavy ones of courtyard 0.0066), the lightest mist 0.0041.
         min_seen_in_rain: the same, above `min_seen`, from which mist stands behind falling rain: streaks of development

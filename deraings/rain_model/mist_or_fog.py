@@ -46,7 +46,7 @@ def shows_fog(images: TrainingImages, points: Callable[[], PointColours]) -> boo
     """Whether it is foggy in the scene that training images show; `points` is called only where that may be."""
     config, views = MistConfig(), range(len(images))
     bounds = mist_bounds([images.pixels(i) for i in views], config, [images.ignored(i) for i in views])
-    pale = paleness_of(bounds, points) if bounds.suspected else None
+    pale = paleness_of(bounds, points) if bounds.partly else None
     return pale is not None and is_fog(pale, config)
 
 

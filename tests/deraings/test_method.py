@@ -14,6 +14,7 @@ from baselines.training.images import TrainingImages, read_images
 from baselines.training.torch_state import torch_threads
 from deraings import method as methods
 from deraings.enhancement import views as enhanced_views
+from deraings.enhancement.enhance import Enhanced
 from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
 from deraings.enhancement.views import EnhancedViews
 from deraings.enhancement.weights import find_weights, load_enhancer, save_network
@@ -83,9 +84,9 @@ def test_mist_is_not_taken_off_where_it_is_foggy(scene, weights, tmp_path, monke
     monkeypatch.setattr(mist_or_fog, "shows_fog", lambda images, points: asked.append(points()) or foggy)
 
     def enhance(image, enhancer, remove_mist, lens):
-        return image * np.float32(0.5 + 0.5 * remove_mist)
+        return Enhanced(image * np.float32(0.5 + 0.5 * remove_mist), None, None)
 
-    monkeypatch.setattr(enhanced_views, "enhance", enhance)
+    monkeypatch.setattr(enhanced_views, "predict", enhance)
     method = DeRainGS(DeRainGSConfig(CONFIG, enhancement=str(weights)), 0)
     with caplog.at_level("INFO"):
         objective = method.objective(scene, tmp_path)
@@ -161,9 +162,9 @@ def test_each_photograph_is_enhanced_by_one_thread(scene, weights, tmp_path, mon
 
     def enhance(image, *_, **__):
         seen.append(torch.get_num_threads())
-        return image
+        return Enhanced(image, None, None)
 
-    monkeypatch.setattr(enhanced_views, "enhance", enhance)
+    monkeypatch.setattr(enhanced_views, "predict", enhance)
     with torch_threads(3):
         views = EnhancedViews(images, names, load_enhancer(weights), tmp_path)
         made = views.files() if together else [views.file(0)]

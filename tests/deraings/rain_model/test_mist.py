@@ -54,10 +54,19 @@ def test_drops_with_light_of_their_own_say_nothing_of_mist():
     dry, wet = (
         mist_bounds(panorama.eight_bit(views), MistConfig()) for views in (photographs, behind_beads(photographs))
     )
-    assert wet.suspected
+    assert wet.mostly
     assert np.abs(wet.colour - dry.colour).max() < 0.05
     assert np.abs(wet.max_alpha - dry.max_alpha).mean() < 0.05
     assert np.corrcoef(wet.max_alpha.ravel(), dry.max_alpha.ravel())[0, 1] > 0.95
+
+
+def test_mist_on_a_third_of_the_lens_is_enough_to_ask_points():
+    scene = panorama.views_of(panorama.paint(), 24)
+    mist = panorama.slanted_mist(0.4)
+    mist = np.where(mist > 0.27, mist, 0).astype(np.float32)
+    bounds = mist_bounds(panorama.eight_bit(panorama.misted(scene, mist, AIR)), MistConfig())
+    assert bounds.partly
+    assert not bounds.mostly
 
 
 def test_places_under_drops_and_beside_them_are_not_dry():
@@ -102,7 +111,7 @@ def test_places_that_all_photographs_hide_say_nothing_of_mist(most):
     hidden[: int(0.7 * len(hidden))] = True  # mist is alike in all rows
     black = [np.where(hidden[..., None], np.uint8(0), picture) for picture in pictures]
     whole, part = mist_bounds(pictures, MistConfig()), mist_bounds(black, MistConfig(), [hidden] * 12)
-    assert part.suspected == whole.suspected == (most > 0)
+    assert part.mostly == whole.mostly == (most > 0)
     assert part.usual == pytest.approx(whole.usual, abs=0.03)
     assert part.colour == pytest.approx(whole.colour, abs=0.1)
     assert np.isfinite(part.possible).all()
@@ -112,7 +121,8 @@ def test_places_that_all_photographs_hide_say_nothing_of_mist(most):
 def test_photographs_that_hide_everything_have_no_mist():
     pictures, hidden = np.zeros((8, 30, 40, 3), np.uint8), np.ones((30, 40), bool)
     bounds = mist_bounds(list(pictures), MistConfig(), [hidden] * 8)
-    assert not bounds.suspected
+    assert not bounds.partly
+    assert not bounds.mostly
     assert np.isfinite(bounds.possible).all()
     assert np.isfinite(bounds.colour).all()
 

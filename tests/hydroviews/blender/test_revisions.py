@@ -19,7 +19,7 @@ BAKED = (*COMMON, "blender/bake_drops.py", "blender/drop_scene.py", *(f"rain/len
     ("what", "revision", "sources", "recorded"),
     [
         ("captures.VERSION", captures.VERSION, RENDERED, (2, "f1a72c571b735a52")),
-        ("bake.VERSION", bake.VERSION, BAKED, (2, "85f63ddfc6c8fb9b")),
+        ("bake.VERSION", bake.VERSION, BAKED, (2, "c682748b7d1e8ba0")),
     ],
 )
 def test_code_that_makes_what_is_kept_changes_only_with_its_revision_in_view(what, revision, sources, recorded):
