@@ -11,6 +11,7 @@ from deraings.enhancement.enhance import enhance
 from deraings.enhancement.network import SMALL
 from deraings.enhancement.weights import DEFAULT, SHIPPED, load_enhancer
 from hydroviews.metrics import psnr
+from hydroviews.pairs.recipes.panes import draw_pane
 from hydroviews.rain.lens.patterns import pattern as drops_pattern
 from hydroviews.rain.lens.patterns.mist import mist_veil
 from hydroviews.rain.streaks.recipe import composite, draw_pattern, streak_layer
@@ -25,13 +26,14 @@ def photograph() -> Image:
     return resize_area((data.astronaut() / 255).astype(np.float32)[:384], 400, 300)
 
 
-def test_the_shipped_weights_are_small_and_say_what_they_are():
-    enhancer = load_enhancer()
-    assert (SHIPPED / f"{DEFAULT}.safetensors").stat().st_size < MOST_BYTES
+@pytest.mark.parametrize("name", [DEFAULT, "window"])
+def test_the_shipped_weights_are_small_and_say_what_they_are(name):
+    enhancer = load_enhancer(name)
+    assert (SHIPPED / f"{name}.safetensors").stat().st_size < MOST_BYTES
     assert enhancer.network.config == SMALL
     assert {"data", "seed", "steps", "held out", "validation"} <= set(enhancer.card)
     assert f"{enhancer.card['steps']} steps" in enhancer.reason
-    beside = json.loads((SHIPPED / f"{DEFAULT}.json").read_text())
+    beside = json.loads((SHIPPED / f"{name}.json").read_text())
     assert {name: value for name, value in beside.items() if name != "network"} == enhancer.card
 
 
@@ -52,3 +54,15 @@ def test_thick_mist_is_taken_off(photograph):
 
 def test_a_clean_photograph_stays_clean(photograph):
     assert psnr(enhance(photograph), photograph) > 37
+
+
+def test_small_drops_of_a_window_are_taken_out(photograph):
+    panes = [draw_pane(generator(seed, "pane"), 400, 300, has_mist=False) for seed in range(12)]
+    rainy = [pane.over(photograph) for pane in panes if 0.05 < pane.cover.mean() < 0.3]
+    assert len(rainy) > 3
+    gained = [
+        np.mean([psnr(enhance(p, load_enhancer(n)), photograph) - psnr(p, photograph) for p in rainy])
+        for n in (DEFAULT, "window")
+    ]
+    assert gained[1] > 2
+    assert gained[1] > gained[0] + 1
