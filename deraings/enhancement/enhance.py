@@ -94,7 +94,7 @@ def _in_tiles(
     for top, bottom in spans(image.shape[0], tile, overlap):
         for left, right in spans(image.shape[1], tile, overlap):
             fine = lens.fine[None, :, _halves(top, bottom), _halves(left, right)] if lens else None
-            batch = _batch(image[top:bottom, left:right], network)
+            batch = _batch(image[top:bottom, left:right], network.device)
             with torch.inference_mode():
                 part = _image(padded(refine, network.multiple, batch, fine if fine is None else fine.to(batch.device)))
             total = np.zeros((*image.shape[:2], part.shape[2]), np.float32) if total is None else total
@@ -143,7 +143,7 @@ def without_mist_on_lens(image: Image, network: EnhancementNetwork, lens: Lens |
 
 
 def mist_on_lens(image: Image, network: EnhancementNetwork, lens: Lens | None) -> Tensor | None:
-    """The mist over a picture [H, W, 3], as far as the network sees.
+    """The mist that a network predicts over a picture [H, W, 3]; that of the lens, where it is known.
 
     Returns:
         [4, 16, 16], see `mist_branch`; None where the network looks for none.
@@ -153,20 +153,19 @@ def mist_on_lens(image: Image, network: EnhancementNetwork, lens: Lens | None) -
     if not network.config.mist:
         return None
     with torch.inference_mode():
-        return network.find_mist(_batch(image, network))[0]
+        return network.find_mist(_batch(image, network.device))[0]
 
 
 def without_mist(image: Image, mist: Tensor | None) -> Image:
     """A picture [H, W, 3] without a mist from `mist_on_lens`: sRGB-encoded, not clipped above."""
     if mist is None:
         return image
-    batch = torch.from_numpy(np.ascontiguousarray(image, np.float32)).permute(2, 0, 1)[None].to(mist.device)
     with torch.inference_mode():
-        return _image(without_mist_over_whole(batch, mist[None]))
+        return _image(without_mist_over_whole(_batch(image, mist.device), mist[None]))
 
 
-def _batch(image: Image, network: EnhancementNetwork) -> Tensor:
-    return torch.from_numpy(np.ascontiguousarray(image, np.float32)).permute(2, 0, 1)[None].to(network.device)
+def _batch(image: Image, device: torch.device) -> Tensor:
+    return torch.from_numpy(np.ascontiguousarray(image, np.float32)).permute(2, 0, 1)[None].to(device)
 
 
 def _image(batch: Tensor) -> Image:

@@ -71,7 +71,7 @@ CONFIGS = {"paper": PAPER, "small": SMALL}
 
 
 class Prediction(NamedTuple):
-    """Of pictures or parts of pictures."""
+    """All that a network predicts of pictures or parts of pictures."""
 
     picture: Tensor  # [N, 3, H, W], not clipped
     cover: Tensor | None  # what of each pixel streaks, drops and mist block, [N, 3, H, W] in [0, 1]

@@ -1,6 +1,7 @@
 """Pairs to learn from: rain drawn on photographs, or folders of pairs that others have published."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -89,20 +90,21 @@ class Batches:
 
 def sensed(pair: Pair, rng: np.random.Generator) -> Pair:
     """The pair with noise of a sensor on its rainy pictures; where there is no rain it stays as it is."""
-    if np.array_equal(pair.rainy, pair.clean):
-        return pair
-    sigma = float(rng.uniform(0, NOISIEST))
-    seen = each(lambda picture: noisy(picture, sigma, rng), pair.companions)
-    return pair._replace(rainy=noisy(pair.rainy, sigma, rng), companions=seen)
+    return taken(pair, lambda: partial(noisy, sigma=float(rng.uniform(0, NOISIEST)), rng=rng))
 
 
 def stored(pair: Pair, rng: np.random.Generator) -> Pair:
     """The pair with its rainy pictures stored as JPEG; where there is no rain it stays as it is."""
+    return taken(pair, lambda: partial(compressed, quality=int(rng.integers(*QUALITIES))))
+
+
+def taken(pair: Pair, draw: Callable[[], Callable[[Image], Image]]) -> Pair:
+    """The pair with one drawn change to all rainy pictures; nothing is drawn where there is no rain."""
     if np.array_equal(pair.rainy, pair.clean):
         return pair
-    quality = int(rng.integers(*QUALITIES))
-    seen = each(lambda picture: compressed(picture, quality), pair.companions)
-    return pair._replace(rainy=compressed(pair.rainy, quality), companions=seen)
+    change = draw()
+    companions = each(change, pair.companions)
+    return pair._replace(rainy=change(pair.rainy), companions=companions)
 
 
 def part_of(height: int, width: int, patch: int, rng: np.random.Generator) -> tuple[slice, slice, Box]:

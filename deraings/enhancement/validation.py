@@ -1,6 +1,6 @@
-"""How well a network sees rain on held-out photographs, and how much it gains: planes first, then cover, then PSNR.
+"""Errors of a network on held-out photographs in known rain: mist first, then cover, then PSNR.
 
-* Mist: its predicted planes are taken off the clean photograph behind the true mist alone. What is left is their error.
+* Mist: its predicted planes are taken off the clean photograph behind the true mist alone. The rest is their error.
 * Drops and streaks: average precision, precision and recall of the predicted cover, over all pixels of a kind.
 * The picture: PSNR before and after, the error of its brightness, and how well the network predicts its own error.
 """
@@ -36,7 +36,7 @@ VIEWS = 4  # companions, at most, that a mean cover is of: predicting theirs tak
 
 @dataclass(frozen=True)
 class Score:
-    """Of the pictures of a kind; NaN where nobody knows the truth or where there is nothing to be found.
+    """Scores over the pictures of a kind; NaN where the truth is unknown or nothing is to be found.
 
     PSNR is in dB and a mean over pictures, infinite where a picture is the clean one. Average precision, precision and
     recall are of all pixels of all pictures, in [0, 1].

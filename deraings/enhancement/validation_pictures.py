@@ -17,15 +17,16 @@ from tqdm import tqdm
 
 from deraings.image_planes import Plane
 from hydroviews.pairs.captures import Capture
-from hydroviews.pairs.drawing import air_light
+from hydroviews.pairs.exposure import air_light
 from hydroviews.pairs.lens_pool import camera_of
 from hydroviews.pairs.photographs import fit_frame, frame_of
+from hydroviews.pairs.recipes.panes import Pane
 from hydroviews.rain.compositing import Layers
 from hydroviews.rain.effect import fall
 from hydroviews.rain.patterns import GRADES, Pattern
 from hydroviews.rain.registry import find_effect
 from hydroviews.rain.scene_statistics import FINE, SAMPLED_SIDE, Light, SceneStatistics
-from hydroviews.scene.images import Image, image_size, read_image, resize_area, to_linear, to_srgb, to_uint8
+from hydroviews.scene.images import Image, image_size, read_image, resize_area, to_linear, to_uint8
 from hydroviews.scene.scenes import Points, View
 from hydroviews.scene.seeds import generator
 
@@ -52,8 +53,7 @@ class TrueMist:
         """
         if not self.cover.any():
             return clean  # without the rounding of light there and back
-        scene, cover = to_linear(clean), self.cover[..., None]
-        return to_srgb(np.asarray(scene + cover * (self.light - scene), np.float32))
+        return Pane(self.cover, self.light).over(clean)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +142,7 @@ def rainy_picture(
 def true_mist(parameters: Mapping[str, Any], layers: Layers) -> TrueMist | None:
     """The mist of an effect's parameters and layers: V, in the light of its air; None where these do not tell.
 
-    Of streaks nobody knows: those too dense to be seen singly are mist to a network, and no plane has them.
+    Streaks have none that is known: dense ones act as mist, and no plane holds them.
     """
     if "V" not in layers or "air_light" not in parameters:
         return None
@@ -152,9 +152,9 @@ def true_mist(parameters: Mapping[str, Any], layers: Layers) -> TrueMist | None:
 def setting_of(photograph: Path, image: Image, seed: int) -> SceneStatistics:
     """A photograph as if it were a scene, for severity to grade rain by its detail, contrast and light.
 
-    How often places of a scene are seen is taken from the benchmark's scenes, how well it can be reconstructed is what
-    the benchmark assumes of unknown captures, and a photograph with less detail than its scenes, such as a smooth or
-    a softly focused one, gets the rain of one with as much: otherwise the graded rain would be hardly visible.
+    The visibility of places is that of the benchmark's scenes. The clean error is the one that the benchmark assumes of
+    unknown captures. A smooth photograph gets the rain of a scene with more detail, since its own would be hardly
+    visible.
     """
     height, width = image.shape[:2]
     scale = max(1.0, max(width, height) / SAMPLED_SIDE)

@@ -206,7 +206,7 @@ class EnhancedViews:
 
 
 def without_holes(cover: Image, hidden: Ignored | None) -> Image:
-    """What rain covers [H, W, 3], 0 where a mask [H, W] hides a pixel and beside that: holes look like drops."""
+    """A cover by rain [H, W, 3], set to 0 where a mask [H, W] hides a pixel and beside it: holes look like drops."""
     if hidden is None:
         return cover
     beside = cv2.dilate(hidden.astype(np.uint8), np.ones((BESIDE, BESIDE), np.uint8)) > 0

@@ -1,4 +1,4 @@
-"""What a camera does to pictures after the rain: sensor noise and JPEG."""
+"""Changes by a camera after the rain: sensor noise and JPEG."""
 
 from typing import cast
 

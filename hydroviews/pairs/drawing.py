@@ -122,7 +122,7 @@ def drawn_lens(lenses: Sequence[WetLens], window: bool, rng: np.random.Generator
 
 
 def draw_parts(rng: np.random.Generator) -> tuple[bool, bool]:
-    """Whether a pane has drops, and whether mist: one of them at least."""
+    """Two booleans, one of them true: a pane has drops, a pane has mist."""
     chance = float(rng.uniform())
     return chance >= MIST_ALONE, chance < 1 - DROPS_ALONE
 

@@ -1,4 +1,4 @@
-"""What drops of a pane show, light of their own or the scene, and how sharp they are."""
+"""Light and focus of a pane's drops: light of their own or of the scene, sharp or blurred."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -52,7 +52,7 @@ class Drops:
         return replace(self, **parts, blur=self.blur / 2, spread=self.spread / 2)  # type: ignore[arg-type]
 
     def _of_scene(self, scene: Image) -> Image:
-        """What of the scene is seen in drops, [H, W, 3], times the share of cover that shows it."""
+        """The scene as drops show it [H, W, 3], times the share of cover that shows it."""
         shown = self.shown[..., None]
         if self.content == "mean" or self.source is None:
             seen = mean_colour(scene) if self.content == "mean" else _blurred(scene, self.blur)
@@ -181,7 +181,7 @@ def _draw_rim(rng: np.random.Generator, place: NDArray[np.float32]) -> tuple[Pla
 
 
 def _draw_source(rng: np.random.Generator, stamped: Stamped) -> NDArray[np.float32]:
-    """Where drops show the scene from, [H, W, 2]: shrunk, mostly upside down, as wide a piece of it in every drop."""
+    """The place that each pixel of a drop shows, [H, W, 2]: shrunk, mostly upside down, alike in all drops."""
     height, width = stamped.cover.shape
     grid = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(np.float32)
     reach = log_uniform(rng, 0.03, 0.4) * np.sqrt(width * height) * (1 if rng.uniform() < 0.25 else -1)

@@ -59,7 +59,7 @@ def _stamp(middles, radii, aspects, turns, waves, cover, place, owner):  # type:
 
 @numba.njit(cache=True, nogil=True)
 def _is_free(x0, y0, wide, high, cos, sin, owner):  # type: ignore[no-untyped-def]
-    """Whether neither the middle nor PROBES places on the rim belong to a drop."""
+    """True if neither the middle nor PROBES places on the rim belong to a drop."""
     height, width = owner.shape
     for k in range(PROBES + 1):
         turn = 2 * np.pi * k / PROBES

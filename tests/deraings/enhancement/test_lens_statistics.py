@@ -189,7 +189,7 @@ def test_what_is_hidden_does_not_decide_how_much_mist_there_is(tmp_path):
 
 
 def test_holes_are_not_taken_for_drops(tmp_path):
-    """What is hidden is filled evenly, as a drop would look."""
+    """Hidden pixels are filled evenly, and look like a drop."""
     photographs, hidden = capture(3, 64, 96), np.zeros((64, 96), bool)
     hidden[20:24, 30:34] = True
     plain, masked = (

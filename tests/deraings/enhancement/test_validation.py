@@ -1,4 +1,4 @@
-"""What validation says of networks whose planes, covers and pictures are known."""
+"""Scores of networks whose planes, covers and pictures are known."""
 
 import math
 
@@ -227,7 +227,7 @@ def test_drops_of_another_make_stay_and_are_known_but_not_their_mist(tmp_path):
 @pytest.mark.blender
 @pytest.mark.parametrize("effect", ["raindrop", "window"])
 def test_baked_drops_are_known_with_their_mist(tmp_path, effect):
-    """Of one colour, so that the blur behind a window's mist changes nothing."""
+    """The picture has one colour, so that the blur behind a window's mist changes nothing."""
     seen = rainy(tmp_path, effect, flat=True)
     assert (seen.drops > 0.5).any()
     dry = seen.drops == 0

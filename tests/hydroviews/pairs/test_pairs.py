@@ -62,7 +62,7 @@ def test_drops_and_mist_come_together_and_alone(kind, lenses):
 
 @pytest.mark.parametrize("kind", ["window", "pane"])
 def test_known_mist_is_all_that_is_between_drops(kind, lenses):
-    """Where nothing is blurred, the pair's two planes of mist make the rainy picture of the clean one."""
+    """The pair's two planes of mist make the rainy picture of the clean one if nothing is blurred."""
     uniform = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
     checked = 0
     for seed in range(40):

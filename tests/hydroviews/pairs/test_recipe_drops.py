@@ -93,7 +93,7 @@ def test_some_drops_have_light_of_their_own_and_others_show_the_scene():
 
 
 def test_own_light_has_a_dark_and_a_bright_part_in_one_direction():
-    """Of panes in focus, the brightness of all drops as a function of the height in the drop: most are bright below."""
+    """Most drops in focus are brighter in their lower half."""
     below = []
     for seed in range(60):
         drops, _ = draw_drops(generator(seed), WIDTH, HEIGHT, ENCODED)

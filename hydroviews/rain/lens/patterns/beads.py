@@ -150,7 +150,7 @@ def _throw(grid, places, wanted, radii, aspects):  # type: ignore[no-untyped-def
 
 @numba.njit(cache=True, nogil=True)
 def _is_free(grid, place, radius, aspect, take):  # type: ignore[no-untyped-def]
-    """Whether an ellipse of cells is free; all its cells are taken if `take` says so, free or not."""
+    """True if an ellipse of cells is free. With `take` all its cells are taken instead, free or not."""
     wide, high = radius * np.sqrt(aspect), radius / np.sqrt(aspect)
     for y in range(max(0, int(place[1] - high)), min(grid.shape[0], int(place[1] + high) + 2)):
         for x in range(max(0, int(place[0] - wide)), min(grid.shape[1], int(place[0] + wide) + 2)):
