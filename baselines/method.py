@@ -65,7 +65,10 @@ class Method(ABC):
     @classmethod
     @abstractmethod
     def configuration(cls, profile: str) -> Any:
-        """The dataclass of settings for profile demo, quick or paper; it is printed into `config.json`.
+        """The dataclass of settings for profile demo, quick or paper, which `config.json` records.
+
+        Its values are numbers, strings, lists, dictionaries, dataclasses, paths and numpy arrays: a run with other
+        ones is another run. Whatever else a method needs, such as functions, it makes of these.
 
         Raises:
             InputError: no such profile.

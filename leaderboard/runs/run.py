@@ -10,7 +10,6 @@
 """
 
 import dataclasses
-import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -25,6 +24,7 @@ from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.errors import InputError
 from hydroviews.files import settings_guard
 from hydroviews.files.atomic import read_json
+from hydroviews.files.plain_settings import plain_settings
 from hydroviews.scene.scenes import Scene
 from leaderboard.records import GIVEN_POSES, RAINY_POSES, SPARSE_VIEWS, check_track, effect_of, run_folder
 from leaderboard.runs.estimated_cameras import Estimate, estimate_cameras, with_cameras
@@ -189,17 +189,17 @@ def recorded_configuration(method: str, profile: str) -> Any:
     return as_json(method, config)
 
 
-def as_json(method: str, config: Any) -> Any:
+def as_json(method: str, config: Any) -> dict[str, Any]:
     """A configuration as it comes back from a JSON file.
 
     Raises:
-        InputError: it is not a dataclass of plain values.
+        InputError: it is not a dataclass of plain values; it names the field.
     """
     try:
-        return json.loads(json.dumps(dataclasses.asdict(config), default=str, allow_nan=False))
-    except (TypeError, ValueError) as error:
+        return plain_settings(config)
+    except (AttributeError, TypeError, ValueError) as error:  # the first for a field without a value
         raise InputError(
             f"METHOD={method}: its configuration cannot be recorded",
             found=error,
-            expected="a dataclass of numbers, strings, lists and paths",
+            fix="keep what is no plain value out of the dataclass: make it in `fit` from plain settings",
         ) from error
