@@ -6,6 +6,8 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from hydroviews.cli.processes import Ended
+
 PATIENCE = 20  # times what a checkpoint costs until the next one
 
 
@@ -64,7 +66,7 @@ def end_stopped(received: list[int]) -> None:
 
     Raises:
         KeyboardInterrupt: on SIGINT.
-        SystemExit: on SIGTERM.
+        Ended: on SIGTERM.
     """
     if received:
-        raise KeyboardInterrupt if received[0] == signal.SIGINT else SystemExit(128 + received[0])
+        raise KeyboardInterrupt if received[0] == signal.SIGINT else Ended(received[0])

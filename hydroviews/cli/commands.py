@@ -9,6 +9,7 @@ from typing import Any, NoReturn
 import tyro
 
 from hydroviews.cli.logs import choose_log_level, show_logs
+from hydroviews.cli.processes import Ended, end_when_asked
 from hydroviews.errors import InputError, no_permission
 from hydroviews.files.malloc import keep_freed_memory
 
@@ -18,16 +19,17 @@ HELP = "With any command, anywhere: --verbose shows times, modules and details, 
 def run_command(commands: Mapping[str, Callable[..., Any]] | Callable[..., Any], prog: str) -> None:
     """Run the named subcommand, or the one command there is, with messages shown as asked for.
 
-    Exits 2 on bad input and where a file may not be opened, 130 on Ctrl-C, 141 when nobody reads its output, 143 when
-    asked to end.
+    Exits 2 on bad input and where a file may not be opened, 130 on Ctrl-C, 141 when nobody reads its output, 143 on
+    SIGTERM, 129 when its terminal is closed.
     """
-    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
+    end_when_asked()
     if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:  # since the first line of a `__main__`
         signal.signal(signal.SIGINT, signal.default_int_handler)
     keep_freed_memory()
     try:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])  # see `processes.deferred_interrupts`
         arguments = choose_log_level(sys.argv[1:])
+        sys.argv = sys.argv[:1]  # methods and other plugins may read it, and these arguments are not theirs
         show_logs()
         if callable(commands):
             tyro.cli(commands, prog=prog, args=arguments)
@@ -45,6 +47,9 @@ def run_command(commands: Mapping[str, Callable[..., Any]] | Callable[..., Any],
     except KeyboardInterrupt:
         print("\ninterrupted; the same command goes on from here", file=sys.stderr)
         sys.exit(130)
+    except Ended as end:
+        print(f"\nended by {end.name}; the same command goes on from here", file=sys.stderr)
+        sys.exit(end.code)
 
 
 def _refuse(error: InputError) -> NoReturn:

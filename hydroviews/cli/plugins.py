@@ -8,6 +8,7 @@ from importlib.metadata import entry_points
 from pathlib import PurePath
 from typing import Any
 
+from hydroviews.cli.processes import Ended
 from hydroviews.errors import InputError, unknown_name
 
 
@@ -46,6 +47,8 @@ def load_plugin(where: str, name: str, group: str, kind: str, own: str) -> Any:
         if os.getcwd() not in sys.path:  # one's own module, however the command was started
             sys.path.append(os.getcwd())
         return getattr(importlib.import_module(module), member)
+    except Ended:  # by a signal, not by the module
+        raise
     except (Exception, SystemExit) as error:  # whatever stands in a user's module, such as a script that runs
         there = _members(module, member)
         raise InputError(f"{where}: cannot import {target}", found=_why(error), expected=there) from error

@@ -1,6 +1,7 @@
-"""Processes that a command starts: none outlives it, whatever signals come."""
+"""Processes that a command starts: neither they nor what they start outlives it, whatever signals come."""
 
 import ctypes
+import logging
 import os
 import signal
 import subprocess
@@ -11,9 +12,34 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import IO, Any
 
-ENDING = (signal.SIGINT, signal.SIGTERM)
+from hydroviews.cli.process_family import Family
+
+logger = logging.getLogger(__name__)
+
+ASKED = (signal.SIGTERM, signal.SIGHUP)  # a process is asked to end, the second when its terminal is closed
+ENDING = (signal.SIGINT, *ASKED)
 PR_SET_PDEATHSIG = 1  # of Linux' prctl
 LOOK = 1.0  # seconds between two looks whether a parent is still there
+
+
+class Ended(SystemExit):
+    """This process was asked to end by a signal: no code that it runs has ended it, and none may go on."""
+
+    def __init__(self, number: int) -> None:
+        """The exit status is the shell's for that signal."""
+        super().__init__(128 + number)
+        self.name = signal.Signals(number).name
+
+
+def end_when_asked() -> None:
+    """From now on SIGTERM and a closed terminal raise `Ended`, unless they are ignored."""
+    for number in ASKED:
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, _raise_ended)
+
+
+def _raise_ended(number: int, _: object) -> None:
+    raise Ended(number)
 
 
 @contextmanager
@@ -31,7 +57,7 @@ def deferred_interrupts() -> Iterator[None]:
 
 @contextmanager
 def held_signals() -> Iterator[list[int]]:
-    """Collects Ctrl-C and SIGTERM in a list while the block lasts; then the first of them does what it would have done.
+    """Collects the signals of ENDING in a list while the block lasts; then the first does what it would have done.
 
     Signals are Python's main thread's business: in another thread nothing is held, and the list stays empty.
     """
@@ -57,32 +83,58 @@ def run_child(
     environment: Mapping[str, str] | None = None,
     overdue: Callable[[], bool] = lambda: False,
     output: IO[bytes] | None = None,
+    family: Family | None = None,
 ) -> int:
-    """Run a command as a process that never outlives this one: on Ctrl-C or SIGTERM it is ended first.
+    """Run a command as a process that never outlives this one, and leaves nothing running.
+
+    It has a session of its own, and nothing to read. On Ctrl-C, SIGTERM or SIGHUP it is ended first: its group gets
+    Ctrl-C, as from a terminal, or it gets SIGTERM.
 
     Args:
         command: the program and its arguments.
         end: asks the process to stop; whatever it leaves running is killed. Signals wait until it returns.
         environment: of the process; this one's if not given.
-        overdue: asked several times a second; where it says yes the process is ended as by a signal.
+        overdue: asked several times a second; where it says yes the process is ended.
         output: takes what the process writes; the terminal if not given.
+        family: of the process, for who wants to watch it.
 
     Returns:
         Its exit status; negative where a signal ended it.
     """
+    family = family or Family()
     with held_signals() as received:
         with deferred_interrupts():
-            process = subprocess.Popen(command, env=environment, stdout=output, stderr=output)
+            process = subprocess.Popen(
+                command,
+                env=family.environment(environment),
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+                start_new_session=True,
+            )
         try:
             while process.poll() is None and not received and not overdue():
                 with suppress(subprocess.TimeoutExpired):
                     process.wait(0.2)
             if process.poll() is None:
+                _pass_on(received, process)
                 end(process)
         finally:
             process.kill()
             process.wait()
+            left = family.end(process)
+    if left and not received:
+        logger.info("processes left running by what has ended, and ended now: %d", left)
     return process.returncode
+
+
+def _pass_on(received: Sequence[int], process: subprocess.Popen) -> None:
+    """Pass on to a process what this one got first, if it got anything."""
+    with suppress(ProcessLookupError):
+        if received and received[0] == signal.SIGINT:
+            os.killpg(process.pid, signal.SIGINT)
+        elif received:
+            process.terminate()
 
 
 def end_with_parent(parent: int) -> None:

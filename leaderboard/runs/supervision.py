@@ -1,11 +1,11 @@
 """Processes that run a method: what they may take, and how whoever started them learns how they ended.
 
-An exit status says nothing, as a method can end its process with any. So parent and child share a folder of notes
-that the method is not told of: the child writes its outcome there at its end, and touches a file whenever something is
-printed.
+An exit status says nothing, as a method can end its process with any. So parent and child share a folder of notes:
+the child writes its outcome there at its end. A child that has done so has ended, whatever its threads still do.
 """
 
 import faulthandler
+import logging
 import math
 import os
 import resource
@@ -19,13 +19,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Protocol, TextIO
 
-from hydroviews.cli.processes import end_with_parent, run_child
+from hydroviews.cli.process_family import PROC, Family
+from hydroviews.cli.processes import Ended, end_with_parent, run_child
 from hydroviews.errors import InputError, printable
 from hydroviews.files.atomic import read_json, write_json
 
+logger = logging.getLogger(__name__)
+
 HOUR, GB = 3600, 10**9
 GRACE, PATIENCE = 3.0, 30.0  # seconds until a process that has to end gets SIGTERM, and until it is killed
-LOOK = 5.0  # seconds between two looks for signs of life, at most
+LOOK, BEAT = 5.0, 2.0  # seconds between two looks for signs of life, at most, and between two at what was written
+LINGER = 10.0  # seconds that a child may take to end once it has written its outcome
 ALIVE, OUTCOME = "alive", "outcome.json"  # notes
 WORKERS = "HYDROVIEWS_WORKERS"  # environment of a run: how many run at a time on its machine; empty if not known
 DONE, INPUT, METHOD = "done", "input", "method"  # how a process ended: well, by bad input, by the method
@@ -115,8 +119,14 @@ def run_tethered(
     tether = [f"--tether.notes={notes}", f"--tether.parent={os.getpid()}"]
     tether += [f"--tether.memory={memory}"] if memory else []
     command = [sys.executable, "-m", module, *tether, *arguments]
-    status = run_child(command, end, environment, watch.overdue, output)
-    written = notes / OUTCOME
+    family, written = Family(), notes / OUTCOME
+    pulse, linger = Pulse(family, notes / ALIVE), Linger(written)
+
+    def overdue() -> bool:
+        pulse.feel()
+        return linger.overdue() or watch.overdue()
+
+    status = run_child(command, lambda process: linger.end(process, end), environment, overdue, output, family)
     outcome = read_json(written) if written.is_file() else {"kind": METHOD, "reason": in_words(status)}
     if outcome["kind"] == DONE:
         return ""
@@ -128,7 +138,7 @@ def run_tethered(
 
 
 def end_gently(process: subprocess.Popen) -> None:
-    """Wait until a run has saved and stopped: a terminal has sent it the same Ctrl-C; otherwise it gets SIGTERM."""
+    """Wait until a run has saved and stopped: it has got the signal that this process has got, or gets SIGTERM."""
     for patience, stop in ((GRACE, process.terminate), (PATIENCE, process.kill)):
         try:
             process.wait(patience)
@@ -138,13 +148,17 @@ def end_gently(process: subprocess.Popen) -> None:
 
 @contextmanager
 def tethered(tether: Tether) -> Iterator[None]:
-    """Around the work of a child: it ends with its parent, keeps within its memory, and writes how it ended."""
+    """Around the work of a child: it ends with its parent, keeps within its memory, and writes how it ended.
+
+    What it has printed is written before that, as its parent may end it from then on.
+    """
     end_with_parent(tether.parent)
     faulthandler.enable()  # a crash shows where it was
     if tether.memory:
         limit_memory(tether.memory)
-    for name in ("stdout", "stderr"):
-        setattr(sys, name, Heartbeat(getattr(sys, name), tether.notes / ALIVE))
+    if not PROC.is_dir():
+        for name in ("stdout", "stderr"):
+            setattr(sys, name, Heartbeat(getattr(sys, name), tether.notes / ALIVE))
     try:
         yield
     except InputError as error:
@@ -153,6 +167,9 @@ def tethered(tether: Tether) -> Iterator[None]:
     except KeyboardInterrupt:  # of the method's own making, unless the parent was interrupted as well: it knows
         _write_outcome(tether, METHOD, "KeyboardInterrupt")
         sys.exit(130)
+    except Ended as end:  # the parent was asked to end and tells so, or somebody has ended this process alone
+        _write_outcome(tether, METHOD, f"ended by {end.name}")
+        sys.exit(end.code)
     except BaseException as error:
         limit = f" (--memory-limit {tether.memory:g})" if tether.memory and isinstance(error, MemoryError) else ""
         _write_outcome(tether, METHOD, f"{type(error).__name__}: {error}{limit}")
@@ -217,7 +234,7 @@ def newest_change(folder: Path) -> int:
 
 
 class Heartbeat:
-    """A text stream that touches a file when it is written to, once a second at most."""
+    """A text stream that touches a file when it is written to, once a second at most: where `Pulse` feels nothing."""
 
     def __init__(self, stream: TextIO, alive: Path) -> None:
         """Of a stream that takes the text, and the file."""
@@ -236,5 +253,52 @@ class Heartbeat:
         return getattr(self._stream, name)
 
 
+class Pulse:
+    """Touches a file when any process of a run has written something, to whatever file, pipe or terminal.
+
+    So lines count of a script that a method runs as a command, also where the method reads them itself. Linux counts
+    what processes write; elsewhere `Heartbeat` takes notice of what is printed.
+    """
+
+    def __init__(self, family: Family, alive: Path) -> None:
+        self._family, self._alive = family, alive
+        self._due = 0.0
+        self._before: dict[int, int] = {}
+
+    def feel(self) -> None:
+        """Look, if it is time to."""
+        if time.monotonic() < self._due:
+            return
+        written = self._family.written()
+        if written != self._before:
+            with suppress(OSError):
+                self._alive.touch()
+        self._due, self._before = time.monotonic() + BEAT, written
+
+
+class Linger:
+    """How long a child is still there that has written its outcome: a thread that is no daemon keeps its process."""
+
+    def __init__(self, outcome: Path) -> None:
+        self._outcome, self._since = outcome, math.inf
+
+    def overdue(self) -> bool:
+        """Whether it has been there for too long."""
+        if self._since == math.inf and self._outcome.is_file():
+            self._since = time.monotonic()
+        return time.monotonic() - self._since > LINGER
+
+    def end(self, process: subprocess.Popen, gently: Callable[[subprocess.Popen], None]) -> None:
+        """End the child: at once if its work is done."""
+        if self.overdue():
+            logger.warning("its work is done, but its process did not end (a thread left running?): it was ended")
+            process.kill()
+        else:
+            gently(process)
+
+
 def _write_outcome(tether: Tether, kind: str, reason: str) -> None:
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(Exception):  # whatever a method has made of it
+            stream.flush()
     write_json(tether.notes / OUTCOME, {"kind": kind, "reason": printable(reason)})

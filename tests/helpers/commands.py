@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from unittest import mock
 
 from hydroviews.cli.logs import PACKAGES
+from hydroviews.cli.processes import ASKED
 
 
 @dataclass(frozen=True)
@@ -42,15 +43,17 @@ def command(module: str, *arguments: str) -> Done:
 
 @contextmanager
 def _undone() -> Iterator[None]:
-    """Keep arguments, environment, the handler of SIGTERM and the loggers as they are."""
+    """Keep arguments, environment, handlers of signals and the loggers as they are."""
     loggers = [logging.getLogger(name) for name in PACKAGES]
-    before, ends = [(logger.level, logger.handlers[:]) for logger in loggers], signal.getsignal(signal.SIGTERM)
+    before = [(logger.level, logger.handlers[:]) for logger in loggers]
+    handlers = {number: signal.getsignal(number) for number in ASKED}
     with mock.patch.dict(os.environ), mock.patch.object(sys, "argv", sys.argv), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "'.*__main__' found in sys.modules", RuntimeWarning)  # tests import it too
         try:
             yield
         finally:
-            signal.signal(signal.SIGTERM, ends)
-            for logger, (level, handlers) in zip(loggers, before, strict=True):
+            for number, handler in handlers.items():
+                signal.signal(number, handler)
+            for logger, (level, shown) in zip(loggers, before, strict=True):
                 logger.setLevel(level)
-                logger.handlers[:] = handlers
+                logger.handlers[:] = shown

@@ -12,6 +12,7 @@ import pytest
 import tethered_toy
 from processes import wait_until
 
+from hydroviews.cli.process_family import Family
 from hydroviews.errors import InputError
 from leaderboard.runs import supervision
 from leaderboard.runs.supervision import (
@@ -51,6 +52,9 @@ def why(tmp_path, monkeypatch):
         ("interrupts itself", "KeyboardInterrupt"),
         ("is killed", "ended by SIGKILL (out of memory?)"),
         ("raises", "ArithmeticError: step 7"),
+        ("is asked to end", "ended by SIGTERM"),
+        ("reads its arguments", ""),
+        ("reads its input", "EOFError: EOF when reading a line"),
     ],
 )
 def test_why_it_has_not_done_its_work_is_known_whatever_its_exit_status(why, deed, reason):
@@ -60,6 +64,40 @@ def test_why_it_has_not_done_its_work_is_known_whatever_its_exit_status(why, dee
 def test_bad_input_ends_its_parent_too(why):
     with pytest.raises(InputError, match="no such camera"):
         why("refuses")
+
+
+def test_a_thread_that_is_left_running_holds_nobody_up(why, monkeypatch, tmp_path, caplog):
+    monkeypatch.setattr(supervision, "LINGER", 0.1)
+    assert why("leaves a thread") == ""
+    assert not (tmp_path / "late").exists()
+    assert "a thread left running?" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("deed", "reason"),
+    [
+        ("leaves a process", ""),
+        ("leaves a process and raises", "ArithmeticError: step 7"),
+        pytest.param(
+            "leaves a process in a session of its own",
+            "",
+            marks=pytest.mark.skipif(sys.platform != "linux", reason="elsewhere such processes are not found"),
+        ),
+    ],
+)
+def test_processes_that_are_left_running_are_ended(why, tmp_path, caplog, deed, reason):
+    caplog.set_level("INFO", "hydroviews")
+    before = sleepers(tmp_path)
+    assert why(deed) == reason
+    assert sleepers(tmp_path) == before == []
+    if sys.platform == "linux":
+        assert "left running by what has ended, and ended now: 1" in caplog.text
+
+
+def sleepers(folder: Path) -> list[str]:
+    """The processes that have to do with a folder."""
+    listed = subprocess.run(["ps", "-ww", "-eo", "args"], capture_output=True, text=True, check=True).stdout
+    return [line for line in listed.splitlines() if str(folder) in line]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere the system limits address space alone")
@@ -101,6 +139,32 @@ def test_who_prints_or_writes_is_not_taken_for_dead(tmp_path, hours, sign):
     hours(3.8)
     assert watch.overdue()
     assert watch.reason.startswith("no line")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere it is not known what processes write")
+def test_what_a_command_of_the_method_writes_is_a_sign_of_life_wherever_it_goes(tmp_path, hours):
+    family, watch = Family(), Watch(Limits(time=10, stall=1), [tmp_path])
+    pulse = supervision.Pulse(family, tmp_path / "alive")
+    shell = "while read line; do echo $line; done"
+    script = subprocess.Popen(
+        ["sh", "-c", shell], env=family.environment(), stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, bufsize=0
+    )
+    try:
+        wait_until(lambda: script.pid in family.written(), script)
+        pulse.feel()
+        for hour in (0.9, 1.8, 2.7):
+            before = family.written()
+            script.stdin.write(b"step\n")
+            wait_until(lambda before=before: family.written() != before, script)
+            hours(hour)
+            pulse.feel()
+            assert not watch.overdue()
+        hours(3.8)
+        pulse.feel()
+        assert watch.overdue()
+    finally:
+        script.kill()
+        script.communicate()
 
 
 def test_what_is_removed_while_it_is_looked_for_does_not_count(tmp_path, monkeypatch):

@@ -1,0 +1,106 @@
+"""Commands end as they are asked to, and what they start ends with them."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from processes import PATIENCE, wait_until
+
+from hydroviews.cli import commands
+from hydroviews.cli.commands import run_command
+from hydroviews.cli.plugins import load_plugin
+from hydroviews.cli.process_family import Family
+from hydroviews.cli.processes import Ended, run_child
+
+REPOSITORY = Path(__file__).parents[3]
+COMMAND = """
+import sys, time
+from pathlib import Path
+from hydroviews.cli import commands
+from hydroviews.cli.commands import run_command
+def main(begun: Path) -> None:
+    begun.write_text(" ".join(sys.argv[1:]))
+    time.sleep(600)
+run_command(main, prog="waiting")
+"""
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_who_is_asked_to_end_says_in_one_line_how_to_go_on(tmp_path, number, status):
+    begun = tmp_path / "begun"
+    process = subprocess.Popen(
+        [sys.executable, "-c", COMMAND, "--begun", str(begun)],
+        env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    wait_until(begun.exists, process)
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=PATIENCE)
+    assert errors == f"\nended by {number.name}; the same command goes on from here\n"
+    assert process.returncode == status
+
+
+def test_what_a_plugin_reads_of_the_command_line_is_empty(monkeypatch):
+    found = []
+    monkeypatch.setattr(commands, "end_when_asked", lambda: None)  # the handlers of this process stay
+    monkeypatch.setattr(sys, "argv", ["program", "--size", "3"])
+
+    def main(size: int) -> None:
+        found.append((size, sys.argv[1:]))
+
+    run_command(main, prog="program")
+    assert found == [(3, [])]
+
+
+def test_a_signal_that_comes_while_a_plugin_is_imported_is_not_its_fault(tmp_path, monkeypatch):
+    (tmp_path / "slow_module.py").write_text("import signal\nsignal.raise_signal(signal.SIGTERM)\n")
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def ended(number, _):
+        raise Ended(number)
+
+    before = signal.signal(signal.SIGTERM, ended)
+    try:
+        with pytest.raises(Ended) as end:
+            load_plugin("METHOD=slow_module:Any", "slow_module:Any", "hydroviews.methods", "method", "Class")
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert end.value.code == 143
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere the environment of processes is not shown")
+def test_a_family_is_what_was_started_with_its_mark_and_nobody_else():
+    family = Family()
+    code = "import subprocess, sys; p = subprocess.Popen(['sleep', '600'], start_new_session=True); p.wait()"
+    first = subprocess.Popen([sys.executable, "-c", code], env=family.environment())
+    other = subprocess.Popen(["sleep", "600"], env=Family().environment())
+    try:
+        wait_until(lambda: len(family.members()) == 2, first)
+        first.kill()
+        first.wait()
+        assert len(family.members()) == 1  # whose parent is gone, in a session of its own
+        assert family.end(first) == 1
+        assert family.members() == []
+        assert other.poll() is None
+    finally:
+        for process in (first, other):
+            process.kill()
+            process.wait()
+
+
+def test_a_family_in_a_family_is_ended_with_it(monkeypatch):
+    outer = Family()
+    for name, value in outer.environment({}).items():
+        monkeypatch.setenv(name, value)
+    inner = Family()
+    assert inner.mark.startswith(f"{outer.mark}/")
+    assert not Family().mark.startswith(inner.mark)
+
+
+def test_a_child_has_nothing_to_read_and_its_status_is_given_back():
+    code = "import sys; sys.exit(7 if sys.stdin.read() == '' else 0)"
+    assert run_child([sys.executable, "-c", code], subprocess.Popen.kill) == 7
