@@ -24,6 +24,8 @@ WRAPPERS = "hydroviews.wrappers"  # entry points: functions that make a method o
 class TrainingSummary:
     """What a trained model is and what it cost, as runs record it.
 
+    Scalars of numpy, torch and other libraries become Python's numbers.
+
     Raises:
         ValueError: a number that is negative or not finite, or something else than a number; no device.
     """
@@ -37,10 +39,14 @@ class TrainingSummary:
 
     def __post_init__(self) -> None:
         for name in ("train_seconds", "n_primitives", "model_mb"):
-            value, kind = getattr(self, name), int if name == "n_primitives" else int | float
+            value = _plain_number(getattr(self, name))
+            object.__setattr__(self, name, value)
             if value is None and name != "train_seconds":
                 continue
-            if not isinstance(value, kind) or not math.isfinite(value) or value < 0:
+            if not isinstance(value, int if name == "n_primitives" else int | float):
+                expected = "an integer" if name == "n_primitives" else "a number"
+                raise ValueError(f"summary: {name} is {value!r} of type {type(value).__name__}, expected {expected}")
+            if not math.isfinite(value) or value < 0:
                 raise ValueError(f"summary: {name} is {value!r}, expected a finite number, not below 0")
         for name in ("device", "used"):
             if not isinstance(getattr(self, name), str):
@@ -126,6 +132,11 @@ class Method(ABC):
     @abstractmethod
     def summary(self) -> TrainingSummary:
         """Time and size of the trained model."""
+
+
+def _plain_number(value: Any) -> Any:
+    """A library's scalar, an array without axes, as Python's number; anything else as it is."""
+    return value.item() if getattr(value, "shape", None) == () and hasattr(value, "item") else value
 
 
 def check_render(image: Any, camera: Camera) -> None:

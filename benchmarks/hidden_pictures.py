@@ -22,7 +22,7 @@ from hydroviews.scene.images import Image, read_image, write_png
 from hydroviews.scene.picture_grid import Row, Tile, draw_sheet
 from hydroviews.scene.scenes import Scene
 from leaderboard.records import GIVEN_POSES, run_folder
-from leaderboard.runs.train_and_render import HIDDEN
+from leaderboard.runs.own_files import HIDDEN
 from leaderboard.site.hidden_pictures import true_cover
 
 WIDTH, COLUMNS = 1600, 4  # pixels and pictures across

@@ -42,9 +42,9 @@ from hydroviews.formats.writers import MODEL, write_colmap
 from hydroviews.scene.seeds import generator
 from leaderboard.contract.toy_scene import draw_room
 from leaderboard.records import LEADERBOARD, PER_VIEW
+from leaderboard.runs.own_files import PREDICTION
 from leaderboard.runs.run import Run, claim_folder
 from leaderboard.runs.sessions import SESSIONS
-from leaderboard.runs.train_and_render import PREDICTION
 
 METHOD, PROFILE = "benchmarks.interruptions:Brief", "demo"
 RESULTS = "results"

@@ -25,6 +25,13 @@ class InputError(Exception):
         super().__init__(printable("\n".join(lines)))
 
 
+class MachineError(InputError):
+    """Something is wrong with the machine: a full disk, a damaged file, no such device.
+
+    It is nobody's fault who calculates there: a run of a method that meets it has not failed, it has not been made.
+    """
+
+
 def no_permission(path: object) -> InputError:
     """The error for a file or folder that the user is not allowed to open."""
     return InputError(f"{path}: no permission", fix="allow yourself to read it (chmod), or copy it as your own")

@@ -39,11 +39,11 @@ from leaderboard.records import (
     check_track,
     write_record,
 )
+from leaderboard.runs.own_files import PREDICTION, RENDERS, clear_the_way, left_by_the_method
 from leaderboard.runs.probe import probe
 from leaderboard.runs.run import CONFIG, Run, claim_folder
 from leaderboard.runs.run_options import MethodName, RunOptions
 from leaderboard.runs.supervision import Limits, Watch, end_gently, run_tethered
-from leaderboard.runs.train_and_render import PREDICTION
 from leaderboard.scoring.score import UnusableRun, describe, score
 from leaderboard.tables.markdown import scene_text
 
@@ -161,7 +161,7 @@ def _train_and_score(run: Run, limits: Limits) -> Record:
     if reason:
         return _record_failure(run, run.given_scene(), reason)
     logger.info("%s: training", run)
-    if not (run.folder / PREDICTION).is_file() or not (run.folder / "renders").is_dir():
+    if not (run.folder / PREDICTION).is_file() or not (run.folder / RENDERS).is_dir():
         reason = _train_in_process(run, limits)
         if reason:
             return _record_failure(run, run.training_scene(), reason)
@@ -185,7 +185,10 @@ def _train_in_process(run: Run, limits: Limits) -> str:
     """
     config = run.folder / CONFIG
     settings = config.read_bytes()
+    clear_the_way(run.folder)
     reason = _train_on_copies(run, limits)
+    if left := clear_the_way(run.folder):
+        reason = reason or left_by_the_method(left)
     if not config.is_file() or config.read_bytes() != settings:
         write_bytes(config, settings)
         (run.folder / PREDICTION).unlink(missing_ok=True)

@@ -18,7 +18,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
 from baselines.training.images import TrainingImages
-from hydroviews.errors import InputError
+from hydroviews.errors import InputError, MachineError
 from hydroviews.files.atomic import replacing
 from hydroviews.scene.scenes import Scene
 
@@ -42,7 +42,8 @@ def read_arrays(path: Path) -> tuple[dict[str, NDArray], dict[str, Any]]:
     """What `write_arrays` wrote.
 
     Raises:
-        InputError: missing, damaged, or written by something else.
+        InputError: missing.
+        MachineError: damaged, or written by something else.
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file")
@@ -50,11 +51,12 @@ def read_arrays(path: Path) -> tuple[dict[str, NDArray], dict[str, Any]]:
         with safe_open(path, "numpy") as file:
             metadata = file.metadata() or {}
             arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
+        about = json.loads(metadata.get("about", "{}"))
     except (SafetensorError, OSError, ValueError) as error:
-        raise InputError(f"{path}: damaged", found=error, fix="remove the file and start again") from error
+        raise MachineError(f"{path}: damaged", found=error, fix="remove the file and start again") from None
     if metadata.get("format") != FORMAT:
-        raise InputError(f"{path}: not one of our files", found=metadata.get("format"), expected=FORMAT)
-    return arrays, json.loads(metadata["about"])
+        raise MachineError(f"{path}: not one of our files", found=metadata.get("format"), expected=FORMAT)
+    return arrays, about
 
 
 def megabytes(path: Path) -> float:
@@ -100,12 +102,13 @@ def load_checkpoint(path: Path, fingerprint: Mapping[str, Any]) -> Tree:
     """The tree that `save_checkpoint` wrote; tuples come back as lists, arrays without axes with one of length 1.
 
     Raises:
-        InputError: missing, damaged, or of another configuration, seed or scene.
+        InputError: missing, or of another configuration, seed or scene.
+        MachineError: damaged, or of another version.
     """
     arrays, about = read_arrays(path)
     check_fingerprint(path, about.get("fingerprint", {}), dict(fingerprint))
     if "values" not in about:
-        raise InputError(f"{path}: a checkpoint of another version", fix="remove the file and start again")
+        raise MachineError(f"{path}: a checkpoint of another version", fix="remove the file and start again")
     tree: Tree = {}
     for name, leaf in {**arrays, **about["values"]}.items():
         *way, last = name.split(SEPARATOR)

@@ -5,7 +5,7 @@ import logging
 import os
 from functools import cache
 
-from hydroviews.errors import InputError
+from hydroviews.errors import MachineError
 
 logger = logging.getLogger(__name__)
 DEVICES = ("auto", "cpu", "cuda")
@@ -25,7 +25,7 @@ def chosen_device(device: str, *packages: str) -> str:
         packages: what a GPU needs beside torch.
 
     Raises:
-        InputError: an unknown device, or "cuda" where no GPU can be used.
+        MachineError: an unknown device, or "cuda" where no GPU can be used.
     """
     device = os.environ.get(VARIABLE) or device
     if device not in DEVICES:
@@ -34,7 +34,7 @@ def chosen_device(device: str, *packages: str) -> str:
         return "cpu"
     lacking = missing_for_cuda(*packages)
     if lacking and device == "cuda":
-        raise InputError("device cuda: not available", found=lacking, fix=FIX)
+        raise MachineError("device cuda: not available", found=lacking, fix=FIX)
     if lacking and lacking != NO_DEVICE:
         _warn_once(f"on the CPU, though there is a GPU: {lacking} ({FIX})")
     return "cpu" if lacking else "cuda"
@@ -66,9 +66,9 @@ def _warn_once(message: str) -> None:
     logger.warning(message)
 
 
-def _unknown(device: str) -> InputError:
+def _unknown(device: str) -> MachineError:
     name, _, number = device.partition(":")
     fix = f"correct {VARIABLE}"
     if name == "cuda" and number:  # one card is used, the first that a process sees
         fix = f"{VARIABLE}=cuda, and choose the card with CUDA_VISIBLE_DEVICES={number}"
-    return InputError(f"device {device}: unknown", expected=", ".join(DEVICES), fix=fix)
+    return MachineError(f"device {device}: unknown", expected=", ".join(DEVICES), fix=fix)

@@ -6,18 +6,18 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from hydroviews.errors import InputError
+from hydroviews.errors import InputError, MachineError
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 SAID = (os.strerror(errno.ENOSPC), "database or disk is full", "disk I/O error")  # the last two by SQLite
 CLOSED = (errno.EACCES, errno.EPERM, errno.EROFS)
 
 
-class ReadOnly(InputError):
+class ReadOnly(MachineError):
     """Nothing may be written there."""
 
 
-class FullDisk(InputError):
+class FullDisk(MachineError):
     """There is no space left, on the disk or in the user's quota."""
 
 

@@ -10,8 +10,8 @@ from baselines.splatting.gaussians import Gaussians
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from leaderboard.records import LEADERBOARD, LEVELS, results_above
+from leaderboard.runs.own_files import PREDICTION
 from leaderboard.runs.run import CONFIG, Run, refuse_other_data
-from leaderboard.runs.train_and_render import PREDICTION
 
 logger = logging.getLogger(__name__)
 

@@ -18,34 +18,32 @@ from tqdm import tqdm
 from baselines.method import Method, check_hidden, check_render, find_method
 from baselines.training.devices import warn_of_slow_profile
 from hydroviews.cli.commands import run_command
-from hydroviews.errors import InputError
+from hydroviews.errors import InputError, MachineError
 from hydroviews.files.atomic import write_json
-from hydroviews.files.full_disk import FullDisk, ReadOnly
 from hydroviews.scene.images import write_png
 from hydroviews.scene.scenes import Scene, Split
+from leaderboard.runs.own_files import HIDDEN, PREDICTION, RENDERS, in_the_way, left_by_the_method
 from leaderboard.runs.run import Run
 from leaderboard.runs.sessions import noted, read_sessions, training_session
 from leaderboard.runs.supervision import Tether, known_workers, tethered
 
-PREDICTION = "prediction.json"
-HIDDEN = "hidden"  # pictures, in a run's folder
 DRAWN = (0.0, 0.5, 1.0)  # of the training views in their order, those of which they are
 
 
 class RefusedByMethod(Exception):
-    """A method has raised an InputError: it has failed, and everybody else's runs go on."""
+    """A method has raised an InputError, or led to one: it has failed, and everybody else's runs go on."""
 
 
 @contextmanager
 def blaming_the_method() -> Iterator[None]:
-    """Around what a method does: what it raises is its own, but for a disk that is full or closed.
+    """Around what a method does, and what is made of it: an InputError is its own, but for one of the machine.
 
     Raises:
-        RefusedByMethod: it raised an InputError.
+        RefusedByMethod: there was an InputError.
     """
     try:
         yield
-    except (FullDisk, ReadOnly):
+    except MachineError:
         raise
     except InputError as error:
         raise RefusedByMethod(str(error)) from error
@@ -58,8 +56,6 @@ def train_and_render(run: Run) -> None:
         InputError: data that cannot be used, no such method, or a full disk.
         Exception: whatever the method raises; where that is an InputError, a RefusedByMethod.
     """
-    from baselines.splatting.kernels.simd import SIMD
-
     (run.folder / PREDICTION).unlink(missing_ok=True)  # renders are whole where it is, and now they change
     scene = run.training_scene()
     kind = find_method(run.method)
@@ -69,13 +65,26 @@ def train_and_render(run: Run) -> None:
         with training_session(run.folder):
             method.fit(only_training(scene), run.folder)
         method.save(run.folder)
-        summary = method.summary()
+        _render(method, scene, run.folder)
+
+
+def _render(method: Method, scene: Scene, folder: Path) -> None:
+    """Render with a trained method, and note what it is and cost.
+
+    Raises:
+        ValueError: it is nothing, renders something else than it has to, or has left something in the way.
+    """
+    from baselines.splatting.kernels.simd import SIMD
+
+    summary = method.summary()
     if summary.n_primitives == 0:
         raise ValueError("training has left no Gaussians or other primitives: there is nothing to render")
-    seconds = render_views(method, scene, run.folder / "renders")
-    draw_hidden(method, scene, run.folder / HIDDEN)
+    if left := in_the_way(folder):
+        raise ValueError(left_by_the_method(left))
+    seconds = render_views(method, scene, folder / RENDERS)
+    draw_hidden(method, scene, folder / HIDDEN)
     write_json(
-        run.folder / PREDICTION,
+        folder / PREDICTION,
         {
             "train_s": round(summary.train_seconds, 1),
             "render_fps": round(1 / float(np.median(seconds)), 2),
@@ -88,7 +97,7 @@ def train_and_render(run: Run) -> None:
             "simd": SIMD,
             "used": summary.used,
             "workers": known_workers(),
-            **noted(read_sessions(run.folder)),
+            **noted(read_sessions(folder)),
         },
     )
 
@@ -103,13 +112,11 @@ def render_views(method: Method, scene: Scene, folder: Path) -> list[float]:
 
     Raises:
         ValueError: a render is not what the contract promises.
-        RefusedByMethod: the method raised an InputError.
     """
     seconds = []
     for view in tqdm(scene.test_views, desc="rendering", unit="view"):
         start = time.perf_counter()
-        with blaming_the_method():
-            image = method.render(view.camera)
+        image = method.render(view.camera)
         seconds.append(time.perf_counter() - start)
         try:
             check_render(image, view.camera)
@@ -124,13 +131,11 @@ def draw_hidden(method: Method, scene: Scene, folder: Path) -> None:
 
     Raises:
         ValueError: it is not what the contract promises.
-        RefusedByMethod: the method raised an InputError.
     """
     views = scene.train_views
     for index in sorted({round(share * (len(views) - 1)) for share in DRAWN}):
         size = views[index].camera.height, views[index].camera.width
-        with blaming_the_method():
-            plane = method.hidden(index, size)
+        plane = method.hidden(index, size)
         if plane is None:
             return
         check_hidden(plane, size)

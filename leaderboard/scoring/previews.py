@@ -14,6 +14,7 @@ from hydroviews.errors import InputError
 from hydroviews.scene.images import Image, read_image, write_png
 from hydroviews.scene.masks import Ignored
 from hydroviews.scene.scenes import Scene
+from leaderboard.runs.own_files import PREVIEW, RENDERS
 from leaderboard.runs.run import Run
 
 ROWS = 3
@@ -35,7 +36,7 @@ def write_preview(run: Run, scene: Scene) -> None:
     rainy = {view.name: view for view in shown if view.path.is_file()}
     rows = []
     for name in chosen:
-        panels = {"render": read_image(run.folder / "renders" / f"{name}.png")}
+        panels = {"render": read_image(run.folder / RENDERS / f"{name}.png")}
         if not scene.captured_rainy:
             target = views[name].image()
             error = error_map(panels["render"], target, views[name].ignored())
@@ -44,7 +45,7 @@ def write_preview(run: Run, scene: Scene) -> None:
             panels = {"rainy view": rainy[name].image(), **panels}
         rows.append(np.concatenate([_captioned(image, text) for text, image in panels.items()], axis=1))
     width = min(row.shape[1] for row in rows)  # views of different sizes: crop to the narrowest row
-    write_png(run.folder / "preview.png", np.concatenate([row[:, :width] for row in rows]))
+    write_png(run.folder / PREVIEW, np.concatenate([row[:, :width] for row in rows]))
 
 
 def write_overview(runs: Sequence[Run], view: str, path: Path) -> None:
@@ -65,7 +66,7 @@ def write_overview(runs: Sequence[Run], view: str, path: Path) -> None:
         panels = {
             "clean view": _picture(run.clean_scene(), view),
             f"{run.effect}": _picture(run.training_scene(), view),
-            f"{run.method} on {run.effect}": read_image(run.folder / "renders" / f"{view}.png"),
+            f"{run.method} on {run.effect}": read_image(run.folder / RENDERS / f"{view}.png"),
         }
         rows.append(np.concatenate([_captioned(image, text) for text, image in panels.items()], axis=1))
     write_png(path, np.concatenate(rows))

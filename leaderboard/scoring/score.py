@@ -42,8 +42,8 @@ from leaderboard.records import (
     write_record,
 )
 from leaderboard.runs.estimated_cameras import read_estimate
+from leaderboard.runs.own_files import PREDICTION
 from leaderboard.runs.run import CONFIG, Run, refuse_other_data
-from leaderboard.runs.train_and_render import PREDICTION
 from leaderboard.scoring.previews import write_preview
 
 AGAIN = f"remove its {PREDICTION}: the same command renders it again"

@@ -33,9 +33,9 @@ from hydroviews.scene.images import read_pixels
 from hydroviews.scene.scenes import View
 from leaderboard.gather import write_leaderboard
 from leaderboard.records import NOTED, RAINY_POSES, STRICT, SUBMITTED, Count, Number, Record, in_words
+from leaderboard.runs.own_files import PREDICTION
 from leaderboard.runs.run import Run
 from leaderboard.runs.sessions import CONFIG
-from leaderboard.runs.train_and_render import PREDICTION
 from leaderboard.scoring.score import pixel_format, render_format, renders_sha256, score
 
 logger = logging.getLogger(__name__)

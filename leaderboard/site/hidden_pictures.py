@@ -17,7 +17,7 @@ from hydroviews.rain.patterns import PATTERN_FILE
 from hydroviews.rain.registry import find_effect
 from hydroviews.scene.images import to_uint8
 from leaderboard.records import SCORED
-from leaderboard.runs.train_and_render import HIDDEN
+from leaderboard.runs.own_files import HIDDEN
 from leaderboard.site.pictures import IMAGES, RAINY_VIEW, Pictures, Thumbnails, add_pictures, built_scene, view_pictures
 from leaderboard.site.runs import ShownRun
 

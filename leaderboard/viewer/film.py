@@ -5,7 +5,7 @@ from pathlib import Path
 from baselines.rendering.film import FilmChoice, codec_of, draw_film
 from hydroviews.files.atomic import read_json
 from leaderboard.runs.finished_runs import load_method, open_run
-from leaderboard.runs.train_and_render import PREDICTION
+from leaderboard.runs.own_files import PREDICTION
 
 
 def film(folder: Path, data: Path, out: Path, choice: FilmChoice) -> None:

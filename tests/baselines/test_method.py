@@ -113,6 +113,14 @@ def test_a_render_that_is_not_what_was_promised_is_refused(image, found):
         check_render(image, camera)
 
 
+def test_scalars_of_libraries_are_numbers():
+    summary = TrainingSummary(np.float32(1.5), np.int64(3), np.array(2.0), "cpu")
+    assert summary == TrainingSummary(1.5, 3, 2.0, "cpu")
+    assert [type(value) for value in (summary.train_seconds, summary.n_primitives)] == [float, int]
+    with pytest.raises(ValueError, match=r"train_seconds is '3' of type str, expected a number"):
+        TrainingSummary("3", 3, 2.0, "cpu")
+
+
 @pytest.mark.parametrize(
     "changes",
     [

@@ -303,6 +303,21 @@ def test_other_settings_are_refused_unless_overwritten(built, evaluated, tmp_pat
     assert record.status == "done"
 
 
+@pytest.mark.usefixtures("trained_here")
+def test_one_number_of_thousands_in_the_settings_is_another_run(built, evaluated, tmp_path, monkeypatch):
+    evaluate(request(built, tmp_path, "LongTable"))
+    assert evaluate(request(built, tmp_path, "LongTable"))[-1].status == "done"
+    monkeypatch.setenv("TOY_SHIFT", "0.1")
+    with pytest.raises(InputError, match=r"other settings[\s\S]*table[\s\S]*sha256"):
+        evaluate(request(built, tmp_path, "LongTable"))
+
+
+def test_settings_that_cannot_be_recorded_are_refused_by_their_field_before_anything_is_built(built, tmp_path):
+    with pytest.raises(InputError, match=r"HoldsAnObject: its configuration cannot be recorded\n.*schedule is object"):
+        evaluate(request(built, tmp_path, "HoldsAnObject"))
+    assert not (tmp_path / "data").exists()
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="a folder that takes no folders")
 def test_a_data_folder_that_cannot_be_made_is_refused(built, tmp_path):
     with pytest.raises(InputError, match="no folder can be made there"):

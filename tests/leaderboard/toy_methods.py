@@ -6,12 +6,13 @@ import shutil
 import signal
 import sys
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from baselines.method import Method, TrainingSummary
+from baselines.training.devices import chosen_device
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, write_json
 from hydroviews.files.full_disk import plain_write_errors
@@ -190,3 +191,72 @@ class Forger(MeanColour):
         for path in set(data.rglob("*.png")) - shown:
             path.write_bytes(b"forged")
             raise AssertionError(f"{path} is in reach")
+
+
+class LeavesInTheWay(MeanColour):
+    """Leaves something of its own under the names of the run's files; which, its seed says."""
+
+    def fit(self, scene: Scene, folder: Path) -> None:
+        super().fit(scene, folder)
+        LEFT[self.seed](folder)
+
+
+def _as_file(folder: Path) -> None:
+    shutil.rmtree(folder)
+    folder.write_text("a model")
+
+
+LEFT = [
+    lambda folder: (folder / "renders").write_bytes(b"x"),
+    lambda folder: (folder / "renders").symlink_to("/nowhere"),
+    lambda folder: (folder / "renders" / "view-00.png").mkdir(parents=True),
+    lambda folder: (folder / "hidden").write_bytes(b"x"),
+    lambda folder: (folder / "record.json").mkdir(),
+    lambda folder: (folder / "prediction.json" / "deep").mkdir(parents=True),
+    lambda folder: (folder / "config.json").unlink() or (folder / "config.json").mkdir(),
+    _as_file,
+]
+
+
+class LongTable(MeanColour):
+    """Settings with a long array, in whose middle stands $TOY_SHIFT."""
+
+    @classmethod
+    def configuration(cls, profile: str) -> "TableConfig":
+        return TableConfig()
+
+
+def _table() -> np.ndarray:
+    table = np.zeros(5000)
+    table[2500] = float(os.environ.get("TOY_SHIFT", "0"))
+    return table
+
+
+@dataclass(frozen=True)
+class TableConfig(Config):
+    table: np.ndarray = field(default_factory=_table)
+
+
+class HoldsAnObject(MeanColour):
+    @classmethod
+    def configuration(cls, profile: str) -> "ObjectConfig":
+        return ObjectConfig()
+
+
+@dataclass(frozen=True)
+class ObjectConfig(Config):
+    schedule: object = field(default_factory=object)
+
+
+class NumpyScalars(MeanColour):
+    """Measures as libraries give them."""
+
+    def summary(self) -> TrainingSummary:
+        return TrainingSummary(np.float32(0.5), np.int64(7), np.float64(0.001), "cpu")
+
+
+class NoGpu(MeanColour):
+    """Finds the machine not as it has to be."""
+
+    def fit(self, scene: Scene, folder: Path) -> None:
+        chosen_device("cuda:9")

@@ -8,7 +8,7 @@ import torch
 from torch.utils import cpp_extension
 
 from baselines.training.nvidia import LEAST_DRIVERS, toolkit_home, why_no_compiler
-from hydroviews.errors import InputError
+from hydroviews.errors import MachineError
 from hydroviews.files.atomic import write_bytes
 from hydroviews.files.cache import cache_folder
 from hydroviews.files.locks import locked
@@ -23,7 +23,7 @@ def require_kernels() -> None:
     One process at a time: another that begins meanwhile would delete what is there.
 
     Raises:
-        InputError: they do not compile or load, or nothing is there to compile them with.
+        MachineError: they do not compile or load, or nothing is there to compile them with.
     """
     with locked(cache_folder() / "gsplat", "another process compiles gsplat; waiting"):
         _prepare_compiler()
@@ -32,7 +32,7 @@ def require_kernels() -> None:
         except Exception as error:  # whatever compilers and linkers say
             raise _not_compiled(str(error)) from error
     if kernels is None:  # its Python part alone, which can be imported, and whose first step would break
-        raise InputError("gsplat: no compiled CUDA code", found=why_no_compiler(), fix=_needs())
+        raise MachineError("gsplat: no compiled CUDA code", found=why_no_compiler(), fix=_needs())
 
 
 def _prepare_compiler() -> None:
@@ -45,12 +45,12 @@ def _prepare_compiler() -> None:
         cpp_extension.CUDA_HOME = str(home)  # it looked when it was imported
 
 
-def _not_compiled(output: str) -> InputError:
+def _not_compiled(output: str) -> MachineError:
     """The end of what compilers said; all of it goes to a file."""
     log = cache_folder() / LOG
     write_bytes(log, output.encode())
     end = "\n    ".join(output.splitlines()[-SHOWN:])
-    return InputError("gsplat: its CUDA code does not compile", found=f"{end}\n    (all of it: {log})", fix=_needs())
+    return MachineError("gsplat: its CUDA code does not compile", found=f"{end}\n    (all of it: {log})", fix=_needs())
 
 
 def _needs() -> str:

@@ -12,7 +12,8 @@ from baselines.splatting.kernels.simd import SIMD
 from hydroviews.files.atomic import read_json
 from leaderboard.records import columns
 from leaderboard.runs import train_and_render as predict
-from leaderboard.runs.train_and_render import PREDICTION, train_and_render
+from leaderboard.runs.own_files import PREDICTION
+from leaderboard.runs.train_and_render import train_and_render
 from leaderboard.scoring.score import score
 
 COMMAND = "from leaderboard.runs.train_and_render import peak_memory_mb; print(peak_memory_mb())"

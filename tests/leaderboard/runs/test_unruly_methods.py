@@ -10,6 +10,7 @@ from leaderboard.evaluate import EvaluateRequest, evaluate
 
 pytestmark = pytest.mark.usefixtures("toys", "evaluated")
 HOUR = 3600
+LEFTOVERS = 8  # of `LeavesInTheWay`; the last takes the run's folder itself away
 
 
 @pytest.fixture
@@ -43,6 +44,34 @@ def test_it_fails_alone(row_of, method, reason):
     assert row.status == "failed"
     assert reason in row.reason
     assert row[["psnr", "train_s", "device"]].isna().all()
+
+
+@pytest.mark.parametrize("seed", range(LEFTOVERS))
+@pytest.mark.usefixtures("trained_here")
+def test_it_fails_alone_where_it_leaves_something_in_the_way_of_its_run(evaluated_once, tmp_path, seed):
+    where = {"data": tmp_path / "data", "results": tmp_path / "results"}
+    request = EvaluateRequest(
+        "toy_methods:LeavesInTheWay", str(evaluated_once[0] / "yard"), seed=seed, patterns=("streak-0",), **where
+    )
+    for _ in range(2):  # and so it does the next time
+        record = evaluate(request)[-1]
+        assert record.status == "failed"
+        assert "left something of its own where its run writes" in record.reason or seed == LEFTOVERS - 1
+    table = pd.read_csv(tmp_path / "results" / "leaderboard.csv")
+    assert sorted(table[table.seed == seed].status) == ["done", "done", "failed"]
+
+
+@pytest.mark.usefixtures("trained_here")
+def test_numbers_of_a_library_are_numbers(row_of):
+    row = row_of("NumpyScalars")
+    assert row.status == "done"
+    assert (row.train_s, row.n_primitives, row.model_mb) == (0.5, 7, 0.001)
+
+
+def test_what_is_wrong_with_the_machine_is_not_its_fault(row_of, monkeypatch):
+    monkeypatch.delenv("HYDROVIEWS_DEVICE", raising=False)
+    with pytest.raises(InputError, match=r"^device cuda:9: unknown"):
+        row_of("NoGpu")
 
 
 def test_it_fails_alone_where_it_takes_longer_than_allowed(row_of):

@@ -10,7 +10,8 @@ from PIL import Image
 from baselines.method import check_hidden
 from hydroviews.dataset.variants import open_variant
 from leaderboard.gather import collect
-from leaderboard.runs.train_and_render import HIDDEN, draw_hidden
+from leaderboard.runs.own_files import HIDDEN
+from leaderboard.runs.train_and_render import draw_hidden
 from leaderboard.site.hidden_pictures import TRUTH, hidden_pictures, true_cover
 from leaderboard.site.pictures import RAINY_VIEW, Thumbnails
 from leaderboard.site.runs import shown_runs
