@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import pycolmap
 from numpy.typing import NDArray
 
 from hydroviews.errors import InputError
@@ -19,6 +18,7 @@ from hydroviews.formats.geometry import rigid_pose
 from hydroviews.scene.checks import check_colours, check_file_name, check_once, usable
 from hydroviews.scene.lenses import Lens, named_lens
 from hydroviews.scene.quaternions import rotation_entries
+from hydroviews.scene.quiet_pycolmap import pycolmap
 
 FORMS = (".bin", ".txt")
 

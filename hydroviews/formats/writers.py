@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pycolmap
 from plyfile import PlyData, PlyElement
 
 from hydroviews.errors import InputError
@@ -17,6 +16,7 @@ from hydroviews.formats.colmap_format import read_cameras, read_images, read_poi
 from hydroviews.formats.geometry import OPENGL_TO_OPENCV, inverse
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.masks import MASKS
+from hydroviews.scene.quiet_pycolmap import pycolmap
 from hydroviews.scene.scenes import Points, Scene
 
 MODEL = Path("sparse", "0")

@@ -1,8 +1,9 @@
 """Whether a lens's distortion shows every direction once: it may turn back on itself, or lead off the photograph."""
 
 import numpy as np
-import pycolmap
 from numpy.typing import NDArray
+
+from hydroviews.scene.quiet_pycolmap import pycolmap
 
 GRID = 17  # places along each side of a picture at which its distortion is checked
 SLACK = 0.05  # of the longer side: how far beyond the photograph a place may lie, for rounding

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-import pycolmap
 from numpy.typing import NDArray
 
 from hydroviews.errors import InputError
@@ -16,6 +15,7 @@ from hydroviews.scene.cameras import Camera, same_shape
 from hydroviews.scene.checks import check_intrinsics, check_size
 from hydroviews.scene.distortion import misuse
 from hydroviews.scene.images import Image, row_blocks
+from hydroviews.scene.quiet_pycolmap import pycolmap
 
 # Undistorted pictures have no blank pixels: the field of view shrinks until the photograph covers all of it.
 BLANK_PIXELS = 0.0

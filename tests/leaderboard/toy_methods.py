@@ -201,6 +201,11 @@ class LeavesInTheWay(MeanColour):
         LEFT[self.seed](folder)
 
 
+def _as_folder(path: Path) -> None:
+    path.unlink(missing_ok=True)
+    (path / "deep").mkdir(parents=True)
+
+
 def _as_file(folder: Path) -> None:
     shutil.rmtree(folder)
     folder.write_text("a model")
@@ -211,9 +216,9 @@ LEFT = [
     lambda folder: (folder / "renders").symlink_to("/nowhere"),
     lambda folder: (folder / "renders" / "view-00.png").mkdir(parents=True),
     lambda folder: (folder / "hidden").write_bytes(b"x"),
-    lambda folder: (folder / "record.json").mkdir(),
-    lambda folder: (folder / "prediction.json" / "deep").mkdir(parents=True),
-    lambda folder: (folder / "config.json").unlink() or (folder / "config.json").mkdir(),
+    lambda folder: _as_folder(folder / "record.json"),
+    lambda folder: _as_folder(folder / "prediction.json"),
+    lambda folder: _as_folder(folder / "config.json"),
     _as_file,
 ]
 
