@@ -6,7 +6,6 @@ group. The environment is inherited by all of them. Linux shows it; elsewhere on
 
 import os
 import signal
-import subprocess
 import time
 import uuid
 from collections.abc import Iterator, Mapping
@@ -47,11 +46,15 @@ class Family:
         counts = {number: _bytes_written(number) for number in self.members()}
         return {number: count for number, count in counts.items() if count is not None}
 
-    def end(self, first: subprocess.Popen) -> int:
-        """Kill what is left of it, once its first process has ended; returns how many of its processes were running."""
+    def end(self, first: int) -> int:
+        """Kill what is left of it, once its first process has ended; returns how many processes were still running.
+
+        Args:
+            first: the number of its first process, which may be that of a group.
+        """
         left = self.members()
         with suppress(ProcessLookupError, PermissionError):
-            os.killpg(first.pid, signal.SIGKILL)
+            os.killpg(first, signal.SIGKILL)
         for _ in range(ROUNDS):
             running = self.members()
             if not running:

@@ -122,7 +122,7 @@ def run_child(
         finally:
             process.kill()
             process.wait()
-            left = family.end(process)
+            left = family.end(process.pid)
     if left and not received:
         logger.info("processes left running by what has ended, and ended now: %d", left)
     return process.returncode

@@ -1,6 +1,6 @@
 """A training that is interrupted by Ctrl-C or SIGTERM and taken up again ends as one that was left alone.
 
-Every training runs in a process of its own, as runs of the benchmark do, and long enough to be met half-way.
+A process ends with its training, and leaves nothing running. Every training runs in a process of its own, as runs of the benchmark do, and long enough to be met half-way.
 """
 
 import multiprocessing
@@ -8,26 +8,32 @@ import os
 import shutil
 import signal
 import sys
+import threading
 import time
 from dataclasses import dataclass
 from functools import cache
+from multiprocessing import resource_tracker
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 from baselines.method import find_method
+from hydroviews.cli.process_family import Family
 from hydroviews.cli.processes import end_with_parent
 from hydroviews.files.atomic import read_json, write_json
 from hydroviews.scene.images import Image
 from hydroviews.scene.scenes import Scene
 from leaderboard.contract.case import Case, Failed, NotTestable, files_in, some
+from leaderboard.runs.supervision import LINGER
 from leaderboard.runs.train_and_render import only_training
 
 SECONDS = 3.0  # of training, as far as the configured steps reach
 SHORTEST = 0.1  # seconds of training below which nobody can meet it half-way
 ATTEMPTS = 4  # to meet it half-way
 PATIENCE = 60.0  # seconds until an interrupted process has to have ended
-BEGUN, ENDED, OUTPUT = "begun", "ended.json", "output.txt"
+LOOK = 0.1  # seconds between two looks whether a process has ended
+BEGUN, ENDED, LEFT, OUTPUT = "begun", "ended.json", "left.json", "output.txt"
 
 
 @dataclass(frozen=True)
@@ -39,6 +45,7 @@ class LeftAlone:
     folder: Path
     setup: float  # seconds from the start of `fit` to the first step
     seconds: float  # from there to the last
+    left_running: list[str]  # threads and processes, in words
 
     @property
     def whole(self) -> float:
@@ -75,6 +82,14 @@ def ctrl_c(case: Case) -> str:
 def termination(case: Case) -> str:
     """SIGTERM, and on."""
     return _interrupted(case, signal.SIGTERM)
+
+
+def nothing_left(case: Case) -> str:
+    """No thread holds the process once the work is done, and no process is left running."""
+    left = left_alone(case).left_running
+    if left:
+        raise Failed(f"left running: {', '.join(left)}")
+    return "its process ended with its work, and left no other"
 
 
 def _interrupted(case: Case, number: signal.Signals) -> str:
@@ -131,7 +146,8 @@ def left_alone(case: Case) -> LeftAlone:
         raise Failed(f"in a process of its own, {steps} steps: {_last_words(folder)}")
     took = read_json(_notes(folder) / ENDED)
     seconds = min(took["fit"], took["training"])
-    return LeftAlone(case.config(steps), steps, folder, setup=took["fit"] - seconds, seconds=seconds)
+    left = [*took["threads"], *read_json(_notes(folder) / LEFT)]
+    return LeftAlone(case.config(steps), steps, folder, took["fit"] - seconds, seconds, left)
 
 
 def _run(case: Case, steps: int, folder: Path, number: signal.Signals | None = None, moment: float = 0) -> int | None:
@@ -141,16 +157,30 @@ def _run(case: Case, steps: int, folder: Path, number: signal.Signals | None = N
     for new in (folder, notes):
         new.mkdir(parents=True, exist_ok=True)
     arguments = case.name, case.profile, steps, only_training(case.scene), folder, notes, os.getpid()
-    process = multiprocessing.get_context("spawn").Process(target=_train, args=arguments)
-    process.start()
+    process, family = multiprocessing.get_context("spawn").Process(target=_train, args=arguments), Family()
+    resource_tracker.ensure_running()  # which is of all such processes, and none of the family
+    with mock.patch.dict(os.environ, family.environment({})):
+        process.start()
     try:
         if number is not None:
             _interrupt(process, number, notes / BEGUN, moment)
-        process.join()
+        held = _wait(process, notes / ENDED)
     finally:
         process.kill()
         process.join()
-    return process.exitcode
+        left = family.end(process.pid)
+    write_json(notes / LEFT, [f"{left} processes"] if left else [])
+    return 0 if held else process.exitcode
+
+
+def _wait(process: BaseProcess, ended: Path) -> bool:
+    """Wait until a process has ended; True, with the process as it is, where it does not though its work is done."""
+    while process.is_alive():
+        process.join(LOOK)
+        if ended.exists() and process.is_alive():
+            process.join(LINGER)
+            return process.is_alive()
+    return False
 
 
 def _interrupt(process: BaseProcess, number: signal.Signals, begun: Path, moment: float) -> None:
@@ -178,8 +208,11 @@ def _train(name: str, profile: str, steps: int, scene: Scene, folder: Path, note
     (notes / BEGUN).touch()
     start = time.perf_counter()
     method.fit(scene, folder)
-    write_json(notes / ENDED, {"fit": time.perf_counter() - start, "training": method.summary().train_seconds})
+    seconds = time.perf_counter() - start
     method.save(folder)
+    main = threading.main_thread()
+    threads = [f"thread {one.name}" for one in threading.enumerate() if one is not main and not one.daemon]
+    write_json(notes / ENDED, {"fit": seconds, "training": method.summary().train_seconds, "threads": threads})
 
 
 def _notes(folder: Path) -> Path:

@@ -28,6 +28,7 @@ CHECKS: dict[str, Callable[[Case], str]] = {
     "bad photographs refused": checks.unreadable,
     "fitted twice": checks.fitted_twice,
     "other checkpoints refused": checks.foreign,
+    "nothing left running": interruptions.nothing_left,
     "Ctrl-C and on": interruptions.ctrl_c,
     "SIGTERM and on": interruptions.termination,
 }

@@ -2,10 +2,13 @@
 
 import hashlib
 import json
+import multiprocessing
 import os
 import signal
+import subprocess
+import threading
 import time
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -114,6 +117,31 @@ class Unrecordable(Good):
     @classmethod
     def configuration(cls, profile: str) -> Any:
         return super().configuration(profile) and {"iterations": 3}
+
+
+@dataclass(frozen=True)
+class ObjectConfig(Config):
+    schedule: object = field(default_factory=object)
+
+
+class HoldsAnObject(Good):
+    @classmethod
+    def configuration(cls, profile: str) -> Any:
+        return ObjectConfig()
+
+
+class LeavesThread(Good):
+    def fit(self, scene: Scene, folder: Path) -> None:
+        super().fit(scene, folder)
+        if multiprocessing.parent_process():
+            threading.Thread(target=time.sleep, args=(60,), name="follower").start()
+
+
+class LeavesProcess(Good):
+    def fit(self, scene: Scene, folder: Path) -> None:
+        super().fit(scene, folder)
+        if multiprocessing.parent_process():
+            subprocess.Popen(["sleep", "600"])
 
 
 class Crashes(Good):

@@ -83,7 +83,7 @@ def test_a_family_is_what_was_started_with_its_mark_and_nobody_else():
         first.kill()
         first.wait()
         assert len(family.members()) == 1  # whose parent is gone, in a session of its own
-        assert family.end(first) == 1
+        assert family.end(first.pid) == 1
         assert family.members() == []
         assert other.poll() is None
     finally:

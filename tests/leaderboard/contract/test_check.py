@@ -25,7 +25,7 @@ from leaderboard.runs.train_and_render import only_training
 
 REPOSITORY = Path(__file__).parents[3]
 INTERRUPTED = ("Ctrl-C and on", "SIGTERM and on")
-QUICK = tuple(name for name in CHECKS if name not in INTERRUPTED)
+QUICK = tuple(name for name in CHECKS if name not in (*INTERRUPTED, "nothing left running"))
 
 
 @pytest.fixture
@@ -60,7 +60,8 @@ def trained_here(case, monkeypatch):
         except KeyboardInterrupt:
             return 130
         method.save(folder)
-        write_json(interruptions._notes(folder) / interruptions.ENDED, {"fit": 0.2, "training": 0.2})
+        write_json(interruptions._notes(folder) / interruptions.ENDED, {"fit": 0.2, "training": 0.2, "threads": []})
+        write_json(interruptions._notes(folder) / interruptions.LEFT, [])
         return 0
 
     monkeypatch.setattr(interruptions, "SECONDS", 0.1)
@@ -101,6 +102,14 @@ def test_a_broken_promise_fails_its_check_and_no_other(case, toy, broken):
     found = results(case(toy))
     assert found.pop(broken) == Result.FAILED
     assert set(found.values()) == {Result.PASSED}
+
+
+@pytest.mark.parametrize(("toy", "left"), [("LeavesThread", "thread follower"), ("LeavesProcess", "1 processes")])
+def test_what_is_left_running_is_found(case, monkeypatch, toy, left):
+    monkeypatch.setattr(interruptions, "LINGER", 0.1)
+    monkeypatch.setattr(interruptions, "SECONDS", 0.1)
+    outcome = try_check(case(toy), "nothing left running", CHECKS["nothing left running"])
+    assert (outcome.result, outcome.reason) == (Result.FAILED, f"left running: {left}")
 
 
 def test_without_a_seed_nothing_repeats(case):
@@ -165,7 +174,10 @@ def test_a_training_that_does_not_go_on_as_it_was_fails(case, toy, message):
     assert message in outcome.reason
 
 
-@pytest.mark.parametrize(("toy", "basic"), [("Unrecordable", "configurations"), ("Crashes", "trains")])
+@pytest.mark.parametrize(
+    ("toy", "basic"),
+    [("Unrecordable", "configurations"), ("HoldsAnObject", "configurations"), ("Crashes", "trains")],
+)
 def test_nothing_is_checked_without_the_basics(only, toy, basic):
     only("found by its name", *BASIC, "masks respected", "summary")
     outcomes = check(f"contract_toys:{toy}", steps=3)
