@@ -11,10 +11,10 @@ import pandas as pd
 
 from hydroviews.dataset.suites import suite_of
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import replacing
 from hydroviews.files.full_disk import ReadOnly
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.files.temporary import remove_leftovers_in
+from hydroviews.formats.csv_tables import read_csv, write_csv
 from hydroviews.metrics import find_metrics
 from leaderboard.records import (
     GIVEN_POSES,
@@ -79,7 +79,7 @@ def collect_views(table: pd.DataFrame, results: Path) -> pd.DataFrame:
     for run in table[table.status.isin(SCORED) & table[metrics].notna().any(axis=1)].to_dict("records"):
         folder = run_folder(results, *(run[name] for name in PLACE))
         try:
-            views = pd.read_csv(folder / PER_VIEW, converters={"view": str})
+            views = read_csv(folder / PER_VIEW, texts=["view"])
         except FileNotFoundError:  # other processes may be at work here
             logger.warning("%s: its views are not counted: removed since its record was read", folder)
             continue
@@ -186,10 +186,8 @@ def write_leaderboard(results: Path) -> pd.DataFrame:
         table = read_leaderboard(results)
         try:
             remove_leftovers_in(results)
-            with replacing(results / LEADERBOARD) as temporary:
-                table.to_csv(temporary, index=False)
-            with replacing(results / PER_VIEW) as temporary:
-                collect_views(table, results).to_csv(temporary, index=False)
+            write_csv(results / LEADERBOARD, table)
+            write_csv(results / PER_VIEW, collect_views(table, results))
             write_tables(table, results)
         except ReadOnly as error:
             logger.warning("%s", error)

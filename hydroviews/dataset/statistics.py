@@ -27,7 +27,8 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import read_json, replacing
+from hydroviews.files.atomic import read_json
+from hydroviews.formats.csv_tables import read_csv, write_csv
 from hydroviews.rain.layers import read_layers
 from hydroviews.rain.patterns import PATTERN_FILE
 from hydroviews.rain.registry import find_effect
@@ -149,11 +150,10 @@ def read_statistics(path: Path) -> "pd.DataFrame":
     Raises:
         InputError: the file is missing, is cut short, or is no such table.
     """
-    import pandas as pd
 
     try:
         text = path.read_text(encoding="utf-8")
-        table = pd.read_csv(StringIO(text), converters={"view": str, "pattern": str})  # 007 is a name, not 7
+        table = read_csv(StringIO(text), texts=["view", "pattern"])
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: not a table of statistics", found=error, fix=ANEW) from None
     expected = ["view", *NUMBERS] if "view" in table else ["pattern", *SUMMARY]
@@ -197,5 +197,4 @@ def _summary(views: "pd.DataFrame") -> dict[str, float]:
 
 
 def _write(path: Path, table: "pd.DataFrame") -> None:
-    with replacing(path) as temporary:
-        table.to_csv(temporary, index=False)
+    write_csv(path, table)

@@ -1,6 +1,7 @@
 """A training that is interrupted by Ctrl-C or SIGTERM and taken up again ends as one that was left alone.
 
-A process ends with its training, and leaves nothing running. Every training runs in a process of its own, as runs of the benchmark do, and long enough to be met half-way.
+A process ends with its training, and leaves nothing running. Every training runs in a process of its own, as runs of
+the benchmark do, and long enough to be met half-way.
 """
 
 import multiprocessing

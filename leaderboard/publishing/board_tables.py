@@ -24,7 +24,7 @@ import pandas as pd
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.suites import DEVELOPMENT, TEST, suite_of
 from hydroviews.errors import InputError, unknown_name
-from hydroviews.formats.markdown import markdown_table
+from hydroviews.formats.markdown import Markup, markdown_table
 from hydroviews.metrics import find_metrics
 from leaderboard.records import CEILING, FLOOR, GIVEN_POSES, SCORED, VERSIONS_IN_ORDER, effect_of
 from leaderboard.tables.comparison import differences, scene_scores
@@ -82,7 +82,8 @@ def _block(block: re.Match, rows: pd.DataFrame, views: pd.DataFrame) -> str:
         lines, legend = _of_methods(start, head, rows, names)
     else:
         lines, legend = _of_places(start, head, rows, views, names, kind == "suites")
-    return f"{start}\n\n{markdown_table(head, lines, True)}\n\n{legend}\n\n{END}"
+    marked = [[Markup(cell) for cell in line] for line in lines]
+    return f"{start}\n\n{markdown_table(head, marked, True)}\n\n{legend}\n\n{END}"
 
 
 def _of_places(

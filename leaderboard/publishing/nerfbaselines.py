@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
+from hydroviews.formats.csv_tables import read_csv
 from leaderboard.gather import trusted_record
 from leaderboard.records import PER_VIEW, Record
 
@@ -39,7 +39,7 @@ def write_results(folder: Path, out: Path) -> None:
     record = trusted_record(folder.resolve())
     if not record.scores:
         raise InputError(f"{folder}: has no scores", found=record.reason or record.status)
-    views = pd.read_csv(folder / PER_VIEW, converters={"view": str})
+    views = read_csv(folder / PER_VIEW, texts=["view"])
     scores = {NAMES.get(name, name): views[name].tolist() for name in views.columns if name in record.scores}
     write_json(out, as_results(record, scores))
 

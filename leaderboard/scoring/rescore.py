@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
 from hydroviews.errors import InputError
+from hydroviews.formats.csv_tables import read_csv
 from hydroviews.metrics import find_metrics
 from leaderboard.gather import ROUNDED, run_folders, trusted_record
 from leaderboard.records import PER_VIEW, SCORED, Record
@@ -79,7 +78,7 @@ def _differences(run: Run, record: Record) -> Iterator[Difference]:
     """Of a run's scores, a view and the means."""
     clean = run.clean_scene()
     rows, scores, _ = calculate(run, clean)
-    views = pd.read_csv(run.folder / PER_VIEW, converters={"view": str}).set_index("view").to_dict("index")
+    views = read_csv(run.folder / PER_VIEW, texts=["view"]).set_index("view").to_dict("index")
     if record.renders_sha256 not in ("", renders_sha256(renders(run, clean))):
         logger.warning("%s: its renders are not those that were scored", run)
     for row in rows:

@@ -22,8 +22,9 @@ from tqdm import tqdm
 from hydroviews.cli.threads import side_by_side
 from hydroviews.dataset.variants import has_clean
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import read_json, replacing, sha256
+from hydroviews.files.atomic import read_json, sha256
 from hydroviews.files.temporary import remove_leftovers
+from hydroviews.formats.csv_tables import write_csv
 from hydroviews.metrics import Metric, find_metrics
 from hydroviews.scene.images import Image, read_pixels, to_image, to_uint8
 from hydroviews.scene.masks import Ignored
@@ -84,8 +85,7 @@ def score(run: Run) -> Record:
     clean = run.clean_scene()
     rows, scores, reasons = calculate(run, clean)
     views = pd.DataFrame(rows, columns=["view", *(metric.name for metric in find_metrics())])
-    with replacing(run.folder / PER_VIEW) as temporary:
-        views.to_csv(temporary, index=False)
+    write_csv(run.folder / PER_VIEW, views)
     write_preview(run, clean)
     reason = "; ".join(f"{name}: {why}" for name, why in reasons.items())
     numbers |= {"scores": scores, "renders_sha256": renders_sha256(renders(run, clean))}

@@ -117,7 +117,7 @@ def read_submission(folder: Path) -> Submission:
     """
     path = folder / ABOUT
     try:
-        content = json.dumps(tomllib.loads(path.read_text("utf-8")), default=str)
+        content = json.dumps(tomllib.loads(path.read_text("utf-8-sig")), default=str)
         submission = pydantic.TypeAdapter(Submission).validate_json(content)
     except OSError as error:
         raise InputError(f"{path}: cannot be read", found=error.strerror, expected=f"a folder with {ABOUT}") from None

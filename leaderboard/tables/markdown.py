@@ -6,7 +6,7 @@ from typing import Any
 import pandas as pd
 
 from hydroviews.dataset.suites import suite_of
-from hydroviews.formats.markdown import markdown_table
+from hydroviews.formats.markdown import Markup, markdown_table
 from hydroviews.metrics import Metric, find_metrics
 from hydroviews.rain.patterns import GRADES
 from leaderboard.tables.dataframes import SuiteTables, Tables, scene_tables
@@ -61,14 +61,14 @@ def score_cells(means: pd.DataFrame, metric: Metric) -> dict[Hashable, str]:
 def _marked(text: str, row: Mapping[Any, Any], place: int | None) -> str:
     if not text:
         return ""
-    text = f"**{text}**" if place == 1 else text
-    return f"<u>{text}</u>" if incomplete(row) else text
+    text = Markup(f"**{text}**") if place == 1 else text
+    return Markup(f"<u>{text}</u>") if incomplete(row) else text
 
 
 def runs_cell(row: Mapping[Any, Any]) -> str:
     """Finished of planned runs."""
     text = f"{int(row['finished'])}/{int(row['planned'])}"
-    return f"<u>{text}</u>" if incomplete(row) else text
+    return Markup(f"<u>{text}</u>") if incomplete(row) else text
 
 
 def basis(block: pd.DataFrame) -> str:
@@ -89,7 +89,7 @@ def basis(block: pd.DataFrame) -> str:
 
 def _paper_cells(row: Mapping[Any, Any]) -> tuple[str, ...]:
     cells = (*paper_scores(row), f"{row['lpips']:.3f}")
-    return tuple(f"<u>{cell}</u>" for cell in cells) if row["failed"] else cells
+    return tuple(Markup(f"<u>{cell}</u>") for cell in cells) if row["failed"] else cells
 
 
 def _number(value: float) -> str:
@@ -132,7 +132,7 @@ def grades_text(means: pd.DataFrame) -> str:
 
 def _grade_cells(means: pd.DataFrame, metric: Metric) -> dict[Hashable, str]:
     rows, scores = means.to_dict("index"), score_cells(means, metric)
-    return {method: f"{scores[method]} ({runs_cell(row)})".strip() for method, row in rows.items()}
+    return {method: Markup(f"{scores[method]} ({runs_cell(row)})".strip()) for method, row in rows.items()}
 
 
 def costs_text(means: pd.DataFrame) -> str:

@@ -10,8 +10,9 @@ from hydroviews.dataset.card.card import CARD, LOSSES, write_card
 from hydroviews.dataset.manifest import data_hash, read_manifest, record_files
 from hydroviews.dataset.variants import is_captured
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import read_json, replacing
+from hydroviews.files.atomic import read_json
 from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.csv_tables import read_csv, write_csv
 from hydroviews.formats.read import read_scene
 from hydroviews.rain.lens.patterns.pattern import RaindropPattern
 from hydroviews.rain.patterns import PATTERN_FILE
@@ -43,8 +44,7 @@ def record_losses(folder: Path, results: Path) -> pd.DataFrame:
             f"{results / LEADERBOARD}: no pair of finished runs of {CEILING} and {FLOOR} on {folder.name} as it is now",
             fix="run `make eval METHOD=3dgs` on this scene and profile first",
         )
-    with replacing(folder / LOSSES) as temporary:
-        losses.to_csv(temporary, index=False)
+    write_csv(folder / LOSSES, losses)
     rewrite_card(folder)
     return losses
 
@@ -65,7 +65,7 @@ def _patterns(folder: Path) -> list[str]:
 def _read_leaderboard(results: Path) -> pd.DataFrame:
     path, fix = results / LEADERBOARD, "run `make eval METHOD=3dgs`, or name the folder with --results"
     try:
-        table = pd.read_csv(path, converters=dict.fromkeys(TEXT, str))
+        table = read_csv(path, texts=TEXT)
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: no leaderboard", found=error, fix=fix) from None
     absent = {*TEXT, "seed", "psnr"} - set(table)

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from hydroviews.files.atomic import replacing, write_bytes
+from hydroviews.files.atomic import write_bytes
+from hydroviews.formats.csv_tables import write_csv
 from leaderboard.tables.dataframes import all_tables, tidy_ablation, tidy_scenes, tidy_suites
 from leaderboard.tables.latex import to_latex
 from leaderboard.tables.markdown import all_text
@@ -25,5 +26,4 @@ def write_tables(table: pd.DataFrame, results: Path) -> None:
         ABLATION_CSV: tidy_ablation(tables),
     }
     for name, content in files.items():
-        with replacing(results / name) as temporary:
-            content.to_csv(temporary, index=False)
+        write_csv(results / name, content)

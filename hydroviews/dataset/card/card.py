@@ -19,6 +19,7 @@ from hydroviews.dataset.statistics import STATISTICS, read_statistics
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, replacing, write_bytes, write_json
 from hydroviews.formats.capture_json import CAPTURED, described_licence
+from hydroviews.formats.csv_tables import read_csv
 from hydroviews.formats.markdown import markdown_table
 from hydroviews.formats.photographs import FOLDERS
 from hydroviews.formats.read import has_cameras
@@ -197,10 +198,9 @@ def _mean_and_range(row: "pd.Series", column: str, factor: float, form: str, uni
 def _losses(folder: Path) -> str:
     if not (folder / LOSSES).is_file():
         return ""
-    import pandas as pd
 
     rows = []
-    for row in pd.read_csv(folder / LOSSES, keep_default_na=False).to_dict("records"):
+    for row in read_csv(folder / LOSSES, keep_default_na=False).to_dict("records"):
         levels = [f"{row[name]:.2f} dB" for name in ("clean", "rainy", "loss")]
         rows.append((row["pattern"], row["grade"], row["track"], *levels, row["seeds"]))
     head = ("rain", "grade", "track", "trained on clean views", "on rainy views", "loss", "seeds")

@@ -14,6 +14,7 @@ from hydroviews.dataset.statistics import STATISTICS, summarise
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import json_bytes, read_json
 from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.csv_tables import csv_bytes
 from hydroviews.formats.nerfstudio import CAMERA_FILE
 from hydroviews.formats.photographs import SPLIT
 from hydroviews.rain.compositing import COLOURS
@@ -88,7 +89,7 @@ def _made(folder: Path, rains: list[str], entry: Mapping[str, Any], licence: Lic
         request["source"] = f"./{source.name}"  # a folder, wherever it is
     files = {REQUEST: json_bytes(request), CARD: card_text(folder, rains, _notes(entry), licence).encode()}
     if rains and (folder / rains[0] / STATISTICS).is_file():
-        files[STATISTICS] = summarise(folder, rains[0]).to_csv(index=False, lineterminator="\n").encode()
+        files[STATISTICS] = csv_bytes(summarise(folder, rains[0]))
     if licence:
         files[f"{LICENCE}/{STATED}"] = json_bytes(asdict(licence))
         if licence.text == "Apache-2.0":

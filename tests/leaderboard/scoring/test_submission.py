@@ -1,7 +1,9 @@
 """Renders of others: scored as ours are, and refused as a whole where anything is not as it has to be."""
 
+import csv
 import json
 import os
+import re
 import shutil
 from pathlib import Path
 
@@ -73,6 +75,32 @@ def test_our_own_renders_submitted_score_the_same_and_are_marked(theirs, ours, c
     assert row.renders_sha256 == ours[2].renders_sha256
     assert row[["version", "model_mb", "render_fps"]].isna().all()
     assert rescore(results, theirs.parent / "data").agrees
+
+
+def test_what_they_write_of_themselves_is_run_by_no_spreadsheet_and_obeyed_by_no_page(theirs):
+    about = theirs / "submission.toml"
+    text = about.read_text().replace('"Ada"', """'=HYPERLINK("http://evil.example")'""")
+    about.write_text(text.replace("one old card", "=1+1 | 80 GB"))
+    sent(theirs)
+    results = theirs.parent / "results"
+    with (results / "leaderboard.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert row["submitted_by"] == '\'=HYPERLINK("http://evil.example"), Grace'
+    assert row["device"] == "'=1+1 | 80 GB"
+    for path in results.glob("*.csv"):
+        cells = [cell for line in csv.reader(path.open(newline="")) for cell in line]
+        assert not [cell for cell in cells if cell.startswith(("=", "+", "@"))], path
+    costs = (results / "tables.md").read_text().partition("| costs ")[2].splitlines()
+    columns = {len(re.findall(r"(?<!\\)\|", line)) for line in costs[1:3]}
+    assert len(columns) == 1
+    assert r"=1+1 \| 80 GB" in costs[2]
+
+
+def test_a_byte_order_mark_is_no_part_of_the_file(theirs):
+    about = theirs / "submission.toml"
+    about.write_bytes(b"\xef\xbb\xbf" + about.read_bytes().replace(b"\n", b"\r\n"))
+    sent(theirs)
+    assert (theirs.parent / "results" / "leaderboard.csv").is_file()
 
 
 def test_submitted_again_it_is_kept_and_other_renders_are_refused_unless_overwritten(theirs, caplog):
