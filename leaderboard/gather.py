@@ -11,6 +11,7 @@ import pandas as pd
 
 from hydroviews.dataset.suites import suite_of
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import as_file
 from hydroviews.files.full_disk import ReadOnly
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.files.temporary import remove_leftovers_in
@@ -118,7 +119,7 @@ def _check_scores(path: Path, record: Record) -> None:
         InputError: they differ, or there is no such file.
     """
     try:
-        with path.open(newline="") as file:
+        with as_file(path).open(newline="") as file:
             views = list(csv.DictReader(file))
         means = {name: math.fsum(float(view[name]) for view in views) / len(views) for name in record.scores}
     except (OSError, ValueError, KeyError, TypeError, ZeroDivisionError, csv.Error) as error:

@@ -91,7 +91,7 @@ def _read_array(path: Path) -> NDArray:
     """[H, W, N], not read into memory as a whole."""
     try:
         array = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
+    except (OSError, ValueError, EOFError, OverflowError, SyntaxError) as error:
         raise InputError(f"{path}: not a NumPy array", found=error, fix="copy the file again") from error
     if array.ndim != 3 or array.dtype.kind not in "bufi":
         raise InputError(

@@ -11,7 +11,7 @@ from tqdm import tqdm
 
 from hydroviews.cli.threads import side_by_side
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import read_json, write_json
+from hydroviews.files.atomic import is_there, read_json, write_json
 from hydroviews.files.known_bytes import current_sha256, read_only, require_bytes
 from hydroviews.files.locks import locked
 from hydroviews.formats.capture_json import CAPTURED
@@ -30,7 +30,7 @@ def read_manifest(data: Path) -> dict[str, Any]:
         InputError: the file is not a manifest.
     """
     path = data / MANIFEST
-    if not path.is_file():
+    if not is_there(path):
         return {"scenes": {}}
     fix = "restore it, or delete it and build again: finished files are kept, as they are now"
     manifest = read_json(path, fix)

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import read_json
+from hydroviews.files.atomic import as_file, read_json
 from hydroviews.formats.csv_tables import read_csv, write_csv
 from hydroviews.rain.layers import read_layers
 from hydroviews.rain.patterns import PATTERN_FILE
@@ -152,7 +152,7 @@ def read_statistics(path: Path) -> "pd.DataFrame":
     """
 
     try:
-        text = path.read_text(encoding="utf-8")
+        text = as_file(path).read_text(encoding="utf-8")
         table = read_csv(StringIO(text), texts=["view", "pattern"])
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: not a table of statistics", found=error, fix=ANEW) from None

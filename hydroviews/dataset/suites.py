@@ -56,7 +56,7 @@ def read_suite(name: str) -> Suite:
     if not path.is_file():
         raise unknown_name(f"SUITE={name}", name, "suite", known_suites(), f"a TOML file: {EXAMPLE}")
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: not valid TOML", found=error, expected=EXAMPLE) from None
     return Suite(str(content.get("title", path.stem)), _patterns(path, content), _scenes(path, content))

@@ -60,15 +60,45 @@ def read_json(path: Path, fix: str = "restore the file or write it again") -> An
         InputError: the file is missing, is not JSON, or is nested too deeply.
     """
     try:
-        text = path.read_text("utf-8-sig")  # some editors begin a file with a byte order mark
+        text = as_file(path).read_text("utf-8-sig")  # some editors begin a file with a byte order mark
         value = json.loads(text, parse_int=_integer)
         if _SURROGATE.search(text):
             json.dumps(value, ensure_ascii=False).encode()
         return value
-    except (FileNotFoundError, IsADirectoryError):
+    except FileNotFoundError:  # removed meanwhile
         raise InputError(f"{path}: no such file") from None
     except (RecursionError, ValueError) as error:  # the latter for syntax, encoding and integers
         raise InputError(f"{path}: not valid JSON", found=error, fix=fix) from None
+
+
+def is_there(path: Path) -> bool:
+    """Whether there is a file of that name, which may be a link to one.
+
+    Raises:
+        InputError: there is something else, such as a folder or a named pipe, from which nothing would ever come.
+    """
+    if path.is_file():
+        return True
+    if path.exists():
+        raise not_a_file(path)
+    return False
+
+
+def as_file(path: Path) -> Path:
+    """The path of what is to be opened as a file; whether it is there is found out by opening it.
+
+    Raises:
+        InputError: there is something else, as `is_there`.
+    """
+    is_there(path)
+    return path
+
+
+def not_a_file(path: Path) -> InputError:
+    """The error for a folder, a named pipe or the like where a file belongs."""
+    kinds = {"a folder": path.is_dir, "a named pipe": path.is_fifo, "a socket": path.is_socket}
+    found = next((kind for kind, is_so in kinds.items() if is_so()), "a device")
+    return InputError(f"{path}: not a file", found=found, expected="a file", fix="move it away, and restore the file")
 
 
 LARGEST_INTEGER = 300  # digits: floats end at 1.8e308

@@ -30,7 +30,7 @@ def plain_full_disk(path: Path) -> Iterator[None]:
 
     Raises:
         FullDisk: the disk or the user's quota is full.
-        InputError: a file is in the way of the folder of `path`, or it cannot be made.
+        InputError: a file is in the way of the folder of `path`, or it cannot be made; a folder is in that of `path`.
     """
     try:
         yield
@@ -41,6 +41,8 @@ def plain_full_disk(path: Path) -> Iterator[None]:
             raise InputError(
                 f"{path.parent}: not a folder", found="a file of that name", fix="choose another"
             ) from error
+        if isinstance(error, IsADirectoryError):
+            raise InputError(f"{path}: cannot be written", found="a folder of that name", fix="move it away") from error
         if isinstance(error, FileNotFoundError) and not path.parent.is_dir():  # as under /proc
             raise InputError(f"{path.parent}: no folder can be made there", fix="choose another folder") from error
         if (isinstance(error, OSError) and error.errno in FULL) or any(said in str(error) for said in SAID):

@@ -1,11 +1,12 @@
 """Files that must hold bytes of a known SHA-256: hashed once a process, and again once they have been touched."""
 
 import os
+import stat
 import time
 from pathlib import Path
 
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import sha256
+from hydroviews.files.atomic import not_a_file, sha256
 
 SETTLED = 2e9  # nanoseconds: a file touched since could be touched again without its times telling
 MEND = "restore it, or build the scene again with --repair"
@@ -18,8 +19,11 @@ def current_sha256(path: Path) -> str:
 
     Raises:
         OSError: there is no such file, or it cannot be read.
+        InputError: it is something else than a file.
     """
     status = path.stat()
+    if not stat.S_ISREG(status.st_mode):
+        raise not_a_file(path)
     stamp = (status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino)
     before, digest = _hashed.get(path, ((), ""))
     if before != stamp:
@@ -33,11 +37,11 @@ def require_bytes(path: Path, expected: str) -> Path:
     """The path, where its file has the SHA-256 that is expected.
 
     Raises:
-        InputError: the file is missing, or has other bytes.
+        InputError: the file is missing, is none, or has other bytes.
     """
     try:
         found = current_sha256(path)
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         raise InputError(f"{path}: missing", expected="a file of the data set", fix=MEND) from None
     if found != expected:
         raise changed(path, found, expected)

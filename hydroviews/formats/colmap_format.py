@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import as_file
 from hydroviews.formats.geometry import rigid_pose
 from hydroviews.scene.checks import check_colours, check_file_name, check_once, usable
 from hydroviews.scene.lenses import Lens, named_lens
@@ -108,11 +109,11 @@ def _records(path: Path, binary: Any, text: Any) -> Iterator[tuple]:
     """The records of a file by the parser of its format; damage raises InputError."""
     try:
         if path.suffix == ".bin":
-            cursor = _Cursor(path.read_bytes())
+            cursor = _Cursor(as_file(path).read_bytes())
             yield from binary(cursor)
             cursor.finish()
         else:
-            yield from text(path.read_text("utf-8-sig").splitlines())
+            yield from text(as_file(path).read_text("utf-8-sig").splitlines())
     except UnicodeDecodeError as error:
         raise InputError(
             f"{path}: a name that is not UTF-8",

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hydroviews.files.atomic import replacing
+from hydroviews.files.atomic import as_file, replacing
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -55,8 +55,11 @@ def read_csv(source: Any, texts: Sequence[str] = (), **options: Any) -> "pd.Data
         options: as `pandas.read_csv` has them.
 
     Raises:
-        OSError, ValueError: there is no such file, or it is no table.
+        InputError: something else than a file has that name.
+        OSError, ValueError: there is no such file, it cannot be read, or is no table.
     """
     import pandas as pd
 
+    if isinstance(source, Path):
+        as_file(source)
     return pd.read_csv(source, converters=dict.fromkeys(texts, as_written), **options)

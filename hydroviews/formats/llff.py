@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import as_file
 from hydroviews.formats.geometry import inverse, misplaced_note, rigid_pose
 from hydroviews.formats.photographs import (
     image_folder,
@@ -60,8 +61,11 @@ def read_llff(folder: Path, name: str, images: str | None = None) -> Scene:
 def _read_table(path: Path) -> NDArray[np.float64]:
     """Rows of 17 numbers, with finite sizes and focal lengths."""
     try:
-        table = np.load(path, mmap_mode="r", allow_pickle=False)  # reserves no memory for what the file does not hold
-    except (OSError, ValueError, TypeError, EOFError, SyntaxError, TokenError) as error:  # headers are Python code
+        # Mapped, so that no memory is reserved for what the file does not hold.
+        with np.errstate(over="ignore"):
+            table = np.load(as_file(path), mmap_mode="r", allow_pickle=False)
+    except (OSError, ValueError, TypeError, EOFError, SyntaxError, TokenError, OverflowError) as error:
+        # Headers are Python code, and their shapes any numbers.
         raise InputError(f"{path}: not a NumPy array", found=error, fix="copy the file again") from error
     if not isinstance(table, np.ndarray):
         table.close()

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import as_file
 from hydroviews.formats.geometry import inverse, misplaced_note, rigid_pose
 from hydroviews.formats.photographs import make_view, mask_beside, photographs_below, read_split, some, view_names
 from hydroviews.scene.images import image_size
@@ -74,6 +75,7 @@ def _read_numbers(path: Path) -> NDArray[np.float64]:
 
 def _read_rows(path: Path) -> list[list[float]]:
     try:
-        return [[float(word) for word in line.split()] for line in path.read_text().splitlines() if line.strip()]
+        lines = as_file(path).read_text("utf-8-sig").splitlines()
+        return [[float(word) for word in line.split()] for line in lines if line.strip()]
     except ValueError as error:  # UnicodeDecodeError is one too
         raise InputError(f"{path}: not numbers", found=error, fix="copy the file again") from None

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.errors import InputError, no_permission
-from hydroviews.files.atomic import read_json
+from hydroviews.files.atomic import is_there, read_json
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.scene.cameras import same_shape
 from hydroviews.scene.checks import check_view_name
@@ -225,9 +225,9 @@ def read_split(folder: Path) -> Split | None:
         InputError: the file is not {"train": [names], "test": [names]}, with or without "sparse": [names].
     """
     path = folder / SPLIT
-    if not path.is_file() and (folder.name == CAPTURED or (folder.parent / "clean").is_dir()):
+    if not is_there(path) and (folder.name == CAPTURED or (folder.parent / "clean").is_dir()):
         path = folder.parent / SPLIT
-    if not path.is_file():
+    if not is_there(path):
         return None
     content = read_json(path)
     if isinstance(content, dict) and set(NUMBERED) <= set(content):

@@ -24,7 +24,7 @@ from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.manifest import data_hash, read_manifest
 from hydroviews.dataset.variants import has_clean, is_captured
 from hydroviews.errors import InputError, unknown_name
-from hydroviews.files.atomic import write_bytes, write_json
+from hydroviews.files.atomic import as_file, write_bytes, write_json
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.files.settings_guard import claim_folder
 from hydroviews.formats.capture_json import CAPTURED
@@ -117,7 +117,7 @@ def read_submission(folder: Path) -> Submission:
     """
     path = folder / ABOUT
     try:
-        content = json.dumps(tomllib.loads(path.read_text("utf-8-sig")), default=str)
+        content = json.dumps(tomllib.loads(as_file(path).read_text("utf-8-sig")), default=str)
         submission = pydantic.TypeAdapter(Submission).validate_json(content)
     except OSError as error:
         raise InputError(f"{path}: cannot be read", found=error.strerror, expected=f"a folder with {ABOUT}") from None

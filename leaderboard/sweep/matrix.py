@@ -15,6 +15,7 @@ from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import has_ceiling, is_captured
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import as_file
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.profiles import Profile, find_profile
 from hydroviews.rain.registry import choose_patterns
@@ -65,7 +66,7 @@ def read_matrix(path: Path) -> Matrix:
         InputError: there is no such file, it is no TOML, or no matrix.
     """
     try:
-        fields = tomllib.loads(path.read_text(encoding="utf-8"))
+        fields = tomllib.loads(as_file(path).read_text(encoding="utf-8-sig"))
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read", found=error, expected="a TOML file") from None
     return matrix_of(fields, str(path))

@@ -7,12 +7,14 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from in_the_way import KINDS, not_for_ever, swap
 
 from hydroviews.errors import InputError
 from leaderboard.__main__ import table_command
 from leaderboard.evaluate import EvaluateRequest, evaluate
 from leaderboard.gather import collect, collect_views, trusted_record, write_leaderboard
 from leaderboard.records import LONGEST, columns, printable, read_record
+from leaderboard.tables.rain_losses import record_losses
 
 RUN = "demo/toy_methods.MeanColour/yard/streak-0/seed-0"
 pytestmark = pytest.mark.usefixtures("toys", "trained_here")
@@ -100,6 +102,33 @@ def test_scores_without_their_views_do_not_count(results, content):
     if content is not None:
         views.write_bytes(content)
     assert row(results).status == "unreadable"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", ["record.json", "per_view.csv"])
+def test_something_else_where_a_file_of_a_run_belongs_is_a_row_with_a_reason(results, name, kind):
+    swap(results / RUN / name, kind)
+    with not_for_ever():
+        odd = row(results)
+    assert odd.status == "unreadable"
+    assert f"{name}: not a file" in odd.reason
+    assert f"a {kind}" in odd.reason
+
+
+@pytest.mark.parametrize("name", ["leaderboard.csv", "per_view.csv", "tables.md", "costs.csv"])
+def test_a_folder_where_a_table_belongs_is_named_and_stays(results, name):
+    swap(results / name, "folder")
+    (results / name / "notes.txt").write_text("mine")
+    with pytest.raises(InputError, match=rf"{name}: cannot be written\n +found: a folder of that name"):
+        write_leaderboard(results)
+    assert (results / name / "notes.txt").read_text() == "mine"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_something_else_where_the_table_belongs_that_a_card_is_made_of_is_refused(results, kind):
+    swap(results / "leaderboard.csv", kind)
+    with not_for_ever(), pytest.raises(InputError, match=r"leaderboard\.csv: not a file"):
+        record_losses(results.parent / "data/demo/yard", results)
 
 
 def test_a_run_that_was_moved_is_a_row_and_a_copy_beside_it_is_told(results, caplog):

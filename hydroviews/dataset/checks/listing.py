@@ -11,6 +11,7 @@ from hydroviews.dataset.rainy_variant import LENS, SHARED
 from hydroviews.dataset.request import REQUEST
 from hydroviews.dataset.sharing.croissant import CROISSANT
 from hydroviews.dataset.sources import RENDERED
+from hydroviews.files.atomic import not_a_file
 from hydroviews.files.locks import LOCK
 from hydroviews.files.temporary import PARTIAL
 from hydroviews.formats.capture_json import CAPTURED
@@ -40,7 +41,7 @@ def check_files(folder: Path, entry: Entry) -> list[str]:
         if not any(step.is_symlink() for step in steps_below(folder, path))
     }
     changed = changed_files(listed, folder.name)
-    problems = [f"{path}: missing" for path in listed if not path.is_file()]
+    problems = [_absent(path) for path in listed if not path.is_file()]
     problems += [f"{path}: changed since it was built" for path in changed]
     problems += [problem for _, problem in _unlisted(folder, entry)]
     drawn = {PurePosixPath(name).parts[0] for name in entry["files"] if PurePosixPath(name).match("*/pattern.json")}
@@ -70,6 +71,10 @@ def _unlisted(folder: Path, entry: Entry) -> Iterator[tuple[Path, str]]:
                 yield path, _stray(path)
             if name in below and not known:
                 below.remove(name)
+
+
+def _absent(path: Path) -> str:
+    return str(not_a_file(path)).replace("\n ", ",") if path.exists() else f"{path}: missing"
 
 
 def _is_at_work(path: Path) -> bool:

@@ -9,7 +9,7 @@ from trainings import CONFIG
 
 from baselines.training.checkpoints import fingerprint_of, load_checkpoint, save_checkpoint, write_arrays
 from baselines.training.images import TrainingImages
-from hydroviews.errors import InputError
+from hydroviews.errors import InputError, MachineError
 from hydroviews.scene.scenes import Points
 
 TREE = {
@@ -76,6 +76,16 @@ def test_a_fingerprint_tells_whatever_leads_to_another_result(tmp_path):
     ]
     assert not [one for i, one in enumerate(fingerprints) if one in fingerprints[:i]]
     assert of() == of(replace(CONFIG, checkpoint_seconds=1.0, device="cuda"))
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.01, 0.5, 0.99])
+def test_a_checkpoint_that_is_cut_is_the_machines_fault(tmp_path, kept):
+    save_checkpoint(tmp_path / "a", {"weight": np.zeros(3000)}, {"seed": 0})
+    content = (tmp_path / "a").read_bytes()
+    (tmp_path / "a").write_bytes(content[: int(kept * len(content))])
+    with pytest.raises(MachineError, match=r"a: damaged\n[\s\S]*remove the file and start again") as error:
+        load_checkpoint(tmp_path / "a", {"seed": 0})
+    assert error.value.__cause__ is None
 
 
 def test_files_that_are_no_checkpoints_are_refused(tmp_path):

@@ -8,6 +8,7 @@ import stat
 import numpy as np
 import pytest
 from damage import contents, damage, paint
+from in_the_way import KINDS, not_for_ever, swap
 from synthetic import capture_in
 
 from hydroviews.dataset.build import build
@@ -67,6 +68,44 @@ def test_a_file_that_changed_is_named_and_not_read(built, name, read):
     damage(folder / name)
     with pytest.raises(InputError, match=f"{name}: changed since it was built"):
         read(folder)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        "split.json",
+        "request.json",
+        "transforms.json",
+        "README.md",
+        "clean/view-00.png",
+        "masks/view-03.png.png",
+        "sparse/0/images.bin",
+        "sparse/0/points3D.bin",
+        "streak-0/pattern.json",
+        "streak-0/statistics.csv",
+        "streak-0/transforms.json",
+        "streak-0/images/view-01.png",
+        "streak-0/layers/view-01.exr",
+    ],
+)
+def test_something_else_where_a_file_belongs_is_a_problem_and_the_rest_is_looked_at(built, name, kind):
+    _, folder = built
+    damage(folder / "clean/view-02.png")
+    assert (folder / name).is_file()
+    swap(folder / name, kind)
+    with not_for_ever():
+        problems = verify(folder.parent)
+    assert any(f"{folder / name}: not a file, found: a {kind}" in problem for problem in problems)
+    assert f"{folder / 'clean/view-02.png'}: changed since it was built" in problems
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_something_else_where_the_manifest_belongs_is_refused(built, kind):
+    _, folder = built
+    swap(folder.parent / "manifest.json", kind)
+    with not_for_ever(), pytest.raises(InputError, match=rf"manifest\.json: not a file\n +found: a {kind}"):
+        read_manifest(folder.parent)
 
 
 def test_what_is_not_listed_is_not_read(built):

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from captures import capture
 from distorted import arc, write_photographs
+from in_the_way import KINDS, not_for_ever, swap
 
 from hydroviews.errors import InputError
 from hydroviews.formats.read import read_scene
@@ -61,6 +62,26 @@ def test_file_cut_short(tmp_path):
         (folder / "poses_bounds.npy").write_bytes(content[:length])
         with pytest.raises(InputError, match=r"poses_bounds\.npy: not a NumPy array"):
             read_scene(folder)
+
+
+@pytest.mark.parametrize(
+    "shape", ["(-4, 17)", "(4, -17)", "(99999999999999999999, 17)", "(4611686018427387904, 17)", "(4,"]
+)
+def test_a_header_with_an_impossible_shape(tmp_path, shape):
+    folder = write_capture(tmp_path, table(4))
+    header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".encode().ljust(117) + b"\n"
+    start = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little")
+    (folder / "poses_bounds.npy").write_bytes(start + header + bytes(4 * 17 * 8))
+    with pytest.raises(InputError, match=r"poses_bounds\.npy: not "):
+        read_scene(folder)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_something_else_where_the_file_belongs(tmp_path, kind):
+    folder = write_capture(tmp_path, table(4))
+    swap(folder / "poses_bounds.npy", kind)
+    with not_for_ever(), pytest.raises(InputError):
+        read_scene(folder)
 
 
 def test_flower_poses_agree_with_its_colmap_model(tmp_path):
