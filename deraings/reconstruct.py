@@ -32,7 +32,7 @@ from hydroviews.formats.read import has_cameras, read_scene
 from hydroviews.formats.writers import write_colmap
 from hydroviews.profiles import find_profile, require_seed
 from hydroviews.scene.images import SUFFIXES, Image, write_png
-from hydroviews.scene.jpeg_damage import require_whole
+from hydroviews.scene.photograph_damage import require_whole
 from hydroviews.scene.picture_grid import Canvas, Row, Tile, draw_sheet
 from hydroviews.scene.scenes import Scene, Split
 

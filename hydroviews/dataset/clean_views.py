@@ -15,8 +15,8 @@ from hydroviews.formats.writers import write_colmap, write_nerfstudio
 from hydroviews.scene.depth import FOLDER as DEPTH
 from hydroviews.scene.depth import depth_path, fitted_depth, write_depth
 from hydroviews.scene.images import write_png
-from hydroviews.scene.jpeg_damage import require_whole
 from hydroviews.scene.masks import MASKS, mask_name
+from hydroviews.scene.photograph_damage import require_whole
 from hydroviews.scene.scenes import Scene, View
 
 logger = logging.getLogger(__name__)

@@ -1,8 +1,10 @@
-"""JPEGs whose middle is damaged decode, with a warning that nobody sees: they are refused."""
+"""JPEGs and TIFFs whose middle is damaged decode, with a warning that nobody sees: they are refused."""
 
 import cv2
 import numpy as np
+import PIL.Image
 import pytest
+import tifffile
 from synthetic import capture_in
 
 from deraings.reconstruct import require_photographs
@@ -11,7 +13,7 @@ from hydroviews.errors import InputError
 from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap
 from hydroviews.scene.images import read_image
-from hydroviews.scene.jpeg_damage import require_whole
+from hydroviews.scene.photograph_damage import require_whole
 
 PLAIN, PROGRESSIVE = [], [cv2.IMWRITE_JPEG_PROGRESSIVE, 1]
 RESTARTS = [cv2.IMWRITE_JPEG_RST_INTERVAL, 4]
@@ -48,6 +50,48 @@ def test_damage_in_the_middle_is_told_and_whole_pictures_are_not(tmp_path):
     expected = r"plain-random_bytes\.JPEG: a damaged JPEG, and 5 more photographs\n  found: Corrupt JPEG data"
     with pytest.raises(InputError, match=expected):
         require_whole([*whole, *damaged], "")
+
+
+def tiff(path, compression, dtype=np.uint8):
+    """A TIFF of many strips."""
+    picture = cv2.imdecode(jpeg(PLAIN), cv2.IMREAD_COLOR).astype(dtype) * (257 if dtype == np.uint16 else 1)
+    settings = [cv2.IMWRITE_TIFF_COMPRESSION, compression, cv2.IMWRITE_TIFF_ROWSPERSTRIP, 16]
+    assert cv2.imwrite(str(path), picture, settings)
+    return path
+
+
+def other_bytes(content):
+    content[len(content) // 2 :][:60] = np.random.default_rng(1).integers(0, 256, 60)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize(("name", "compression"), [("lzw", 5), ("deflate", 8), ("adobe", 32946)])
+@pytest.mark.parametrize("damage", [random_bytes, sector_of_zeros, other_bytes])
+def test_a_damaged_tiff_is_told_and_a_whole_one_is_not(tmp_path, name, compression, damage, dtype):
+    whole = tiff(tmp_path / f"{name}.tif", compression, dtype)
+    require_whole([whole, tiff(tmp_path / "plain.tif", 1, dtype)], "")
+    content = np.fromfile(whole, np.uint8)
+    damage(content)
+    path = write(tmp_path / f"{name}-damaged.tif", content.tobytes())
+    with pytest.raises(InputError, match=r"-damaged\.tif: a damaged TIFF\n  found: strip [0-9]+ of 15: "):
+        require_whole([whole, path], "")
+
+
+def test_tiffs_of_other_makes_are_whole(tmp_path):
+    rng = np.random.default_rng(0)
+    paths = []
+    for mode in ("RGB", "RGBA", "L", "1", "P", "CMYK"):
+        picture = PIL.Image.fromarray(rng.integers(0, 256, (50, 61, 3)).astype(np.uint8)).convert(mode)
+        for compression in ("tiff_lzw", "tiff_adobe_deflate", "packbits", None):
+            paths.append(tmp_path / f"{mode}-{compression}.tif")
+            picture.save(paths[-1], compression=compression)
+    for planes in ("contig", "separate"):
+        for tile in (None, (16, 16)):
+            picture = rng.integers(0, 256, (50, 61, 3) if planes == "contig" else (3, 50, 61)).astype(np.uint8)
+            paths.append(tmp_path / f"{planes}-{tile}.tif")
+            settings = {"compression": "zlib", "photometric": "rgb", "planarconfig": planes}
+            tifffile.imwrite(paths[-1], picture, tile=tile, **settings)
+    require_whole(paths, "")
 
 
 def test_a_reconstruction_names_the_damaged_photograph(tmp_path):
