@@ -237,8 +237,17 @@ def read_record(path: Path) -> Record:
         raise InputError(f"{path}: not a record of this version", found=error, fix=RESCORE) from None
 
 
+# What a run can depend on of a checkout, as git has paths: packages with their data and weights, and what they need;
+# not pages, pictures, or the runs that ship.
+CODE = ("hydroviews", "baselines", "deraings", "leaderboard", "pyproject.toml", "constraints.txt")
+NO_CODE = ("*.md", "*.png", "*.jpg", "*.svg", "*.webp", "leaderboard/board")
+
+
 def code_version() -> str:
-    """The package version, with the commit where it runs from a checkout, and "-dirty" if that was changed."""
+    """The package version, with the commit where it runs from a checkout, and "-dirty" if its code was changed.
+
+    Files that are not under version control count as well, where they are code.
+    """
     checkout = Path(hydroviews.__file__).resolve().parent.parent
 
     def git(*arguments: str) -> str:
@@ -248,7 +257,9 @@ def code_version() -> str:
     try:
         if Path(git("rev-parse", "--show-toplevel")).resolve() != checkout:  # installed into somebody else's
             return hydroviews.__version__
-        commit = git("describe", "--always", "--dirty", "--exclude=*")
+        commit = git("describe", "--always", "--exclude=*")
+        paths = [*CODE, *(f":(exclude){name}" for name in NO_CODE)]
+        changed = git("--no-optional-locks", "status", "--porcelain", "--", *paths)
     except (OSError, subprocess.CalledProcessError):
         return hydroviews.__version__
-    return f"{hydroviews.__version__}+{commit}"
+    return f"{hydroviews.__version__}+{commit}" + ("-dirty" if changed else "")

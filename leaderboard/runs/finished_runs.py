@@ -2,14 +2,16 @@
 
 import logging
 import os
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from baselines.method import Method, find_method
 from baselines.splatting.files.ply import SPLATS, read_ply
 from baselines.splatting.gaussians import Gaussians
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
-from leaderboard.records import LEADERBOARD, LEVELS, results_above
+from leaderboard.records import LEADERBOARD, LEVELS, PLACE, results_above
 from leaderboard.runs.own_files import PREDICTION
 from leaderboard.runs.run import CONFIG, Run, refuse_other_data
 
@@ -18,24 +20,55 @@ logger = logging.getLogger(__name__)
 LISTED = 12  # runs that an error names
 
 
+@dataclass(frozen=True, kw_only=True)
+class MovedRun(Run):
+    """A run whose folder was moved or copied out of its results folder."""
+
+    place: Path
+
+    @property
+    def folder(self) -> Path:
+        """Where its files are."""
+        return self.place
+
+
 def open_run(folder: Path, data: Path) -> Run:
-    """The run that a folder belongs to, with the data it was trained on.
+    """The run that a folder holds, by its `config.json`, wherever it lies, with the data it was trained on.
 
     Args:
         folder: such as results/demo/3dgs/courtyard/raindrop-1/seed-0.
         data: the folder that `make eval` built in.
 
     Raises:
-        InputError: no finished run, one that was moved, or other data than it was trained on.
+        InputError: no finished run, or other data than it was trained on.
     """
     require_finished(folder)
-    settings, results = read_json(folder / CONFIG), results_above(folder.resolve())
-    names = ("method", "profile", "seed", "scene", "pattern", "track")
-    run = Run(data=data / settings["profile"], results=results, **{name: settings[name] for name in names})
-    if run.folder != folder.resolve():
-        raise InputError(f"{folder}: not where this run belongs", expected=run.folder, fix="move it back")
+    place, settings = folder.resolve(), _settings(folder / CONFIG)
+    names = {name: settings[name] for name in PLACE}
+    run = Run(data=data / settings["profile"], results=results_above(place), **names)
+    if run.folder != place:
+        run = MovedRun(data=run.data, results=run.results, **names, place=place)
     refuse_other_data(run, "name the folder that it was built in with --data (make: DATA=), or evaluate the run anew")
     return run
+
+
+def _settings(path: Path) -> dict[str, Any]:
+    """The settings of a run, with all that names it.
+
+    Raises:
+        InputError: they are not those of a run.
+    """
+    settings = read_json(path)
+    kinds = {name: int if name == "seed" else str for name in PLACE}
+    found = settings if isinstance(settings, dict) else {}
+    odd = [name for name, kind in kinds.items() if type(found.get(name)) is not kind]
+    if odd:
+        raise InputError(
+            f"{path}: not the settings of a run",
+            found=f"no {', '.join(odd)}",
+            fix="restore the file, or evaluate the run anew",
+        )
+    return found
 
 
 def require_finished(folder: Path) -> None:

@@ -169,6 +169,53 @@ def test_a_version_names_the_commit_of_our_own_checkout_alone(tmp_path, monkeypa
     assert code_version().endswith("-dirty")
 
 
+@pytest.mark.parametrize(
+    ("name", "dirty"),
+    [
+        ("hydroviews/rain/streaks.py", True),
+        ("baselines/method.py", True),
+        ("deraings/enhancement/weights/small.safetensors", True),
+        ("leaderboard/evaluate.py", True),
+        ("hydroviews/captures/captures.toml", True),
+        ("pyproject.toml", True),
+        ("docs/topics/results.md", False),
+        ("docs/pictures/rain.jpg", False),
+        ("README.md", False),
+        ("CHANGELOG.md", False),
+        ("tests/test_docs.py", False),
+        ("benchmarks/quality.py", False),
+        ("examples/snow.py", False),
+        ("leaderboard/board/README.md", False),
+        ("leaderboard/board/demo/3dgs/yard/clean/seed-0/record.json", False),
+        ("hydroviews/rain/README.md", False),
+        (".github/workflows/ci.yml", False),
+    ],
+)
+@pytest.mark.parametrize("tracked", [True, False])
+def test_a_version_is_dirty_where_code_that_a_run_can_depend_on_was_changed(
+    tmp_path, monkeypatch, name, dirty, tracked
+):
+    checkout, path = tmp_path / "checkout", tmp_path / "checkout" / name
+
+    def git(*arguments):
+        who = ["-c", "user.name=n", "-c", "user.email=e"]
+        subprocess.run(["git", "-C", str(checkout), *who, *arguments], check=True, capture_output=True)
+
+    package = checkout / "hydroviews"
+    package.mkdir(parents=True)
+    (package / "__init__.py").touch()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if tracked:
+        path.write_text("before")
+    git("init")
+    git("add", ".")
+    git("commit", "-m", "all")
+    monkeypatch.setattr("leaderboard.records.hydroviews.__file__", str(package / "__init__.py"))
+    assert not code_version().endswith("-dirty")
+    path.write_text("after")
+    assert code_version().endswith("-dirty") == dirty
+
+
 def test_score_and_picture_take_the_folders_that_evaluate_takes(evaluated, tmp_path, capsys):
     place = {"scene": "yard", "data": tmp_path / "data", "results": tmp_path / "results"}
     written = tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0/record.json"

@@ -1,5 +1,6 @@
 """The viewer: what it puts into the scene, and what choosing a view shows."""
 
+import shutil
 import socket
 import sys
 from contextlib import contextmanager
@@ -277,11 +278,23 @@ class TestRuns:
         with pytest.raises(InputError, match="training has not finished"):
             open_run(folder, tmp_path)
 
-    def test_a_run_that_lies_too_high_is_refused(self, run, tmp_path, monkeypatch):
-        (tmp_path / "seed-0").symlink_to(run.folder)
-        monkeypatch.setattr(Path, "resolve", lambda path: Path("/data/seed-0"))
-        with pytest.raises(InputError, match="not where this run belongs"):
-            open_run(tmp_path / "seed-0", run.data.parent)
+    @pytest.mark.parametrize("name", ["seed-0", "seed-5", "my favourite"])
+    def test_a_run_is_what_its_settings_say_wherever_it_lies(self, run, tmp_path, name):
+        moved = tmp_path / name
+        shutil.copytree(run.folder, moved)
+        opened = open_run(moved, run.data.parent)
+        assert (opened.folder, opened.method, opened.seed) == (moved, run.method, run.seed)
+        assert str(opened) == str(run)
+        camera = run.clean_scene().test_views[0].camera
+        np.testing.assert_array_equal(load_method(opened).render(camera), load_method(run).render(camera))
+
+    @pytest.mark.parametrize("settings", [[], {}, {"method": "3dgs"}, {"seed": "0"}])
+    def test_settings_that_are_none_are_refused(self, run, tmp_path, settings):
+        moved = tmp_path / "moved"
+        shutil.copytree(run.folder, moved)
+        write_json(moved / "config.json", settings)
+        with pytest.raises(InputError, match=r"config\.json: not the settings of a run"):
+            open_run(moved, run.data.parent)
 
     def test_other_data_are_refused(self, run, tmp_path):
         with pytest.raises(InputError, match="no finished scene yard"):
