@@ -4,7 +4,7 @@ With adaptive density control, as the benchmark's reference rows have it, or wit
 """
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -15,6 +15,7 @@ from baselines.method import Method, TrainingSummary, profile_settings
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.files.checkpoints import read_model, write_model
 from baselines.splatting.files.ply import SPLATS, write_ply
+from baselines.splatting.files.unfiltered import without_filter
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Plane
@@ -111,12 +112,19 @@ class GaussianSplatting(Method):
         """The Gaussians as a .ply can hold them."""
         return self._require().gaussians
 
+    def _for_viewers(self) -> Gaussians:
+        """What `export_gaussians` gives, for renderers that have no 2D filter."""
+        trained, gaussians = self._require(), self.export_gaussians()
+        return without_filter(gaussians, trained.cameras, trained.near) if self.splatting.antialiased else gaussians
+
     def save(self, folder: Path) -> None:
         """Write the exact model, a .ply for viewers, and what was found beside the scene."""
         trained = self._require()
         about = {name: getattr(trained, name) for name in RECORDED} | {"found": bool(self.found)}
+        if self.splatting.antialiased:
+            about["cameras"] = [_as_numbers(camera) for camera in trained.cameras]
         write_model(folder / MODEL, trained.gaussians, about)
-        write_ply(folder / SPLATS, self.export_gaussians())
+        write_ply(folder / SPLATS, self._for_viewers())
         if self.found:
             write_json(folder / FOUND, self.found)
         self._model_mb = megabytes(folder / MODEL)
@@ -133,6 +141,7 @@ class GaussianSplatting(Method):
         if about.pop("found", False):
             method.found = read_json(folder / FOUND)
         about["residuals"] = tuple(about.get("residuals", ()))
+        about["cameras"] = tuple(_from_numbers(numbers) for numbers in about.get("cameras", ()))
         method._trained = TrainedScene(gaussians=gaussians, compile_seconds=0.0, **about)
         method._model_mb = megabytes(folder / MODEL)
         return method
@@ -148,6 +157,17 @@ class GaussianSplatting(Method):
         if self._trained is None:
             raise InputError(f"{type(self).__name__}: not trained", fix="call fit or load first")
         return self._trained
+
+
+def _as_numbers(camera: Camera) -> list[float]:
+    """A camera for JSON."""
+    lens = [camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy]
+    return [*lens, *camera.world_to_camera.ravel().tolist()]
+
+
+def _from_numbers(numbers: Sequence[float]) -> Camera:
+    width, height, fx, fy, cx, cy, *pose = numbers
+    return Camera(int(width), int(height), fx, fy, cx, cy, np.reshape(pose, (4, 4)))
 
 
 def warn_if_hidden(share: float, what: str = "masks") -> None:

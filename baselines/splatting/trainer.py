@@ -17,11 +17,12 @@ from baselines.splatting.objective import Objective
 from baselines.splatting.state import TrainingState, fresh_state, without_non_finite
 from baselines.splatting.strategies.pruning import prune
 from baselines.training.checkpoints import CHECKPOINT, Tree, fingerprint_of
-from baselines.training.images import read_images
+from baselines.training.images import evenly_spread, read_images
 from baselines.training.loop import Metrics, run
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.scenes import Scene
 
+KEPT_CAMERAS = 30  # of the training views, with the trained scene
 CHECK_EVERY = 100  # iterations between two checks for Gaussians that are not finite
 
 
@@ -38,6 +39,7 @@ class TrainedScene:
     iterations: int | None = None  # that were done: fewer than configured where training stopped early
     residuals: tuple[float, ...] = ()  # mean losses of the validation views, one a validation
     non_finite: int = 0  # Gaussians removed because a parameter was NaN or infinite
+    cameras: tuple[Camera, ...] = ()  # some of the training views', evenly spread; none of a model of before
 
 
 def train(
@@ -90,6 +92,7 @@ def train(
         iterations=state.iteration,
         residuals=state.residuals,
         non_finite=state.non_finite,
+        cameras=tuple(cameras[i] for i in evenly_spread(len(cameras), KEPT_CAMERAS)),
     )
 
 
