@@ -1,9 +1,9 @@
 """python -m leaderboard evaluate | sweep | run | check | table | site | compare | publish | board | score | ..."""
 
-import signal
+from hydroviews.cli.starting import begin
 
-if __name__ == "__main__" and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # no traceback of the imports; `run_command` takes over
+if __name__ == "__main__":
+    begin()
 
 import inspect
 import json

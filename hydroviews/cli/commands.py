@@ -10,6 +10,7 @@ import tyro
 
 from hydroviews.cli.logs import choose_log_level, show_logs
 from hydroviews.cli.processes import Ended, end_when_asked
+from hydroviews.cli.starting import ENDED
 from hydroviews.errors import InputError, no_permission
 from hydroviews.files.malloc import keep_freed_memory
 
@@ -48,7 +49,7 @@ def run_command(commands: Mapping[str, Callable[..., Any]] | Callable[..., Any],
         print("\ninterrupted; the same command goes on from here", file=sys.stderr)
         sys.exit(130)
     except Ended as end:
-        print(f"\nended by {end.name}; the same command goes on from here", file=sys.stderr)
+        print(ENDED.format(end.name), file=sys.stderr)
         sys.exit(end.code)
 
 

@@ -35,7 +35,7 @@ def csv_bytes(table: "pd.DataFrame") -> bytes:
     """A table as the content of a CSV file, without its index."""
     from pandas.api.types import is_numeric_dtype
 
-    texts = [name for name in table if not is_numeric_dtype(table[name].dtype)]
+    texts = [str(name) for name in table if not is_numeric_dtype(table[name].dtype)]
     safe = table.assign(**{name: table[name].astype(object).map(neutral) for name in texts})
     return safe.to_csv(index=False, lineterminator="\n").encode()
 

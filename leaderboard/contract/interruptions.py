@@ -162,6 +162,7 @@ def _run(case: Case, steps: int, folder: Path, number: signal.Signals | None = N
     resource_tracker.ensure_running()  # which is of all such processes, and none of the family
     with mock.patch.dict(os.environ, family.environment({})):
         process.start()
+    assert process.pid is not None  # it has been started
     try:
         if number is not None:
             _interrupt(process, number, notes / BEGUN, moment)

@@ -44,6 +44,16 @@ def test_who_is_asked_to_end_says_in_one_line_how_to_go_on(tmp_path, number, sta
     assert process.returncode == status
 
 
+@pytest.mark.parametrize("package", ["hydroviews", "leaderboard", "deraings"])
+def test_who_is_asked_to_end_while_it_imports_says_so_as_well(tmp_path, package):
+    (tmp_path / "tyro.py").write_text("import signal\nsignal.raise_signal(signal.SIGTERM)\n")  # what all import first
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(REPOSITORY)])}
+    command = [sys.executable, "-m", package, "--help"]
+    process = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert process.stderr == "\nended by SIGTERM; the same command goes on from here\n"
+    assert process.returncode == 143
+
+
 def test_what_a_plugin_reads_of_the_command_line_is_empty(monkeypatch):
     found = []
     monkeypatch.setattr(commands, "end_when_asked", lambda: None)  # the handlers of this process stay

@@ -1,0 +1,22 @@
+"""The first lines of a command, before its imports: those take a second or more, and signals may come meanwhile.
+
+It imports nothing of ours, so that nothing takes long before it.
+"""
+
+import os
+import signal
+
+ENDED = "\nended by {}; the same command goes on from here"
+
+
+def begin() -> None:
+    """Let this process end at once, without a traceback of its imports, until `commands.run_command` takes over."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+        signal.signal(signal.SIGTERM, _end)
+
+
+def _end(number: int, _: object) -> None:
+    os.write(2, (ENDED.format(signal.Signals(number).name) + "\n").encode())
+    os._exit(128 + number)
