@@ -18,6 +18,9 @@ logger = logging.getLogger(__name__)
 
 ASKED = (signal.SIGTERM, signal.SIGHUP)  # a process is asked to end, the second when its terminal is closed
 ENDING = (signal.SIGINT, *ASKED)
+# What a library with a handler for crashes takes: SIGTERM too, so that a worker which is ended looks like a crash.
+CRASHES = (signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGSEGV, signal.SIGTERM)
+ACTION = 1024  # bytes, more than any system's `struct sigaction`
 PR_SET_PDEATHSIG = 1  # of Linux' prctl
 LOOK = 1.0  # seconds between two looks whether a parent is still there
 
@@ -165,3 +168,20 @@ def run_process(command: Sequence[str], environment: Mapping[str, str] | None = 
     status = run_child(command, subprocess.Popen.kill, environment)
     if status:
         raise subprocess.CalledProcessError(status, command)
+
+
+@contextmanager
+def kept_handlers() -> Iterator[None]:
+    """Leaves the handlers of CRASHES as they were before the block, in any thread.
+
+    Python's `signal` knows only handlers that were installed through it, and works in the main thread alone.
+    """
+    sigaction = ctypes.CDLL(None).sigaction
+    before = {number: ctypes.create_string_buffer(ACTION) for number in CRASHES}
+    for number, action in before.items():
+        sigaction(int(number), None, action)
+    try:
+        yield
+    finally:
+        for number, action in before.items():
+            sigaction(int(number), action, None)
