@@ -29,6 +29,7 @@ from leaderboard.contract.case import (
     some,
 )
 from leaderboard.contract.toy_scene import HEIGHT, WIDTH
+from leaderboard.runs.own_files import in_the_way, left_by_the_method
 from leaderboard.runs.run import as_json
 
 HIDDEN = slice(8, 24), slice(10, 34)  # rows and columns that masks hide
@@ -86,9 +87,11 @@ def rendering(case: Case) -> str:
 
 
 def saving(case: Case) -> str:
-    """What is saved is loaded with the same pixels; an empty folder is refused."""
+    """What is saved is loaded with the same pixels, and is in nobody's way; an empty folder is refused."""
     folder = case.folder / "trained"
     case.trained.save(folder)
+    if left := in_the_way(folder):
+        raise Failed(left_by_the_method(left))
     must_equal(case.renders(case.kind.load(case.config(), 0, folder)), case.pixels, "loaded, it renders other pixels")
     empty = case.folder / "empty"
     empty.mkdir()

@@ -130,6 +130,12 @@ class HoldsAnObject(Good):
         return ObjectConfig()
 
 
+class InTheWay(Good):
+    def save(self, folder: Path) -> None:
+        super().save(folder)
+        (folder / "renders").write_text("mine")
+
+
 class LeavesThread(Good):
     def fit(self, scene: Scene, folder: Path) -> None:
         super().fit(scene, folder)

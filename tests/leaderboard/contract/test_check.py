@@ -91,6 +91,7 @@ def test_a_method_that_keeps_the_contract_passes(case):
         ("TooBright", "renders any camera"),
         ("OneArray", "renders any camera"),
         ("Rounds", "saved and loaded"),
+        ("InTheWay", "saved and loaded"),
         ("NoTime", "summary"),
         ("Peeks", "held-out views unseen"),
         ("LooksBehindMasks", "masks respected"),
