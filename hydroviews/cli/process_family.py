@@ -16,7 +16,7 @@ from pathlib import Path
 MARK = "HYDROVIEWS_FAMILY"  # environment of a process: the families it is of, outermost first
 BETWEEN = "/"  # families
 PROC = Path("/proc")
-ROUNDS, PAUSE = 20, 0.05  # of killing, as processes may start others meanwhile; seconds between two
+ROUNDS, PAUSE = 20, 0.05  # of waiting, and of killing, as processes may start others meanwhile; seconds between two
 
 
 def _new_mark() -> str:
@@ -52,7 +52,7 @@ class Family:
         Args:
             first: the number of its first process, which may be that of a group.
         """
-        left = self.members()
+        left = self._left()
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(first, signal.SIGKILL)
         for _ in range(ROUNDS):
@@ -64,6 +64,15 @@ class Family:
                     os.kill(number, signal.SIGKILL)
             time.sleep(PAUSE)
         return len(left)
+
+    def _left(self) -> list[int]:
+        """Its processes that do not end by themselves in a moment, as helpers do whose pipe was closed."""
+        for _ in range(ROUNDS):
+            left = self.members()
+            if not left:
+                break
+            time.sleep(PAUSE)
+        return left
 
     def _has(self, number: int) -> bool:
         try:
