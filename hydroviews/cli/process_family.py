@@ -84,6 +84,11 @@ class Family:
         return f"{found}{BETWEEN}".startswith(f"{self.mark}{BETWEEN}")
 
 
+def shows_writing() -> bool:
+    """Whether the system shows how much processes write."""
+    return _bytes_written(os.getpid()) is not None
+
+
 def _processes() -> Iterator[int]:
     """The numbers of all processes that the system shows."""
     if PROC.is_dir():

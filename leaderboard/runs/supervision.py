@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Protocol, TextIO
 
-from hydroviews.cli.process_family import PROC, Family
+from hydroviews.cli.process_family import Family, shows_writing
 from hydroviews.cli.processes import Ended, end_with_parent, run_child
 from hydroviews.errors import InputError, printable
 from hydroviews.files.atomic import read_json, write_json
@@ -156,7 +156,7 @@ def tethered(tether: Tether) -> Iterator[None]:
     faulthandler.enable()  # a crash shows where it was
     if tether.memory:
         limit_memory(tether.memory)
-    if not PROC.is_dir():
+    if not shows_writing():
         for name in ("stdout", "stderr"):
             setattr(sys, name, Heartbeat(getattr(sys, name), tether.notes / ALIVE))
     try:
