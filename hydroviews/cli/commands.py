@@ -9,7 +9,7 @@ from typing import Any, NoReturn
 import tyro
 
 from hydroviews.cli.logs import choose_log_level, show_logs
-from hydroviews.cli.processes import Ended, end_when_asked
+from hydroviews.cli.processes import ENDING, Ended, end_when_asked
 from hydroviews.cli.starting import ENDED
 from hydroviews.errors import InputError, no_permission
 from hydroviews.files.malloc import keep_freed_memory
@@ -46,11 +46,17 @@ def run_command(commands: Mapping[str, Callable[..., Any]] | Callable[..., Any],
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing is left to be flushed at exit
         sys.exit(141)
     except KeyboardInterrupt:
-        print("\ninterrupted; the same command goes on from here", file=sys.stderr)
-        sys.exit(130)
+        _end("\ninterrupted; the same command goes on from here", 130)
     except Ended as end:
-        print(ENDED.format(end.name), file=sys.stderr)
-        sys.exit(end.code)
+        _end(ENDED.format(end.name), end.code)
+
+
+def _end(text: str, status: Any) -> NoReturn:
+    """End with a line; further signals would only make a traceback of what is left to do."""
+    for number in ENDING:
+        signal.signal(number, signal.SIG_IGN)
+    print(text, file=sys.stderr)
+    sys.exit(status)
 
 
 def _refuse(error: InputError) -> NoReturn:

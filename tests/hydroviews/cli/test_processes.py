@@ -44,6 +44,27 @@ def test_who_is_asked_to_end_says_in_one_line_how_to_go_on(tmp_path, number, sta
     assert process.returncode == status
 
 
+ENDS_SLOWLY = COMMAND.replace("run_command(main", "import atexit; atexit.register(time.sleep, 3)\nrun_command(main")
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_second_signal_while_it_ends_changes_nothing(tmp_path, number, status):
+    begun = tmp_path / "begun"
+    process = subprocess.Popen(
+        [sys.executable, "-c", ENDS_SLOWLY, "--begun", str(begun)],
+        env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    wait_until(begun.exists, process)
+    process.send_signal(number)
+    assert process.stderr.readline() == "\n"
+    assert process.stderr.readline().endswith("the same command goes on from here\n")
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=PATIENCE)
+    assert (process.returncode, errors) == (status, "")
+
+
 @pytest.mark.parametrize("package", ["hydroviews", "leaderboard", "deraings"])
 def test_who_is_asked_to_end_while_it_imports_says_so_as_well(tmp_path, package):
     (tmp_path / "tyro.py").write_text("import signal\nsignal.raise_signal(signal.SIGTERM)\n")  # what all import first
