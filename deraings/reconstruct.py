@@ -20,6 +20,7 @@ from hydroviews.captures.video.frames import FrameChoice
 from hydroviews.dataset.clean_views import triangulated
 from hydroviews.dataset.contact_sheet import spread
 from hydroviews.errors import InputError
+from hydroviews.files import ownership
 from hydroviews.files.atomic import read_json
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.files.settings_guard import claim_folder
@@ -223,6 +224,7 @@ def with_points(scene: Scene, folder: Path) -> Scene:
         return scene
     if not folder.is_dir():
         work = folder.with_name(".triangulation")
+        ownership.enter_all([f"{work.name}/"], work.parent)
         found = triangulate(scene, work)
         write_colmap(replace(scene, points=found), folder)
         remove_tree(work)

@@ -26,6 +26,7 @@ from deraings.enhancement.weights import load_enhancer, save_network
 from hydroviews.cli.commands import run_command
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
+from hydroviews.files.ownership import require_ours
 from hydroviews.formats.photographs import one_by_one
 from hydroviews.pairs.photographs import split_photographs
 from hydroviews.rain.registry import parse_pattern
@@ -153,11 +154,13 @@ def enhance_command(
         sheet: also draw some of them before and after, evenly spread in order of name, into this PNG.
 
     Raises:
-        InputError: a picture that cannot be read, or a sheet that is no PNG or lies among the enhanced pictures.
+        InputError: a picture that cannot be read, a sheet that is no PNG or lies among the enhanced pictures, or a file
+            of another origin that would be written over.
     """
     if sheet is not None and (sheet.suffix != ".png" or sheet.resolve().parent == out.resolve()):
         raise InputError(f"--sheet {sheet}", expected=f"a .png, not in {out}, where it would be taken for a picture")
     enhancer, targets = load_enhancer(weights), one_by_one(pictures, out)
+    require_ours([*targets.values(), *([sheet] if sheet else [])])
     print(enhancer.reason)
     files = list(targets)
 

@@ -1,14 +1,15 @@
 """What all variants of a built scene share: views at their final size, masks, depth, cameras, points and split."""
 
 import logging
-import shutil
 from dataclasses import asdict, replace
 from pathlib import Path
 
 from tqdm import tqdm
 
 from hydroviews.captures.sfm.poses import triangulate
+from hydroviews.files import ownership
 from hydroviews.files.atomic import write_json
+from hydroviews.files.temporary import remove_tree
 from hydroviews.formats.colmap import reliable
 from hydroviews.formats.colmap_format import read_points
 from hydroviews.formats.writers import write_colmap, write_nerfstudio
@@ -22,6 +23,7 @@ from hydroviews.scene.scenes import Scene, View
 logger = logging.getLogger(__name__)
 
 CLEAN = "clean"
+WORK = ".triangulation"
 FEW_POINTS = 100  # of a capture whose poses may be wrong
 
 
@@ -80,13 +82,14 @@ def write_cameras(scene: Scene, folder: Path, capture: Scene, images: str) -> Sc
     """
     model = folder / "sparse" / "0"
     if not len(scene.points):
-        found = reliable(read_points(model)) if model.is_dir() else triangulate(capture, folder / ".triangulation")
+        ownership.enter_all([f"{WORK}/"], folder)
+        found = reliable(read_points(model)) if model.is_dir() else triangulate(capture, folder / WORK)
         note = triangulated(len(found))
         logger.info("%s: %s", scene.name, note)
         scene = replace(scene, points=found, notes=(*scene.notes, note))
     if not model.is_dir():
         write_colmap(scene, model)
-    shutil.rmtree(folder / ".triangulation", ignore_errors=True)
+    remove_tree(folder / WORK)
     write_nerfstudio(scene, folder / "transforms.json", images)
     write_json(folder / "split.json", asdict(scene.split))
     return scene

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from hydroviews.errors import InputError
+from hydroviews.files import ownership
 from hydroviews.files.full_disk import plain_write_errors
 from hydroviews.files.temporary import temporary_beside
 
@@ -22,11 +23,12 @@ def replacing(path: Path) -> Iterator[Path]:
     removed and `path` stays as it was.
 
     Raises:
-        InputError: the disk is full.
+        InputError: the disk is full, or a file of somebody else's has that name in a folder of ours.
         ReadOnly: nothing may be written there.
     """
     with plain_write_errors(path), temporary_beside(path) as temporary:
         yield temporary
+        ownership.enter(path, temporary)
         os.replace(temporary, path)
 
 

@@ -11,6 +11,7 @@ import pycolmap
 from tqdm import tqdm
 
 from hydroviews.captures.sfm.pairs import Pair
+from hydroviews.captures.sfm.room import PAIRS
 from hydroviews.errors import InputError
 from hydroviews.scene.images import image_size
 from hydroviews.scene.masks import find_mask, mask_name
@@ -166,7 +167,7 @@ def match_listed(
     after: Callable[[Sequence[str]], object] = lambda lines: None,
 ) -> None:
     """Match and verify the pairs of a list, some at a time, with what is to be done before and after these."""
-    list_path = database.with_name("pairs.txt")
+    list_path = database.with_name(PAIRS)
     with tqdm(total=len(lines), desc=title, unit="pair") as bar:
         for chunk in _chunks(lines, PAIRS_AT_ONCE):
             before(chunk)

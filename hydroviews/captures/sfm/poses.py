@@ -11,7 +11,6 @@ from tqdm import tqdm
 from hydroviews.captures.exif_orientation import common_turn
 from hydroviews.captures.sfm import matching, pairs, rain
 from hydroviews.captures.sfm.mapping import (
-    MAPPING,
     MINIMUM,
     map_photographs,
     mapping_options,
@@ -20,13 +19,16 @@ from hydroviews.captures.sfm.mapping import (
 )
 from hydroviews.captures.sfm.room import DATABASE, room_for
 from hydroviews.captures.sfm.sources import (
+    WORKING_FILES,
     forget_other_photographs,
     link_names,
     link_photographs,
+    refuse_foreign,
     without_blanks,
 )
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import listing
+from hydroviews.files.ownership import enter_all
 from hydroviews.files.settings_guard import claim_folder
 from hydroviews.formats.colmap import reliable
 from hydroviews.formats.colmap_format import SparsePoints
@@ -87,8 +89,9 @@ def estimate_poses(
     Raises:
         TooFewRegistered: fewer than three.
         FullDisk: no room for features and matches.
-        InputError: fewer than three photographs, one that cannot be read, or `out` was made otherwise or lies among the
-            photographs; in rain, nothing but features that stay on the lens, or an enhanced picture of another size.
+        InputError: fewer than three photographs, one that cannot be read, or `out` was made otherwise, lies among the
+            photographs, or holds photographs, a database or a model of somebody else's; in rain, nothing but features
+            that stay on the lens, or an enhanced picture of another size.
         ValueError: to enhance, but not `rainy`.
     """
     if enhance and not rainy:
@@ -112,7 +115,8 @@ def estimate_poses(
     settings |= {"files": listing(sources)}
     finished, pictures = (out / "sparse").is_dir(), out / "images"
     copied = [] if images.resolve() == pictures.resolve() else [pictures]  # frames of a video lie there themselves
-    unfinished = [*out.glob(f"{DATABASE}*"), out / MAPPING, *copied]
+    unfinished = [*(out / name for name in WORKING_FILES), *copied]
+    refuse_foreign(out / SETTINGS, [*unfinished, out / "sparse"])
     forget_other_photographs(out / SETTINGS, settings, unfinished, finished)
     claim_folder(
         out / SETTINGS,
@@ -124,6 +128,7 @@ def estimate_poses(
     if missing := {name: path for name, path in links.items() if not (pictures / name).exists()}:
         link_photographs(missing, pictures, turned=masks is None and common_turn(sources))
     if not finished:
+        enter_all(WORKING_FILES, out)
         database, names = out / DATABASE, sorted(links)
         chosen = pairs.all_pairs(len(names)) if exhaustive else pairs.sequence_pairs(len(names))
         with room_for(out, len(names)):

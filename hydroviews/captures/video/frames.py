@@ -19,6 +19,7 @@ from tqdm import tqdm
 
 from hydroviews.captures.video.decoding import Video, frame_times, is_cut_short, open_video
 from hydroviews.errors import InputError
+from hydroviews.files import ownership
 from hydroviews.files.atomic import read_json, sha256, write_json
 from hydroviews.files.settings_guard import claim_folder
 from hydroviews.profiles import require_long_side
@@ -121,7 +122,7 @@ def _take(video: Video, out: Path, choice: FrameChoice) -> dict[str, Any]:
     for best in _best_frames(video, choice, seen):
         name = f"frame-{best.instant:05d}.png"
         if not (out / IMAGES / name).is_file():
-            (out / MASKS / mask_name(name)).unlink(missing_ok=True)  # nothing is hidden in the new picture
+            ownership.remove(out / MASKS / mask_name(name))  # nothing is hidden in the new picture
             write_png(out / IMAGES / name, _fitted(best.pixels, choice.long_side))
         facts = {"instant": best.instant / choice.rate, "time": best.time, "sharpness": best.sharpness}
         frames.append({"name": name, **{key: round(value, 4) for key, value in facts.items()}})

@@ -12,6 +12,7 @@ from hydroviews.dataset.request import REQUEST
 from hydroviews.dataset.sharing.croissant import CROISSANT
 from hydroviews.dataset.sources import RENDERED
 from hydroviews.files.locks import LOCK
+from hydroviews.files.ownership import LISTS
 from hydroviews.files.temporary import PARTIAL
 from hydroviews.formats.capture_json import CAPTURED
 
@@ -73,8 +74,8 @@ def _unlisted(folder: Path, entry: Entry) -> Iterator[tuple[Path, str]]:
 
 
 def _is_at_work(path: Path) -> bool:
-    """Locks, and what is being written or was left half written."""
-    return path.name.startswith((LOCK, PARTIAL))
+    """Locks, lists of what was written, and what is being written or was left half written."""
+    return path.name.startswith((LOCK, PARTIAL, *LISTS))
 
 
 def _link(path: Path) -> str:

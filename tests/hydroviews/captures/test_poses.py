@@ -1,5 +1,6 @@
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -23,7 +24,7 @@ from hydroviews.captures.sfm.mapping import can_be_read
 from hydroviews.captures.sfm.poses import estimate_poses, triangulate
 from hydroviews.captures.sfm.sources import link_names, link_photographs
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import listing
+from hydroviews.files.atomic import listing, sha256
 from hydroviews.formats.capture_json import captured_rainy
 from hydroviews.formats.geometry import misplaced, misplaced_note, rigid_pose
 from hydroviews.formats.read import read_scene
@@ -316,6 +317,39 @@ def test_cameras_of_other_photographs_are_kept(noise, tmp_path):
     with pytest.raises(InputError, match="of the same names and other sizes"):
         estimate_poses(tmp_path / "noise", tmp_path / "out", rainy=True)
     assert (tmp_path / "out" / mapping.DATABASE).is_file()
+
+
+def digests(folder):
+    return {path.relative_to(folder).as_posix(): sha256(path) for path in folder.rglob("*") if path.is_file()}
+
+
+def test_photographs_and_a_database_of_the_users_in_the_folder_of_results_stay(noise, tmp_path):
+    """`poses walk/noise --out walk`, with originals in walk/images and COLMAP's database: nothing is touched."""
+    noise()
+    shutil.rmtree(tmp_path / "out")
+    for name in ("images/ORIGINAL_0.jpg", "database.db", "sparse/0/cameras.bin"):
+        folder = tmp_path / name.replace("/", "-")
+        (folder / name).parent.mkdir(parents=True)
+        (folder / name).write_bytes(b"the user's")
+        (folder / "database.db.bak").write_bytes(b"a copy")
+        before = digests(folder)
+        for _ in range(2):
+            with pytest.raises(InputError, match=rf"holds files that are not of this estimate[\s\S]*{re.escape(name)}"):
+                estimate_poses(tmp_path / "noise", folder, rainy=True)
+        assert digests(folder) == before
+
+
+def test_work_begun_anew_removes_our_links_alone(noise, tmp_path, caplog):
+    noise()
+    (tmp_path / "out" / "images" / "mine.jpg").write_bytes(b"the user's")
+    (tmp_path / "out" / "database.db.bak").write_bytes(b"a copy")
+    write_png(tmp_path / "noise" / "4.png", np.zeros((64, 64, 3), np.float32))
+    noise()
+    assert "not written by HydroViews, and kept: images/mine.jpg" in caplog.text
+    assert {path.name for path in (tmp_path / "out" / "images").iterdir()} == {
+        "0.png", "1.png", "2.png", "4.png", "mine.jpg",
+    }  # fmt: skip
+    assert (tmp_path / "out" / "database.db.bak").is_file()
 
 
 def test_sequence_pairs_join_neighbours_and_close_loops():
