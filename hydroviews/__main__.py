@@ -30,6 +30,7 @@ from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.files.locks import BUSY, locked
+from hydroviews.files.ownership import require_ours
 from hydroviews.formats.capture_json import FILE as CAPTURE
 from hydroviews.formats.capture_json import RAINY, read_capture_json
 from hydroviews.formats.photographs import FOLDERS
@@ -181,9 +182,12 @@ def poses_command(images: Annotated[Path, tyro.conf.Positional], out: Path | Non
     out = out or _capture_beside(images)
     check_photographs(images, out)
     with locked(out.resolve(), BUSY):
+        described = read_capture_json(out)
+        if rainy and described != {**described, **RAINY}:
+            require_ours([out / CAPTURE])
         scene = estimate_poses(images, out, rainy=rainy)
-        if rainy:
-            write_json(out / CAPTURE, {**read_capture_json(out), **RAINY})
+        if rainy and described != {**described, **RAINY}:
+            write_json(out / CAPTURE, {**described, **RAINY})
     for note in (*scene.notes, *camera_notes(scene, out / "images")):
         print(note)
     print(f"capture: {out}; build it with `python -m hydroviews build --scene {shlex.quote(str(out))}`")

@@ -29,7 +29,8 @@ def claim(folder: Path) -> None:
 
 def is_claimed(folder: Path) -> bool:
     """Whether the folder or one above has a list of what was written below it."""
-    return _list_of(folder / FOLDER) is not None
+    folder = Path(os.path.abspath(folder))
+    return any((one / FOLDER).is_file() for one in (folder, *folder.parents))
 
 
 def enter_all(names: Iterable[str], folder: Path) -> None:

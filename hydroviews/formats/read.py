@@ -1,5 +1,6 @@
 """Read a capture as a scene, whichever of the known formats it has."""
 
+import logging
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 from hydroviews.errors import InputError
 from hydroviews.formats import llff, nerfstudio
 from hydroviews.formats.capture_json import captured_rainy, described_number
+from hydroviews.formats.checks.capture import compare
 from hydroviews.formats.colmap import find_models, read_colmap, refuse_mixed
 from hydroviews.formats.llff import read_llff
 from hydroviews.formats.nerfstudio import read_nerfstudio
@@ -18,6 +20,9 @@ from hydroviews.scene.masks import MASKS, mask_name
 from hydroviews.scene.scenes import Scene
 
 # Of a folder, the scene's name, the photographs' folder inside it, and what finds the photographs.
+logger = logging.getLogger(__name__)
+
+BUILT = "request.json"  # in a built scene's folder
 Read = Callable[[Path, str, str | None, Match], Scene]
 
 # How each format is recognised and read; the first match is taken.
@@ -54,6 +59,9 @@ def read_scene(folder: Path, name: str | None = None, images: str | None = None)
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder")
     scene = _read_cameras(folder, name or folder.resolve().name, images)
+    if not any((one / BUILT).is_file() for one in (folder, folder.parent)):  # a built scene was compared before
+        for contradiction in compare(scene):
+            logger.warning(contradiction)
     masked, notes = sum(view.mask is not None for view in scene.views), list(scene.notes)
     if masked:
         notes.append(f"{masked} of {len(scene.views)} views have a mask")

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from hydroviews.errors import InputError
 from hydroviews.files.known_bytes import require_bytes
 from hydroviews.scene.cameras import Camera, fitted_size, same_shape
+from hydroviews.scene.exif import ON_ITS_SIDE, orientation
 from hydroviews.scene.images import Image, read_pixels, resize_area, row_blocks, to_image, to_rgb, to_uint8
 from hydroviews.scene.lenses import Lens
 from hydroviews.scene.masks import TOUCHED, Ignored, fit_ignored, read_ignored, write_ignored
@@ -141,12 +142,19 @@ class View:
 
 
 def wrong_size(path: Path, found: tuple[int, int], expected: tuple[int, int]) -> InputError:
-    """The error for a photograph that its camera was not estimated from."""
+    """The error for a photograph that its camera was not estimated from, or that lies on its side."""
+    size, fix = (
+        f"{found[0]}x{found[1]} pixels",
+        "use the images that the cameras were estimated from, all resized alike",
+    )
+    if same_shape(found[::-1], expected) and orientation(path) in ON_ITS_SIDE:
+        size += f", by Exif's Orientation {orientation(path)} to be shown as {found[1]}x{found[0]}"
+        fix = "save the photographs upright, since the cameras are those of upright ones (`mogrify -auto-orient`)"
     return InputError(
         f"{path}: image and camera differ in size",
-        found=f"{found[0]}x{found[1]} pixels",
+        found=size,
         expected=f"{expected[0]}x{expected[1]}, or a larger image of the same shape",
-        fix="use the images that the cameras were estimated from, all resized alike",
+        fix=fix,
     )
 
 
@@ -164,6 +172,15 @@ class Points:
 def no_points() -> Points:
     """An empty cloud."""
     return Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
+
+
+@dataclass(frozen=True)
+class Observed:
+    """Where a structure-from-motion model has its own points in a photograph."""
+
+    places: NDArray[np.float64]  # [K, 2], across and down the photograph, from 0 to 1
+    positions: NDArray[np.float64]  # [K, 3]
+    colours: NDArray[np.uint8]  # [K, 3]
 
 
 @dataclass(frozen=True)
@@ -203,6 +220,7 @@ class Scene:
     metres_per_unit: float | None = None  # where it is known
     clean_error: float | None = None  # of plain 3DGS on clean views, see `formats.capture_json`; where it is known
     drops_cost: float = 1.0  # measured over predicted cost of drops that stay to plain 3DGS; 1 where it is not known
+    observed: Mapping[str, Observed] = field(default_factory=dict, repr=False, compare=False)  # in a few views, by name
 
     @property
     def train_views(self) -> tuple[View, ...]:

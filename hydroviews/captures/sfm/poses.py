@@ -210,5 +210,6 @@ def _points(model: pycolmap.Reconstruction) -> Points:
             np.array([point.color for point in points], np.uint8).reshape(-1, 3),
             np.array([point.error for point in points]),
             np.array([point.track.length() for point in points], np.int64),
+            np.array(sorted(model.points3D), np.int64),
         )
     )

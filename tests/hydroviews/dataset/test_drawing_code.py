@@ -72,6 +72,7 @@ HARMLESS = {
     "hydroviews.files.atomic",
     "hydroviews.files.full_disk",
     "hydroviews.files.known_bytes",
+    "hydroviews.files.ownership",
     "hydroviews.files.settings_guard",
     "hydroviews.files.temporary",
     "hydroviews.formats.capture_json",
