@@ -14,11 +14,11 @@ from hydroviews.formats.colmap import reliable
 from hydroviews.formats.colmap_format import read_points
 from hydroviews.formats.writers import write_colmap, write_nerfstudio
 from hydroviews.scene.depth import FOLDER as DEPTH
-from hydroviews.scene.depth import depth_path, fitted_depth, write_depth
+from hydroviews.scene.depth import depth_path, filled_depth, write_depth
 from hydroviews.scene.images import write_png
 from hydroviews.scene.jpeg_damage import require_whole
 from hydroviews.scene.masks import MASKS, mask_name
-from hydroviews.scene.scenes import Scene, View
+from hydroviews.scene.scenes import Points, Scene, View
 
 logger = logging.getLogger(__name__)
 
@@ -45,7 +45,7 @@ def write_views(scene: Scene, folder: Path, images: str) -> Scene:
         if not path.is_file():
             write_png(path, view.rounded())
         built[where][view.name] = View(view.name, view.camera, path, mask=_write_mask(view, folder) if masked else None)
-        _write_depth(view, built[where][view.name], folder)
+        _write_depth(view, built[where][view.name], folder, scene.points)
     views = tuple((built[CLEAN] | built[images])[view.name] for view in scene.views)
     clean = tuple(built[CLEAN][view.name] for view in scene.clean_views)
     distorted = sum(view.lens is not None and depth_path(view).is_file() for view in scene.views)
@@ -61,11 +61,11 @@ def _write_mask(view: View, folder: Path) -> Path:
     return path
 
 
-def _write_depth(view: View, built: View, folder: Path) -> None:
+def _write_depth(view: View, built: View, folder: Path, points: Points) -> None:
     """Write the view's depth map, if the capture has one that fits: rain in space is hidden behind surfaces."""
     source, path = depth_path(view), folder / DEPTH / f"{view.name}.exr"
     if view.lens is None and source.is_file() and not path.is_file():
-        write_depth(path, fitted_depth(source, built.camera))
+        write_depth(path, filled_depth(source, built.camera, points))
 
 
 def triangulated(count: int) -> str:

@@ -1,6 +1,7 @@
 """All comparisons of a capture with itself, in one place."""
 
 from hydroviews.formats.checks.colours import point_colours
+from hydroviews.formats.checks.depth_maps import depth_maps
 from hydroviews.formats.checks.observations import keypoint_colours, own_keypoints
 from hydroviews.formats.checks.points_in_view import points_in_view
 from hydroviews.formats.checks.positions import camera_positions
@@ -19,4 +20,4 @@ def compare(scene: Scene) -> list[str]:
     sample = Sample(scene)
     found = own_keypoints(scene) or points_in_view(scene, sample)
     found = found or point_colours(sample) or keypoint_colours(scene, sample)
-    return found + camera_positions(scene, sample)
+    return found + camera_positions(scene, sample) + depth_maps(scene, sample)
