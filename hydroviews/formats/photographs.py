@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from hydroviews.errors import InputError, no_permission
 from hydroviews.files.atomic import read_json
 from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.mask_names import without_masks
 from hydroviews.scene.cameras import same_shape
 from hydroviews.scene.checks import check_view_name
 from hydroviews.scene.images import SUFFIXES, image_size, list_images
@@ -21,6 +22,7 @@ from hydroviews.scene.scenes import Split, View, wrong_size
 
 RAW = (".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2")
 UNREAD = (".heic", ".heif", ".avif", ".jxl", ".jfif", ".jpe", ".jp2", ".ppm", ".gif", *RAW)
+NOT_OURS = (".", "@eaDir", "#recycle", "@Recycle", "__MACOSX")  # begin names of folders that no photographs are in
 SPLIT = "split.json"
 NUMBERED = ("clutter", "extra")  # parts of a split that numbers photographs (see `paired_pictures`)
 Match = Callable[[Path, Sequence[str]], list[Path | None]]  # of a folder and a camera file's names, as `match_files`
@@ -44,7 +46,16 @@ def image_folder(folder: Path, given: str | None = None) -> Path:
 
 
 def photographs_below(folder: Path) -> list[Path]:
-    """All pictures in `folder` and the folders in it, sorted; hidden and partial files are left out.
+    """All photographs in `folder` and the folders in it, sorted; hidden and partial files and masks are left out.
+
+    Raises:
+        InputError: the user has no permission to read the folder.
+    """
+    return without_masks(pictures_below(folder), folder)
+
+
+def pictures_below(folder: Path) -> list[Path]:
+    """`photographs_below` with the masks among them.
 
     Raises:
         InputError: the user has no permission to read the folder.
@@ -54,8 +65,12 @@ def photographs_below(folder: Path) -> list[Path]:
 
 
 def _files_below(folder: Path, suffixes: Collection[str]) -> list[Path]:
-    found = (path for path in folder.rglob("*") if path.suffix.lower() in suffixes)
-    return sorted(p for p in found if not any(part.startswith(".") for part in p.relative_to(folder).parts))
+    """Files and links by suffix, without what stands below hidden folders and those of network storage."""
+    found = []
+    for here, folders, files in os.walk(folder):
+        folders[:] = [name for name in folders if not name.startswith(NOT_OURS)]
+        found += [Path(here, name) for name in files if Path(name).suffix.lower() in suffixes]
+    return sorted(path for path in found if not path.name.startswith("."))
 
 
 def require_permission(path: Path) -> None:

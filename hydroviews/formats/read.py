@@ -9,14 +9,15 @@ from hydroviews.errors import InputError
 from hydroviews.formats import llff, nerfstudio
 from hydroviews.formats.capture_json import captured_rainy, described_number
 from hydroviews.formats.checks.capture import compare
+from hydroviews.formats.checks.hidden import hidden_by_masks
 from hydroviews.formats.colmap import find_models, read_colmap, refuse_mixed
 from hydroviews.formats.llff import read_llff
+from hydroviews.formats.mask_files import with_masks
 from hydroviews.formats.nerfstudio import read_nerfstudio
 from hydroviews.formats.nsvf import is_nsvf, read_nsvf
 from hydroviews.formats.paired import paired_scene
 from hydroviews.formats.paired_pictures import find_pictures
-from hydroviews.formats.photographs import Match, below_first, match_files, not_read, photographs_below, read_split
-from hydroviews.scene.masks import MASKS, mask_name
+from hydroviews.formats.photographs import Match, match_files, not_read, photographs_below, read_split
 from hydroviews.scene.scenes import Scene
 
 # Of a folder, the scene's name, the photographs' folder inside it, and what finds the photographs.
@@ -60,17 +61,10 @@ def read_scene(folder: Path, name: str | None = None, images: str | None = None)
         raise InputError(f"{folder}: no such folder")
     scene = _read_cameras(folder, name or folder.resolve().name, images)
     if not any((one / BUILT).is_file() for one in (folder, folder.parent)):  # a built scene was compared before
-        for contradiction in compare(scene):
-            logger.warning(contradiction)
+        scene = _compared(scene, folder)
     masked, notes = sum(view.mask is not None for view in scene.views), list(scene.notes)
     if masked:
         notes.append(f"{masked} of {len(scene.views)} views have a mask")
-    elif (folder / MASKS).is_dir() and (pictures := photographs_below(folder / MASKS)):
-        first = scene.views[0].path
-        wanted = mask_name(str(below_first(first.relative_to(folder))) if first.is_relative_to(folder) else first.name)
-        notes.append(
-            f"no masks: of {len(pictures)} pictures in {MASKS} none is named as it should be, such as {wanted}"
-        )
     rainy = captured_rainy(folder) or scene.captured_rainy
     if rainy and not scene.clean_views:
         notes.append("taken in rain: there are no clean views to compare with")
@@ -82,6 +76,15 @@ def read_scene(folder: Path, name: str | None = None, images: str | None = None)
         clean_error=described_number(folder, "clean_error"),
         drops_cost=described_number(folder, "drops_cost") or 1.0,
     )
+
+
+def _compared(scene: Scene, folder: Path) -> Scene:
+    """The scene with masks of all kinds of names; warns of whatever in the capture contradicts the rest of it."""
+    scene, left_over = with_masks(scene, folder)
+    said = hidden_by_masks(scene)
+    for warning in (*left_over, *said.warnings, *compare(scene)):
+        logger.warning(warning)
+    return replace(scene, notes=(*scene.notes, *said.notes, *left_over))
 
 
 def has_cameras(folder: Path) -> bool:
