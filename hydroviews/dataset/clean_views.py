@@ -24,7 +24,7 @@ logger = logging.getLogger(__name__)
 
 CLEAN = "clean"
 WORK = ".triangulation"
-FEW_POINTS = 100  # of a capture whose poses may be wrong
+FEW_POINTS = 100  # below which poses may be wrong, and points of a capture are not enough to begin with
 
 
 def write_views(scene: Scene, folder: Path, images: str) -> Scene:
@@ -68,25 +68,27 @@ def _write_depth(view: View, built: View, folder: Path, points: Points) -> None:
         write_depth(path, filled_depth(source, built.camera, points))
 
 
-def triangulated(count: int) -> str:
-    """A note on the points that a capture did not come with."""
+def triangulated(count: int, before: int = 0) -> str:
+    """A note on the points that a capture did not come with, or came with too few of."""
     few = ", which is few: are these the photographs' cameras, in the axes that the file's format has?"
-    return f"{count} points triangulated from the photographs{few if count < FEW_POINTS else ''}"
+    instead = f" instead of {before}, which are too few to begin with" if before else ""
+    return f"{count} points triangulated from the photographs{instead}{few if count < FEW_POINTS else ''}"
 
 
 def write_cameras(scene: Scene, folder: Path, capture: Scene, images: str) -> Scene:
-    """Write cameras, points and split; a capture without points gets some from its full-size photographs.
+    """Write cameras, points and split; a capture with hardly any points gets some from its full-size photographs.
 
     Returns:
         The scene with the points that were written, and a note on those that were triangulated.
     """
     model = folder / "sparse" / "0"
-    if not len(scene.points):
+    if len(scene.points) < FEW_POINTS:
         ownership.enter_all([f"{WORK}/"], folder)
         found = reliable(read_points(model)) if model.is_dir() else triangulate(capture, folder / WORK)
-        note = triangulated(len(found))
-        logger.info("%s: %s", scene.name, note)
-        scene = replace(scene, points=found, notes=(*scene.notes, note))
+        if len(found) > len(scene.points):
+            note = triangulated(len(found), len(scene.points))
+            logger.info("%s: %s", scene.name, note)
+            scene = replace(scene, points=found, notes=(*scene.notes, note))
     if not model.is_dir():
         write_colmap(scene, model)
     remove_tree(folder / WORK)

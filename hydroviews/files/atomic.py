@@ -23,7 +23,7 @@ def replacing(path: Path) -> Iterator[Path]:
     removed and `path` stays as it was.
 
     Raises:
-        InputError: the disk is full, or a file of somebody else's has that name in a folder of ours.
+        InputError: the disk is full.
         ReadOnly: nothing may be written there.
     """
     with plain_write_errors(path), temporary_beside(path) as temporary:

@@ -6,15 +6,19 @@ stays. Names alone are compared, so that lists outlive copies and moves of their
 """
 
 import json
+import logging
 import os
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import suppress
 from functools import partial
+from itertools import count
 from pathlib import Path, PurePosixPath
 
 from hydroviews.errors import InputError
 from hydroviews.files.locks import LOCK
 from hydroviews.files.temporary import PARTIAL
+
+logger = logging.getLogger(__name__)
 
 FOLDER, FILES = ".hydroviews-folder", ".hydroviews-files"
 LISTS = (FOLDER, FILES)
@@ -51,25 +55,30 @@ def enter_all(names: Iterable[str], folder: Path) -> None:
 
 
 def enter(path: Path, written: Path | None = None) -> None:
-    """Enter a file or folder in its list, just before it is put under its name.
+    """Enter a file or folder in its list, just before it is put under its name; a file of somebody else's is set aside.
 
     Args:
         path: where it goes; nothing happens in a folder that no command has claimed.
         written: where it is so far; a folder's files are entered one by one.
-
-    Raises:
-        InputError: a file of somebody else's is there.
     """
     own = _list_of(path)
     if own is None:
         return
     if path.is_file() or path.is_symlink():
-        if not is_ours(path):
-            raise foreign_files([path])
-        return
+        if is_ours(path):
+            return
+        _set_aside(path)
     written = Path(os.path.abspath(written or path))
     inside = [path / file.relative_to(written) for file in _files_below(written)] if _is_folder(written) else [path]
     _append(own, [_within(own, one) for one in inside])
+
+
+def _set_aside(path: Path) -> None:
+    """Give a file of somebody else's another name; to refuse it would end what may have taken hours."""
+    names = (path.with_name(f"{path.name}.kept{number or ''}") for number in count())
+    free = next(name for name in names if not os.path.lexists(name))
+    os.replace(path, free)
+    logger.warning("%s: not written by HydroViews, and in the way: it is now called %s", path, free.name)
 
 
 def _append(own: Path, names: Iterable[str]) -> None:

@@ -67,11 +67,11 @@ def claim_folder(
             expected="; ".join(f"{key} {_difference(settings[key], earlier.get(key))}" for key in changed),
             fix=fix,
         )
-    if not ownership.is_claimed(folder):
+    left = ownership.left_by_others(folder, [path])
+    if left and not ownership.is_claimed(folder):
         raise ownership.unlisted(folder)
-    left = ownership.left_by_others(folder)
     forget()
-    ownership.remove(folder)
+    ownership.remove(folder, [path])
     if left:
         logger.warning("%s: not written by HydroViews, and kept: %s", folder, ownership.named(left, folder))
     ownership.claim(folder)

@@ -52,13 +52,13 @@ def _matched(
 ) -> tuple[dict["View", Path], list[Path]]:
     """The mask of each view that has none by now, and the candidates that fit none."""
     bare = [view for view in views if view.mask is None]
-    by_key = _alone((mask_key(_below(view.path, folder)), view) for view in bare)
-    by_name = _alone((mask_key(view.path.name), view) for view in bare)
+    by_key = _alone((mask_key(_below(view.path, folder)), view) for view in views)
+    by_name = _alone((mask_key(view.path.name), view) for view in views)
     matched: dict[View, Path] = {}
     left = []
     for path, name in candidates.items():
         view = by_key.get(mask_key(name)) or by_name.get(mask_key(PurePosixPath(name).name))
-        if view is not None and view not in matched:
+        if view is not None and view.mask is None and view not in matched:
             matched[view] = path
         elif mask_key(name) == FOR_ALL and len(candidates) == 1:
             matched |= dict.fromkeys(bare, path)

@@ -11,6 +11,7 @@ from hydroviews.formats.capture_json import captured_rainy, described_number
 from hydroviews.formats.checks.capture import compare
 from hydroviews.formats.checks.hidden import hidden_by_masks
 from hydroviews.formats.colmap import find_models, read_colmap, refuse_mixed
+from hydroviews.formats.doubles import without_doubles
 from hydroviews.formats.llff import read_llff
 from hydroviews.formats.mask_files import with_masks
 from hydroviews.formats.nerfstudio import read_nerfstudio
@@ -81,7 +82,11 @@ def read_scene(folder: Path, name: str | None = None, images: str | None = None)
 def _compared(scene: Scene, folder: Path) -> Scene:
     """The scene with masks of all kinds of names; warns of whatever in the capture contradicts the rest of it."""
     scene, left_over = with_masks(scene, folder)
-    said = hidden_by_masks(scene)
+    said, points = hidden_by_masks(scene), without_doubles(scene.points)
+    if len(points) < len(scene.points):
+        doubles = len(scene.points) - len(points)
+        left_over.append(f"{doubles} of {len(scene.points)} points are doubles, in the places of others, and left out")
+    scene = replace(scene, points=points)
     for warning in (*left_over, *said.warnings, *compare(scene)):
         logger.warning(warning)
     return replace(scene, notes=(*scene.notes, *said.notes, *left_over))

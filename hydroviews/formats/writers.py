@@ -89,7 +89,8 @@ def _intrinsics(camera: Camera) -> tuple:
 
 def _write_ply(points: Points, path: Path) -> None:
     """A point cloud with the fields that 3D Gaussian splatting codes look for; normals are zero, not known."""
-    fields = [*((axis, "f4") for axis in ("x", "y", "z", "nx", "ny", "nz")), *((c, "u1") for c in _CHANNELS)]
+    places = [(axis, "f8") for axis in "xyz"]  # float32 is off by decimetres in the coordinates of a country
+    fields = [*places, *((axis, "f4") for axis in ("nx", "ny", "nz")), *((channel, "u1") for channel in _CHANNELS)]
     vertices = np.zeros(len(points), fields)
     for i, axis in enumerate("xyz"):
         vertices[axis] = points.positions[:, i]

@@ -69,6 +69,7 @@ HARMLESS = {
     "hydroviews.dataset.drawing_code",
     "hydroviews.dataset.statistics",
     "hydroviews.errors",
+    "hydroviews.files",
     "hydroviews.files.atomic",
     "hydroviews.files.full_disk",
     "hydroviews.files.known_bytes",

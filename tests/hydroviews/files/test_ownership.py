@@ -46,12 +46,14 @@ def test_the_list_goes_where_the_folder_goes(claimed, tmp_path):
         assert ownership.left_by_others(there) == [there / "below" / "mine.txt"]
 
 
-def test_a_file_of_the_users_is_never_written_over(claimed):
+def test_a_file_of_the_users_is_never_written_over(claimed, caplog):
     write_bytes(claimed / "a.png", b"anew")
-    with pytest.raises(InputError, match=r"mine\.txt: not written by HydroViews, and in the way"):
-        write_bytes(claimed / "below" / "mine.txt", b"anew")
-    assert (claimed / "a.png").read_bytes() == b"anew"
-    assert (claimed / "below" / "mine.txt").read_text() == "the user's"
+    write_bytes(claimed / "below" / "mine.txt", b"ours")
+    write_bytes(claimed / "below" / "mine.txt", b"anew")
+    assert (claimed / "a.png").read_bytes() == (claimed / "below" / "mine.txt").read_bytes() == b"anew"
+    assert (claimed / "below" / "mine.txt.kept").read_text() == "the user's"
+    assert "mine.txt: not written by HydroViews, and in the way: it is now called mine.txt.kept" in caplog.text
+    assert ownership.left_by_others(claimed) == [claimed / "below" / "mine.txt.kept"]
 
 
 def test_clearing_removes_nothing_where_something_is_not_ours(claimed):
