@@ -9,6 +9,7 @@ import pycolmap
 from tqdm import tqdm
 
 from hydroviews.captures.exif_orientation import common_turn
+from hydroviews.captures.panoramas import Panoramas, cut_panoramas, is_panorama, perspective_sources
 from hydroviews.captures.sfm import matching, pairs, rain
 from hydroviews.captures.sfm.mapping import (
     MINIMUM,
@@ -41,7 +42,7 @@ from hydroviews.scene.scenes import Points, Scene
 
 Matcher = Literal["auto", "exhaustive", "sequential"]
 
-SETTINGS = "poses.json"
+SETTINGS, PERSPECTIVE = "poses.json", "perspective"
 ADVICE = (
     "take more photographs, each sharing at least two thirds of what it shows with the next and taken from "
     "another place; blurred ones, bare walls and mirrors do not register"
@@ -58,6 +59,7 @@ def estimate_poses(
     advice: str = ADVICE,
     rainy: bool = False,
     enhance: rain.Enhance | None = None,
+    panoramas: Panoramas = "cut",
 ) -> Scene:
     """Estimate a camera for each photograph in `images` and write the capture `out`.
 
@@ -70,7 +72,7 @@ def estimate_poses(
         out: gets `images`, `sparse/0` (the largest model, then the others), `database.db` and `poses.json`. `images`
             has links; it has copies where links cannot be made, and copies turned upright where Exif says so of all
             photographs alike and there are no masks. Links follow photographs that were moved.
-        camera_model: COLMAP's name; photographs of one size share a camera.
+        camera_model: COLMAP's name; photographs of one size and, as Exif says, of one lens at one zoom share a camera.
         matcher: "exhaustive" matches all pairs, "sequential" neighbours in the order of names, with loop closure;
             "auto" is exhaustive for up to `pairs.EXHAUSTIVE_LIMIT` photographs.
         seed: of the random sampling. After an interruption mapping resumes from a snapshot, which changes more than
@@ -82,6 +84,8 @@ def estimate_poses(
             a view (see `rain`), and adjust the cameras again without what does not fit.
         enhance: takes the rain out of a picture of any size: float32 [H, W, 3], sRGB-encoded, [0, 1], to the same
             shape. Features of pictures enhanced so are matched besides the photographs'; only where it is `rainy`.
+        panoramas: "cut" puts perspective photographs cut out of equirectangular ones into `perspective` of `out`, and
+            estimates cameras for these; "refuse" raises.
 
     Returns:
         The scene that `read_scene(out)` gives, with the number of registered photographs in its notes.
@@ -107,8 +111,11 @@ def estimate_poses(
         )
     if out.resolve().is_relative_to(images.resolve()):  # copies of photographs would be photographs the next time
         raise InputError(f"{out}: among the photographs", expected="a folder beside them", fix="choose another --out")
-    links = link_names(images, sources)
-    exhaustive = matcher == "exhaustive" or (matcher == "auto" and len(sources) <= pairs.EXHAUSTIVE_LIMIT)
+    around = [path for path in sources if is_panorama(path)]
+    links = link_names(images, [path for path in sources if path not in set(around)])
+    perspective = perspective_sources(around, out / PERSPECTIVE, panoramas)
+    links |= {target.name: target for target in perspective}
+    exhaustive = matcher == "exhaustive" or (matcher == "auto" and len(links) <= pairs.EXHAUSTIVE_LIMIT)
     settings = {"camera_model": camera_model, "exhaustive": exhaustive, "seed": seed, "images": sorted(links)}
     settings |= {"masks": mask_digest(masks) if masks else None, "rainy": rainy or None}  # None as where it lacks
     settings |= {"enhanced": enhance is not None or None}
@@ -125,6 +132,7 @@ def estimate_poses(
         foreign=None,
         fix="choose another folder, or remove this one",
     )
+    cut_panoramas(perspective)
     if missing := {name: path for name, path in links.items() if not (pictures / name).exists()}:
         link_photographs(missing, pictures, turned=masks is None and common_turn(sources))
     if not finished:

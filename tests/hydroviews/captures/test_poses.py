@@ -11,9 +11,12 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import PIL.Image
 import pycolmap
 import pytest
 from captures import WALK, capture, flower_walk
+from PIL.ExifTags import IFD, Base
+from PIL.TiffImagePlugin import IFDRational
 from processes import PATIENCE, wait_until
 from synthetic import capture_in
 from tqdm import tqdm
@@ -53,6 +56,50 @@ def test_without_exif_the_focal_length_begins_at_a_telephones(tmp_path):
     matching.register(tmp_path / "d.db", tmp_path, ["a.png"], "SIMPLE_PINHOLE", shared=True)
     with pycolmap.Database.open(tmp_path / "d.db") as opened:
         assert [camera.focal_length for camera in opened.read_all_cameras()] == [pytest.approx(0.9 * 8)]
+
+
+def exif_of(model="Phone 15", **tags):
+    exif = PIL.Image.Exif()
+    exif[Base.Make], exif[Base.Model] = "Maker", model
+    for name, value in tags.items():
+        exif.get_ifd(IFD.Exif)[getattr(Base, name)] = value
+    return exif
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "cameras"),
+    [
+        (exif_of(FocalLengthIn35mmFilm=26), exif_of(FocalLengthIn35mmFilm=13), 2),
+        (exif_of(FocalLength=5.7), exif_of(FocalLength=2.2), 2),
+        (exif_of(LensModel="wide"), exif_of(LensModel="ultra wide"), 2),
+        (exif_of(), exif_of("Phone 16"), 2),
+        (exif_of(DigitalZoomRatio=1.0), exif_of(DigitalZoomRatio=2.0), 2),
+        (exif_of(FocalLength=5.7), exif_of(FocalLength=IFDRational(57, 10)), 1),
+        (None, None, 1),
+    ],
+    ids=["35 mm", "focal length", "lens", "model", "digital zoom", "same", "no Exif"],
+)
+def test_photographs_of_one_size_have_a_camera_for_each_lens(tmp_path, one, other, cameras):
+    names = [f"{i}.jpg" for i in range(6)]
+    for i, name in enumerate(names):
+        exif = (one, other)[i % 2]
+        PIL.Image.new("RGB", (48, 32)).save(tmp_path / name, **({"exif": exif} if exif else {}))
+    matching.register(tmp_path / "d.db", tmp_path, names, "SIMPLE_RADIAL", shared=True)
+    with pycolmap.Database.open(tmp_path / "d.db") as opened:
+        assert opened.num_cameras() == cameras
+        ids = [opened.read_image_with_name(name).camera_id for name in names]
+    assert len(set(ids[::2])) == len(set(ids[1::2])) == 1
+    assert len(set(ids)) == cameras
+
+
+def test_each_lens_begins_with_its_own_focal_length(tmp_path):
+    for name, length in (("wide.jpg", 26), ("ultra.jpg", 13)):
+        PIL.Image.new("RGB", (480, 320)).save(tmp_path / name, exif=exif_of(FocalLengthIn35mmFilm=length))
+    matching.register(tmp_path / "d.db", tmp_path, ["wide.jpg", "ultra.jpg"], "SIMPLE_PINHOLE", shared=True)
+    with pycolmap.Database.open(tmp_path / "d.db") as opened:
+        wide, ultra = sorted((camera.focal_length for camera in opened.read_all_cameras()), reverse=True)
+    assert wide / ultra == pytest.approx(2, rel=0.01)
+    assert wide == pytest.approx(26 / 43.27 * np.hypot(480, 320), rel=0.05)
 
 
 @pytest.fixture(scope="module")
