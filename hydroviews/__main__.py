@@ -15,7 +15,7 @@ import tyro
 from hydroviews.blender.embedded_scenes.captures import EMBEDDED
 from hydroviews.captures.catalogue.catalogue import Capture, all_captures, captures_root, locate
 from hydroviews.captures.download.captures import download_captures
-from hydroviews.captures.panoramas import Panoramas
+from hydroviews.captures.panoramas import Panoramas, refuse_panoramas
 from hydroviews.captures.photographs import camera_notes, check_photographs
 from hydroviews.captures.sfm.poses import Matcher, estimate_poses
 from hydroviews.captures.video.capture import capture_video
@@ -34,7 +34,7 @@ from hydroviews.files.locks import BUSY, locked
 from hydroviews.files.ownership import require_ours
 from hydroviews.formats.capture_json import FILE as CAPTURE
 from hydroviews.formats.capture_json import RAINY, read_capture_json
-from hydroviews.formats.photographs import FOLDERS
+from hydroviews.formats.photographs import FOLDERS, photographs_below
 from hydroviews.profiles import PROFILES, Profile, find_profile
 from hydroviews.rain.registry import pattern_names
 from hydroviews.rain.scene_statistics import LensRenderer
@@ -188,11 +188,13 @@ def poses_command(
     images = images.resolve()
     out = out or _capture_beside(images)
     check_photographs(images, out)
+    if panoramas == "refuse":
+        refuse_panoramas(photographs_below(images))
     with locked(out.resolve(), BUSY):
         described = read_capture_json(out)
         if rainy and described != {**described, **RAINY}:
             require_ours([out / CAPTURE])
-        scene = estimate_poses(images, out, rainy=rainy, panoramas=panoramas)
+        scene = estimate_poses(images, out, rainy=rainy)
         if rainy and described != {**described, **RAINY}:
             write_json(out / CAPTURE, {**described, **RAINY})
     for note in (*scene.notes, *camera_notes(scene, out / "images")):

@@ -68,24 +68,28 @@ def _is_closed(path: Path) -> bool:
     return seam <= SEAM * float(np.median(steps)) + 1 and float(small[0].std(axis=0).mean()) < 0.25 * contrast
 
 
-def perspective_sources(paths: Sequence[Path], folder: Path, choice: Panoramas) -> dict[Path, tuple[Path, float]]:
-    """The perspective photographs that panoramas become: for each its panorama and its direction in degrees.
-
-    Args:
-        paths: of panoramas.
-        folder: for the photographs.
-        choice: "refuse" raises instead.
+def refuse_panoramas(paths: Sequence[Path]) -> None:
+    """Refuse photographs of which some are panoramas.
 
     Raises:
-        InputError: they are refused, or two have one name.
+        InputError: some are.
     """
-    if paths and choice == "refuse":
+    found = [path for path in paths if is_panorama(path)]
+    if found:
         raise InputError(
-            f"{paths[0].parent}: panoramas, which no perspective camera takes",
-            found=f"{some([path.name for path in paths])}, equirectangular",
+            f"{found[0].parent}: panoramas, which no perspective camera takes",
+            found=f"{some([path.name for path in found])}, equirectangular",
             expected="perspective photographs",
             fix="leave `--panoramas refuse` out: perspective photographs are then cut out of them",
         )
+
+
+def perspective_sources(paths: Sequence[Path], folder: Path) -> dict[Path, tuple[Path, float]]:
+    """The perspective photographs that panoramas become in a folder: for each its panorama and direction in degrees.
+
+    Raises:
+        InputError: two panoramas have one name.
+    """
     if len({path.stem for path in paths}) < len(paths):
         raise InputError(f"{paths[0].parent}: several panoramas share a name", fix="rename them")
     return {folder / f"{path.stem}_{angle:03d}.jpg": (path, angle) for path in paths for angle in DIRECTIONS}

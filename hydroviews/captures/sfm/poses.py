@@ -9,7 +9,7 @@ import pycolmap
 from tqdm import tqdm
 
 from hydroviews.captures.exif_orientation import common_turn
-from hydroviews.captures.panoramas import Panoramas, cut_panoramas, is_panorama, perspective_sources
+from hydroviews.captures.panoramas import cut_panoramas, is_panorama, perspective_sources
 from hydroviews.captures.sfm import matching, pairs, rain
 from hydroviews.captures.sfm.mapping import (
     MINIMUM,
@@ -59,7 +59,6 @@ def estimate_poses(
     advice: str = ADVICE,
     rainy: bool = False,
     enhance: rain.Enhance | None = None,
-    panoramas: Panoramas = "cut",
 ) -> Scene:
     """Estimate a camera for each photograph in `images` and write the capture `out`.
 
@@ -68,10 +67,11 @@ def estimate_poses(
     found.
 
     Args:
-        images: folder of the photographs and of folders with more.
+        images: folder of the photographs and of folders with more. Panoramas are cut into perspective photographs.
         out: gets `images`, `sparse/0` (the largest model, then the others), `database.db` and `poses.json`. `images`
             has links; it has copies where links cannot be made, and copies turned upright where Exif says so of all
-            photographs alike and there are no masks. Links follow photographs that were moved.
+            photographs alike and there are no masks. Links follow photographs that were moved. What is cut out of
+            panoramas is in `perspective`.
         camera_model: COLMAP's name; photographs of one size and, as Exif says, of one lens at one zoom share a camera.
         matcher: "exhaustive" matches all pairs, "sequential" neighbours in the order of names, with loop closure;
             "auto" is exhaustive for up to `pairs.EXHAUSTIVE_LIMIT` photographs.
@@ -84,8 +84,6 @@ def estimate_poses(
             a view (see `rain`), and adjust the cameras again without what does not fit.
         enhance: takes the rain out of a picture of any size: float32 [H, W, 3], sRGB-encoded, [0, 1], to the same
             shape. Features of pictures enhanced so are matched besides the photographs'; only where it is `rainy`.
-        panoramas: "cut" puts perspective photographs cut out of equirectangular ones into `perspective` of `out`, and
-            estimates cameras for these; "refuse" raises.
 
     Returns:
         The scene that `read_scene(out)` gives, with the number of registered photographs in its notes.
@@ -113,7 +111,7 @@ def estimate_poses(
         raise InputError(f"{out}: among the photographs", expected="a folder beside them", fix="choose another --out")
     around = [path for path in sources if is_panorama(path)]
     links = link_names(images, [path for path in sources if path not in set(around)])
-    perspective = perspective_sources(around, out / PERSPECTIVE, panoramas)
+    perspective = perspective_sources(around, out / PERSPECTIVE)
     links |= {target.name: target for target in perspective}
     exhaustive = matcher == "exhaustive" or (matcher == "auto" and len(links) <= pairs.EXHAUSTIVE_LIMIT)
     settings = {"camera_model": camera_model, "exhaustive": exhaustive, "seed": seed, "images": sorted(links)}

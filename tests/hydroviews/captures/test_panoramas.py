@@ -5,6 +5,7 @@ import PIL.Image
 import pytest
 from painted_room import hits, paint, picture
 
+from hydroviews.__main__ import poses_command
 from hydroviews.captures.panoramas import is_panorama, perspective
 from hydroviews.captures.sfm.poses import estimate_poses
 from hydroviews.errors import InputError
@@ -58,11 +59,8 @@ def test_panoramas_are_recognised(tmp_path):
 
 def test_cameras_are_estimated_for_what_is_cut_and_refused_where_that_is_asked_for(tmp_path, monkeypatch):
     for i in range(3):
-        save(
-            tmp_path / f"R{i}.JPG" if i else tmp_path / "R0.jpg",
-            panorama(64, CENTRE + np.array([0.2 * i, 0, 0])),
-            xmp=XMP,
-        )
+        path = tmp_path / (f"R{i}.JPG" if i else "R0.jpg")
+        save(path, panorama(64, CENTRE + np.array([0.2 * i, 0, 0])), xmp=XMP)
     registered = []
 
     def stop(database, pictures, names, *_, **__):
@@ -73,10 +71,9 @@ def test_cameras_are_estimated_for_what_is_cut_and_refused_where_that_is_asked_f
     (tmp_path / "walk").mkdir()
     for path in tmp_path.glob("R*"):
         path.rename(tmp_path / "walk" / path.name)
-    with pytest.raises(
-        InputError, match=r"panoramas, which no perspective camera takes[\s\S]*R0\.jpg, R1\.JPG, R2\.JPG"
-    ):
-        estimate_poses(tmp_path / "walk", tmp_path / "refused", panoramas="refuse")
+    refused = r"panoramas, which no perspective camera takes[\s\S]*R0\.jpg, R1\.JPG, R2\.JPG"
+    with pytest.raises(InputError, match=refused):
+        poses_command(tmp_path / "walk", tmp_path / "refused", panoramas="refuse")
     with pytest.raises(KeyboardInterrupt):
         estimate_poses(tmp_path / "walk", tmp_path / "out")
     ((names, sizes),) = registered
