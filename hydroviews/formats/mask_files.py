@@ -8,10 +8,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
+import PIL.Image
+
 from hydroviews.formats.mask_names import FOLDERS, FOR_ALL, is_called_mask, mask_key
 from hydroviews.formats.photographs import below_first, pictures_below, some
-from hydroviews.scene.masks import MASKS, mask_name
+from hydroviews.scene.images import image_size
+from hydroviews.scene.masks import MASKS, mask_name, read_transparent
 from hydroviews.scene.scenes import Scene, View
+
+BUDGET = 8e6  # pixels of photographs with an alpha channel that are looked at
+OPAQUE = (".jpg", ".jpeg", ".bmp")  # formats without
 
 
 def mask_folders(folder: Path) -> list[Path]:
@@ -40,7 +46,35 @@ def with_masks(scene: Scene, folder: Path) -> tuple[Scene, list[str]]:
         candidates |= {path: _below(path, folder) for path in beside if path not in own | used}
     matched, left = _matched(scene.views, folder, candidates)
     views = tuple(replace(view, mask=view.mask or matched.get(view)) for view in scene.views)
+    views = with_alpha(views)
     return replace(scene, views=views), _left_over(scene, folder, sorted(left), bool(used or matched))
+
+
+def with_alpha(views: Sequence[View]) -> tuple[View, ...]:
+    """The views; those without a mask whose photographs have transparent pixels hide these.
+
+    Photographs of many pixels are not all looked at: an alpha channel is then a mask, be it opaque.
+    """
+    clear = [view for view in views if view.mask is None and has_alpha(view.path)]
+    if not clear:
+        return tuple(views)
+    width, height = image_size(clear[0].path)
+    looked_at = clear[: max(1, int(BUDGET // (width * height)))]
+    if len(looked_at) == len(clear) and not any(read_transparent(view.path).any() for view in looked_at):
+        return tuple(views)
+    hidden = {view.name for view in clear}
+    return tuple(replace(view, mask=view.path) if view.name in hidden else view for view in views)
+
+
+def has_alpha(path: Path) -> bool:
+    """Whether a picture's header says that its pixels have an opacity."""
+    if path.suffix.lower() in OPAQUE:
+        return False
+    try:
+        with PIL.Image.open(path) as picture:
+            return picture.mode in ("RGBA", "LA", "PA", "RGBa", "La") or "transparency" in picture.info
+    except (OSError, ValueError, SyntaxError, PIL.Image.DecompressionBombError):
+        return False  # reading the pixels will raise what is wrong
 
 
 def _below(path: Path, folder: Path) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.files.atomic import sha256, write_bytes
-from hydroviews.scene.images import read_pixels
+from hydroviews.scene.images import image_size, read_pixels
 
 MASKS = "masks"
 MIDDLE = 128  # grey, of 255, below which a pixel is hidden
@@ -88,6 +88,16 @@ def _is_black(grey: NDArray[np.uint8]) -> Ignored:
     values = np.unique(grey)
     two_dark = values[0] == 0 and len(values) <= 2 and values[-1] < MIDDLE
     return np.asarray(grey == 0 if two_dark else grey < MIDDLE)
+
+
+def read_transparent(path: Path) -> Ignored:
+    """What is transparent of a photograph: bool [H, W].
+
+    Raises:
+        InputError: see `read_pixels`.
+    """
+    alpha = read_alpha(path)
+    return np.zeros(image_size(path)[::-1], np.bool_) if alpha is None else np.asarray(alpha < MIDDLE)
 
 
 def read_alpha(path: Path) -> NDArray[np.uint8] | None:

@@ -13,7 +13,7 @@ from hydroviews.scene.cameras import Camera, fitted_size, same_shape
 from hydroviews.scene.exif import ON_ITS_SIDE, orientation
 from hydroviews.scene.images import Image, read_pixels, resize_area, row_blocks, to_image, to_rgb, to_uint8
 from hydroviews.scene.lenses import Lens
-from hydroviews.scene.masks import TOUCHED, Ignored, fit_ignored, read_ignored, write_ignored
+from hydroviews.scene.masks import TOUCHED, Ignored, fit_ignored, read_ignored, read_transparent, write_ignored
 
 TEST_EVERY = 8
 SPARSE_EVERY = 3
@@ -28,7 +28,8 @@ class View:
         camera: pinhole camera of the picture that `image` returns.
         path: the photograph.
         lens: the photograph's own camera; None where it is a pinhole camera.
-        mask: file that hides part of the photograph (see `hydroviews.scene.masks`).
+        mask: file that hides part of the photograph (see `hydroviews.scene.masks`); the photograph itself where its
+            transparent pixels are hidden.
         listed: SHA-256 by path, of files of a data set, whose bytes are compared when they are read; any other file
             is read as it is.
     """
@@ -79,6 +80,8 @@ class View:
     def _pixels(self) -> NDArray[np.uint8 | np.uint16]:
         """The photograph, checked to have the camera's shape and at least its size."""
         pixels = read_pixels(self.known(self.path))
+        if self.mask == self.path and pixels.ndim == 3:
+            pixels = pixels[..., :3]  # what is transparent is hidden, and need not become black
         found, wanted = (pixels.shape[1], pixels.shape[0]), (self.camera.width, self.camera.height)
         if self.lens is not None and not same_shape(found, (self.lens.width, self.lens.height)):
             raise wrong_size(self.path, found, (self.lens.width, self.lens.height))
@@ -110,7 +113,8 @@ class View:
         """
         if self.mask is None:
             return None
-        ignored = read_ignored(self.known(self.mask))
+        read = read_transparent if self.mask == self.path else read_ignored
+        ignored = read(self.known(self.mask))
         fitted = self.fit_mask(ignored, self.mask)
         return fitted if ignored.any() else None
 

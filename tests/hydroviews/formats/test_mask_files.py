@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from painted_room import scene_in_room, write_room
+from painted_room import picture, scene_in_room, write_room
 
 from hydroviews.__main__ import poses_command
 from hydroviews.formats.mask_names import mask_key
@@ -144,6 +144,28 @@ def test_masks_of_other_values_hide_the_same(tmp_path, pixels):
 def test_masks_after_jpeg_hide_the_same_but_for_the_edges(tmp_path):
     cv2.imwrite(str(tmp_path / "mask.jpg"), GREY, [cv2.IMWRITE_JPEG_QUALITY, 60])
     assert (read_ignored(tmp_path / "mask.jpg") == HIDDEN).mean() > 0.995
+
+
+def test_transparent_pixels_of_photographs_are_hidden_and_no_black_holes(tmp_path, caplog):
+    scene = scene_in_room(tmp_path / "walk")
+    folder = write_room(scene, tmp_path / "walk", "colmap")
+    for view in scene.views:
+        pixels = cv2.imread(str(view.path))
+        cv2.imwrite(str(view.path), np.dstack([pixels, GREY]))
+    read = read_scene(folder)
+    assert np.allclose(hidden_shares(read), HIDDEN.mean())
+    assert "transparent pixels of 9 photographs are hidden" in read.notes
+    assert np.abs(read.views[3].image() - picture(scene.views[3].camera)).max() < 0.003
+    assert np.array_equal(read.views[3].rounded(), (255 * read.views[3].image() + 0.5).astype(np.uint8))
+    assert warnings(caplog) == []
+
+
+def test_opaque_photographs_hide_nothing(tmp_path):
+    scene = scene_in_room(tmp_path / "walk")
+    folder = write_room(scene, tmp_path / "walk", "colmap")
+    for view in scene.views:
+        cv2.imwrite(str(view.path), np.dstack([cv2.imread(str(view.path)), np.full_like(GREY, 255)]))
+    assert all(view.mask is None for view in read_scene(folder).views)
 
 
 def test_masks_are_no_photographs(tmp_path):
