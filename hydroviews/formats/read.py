@@ -19,6 +19,7 @@ from hydroviews.formats.nsvf import is_nsvf, read_nsvf
 from hydroviews.formats.paired import paired_scene
 from hydroviews.formats.paired_pictures import find_pictures
 from hydroviews.formats.photographs import Match, match_files, not_read, photographs_below, read_split
+from hydroviews.formats.splits import with_own_split
 from hydroviews.scene.scenes import Scene
 
 # Of a folder, the scene's name, the photographs' folder inside it, and what finds the photographs.
@@ -35,6 +36,10 @@ READERS: tuple[tuple[Callable[[Path], bool], Read], ...] = (
         lambda folder, name, _, match: read_nerfstudio(folder, name, match),
     ),
     (
+        lambda folder: bool(nerfstudio.part_files(folder)),
+        lambda folder, name, _, match: nerfstudio.read_parts(folder, name, match),
+    ),
+    (
         lambda folder: (folder / llff.CAMERA_FILE).is_file(),
         lambda folder, name, images, _: read_llff(folder, name, images),
     ),
@@ -45,7 +50,8 @@ READERS: tuple[tuple[Callable[[Path], bool], Read], ...] = (
 def read_scene(folder: Path, name: str | None = None, images: str | None = None) -> Scene:
     """Read a capture: a COLMAP model, else `transforms.json`, else `poses_bounds.npy`, else NSVF's `pose`.
 
-    The split is the folder's `split.json`, else every 8th view by name is held out. `Scene.notes` says which
+    The split is the folder's `split.json`, else one that the capture has in another form (see `splits`), else every 8th
+    view by name is held out. `Scene.notes` says which
     cameras were taken, how many images they cover, and which of them look wrong. Masks are the capture's `masks`
     (see `hydroviews.scene.masks`); whether it was taken in rain, and how large it is, stand in its
     `capture.json`. A capture of rainy and clean photographs is read as `paired_pictures` and `paired` say.
@@ -86,7 +92,7 @@ def _compared(scene: Scene, folder: Path) -> Scene:
     if len(points) < len(scene.points):
         doubles = len(scene.points) - len(points)
         left_over.append(f"{doubles} of {len(scene.points)} points are doubles, in the places of others, and left out")
-    scene = replace(scene, points=points)
+    scene = with_own_split(replace(scene, points=points), folder)
     for warning in (*left_over, *said.warnings, *compare(scene)):
         logger.warning(warning)
     return replace(scene, notes=(*scene.notes, *said.notes, *left_over))
