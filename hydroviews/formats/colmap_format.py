@@ -3,6 +3,7 @@
 pycolmap reads them too, but takes a file cut short for a shorter model, or ends the process.
 """
 
+import codecs
 import struct
 from collections import deque
 from collections.abc import Iterator
@@ -89,7 +90,7 @@ def read_images(folder: Path) -> list[RegisteredImage]:
     path = folder / f"images{model_suffix(folder)}"
     images, ids = [], []
     for number, quaternion, translation, camera_id, name, keypoints in _records(path, _binary_images, _text_images):
-        check_file_name(path, name)
+        name = check_file_name(path, name.replace("\\", "/"))  # as programs on Windows write folders
         ids.append(number)
         pose = np.empty((3, 4))
         pose[:, :3], pose[:, 3] = _rotation(np.array(quaternion), f"{path}: {name}"), translation
@@ -130,7 +131,7 @@ def _records(path: Path, binary: Any, text: Any) -> Iterator[tuple]:
             yield from binary(cursor)
             cursor.finish()
         else:
-            yield from text(path.read_text("utf-8-sig").splitlines())
+            yield from text(_decoded(path.read_bytes()).splitlines())
     except UnicodeDecodeError as error:
         raise InputError(
             f"{path}: a name that is not UTF-8",
@@ -144,6 +145,11 @@ def _records(path: Path, binary: Any, text: Any) -> Iterator[tuple]:
             expected="a whole COLMAP model file",
             fix="copy the model again, or estimate the poses again",
         ) from error
+
+
+def _decoded(content: bytes) -> str:
+    """Text with or without a byte order mark; in UTF-16 where that says so, as PowerShell writes files."""
+    return content.decode("utf-16" if content[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE) else "utf-8-sig")
 
 
 class _Cursor:
@@ -184,9 +190,25 @@ def _record(layout: str) -> struct.Struct:
 def _binary_cameras(cursor: _Cursor) -> Iterator[tuple]:
     for _ in range(cursor.take("Q")[0]):
         number, model_id, width, height = cursor.take("IiQQ")
-        model = pycolmap.CameraModelId(model_id).name
+        model = _model_name(model_id)
         count = len(pycolmap.Camera.create_from_model_name(1, model, 1.0, 1, 1).params)
         yield number, model, width, height, cursor.take(f"{count}d")
+
+
+def _model_name(number: int) -> str:
+    """COLMAP's name of a camera model.
+
+    Raises:
+        InputError: a number that pycolmap does not know.
+    """
+    names = {int(model): name for name, model in pycolmap.CameraModelId.__members__.items() if name != "INVALID"}
+    if number not in names:
+        raise InputError(
+            f"camera model number {number}: unknown",
+            expected=f"a model of COLMAP's: {', '.join(names.values())}",
+            fix="undistort the photographs to PINHOLE in the program that wrote the model",
+        )
+    return names[number]
 
 
 def _binary_images(cursor: _Cursor) -> Iterator[tuple]:

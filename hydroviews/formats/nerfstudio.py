@@ -15,6 +15,7 @@ from hydroviews.formats.photographs import (
     make_view,
     match_files,
     other_images,
+    posix_name,
     read_split,
     some,
     stem,
@@ -128,7 +129,7 @@ def _scene(
 def _file_name(path: Path, which: str, frame: Mapping[str, Any]) -> str:
     if not isinstance(frame.get("file_path"), str) or "transform_matrix" not in frame:
         raise InputError(f"{path}: {which} is not complete", expected="file_path and transform_matrix")
-    return str(Path(check_file_name(f"{path}: {which}", frame["file_path"])))  # without a leading ./
+    return str(Path(check_file_name(f"{path}: {which}", posix_name(frame["file_path"]))))  # without a leading ./
 
 
 def _mask(folder: Path, frame: Mapping[str, Any], file: Path, name: str, counts: Mapping[str, int]) -> Path | None:
@@ -141,7 +142,7 @@ def _mask(folder: Path, frame: Mapping[str, Any], file: Path, name: str, counts:
         both = [PurePosixPath(file.relative_to(folder)), PurePosixPath(name)]
         images = [str(way) for one in both for way in (one, below_first(one), *([one.name] if alone else []))]
         return next((mask for image in images if (mask := find_mask(folder / MASKS, image))), None)
-    path = folder / check_file_name(f"{folder / CAMERA_FILE}: mask_path", frame["mask_path"])
+    path = folder / check_file_name(f"{folder / CAMERA_FILE}: mask_path", posix_name(frame["mask_path"]))
     if not path.is_file():
         raise InputError(f"{path}: no such mask", fix="copy it back, or remove mask_path from the frame")
     return path
@@ -212,4 +213,5 @@ def _points(folder: Path, content: Mapping[str, Any]) -> Points:
     """The point cloud of `ply_file_path`, grey where it has no colours; none where none is named."""
     if not content.get("ply_file_path"):
         return no_points()
-    return read_ply(folder / check_file_name(f"{folder / CAMERA_FILE}: ply_file_path", content["ply_file_path"]))
+    name = posix_name(content["ply_file_path"])
+    return read_ply(folder / check_file_name(f"{folder / CAMERA_FILE}: ply_file_path", name))

@@ -1,6 +1,7 @@
 """Read a capture as a scene, whichever of the known formats it has."""
 
 import logging
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -18,13 +19,15 @@ from hydroviews.formats.nerfstudio import read_nerfstudio
 from hydroviews.formats.nsvf import is_nsvf, read_nsvf
 from hydroviews.formats.paired import paired_scene
 from hydroviews.formats.paired_pictures import find_pictures
-from hydroviews.formats.photographs import Match, match_files, not_read, photographs_below, read_split
+from hydroviews.formats.photographs import Match, match_files, not_read, photographs_below, read_split, some
 from hydroviews.formats.splits import with_own_split
+from hydroviews.scene.file_kinds import ARCHIVES, file_kind
 from hydroviews.scene.scenes import Scene
 
 # Of a folder, the scene's name, the photographs' folder inside it, and what finds the photographs.
 logger = logging.getLogger(__name__)
 
+DEEPEST = 3  # folders down in which cameras are looked for, to name them
 BUILT = "request.json"  # in a built scene's folder
 Read = Callable[[Path, str, str | None, Match], Scene]
 
@@ -65,7 +68,7 @@ def read_scene(folder: Path, name: str | None = None, images: str | None = None)
         InputError: there are no cameras, or something is wrong with them or with the photographs.
     """
     if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder")
+        raise no_folder(folder)
     scene = _read_cameras(folder, name or folder.resolve().name, images)
     if not any((one / BUILT).is_file() for one in (folder, folder.parent)):  # a built scene was compared before
         scene = _compared(scene, folder)
@@ -98,9 +101,34 @@ def _compared(scene: Scene, folder: Path) -> Scene:
     return replace(scene, notes=(*scene.notes, *said.notes, *left_over))
 
 
+def no_folder(path: Path) -> InputError:
+    """The error for a capture that is a file, such as an archive, or that is not there."""
+    if not path.is_file():
+        return InputError(f"{path}: no such folder")
+    kind = file_kind(path) or "of an unknown kind"
+    fix = (
+        "unpack it, and give the folder" if ARCHIVES in kind else "give the folder that cameras and photographs are in"
+    )
+    return InputError(f"{path}: a file, not a folder", found=kind, expected="a folder with photographs", fix=fix)
+
+
 def has_cameras(folder: Path) -> bool:
     """Whether `read_scene` would find cameras there, valid or not."""
     return any(is_one(folder) for is_one, _ in READERS)
+
+
+def _captures_below(folder: Path) -> list[Path]:
+    """Folders with cameras inside a folder without any, such as the `dense/0` of COLMAP's automatic reconstruction."""
+    found: list[Path] = []
+    for here, folders, _ in os.walk(folder):
+        path = Path(here)
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        if path != folder and has_cameras(path):
+            found.append(path)
+            folders.clear()
+        if len(path.relative_to(folder).parts) >= DEEPEST:
+            folders.clear()
+    return found
 
 
 def _read_cameras(folder: Path, name: str, images: str | None) -> Scene:
@@ -112,6 +140,14 @@ def _read_cameras(folder: Path, name: str, images: str | None) -> Scene:
             photographs = pictures.folders[0].relative_to(folder).as_posix()
             return paired_scene(read(folder, name, photographs, pictures.match), pictures, read_split(folder))
     refuse_mixed(folder)
+    below = _captures_below(folder)
+    if below:
+        raise InputError(
+            f"{folder}: no cameras",
+            found=f"cameras in {some([one.relative_to(folder).as_posix() for one in below])}",
+            expected=f"sparse/0, {nerfstudio.CAMERA_FILE} or {llff.CAMERA_FILE} in the folder itself",
+            fix=f"give that folder: {below[0]}",
+        )
     count = len(photographs_below(folder))
     nothing = not_read(folder) or "neither cameras nor photographs"
     raise InputError(

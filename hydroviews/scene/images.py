@@ -13,6 +13,7 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_bytes
 from hydroviews.scene.checks import MAX_PIXELS, check_size
 from hydroviews.scene.colour_profiles import in_srgb, profile_of
+from hydroviews.scene.file_kinds import file_kind
 
 logger = logging.getLogger(__name__)
 
@@ -28,12 +29,15 @@ PICTURE = "an image"  # what a file should be, unless it is a mask or a map
 
 ROWS_AT_ONCE = 16  # of a picture: bounds the memory that large ones take
 
+READ = ("JPEG", "PNG", "BMP", "WebP", "TIFF or raw")  # kinds by `file_kind`
+
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp")
 
 
 def list_images(folder: Path) -> list[Path]:
     """The pictures directly in `folder`, sorted by name; hidden and partial files are left out."""
-    return sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and not p.name.startswith("."))
+    named = (path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and not path.name.startswith("."))
+    return sorted(path for path in named if not path.is_dir())
 
 
 def read_image(path: Path) -> Image:
@@ -108,11 +112,13 @@ def image_size(path: Path, kind: str = "an image") -> tuple[int, int]:
 
 
 def _unreadable(path: Path, kind: str) -> InputError:
+    is_really, size = file_kind(path), f"{path.stat().st_size} bytes"
+    cut_short = not is_really or is_really in READ
     return InputError(
         f"{path}: cannot be read as {kind}",
-        found=f"{path.stat().st_size} bytes",
+        found=f"{size}, {is_really} by its content" if is_really else size,
         expected=f"one of {', '.join(SUFFIXES)}",
-        fix="copy the file again; it may be cut short",
+        fix="copy the file again; it may be cut short" if cut_short else "convert it to .png or .jpg, or take it away",
     )
 
 

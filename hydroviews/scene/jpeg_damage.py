@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -23,7 +24,10 @@ from hydroviews.errors import InputError
 
 START = b"\xff\xd8\xff"  # of every JPEG
 DAMAGE = ("Corrupt JPEG data", "Premature end of JPEG")  # libjpeg's other warnings are of no consequence
-PADDING = re.compile(r"Corrupt JPEG data: [123] extraneous bytes before marker 0xd9")  # some cameras' whole pictures
+PADDING = re.compile(r"Corrupt JPEG data: (\d+) extraneous bytes before marker (0xd[0-79])")
+READ_AHEAD = 8  # bytes of data that the decoder may count in, as it had them already
+STRAY = 3  # bytes of any value that some cameras leave before the end mark
+END, RESTART = 0xD9, re.compile(rb"\xff([\xd0-\xd7])")  # markers
 
 
 def require_whole(paths: Sequence[Path], title: str) -> None:
@@ -70,7 +74,8 @@ def _warnings(paths: Sequence[Path]) -> Iterator[str]:
             json.dump([str(path) for path in paths], process.stdin)
         for line in process.stdout:
             answered += 1
-            yield next((said for said in json.loads(line) if _tells_damage(said)), "")
+            path = paths[answered - 1]
+            yield next((said for said in json.loads(line) if _tells_damage(path, said)), "")
     finally:
         process.kill()
         process.stdout.close()
@@ -79,8 +84,26 @@ def _warnings(paths: Sequence[Path]) -> Iterator[str]:
         raise InputError(f"{paths[answered]}: a damaged JPEG", found="its decoder crashed", fix="copy it again")
 
 
-def _tells_damage(said: str) -> bool:
-    return said.startswith(DAMAGE) and not PADDING.fullmatch(said)
+def _tells_damage(path: Path, said: str) -> bool:
+    return said.startswith(DAMAGE) and not _is_padded(path, said)
+
+
+def _is_padded(path: Path, said: str) -> bool:
+    """Whether what a decoder passed over is padding, as some cameras write it: zeros or ones before a marker.
+
+    Before the end mark nothing can be lost. Before restart marks, these have to follow each other without a gap: zeros
+    in the place of a lost sector are no padding.
+    """
+    told = PADDING.fullmatch(said)
+    if not told:
+        return False
+    count, marker, content = int(told[1]), bytes([int(told[2], 16)]), path.read_bytes()
+    least = max(1, count - READ_AHEAD)
+    padded = re.compile(rb"(?:\x00{%d}|\xff{%d})\xff%s" % (least, least, re.escape(marker)))
+    if marker[0] == END:
+        return count <= STRAY or padded.match(content[-least - 2 :]) is not None
+    order = [found[1][0] & 7 for found in RESTART.finditer(content)]
+    return padded.search(content) is not None and all(b == (a + 1) % 8 for a, b in pairwise(order))
 
 
 def main() -> None:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from hydroviews.captures.video.colours import to_pixels
 from hydroviews.errors import InputError
 from hydroviews.formats.photographs import UNREAD, require_permission
+from hydroviews.scene.file_kinds import ARCHIVES, file_kind
 
 if TYPE_CHECKING:  # not every command decodes films
     import av
@@ -69,6 +70,8 @@ def open_video(path: Path) -> Iterator[Video]:
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     require_permission(path)
+    if ARCHIVES in file_kind(path):
+        raise InputError(f"{path}: an archive, not a film", found=file_kind(path), fix="unpack it, and give its folder")
     if _is_picture(path):
         raise InputError(f"{path}: a picture, not a film", fix="name the folder that all photographs are in")
     import av

@@ -6,6 +6,7 @@ from hydroviews.formats.checks.observations import keypoint_colours, own_keypoin
 from hydroviews.formats.checks.points_in_view import points_in_view
 from hydroviews.formats.checks.positions import camera_positions
 from hydroviews.formats.checks.samples import Sample
+from hydroviews.formats.checks.undistortion import left_after_undistortion
 from hydroviews.scene.scenes import Scene
 
 
@@ -20,4 +21,5 @@ def compare(scene: Scene) -> list[str]:
     sample = Sample(scene)
     found = own_keypoints(scene) or points_in_view(scene, sample)
     found = found or point_colours(sample) or keypoint_colours(scene, sample)
-    return found + camera_positions(scene, sample) + depth_maps(scene, sample)
+    found += camera_positions(scene, sample) + depth_maps(scene, sample)
+    return found + left_after_undistortion(scene)

@@ -1,5 +1,7 @@
 """JPEGs whose middle is damaged decode, with a warning that nobody sees: they are refused."""
 
+import re
+
 import cv2
 import numpy as np
 import pytest
@@ -48,6 +50,28 @@ def test_damage_in_the_middle_is_told_and_whole_pictures_are_not(tmp_path):
     expected = r"plain-random_bytes\.JPEG: a damaged JPEG, and 5 more photographs\n  found: Corrupt JPEG data"
     with pytest.raises(InputError, match=expected):
         require_whole([*whole, *damaged], "")
+
+
+@pytest.mark.parametrize("filler", [b"\0", b"\xff"])
+@pytest.mark.parametrize("count", [1, 12, 5000])
+def test_padding_of_any_length_is_no_damage(tmp_path, filler, count):
+    """As of cameras that fill their files up: before the end mark, or before every restart mark."""
+    content = jpeg(PLAIN).tobytes()
+    ended = write(tmp_path / "end.jpg", content[:-2] + filler * count + content[-2:])
+    content = jpeg(RESTARTS).tobytes()
+    head, data = content[: content.index(b"\xff\xda")], content[content.index(b"\xff\xda") :]
+    padded = re.sub(rb"(\xff[\xd0-\xd7])", filler * min(count, 14) + rb"\1", data)
+    restarted = write(tmp_path / "restarts.jpg", head + padded)
+    require_whole([ended, restarted], "")
+    for path, settings in ((ended, PLAIN), (restarted, RESTARTS)):
+        assert np.array_equal(cv2.imread(str(path)), cv2.imdecode(jpeg(settings), cv2.IMREAD_COLOR))
+
+
+def test_rubbish_before_the_end_is_damage(tmp_path):
+    content = jpeg(PLAIN).tobytes()
+    rubbish = np.random.default_rng(0).integers(1, 200, 40).astype(np.uint8).tobytes()
+    with pytest.raises(InputError, match="a damaged JPEG"):
+        require_whole([write(tmp_path / "a.jpg", content[:-2] + rubbish + content[-2:])], "")
 
 
 def test_a_reconstruction_names_the_damaged_photograph(tmp_path):
