@@ -40,7 +40,8 @@ def read_ply(path: Path) -> Points:
 
 def _colours(path: Path, vertices: NDArray[Any]) -> NDArray[Any]:
     """Colours [N, 3] from 0 to 255 by one of the usual names; grey, with a warning, where there are none."""
-    found = {name.lower(): name for name in vertices.dtype.names}
+    columns = vertices.dtype.names or ()
+    found = {name.lower(): name for name in columns}
     for names in COLOURS:
         if all(name in found for name in names):
             return _columns(vertices, *(found[name] for name in names))
@@ -49,7 +50,7 @@ def _colours(path: Path, vertices: NDArray[Any]) -> NDArray[Any]:
         return np.asarray((255 * np.clip(encoded, 0, 1)).round())
     logger.warning(
         "%s: no colours, so that its points are grey; found %s, expected red, green, blue",
-        path, ", ".join(vertices.dtype.names),
+        path, ", ".join(columns),
     )  # fmt: skip
     return np.full((len(vertices), 3), GREY)
 

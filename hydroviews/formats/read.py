@@ -117,6 +117,12 @@ def has_cameras(folder: Path) -> bool:
     return any(is_one(folder) for is_one, _ in READERS)
 
 
+def _archives(folder: Path) -> str:
+    """Archives in a folder without cameras, as a sentence; empty if there are none."""
+    kinds = {path.name: file_kind(path) for path in sorted(folder.iterdir()) if path.is_file()}
+    return ", ".join(f"{name}, {kind}: unpack it" for name, kind in kinds.items() if ARCHIVES in kind)
+
+
 def _captures_below(folder: Path) -> list[Path]:
     """Folders with cameras inside a folder without any, such as the `dense/0` of COLMAP's automatic reconstruction."""
     found: list[Path] = []
@@ -149,7 +155,7 @@ def _read_cameras(folder: Path, name: str, images: str | None) -> Scene:
             fix=f"give that folder: {below[0]}",
         )
     count = len(photographs_below(folder))
-    nothing = not_read(folder) or "neither cameras nor photographs"
+    nothing = not_read(folder) or _archives(folder) or "neither cameras nor photographs"
     raise InputError(
         f"{folder}: no cameras",
         found=f"{count} photographs and no camera file" if count else nothing,

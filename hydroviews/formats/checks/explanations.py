@@ -42,10 +42,10 @@ def explanations() -> Iterator[Explanation]:
         yield Explanation("y and z of the points are exchanged against the cameras: z up for y up", cloud=_tipped(turn))
     for factor in (1000.0, 100.0, 0.01, 0.001):
         says = f"the points are in another unit than the cameras: {1 / factor:g} times as large"
-        yield Explanation(says, cloud=lambda positions, factor=factor: positions * factor)
+        yield Explanation(says, cloud=_scaled(factor))
     for quarters, angle in ((1, "90"), (3, "90"), (2, "180")):
         says = f"the photographs are turned by {angle} degrees against their cameras"
-        yield Explanation(says, picture=lambda picture, quarters=quarters: np.rot90(picture, quarters))
+        yield Explanation(says, picture=_turned(quarters))
     yield Explanation("the photographs are mirrored against their cameras", picture=lambda picture: picture[:, ::-1])
 
 
@@ -53,6 +53,14 @@ def _flipped(axis: int) -> Callable[[Positions], Positions]:
     factors = np.ones(3)
     factors[axis] = -1
     return lambda positions: positions * factors
+
+
+def _scaled(factor: float) -> Callable[[Positions], Positions]:
+    return lambda positions: positions * factor
+
+
+def _turned(quarters: int) -> Callable[[NDArray], NDArray]:
+    return lambda picture: np.rot90(picture, quarters)
 
 
 def _tipped(turn: int) -> Callable[[Positions], Positions]:
