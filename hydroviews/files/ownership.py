@@ -10,7 +10,7 @@ import logging
 import os
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import suppress
-from functools import partial
+from functools import lru_cache, partial
 from itertools import count
 from pathlib import Path, PurePosixPath
 
@@ -231,14 +231,23 @@ def _relative(path: Path, folder: Path) -> str:
     return os.path.relpath(os.path.abspath(path), os.path.abspath(folder))
 
 
-def _entries(own: Path) -> set[str]:
-    """The names in a list; what an interruption cut short counts as none."""
+def _entries(own: Path) -> frozenset[str]:
+    """The names in a list."""
+    try:
+        state = own.stat()
+    except FileNotFoundError:
+        return frozenset()
+    return _read_entries(own, state.st_mtime_ns, state.st_size)
+
+
+@lru_cache(maxsize=16)
+def _read_entries(own: Path, _changed: int, _size: int) -> frozenset[str]:
+    """The names in a list as it is by now; what an interruption cut short counts as none."""
     names = set()
-    with suppress(FileNotFoundError):
-        for line in own.read_text(errors="replace").splitlines():
-            with suppress(ValueError):
-                names.add(str(json.loads(line)))
-    return names
+    for line in own.read_text(errors="replace").splitlines():
+        with suppress(ValueError):
+            names.add(str(json.loads(line)))
+    return frozenset(names)
 
 
 def _is_folder(path: Path) -> bool:
