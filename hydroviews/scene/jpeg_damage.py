@@ -14,6 +14,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
+from typing import IO
 
 import cv2
 import numpy as np
@@ -25,8 +26,8 @@ from hydroviews.errors import InputError
 START = b"\xff\xd8\xff"  # of every JPEG
 DAMAGE = ("Corrupt JPEG data", "Premature end of JPEG")  # libjpeg's other warnings are of no consequence
 PADDING = re.compile(r"Corrupt JPEG data: (\d+) extraneous bytes before marker (0xd[0-79])")
-READ_AHEAD = 8  # bytes of data that the decoder may count in, as it had them already
-STRAY = 3  # bytes of any value that some cameras leave before the end mark
+STRAY = 9  # bytes: what some cameras leave before a marker, and what the decoder had read ahead
+ZEROS = re.compile(rb"\x00{2,}(\xff[\xd0-\xd7\xd9])")  # one may be data
 END, RESTART = 0xD9, re.compile(rb"\xff([\xd0-\xd7])")  # markers
 
 
@@ -89,34 +90,41 @@ def _tells_damage(path: Path, said: str) -> bool:
 
 
 def _is_padded(path: Path, said: str) -> bool:
-    """Whether what a decoder passed over is padding, as some cameras write it: zeros or ones before a marker.
+    """Whether a few bytes that a decoder passed over before a marker are of no consequence.
 
     Before the end mark nothing can be lost. Before restart marks, these have to follow each other without a gap: zeros
     in the place of a lost sector are no padding.
     """
     told = PADDING.fullmatch(said)
-    if not told:
+    if not told or int(told[1]) > STRAY:
         return False
-    count, marker, content = int(told[1]), bytes([int(told[2], 16)]), path.read_bytes()
-    least = max(1, count - READ_AHEAD)
-    padded = re.compile(rb"(?:\x00{%d}|\xff{%d})\xff%s" % (least, least, re.escape(marker)))
-    if marker[0] == END:
-        return count <= STRAY or padded.match(content[-least - 2 :]) is not None
-    order = [found[1][0] & 7 for found in RESTART.finditer(content)]
-    return padded.search(content) is not None and all(b == (a + 1) % 8 for a, b in pairwise(order))
+    order = [found[1][0] & 7 for found in RESTART.finditer(path.read_bytes())]
+    return int(told[2], 16) == END or all(b == (a + 1) % 8 for a, b in pairwise(order))
 
 
 def main() -> None:
-    """Decode the JPEGs that standard input lists; a line for each, with what libjpeg wrote."""
+    """Decode the JPEGs that standard input lists; a line for each, with what libjpeg wrote.
+
+    Of those with padding before a marker, without it: zeros that stand for lost data are missed then, padding is not.
+    """
     paths = json.load(sys.stdin)
     with tempfile.TemporaryFile() as written:
         os.dup2(written.fileno(), sys.stderr.fileno())
         for path in paths:
-            written.truncate(0)
-            written.seek(0)
-            cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_REDUCED_GRAYSCALE_8)
-            written.seek(0)
-            print(json.dumps(written.read().decode(errors="replace").splitlines()), flush=True)
+            content = np.fromfile(path, np.uint8).tobytes()
+            said = _decoded(content, written)
+            if said and PADDING.fullmatch(said[0]):
+                said = _decoded(ZEROS.sub(rb"\0\1", content), written)
+            print(json.dumps(said), flush=True)
+
+
+def _decoded(content: bytes, written: IO[bytes]) -> list[str]:
+    """What libjpeg writes of a picture."""
+    written.truncate(0)
+    written.seek(0)
+    cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_REDUCED_GRAYSCALE_8)
+    written.seek(0)
+    return written.read().decode(errors="replace").splitlines()
 
 
 if __name__ == "__main__":
