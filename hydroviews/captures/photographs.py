@@ -28,24 +28,19 @@ def check_photographs(images: Path, out: Path) -> None:
     require_registrable(images, out)
     if images.is_dir() and (left_out := not_read(images)):
         logger.warning("%s: %s", images, left_out)
-    if masks := masks_of(images):
-        logger.warning(
-            "%s: masks are not used to estimate cameras and hide nothing; copy them to %s, where they hide what is "
-            "behind them when the capture is read", masks, out / MASKS,
-        )  # fmt: skip
 
 
 def masks_of(images: Path) -> Path | None:
     """A folder of masks beside or among photographs, or a mask that lies among them; None where there is none."""
     if not images.is_dir():
         return None
-    folders = [*mask_folders(images), *(mask_folders(images.parent) if images.name in FOLDERS else [])]
     among = sorted(set(pictures_below(images)) - set(photographs_below(images)))
+    folders = [*mask_folders(images), *(mask_folders(images.parent) if images.name in FOLDERS else [])]
     return next(iter([*folders, *among]), None)
 
 
 def require_registrable(images: Path, out: Path) -> None:
-    """Refuse photographs that `estimate_poses` cannot take.
+    """Refuse photographs that `estimate_poses` cannot take; warn of masks, which it does not use.
 
     Args:
         images: folder of the photographs and of folders with more; it need not exist.
@@ -57,6 +52,12 @@ def require_registrable(images: Path, out: Path) -> None:
     """
     if not images.is_dir():
         return
+    masks = masks_of(images)
+    if masks and masks.resolve() != (out / MASKS).resolve():
+        logger.warning(
+            "%s: masks are not used to estimate cameras and hide nothing; copy them to %s, where they hide what is "
+            "behind them when the capture is read", masks, out / MASKS,
+        )  # fmt: skip
     sources = photographs_below(images)
     for path in sources:
         require_target(path)
