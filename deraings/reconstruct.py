@@ -17,7 +17,7 @@ from hydroviews.captures.sfm.poses import estimate_poses, triangulate
 from hydroviews.captures.video.capture import capture_video
 from hydroviews.captures.video.decoding import open_video
 from hydroviews.captures.video.frames import FrameChoice
-from hydroviews.dataset.clean_views import FEW_POINTS, triangulated
+from hydroviews.dataset.clean_views import TOO_FEW, triangulated
 from hydroviews.dataset.contact_sheet import spread
 from hydroviews.errors import InputError
 from hydroviews.files import ownership
@@ -220,7 +220,7 @@ def with_points(scene: Scene, folder: Path) -> Scene:
     Raises:
         InputError: an unreadable photograph, or a full disk.
     """
-    if len(scene.points) >= FEW_POINTS:
+    if len(scene.points) >= TOO_FEW:
         return scene
     if not folder.is_dir():
         work = folder.with_name(".triangulation")

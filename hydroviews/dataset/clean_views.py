@@ -24,7 +24,8 @@ logger = logging.getLogger(__name__)
 
 CLEAN = "clean"
 WORK = ".triangulation"
-FEW_POINTS = 100  # below which poses may be wrong, and points of a capture are not enough to begin with
+FEW_POINTS = 100  # of a capture whose poses may be wrong
+TOO_FEW = 40  # below which points of a capture are not enough to begin with
 
 
 def write_views(scene: Scene, folder: Path, images: str) -> Scene:
@@ -82,10 +83,10 @@ def write_cameras(scene: Scene, folder: Path, capture: Scene, images: str) -> Sc
         The scene with the points that were written, and a note on those that were triangulated.
     """
     model = folder / "sparse" / "0"
-    if len(scene.points) < FEW_POINTS:
+    if len(scene.points) < TOO_FEW:
         ownership.enter_all([f"{WORK}/"], folder)
         found = reliable(read_points(model)) if model.is_dir() else triangulate(capture, folder / WORK)
-        if len(found) > len(scene.points):
+        if len(found) > len(scene.points) or not len(scene.points):
             note = triangulated(len(found), len(scene.points))
             logger.info("%s: %s", scene.name, note)
             scene = replace(scene, points=found, notes=(*scene.notes, note))

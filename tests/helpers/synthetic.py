@@ -30,5 +30,5 @@ def capture_in(folder: Path, n_views: int = 9, width: int = 48, height: int = 36
         path = folder / "images" / f"view-{i:02d}.png"
         write_png(path, (0.2 + 0.6 * coarse).astype(np.float32))
         views.append(View(path.stem, ring_camera(2 * np.pi * i / n_views, width, height), path))
-    points = Points(rng.uniform(-1, 1, (100, 3)), rng.integers(0, 256, (100, 3)).astype(np.uint8))
+    points = Points(rng.uniform(-1, 1, (40, 3)), rng.integers(0, 256, (40, 3)).astype(np.uint8))
     return make_scene(folder.name, views, points)
