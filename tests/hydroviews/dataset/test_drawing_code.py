@@ -66,6 +66,7 @@ HARMLESS = {
     "hydroviews.cli.plugins",
     "hydroviews.cli.processes",
     "hydroviews.captures.exif_orientation",
+    "hydroviews.captures.panoramas",
     "hydroviews.dataset.drawing_code",
     "hydroviews.dataset.statistics",
     "hydroviews.errors",
