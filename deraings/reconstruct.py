@@ -17,9 +17,10 @@ from hydroviews.captures.sfm.poses import estimate_poses, triangulate
 from hydroviews.captures.video.capture import capture_video
 from hydroviews.captures.video.decoding import open_video
 from hydroviews.captures.video.frames import FrameChoice
-from hydroviews.dataset.clean_views import triangulated
+from hydroviews.dataset.clean_views import TOO_FEW, triangulated
 from hydroviews.dataset.contact_sheet import spread
 from hydroviews.errors import InputError
+from hydroviews.files import ownership
 from hydroviews.files.atomic import read_json
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.files.settings_guard import claim_folder
@@ -214,20 +215,23 @@ def _left_out(scene: Scene, request: Reconstruction) -> list[str]:
 
 
 def with_points(scene: Scene, folder: Path) -> Scene:
-    """The scene; where it came with cameras alone, with points that are triangulated once and kept in `folder`.
+    """The scene; where it has hardly any points, with some that are triangulated once and kept in `folder`.
 
     Raises:
         InputError: an unreadable photograph, or a full disk.
     """
-    if len(scene.points):
+    if len(scene.points) >= TOO_FEW:
         return scene
     if not folder.is_dir():
         work = folder.with_name(".triangulation")
+        ownership.enter_all([f"{work.name}/"], work.parent)
         found = triangulate(scene, work)
         write_colmap(replace(scene, points=found), folder)
         remove_tree(work)
     points = reliable(read_points(folder))
-    return replace(scene, points=points, notes=(*scene.notes, triangulated(len(points))))
+    if len(points) <= len(scene.points):
+        return scene if len(scene.points) else replace(scene, notes=(*scene.notes, triangulated(0)))
+    return replace(scene, points=points, notes=(*scene.notes, triangulated(len(points), len(scene.points))))
 
 
 def enhanced(photograph: Image) -> Image:

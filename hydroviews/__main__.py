@@ -15,6 +15,7 @@ import tyro
 from hydroviews.blender.embedded_scenes.captures import EMBEDDED
 from hydroviews.captures.catalogue.catalogue import Capture, all_captures, captures_root, locate
 from hydroviews.captures.download.captures import download_captures
+from hydroviews.captures.panoramas import Panoramas, refuse_panoramas
 from hydroviews.captures.photographs import camera_notes, check_photographs
 from hydroviews.captures.sfm.poses import Matcher, estimate_poses
 from hydroviews.captures.video.capture import capture_video
@@ -30,9 +31,10 @@ from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.files.locks import BUSY, locked
+from hydroviews.files.ownership import require_ours
 from hydroviews.formats.capture_json import FILE as CAPTURE
 from hydroviews.formats.capture_json import RAINY, read_capture_json
-from hydroviews.formats.photographs import FOLDERS
+from hydroviews.formats.photographs import FOLDERS, photographs_below
 from hydroviews.profiles import PROFILES, Profile, find_profile
 from hydroviews.rain.registry import pattern_names
 from hydroviews.rain.scene_statistics import LensRenderer
@@ -168,7 +170,12 @@ def sheet_command(
             print(path)
 
 
-def poses_command(images: Annotated[Path, tyro.conf.Positional], out: Path | None = None, rainy: bool = False) -> None:
+def poses_command(
+    images: Annotated[Path, tyro.conf.Positional],
+    out: Path | None = None,
+    rainy: bool = False,
+    panoramas: Panoramas = "cut",
+) -> None:
     """Estimate cameras for a folder of photographs with pycolmap.
 
     Args:
@@ -176,14 +183,20 @@ def poses_command(images: Annotated[Path, tyro.conf.Positional], out: Path | Non
         out: where the capture goes; `<images>-capture` if not given, `walk-capture` for `walk/images`.
         rainy: they were taken in rain: what stays in one place of the lens is no feature, and matches may be less
             distinct. The capture's `capture.json` says so: nobody takes its photographs for clean views.
+        panoramas: cut: perspective photographs are cut out of those of 360 cameras; refuse: there must be none.
     """
     images = images.resolve()
     out = out or _capture_beside(images)
     check_photographs(images, out)
+    if panoramas == "refuse":
+        refuse_panoramas(photographs_below(images))
     with locked(out.resolve(), BUSY):
+        described = read_capture_json(out)
+        if rainy and described != {**described, **RAINY}:
+            require_ours([out / CAPTURE])
         scene = estimate_poses(images, out, rainy=rainy)
-        if rainy:
-            write_json(out / CAPTURE, {**read_capture_json(out), **RAINY})
+        if rainy and described != {**described, **RAINY}:
+            write_json(out / CAPTURE, {**described, **RAINY})
     for note in (*scene.notes, *camera_notes(scene, out / "images")):
         print(note)
     print(f"capture: {out}; build it with `python -m hydroviews build --scene {shlex.quote(str(out))}`")

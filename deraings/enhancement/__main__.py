@@ -23,13 +23,15 @@ from deraings.enhancement.training import EnhancementTraining, train
 from deraings.enhancement.validation import as_columns, scores, scores_by_companions, table
 from deraings.enhancement.validation_pictures import PATTERNS, validation_set
 from deraings.enhancement.weights import load_enhancer, save_network
+from hydroviews.captures.single_pictures import read_upright
 from hydroviews.cli.commands import run_command
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
+from hydroviews.files.ownership import require_ours
 from hydroviews.formats.photographs import one_by_one
 from hydroviews.pairs.photographs import split_photographs
 from hydroviews.rain.registry import parse_pattern
-from hydroviews.scene.images import read_image, to_uint8, write_png
+from hydroviews.scene.images import to_uint8, write_png
 
 WATCHED = 4  # held-out photographs of the validations while training; at the end it is all of them
 MOST_COMPANIONS = 35  # of a picture in validation
@@ -142,7 +144,7 @@ def enhance_command(
     apart: bool = False,
     sheet: Path | None = None,
 ) -> None:
-    """Enhance a picture, or all of a folder, and write PNG.
+    """Enhance a picture, or all of a folder, and write PNG, upright as Exif says and with the alpha that it has.
 
     Args:
         pictures: file, or folder of what one camera has taken; its pictures are looked at together.
@@ -153,22 +155,27 @@ def enhance_command(
         sheet: also draw some of them before and after, evenly spread in order of name, into this PNG.
 
     Raises:
-        InputError: a picture that cannot be read, or a sheet that is no PNG or lies among the enhanced pictures.
+        InputError: a picture that cannot be read, a sheet that is no PNG or lies among the enhanced pictures, or a file
+            of another origin that would be written over.
     """
     if sheet is not None and (sheet.suffix != ".png" or sheet.resolve().parent == out.resolve()):
         raise InputError(f"--sheet {sheet}", expected=f"a .png, not in {out}, where it would be taken for a picture")
     enhancer, targets = load_enhancer(weights), one_by_one(pictures, out)
+    require_ours([*targets.values(), *([sheet] if sheet else [])])
     print(enhancer.reason)
     files = list(targets)
 
     def read(index: int) -> NDArray[np.uint8]:
-        return to_uint8(read_image(files[index]))
+        return to_uint8(read_upright(files[index]).image)
 
     lenses = [None] * len(files) if apart else lenses_of_capture(len(files), read, enhancer.network)
     for (file, target), lens in tqdm(list(zip(targets.items(), lenses, strict=True)), desc="enhancing", unit="picture"):
-        write_png(target, enhance(read_image(file), enhancer, remove_mist=not keep_fog, lens=lens))
+        picture = read_upright(file)
+        write_png(target, enhance(picture.image, enhancer, remove_mist=not keep_fog, lens=lens), picture.alpha)
+        if picture.bits > 8:
+            print(f"{file}: {picture.bits} bits a channel; {target} has 8")
     if sheet is not None:
-        shown = [(file.name, read_image(file), read_image(targets[file])) for file in on_sheet(files)]
+        shown = [(file.name, read_upright(file).image, read_upright(targets[file]).image) for file in on_sheet(files)]
         write_png(sheet, before_and_after("Enhancement", f"{len(shown)} of {len(files)} photographs", shown))
         print(sheet)
 

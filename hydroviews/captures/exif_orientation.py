@@ -14,24 +14,14 @@ from PIL.ExifTags import Base
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import replacing, write_bytes
 from hydroviews.formats.photographs import some
+from hydroviews.scene.exif import AS_STORED, orientation
 from hydroviews.scene.images import image_size, read_pixels
 
 logger = logging.getLogger(__name__)
 
 TIFF = (".tif", ".tiff")
 DEEP = (".png", *TIFF)  # may have 16 bits a channel
-AS_STORED, TURNS = 1, range(2, 9)
 QUALITY = 95  # of JPEG files after turning
-
-
-def orientation(path: Path) -> int:
-    """Exif's Orientation from the file's header, 1 to 8: 1 is upright or no valid tag, 6 and 8 are portraits."""
-    try:
-        with PIL.Image.open(path) as image:
-            tag = int(image.getexif().get(Base.Orientation, AS_STORED))
-            return tag if tag in TURNS else AS_STORED
-    except (OSError, ValueError, TypeError, PIL.Image.DecompressionBombError):
-        return AS_STORED  # reading the pixels will raise what is wrong; a tag that is no number is none
 
 
 def common_turn(paths: Iterable[Path]) -> bool:

@@ -5,7 +5,17 @@ from pathlib import Path
 
 from hydroviews.captures.sfm.sources import link_names
 from hydroviews.errors import InputError
-from hydroviews.formats.photographs import not_read, photographs_below, require_permission, require_target, some
+from hydroviews.formats.mask_files import mask_folders
+from hydroviews.formats.photographs import (
+    FOLDERS,
+    not_read,
+    photographs_below,
+    pictures_below,
+    require_permission,
+    require_target,
+    some,
+)
+from hydroviews.scene.masks import MASKS
 from hydroviews.scene.scenes import Scene
 
 logger = logging.getLogger(__name__)
@@ -20,8 +30,17 @@ def check_photographs(images: Path, out: Path) -> None:
         logger.warning("%s: %s", images, left_out)
 
 
+def masks_of(images: Path) -> Path | None:
+    """A folder of masks beside or among photographs, or a mask that lies among them; None where there is none."""
+    if not images.is_dir():
+        return None
+    among = sorted(set(pictures_below(images)) - set(photographs_below(images)))
+    folders = [*mask_folders(images), *(mask_folders(images.parent) if images.name in FOLDERS else [])]
+    return next(iter([*folders, *among]), None)
+
+
 def require_registrable(images: Path, out: Path) -> None:
-    """Refuse photographs that `estimate_poses` cannot take.
+    """Refuse photographs that `estimate_poses` cannot take; warn of masks, which it does not use.
 
     Args:
         images: folder of the photographs and of folders with more; it need not exist.
@@ -33,6 +52,12 @@ def require_registrable(images: Path, out: Path) -> None:
     """
     if not images.is_dir():
         return
+    masks = masks_of(images)
+    if masks and masks.resolve() != (out / MASKS).resolve():
+        logger.warning(
+            "%s: masks are not used to estimate cameras and hide nothing; copy them to %s, where they hide what is "
+            "behind them when the capture is read", masks, out / MASKS,
+        )  # fmt: skip
     sources = photographs_below(images)
     for path in sources:
         require_target(path)

@@ -14,6 +14,7 @@ from hydroviews.dataset.statistics import STATISTICS, read_statistics
 from hydroviews.dataset.variants import has_clean, is_captured
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
+from hydroviews.files.ownership import require_ours
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.rain.compositing import COLOURS, LayerPlane, Layers
 from hydroviews.rain.layers import read_layers
@@ -45,7 +46,8 @@ def write_sheets(folder: Path, out: Path | None = None, columns: int = COLUMNS) 
         `<scene>.png`, a row a variant with the clean views first, and, where rain was added, `<scene>-layers.png`.
 
     Raises:
-        InputError: no view is asked for or too many, or a file of the scene is missing or damaged.
+        InputError: no view is asked for or too many, a file of the scene is missing or damaged, or somebody else's
+            file has the name of a sheet.
     """
     if not 1 <= columns <= MOST_COLUMNS:
         raise InputError(f"--views {columns}", expected=f"at least 1, at most {MOST_COLUMNS}")
@@ -61,6 +63,7 @@ def write_sheets(folder: Path, out: Path | None = None, columns: int = COLUMNS) 
             _layer_rows(folder, patterns, middle),
             f"what was added to {middle}",
         )
+    require_ours(sheets)
     for path, (rows, remark) in sheets.items():
         write_png(path, draw_sheet(folder.name, remark, rows, WIDTH))
     return list(sheets)

@@ -14,6 +14,7 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import is_there, read_json, write_json
 from hydroviews.files.known_bytes import current_sha256, read_only, require_bytes
 from hydroviews.files.locks import locked
+from hydroviews.files.ownership import is_claimed, left_by_others
 from hydroviews.formats.capture_json import CAPTURED
 
 MANIFEST = "manifest.json"
@@ -116,7 +117,8 @@ def _shown(digests: Iterable[str], title: str, total: int) -> Iterable[str]:
 def record_scene(data: Path, scene: str, facts: Mapping[str, Any], kept: Mapping[str, str] | None = None) -> None:
     """Enter a finished scene in the manifest, but rain that is not in the facts, and let nobody write into its files.
 
-    Rain that is not in the facts was begun and not ended; `verify` finds it beside what is listed.
+    Rain that is not in the facts was begun and not ended; `verify` finds it beside what is listed. So it does with
+    files that the user put there, which stay as they are.
 
     Args:
         data: the data folder.
@@ -127,7 +129,9 @@ def record_scene(data: Path, scene: str, facts: Mapping[str, Any], kept: Mapping
     folder, kept = data / scene, kept or {}
     ended = {folder / name for name in (*facts["patterns"], CAPTURED)}
     begun = {path.parent for path in folder.glob("*/pattern.json")} - ended
-    finished = [path for path in scene_files(folder) if not begun.intersection(path.parents)]
+    others = set(left_by_others(folder.resolve())) if is_claimed(folder) else set()
+    ours = [path for path in scene_files(folder) if path.resolve() not in others]
+    finished = [path for path in ours if not begun.intersection(path.parents)]
     new = [name for path in finished if (name := path.relative_to(folder).as_posix()) not in kept]
     files = {**kept, **_sealed(folder, new)}
     enter_scene(data, scene, facts, files)

@@ -13,8 +13,8 @@ from tqdm import tqdm
 from hydroviews.dataset.drawing_code import VERSION, drawing_code
 from hydroviews.dataset.statistics import STATISTICS, write_statistics
 from hydroviews.errors import InputError
+from hydroviews.files import ownership
 from hydroviews.files.atomic import read_json, replacing, write_json
-from hydroviews.files.temporary import remove_tree
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.writers import write_nerfstudio
 from hydroviews.rain.effect import Effect, PreparedRain, Rain, fall
@@ -87,8 +87,8 @@ def _take_variant(variant: Path, facts: Mapping[str, Any]) -> None:
     if same_values(earlier, json.loads(json.dumps(facts))):
         return
     for name in ("images", "layers", LENS):
-        remove_tree(variant / name)
-    (variant / STATISTICS).unlink(missing_ok=True)
+        ownership.clear(variant / name)
+    ownership.remove(variant / STATISTICS)
     write_json(path, facts)
 
 
@@ -130,6 +130,7 @@ def link_shared(variant: Path) -> None:
         if link.exists() or link.is_symlink() or not (variant.parent / name).is_dir():
             continue
         try:
+            ownership.enter(link)
             os.symlink(os.path.join("..", name), link)
         except OSError:  # a file system without links
             with replacing(link) as temporary:

@@ -15,11 +15,11 @@ from hydroviews.dataset.manifest import changed_files, listed_files, scene_entry
 from hydroviews.dataset.request import REQUEST
 from hydroviews.dataset.statistics import STATISTICS
 from hydroviews.errors import InputError
+from hydroviews.files import ownership
 from hydroviews.files.known_bytes import current_sha256
-from hydroviews.files.temporary import remove_tree
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.photographs import some
-from hydroviews.formats.writers import MODEL
+from hydroviews.formats.writers import MODEL, MODEL_FILES
 
 logger = logging.getLogger(__name__)
 
@@ -74,7 +74,7 @@ def drop_or_refuse(folder: Path, damaged: Sequence[Path], repair: bool, repairab
     for path in damaged:
         path.unlink()
     if any(folder / MODEL in path.parents for path in damaged):
-        remove_tree(folder / MODEL)  # it is written as a whole
+        ownership.clear(folder / MODEL, [folder / MODEL / name for name in MODEL_FILES])  # it is written as a whole
 
 
 def unchanged(folder: Path, entry: Mapping[str, Any], redrawn: Collection[str]) -> dict[str, str]:

@@ -26,7 +26,7 @@ from hydroviews.files.locks import BUSY, locked
 from hydroviews.files.temporary import remove_leftovers
 from hydroviews.formats.paired_pictures import find_pictures
 from hydroviews.formats.photographs import FOLDERS, photographs_below
-from hydroviews.formats.read import read_scene
+from hydroviews.formats.read import no_folder, read_scene
 from hydroviews.profiles import Profile, require_long_side, require_seed
 from hydroviews.rain.registry import choose_patterns
 from hydroviews.rain.scene_statistics import LensRenderer
@@ -72,6 +72,8 @@ def find_capture(source: str, rendered: Path, views: int, long_side: int, captur
     for folder in (Path(source), root / source):
         if source and folder.is_dir():
             return read_scene(folder)
+    if source and Path(source).is_file():
+        raise no_folder(Path(source))
     known = (*EMBEDDED, *(capture.name for capture in all_captures()))
     if "/" in source and source.split("/")[0] not in {name.split("/")[0] for name in known}:  # meant as a path
         wanted = f"a folder with images and cameras, below {Path.cwd()} or {root}"

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from hydroviews.errors import InputError
+from hydroviews.files import ownership
 from hydroviews.files.full_disk import plain_write_errors
 from hydroviews.files.temporary import temporary_beside
 
@@ -27,6 +28,7 @@ def replacing(path: Path) -> Iterator[Path]:
     """
     with plain_write_errors(path), temporary_beside(path) as temporary:
         yield temporary
+        ownership.enter(path, temporary)
         os.replace(temporary, path)
 
 

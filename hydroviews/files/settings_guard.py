@@ -4,13 +4,17 @@ Builds, runs and pose estimates keep their settings in a JSON file of their fold
 only if its settings are the same.
 """
 
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from hydroviews.errors import InputError
+from hydroviews.files import ownership
 from hydroviews.files.atomic import read_json, write_json
-from hydroviews.files.temporary import remove_leftovers, remove_tree
+from hydroviews.files.temporary import remove_leftovers
+
+logger = logging.getLogger(__name__)
 
 
 def claim_folder(
@@ -32,19 +36,24 @@ def claim_folder(
         path: the JSON file with the folder's settings.
         settings: JSON values by name.
         taken: the error's text for a folder with other settings.
-        foreign: the error's text for a folder with files and no settings; None accepts such a folder.
+        foreign: the error's text for a folder with files and no settings; None where one that is ours gets more
+            settings, such as a capture that gets masks.
         fix: what the user should do about other settings.
         ignored: names of settings that may differ: they inform, and change no result.
-        overwrite: empty a folder with other settings instead of refusing it.
-        forget: called before the folder is emptied.
+        overwrite: remove what was made with other settings instead of refusing it; files of somebody else's stay, and
+            a warning names them.
+        forget: called before anything is removed.
 
     Raises:
-        InputError: the folder has other settings, or holds files of unknown origin.
+        InputError: the folder has other settings, or holds files of unknown origin; or it was made before files were
+            listed, so that nothing tells whose they are.
     """
     folder = path.parent
     remove_leftovers(folder)
     if not path.is_file():
         _refuse_foreign(folder, foreign, path.name)
+        if not ownership.is_claimed(folder):
+            ownership.claim(folder)
         write_json(path, dict(settings))
         return
     earlier = _earlier(path, fix, overwrite)
@@ -58,8 +67,14 @@ def claim_folder(
             expected="; ".join(f"{key} {_difference(settings[key], earlier.get(key))}" for key in changed),
             fix=fix,
         )
+    left = ownership.left_by_others(folder, [path])
+    if left and not ownership.is_claimed(folder):
+        raise ownership.unlisted(folder)
     forget()
-    remove_tree(folder)
+    ownership.remove(folder, [path])
+    if left:
+        logger.warning("%s: not written by HydroViews, and kept: %s", folder, ownership.named(left, folder))
+    ownership.claim(folder)
     write_json(path, dict(settings))
 
 

@@ -1,7 +1,10 @@
 """COLMAP projects: a sparse model, binary or text, with any camera model, beside a folder of photographs."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from hydroviews.errors import InputError
 from hydroviews.formats.colmap_format import (
@@ -25,7 +28,8 @@ from hydroviews.formats.photographs import (
     read_split,
     view_names,
 )
-from hydroviews.scene.scenes import Points, Scene, View, make_scene
+from hydroviews.scene.point_colours import evenly
+from hydroviews.scene.scenes import Observed, Points, Scene, View, make_scene
 
 MODEL_FOLDERS = ("sparse", "colmap/sparse")
 
@@ -33,6 +37,8 @@ MODEL_FOLDERS = ("sparse", "colmap/sparse")
 MAX_ERROR = 2.0  # pixels
 MIN_TRACK = 3  # views
 ENOUGH_POINTS = 1000
+
+OBSERVED = 12  # images whose keypoints are compared with the points
 
 
 def find_models(folder: Path) -> list[Path]:
@@ -87,7 +93,29 @@ def read_colmap(folder: Path, name: str, images: str | None = None, match: Match
     notes = [f"cameras from {model.relative_to(folder)}: {len(views)} of {total} images registered", *others]
     ordered = sorted(views, key=lambda view: view.name)
     notes += misplaced_note([view.name for view in ordered], [view.camera.centre for view in ordered])
-    return make_scene(name, views, reliable(read_points(model)), read_split(folder), notes)
+    points = read_points(model)
+    scene = make_scene(name, views, reliable(points), read_split(folder), notes)
+    return replace(scene, observed=_observed(model, registered, [view.name for view in views], points))
+
+
+def _observed(
+    model: Path, images: Sequence[RegisteredImage], names: Sequence[str], points: SparsePoints
+) -> dict[str, Observed]:
+    """The points of a few images, evenly spread, where their keypoints are."""
+    lenses, found = read_cameras(model), {}
+    for i in evenly(len(images), OBSERVED):
+        try:
+            pixels, ids = images[i].keypoints()
+        except ValueError as error:
+            raise InputError(
+                f"{model}: {images[i].name}: not keypoints", found=error, fix="write the model again, or copy it again"
+            ) from error
+        at = np.minimum(np.searchsorted(points.ids, ids), len(points.ids) - 1)
+        known = points.ids[at] == ids if len(points.ids) else np.zeros(len(ids), bool)
+        lens, at = lenses[images[i].camera_id], at[known]
+        places = pixels[known] / (lens.width, lens.height)
+        found[names[i]] = Observed(places, points.positions[at], points.colours[at])
+    return found
 
 
 def _largest_model(folder: Path) -> tuple[Path, list[RegisteredImage], list[str]]:

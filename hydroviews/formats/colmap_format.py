@@ -3,9 +3,11 @@
 pycolmap reads them too, but takes a file cut short for a shorter model, or ends the process.
 """
 
+import codecs
 import struct
+from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,21 +27,37 @@ FORMS = (".bin", ".txt")
 
 
 class RegisteredImage(NamedTuple):
-    """An image of a model: its file name, its camera and its pose."""
+    """An image of a model: its file name, its camera, its pose, and its keypoints as the file has them."""
 
     name: str
     camera_id: int
     world_to_camera: NDArray[np.float64]  # [4, 4]
+    stored_keypoints: memoryview | str = ""
+
+    def keypoints(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Pixels [K, 2] and ids [K] of the points that the image shows there; keypoints without a point are left out.
+
+        Raises:
+            ValueError: the text is not one of keypoints.
+        """
+        if isinstance(self.stored_keypoints, str):
+            table = np.array(self.stored_keypoints.split(), np.float64).reshape(-1, 3)
+            pixels, ids = table[:, :2], table[:, 2].astype(np.int64)
+        else:
+            records = np.frombuffer(self.stored_keypoints, [("pixel", "<f8", 2), ("id", "<i8")])
+            pixels, ids = records["pixel"], records["id"]
+        return pixels[ids >= 0], ids[ids >= 0]
 
 
 @dataclass(frozen=True)
 class SparsePoints:
-    """Sparse points with their reprojection errors in pixels and the number of views that see them."""
+    """Sparse points with their ids, reprojection errors in pixels and the number of views that see them."""
 
     positions: NDArray[np.float64]  # [N, 3]
     colours: NDArray[np.uint8]  # [N, 3]
     errors: NDArray[np.float64]  # [N]
     track_lengths: NDArray[np.int64]  # [N]
+    ids: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))  # [N], ascending, where known
 
 
 def model_suffix(folder: Path) -> str | None:
@@ -72,12 +90,12 @@ def read_images(folder: Path) -> list[RegisteredImage]:
     """
     path = folder / f"images{model_suffix(folder)}"
     images, ids = [], []
-    for number, quaternion, translation, camera_id, name in _records(path, _binary_images, _text_images):
-        check_file_name(path, name)
+    for number, quaternion, translation, camera_id, name, keypoints in _records(path, _binary_images, _text_images):
+        name = check_file_name(path, name.replace("\\", "/"))  # as programs on Windows write folders
         ids.append(number)
         pose = np.empty((3, 4))
         pose[:, :3], pose[:, 3] = _rotation(np.array(quaternion), f"{path}: {name}"), translation
-        images.append(RegisteredImage(name, camera_id, rigid_pose(pose, f"{path}: {name}")))
+        images.append(RegisteredImage(name, camera_id, rigid_pose(pose, f"{path}: {name}"), keypoints))
     check_once(path, "image", ids)
     return images
 
@@ -91,10 +109,11 @@ def read_points(folder: Path) -> SparsePoints:
     path = folder / f"points3D{model_suffix(folder)}"
     rows = sorted(_records(path, _binary_points, _text_points)) if path.is_file() else []
     check_once(path, "point", [row[0] for row in rows])
-    table = np.array(rows, np.float64).reshape(-1, 9)[:, 1:]
-    table = table[usable(path, table[:, :3])]
-    colours = check_colours(path, table[:, 3:6])
-    return SparsePoints(table[:, :3], colours, table[:, 6], table[:, 7].astype(np.int64))
+    table = np.array(rows, np.float64).reshape(-1, 9)
+    table = table[usable(path, table[:, 1:4])]
+    colours = check_colours(path, table[:, 4:7])
+    ids = np.minimum(table[:, 0], 2.0**62).astype(np.int64)
+    return SparsePoints(table[:, 1:4], colours, table[:, 7], table[:, 8].astype(np.int64), ids)
 
 
 def _rotation(quaternion: NDArray[np.float64], where: str) -> NDArray[np.float64]:
@@ -113,7 +132,7 @@ def _records(path: Path, binary: Any, text: Any) -> Iterator[tuple]:
             yield from binary(cursor)
             cursor.finish()
         else:
-            yield from text(as_file(path).read_text("utf-8-sig").splitlines())
+            yield from text(_decoded(as_file(path).read_bytes()).splitlines())
     except UnicodeDecodeError as error:
         raise InputError(
             f"{path}: a name that is not UTF-8",
@@ -127,6 +146,11 @@ def _records(path: Path, binary: Any, text: Any) -> Iterator[tuple]:
             expected="a whole COLMAP model file",
             fix="copy the model again, or estimate the poses again",
         ) from error
+
+
+def _decoded(content: bytes) -> str:
+    """Text with or without a byte order mark; in UTF-16 where that says so, as PowerShell writes files."""
+    return content.decode("utf-16" if content[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE) else "utf-8-sig")
 
 
 class _Cursor:
@@ -147,6 +171,10 @@ class _Cursor:
         self.offset = end + 1
         return name
 
+    def block(self, count: int) -> memoryview:
+        self.offset += count
+        return memoryview(self.content)[self.offset - count : self.offset]
+
     def skip(self, count: int) -> None:
         self.offset += count
 
@@ -163,17 +191,33 @@ def _record(layout: str) -> struct.Struct:
 def _binary_cameras(cursor: _Cursor) -> Iterator[tuple]:
     for _ in range(cursor.take("Q")[0]):
         number, model_id, width, height = cursor.take("IiQQ")
-        model = pycolmap.CameraModelId(model_id).name
+        model = _model_name(model_id)
         count = len(pycolmap.Camera.create_from_model_name(1, model, 1.0, 1, 1).params)
         yield number, model, width, height, cursor.take(f"{count}d")
+
+
+def _model_name(number: int) -> str:
+    """COLMAP's name of a camera model.
+
+    Raises:
+        InputError: a number that pycolmap does not know.
+    """
+    names = {int(model): name for name, model in pycolmap.CameraModelId.__members__.items() if name != "INVALID"}
+    if number not in names:
+        raise InputError(
+            f"camera model number {number}: unknown",
+            expected=f"a model of COLMAP's: {', '.join(names.values())}",
+            fix="undistort the photographs to PINHOLE in the program that wrote the model",
+        )
+    return names[number]
 
 
 def _binary_images(cursor: _Cursor) -> Iterator[tuple]:
     for _ in range(cursor.take("Q")[0]):
         values = cursor.take("I7dI")
         name = cursor.name()
-        cursor.skip(24 * cursor.take("Q")[0])  # keypoints
-        yield values[0], values[1:5], values[5:8], values[8], name
+        keypoints = cursor.block(24 * cursor.take("Q")[0])
+        yield values[0], values[1:5], values[5:8], values[8], name, keypoints
 
 
 def _binary_points(cursor: _Cursor) -> Iterator[tuple]:
@@ -193,16 +237,37 @@ def _text_cameras(lines: list[str]) -> Iterator[tuple]:
 
 
 def _text_images(lines: list[str]) -> Iterator[tuple]:
-    rows = iter([line for line in lines if not line.startswith("#")])
-    for row in rows:
+    """Two lines an image; one where people or editors left out the line of keypoints, such as an empty one."""
+    rows = deque(line for line in lines if not line.startswith("#"))
+    while rows:
+        row = rows.popleft()
         if not row.strip():
             continue
         values = row.split(maxsplit=9)
         if len(values) != 10:
             raise ValueError(f"not an image: {row[:80]!r}")
         pose = tuple(map(float, values[1:8]))
-        yield _whole(values[0]), pose[:4], pose[4:], _whole(values[8]), values[9].strip()
-        next(rows, None)  # the keypoints' line, which may be empty
+        keypoints = rows.popleft().strip() if rows and not _is_image(rows[0]) else ""
+        yield _whole(values[0]), pose[:4], pose[4:], _whole(values[8]), values[9].strip(), keypoints
+
+
+def _is_image(row: str) -> bool:
+    """Whether a line is an image's where keypoints are expected: ten words, of which the tenth is no number.
+
+    Keypoints come in threes, so that a name of blanks and numbers alone is needed to be mistaken for them.
+    """
+    values = row.split(maxsplit=9)
+    if len(values) != 10:
+        return False
+    return len(row.split()) % 3 != 0 or not all(map(_is_number, values[9].split()))
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
 
 
 def _text_points(lines: list[str]) -> Iterator[tuple]:

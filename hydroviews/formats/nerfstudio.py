@@ -15,6 +15,7 @@ from hydroviews.formats.photographs import (
     make_view,
     match_files,
     other_images,
+    posix_name,
     read_split,
     some,
     stem,
@@ -28,6 +29,7 @@ from hydroviews.scene.masks import MASKS, find_mask
 from hydroviews.scene.scenes import Points, Scene, View, make_scene, no_points
 
 CAMERA_FILE = "transforms.json"
+PARTS = ("train", "val", "test")  # of captures with a file for each: transforms_train.json
 
 PERSPECTIVE = ("", "OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE")
 FISHEYE = ("OPENCV_FISHEYE",)
@@ -44,10 +46,64 @@ def read_nerfstudio(folder: Path, name: str, match: Match = match_files) -> Scen
         InputError: not such a file, no frame with an image, or an invalid pose or intrinsic.
     """
     path = folder / CAMERA_FILE
+    content = _content(path)
+    return _scene(path, name, content, content["frames"], match)
+
+
+def part_files(folder: Path) -> dict[str, Path]:
+    """The files of a Blender capture that has one for each part of its split; empty where `transforms.json` is one."""
+    if (folder / CAMERA_FILE).is_file():
+        return {}
+    found = {part: folder / f"transforms_{part}.json" for part in PARTS}
+    return {part: path for part, path in found.items() if path.is_file()}
+
+
+def read_parts(folder: Path, name: str, match: Match = match_files) -> Scene:
+    """Read `transforms_train.json` and the like as one capture.
+
+    Raises:
+        InputError: see `read_nerfstudio`.
+    """
+    frames = []
+    for path in part_files(folder).values():
+        content = _content(path)
+        shared = {key: value for key, value in content.items() if key != "frames"}
+        frames += [{**shared, **frame} for frame in content["frames"]]
+    first = next(iter(part_files(folder).values()))
+    return _scene(first, name, {}, frames, match)
+
+
+def part_names(folder: Path) -> dict[str, list[str]]:
+    """The files of the frames of each part of a capture's split, as `transforms.json` or one file for each part has it.
+
+    Raises:
+        InputError: a list of the file is none of names.
+    """
+    parts = part_files(folder)
+    if parts:
+        return {part: [str(frame["file_path"]) for frame in _content(path)["frames"]] for part, path in parts.items()}
+    path = folder / CAMERA_FILE
+    content = _content(path) if path.is_file() else {}
+    listed = {part: content[f"{part}_filenames"] for part in PARTS if f"{part}_filenames" in content}
+    if not all(isinstance(names, list) and all(isinstance(name, str) for name in names) for names in listed.values()):
+        raise InputError(f"{path}: a part of its split is no list of names", expected='"train_filenames": [names]')
+    return listed
+
+
+def _content(path: Path) -> dict[str, Any]:
+    """A camera file whose frames are a list of objects."""
     content = read_json(path)
     frames = content.get("frames") if isinstance(content, dict) else None
     if not isinstance(frames, list) or not frames or not all(isinstance(frame, dict) for frame in frames):
         raise InputError(f"{path}: no frames", expected='{"frames": [{"file_path", "transform_matrix"}, ...]}')
+    return dict(content)
+
+
+def _scene(
+    path: Path, name: str, content: Mapping[str, Any], frames: Sequence[Mapping[str, Any]], match: Match
+) -> Scene:
+    """The scene of a camera file's frames, which may have intrinsics in common."""
+    folder = path.parent
     names = [_file_name(path, f"frame {i}", frame) for i, frame in enumerate(frames)]
     files = match(folder, names)
     if not any(files):
@@ -60,7 +116,7 @@ def read_nerfstudio(folder: Path, name: str, match: Match = match_files) -> Scen
     ]
     points, notes = _points(folder, content), []
     missing = [frame_name for frame_name, file in zip(names, files, strict=True) if not file]
-    notes.append(f"cameras from {CAMERA_FILE}: {len(views)} of {len(names)} frames have an image")
+    notes.append(f"cameras from {path.name}: {len(views)} of {len(names)} frames have an image")
     if missing:
         notes.append(f"no image for {some(missing)}")
     if not len(points):
@@ -73,7 +129,7 @@ def read_nerfstudio(folder: Path, name: str, match: Match = match_files) -> Scen
 def _file_name(path: Path, which: str, frame: Mapping[str, Any]) -> str:
     if not isinstance(frame.get("file_path"), str) or "transform_matrix" not in frame:
         raise InputError(f"{path}: {which} is not complete", expected="file_path and transform_matrix")
-    return str(Path(check_file_name(f"{path}: {which}", frame["file_path"])))  # without a leading ./
+    return str(Path(check_file_name(f"{path}: {which}", posix_name(frame["file_path"]))))  # without a leading ./
 
 
 def _mask(folder: Path, frame: Mapping[str, Any], file: Path, name: str, counts: Mapping[str, int]) -> Path | None:
@@ -86,7 +142,7 @@ def _mask(folder: Path, frame: Mapping[str, Any], file: Path, name: str, counts:
         both = [PurePosixPath(file.relative_to(folder)), PurePosixPath(name)]
         images = [str(way) for one in both for way in (one, below_first(one), *([one.name] if alone else []))]
         return next((mask for image in images if (mask := find_mask(folder / MASKS, image))), None)
-    path = folder / check_file_name(f"{folder / CAMERA_FILE}: mask_path", frame["mask_path"])
+    path = folder / check_file_name(f"{folder / CAMERA_FILE}: mask_path", posix_name(frame["mask_path"]))
     if not path.is_file():
         raise InputError(f"{path}: no such mask", fix="copy it back, or remove mask_path from the frame")
     return path
@@ -157,4 +213,5 @@ def _points(folder: Path, content: Mapping[str, Any]) -> Points:
     """The point cloud of `ply_file_path`, grey where it has no colours; none where none is named."""
     if not content.get("ply_file_path"):
         return no_points()
-    return read_ply(folder / check_file_name(f"{folder / CAMERA_FILE}: ply_file_path", content["ply_file_path"]))
+    name = posix_name(content["ply_file_path"])
+    return read_ply(folder / check_file_name(f"{folder / CAMERA_FILE}: ply_file_path", name))

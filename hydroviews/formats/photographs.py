@@ -3,7 +3,7 @@
 import os
 import unicodedata
 from collections import Counter
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path, PurePath, PurePosixPath
 
 import numpy as np
@@ -12,15 +12,20 @@ from numpy.typing import NDArray
 from hydroviews.errors import InputError, no_permission
 from hydroviews.files.atomic import is_there, read_json
 from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.mask_names import without_masks
 from hydroviews.scene.cameras import same_shape
 from hydroviews.scene.checks import check_view_name
+from hydroviews.scene.file_kinds import file_kind
 from hydroviews.scene.images import SUFFIXES, image_size, list_images
 from hydroviews.scene.lenses import Lens
 from hydroviews.scene.masks import MASKS, find_mask
 from hydroviews.scene.scenes import Split, View, wrong_size
 
-RAW = (".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2")
-UNREAD = (".heic", ".heif", ".avif", ".jxl", ".jfif", ".jpe", ".jp2", ".ppm", ".gif", *RAW)
+RAW = (".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2", ".gpr", ".pef", ".srw", ".3fr", ".iiq", ".raw")
+LIGHT = (".exr", ".hdr", ".tga", ".psd", ".dds")
+UNREAD = (".heic", ".heif", ".avif", ".jxl", ".jfif", ".jpe", ".jp2", ".ppm", ".gif", ".insp", *LIGHT, *RAW)
+READABLE = {"JPEG": ".jpg", "PNG": ".png", "WebP": ".webp", "BMP": ".bmp"}  # suffix by `file_kind`
+NOT_OURS = (".", "@eaDir", "#recycle", "@Recycle", "__MACOSX")  # begin names of folders that no photographs are in
 SPLIT = "split.json"
 NUMBERED = ("clutter", "extra")  # parts of a split that numbers photographs (see `paired_pictures`)
 Match = Callable[[Path, Sequence[str]], list[Path | None]]  # of a folder and a camera file's names, as `match_files`
@@ -44,7 +49,16 @@ def image_folder(folder: Path, given: str | None = None) -> Path:
 
 
 def photographs_below(folder: Path) -> list[Path]:
-    """All pictures in `folder` and the folders in it, sorted; hidden and partial files are left out.
+    """All photographs in `folder` and the folders in it, sorted; hidden and partial files and masks are left out.
+
+    Raises:
+        InputError: the user has no permission to read the folder.
+    """
+    return without_masks(pictures_below(folder), folder)
+
+
+def pictures_below(folder: Path) -> list[Path]:
+    """`photographs_below` with the masks among them.
 
     Raises:
         InputError: the user has no permission to read the folder.
@@ -54,8 +68,12 @@ def photographs_below(folder: Path) -> list[Path]:
 
 
 def _files_below(folder: Path, suffixes: Collection[str]) -> list[Path]:
-    found = (path for path in folder.rglob("*") if path.suffix.lower() in suffixes)
-    return sorted(p for p in found if not any(part.startswith(".") for part in p.relative_to(folder).parts))
+    """Files and links by suffix, without what stands below hidden folders and those of network storage."""
+    found = []
+    for here, folders, files in os.walk(folder):
+        folders[:] = [name for name in folders if not name.startswith(NOT_OURS)]
+        found += [Path(here, name) for name in files if Path(name).suffix.lower() in suffixes]
+    return sorted(path for path in found if not path.name.startswith("."))
 
 
 def require_permission(path: Path) -> None:
@@ -92,7 +110,13 @@ def unreadable_photographs(folder: Path) -> str:
 def not_read(folder: Path) -> str:
     """`unreadable_photographs` as a sentence; empty if there are none."""
     count = unreadable_photographs(folder)
-    return f"{count}, which are not read: convert them to .png or .jpg" if count else ""
+    if not count:
+        return ""
+    kinds = {file_kind(path) for path in _files_below(folder, UNREAD)}
+    if kinds <= READABLE.keys():  # such as JPEG that a telephone names .HEIC
+        named = ", ".join(f"{kind} by content: rename them to {READABLE[kind]}" for kind in sorted(kinds))
+        return f"{count}, {named}"
+    return f"{count}, which are not read: convert them to .png or .jpg"
 
 
 def one_by_one(pictures: Path, out: Path) -> dict[Path, Path]:
@@ -118,10 +142,47 @@ def match_files(folder: Path, names: Sequence[str]) -> list[Path | None]:
     """The file in `folder` for each name in a camera file, None where there is none.
 
     A file of the same name with another suffix counts: smaller copies are often stored in another format. So does one
-    whose umlauts are stored as letter and mark, as macOS does.
+    whose umlauts are stored as letter and mark, as macOS does. Where that finds nothing, other capitals, and folders
+    more or less before the name, count as well where only one name and one file fit so.
     """
-    by_stem = {composed_stem(path.relative_to(folder).as_posix()): path for path in photographs_below(folder)}
-    return [folder / name if (folder / name).is_file() else by_stem.get(composed_stem(name)) for name in names]
+    files = photographs_below(folder)
+    by_stem = {composed_stem(path.relative_to(folder).as_posix()): path for path in files}
+    found = [folder / name if (folder / name).is_file() else by_stem.get(composed_stem(name)) for name in names]
+    if all(found):
+        return found
+    relative = [path.relative_to(folder).as_posix() for path in files]
+    for loosely in (_lower, _last_lower):
+        left = [name for name, file in zip(names, found, strict=True) if file is None]
+        taken = set(found)
+        free = dict(zip(relative, files, strict=True))
+        once = _once({name: loosely(name) for name, path in free.items() if path not in taken})
+        matches = {
+            key: once[loose] for loose, key in _once({name: loosely(name) for name in left}).items() if loose in once
+        }
+        found = [
+            free[matches[name]] if file is None and name in matches else file
+            for name, file in zip(names, found, strict=True)
+        ]
+    return found
+
+
+def _lower(name: str) -> str:
+    return composed_stem(name).lower()
+
+
+def _last_lower(name: str) -> str:
+    return PurePosixPath(composed_stem(name)).name.lower()
+
+
+def _once(names: Mapping[str, str]) -> dict[str, str]:
+    """From a loose name to the name that alone has it."""
+    counts = Counter(names.values())
+    return {loose: name for name, loose in names.items() if counts[loose] == 1}
+
+
+def posix_name(name: object) -> object:
+    """A file name in a camera file with forward slashes, which programs on Windows do not write; else what it is."""
+    return name.replace("\\", "/") if isinstance(name, str) else name
 
 
 def stem(name: str) -> str:

@@ -1,5 +1,6 @@
 """Point clouds in PLY files, as nerfstudio captures have them."""
 
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,16 @@ from hydroviews.errors import InputError
 from hydroviews.scene.checks import check_colours, usable
 from hydroviews.scene.scenes import Points
 
+logger = logging.getLogger(__name__)
+
 GREY = 128
+COLOURS = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
+HARMONICS = ("f_dc_0", "f_dc_1", "f_dc_2")  # of Gaussians: colours as spherical harmonics of degree 0
+DEGREE_0 = 0.28209479177387814  # 1 / (2 sqrt(pi))
 
 
 def read_ply(path: Path) -> Points:
-    """The usable points of a cloud, grey where it has no colours.
+    """The usable points of a cloud, grey where it has no colours; a warning says so.
 
     Raises:
         InputError: missing, not a point cloud, or against the rules of `scene.checks`.
@@ -23,14 +29,30 @@ def read_ply(path: Path) -> Points:
     try:
         vertices = PlyData.read(path)["vertex"].data
         positions = _columns(vertices, "x", "y", "z").astype(np.float64)
-        coloured = "red" in vertices.dtype.names
-        colours = _columns(vertices, "red", "green", "blue") if coloured else np.full(positions.shape, GREY)
+        colours = _colours(path, vertices)
     except (FileNotFoundError, IsADirectoryError):
         raise InputError(f"{path}: no such file", fix="copy it back, or remove ply_file_path") from None
     except (PlyParseError, ValueError, KeyError) as error:
         raise InputError(f"{path}: not a point cloud", found=error, fix="copy it again") from error
     kept = usable(path, positions)
     return Points(positions[kept], check_colours(path, colours[kept]))
+
+
+def _colours(path: Path, vertices: NDArray[Any]) -> NDArray[Any]:
+    """Colours [N, 3] from 0 to 255 by one of the usual names; grey, with a warning, where there are none."""
+    columns = vertices.dtype.names or ()
+    found = {name.lower(): name for name in columns}
+    for names in COLOURS:
+        if all(name in found for name in names):
+            return _columns(vertices, *(found[name] for name in names))
+    if all(name in found for name in HARMONICS):
+        encoded = 0.5 + DEGREE_0 * _columns(vertices, *(found[name] for name in HARMONICS))
+        return np.asarray((255 * np.clip(encoded, 0, 1)).round())
+    logger.warning(
+        "%s: no colours, so that its points are grey; found %s, expected red, green, blue",
+        path, ", ".join(columns),
+    )  # fmt: skip
+    return np.full((len(vertices), 3), GREY)
 
 
 def _columns(vertices: NDArray[Any], *names: str) -> NDArray[Any]:

@@ -9,9 +9,10 @@ import numpy as np
 from plyfile import PlyData, PlyElement
 
 from hydroviews.errors import InputError
+from hydroviews.files import ownership
 from hydroviews.files.atomic import write_json
 from hydroviews.files.full_disk import plain_full_disk
-from hydroviews.files.temporary import remove_tree, temporary_beside
+from hydroviews.files.temporary import temporary_beside
 from hydroviews.formats.colmap_format import read_cameras, read_images, read_points
 from hydroviews.formats.geometry import OPENGL_TO_OPENCV, inverse
 from hydroviews.scene.cameras import Camera
@@ -21,27 +22,29 @@ from hydroviews.scene.scenes import Points, Scene
 
 MODEL = Path("sparse", "0")
 POINT_CLOUD = "points3D.ply"
+MODEL_FILES = (*(f"{kind}.bin" for kind in ("cameras", "images", "points3D", "frames", "rigs")), POINT_CLOUD)
 
 
 def write_colmap(scene: Scene, folder: Path) -> None:
     """Write a COLMAP model: PINHOLE cameras, one for all views of the same intrinsics, poses, and points.
 
     Images are called `<view name>.png`. Points have no tracks. Beside COLMAP's own files goes `points3D.ply`,
-    for code that starts from a point cloud. The folder appears whole or not at all; an old one is replaced.
+    for code that starts from a point cloud. The folder appears whole or not at all; an old one of ours is replaced.
 
     Args:
         scene: what to write.
         folder: the model's, such as `<project>/sparse/0`.
 
     Raises:
-        InputError: the disk is full.
+        InputError: the disk is full, or somebody else's files are in the folder.
     """
     with plain_full_disk(folder), temporary_beside(folder) as partial:
         partial.mkdir()
         to_reconstruction(scene).write_binary(partial)
         check_whole(partial)
         _write_ply(scene.points, partial / POINT_CLOUD)
-        remove_tree(folder)
+        ownership.clear(folder, [folder / name for name in MODEL_FILES])
+        ownership.enter(folder, partial)
         os.replace(partial, folder)
 
 
@@ -86,7 +89,8 @@ def _intrinsics(camera: Camera) -> tuple:
 
 def _write_ply(points: Points, path: Path) -> None:
     """A point cloud with the fields that 3D Gaussian splatting codes look for; normals are zero, not known."""
-    fields = [*((axis, "f4") for axis in ("x", "y", "z", "nx", "ny", "nz")), *((c, "u1") for c in _CHANNELS)]
+    places = [(axis, "f8") for axis in "xyz"]  # float32 is off by decimetres in the coordinates of a country
+    fields = [*places, *((axis, "f4") for axis in ("nx", "ny", "nz")), *((channel, "u1") for channel in _CHANNELS)]
     vertices = np.zeros(len(points), fields)
     for i, axis in enumerate("xyz"):
         vertices[axis] = points.positions[:, i]

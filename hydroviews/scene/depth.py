@@ -1,6 +1,7 @@
 """Depth maps of views: rendered ones where a capture has them, estimated from its sparse points otherwise.
 
-Depth is z in the camera's axes, in scene units, `inf` where nothing is known or nothing is there (sky).
+Depth is z in the camera's axes, in scene units, `inf` where nothing is known or nothing is there (sky). Zero and below
+in a capture's map say that nothing was measured; `filled_depth` fills such places.
 """
 
 from pathlib import Path
@@ -13,13 +14,15 @@ from numpy.typing import NDArray
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import replacing
 from hydroviews.scene.cameras import Camera, same_shape
-from hydroviews.scene.images import Image
+from hydroviews.scene.images import Image, read_pixels
 from hydroviews.scene.scenes import Points, View, wrong_size
 
 Depth = NDArray[np.float32]  # [H, W]
 
 FOLDER = "depth"  # beside a capture's images and beside a built scene's clean views
 CHANNEL = "Z"
+ENDS = (".exr", ".png", "_depth.exr", "_depth.png", ".depth.exr", ".depth.png")  # of a map's name
+MILLIMETRES = 1000  # in a scene unit, for maps of 16 bits: sensors have them so, beside cameras in metres
 HORIZON = 1e9  # renderers write about this number for sky
 CELLS = 48  # of the grid that sparse points are gathered on, along the longer side
 NEIGHBOURS = 12  # nearest points that give a cell its depth
@@ -31,9 +34,9 @@ EDGE = 0.03  # encoded contrast that counts as an edge
 def view_depth(view: View, points: Points, guide: Image | None = None) -> Depth:
     """Depth [H, W] of a view at its camera's size.
 
-    Read from `depth/<name>.exr` beside the folder of the view's picture, if it is there. Otherwise gathered from the
-    sparse points, which is coarse: within some per cent where surfaces have points, without thin objects, and
-    extrapolated from the nearest points elsewhere. Without a point in front of the camera all is `inf`.
+    Read from the map in `depth` beside the folder of the view's picture (see `depth_path`), if it is there. Otherwise
+    gathered from the sparse points, which is coarse: within some per cent where surfaces have points, without thin
+    objects, and extrapolated from the nearest points elsewhere. Without a point in front of the camera all is `inf`.
 
     Args:
         view: at its built size.
@@ -50,18 +53,40 @@ def view_depth(view: View, points: Points, guide: Image | None = None) -> Depth:
 
 
 def depth_path(view: View) -> Path:
-    """Where the view's depth map lies if it has one."""
-    return view.path.parent.parent / FOLDER / f"{view.name}.exr"
+    """Where the view's depth map lies if it has one: `depth/<name>.exr`, or under one of the other usual names.
+
+    The name may be the view's, or the photograph's with or without its suffix; what follows is one of ENDS.
+    """
+    folder = view.path.parent.parent / FOLDER
+    names = dict.fromkeys((view.name, view.path.stem, view.path.name)) if folder.is_dir() else ()
+    usual = (folder / f"{name}{end}" for name in names for end in ENDS)
+    return next((path for path in usual if path.is_file()), folder / f"{view.name}.exr")
 
 
 def read_depth(path: Path) -> Depth:
-    """Read the channel Z of an EXR; values beyond HORIZON, zero and below, or not a number become `inf`.
+    """Read a depth map; values beyond HORIZON, zero and below, or not a number become `inf`.
 
     Raises:
-        InputError: missing, not an EXR, or without a channel Z.
+        InputError: see `stored_depth`.
+    """
+    depth = stored_depth(path)
+    return np.where((depth > 0) & (depth < HORIZON), depth, np.float32(np.inf))
+
+
+def stored_depth(path: Path) -> Depth:
+    """A depth map as the file has it: the channel Z of an EXR, or a PNG of 16 bits in millimetres, as metres.
+
+    Raises:
+        InputError: missing, neither of these, or an EXR without a channel Z.
     """
     if not path.is_file():
         raise InputError(f"{path}: no such depth map")
+    if path.suffix.lower() == ".png":
+        pixels = read_pixels(path, "a depth map")
+        if pixels.dtype != np.uint16 or pixels.ndim != 2:
+            kind = f"{pixels.dtype} of shape {pixels.shape}"
+            raise InputError(f"{path}: not a depth map", found=kind, expected="16 bits grey, in millimetres, or an EXR")
+        return np.asarray(pixels / np.float32(MILLIMETRES), np.float32)
     try:
         with OpenEXR.File(str(path), separate_channels=True) as file:
             channels = {name: np.asarray(channel.pixels, np.float32) for name, channel in file.channels().items()}
@@ -69,8 +94,7 @@ def read_depth(path: Path) -> Depth:
         raise InputError(f"{path}: not a readable EXR", found=error, fix="write the depth map again") from error
     if CHANNEL not in channels:
         raise InputError(f"{path}: no depth in it", found=f"channels {', '.join(channels)}", expected=CHANNEL)
-    depth = channels[CHANNEL]
-    return np.where((depth > 0) & (depth < HORIZON), depth, np.float32(np.inf))
+    return np.asarray(channels[CHANNEL], np.float32)
 
 
 def write_depth(path: Path, depth: NDArray) -> None:
@@ -90,7 +114,23 @@ def fitted_depth(path: Path, camera: Camera) -> Depth:
     Raises:
         InputError: unreadable, or of another shape than the view.
     """
-    depth = read_depth(path)
+    depth = _resized_to(camera, stored_depth(path), path)
+    return np.where((depth > 0) & (depth < HORIZON), depth, np.float32(np.inf))
+
+
+def filled_depth(path: Path, camera: Camera, points: Points) -> Depth:
+    """`fitted_depth` of a capture's map, with depth from the points where it has none: at zero, below, not a number.
+
+    Raises:
+        InputError: unreadable, or of another shape than the view.
+    """
+    depth = _resized_to(camera, stored_depth(path), path)
+    holes = ~(depth > 0)
+    known = np.where(depth < HORIZON, depth, np.float32(np.inf))
+    return np.where(holes, sparse_depth(camera, points.positions), known) if holes.any() else known
+
+
+def _resized_to(camera: Camera, depth: Depth, path: Path) -> Depth:
     found, expected = (depth.shape[1], depth.shape[0]), (camera.width, camera.height)
     if not same_shape(found, expected):
         raise wrong_size(path, found, expected)

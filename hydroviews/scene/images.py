@@ -1,5 +1,6 @@
 """Reading, writing and resizing pictures: float32 [H, W, 3], sRGB-encoded, [0, 1], unless a name says linear."""
 
+import logging
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,6 +12,10 @@ from numpy.typing import NDArray
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_bytes
 from hydroviews.scene.checks import MAX_PIXELS, check_size
+from hydroviews.scene.colour_profiles import in_srgb, profile_of
+from hydroviews.scene.file_kinds import file_kind
+
+logger = logging.getLogger(__name__)
 
 PIL.Image.MAX_IMAGE_PIXELS = MAX_PIXELS  # one limit: Pillow's own is below the largest cameras, and warns first
 
@@ -20,14 +25,19 @@ STREAK_WIDTH, STREAK_SIDE = 5, 480  # pixels: upright streaks are narrower, in a
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # Rec. 709
 
+PICTURE = "an image"  # what a file should be, unless it is a mask or a map
+
 ROWS_AT_ONCE = 16  # of a picture: bounds the memory that large ones take
+
+READ = ("JPEG", "PNG", "BMP", "WebP", "TIFF or raw")  # kinds by `file_kind`
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp")
 
 
 def list_images(folder: Path) -> list[Path]:
     """The pictures directly in `folder`, sorted by name; hidden and partial files are left out."""
-    return sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and not p.name.startswith("."))
+    named = (path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and not path.name.startswith("."))
+    return sorted(path for path in named if not path.is_dir())
 
 
 def read_image(path: Path) -> Image:
@@ -42,12 +52,12 @@ def read_image(path: Path) -> Image:
     return to_image(read_pixels(path))
 
 
-def read_pixels(path: Path, kind: str = "an image") -> NDArray[np.uint8 | np.uint16]:
+def read_pixels(path: Path, kind: str = PICTURE) -> NDArray[np.uint8 | np.uint16]:
     """Decode a picture, once its header says that it is not too large.
 
     Args:
         path: the file.
-        kind: what it should be, for the error.
+        kind: what it should be, for the error; colours of a picture with an ICC profile become sRGB.
 
     Returns:
         uint8 or uint16 [H, W], or [H, W, C] with channels in OpenCV's order.
@@ -65,7 +75,17 @@ def read_pixels(path: Path, kind: str = "an image") -> NDArray[np.uint8 | np.uin
         raise _unreadable(path, kind)
     if pixels.dtype not in (np.uint8, np.uint16):
         raise InputError(f"{path}: unsupported pixel type", found=pixels.dtype, expected="8 or 16 bits a channel")
-    return np.asarray(pixels)
+    profile = profile_of(path) if pixels.ndim == 3 and kind == PICTURE else None
+    return np.asarray(pixels if profile is None else _in_srgb(path, pixels, profile))
+
+
+def _in_srgb(path: Path, pixels: NDArray, profile: bytes) -> NDArray[np.uint8]:
+    """Pixels [H, W, 3 or 4] in OpenCV's order, of a profile, as sRGB; at 8 bits."""
+    if pixels.dtype == np.uint16:
+        logger.info("%s: 16 bits a channel become 8, as its colour profile is converted to sRGB", path)
+        pixels = (pixels / np.float32(257) + 0.5).astype(np.uint8)
+    colours = in_srgb(pixels[..., 2::-1], profile)[..., ::-1]
+    return np.asarray(np.concatenate([colours, pixels[..., 3:]], axis=2), np.uint8)
 
 
 def image_size(path: Path, kind: str = "an image") -> tuple[int, int]:
@@ -92,11 +112,13 @@ def image_size(path: Path, kind: str = "an image") -> tuple[int, int]:
 
 
 def _unreadable(path: Path, kind: str) -> InputError:
+    is_really, size = file_kind(path), f"{path.stat().st_size} bytes"
+    cut_short = not is_really or is_really in READ
     return InputError(
         f"{path}: cannot be read as {kind}",
-        found=f"{path.stat().st_size} bytes",
+        found=f"{size}, {is_really} by its content" if is_really else size,
         expected=f"one of {', '.join(SUFFIXES)}",
-        fix="copy the file again; it may be cut short",
+        fix="copy the file again; it may be cut short" if cut_short else "convert it to .png or .jpg, or take it away",
     )
 
 
@@ -137,10 +159,17 @@ def to_uint8(image: NDArray) -> NDArray[np.uint8]:
     return (np.clip(image, 0, 1) * 255 + 0.5).astype(np.uint8)
 
 
-def write_png(path: Path, image: NDArray) -> None:
-    """Write [H, W, 3], float in [0, 1] or uint8, as an 8-bit PNG; the same pixels give the same bytes."""
+def write_png(path: Path, image: NDArray, alpha: NDArray[np.uint8] | None = None) -> None:
+    """Write [H, W, 3], float in [0, 1] or uint8, as an 8-bit PNG; the same pixels give the same bytes.
+
+    Args:
+        path: of the file.
+        image: the colours.
+        alpha: opacity [H, W], where the picture has any.
+    """
     pixels = image if image.dtype == np.uint8 else to_uint8(image)
-    ok, encoded = cv2.imencode(".png", pixels[..., ::-1])
+    pixels = pixels[..., ::-1] if alpha is None else np.dstack([pixels[..., ::-1], alpha])
+    ok, encoded = cv2.imencode(".png", pixels)
     if not ok:
         raise ValueError(f"{path}: PNG encoding failed for an array of shape {image.shape}")
     write_bytes(path, encoded.tobytes())

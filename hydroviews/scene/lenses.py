@@ -20,6 +20,10 @@ from hydroviews.scene.quiet_pycolmap import pycolmap
 # Undistorted pictures have no blank pixels: the field of view shrinks until the photograph covers all of it.
 BLANK_PIXELS = 0.0
 
+# Pixels over the photograph's below which another size than COLMAP's is looked for, and how much more that has to show.
+CUT_OFF, BETTER = 0.5, 1.5
+LARGEST, STEPS, BORDER = 2.0, 24, 41  # times the photograph's size; halvings; places along a side
+
 KEPT_MAP = 24_000_000  # pixels up to which a lens's sampling map, 8 bytes each, is kept; two of them at a time
 
 
@@ -195,6 +199,7 @@ def _pinhole(lens: Lens) -> Pinhole:
                 found=error,
                 fix="cut perspective pictures out of the panoramas and estimate their poses",
             ) from error
+        camera = _less_cut_off(lens, camera)
     matrix = camera.calibration_matrix()
     pinhole = Pinhole(camera.width, camera.height, matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2])
     wrong = "" if lens.is_pinhole else misuse(lens.colmap(), camera)
@@ -206,6 +211,67 @@ def _pinhole(lens: Lens) -> Pinhole:
             fix="calibrate the camera again, with a model of fewer parameters",
         )
     return pinhole
+
+
+def _less_cut_off(lens: Lens, camera: pycolmap.Camera) -> pycolmap.Camera:
+    """COLMAP's undistorted camera, or a larger one where that is much smaller than the photograph.
+
+    COLMAP shrinks a picture to a fifth where one corner of the photograph has no direction. The larger one is the
+    largest picture of the photograph's shape around the optical axis that lies within the photograph.
+    """
+    if camera.width * camera.height >= CUT_OFF * lens.width * lens.height:
+        return camera
+    share = kept_share(lens, camera)
+    x, y = (camera.calibration_matrix()[i, i] for i in range(2))
+    low, high = 0.0, LARGEST
+    for _ in range(STEPS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if _fits(lens, _centred(lens, middle, x, y)) else (low, middle)
+    larger = _centred(lens, low, x, y) if low > 0 else camera
+    return larger if low > 0 and kept_share(lens, larger) > BETTER * share else camera
+
+
+def _centred(lens: Lens, factor: float, fx: float, fy: float) -> pycolmap.Camera:
+    """A pinhole camera of the lens's shape, that many times its size, with the axis in its middle."""
+    width, height = max(1, round(factor * lens.width)), max(1, round(factor * lens.height))
+    params = [fx, fy, width / 2, height / 2]
+    return pycolmap.Camera(model="PINHOLE", width=width, height=height, params=params, camera_id=1)
+
+
+def _fits(lens: Lens, camera: pycolmap.Camera) -> bool:
+    """Whether each direction of an undistorted picture is in the photograph, once."""
+    across, down = np.linspace(0, camera.width, BORDER), np.linspace(0, camera.height, BORDER)
+    edges = [(x, y) for x in across for y in (0, camera.height)] + [(x, y) for x in (0, camera.width) for y in down]
+    matrix = camera.calibration_matrix()
+    rays = np.ones((len(edges), 3))
+    rays[:, :2] = (np.array(edges) - matrix[:2, 2]) / (matrix[0, 0], matrix[1, 1])
+    pixels = np.asarray(lens.colmap().img_from_cam(rays))
+    inside = np.isfinite(pixels).all() and (pixels >= 0).all() and (pixels <= (lens.width, lens.height)).all()
+    return bool(inside and not misuse(lens.colmap(), camera))
+
+
+def kept_share(lens: Lens, camera: pycolmap.Camera | None = None) -> float:
+    """The share of a photograph's pixels that its undistorted picture shows, on a grid.
+
+    Args:
+        lens: the photograph's.
+        camera: the undistorted picture's; `lens.pinhole()` if not given.
+    """
+    if camera is None:
+        size = lens.pinhole()
+        width, height, *params = size
+        camera = pycolmap.Camera(model="PINHOLE", width=width, height=height, params=params, camera_id=1)
+    places = (np.stack(np.meshgrid(*2 * [np.arange(BORDER) + 0.5]), axis=-1) / BORDER).reshape(-1, 2)
+    places = places * (lens.width, lens.height)
+    matrix = camera.calibration_matrix()
+    with np.errstate(all="ignore"):
+        rays = np.ones((len(places), 3))
+        rays[:, :2] = np.asarray(lens.colmap().cam_from_img(places), np.float64)[:, :2]
+        back = np.asarray(lens.colmap().img_from_cam(np.nan_to_num(rays)))
+        ahead = np.isfinite(rays).all(axis=1) & (np.abs(back - places) < 1).all(axis=1)  # not behind the camera
+        pixels = rays[:, :2] * (matrix[0, 0], matrix[1, 1]) + matrix[:2, 2]
+    shown = (pixels >= 0).all(axis=1) & (pixels <= (camera.width, camera.height)).all(axis=1)
+    return float((ahead & shown).mean())
 
 
 def _sampling_map(lens: Lens, width: int, height: int, rows: slice) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

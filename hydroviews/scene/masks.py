@@ -1,8 +1,9 @@
 """Masks of pixels that training and scoring ignore: people, number plates, a car's bonnet.
 
 On disk masks follow COLMAP's convention: `masks/<image file name>.png`, so
-`masks/frame-0001.png.png` for `images/frame-0001.png`; black (0) is hidden, anything else is shown. In memory
-they are bool [H, W], True where hidden.
+`masks/frame-0001.png.png` for `images/frame-0001.png`; black is hidden. Greys are cut in the middle, transparent
+pixels are hidden, and masks of two dark values, such as 0 and 1, show the brighter one. What other programs call their
+masks `hydroviews.formats.mask_files` knows. In memory masks are bool [H, W], True where hidden.
 """
 
 import hashlib
@@ -14,9 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.files.atomic import sha256, write_bytes
-from hydroviews.scene.images import read_pixels
+from hydroviews.scene.images import image_size, read_pixels
 
 MASKS = "masks"
+MIDDLE = 128  # grey, of 255, below which a pixel is hidden
+WHITE_HIDES = "dynamic_mask_"  # begins the names of instant-ngp's masks, in which white is hidden
 TOUCHED = 1e-3  # share of hidden pixels in a resampled one from which it is hidden
 
 Ignored = NDArray[np.bool_]  # [H, W], True where hidden
@@ -63,12 +66,51 @@ def read_grey(path: Path) -> NDArray[np.uint8]:
 
 
 def read_ignored(path: Path) -> Ignored:
-    """Read a mask file: bool [H, W], True where it is black.
+    """Read a mask file: bool [H, W], True where it is black or transparent.
+
+    Where alpha varies and the colours are not black and white, as in pictures that were cut out, alpha alone counts.
+    White is hidden in instant-ngp's `dynamic_mask_...`.
 
     Raises:
         InputError: missing or unreadable.
     """
-    return np.asarray(read_grey(path) == 0)
+    grey, alpha = read_grey(path), read_alpha(path)
+    black = _is_black(grey)
+    hidden = ~black if path.name.lower().startswith(WHITE_HIDES) else black
+    if alpha is None or alpha.min() == alpha.max():
+        return hidden
+    transparent = alpha < MIDDLE
+    return transparent | hidden if np.isin(grey, (0, 255)).all() else transparent
+
+
+def _is_black(grey: NDArray[np.uint8]) -> Ignored:
+    """Darker than the middle; 0 where there are but two values, both dark."""
+    values = np.unique(grey)
+    two_dark = values[0] == 0 and len(values) <= 2 and values[-1] < MIDDLE
+    return np.asarray(grey == 0 if two_dark else grey < MIDDLE)
+
+
+def read_transparent(path: Path) -> Ignored:
+    """What is transparent of a photograph: bool [H, W].
+
+    Raises:
+        InputError: see `read_pixels`.
+    """
+    alpha = read_alpha(path)
+    return np.zeros(image_size(path)[::-1], np.bool_) if alpha is None else np.asarray(alpha < MIDDLE)
+
+
+def read_alpha(path: Path) -> NDArray[np.uint8] | None:
+    """The opacity of a picture's pixels, uint8 [H, W]; None where it has none.
+
+    Raises:
+        InputError: see `read_pixels`.
+    """
+    pixels: NDArray = read_pixels(path, "a mask")
+    if pixels.ndim < 3 or pixels.shape[2] not in (2, 4):
+        return None
+    alpha = pixels[..., -1]
+    return np.asarray(alpha // 257 if alpha.dtype == np.uint16 else alpha, np.uint8)
 
 
 def write_ignored(path: Path, ignored: Ignored) -> None:

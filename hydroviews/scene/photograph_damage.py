@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import IO
 
@@ -25,7 +26,10 @@ from hydroviews.errors import InputError
 START = b"\xff\xd8\xff"  # of every JPEG
 STARTS = {START: "JPEG", b"II*\0": "TIFF", b"MM\0*": "TIFF"}
 DAMAGE = ("Corrupt JPEG data", "Premature end of JPEG")  # libjpeg's other warnings are of no consequence
-PADDING = re.compile(r"Corrupt JPEG data: [123] extraneous bytes before marker 0xd9")  # some cameras' whole pictures
+PADDING = re.compile(r"Corrupt JPEG data: (\d+) extraneous bytes before marker (0xd[0-79])")
+STRAY = 9  # bytes: what some cameras leave before a marker, and what the decoder had read ahead
+ZEROS = re.compile(rb"\x00{2,}(\xff[\xd0-\xd7\xd9])")  # one may be data
+END, RESTART = 0xD9, re.compile(rb"\xff([\xd0-\xd7])")  # markers
 
 
 def require_whole(paths: Sequence[Path], title: str) -> None:
@@ -85,8 +89,21 @@ def _warnings(paths: Sequence[Path]) -> Iterator[str]:
         )
 
 
-def _tells_damage(said: str) -> bool:
-    return said.startswith(DAMAGE) and not PADDING.fullmatch(said)
+def _tells_damage(path: Path, said: str) -> bool:
+    return said.startswith(DAMAGE) and not _is_padded(path, said)
+
+
+def _is_padded(path: Path, said: str) -> bool:
+    """Whether a few bytes that a decoder passed over before a marker are of no consequence.
+
+    Before the end mark nothing can be lost. Before restart marks, these have to follow each other without a gap: zeros
+    in the place of a lost sector are no padding.
+    """
+    told = PADDING.fullmatch(said)
+    if not told or int(told[1]) > STRAY:
+        return False
+    order = [found[1][0] & 7 for found in RESTART.finditer(path.read_bytes())]
+    return int(told[2], 16) == END or all(b == (a + 1) % 8 for a, b in pairwise(order))
 
 
 def main() -> None:
@@ -106,12 +123,25 @@ def _tiff_faults(path: Path) -> list[str]:
 
 
 def _jpeg_faults(path: Path, written: IO[bytes]) -> list[str]:
-    """What libjpeg writes of damage while a JPEG is decoded, into the file that is standard error."""
+    """What libjpeg writes of damage while a JPEG is decoded, into the file that is standard error.
+
+    One with padding before a marker is decoded without it: zeros that stand for lost data are missed then, padding is
+    not.
+    """
+    content = np.fromfile(path, np.uint8).tobytes()
+    said = _decoded(content, written)
+    if said and PADDING.fullmatch(said[0]):
+        said = _decoded(ZEROS.sub(rb"\0\1", content), written)
+    return [line for line in said if _tells_damage(path, line)]
+
+
+def _decoded(content: bytes, written: IO[bytes]) -> list[str]:
+    """What libjpeg writes of a picture."""
     written.truncate(0)
     written.seek(0)
-    cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_REDUCED_GRAYSCALE_8)
+    cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_REDUCED_GRAYSCALE_8)
     written.seek(0)
-    return [line for line in written.read().decode(errors="replace").splitlines() if _tells_damage(line)]
+    return written.read().decode(errors="replace").splitlines()
 
 
 if __name__ == "__main__":

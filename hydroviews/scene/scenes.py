@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from hydroviews.errors import InputError
 from hydroviews.files.known_bytes import require_bytes
 from hydroviews.scene.cameras import Camera, fitted_size, same_shape
+from hydroviews.scene.exif import ON_ITS_SIDE, orientation
 from hydroviews.scene.images import Image, read_pixels, resize_area, row_blocks, to_image, to_rgb, to_uint8
 from hydroviews.scene.lenses import Lens
-from hydroviews.scene.masks import TOUCHED, Ignored, fit_ignored, read_ignored, write_ignored
+from hydroviews.scene.masks import TOUCHED, Ignored, fit_ignored, read_ignored, read_transparent, write_ignored
 
 TEST_EVERY = 8
 SPARSE_EVERY = 3
@@ -27,7 +28,8 @@ class View:
         camera: pinhole camera of the picture that `image` returns.
         path: the photograph.
         lens: the photograph's own camera; None where it is a pinhole camera.
-        mask: file that hides part of the photograph (see `hydroviews.scene.masks`).
+        mask: file that hides part of the photograph (see `hydroviews.scene.masks`); the photograph itself where its
+            transparent pixels are hidden.
         listed: SHA-256 by path, of files of a data set, whose bytes are compared when they are read; any other file
             is read as it is.
     """
@@ -78,6 +80,8 @@ class View:
     def _pixels(self) -> NDArray[np.uint8 | np.uint16]:
         """The photograph, checked to have the camera's shape and at least its size."""
         pixels = read_pixels(self.known(self.path))
+        if self.mask == self.path and pixels.ndim == 3:
+            pixels = pixels[..., :3]  # what is transparent is hidden, and need not become black
         found, wanted = (pixels.shape[1], pixels.shape[0]), (self.camera.width, self.camera.height)
         if self.lens is not None and not same_shape(found, (self.lens.width, self.lens.height)):
             raise wrong_size(self.path, found, (self.lens.width, self.lens.height))
@@ -109,7 +113,8 @@ class View:
         """
         if self.mask is None:
             return None
-        ignored = read_ignored(self.known(self.mask))
+        read = read_transparent if self.mask == self.path else read_ignored
+        ignored = read(self.known(self.mask))
         fitted = self.fit_mask(ignored, self.mask)
         return fitted if ignored.any() else None
 
@@ -141,12 +146,19 @@ class View:
 
 
 def wrong_size(path: Path, found: tuple[int, int], expected: tuple[int, int]) -> InputError:
-    """The error for a photograph that its camera was not estimated from."""
+    """The error for a photograph that its camera was not estimated from, or that lies on its side."""
+    size, fix = (
+        f"{found[0]}x{found[1]} pixels",
+        "use the images that the cameras were estimated from, all resized alike",
+    )
+    if same_shape(found[::-1], expected) and orientation(path) in ON_ITS_SIDE:
+        size += f", by Exif's Orientation {orientation(path)} to be shown as {found[1]}x{found[0]}"
+        fix = "save the photographs upright, since the cameras are those of upright ones (`mogrify -auto-orient`)"
     return InputError(
         f"{path}: image and camera differ in size",
-        found=f"{found[0]}x{found[1]} pixels",
+        found=size,
         expected=f"{expected[0]}x{expected[1]}, or a larger image of the same shape",
-        fix="use the images that the cameras were estimated from, all resized alike",
+        fix=fix,
     )
 
 
@@ -164,6 +176,15 @@ class Points:
 def no_points() -> Points:
     """An empty cloud."""
     return Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
+
+
+@dataclass(frozen=True)
+class Observed:
+    """Where a structure-from-motion model has its own points in a photograph."""
+
+    places: NDArray[np.float64]  # [K, 2], across and down the photograph, from 0 to 1
+    positions: NDArray[np.float64]  # [K, 3]
+    colours: NDArray[np.uint8]  # [K, 3]
 
 
 @dataclass(frozen=True)
@@ -203,6 +224,7 @@ class Scene:
     metres_per_unit: float | None = None  # where it is known
     clean_error: float | None = None  # of plain 3DGS on clean views, see `formats.capture_json`; where it is known
     drops_cost: float = 1.0  # measured over predicted cost of drops that stay to plain 3DGS; 1 where it is not known
+    observed: Mapping[str, Observed] = field(default_factory=dict, repr=False, compare=False)  # in a few views, by name
 
     @property
     def train_views(self) -> tuple[View, ...]:

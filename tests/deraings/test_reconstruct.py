@@ -97,11 +97,14 @@ def test_a_size_of_ones_own_comes_before_the_profiles(request_of, tmp_path, monk
         reconstruct(request_of(out=tmp_path / "scene", long_side=own))
 
 
+def visible(folder):
+    return {path.name for path in folder.iterdir() if not path.name.startswith(".")}
+
+
 def test_a_capture_becomes_a_scene_of_all_its_photographs(request_of, caplog):
     with caplog.at_level("INFO"):
         folder = reconstruct(request_of())
-    learned = {path.name for path in folder.iterdir()}
-    assert learned == {"reconstruction.json", TRAINING, FILM, SHEET}
+    assert visible(folder) == {"reconstruction.json", TRAINING, FILM, SHEET}
     assert len(read_ply(folder / TRAINING / SPLATS)) > 20
     assert read_json(folder / TRAINING / FOUND)["needed"] == []
     assert "found in the photographs: needed nothing" in caplog.text
@@ -161,7 +164,7 @@ def test_rainy_photographs_without_cameras_become_a_scene(tmp_path, monkeypatch,
     with caplog.at_level("INFO"):
         folder = reconstruct(Reconstruction(tmp_path / "walk", method="short", profile="demo", long_side=96, film=film))
     assert folder == tmp_path / "walk-scene"
-    assert {path.name for path in folder.iterdir()} == {"capture", "reconstruction.json", TRAINING, FILM, SHEET}
+    assert visible(folder) == {"capture", "reconstruction.json", TRAINING, FILM, SHEET}
     told = capsys.readouterr().out + caplog.text
     assert "6 of 6 images registered" in told
     assert "found in the photographs: needed" in told

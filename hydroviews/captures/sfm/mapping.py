@@ -14,6 +14,7 @@ from tqdm import tqdm
 from hydroviews.captures.sfm import matching
 from hydroviews.captures.sfm.room import DATABASE
 from hydroviews.errors import InputError
+from hydroviews.files import ownership
 from hydroviews.files.full_disk import plain_full_disk
 from hydroviews.files.temporary import temporary_beside
 from hydroviews.formats.colmap_format import read_images
@@ -126,6 +127,7 @@ def map_photographs(
             (finished / str(i)).mkdir(parents=True)
             model.write_binary(finished / str(i))
             check_whole(finished / str(i))
+        ownership.enter(out / "sparse", finished)
         os.replace(finished, out / "sparse")
 
 

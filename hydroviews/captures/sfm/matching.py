@@ -11,7 +11,9 @@ import pycolmap
 from tqdm import tqdm
 
 from hydroviews.captures.sfm.pairs import Pair
+from hydroviews.captures.sfm.room import PAIRS
 from hydroviews.errors import InputError
+from hydroviews.scene.exif import lens_identity
 from hydroviews.scene.images import image_size
 from hydroviews.scene.masks import find_mask, mask_name
 
@@ -83,7 +85,7 @@ def register(
         photographs: folder of the files, whose Exif may give focal lengths; `FOCAL_LENGTH` where it does not.
         names: of all images.
         camera_model: COLMAP's name.
-        shared: one camera for all photographs of a size, instead of one for each.
+        shared: one camera for all photographs of a size and of a lens, as Exif says, instead of one for each.
         masks: as for `extract`.
 
     Raises:
@@ -100,13 +102,15 @@ def register(
         if opened.num_images() == len(names):
             return
         opened.clear_all_tables()
-    by_size: dict[tuple[int, int], list[str]] = {}
+    by_lens: dict[tuple, list[str]] = {}
     for name in names:
-        by_size.setdefault(image_size(photographs / name) if shared else (0, 0), []).append(name)
+        path = photographs / name
+        lens = (*image_size(path), *lens_identity(path)) if shared else ()
+        by_lens.setdefault(lens, []).append(name)
     mode = pycolmap.CameraMode.SINGLE if shared else pycolmap.CameraMode.PER_IMAGE
     reader = pycolmap.ImageReaderOptions(camera_model=camera_model, mask_path=masks or "")
     reader.default_focal_length_factor = FOCAL_LENGTH
-    for alike in by_size.values():  # cameras are shared within one call
+    for alike in by_lens.values():  # cameras are shared within one call
         pycolmap.import_images(database, photographs, camera_mode=mode, image_names=alike, options=reader)
 
 
@@ -166,7 +170,7 @@ def match_listed(
     after: Callable[[Sequence[str]], object] = lambda lines: None,
 ) -> None:
     """Match and verify the pairs of a list, some at a time, with what is to be done before and after these."""
-    list_path = database.with_name("pairs.txt")
+    list_path = database.with_name(PAIRS)
     with tqdm(total=len(lines), desc=title, unit="pair") as bar:
         for chunk in _chunks(lines, PAIRS_AT_ONCE):
             before(chunk)

@@ -9,9 +9,9 @@ import pycolmap
 from tqdm import tqdm
 
 from hydroviews.captures.exif_orientation import common_turn
+from hydroviews.captures.panoramas import cut_panoramas, is_panorama, perspective_sources
 from hydroviews.captures.sfm import matching, pairs, rain
 from hydroviews.captures.sfm.mapping import (
-    MAPPING,
     MINIMUM,
     map_photographs,
     mapping_options,
@@ -20,13 +20,16 @@ from hydroviews.captures.sfm.mapping import (
 )
 from hydroviews.captures.sfm.room import DATABASE, room_for
 from hydroviews.captures.sfm.sources import (
+    WORKING_FILES,
     forget_other_photographs,
     link_names,
     link_photographs,
+    refuse_foreign,
     without_blanks,
 )
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import listing
+from hydroviews.files.ownership import enter_all
 from hydroviews.files.settings_guard import claim_folder
 from hydroviews.formats.colmap import reliable
 from hydroviews.formats.colmap_format import SparsePoints
@@ -39,7 +42,7 @@ from hydroviews.scene.scenes import Points, Scene
 
 Matcher = Literal["auto", "exhaustive", "sequential"]
 
-SETTINGS = "poses.json"
+SETTINGS, PERSPECTIVE = "poses.json", "perspective"
 ADVICE = (
     "take more photographs, each sharing at least two thirds of what it shows with the next and taken from "
     "another place; blurred ones, bare walls and mirrors do not register"
@@ -64,11 +67,12 @@ def estimate_poses(
     found.
 
     Args:
-        images: folder of the photographs and of folders with more.
+        images: folder of the photographs and of folders with more. Panoramas are cut into perspective photographs.
         out: gets `images`, `sparse/0` (the largest model, then the others), `database.db` and `poses.json`. `images`
             has links; it has copies where links cannot be made, and copies turned upright where Exif says so of all
-            photographs alike and there are no masks. Links follow photographs that were moved.
-        camera_model: COLMAP's name; photographs of one size share a camera.
+            photographs alike and there are no masks. Links follow photographs that were moved. What is cut out of
+            panoramas is in `perspective`.
+        camera_model: COLMAP's name; photographs of one size and, as Exif says, of one lens at one zoom share a camera.
         matcher: "exhaustive" matches all pairs, "sequential" neighbours in the order of names, with loop closure;
             "auto" is exhaustive for up to `pairs.EXHAUSTIVE_LIMIT` photographs.
         seed: of the random sampling. After an interruption mapping resumes from a snapshot, which changes more than
@@ -87,8 +91,9 @@ def estimate_poses(
     Raises:
         TooFewRegistered: fewer than three.
         FullDisk: no room for features and matches.
-        InputError: fewer than three photographs, one that cannot be read, or `out` was made otherwise or lies among the
-            photographs; in rain, nothing but features that stay on the lens, or an enhanced picture of another size.
+        InputError: fewer than three photographs, one that cannot be read, or `out` was made otherwise, lies among the
+            photographs, or holds photographs, a database or a model of somebody else's; in rain, nothing but features
+            that stay on the lens, or an enhanced picture of another size.
         ValueError: to enhance, but not `rainy`.
     """
     if enhance and not rainy:
@@ -104,15 +109,19 @@ def estimate_poses(
         )
     if out.resolve().is_relative_to(images.resolve()):  # copies of photographs would be photographs the next time
         raise InputError(f"{out}: among the photographs", expected="a folder beside them", fix="choose another --out")
-    links = link_names(images, sources)
-    exhaustive = matcher == "exhaustive" or (matcher == "auto" and len(sources) <= pairs.EXHAUSTIVE_LIMIT)
+    around = [path for path in sources if is_panorama(path)]
+    links = link_names(images, [path for path in sources if path not in set(around)])
+    perspective = perspective_sources(around, out / PERSPECTIVE)
+    links |= {target.name: target for target in perspective}
+    exhaustive = matcher == "exhaustive" or (matcher == "auto" and len(links) <= pairs.EXHAUSTIVE_LIMIT)
     settings = {"camera_model": camera_model, "exhaustive": exhaustive, "seed": seed, "images": sorted(links)}
     settings |= {"masks": mask_digest(masks) if masks else None, "rainy": rainy or None}  # None as where it lacks
     settings |= {"enhanced": enhance is not None or None}
     settings |= {"files": listing(sources)}
     finished, pictures = (out / "sparse").is_dir(), out / "images"
     copied = [] if images.resolve() == pictures.resolve() else [pictures]  # frames of a video lie there themselves
-    unfinished = [*out.glob(f"{DATABASE}*"), out / MAPPING, *copied]
+    unfinished = [*(out / name for name in WORKING_FILES), *copied]
+    refuse_foreign(out / SETTINGS, [*unfinished, out / "sparse"])
     forget_other_photographs(out / SETTINGS, settings, unfinished, finished)
     claim_folder(
         out / SETTINGS,
@@ -121,9 +130,11 @@ def estimate_poses(
         foreign=None,
         fix="choose another folder, or remove this one",
     )
+    cut_panoramas(perspective)
     if missing := {name: path for name, path in links.items() if not (pictures / name).exists()}:
         link_photographs(missing, pictures, turned=masks is None and common_turn(sources))
     if not finished:
+        enter_all(WORKING_FILES, out)
         database, names = out / DATABASE, sorted(links)
         chosen = pairs.all_pairs(len(names)) if exhaustive else pairs.sequence_pairs(len(names))
         with room_for(out, len(names)):
@@ -205,5 +216,6 @@ def _points(model: pycolmap.Reconstruction) -> Points:
             np.array([point.color for point in points], np.uint8).reshape(-1, 3),
             np.array([point.error for point in points]),
             np.array([point.track.length() for point in points], np.int64),
+            np.array(sorted(model.points3D), np.int64),
         )
     )

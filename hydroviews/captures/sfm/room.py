@@ -8,6 +8,7 @@ from pathlib import Path
 from hydroviews.files.full_disk import FullDisk, plain_full_disk
 
 DATABASE = "database.db"
+PAIRS = "pairs.txt"  # beside it: those that are being matched
 NEEDED = 1_000_000  # bytes for a photograph: up to 4096 features, and their matches
 
 

@@ -8,9 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from hydroviews.captures.exif_orientation import write_upright
+from hydroviews.captures.sfm import rain
+from hydroviews.captures.sfm.mapping import MAPPING
+from hydroviews.captures.sfm.room import DATABASE, PAIRS
 from hydroviews.errors import InputError
+from hydroviews.files import ownership
 from hydroviews.files.atomic import read_json, replacing
-from hydroviews.files.temporary import remove_tree
 from hydroviews.formats.photographs import some, view_names
 from hydroviews.scene.images import read_pixels
 
@@ -18,6 +21,12 @@ logger = logging.getLogger(__name__)
 
 PHOTOGRAPHS = ("images", "files")  # settings that say which photographs
 FOLLOWING = "exhaustive"  # one that may follow from their number
+
+_DATABASES = [DATABASE + suffix for suffix in ("", rain.PHOTOGRAPHS, rain.ENHANCED)]
+WORKING_FILES = (  # of pycolmap, in the capture's folder
+    *(name + side for name in _DATABASES for side in ("", "-journal", "-wal", "-shm")),
+    *(DATABASE + rain.GUIDED, DATABASE + rain.COPIES + "/", MAPPING + "/", PAIRS),
+)
 
 
 def link_names(images: Path, sources: list[Path]) -> dict[str, Path]:
@@ -51,11 +60,12 @@ def link_photographs(links: Mapping[str, Path], folder: Path, turned: bool) -> N
         if target.exists():
             continue
         read_pixels(source)
-        target.unlink(missing_ok=True)  # a link to where the photographs were before they were moved
         if turned:
             write_upright(source, target)
             continue
         try:
+            ownership.enter(target)
+            target.unlink(missing_ok=True)  # a link to where the photographs were before they were moved
             target.symlink_to(source.resolve())
         except OSError:  # no links on this file system
             with replacing(target) as temporary:
@@ -74,7 +84,7 @@ def forget_other_photographs(path: Path, settings: Mapping[str, Any], remove: It
         finished: whether cameras were found.
 
     Raises:
-        InputError: they were.
+        InputError: they were; or the folder is of an earlier version, so that nothing tells whose files are there.
     """
     earlier = read_json(path) if path.is_file() else settings
     changed = {key for key in settings if not isinstance(earlier, dict) or earlier.get(key) != settings[key]}
@@ -82,13 +92,42 @@ def forget_other_photographs(path: Path, settings: Mapping[str, Any], remove: It
         return
     if finished:
         raise _other_photographs(path.parent, earlier.get("images", []), settings["images"])
+    if not ownership.is_claimed(path.parent):
+        raise _other_photographs(path.parent, earlier.get("images", []), settings["images"])
     logger.info("%s: other photographs than before, so that their features are found anew", path.parent)
-    for one in remove:
-        if one.is_dir() and not one.is_symlink():
-            remove_tree(one)
-        else:
-            one.unlink(missing_ok=True)
+    left = [file for one in remove for file in ownership.remove(one)]
+    if left:
+        logger.warning("%s: not written by HydroViews, and kept: %s", path.parent, ownership.named(left, path.parent))
     path.unlink()
+
+
+def refuse_foreign(settings: Path, targets: Iterable[Path]) -> None:
+    """Refuse a capture's folder in which somebody else's files stand where an estimate writes.
+
+    Args:
+        settings: the JSON file that an earlier estimate left in the folder; it need not exist.
+        targets: files and folders that are written; none need exist.
+
+    Raises:
+        InputError: there are such files.
+    """
+    folder = settings.parent
+    if settings.is_file() and not ownership.is_claimed(folder):  # of an earlier version, which kept no list
+        return
+    pictures = folder / "images"  # in a folder of ours, single ones may lie beside the links
+    stand = [one for one in targets if not (one == pictures and settings.is_file())]
+    foreign = [file for one in stand if not ownership.is_ours(one) for file in _files(one)]
+    if foreign:
+        raise InputError(
+            f"{folder}: holds files that are not of this estimate of cameras, and would be in the way",
+            found=ownership.named(foreign, folder),
+            expected="a folder without photographs, database and model of somebody else's",
+            fix="choose another --out; nothing there was changed",
+        )
+
+
+def _files(path: Path) -> list[Path]:
+    return ownership.left_by_others(path) if path.is_dir() and not path.is_symlink() else [path] * path.exists()
 
 
 def _other_photographs(folder: Path, earlier: list[str], now: list[str]) -> InputError:

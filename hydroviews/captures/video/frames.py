@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from hydroviews.captures.video.decoding import Video, frame_times, is_cut_short, open_video
+from hydroviews.captures.video.decoding import Video, is_cut_short, open_video, video_frames
 from hydroviews.errors import InputError
+from hydroviews.files import ownership
 from hydroviews.files.atomic import read_json, sha256, write_json
 from hydroviews.files.settings_guard import claim_folder
 from hydroviews.profiles import require_long_side
@@ -121,7 +122,7 @@ def _take(video: Video, out: Path, choice: FrameChoice) -> dict[str, Any]:
     for best in _best_frames(video, choice, seen):
         name = f"frame-{best.instant:05d}.png"
         if not (out / IMAGES / name).is_file():
-            (out / MASKS / mask_name(name)).unlink(missing_ok=True)  # nothing is hidden in the new picture
+            ownership.remove(out / MASKS / mask_name(name))  # nothing is hidden in the new picture
             write_png(out / IMAGES / name, _fitted(best.pixels, choice.long_side))
         facts = {"instant": best.instant / choice.rate, "time": best.time, "sharpness": best.sharpness}
         frames.append({"name": name, **{key: round(value, 4) for key, value in facts.items()}})
@@ -142,22 +143,19 @@ def _best_frames(video: Video, choice: FrameChoice, seen: Progress) -> Iterator[
     near = min(NEAR, SHARE / choice.rate)
     best: Candidate | None = None
     bar = tqdm(total=video.length or None, desc="frames", unit="frame")
-    for time in frame_times(video):
+    for frame in video_frames(video):
+        time = frame.time
         seen.frames, seen.seconds = seen.frames + 1, time
         bar.update()
         instant = round(time * choice.rate)
         if abs(time - instant / choice.rate) > near:
             continue
-        good, pixels = video.capture.retrieve()
-        if not good:
-            continue
-        pixels = cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
-        value = sharpness(np.asarray(pixels, np.uint8))
+        value = sharpness(frame.pixels)
         if best is not None and best.instant != instant:
             yield best
             best = None
         if best is None or value > best.sharpness:
-            best = Candidate(instant, time, value, np.asarray(pixels, np.uint8))
+            best = Candidate(instant, time, value, frame.pixels)
     bar.close()
     if best is not None and best.instant / choice.rate <= seen.seconds + 1e-6:  # not of an instant after the end
         yield best

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from tqdm import tqdm
 
-from hydroviews.captures.video.decoding import frame_times, open_video
+from hydroviews.captures.video.decoding import open_video, video_frames
 from hydroviews.captures.video.frames import IMAGES
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import sha256
@@ -124,11 +124,9 @@ def _from_video(path: Path, times: Times) -> Iterator[tuple[str, Ignored | None]
     waiting, before = list(times.items()), None
     last = 0.0
     with open_video(path) as video:
-        for last in frame_times(video):
-            good, pixels = video.capture.retrieve()
-            if not good:
-                continue
-            ignored = np.asarray(pixels.max(axis=2) >= WHITE)
+        for frame in video_frames(video):
+            last = frame.time
+            ignored = np.asarray(frame.pixels.max(axis=2) >= WHITE)
             while waiting and waiting[0][1] <= last + SAME_TIME:
                 name, time = waiting.pop(0)
                 exact = before is None or abs(time - last) <= SAME_TIME

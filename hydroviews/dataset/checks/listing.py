@@ -13,6 +13,7 @@ from hydroviews.dataset.sharing.croissant import CROISSANT
 from hydroviews.dataset.sources import RENDERED
 from hydroviews.files.atomic import not_a_file
 from hydroviews.files.locks import LOCK
+from hydroviews.files.ownership import LISTS
 from hydroviews.files.temporary import PARTIAL
 from hydroviews.formats.capture_json import CAPTURED
 
@@ -78,8 +79,8 @@ def _absent(path: Path) -> str:
 
 
 def _is_at_work(path: Path) -> bool:
-    """Locks, and what is being written or was left half written."""
-    return path.name.startswith((LOCK, PARTIAL))
+    """Locks, lists of what was written, and what is being written or was left half written."""
+    return path.name.startswith((LOCK, PARTIAL, *LISTS))
 
 
 def _link(path: Path) -> str:

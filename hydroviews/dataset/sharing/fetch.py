@@ -28,6 +28,7 @@ from hydroviews.dataset.sharing.download import archive_on_disk
 from hydroviews.dataset.sharing.fetched import FETCHED
 from hydroviews.dataset.statistics import STATISTICS, write_statistics
 from hydroviews.errors import InputError
+from hydroviews.files import ownership
 from hydroviews.files.atomic import read_json
 from hydroviews.files.full_disk import plain_write_errors
 from hydroviews.files.known_bytes import changed, current_sha256, read_only
@@ -210,6 +211,7 @@ def _move(staged: Path, folder: Path, names: Collection[str]) -> None:
         return
     for name in names:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        ownership.enter(folder / name)
         os.replace(staged / name, folder / name)
 
 

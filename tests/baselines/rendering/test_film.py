@@ -12,7 +12,7 @@ from finished_runs import Cloud, finished_run
 from baselines.rendering import film as film_module
 from baselines.rendering.film import FilmChoice, fitted, write_film
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import write_json
+from hydroviews.files.atomic import write_bytes
 from hydroviews.scene.images import read_image, write_png
 from leaderboard.viewer.film import film
 
@@ -125,8 +125,9 @@ def test_a_render_that_breaks_the_contract_is_refused(run, tmp_path, monkeypatch
 def test_frames_of_another_film_are_dropped_where_that_is_asked_for(tmp_path, monkeypatch, caplog):
     out, frames, found = tmp_path / "film.mp4", tmp_path / "film-frames", []
     out.touch()
-    write_json(frames / film_module.SETTINGS, {"seconds": 200.0})
-    (frames / "00000.png").touch()
+    words = {"taken": "", "foreign": "", "fix": ""}
+    film_module.claim_folder(frames / film_module.SETTINGS, {"seconds": 200.0}, **words)
+    write_bytes(frames / "00000.png", b"")
     monkeypatch.setattr(film_module, "camera_path", lambda *_: [SimpleNamespace(width=2, height=2)])
     monkeypatch.setattr(film_module, "fitted", lambda camera, size: camera)
     monkeypatch.setattr(film_module, "render_frames", lambda _, path, folder: found.extend(folder.iterdir()))
@@ -136,5 +137,5 @@ def test_frames_of_another_film_are_dropped_where_that_is_asked_for(tmp_path, mo
         film_module.draw_film(*given)
     with caplog.at_level("INFO"):
         film_module.draw_film(*given, overwrite=True)
-    assert found == [frames / film_module.SETTINGS]
+    assert [path for path in found if not path.name.startswith(".")] == [frames / film_module.SETTINGS]
     assert "frames of another film, which was broken off, are dropped" in caplog.text

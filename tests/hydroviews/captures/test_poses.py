@@ -1,5 +1,6 @@
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -10,9 +11,12 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import PIL.Image
 import pycolmap
 import pytest
 from captures import WALK, capture, flower_walk
+from PIL.ExifTags import IFD, Base
+from PIL.TiffImagePlugin import IFDRational
 from processes import PATIENCE, wait_until
 from synthetic import capture_in
 from tqdm import tqdm
@@ -23,7 +27,7 @@ from hydroviews.captures.sfm.mapping import can_be_read
 from hydroviews.captures.sfm.poses import estimate_poses, triangulate
 from hydroviews.captures.sfm.sources import link_names, link_photographs
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import listing
+from hydroviews.files.atomic import listing, sha256
 from hydroviews.formats.capture_json import captured_rainy
 from hydroviews.formats.geometry import misplaced, misplaced_note, rigid_pose
 from hydroviews.formats.read import read_scene
@@ -52,6 +56,50 @@ def test_without_exif_the_focal_length_begins_at_a_telephones(tmp_path):
     matching.register(tmp_path / "d.db", tmp_path, ["a.png"], "SIMPLE_PINHOLE", shared=True)
     with pycolmap.Database.open(tmp_path / "d.db") as opened:
         assert [camera.focal_length for camera in opened.read_all_cameras()] == [pytest.approx(0.9 * 8)]
+
+
+def exif_of(model="Phone 15", **tags):
+    exif = PIL.Image.Exif()
+    exif[Base.Make], exif[Base.Model] = "Maker", model
+    for name, value in tags.items():
+        exif.get_ifd(IFD.Exif)[getattr(Base, name)] = value
+    return exif
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "cameras"),
+    [
+        (exif_of(FocalLengthIn35mmFilm=26), exif_of(FocalLengthIn35mmFilm=13), 2),
+        (exif_of(FocalLength=5.7), exif_of(FocalLength=2.2), 2),
+        (exif_of(LensModel="wide"), exif_of(LensModel="ultra wide"), 2),
+        (exif_of(), exif_of("Phone 16"), 2),
+        (exif_of(DigitalZoomRatio=1.0), exif_of(DigitalZoomRatio=2.0), 2),
+        (exif_of(FocalLength=5.7), exif_of(FocalLength=IFDRational(57, 10)), 1),
+        (None, None, 1),
+    ],
+    ids=["35 mm", "focal length", "lens", "model", "digital zoom", "same", "no Exif"],
+)
+def test_photographs_of_one_size_have_a_camera_for_each_lens(tmp_path, one, other, cameras):
+    names = [f"{i}.jpg" for i in range(6)]
+    for i, name in enumerate(names):
+        exif = (one, other)[i % 2]
+        PIL.Image.new("RGB", (48, 32)).save(tmp_path / name, **({"exif": exif} if exif else {}))
+    matching.register(tmp_path / "d.db", tmp_path, names, "SIMPLE_RADIAL", shared=True)
+    with pycolmap.Database.open(tmp_path / "d.db") as opened:
+        assert opened.num_cameras() == cameras
+        ids = [opened.read_image_with_name(name).camera_id for name in names]
+    assert len(set(ids[::2])) == len(set(ids[1::2])) == 1
+    assert len(set(ids)) == cameras
+
+
+def test_each_lens_begins_with_its_own_focal_length(tmp_path):
+    for name, length in (("wide.jpg", 26), ("ultra.jpg", 13)):
+        PIL.Image.new("RGB", (480, 320)).save(tmp_path / name, exif=exif_of(FocalLengthIn35mmFilm=length))
+    matching.register(tmp_path / "d.db", tmp_path, ["wide.jpg", "ultra.jpg"], "SIMPLE_PINHOLE", shared=True)
+    with pycolmap.Database.open(tmp_path / "d.db") as opened:
+        wide, ultra = sorted((camera.focal_length for camera in opened.read_all_cameras()), reverse=True)
+    assert wide / ultra == pytest.approx(2, rel=0.01)
+    assert wide == pytest.approx(26 / 43.27 * np.hypot(480, 320), rel=0.05)
 
 
 @pytest.fixture(scope="module")
@@ -316,6 +364,39 @@ def test_cameras_of_other_photographs_are_kept(noise, tmp_path):
     with pytest.raises(InputError, match="of the same names and other sizes"):
         estimate_poses(tmp_path / "noise", tmp_path / "out", rainy=True)
     assert (tmp_path / "out" / mapping.DATABASE).is_file()
+
+
+def digests(folder):
+    return {path.relative_to(folder).as_posix(): sha256(path) for path in folder.rglob("*") if path.is_file()}
+
+
+def test_photographs_and_a_database_of_the_users_in_the_folder_of_results_stay(noise, tmp_path):
+    """`poses walk/noise --out walk`, with originals in walk/images and COLMAP's database: nothing is touched."""
+    noise()
+    shutil.rmtree(tmp_path / "out")
+    for name in ("images/ORIGINAL_0.jpg", "database.db", "sparse/0/cameras.bin"):
+        folder = tmp_path / name.replace("/", "-")
+        (folder / name).parent.mkdir(parents=True)
+        (folder / name).write_bytes(b"the user's")
+        (folder / "database.db.bak").write_bytes(b"a copy")
+        before = digests(folder)
+        for _ in range(2):
+            with pytest.raises(InputError, match=rf"holds files that are not of this estimate[\s\S]*{re.escape(name)}"):
+                estimate_poses(tmp_path / "noise", folder, rainy=True)
+        assert digests(folder) == before
+
+
+def test_work_begun_anew_removes_our_links_alone(noise, tmp_path, caplog):
+    noise()
+    (tmp_path / "out" / "images" / "mine.jpg").write_bytes(b"the user's")
+    (tmp_path / "out" / "database.db.bak").write_bytes(b"a copy")
+    write_png(tmp_path / "noise" / "4.png", np.zeros((64, 64, 3), np.float32))
+    noise()
+    assert "not written by HydroViews, and kept: images/mine.jpg" in caplog.text
+    assert {path.name for path in (tmp_path / "out" / "images").iterdir()} == {
+        "0.png", "1.png", "2.png", "4.png", "mine.jpg",
+    }  # fmt: skip
+    assert (tmp_path / "out" / "database.db.bak").is_file()
 
 
 def test_sequence_pairs_join_neighbours_and_close_loops():

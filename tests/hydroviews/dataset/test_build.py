@@ -16,7 +16,7 @@ from hydroviews.dataset.build import build
 from hydroviews.dataset.drawing_code import drawing_code
 from hydroviews.dataset.manifest import data_hash, read_manifest, record_files, scene_files
 from hydroviews.dataset.rainy_variant import FOCAL_STEP
-from hydroviews.dataset.request import REQUEST, make_request, take_folder
+from hydroviews.dataset.request import make_request, take_folder
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
@@ -30,7 +30,7 @@ from hydroviews.rain.scene_statistics import survey
 from hydroviews.rain.storm.storm import Storm
 from hydroviews.rain.streaks import severity
 from hydroviews.rain.streaks.effect import Streaks
-from hydroviews.scene.images import read_image, write_png
+from hydroviews.scene.images import image_size, read_image, write_png
 from hydroviews.scene.scenes import make_scene, no_points
 
 STREAK = Pattern("streak", 0)
@@ -375,10 +375,25 @@ def test_views_of_one_size_are_not_wiped_by_those_of_another(scene, tmp_path):
     assert verify(tmp_path / "data", every_view=True) == []
 
 
+def test_overwriting_a_scene_keeps_and_names_what_the_user_put_there(scene, tmp_path, caplog):
+    folder = build(scene, tmp_path / "data", patterns=[STREAK], long_side=32)
+    (folder / "notes.txt").write_text("years of work")
+    (folder / "mine").mkdir()
+    (folder / "mine" / "a.png").write_bytes(b"a figure")
+    for size in (24, 16):
+        build(scene, tmp_path / "data", patterns=[STREAK], long_side=size, overwrite=True)
+        assert (folder / "notes.txt").read_text() == "years of work"
+        assert (folder / "mine" / "a.png").read_bytes() == b"a figure"
+        assert f"{folder}: not written by HydroViews, and kept: mine/a.png, notes.txt" in caplog.text
+        assert image_size(next((folder / "clean").iterdir()))[0] == size
+        caplog.clear()
+
+
 def test_what_was_begun_is_dropped_for_nothing_but_a_mended_capture(scene, tmp_path):
     folder = tmp_path / "data" / "yard"
-    write_json(folder / REQUEST, {**vars(make_request(scene, "yard", 32, 0, "disk")), "capture": "before"})
-    (folder / "begun").touch()
+    before = replace(make_request(scene, "yard", 32, 0, "disk"), capture="before")
+    take_folder(folder.parent, folder, before, overwrite=False)
+    write_bytes(folder / "begun", b"")
     for source, seed in (("yard", 1), ("other/yard", 0)):
         with pytest.raises(InputError, match="another request"):
             take_folder(folder.parent, folder, make_request(scene, source, 32, seed, "disk"), overwrite=False)

@@ -1,10 +1,14 @@
 import pytest
 
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import read_json
+from hydroviews.files.atomic import read_json, write_bytes, write_json
 from hydroviews.files.settings_guard import claim_folder
 
 WORDS = {"taken": "holds something else", "foreign": "holds foreign files", "fix": "choose another"}
+
+
+def visible(folder):
+    return sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))
 
 
 def test_the_same_settings_take_the_folder_again(tmp_path):
@@ -29,13 +33,34 @@ def test_other_settings_are_refused_with_what_differs(tmp_path):
 def test_overwriting_empties_the_folder_after_it_is_forgotten(tmp_path):
     path, seen = tmp_path / "a" / "request.json", []
     claim_folder(path, {"seed": 0}, **WORDS)
-    (tmp_path / "a" / "result").write_text("old")
+    write_bytes(tmp_path / "a" / "result", b"old")
     claim_folder(
         path, {"seed": 1}, **WORDS, overwrite=True, forget=lambda: seen.append((tmp_path / "a" / "result").exists())
     )
     assert seen == [True]
-    assert [p.name for p in (tmp_path / "a").iterdir()] == ["request.json"]
+    assert visible(tmp_path / "a") == ["request.json"]
     assert read_json(path) == {"seed": 1}
+
+
+def test_overwriting_keeps_and_names_what_the_user_put_there(tmp_path, caplog):
+    folder = tmp_path / "a"
+    claim_folder(folder / "request.json", {"seed": 0}, **WORDS)
+    write_bytes(folder / "clean" / "0.png", b"old")
+    (folder / "clean" / "mine.png").write_bytes(b"a figure")
+    (folder / "notes.txt").write_text("years of work")
+    claim_folder(folder / "request.json", {"seed": 1}, **WORDS, overwrite=True)
+    assert visible(folder) == ["clean", "notes.txt", "request.json"]
+    assert visible(folder / "clean") == ["mine.png"]
+    assert f"{folder}: not written by HydroViews, and kept: clean/mine.png, notes.txt" in caplog.text
+
+
+def test_a_folder_without_a_list_is_never_emptied(tmp_path):
+    """It is of an earlier version: nothing tells whose its files are."""
+    write_json(tmp_path / "request.json", {"seed": 0})
+    (tmp_path / "notes.txt").write_text("years of work")
+    with pytest.raises(InputError, match="nothing tells which of its files are yours"):
+        claim_folder(tmp_path / "request.json", {"seed": 1}, **WORDS, overwrite=True)
+    assert visible(tmp_path) == ["notes.txt", "request.json"]
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
@@ -58,4 +83,5 @@ def test_a_claim_clears_leftovers(tmp_path):
     leftover.parent.mkdir()
     leftover.write_text("{")
     claim_folder(tmp_path / "a" / "request.json", {"seed": 0}, **WORDS)
-    assert [p.name for p in leftover.parent.iterdir()] == ["request.json"]
+    assert visible(leftover.parent) == ["request.json"]
+    assert not leftover.exists()

@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from mutations import guarded, mutated, with_odd_value
 from strangers import FORMATS, Stranger, write
 
-from hydroviews.captures.exif_orientation import orientation
 from hydroviews.errors import InputError
 from hydroviews.formats.read import read_scene
 from hydroviews.scene.checks import FARTHEST
+from hydroviews.scene.exif import orientation
 from hydroviews.scene.images import image_size, read_image
 from hydroviews.scene.masks import read_ignored
 from hydroviews.scene.scenes import Scene

@@ -13,7 +13,7 @@ from hydroviews.scene import lenses
 from hydroviews.scene.cameras import fitted_size
 from hydroviews.scene.depth import write_depth
 from hydroviews.scene.images import read_image, resize_area, to_uint8, write_png
-from hydroviews.scene.lenses import Lens
+from hydroviews.scene.lenses import Lens, kept_share
 from hydroviews.scene.scenes import View
 
 FISHEYE = (60.0, 61.0, 48.0, 35.0)
@@ -165,6 +165,52 @@ def test_photograph_of_another_shape_is_refused(tmp_path):
 def test_bad_lenses_are_refused(model, params, message):
     with pytest.raises(InputError, match=message):
         Lens(model, 96, 72, params)
+
+
+FOV = Lens("FOV", 256, 205, (89.4, 89.4, 128.0, 102.5, 0.933271))  # of TUM's monocular data set, scaled
+
+
+def test_a_corner_without_a_direction_does_not_shrink_the_picture():
+    """COLMAP would leave 51x41 pixels, 4 % of the photograph."""
+    pinhole = FOV.pinhole()
+    assert kept_share(FOV) > 0.6
+    assert pinhole.width > 256
+    x, y = np.meshgrid(np.arange(pinhole.width) + 0.5, np.arange(pinhole.height) + 0.5)
+    rays = np.stack([(x - pinhole.cx) / pinhole.fx, (y - pinhole.cy) / pinhole.fy, np.ones_like(x)], axis=-1)
+    pixels = FOV.colmap().img_from_cam(rays.reshape(-1, 3))
+    assert (pixels >= 0).all()
+    assert (pixels <= (256, 205)).all()
+    picture = FOV.undistort(photograph(FOV))
+    expected = colours(rays[..., :2])
+    assert np.abs(picture - expected)[2:-2, 2:-2].mean() < 0.02
+
+
+@pytest.mark.parametrize(
+    ("lens", "share"),
+    [
+        (Lens("PINHOLE", 96, 72, (80.0, 80.0, 48.0, 36.0)), 1.0),
+        (Lens("OPENCV_FISHEYE", 2048, 2048, (400.0, 400.0, 1024.0, 1024.0, 0, 0, 0, 0)), 0.18),
+    ],
+)
+def test_the_share_that_is_left_is_known(lens, share):
+    """Of the fisheye, what is less than 2 x 68.7 degrees across and down."""
+    assert kept_share(lens) == pytest.approx(share, abs=0.01)
+
+
+def test_little_that_is_left_is_told(tmp_path):
+    from hydroviews.formats.checks.undistortion import left_after_undistortion
+    from hydroviews.scene.scenes import make_scene, no_points
+
+    def scene(lens):
+        views = [View(f"{i}", lens.pinhole().camera(np.eye(4)), tmp_path / f"{i}.png", lens) for i in range(3)]
+        return make_scene("walk", views, no_points())
+
+    (said,) = left_after_undistortion(
+        scene(Lens("OPENCV_FISHEYE", 2048, 2048, (400.0, 400.0, 1024.0, 1024.0, 0, 0, 0, 0)))
+    )
+    assert "% of the photograph is left after undistortion" in said
+    assert left_after_undistortion(scene(FOV)) == []
+    assert left_after_undistortion(scene(LENS)) == []
 
 
 def test_panoramas_are_refused():

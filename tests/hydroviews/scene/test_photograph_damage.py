@@ -1,5 +1,7 @@
 """JPEGs and TIFFs whose middle is damaged decode, with a warning that nobody sees: they are refused."""
 
+import re
+
 import cv2
 import numpy as np
 import PIL.Image
@@ -92,6 +94,38 @@ def test_tiffs_of_other_makes_are_whole(tmp_path):
             settings = {"compression": "zlib", "photometric": "rgb", "planarconfig": planes}
             tifffile.imwrite(paths[-1], picture, tile=tile, **settings)
     require_whole(paths, "")
+
+
+@pytest.mark.parametrize("filler", [b"\0", b"\xff"])
+@pytest.mark.parametrize("count", [1, 12, 5000])
+def test_padding_of_any_length_is_no_damage(tmp_path, filler, count):
+    """As of cameras that fill their files up: before the end mark, or before every restart mark."""
+    content = jpeg(PLAIN).tobytes()
+    ended = write(tmp_path / "end.jpg", content[:-2] + filler * count + content[-2:] + b"a preview behind the picture")
+    content = jpeg(RESTARTS).tobytes()
+    head, data = content[: content.index(b"\xff\xda")], content[content.index(b"\xff\xda") :]
+    padded = re.sub(rb"(\xff[\xd0-\xd7])", filler * min(count, 14) + rb"\1", data)
+    restarted = write(tmp_path / "restarts.jpg", head + padded)
+    require_whole([ended, restarted], "")
+    for path, settings in ((ended, PLAIN), (restarted, RESTARTS)):
+        assert np.array_equal(cv2.imread(str(path)), cv2.imdecode(jpeg(settings), cv2.IMREAD_COLOR))
+
+
+@pytest.mark.parametrize("lost", [300, 4096])
+@pytest.mark.parametrize("settings", [PLAIN, RESTARTS], ids=["plain", "restarts"])
+def test_zeros_in_the_place_of_the_last_data_are_damage(tmp_path, lost, settings):
+    """As where a copy was broken off and the file had its length before: all before the end mark is 0."""
+    content = jpeg(settings)
+    content[-2 - lost : -2] = 0
+    with pytest.raises(InputError, match="a damaged JPEG"):
+        require_whole([write(tmp_path / "a.jpg", content.tobytes())], "")
+
+
+def test_rubbish_before_the_end_is_damage(tmp_path):
+    content = jpeg(PLAIN).tobytes()
+    rubbish = np.random.default_rng(0).integers(1, 200, 40).astype(np.uint8).tobytes()
+    with pytest.raises(InputError, match="a damaged JPEG"):
+        require_whole([write(tmp_path / "a.jpg", content[:-2] + rubbish + content[-2:])], "")
 
 
 def test_a_reconstruction_names_the_damaged_photograph(tmp_path):
