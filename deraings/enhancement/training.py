@@ -33,8 +33,8 @@ class EnhancementTraining(SupervisedTraining):
     def begin_with(self, start: EnhancementNetwork) -> None:
         """Begin with a trained network instead of chance; the optimiser knows nothing yet.
 
-        It has the same configuration, or has not looked at lenses or predicted its error so far: what does that is no
-        better at first.
+        It has the same configuration, or no part yet that looks at lenses or predicts cover or its own error: such a
+        part begins with chance.
         """
         for network in (self.network, self.averaged):
             network.load_state_dict(start.state_dict(), strict=network.config == start.config)
@@ -55,12 +55,12 @@ class EnhancementTraining(SupervisedTraining):
             own = mists.unflatten(0, batch.whole_rainy.shape[:2])[:, 0]
             rainy = without_mist(rainy, crop_mist(own, batch.box, rainy.shape[-2], rainy.shape[-1]))
         with torch.autocast("cpu", torch.bfloat16, enabled=config.precision == "bfloat16"):
-            features = network.features(rainy, batch.fine)
+            logits = network.cover_logits(rainy, batch.fine)
+            features = network.features(rainy, batch.fine, logits)
             enhanced = network.enhanced(rainy, features)
-            found = network.alpha(features) if config.network.alpha else None
             scale = network.error_scale(features.detach())  # the picture is not to be traded for a better known error
-        if found is not None:
-            extra = extra + config.detection * cover_loss(found.float(), batch.cover)
+        if logits is not None:
+            extra = extra + config.detection * cover_loss(logits, batch.cover)
         if scale is not None:
             extra = extra + config.doubt * error_loss(scale, enhanced.detach().float(), batch.clean)
         weights = config.frequency, config.smooth, config.floor

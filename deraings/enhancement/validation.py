@@ -100,7 +100,7 @@ def _measure(picture: ValidationPicture, enhancer: Enhancer, companions: int, vi
     brightness = 255 * abs(float(enhanced.picture.mean(dtype=np.float64) - picture.clean.mean(dtype=np.float64)))
     before, after = (float(psnr(image, picture.clean)) for image in (picture.rainy, enhanced.picture))
     numbers = (*mist_errors(picture, network, lens), before, after, brightness)
-    looked_at = others[: views if picture.drops is not None and network.config.alpha else 0]
+    looked_at = others[: views if picture.drops is not None and network.config.cover else 0]
     covers = [predict(other.astype(np.float32) / 255, enhancer, lens=lens).cover for other in looked_at]
     return _Row(numbers, enhanced, cover_over_views([cover for cover in covers if cover is not None]), picture)
 
