@@ -65,6 +65,7 @@ SMALL = NetworkConfig(
     head_width=24,
     stem=2,
     cover=(16, 32, 64, 96),
+    error=True,
     gain=True,
     mist=48,
     lens_mist=True,
