@@ -9,6 +9,7 @@ import tyro
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from baselines.training.devices import chosen_device
 from baselines.training.network_commands import load_trained, rounded, use_threads
 from baselines.training.supervised_training import Intervals, network_fingerprint
 from baselines.training.validation import as_json
@@ -24,6 +25,7 @@ from deraings.enhancement.validation import as_columns, scores, scores_by_compan
 from deraings.enhancement.validation_pictures import PATTERNS, validation_set
 from deraings.enhancement.weights import load_enhancer, save_network
 from hydroviews.cli.commands import run_command
+from hydroviews.cli.threads import processors
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.formats.photographs import one_by_one
@@ -46,7 +48,8 @@ class TrainingRequest:
     intervals: tyro.conf.OmitArgPrefixes[Intervals] = field(default_factory=Intervals)
     out: Path = Path("results/enhancement/small")  # gets checkpoint, curve, weights and data card
     threads: int = 0  # 0: as many as there are cores
-    workers: int = 0  # processes that draw pairs ahead
+    device: str = "auto"  # where the network learns: auto, cpu or cuda
+    workers: int | None = None  # processes that draw pairs ahead; not given: none, or for a GPU one per other core
     validated: int = 0  # held-out photographs that the weights are validated on in the end, 0 for all
 
 
@@ -64,9 +67,15 @@ def train_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
         together = as_columns(scores(network, watched, MOST_COMPANIONS, views=0)) if config.network.lens else {}
         return alone | {f"{kind} of {MOST_COMPANIONS + 1}": value for kind, value in together.items()}
 
-    network = start.network if start else None
-    training = train(request.out, config, pairs, words, validate, request.intervals, network, request.workers)
+    network, device = start.network if start else None, chosen_device(request.device)
+    workers = drawing_workers(device) if request.workers is None else request.workers
+    training = train(request.out, config, pairs, words, validate, request.intervals, network, workers, device)
     write_weights(request, training, words)
+
+
+def drawing_workers(device: str) -> int:
+    """How many processes draw pairs ahead: a GPU would wait for them, a processor shares its cores with them."""
+    return max(1, processors() - 1) if device == "cuda" else 0
 
 
 def export_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:

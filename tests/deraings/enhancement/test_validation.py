@@ -60,8 +60,8 @@ def seeing(network, cover, light, streaks=-9.0, drops=-9.0):
     values = [math.atanh(cover / 0.97), *(math.log(value / (1 - value)) for value in light)]
     for branch in (network.mist, network.lens_mist):
         branch.end.bias.copy_(torch.tensor(values))
-    network.alpha[0].weight.zero_()
-    network.alpha[0].bias.copy_(torch.tensor([streaks, drops, -9.0]).repeat_interleave(4))
+    network.cover.head.weight.zero_()
+    network.cover.head.bias.copy_(torch.tensor([streaks, drops, -9.0]))
     return network
 
 
