@@ -307,7 +307,8 @@ class EnhancementNetwork(nn.Module):
 
     def cover_logits(self, image: Tensor, fine: Tensor | None = None) -> Tensor | None:
         """Logits [N, 3, H, W] of what streaks, drops and mist cover; None where this is not predicted."""
-        return self.cover(image, fine).float() if self.config.cover else None
+        # The mist is not to be altered for the sake of the cover.
+        return self.cover(image.detach(), fine).float() if self.config.cover else None
 
     def error_scale(self, features: Tensor) -> Tensor | None:
         """The scale [N, 1, H, W] of the error of the picture that features lead to; None where it is not predicted."""
