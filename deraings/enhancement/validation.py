@@ -13,6 +13,7 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from baselines.training.validation import measure_by_kind
+from deraings.enhancement.calibration import Curve, calibration
 from deraings.enhancement.clear_pixels import DROPS, STREAKS
 from deraings.enhancement.detection import detection
 from deraings.enhancement.enhance import Enhanced, mist_on_lens, predict, without_mist
@@ -58,6 +59,7 @@ class Score:
     brightness: float  # mean over pictures of |mean(enhanced) - mean(clean)|, in 1/255
     error_rank: float  # mean over pictures of the rank correlation of predicted and true error
     error_ratio: float  # mean over pictures of true over predicted mean error
+    calibration: Curve | None  # predicted and true error of tenths of the pixels; None where no error is predicted
 
 
 class _Row(NamedTuple):
@@ -140,7 +142,18 @@ def _score(kind: str, rows: Sequence[_Row]) -> Score:
     over_views = detection([row.over_views for row in rows], true_drops, DROP).average_precision
     doubts = np.mean([doubt(row.enhanced, row.picture.clean) for row in rows], axis=0).tolist()
     picture = before, after, brightness, *doubts
-    return Score(kind, len(rows), misted, planes, *drops, over_views, *streaks, *picture)
+    return Score(kind, len(rows), misted, planes, *drops, over_views, *streaks, *picture, _calibration(rows))
+
+
+def _calibration(rows: Sequence[_Row]) -> Curve | None:
+    predicted = [row.enhanced.error for row in rows if row.enhanced.error is not None]
+    true = [true_error(row.enhanced.picture, row.picture.clean) for row in rows]
+    return calibration(predicted, true) if predicted else None
+
+
+def true_error(picture: Image, clean: Image) -> Plane:
+    """Means over channels of |picture - clean|, both [H, W, 3]: [H, W]."""
+    return np.asarray(np.abs(picture - clean).mean(axis=2), np.float32)
 
 
 def doubt(enhanced: Enhanced, clean: Image) -> tuple[float, float]:
@@ -154,7 +167,7 @@ def doubt(enhanced: Enhanced, clean: Image) -> tuple[float, float]:
     """
     if enhanced.error is None:
         return np.nan, np.nan
-    true = np.abs(enhanced.picture - clean).mean(axis=2)
+    true = true_error(enhanced.picture, clean)
     correlation = spearmanr(enhanced.error[::RANKED, ::RANKED], true[::RANKED, ::RANKED], axis=None).statistic
     return float(correlation), float(true.mean() / enhanced.error.mean())
 
