@@ -140,8 +140,8 @@ def _score(kind: str, rows: Sequence[_Row]) -> Score:
     drops = detection([None if cover is None else cover[..., DROPS] for cover in covers], true_drops, DROP)
     streaks = detection([None if cover is None else cover[..., STREAKS] for cover in covers], true_streaks, STREAK)
     over_views = detection([row.over_views for row in rows], true_drops, DROP).average_precision
-    doubts = np.mean([doubt(row.enhanced, row.picture.clean) for row in rows], axis=0).tolist()
-    picture = before, after, brightness, *doubts
+    rank, ratio = np.mean([doubt(row.enhanced, row.picture.clean) for row in rows], axis=0).tolist()
+    picture = before, after, brightness, rank, ratio
     return Score(kind, len(rows), misted, planes, *drops, over_views, *streaks, *picture, _calibration(rows))
 
 

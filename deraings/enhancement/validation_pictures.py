@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from deraings.enhancement.clear_pixels import DROPS, STREAKS
 from deraings.image_planes import Plane
 from hydroviews.errors import InputError
 from hydroviews.pairs.captures import Capture
@@ -118,13 +119,13 @@ def validation_set(
 def family_picture(image: Image, family: str, rng: np.random.Generator) -> ValidationPicture:
     """A photograph [H, W, 3] in rain by the recipes, without companions."""
     pair = draw_rain(to_uint8(image), family, (), rng)
-    streaks, drops, _ = np.moveaxis(pair.cover, 2, 0)
+    planes = (np.ascontiguousarray(pair.cover[..., channel]) for channel in (DROPS, STREAKS))
+    drops, streaks = (plane if plane.any() else None for plane in planes)
     block, light = pair.mist[..., 0], pair.mist[..., 1:]
     known = bool(np.isfinite(block).all())
     mist = TrueMist(block, light.sum((0, 1)) / max(float(block.sum()), 1e-6)) if known else None
     alone = np.zeros((0, *image.shape), np.uint8)
-    covers = (np.ascontiguousarray(plane) if plane.any() else None for plane in (drops, streaks))
-    return ValidationPicture(family, pair.rainy, pair.clean, alone, *covers, mist)
+    return ValidationPicture(family, pair.rainy, pair.clean, alone, drops, streaks, mist)
 
 
 def clean_picture(image: Image, companions: NDArray[np.uint8]) -> ValidationPicture:
