@@ -227,6 +227,7 @@ class EnhancementNetwork(nn.Module):
         if config.cover:
             self.cover = CoverNetwork(config.cover, config.lens_fine)
             self.covered = nn.Sequential(nn.PixelUnshuffle(config.stem), *added(taken, widths[0], 3))
+            self.alpha = nn.Sequential(nn.Conv2d(widths[0], taken, 3, padding=1), nn.PixelShuffle(config.stem))
         if config.error:
             self.error = nn.Sequential(nn.Conv2d(widths[0], config.stem**2, 3, padding=1), nn.PixelShuffle(config.stem))
         if config.mist:
@@ -246,7 +247,7 @@ class EnhancementNetwork(nn.Module):
         if self.config.mist:
             last.append(self.mist.end)
         if self.config.cover:
-            last.append(self.covered[-1])
+            last += [self.covered[-1], self.alpha[0]]
         if self.config.lens_fine:
             last.append(self.lens_fine[-1])
         if self.config.cover and self.config.lens_fine:
@@ -300,25 +301,29 @@ class EnhancementNetwork(nn.Module):
 
     def predict(self, image: Tensor, fine: Tensor | None = None) -> Prediction:
         """The same, with all else that the network predicts of each pixel."""
-        logits = self.cover_logits(image, fine)
-        features = self.features(image, fine, logits)
-        cover = None if logits is None else torch.sigmoid(logits)
+        first = self.first_cover(image, fine)
+        features = self.features(image, fine, first)
+        cover = None if first is None else torch.sigmoid(self.second_cover(first, features))
         return Prediction(self.enhanced(image, features), cover, self.error_scale(features))
 
-    def cover_logits(self, image: Tensor, fine: Tensor | None = None) -> Tensor | None:
-        """Logits [N, 3, H, W] of what streaks, drops and mist cover; None where this is not predicted."""
+    def first_cover(self, image: Tensor, fine: Tensor | None = None) -> Tensor | None:
+        """Logits [N, 3, H, W] of what streaks, drops and mist cover, by the cover network; None where there is none."""
         # The mist is not to be altered for the sake of the cover.
         return self.cover(image.detach(), fine).float() if self.config.cover else None
+
+    def second_cover(self, first: Tensor, features: Tensor) -> Tensor:
+        """The same with what the decoder adds: it sees further, which tells large drops from things in the scene."""
+        return first + self.alpha(features).float()
 
     def error_scale(self, features: Tensor) -> Tensor | None:
         """The scale [N, 1, H, W] of the error of the picture that features lead to; None where it is not predicted."""
         return self.error(features).float().exp() if self.config.error else None
 
-    def features(self, image: Tensor, fine: Tensor | None = None, cover_logits: Tensor | None = None) -> Tensor:
-        """What the decoder ends with, [N, width, H / stem, W / stem]; `cover_logits` are taken as they are."""
+    def features(self, image: Tensor, fine: Tensor | None = None, first_cover: Tensor | None = None) -> Tensor:
+        """What the decoder ends with, [N, width, H / stem, W / stem]; no gradient goes back to `first_cover`."""
         x = self.stem(image.contiguous(memory_format=torch.channels_last))
-        if cover_logits is not None:
-            x = x + self.covered(torch.sigmoid(cover_logits.detach()).contiguous(memory_format=torch.channels_last))
+        if first_cover is not None:
+            x = x + self.covered(torch.sigmoid(first_cover.detach()).contiguous(memory_format=torch.channels_last))
         if fine is not None and self.config.lens_fine:
             x = x + known(fine) * self.lens_fine(fine.contiguous(memory_format=torch.channels_last))
         skips = []

@@ -57,12 +57,14 @@ class EnhancementTraining(SupervisedTraining):
             own = mists.unflatten(0, batch.whole_rainy.shape[:2])[:, 0]
             rainy = without_mist(rainy, crop_mist(own, batch.box, rainy.shape[-2], rainy.shape[-1]))
         with torch.autocast(self.device.type, torch.bfloat16, enabled=config.precision == "bfloat16"):
-            logits = network.cover_logits(rainy, batch.fine)
-            features = network.features(rainy, batch.fine, logits)
+            first = network.first_cover(rainy, batch.fine)
+            features = network.features(rainy, batch.fine, first)
             enhanced = network.enhanced(rainy, features)
+            second = None if first is None else network.second_cover(first, features)
             scale = network.error_scale(features.detach())  # the picture is not to be traded for a better known error
-        if logits is not None:
-            extra = extra + config.detection * cover_loss(logits, batch.cover)
+        for logits in (first, second):
+            if logits is not None:
+                extra = extra + config.detection * cover_loss(logits, batch.cover)
         if scale is not None:
             extra = extra + config.doubt * error_loss(scale, enhanced.detach().float(), batch.clean)
         weights = config.frequency, config.smooth, config.floor
