@@ -87,8 +87,13 @@ class SupervisedTraining(ABC):
     def _first(self) -> nn.Module:
         return next(iter(self.learners.values())).network
 
+    @property
+    def device(self) -> torch.device:
+        """Where the networks learn."""
+        return next(self._first.parameters()).device
+
     def learn(self, batch: Any) -> dict[str, float]:
-        """Take one step; returns the smoothed losses.
+        """Take one step; returns the smoothed losses. The batch may be on any device.
 
         Raises:
             FloatingPointError: a gradient is NaN or infinite; no weights were changed by it.
@@ -97,7 +102,7 @@ class SupervisedTraining(ABC):
         for learner in self.learners.values():
             for group in learner.optimiser.param_groups:
                 group["lr"] = rate
-        for name, loss in self._learn(batch).items():
+        for name, loss in self._learn(moved(batch, self.device)).items():
             self.losses[name] = loop.smoothed(self.losses.get(name), loss.item(), SMOOTHING)
         average_in(self.averaged, self._first, self.iteration, self.config.averaging)
         self.iteration += 1
@@ -228,6 +233,13 @@ def draw_ahead(batches: Batches, first: int, last: int, workers: int) -> Iterato
             dataset, batch_size=None, sampler=range(first, last), num_workers=workers, worker_init_fn=_ignore_ctrl_c
         )
     )
+
+
+def moved(batch: Any, device: torch.device) -> Any:
+    """A tensor, or a named tuple of tensors, on a device."""
+    if isinstance(batch, Tensor):
+        return batch.to(device)
+    return type(batch)(*(part.to(device) for part in batch))
 
 
 def _ignore_ctrl_c(_: int) -> None:

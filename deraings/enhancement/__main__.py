@@ -9,10 +9,12 @@ import tyro
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from baselines.training.devices import chosen_device
 from baselines.training.network_commands import load_trained, rounded, use_threads
 from baselines.training.supervised_training import Intervals, network_fingerprint
 from baselines.training.validation import as_json
 from deraings.enhancement.before_after import before_and_after, on_sheet
+from deraings.enhancement.calibration import draw_calibration
 from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.data import Data, described, started_from, training_pairs
 from deraings.enhancement.enhance import enhance
@@ -21,12 +23,13 @@ from deraings.enhancement.network import CONFIGS, EnhancementNetwork
 from deraings.enhancement.size import describe
 from deraings.enhancement.training import EnhancementTraining, train
 from deraings.enhancement.validation import as_columns, scores, scores_by_companions, table
-from deraings.enhancement.validation_pictures import PATTERNS, validation_set
+from deraings.enhancement.validation_pictures import LONG_SIDE, PATTERNS, validation_set
 from deraings.enhancement.weights import load_enhancer, save_network
 from hydroviews.captures.single_pictures import read_upright
 from hydroviews.cli.commands import run_command
+from hydroviews.cli.threads import processors
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import write_json
+from hydroviews.files.atomic import write_bytes, write_json
 from hydroviews.files.ownership import require_ours
 from hydroviews.formats.photographs import one_by_one
 from hydroviews.pairs.photographs import split_photographs
@@ -48,7 +51,8 @@ class TrainingRequest:
     intervals: tyro.conf.OmitArgPrefixes[Intervals] = field(default_factory=Intervals)
     out: Path = Path("results/enhancement/small")  # gets checkpoint, curve, weights and data card
     threads: int = 0  # 0: as many as there are cores
-    workers: int = 0  # processes that draw pairs ahead
+    device: str = "auto"  # where the network learns: auto, cpu or cuda
+    workers: int | None = None  # processes that draw pairs ahead; not given: none, or for a GPU one per other core
     validated: int = 0  # held-out photographs that the weights are validated on in the end, 0 for all
 
 
@@ -66,9 +70,15 @@ def train_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
         together = as_columns(scores(network, watched, MOST_COMPANIONS, views=0)) if config.network.lens else {}
         return alone | {f"{kind} of {MOST_COMPANIONS + 1}": value for kind, value in together.items()}
 
-    network = start.network if start else None
-    training = train(request.out, config, pairs, words, validate, request.intervals, network, request.workers)
+    network, device = start.network if start else None, chosen_device(request.device)
+    workers = drawing_workers(device) if request.workers is None else request.workers
+    training = train(request.out, config, pairs, words, validate, request.intervals, network, workers, device)
     write_weights(request, training, words)
+
+
+def drawing_workers(device: str) -> int:
+    """How many processes draw pairs ahead: a GPU would wait for them, a processor shares its cores with them."""
+    return max(1, processors() - 1) if device == "cuda" else 0
 
 
 def export_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
@@ -113,6 +123,9 @@ def validate_command(
     pictures: int = 0,
     companions: tuple[int, ...] = WATCHED_COMPANIONS,
     patterns: tuple[str, ...] = (),
+    families: tuple[str, ...] = (),
+    side: int = LONG_SIDE,
+    plot: Path | None = None,
 ) -> None:
     """Print what weights see of rain on held-out photographs, and what they gain: see `validation`.
 
@@ -123,17 +136,26 @@ def validate_command(
         pictures: how many photographs of each folder, 0 for all.
         companions: how many other photographs of the lens the network is given, a table for each.
         patterns: rain to judge by besides the usual kinds, such as storm-1 for medium storms.
+        families: rain of the training's recipes to judge by, alone: pane, lines, mixed.
+        side: long side of the pictures, in pixels.
+        plot: an .svg to draw predicted against true errors into, by kind of rain, with the most companions.
 
     Raises:
-        InputError: no such pattern, or an unreadable photograph.
+        InputError: no such pattern or family, or an unreadable photograph.
     """
     judges = [*PATTERNS, *map(parse_pattern, patterns)]
     enhancer = load_enhancer(weights)
     print(enhancer.reason)
     files = [file for folder in photographs for file in split_photographs(folder).held_out[: pictures or None]]
-    drawn = validation_set(files, VALIDATION_SEED, cache / "validation", max(companions), judges)
-    for count, rows in scores_by_companions(enhancer.network, drawn, companions).items():
+    kept = cache / ("validation" if side == LONG_SIDE else f"validation-{side}")
+    drawn = validation_set(files, VALIDATION_SEED, kept, max(companions), judges, families, side)
+    found = scores_by_companions(enhancer.network, drawn, companions)
+    for count, rows in found.items():
         print(f"\n{count} companions\n\n{table(rows)}")
+    if plot:
+        curves = {row.kind: row.calibration for row in found[max(companions)] if row.calibration}
+        write_bytes(plot, draw_calibration(curves).encode())
+        print(plot)
 
 
 def enhance_command(

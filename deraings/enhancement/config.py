@@ -29,7 +29,9 @@ class TrainingConfig:
     detection: float = 0.5  # weight of the loss in the cover by rain, where the network predicts it
     doubt: float = 0.1  # weight of the loss of the predicted error, where the network predicts it
     averaging: float = 0.999  # what an average of the weights keeps of itself in a step
-    precision: Precision = "bfloat16"  # of convolutions and attention in training; weights are float32 in both
+    # Of convolutions and attention in training; weights are float32 in both. A GPU is faster in bfloat16. A processor
+    # without AMX takes twice as long in it.
+    precision: Precision = "float32"
     seed: int = 0
 
     def __post_init__(self) -> None:

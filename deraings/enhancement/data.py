@@ -18,6 +18,8 @@ from hydroviews.pairs.lens_pool import LENSES, WINDOWS, bake_pool
 from hydroviews.pairs.photographs import LONG_SIDES, frames, read_photographs, split_photographs
 from hydroviews.pairs.rainy_pairs import DrawnRain
 
+ADDABLE = ("cover", "error", "lens_fine", "lens_mist")  # parts that weights to begin with need not have
+
 
 @dataclass(frozen=True)
 class Data:
@@ -75,8 +77,8 @@ def started_from(data: Data, config: TrainingConfig) -> Enhancer | None:
         return None
     enhancer = load_enhancer(data.start, "cpu")
     begun, wanted = enhancer.network.config, config.network
-    parts = {part: getattr(wanted, part) and getattr(begun, part) for part in ("lens_mist", "lens_fine", "error")}
-    if begun != replace(wanted, **parts):
+    lacking = {part: getattr(begun, part) for part in ADDABLE if not getattr(begun, part)}
+    if begun != replace(wanted, **lacking):
         raise InputError(
             f"{find_weights(data.start)}: cannot begin a training of another network",
             found=f"a network of {enhancer.network.config}",

@@ -66,7 +66,7 @@ def predict(image: Image, enhancer: Enhancer, remove_mist: bool = True, lens: Le
         return torch.cat([part for part in network.predict(batch, fine) if part is not None], dim=1)
 
     found = np.clip(_in_tiles(image, network, together, (TILE, OVERLAP), remove_mist, lens), 0, 1)
-    cover = np.ascontiguousarray(found[..., 3:6]) if network.config.alpha else None
+    cover = np.ascontiguousarray(found[..., 3:6]) if network.config.cover else None
     error = np.ascontiguousarray(found[..., -1]) if network.config.error else None
     return Enhanced(np.ascontiguousarray(found[..., :3]), cover, error)
 

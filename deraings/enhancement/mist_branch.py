@@ -64,7 +64,7 @@ class MistBranch(nn.Module):
 
 def squeezed(image: Tensor) -> Tensor:
     """Pictures [N, 3, H, W] of any size at 128x128, averaged over areas."""
-    return functional.adaptive_avg_pool2d(image, SIDE)
+    return image if image.shape[-2:] == (SIDE, SIDE) else functional.adaptive_avg_pool2d(image, SIDE)
 
 
 def added(given: int, width: int, side: int) -> nn.Sequential:

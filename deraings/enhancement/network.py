@@ -3,7 +3,9 @@
 A small branch takes mist off the whole picture first, where the configuration asks for it: `mist_branch.py`. Both it
 and the rest may also look at what all photographs of a lens say of its places: `lens_statistics.py`. Then an encoder
 of convolutional blocks, a bottleneck of attention across channels, and a decoder of the same attention kept to its
-strongest entries (DeRainGS, section Rainy Image Enhancement and its pipeline figure). Level i has width 2^i channels
+strongest entries (DeRainGS, section Rainy Image Enhancement and its pipeline figure). A detector of what rain covers
+stands before the encoder, which is given its prediction, where the configuration asks for it: `cover_network.py`.
+Level i has width 2^i channels
 at 1 / (stem 2^i) of the picture's resolution. Read from top to bottom: configuration, blocks, network.
 
 Tensors are [N, C, H, W] in channels-last memory, so that layer normalisation and 1x1 convolutions touch contiguous
@@ -19,6 +21,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from deraings.enhancement.cover_network import CoverNetwork
 from deraings.enhancement.lens_statistics import COARSE, FINE
 from deraings.enhancement.mist_branch import MistBranch, added, known, without_mist_over_whole
 
@@ -40,7 +43,7 @@ class NetworkConfig:
     decoder: tuple[int, int, int, int] = (3, 6, 7, 8)  # sparse attention blocks a level, finest first
     head_width: int = 48  # channels of an attention head
     stem: int = 1  # the picture is taken in squares of so many pixels: 2 makes every level four times smaller
-    alpha: bool = False  # in training also predict how much of each pixel streaks, drops and mist block
+    cover: tuple[int, ...] = ()  # channels of the levels of the cover network, finest first; none: there is none
     error: bool = False  # also predict the scale of its own error
     gain: bool = False  # predict I' = I + g I + r instead of I' = I + r, g and r from the network
     mist: int = 0  # channels of the branch that takes mist off the whole picture first; 0: there is none
@@ -61,7 +64,8 @@ SMALL = NetworkConfig(
     decoder=(1, 2, 2, 2),
     head_width=24,
     stem=2,
-    alpha=True,
+    cover=(16, 32, 64, 96),
+    error=True,
     gain=True,
     mist=48,
     lens_mist=True,
@@ -220,7 +224,9 @@ class EnhancementNetwork(nn.Module):
             self.decoder.append(stack(config.decoder[level], SparseAttention, fine, heads[level]))
         self.bottleneck = stack(config.bottleneck, TransposedAttention, widths[-1], heads[-1])
         self.head = nn.Sequential(nn.Conv2d(widths[0], given, 3, padding=1), nn.PixelShuffle(config.stem))
-        if config.alpha:
+        if config.cover:
+            self.cover = CoverNetwork(config.cover, config.lens_fine)
+            self.covered = nn.Sequential(nn.PixelUnshuffle(config.stem), *added(taken, widths[0], 3))
             self.alpha = nn.Sequential(nn.Conv2d(widths[0], taken, 3, padding=1), nn.PixelShuffle(config.stem))
         if config.error:
             self.error = nn.Sequential(nn.Conv2d(widths[0], config.stem**2, 3, padding=1), nn.PixelShuffle(config.stem))
@@ -240,8 +246,12 @@ class EnhancementNetwork(nn.Module):
             last.append(self.error[0])
         if self.config.mist:
             last.append(self.mist.end)
+        if self.config.cover:
+            last += [self.covered[-1], self.alpha[0]]
         if self.config.lens_fine:
             last.append(self.lens_fine[-1])
+        if self.config.cover and self.config.lens_fine:
+            last.append(self.cover.lens_fine[-1])
         if self.config.mist and self.config.lens_mist:
             last += [self.lens_mist.end, self.lens_mist.shared[-1]]
         for convolution in last:
@@ -257,7 +267,7 @@ class EnhancementNetwork(nn.Module):
     @property
     def multiple(self) -> int:
         """What height and width have to be multiples of."""
-        return self.config.stem * 2 ** (LEVELS - 1)
+        return math.lcm(self.config.stem * 2 ** (LEVELS - 1), self.cover.multiple if self.config.cover else 1)
 
     def forward(self, image: Tensor, coarse: Tensor | None = None, fine: Tensor | None = None) -> Tensor:
         """Enhance whole pictures.
@@ -287,21 +297,33 @@ class EnhancementNetwork(nn.Module):
 
     def refine(self, image: Tensor, fine: Tensor | None = None) -> Tensor:
         """The rest, for pictures or parts of pictures that are free of mist."""
-        return self.enhanced(image, self.features(image, fine))
+        return self.predict(image, fine).picture
 
     def predict(self, image: Tensor, fine: Tensor | None = None) -> Prediction:
         """The same, with all else that the network predicts of each pixel."""
-        features = self.features(image, fine)
-        cover = torch.sigmoid(self.alpha(features)) if self.config.alpha else None
+        first = self.first_cover(image, fine)
+        features = self.features(image, fine, first)
+        cover = None if first is None else torch.sigmoid(self.second_cover(first, features))
         return Prediction(self.enhanced(image, features), cover, self.error_scale(features))
+
+    def first_cover(self, image: Tensor, fine: Tensor | None = None) -> Tensor | None:
+        """Logits [N, 3, H, W] of what streaks, drops and mist cover, by the cover network; None where there is none."""
+        # The mist is not to be altered for the sake of the cover.
+        return self.cover(image.detach(), fine).float() if self.config.cover else None
+
+    def second_cover(self, first: Tensor, features: Tensor) -> Tensor:
+        """The same with what the decoder adds: it sees further, which tells large drops from things in the scene."""
+        return first + self.alpha(features).float()
 
     def error_scale(self, features: Tensor) -> Tensor | None:
         """The scale [N, 1, H, W] of the error of the picture that features lead to; None where it is not predicted."""
         return self.error(features).float().exp() if self.config.error else None
 
-    def features(self, image: Tensor, fine: Tensor | None = None) -> Tensor:
-        """What the decoder ends with, [N, width, H / stem, W / stem]."""
+    def features(self, image: Tensor, fine: Tensor | None = None, first_cover: Tensor | None = None) -> Tensor:
+        """What the decoder ends with, [N, width, H / stem, W / stem]; no gradient goes back to `first_cover`."""
         x = self.stem(image.contiguous(memory_format=torch.channels_last))
+        if first_cover is not None:
+            x = x + self.covered(torch.sigmoid(first_cover.detach()).contiguous(memory_format=torch.channels_last))
         if fine is not None and self.config.lens_fine:
             x = x + known(fine) * self.lens_fine(fine.contiguous(memory_format=torch.channels_last))
         skips = []

@@ -22,19 +22,21 @@ class EnhancementTraining(SupervisedTraining):
     config: TrainingConfig
     averaged: EnhancementNetwork
 
-    def __init__(self, config: TrainingConfig) -> None:
+    def __init__(self, config: TrainingConfig, device: str = "cpu") -> None:
+        """Begin with chance; the first weights are the same on every device."""
         torch.manual_seed(config.seed)
-        self.network = EnhancementNetwork(config.network)
+        self.network = EnhancementNetwork(config.network).to(device)
         optimiser = torch.optim.AdamW(
             self.network.parameters(), config.rate, weight_decay=config.weight_decay, fused=True
         )
-        super().__init__(config, {NETWORK: Learner(self.network, optimiser)}, EnhancementNetwork(config.network))
+        averaged = EnhancementNetwork(config.network).to(device)
+        super().__init__(config, {NETWORK: Learner(self.network, optimiser)}, averaged)
 
     def begin_with(self, start: EnhancementNetwork) -> None:
         """Begin with a trained network instead of chance; the optimiser knows nothing yet.
 
-        It has the same configuration, or has not looked at lenses or predicted its error so far: what does that is no
-        better at first.
+        It has the same configuration, or no part yet that looks at lenses or predicts cover or its own error: such a
+        part begins with chance.
         """
         for network in (self.network, self.averaged):
             network.load_state_dict(start.state_dict(), strict=network.config == start.config)
@@ -54,13 +56,15 @@ class EnhancementTraining(SupervisedTraining):
             extra = config.lifting * mist_loss(mists, *wholes)
             own = mists.unflatten(0, batch.whole_rainy.shape[:2])[:, 0]
             rainy = without_mist(rainy, crop_mist(own, batch.box, rainy.shape[-2], rainy.shape[-1]))
-        with torch.autocast("cpu", torch.bfloat16, enabled=config.precision == "bfloat16"):
-            features = network.features(rainy, batch.fine)
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=config.precision == "bfloat16"):
+            first = network.first_cover(rainy, batch.fine)
+            features = network.features(rainy, batch.fine, first)
             enhanced = network.enhanced(rainy, features)
-            found = network.alpha(features) if config.network.alpha else None
+            second = None if first is None else network.second_cover(first, features)
             scale = network.error_scale(features.detach())  # the picture is not to be traded for a better known error
-        if found is not None:
-            extra = extra + config.detection * cover_loss(found.float(), batch.cover)
+        for logits in (first, second):
+            if logits is not None:
+                extra = extra + config.detection * cover_loss(logits, batch.cover)
         if scale is not None:
             extra = extra + config.doubt * error_loss(scale, enhanced.detach().float(), batch.clean)
         weights = config.frequency, config.smooth, config.floor
@@ -76,6 +80,7 @@ def train(
     intervals: Intervals,
     start: EnhancementNetwork | None = None,
     workers: int = 0,
+    device: str = "cpu",
 ) -> EnhancementTraining:
     """Train in `folder`, from the checkpoint there if there is one; see `supervised_training.train`.
 
@@ -88,11 +93,12 @@ def train(
         intervals: between checkpoints and between validations.
         start: a trained network of the same configuration to begin with.
         workers: processes that draw pairs ahead.
+        device: of torch, where the network learns.
 
     Raises:
         InputError: the checkpoint is damaged or of another training.
     """
-    training = EnhancementTraining(config)
+    training = EnhancementTraining(config, device)
     if start is not None:
         training.begin_with(start)
     batches, fingerprint = Batches(pairs, config.batch), network_fingerprint(config, data)

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from baselines.training.validation import measure_by_kind
+from deraings.enhancement.calibration import Curve, calibration
 from deraings.enhancement.clear_pixels import DROPS, STREAKS
 from deraings.enhancement.detection import detection
 from deraings.enhancement.enhance import Enhanced, mist_on_lens, predict, without_mist
@@ -58,6 +59,7 @@ class Score:
     brightness: float  # mean over pictures of |mean(enhanced) - mean(clean)|, in 1/255
     error_rank: float  # mean over pictures of the rank correlation of predicted and true error
     error_ratio: float  # mean over pictures of true over predicted mean error
+    calibration: Curve | None  # predicted and true error of tenths of the pixels; None where no error is predicted
 
 
 class _Row(NamedTuple):
@@ -100,7 +102,7 @@ def _measure(picture: ValidationPicture, enhancer: Enhancer, companions: int, vi
     brightness = 255 * abs(float(enhanced.picture.mean(dtype=np.float64) - picture.clean.mean(dtype=np.float64)))
     before, after = (float(psnr(image, picture.clean)) for image in (picture.rainy, enhanced.picture))
     numbers = (*mist_errors(picture, network, lens), before, after, brightness)
-    looked_at = others[: views if picture.drops is not None and network.config.alpha else 0]
+    looked_at = others[: views if picture.drops is not None and network.config.cover else 0]
     covers = [predict(other.astype(np.float32) / 255, enhancer, lens=lens).cover for other in looked_at]
     return _Row(numbers, enhanced, cover_over_views([cover for cover in covers if cover is not None]), picture)
 
@@ -138,9 +140,20 @@ def _score(kind: str, rows: Sequence[_Row]) -> Score:
     drops = detection([None if cover is None else cover[..., DROPS] for cover in covers], true_drops, DROP)
     streaks = detection([None if cover is None else cover[..., STREAKS] for cover in covers], true_streaks, STREAK)
     over_views = detection([row.over_views for row in rows], true_drops, DROP).average_precision
-    doubts = np.mean([doubt(row.enhanced, row.picture.clean) for row in rows], axis=0).tolist()
-    picture = before, after, brightness, *doubts
-    return Score(kind, len(rows), misted, planes, *drops, over_views, *streaks, *picture)
+    rank, ratio = np.mean([doubt(row.enhanced, row.picture.clean) for row in rows], axis=0).tolist()
+    picture = before, after, brightness, rank, ratio
+    return Score(kind, len(rows), misted, planes, *drops, over_views, *streaks, *picture, _calibration(rows))
+
+
+def _calibration(rows: Sequence[_Row]) -> Curve | None:
+    predicted = [row.enhanced.error for row in rows if row.enhanced.error is not None]
+    true = [true_error(row.enhanced.picture, row.picture.clean) for row in rows]
+    return calibration(predicted, true) if predicted else None
+
+
+def true_error(picture: Image, clean: Image) -> Plane:
+    """Means over channels of |picture - clean|, both [H, W, 3]: [H, W]."""
+    return np.asarray(np.abs(picture - clean).mean(axis=2), np.float32)
 
 
 def doubt(enhanced: Enhanced, clean: Image) -> tuple[float, float]:
@@ -154,7 +167,7 @@ def doubt(enhanced: Enhanced, clean: Image) -> tuple[float, float]:
     """
     if enhanced.error is None:
         return np.nan, np.nan
-    true = np.abs(enhanced.picture - clean).mean(axis=2)
+    true = true_error(enhanced.picture, clean)
     correlation = spearmanr(enhanced.error[::RANKED, ::RANKED], true[::RANKED, ::RANKED], axis=None).statistic
     return float(correlation), float(true.mean() / enhanced.error.mean())
 

@@ -1,7 +1,8 @@
 """Held-out photographs in known rain, as hard as the benchmark's grades would make it, for networks to be judged on.
 
 The rain is that of three effects in all grades, and any that the user names besides: rain that no network was trained
-on tells what has been learned from what has been adapted to. Each picture carries what is true of its rain: the cover
+on tells what has been learned from what has been adapted to. Families of the recipes judge networks that were trained
+without them. Each picture carries what is true of its rain: the cover
 by drops and by streaks, and the mist.
 """
 
@@ -15,8 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from deraings.enhancement.clear_pixels import DROPS, STREAKS
 from deraings.image_planes import Plane
+from hydroviews.errors import InputError
 from hydroviews.pairs.captures import Capture
+from hydroviews.pairs.drawing import draw_rain
 from hydroviews.pairs.exposure import air_light
 from hydroviews.pairs.lens_pool import camera_of
 from hydroviews.pairs.photographs import fit_frame, frame_of
@@ -32,6 +36,7 @@ from hydroviews.scene.seeds import generator
 
 LONG_SIDE = 384  # pixels of the validation pictures
 RARITY, DETAIL = 0.06, 0.0017  # medians of the benchmark's embedded scenes, LLFF flower and Mip-NeRF 360 bonsai
+FAMILIES = "pane", "lines", "mixed"  # of the recipes, which need no lens
 PATTERNS = tuple(Pattern(effect, index) for effect in ("streak", "raindrop", "window") for index in range(len(GRADES)))
 
 
@@ -70,24 +75,36 @@ class ValidationPicture:
 
 
 def validation_set(
-    files: Sequence[Path], seed: int, folder: Path, companions: int = 0, patterns: Sequence[Pattern] = PATTERNS
+    files: Sequence[Path],
+    seed: int,
+    folder: Path,
+    companions: int = 0,
+    patterns: Sequence[Pattern] = PATTERNS,
+    families: Sequence[str] = (),
+    long_side: int = LONG_SIDE,
 ) -> list[ValidationPicture]:
-    """Every photograph in all patterns, and clean.
+    """Every photograph in all patterns, in rain of all families, and clean.
 
     Args:
         files: held-out photographs.
         seed: of the rain.
         folder: keeps what Blender bakes.
-        companions: how many parts of others come with each.
+        companions: how many parts of others come with each; none with families.
         patterns: effects and grades.
+        families: of FAMILIES.
+        long_side: of the pictures, in pixels.
 
     Raises:
-        InputError: an unreadable photograph, or Blender failed.
+        InputError: no such family, an unreadable photograph, or Blender failed.
     """
+    if unknown := set(families) - set(FAMILIES):
+        raise InputError(
+            "families of rain", found=", ".join(sorted(unknown)), expected=f"some of {', '.join(FAMILIES)}"
+        )
     found = []
     sources = [to_uint8(read_image(file)) for file in files] if companions else []
     for file in tqdm(files, desc="validation pictures", unit="picture"):
-        image = fit_frame(read_image(file), frame_of(*image_size(file), LONG_SIDE))
+        image = fit_frame(read_image(file), frame_of(*image_size(file), long_side))
         capture, size = Capture(sources, False, np.ones(3, np.float32)), (image.shape[1], image.shape[0])
         others = capture.pictures(companions, size, size, generator(seed, "companions", file.stem))
         found.append(clean_picture(image, others))
@@ -95,7 +112,20 @@ def validation_set(
         for pattern in patterns:
             kept = folder / file.stem / f"{pattern.effect}-{pattern.index}"
             found.append(rainy_picture(image, others, pattern, setting, kept))
+        found += [family_picture(image, family, generator(seed, family, file.stem)) for family in families]
     return found
+
+
+def family_picture(image: Image, family: str, rng: np.random.Generator) -> ValidationPicture:
+    """A photograph [H, W, 3] in rain by the recipes, without companions."""
+    pair = draw_rain(to_uint8(image), family, (), rng)
+    planes = (np.ascontiguousarray(pair.cover[..., channel]) for channel in (DROPS, STREAKS))
+    drops, streaks = (plane if plane.any() else None for plane in planes)
+    block, light = pair.mist[..., 0], pair.mist[..., 1:]
+    known = bool(np.isfinite(block).all())
+    mist = TrueMist(block, light.sum((0, 1)) / max(float(block.sum()), 1e-6)) if known else None
+    alone = np.zeros((0, *image.shape), np.uint8)
+    return ValidationPicture(family, pair.rainy, pair.clean, alone, drops, streaks, mist)
 
 
 def clean_picture(image: Image, companions: NDArray[np.uint8]) -> ValidationPicture:

@@ -83,7 +83,7 @@ class EnhancedViews:
     @property
     def tells_cover(self) -> bool:
         """Whether the network tells what rain covers."""
-        return self._enhancer.network.config.alpha
+        return bool(self._enhancer.network.config.cover)
 
     def drop_cover(self, index: int) -> Plane:
         """How much of each pixel of a photograph drops cover [H, W], [0, 1], as far as the network tells from it.

@@ -11,14 +11,14 @@ from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
 from deraings.enhancement.weights import Enhancer
 
 
-def untrained_enhancer() -> Enhancer:
+def untrained_enhancer(config: NetworkConfig = TINY) -> Enhancer:
     torch.manual_seed(0)
-    return Enhancer(EnhancementNetwork(TINY).requires_grad_(False), {}, "for a test")
+    return Enhancer(EnhancementNetwork(config).requires_grad_(False), {}, "for a test")
 
 
-def awake_enhancer() -> Enhancer:
+def awake_enhancer(config: NetworkConfig = TINY) -> Enhancer:
     """One that changes pictures."""
-    enhancer = untrained_enhancer()
+    enhancer = untrained_enhancer(config)
     torch.nn.init.normal_(enhancer.network.head[0].weight, std=0.001)
     return enhancer
 
@@ -91,11 +91,12 @@ def test_what_is_no_picture_is_refused(broken):
 
 
 def test_the_cover_comes_with_the_same_picture_from_networks_that_tell_it():
-    image, enhancer = picture(50, 70), awake_enhancer()
+    image, enhancer = picture(50, 70), awake_enhancer(replace(TINY, error=True))
     enhanced, cover, error = predict(image, enhancer)
     np.testing.assert_array_equal(enhanced, enhance(image, enhancer))
     assert cover.shape == image.shape
     assert 0 <= cover.min() < cover.max() <= 1
-    assert error is None
-    mute = Enhancer(EnhancementNetwork(replace(enhancer.network.config, alpha=False)), {}, "for a test")
-    assert predict(image, mute).cover is None
+    assert error.shape == image.shape[:2]
+    assert error.min() > 0
+    mute = Enhancer(EnhancementNetwork(replace(enhancer.network.config, cover=(), error=False)), {}, "for a test")
+    assert predict(image, mute)[1:] == (None, None)

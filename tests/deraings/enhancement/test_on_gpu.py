@@ -3,10 +3,16 @@
 import numpy as np
 import pytest
 import torch
+from tiny_network import TINY
 
 from baselines.training.images import TrainingImages
+from baselines.training.supervised_training import Intervals
+from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.enhance import enhance, predict
+from deraings.enhancement.lens_statistics import COARSE, FINE
 from deraings.enhancement.lenses import lenses_of_capture
+from deraings.enhancement.pairs import Sample
+from deraings.enhancement.training import train
 from deraings.enhancement.weights import load_enhancer
 
 
@@ -17,6 +23,29 @@ def on_gpu(request, monkeypatch):
     elif not torch.cuda.is_available():
         pytest.skip("needs an NVIDIA GPU")
     monkeypatch.delenv("HYDROVIEWS_DEVICE")
+
+
+class Noise:
+    """Samples of no rain in particular."""
+
+    def __getitem__(self, index):
+        chance = torch.Generator().manual_seed(index)
+        shapes = {"rainy": (3, 32, 32), "clean": (3, 32, 32), "cover": (3, 32, 32), "box": (4,)}
+        shapes |= {"whole_rainy": (2, 3, 128, 128), "whole_clean": (2, 3, 128, 128), "whole_mist": (2, 4, 128, 128)}
+        shapes |= {"coarse": (2, COARSE, 16, 16), "fine": (FINE, 16, 16)}
+        return Sample(**{name: torch.rand(shape, generator=chance) for name, shape in shapes.items()})
+
+
+def test_it_learns_the_same(on_gpu, tmp_path):
+    config = TrainingConfig(network=TINY, steps=2, batch=1, patch=32, warm_up=1)
+    learned = [
+        train(tmp_path / device, config, Noise(), "noise", lambda _: {}, Intervals(), device=device)
+        for device in ("cpu", "cuda")
+    ]
+    here, there = ([value.cpu() for value in training.averaged.state_dict().values()] for training in learned)
+    assert learned[1].device.type == "cuda"
+    for ours, theirs in zip(here, there, strict=True):
+        assert torch.allclose(ours, theirs, atol=2e-3)
 
 
 def test_it_makes_the_same_pictures(on_gpu):

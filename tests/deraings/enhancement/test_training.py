@@ -70,7 +70,7 @@ def weights_of(training):
 @pytest.fixture(scope="module")
 def skilled(tmp_path_factory):
     """A training that was long enough."""
-    config = replace(CONFIG, steps=40, rate=3e-3, averaging=0.9)
+    config = replace(CONFIG, steps=60, rate=6e-3, averaging=0.9)
     return learn(tmp_path_factory.mktemp("skilled"), config, intervals=SELDOM)
 
 
@@ -112,6 +112,17 @@ def test_every_seed_is_another_training_and_zero_is_one(undisturbed, tmp_path):
     again, other = (learn(tmp_path / str(seed), replace(CONFIG, seed=seed)) for seed in (0, 1))
     assert torch.equal(weights_of(undisturbed[1]), weights_of(again))
     assert not torch.equal(weights_of(undisturbed[1]), weights_of(other))
+
+
+def test_a_training_of_the_cover_begins_with_weights_that_predict_none(skilled, tmp_path):
+    blind = replace(TINY, cover=())
+    start = EnhancementTraining(replace(CONFIG, network=blind)).averaged
+    begun = EnhancementTraining(CONFIG)
+    begun.begin_with(start)
+    rainy = torch.rand(1, 3, 32, 32, generator=torch.Generator().manual_seed(1))
+    with torch.no_grad():
+        assert torch.equal(begun.averaged(rainy), start(rainy))  # an untrained cover adds nothing
+        assert begun.averaged.predict(rainy).cover.shape == rainy.shape
 
 
 def test_a_finished_training_is_not_trained_again(undisturbed, finished):
@@ -177,16 +188,24 @@ def test_squares_see_what_is_smooth_and_coefficients_what_is_not():
 
 def test_cover_is_learned_where_it_is_known():
     found, cover = torch.zeros(1, 3, 4, 4), torch.full((1, 3, 4, 4), 0.5)
-    assert cover_loss(found, cover) == pytest.approx(np.log(2))
+    assert cover_loss(found, cover) == pytest.approx(np.log(2))  # cross entropy, and nothing for overlap
     assert cover_loss(found + 9, torch.ones_like(cover)) < 1e-3 < cover_loss(found - 9, torch.ones_like(cover))
     cover[:, 1] = torch.nan
     assert cover_loss(found, cover) == pytest.approx(np.log(2))
     assert cover_loss(found, torch.full_like(cover, torch.nan)) == 0
 
 
+def test_a_missed_drop_costs_more_than_its_share_of_the_pixels():
+    cover, missed = torch.zeros(1, 3, 64, 64), torch.full((1, 3, 64, 64), -9.0)
+    cover[:, 1, 20:32, 20:32] = 1  # 3.5 % of the pixels
+    entropy = 9 * cover.mean()  # what cross entropy alone says of it
+    assert cover_loss(missed, cover) > 1.3 * entropy
+    assert cover_loss(18 * cover - 9, cover) < 0.01
+
+
 def test_the_network_finds_the_cover_and_says_nothing_of_what_nobody_knows(skilled):
     with torch.no_grad():
-        found = torch.sigmoid(skilled.averaged.alpha(skilled.averaged.features(torch.rand(1, 3, 32, 32))))
+        found = skilled.averaged.predict(torch.rand(1, 3, 32, 32, generator=torch.Generator().manual_seed(0))).cover
     assert (found - 0.25).abs().mean() < 0.1
     unknown = EnhancementTraining(CONFIG)
     part, whole, box = torch.rand(1, 3, 32, 32), torch.rand(1, 2, 3, 128, 128), torch.tensor([[0.0, 1.0, 0.0, 1.0]])
@@ -194,7 +213,7 @@ def test_the_network_finds_the_cover_and_says_nothing_of_what_nobody_knows(skill
     coarse, fine = torch.zeros(1, 2, COARSE, 16, 16), torch.zeros(1, FINE, 16, 16)
     unknown.learn(Sample(part, part, torch.full_like(part, torch.nan), box, whole, whole, mist, coarse, fine))
     assert all(torch.isfinite(p).all() for p in unknown.network.parameters())
-    assert not unknown.network.alpha[0].bias.any()
+    assert not unknown.network.cover.head.bias.any()
 
 
 def test_a_gradient_that_is_not_finite_changes_no_weights():
@@ -245,7 +264,7 @@ class PartlyHidden(Brighter):
 
 
 def test_a_network_learns_how_large_its_error_is(tmp_path):
-    config = replace(CONFIG, network=replace(TINY, error=True), steps=40, rate=3e-3, averaging=0.9, doubt=1.0)
+    config = replace(CONFIG, network=replace(TINY, cover=(), error=True), steps=90, rate=1e-2, averaging=0.9, doubt=1.0)
     network = learn(tmp_path, config, PartlyHidden(), intervals=SELDOM).averaged
     pair = PartlyHidden().pair(np.random.default_rng(5))
     rainy = torch.from_numpy(pair.rainy[:32, :32].transpose(2, 0, 1).copy())[None]

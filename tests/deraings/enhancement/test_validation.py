@@ -1,6 +1,8 @@
 """Scores of networks whose planes, covers and pictures are known."""
 
 import math
+from dataclasses import replace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from wet import photograph
 from baselines.training.validation import as_json
 from deraings.enhancement import __main__ as commands
 from deraings.enhancement import validation
+from deraings.enhancement.calibration import calibration
 from deraings.enhancement.detection import detection
 from deraings.enhancement.enhance import Enhanced
 from deraings.enhancement.network import EnhancementNetwork
@@ -60,8 +63,8 @@ def seeing(network, cover, light, streaks=-9.0, drops=-9.0):
     values = [math.atanh(cover / 0.97), *(math.log(value / (1 - value)) for value in light)]
     for branch in (network.mist, network.lens_mist):
         branch.end.bias.copy_(torch.tensor(values))
-    network.alpha[0].weight.zero_()
-    network.alpha[0].bias.copy_(torch.tensor([streaks, drops, -9.0]).repeat_interleave(4))
+    network.cover.head.weight.zero_()
+    network.cover.head.bias.copy_(torch.tensor([streaks, drops, -9.0]))
     return network
 
 
@@ -250,6 +253,22 @@ def test_a_set_has_every_pattern_of_every_photograph(tmp_path):
     assert not found[0].mist.cover.any()
 
 
+def test_families_of_the_recipes_judge_as_well(tmp_path):
+    write_png(tmp_path / "0.png", photograph(0, 256, 384))
+    found = validation_set([tmp_path / "0.png"], 0, tmp_path, 0, (), ("pane", "lines", "mixed"), 192)
+    assert [one.kind for one in found] == ["clean", "pane", "lines", "mixed"]
+    _, pane, lines, mixed = found
+    assert all(one.rainy.shape == (128, 192, 3) for one in found)
+    assert all(np.abs(one.rainy - one.clean).mean() > 0.005 for one in found[1:])
+    assert pane.streaks is None
+    assert lines.drops is None
+    assert mixed.streaks is not None
+    again = validation_set([tmp_path / "0.png"], 0, tmp_path, 0, (), ("mixed",), 192)[1]
+    np.testing.assert_array_equal(again.rainy, mixed.rainy)
+    with pytest.raises(InputError, match="drizzle"):
+        validation_set([tmp_path / "0.png"], 0, tmp_path, 0, (), ("drizzle",))
+
+
 def test_the_command_judges_by_rain_that_the_user_names(tmp_path, network, monkeypatch, capsys):
     monkeypatch.setattr(commands, "PATTERNS", (Pattern("streak", 0),))
     for index in range(2):
@@ -263,6 +282,27 @@ def test_the_command_judges_by_rain_that_the_user_names(tmp_path, network, monke
     assert shown.count("| streak-light | 1 |") == shown.count("| streak-b-medium | 1 |") == 2
     with pytest.raises(InputError, match="drizzle"):
         commands.validate_command(*settings, patterns=("drizzle-1",))
+
+
+def test_the_command_draws_predicted_against_true_errors(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(commands, "PATTERNS", (Pattern("streak", 0),))
+    config = replace(TINY, error=True)
+    for index in range(2):
+        write_png(tmp_path / "photographs" / f"{index}.png", photograph(index, 256, 384))
+    save_network(tmp_path / "w.safetensors", config, EnhancementNetwork(config).state_dict(), {"data": "", "steps": 0})
+    settings = ((tmp_path / "photographs",), str(tmp_path / "w.safetensors"), tmp_path / "cache")
+    commands.validate_command(*settings, companions=(0,), side=192, plot=tmp_path / "plot.svg")
+    drawn = ElementTree.parse(tmp_path / "plot.svg").getroot()
+    assert len(drawn.findall("{http://www.w3.org/2000/svg}polyline")) == 2  # clean, streak-light
+    assert "streak-light" in "".join(drawn.itertext())
+
+
+def test_calibration_is_of_tenths_in_order_of_the_predicted_error():
+    predicted = np.random.default_rng(0).random((50, 40), np.float32)
+    expected, found = calibration([predicted[:25], predicted[25:]], [2 * predicted[:25], 2 * predicted[25:]])
+    assert len(expected) == len(found) == 10
+    assert np.allclose(found, 2 * np.array(expected), atol=1e-4)
+    assert np.allclose(expected, np.arange(0.05, 1, 0.1), atol=0.03)
 
 
 def test_an_error_that_is_predicted_right_ranks_first():

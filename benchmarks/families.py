@@ -1,0 +1,75 @@
+"""What a network gains in rain that it has not learned: one family of the training's rain is left out at a time.
+
+    python -m benchmarks.families --photographs FOLDER --start small --out results/bench/families
+
+Every training begins with the same weights and takes the same steps. An interrupted run goes on where it stopped.
+Prints gains in dB on held-out photographs, a row a training, and writes families.csv. In a row, the family that is left
+out is the one to look at; what it gains less than in the first row, it owes to being known.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pandas as pd
+import torch
+import tyro
+
+from baselines.training.supervised_training import Intervals, Validate
+from deraings.enhancement.__main__ import VALIDATION_SEED, WATCHED
+from deraings.enhancement.config import TrainingConfig
+from deraings.enhancement.data import Data, described, started_from, training_pairs
+from deraings.enhancement.network import EnhancementNetwork
+from deraings.enhancement.training import train
+from deraings.enhancement.validation import scores
+from deraings.enhancement.validation_pictures import FAMILIES, validation_set
+from hydroviews.cli.commands import run_command
+from hydroviews.files.atomic import write_bytes
+from hydroviews.rain.patterns import Pattern
+
+MEDIUM = tuple(Pattern(effect, 1) for effect in ("window", "raindrop", "streak"))
+LEFT_OUT = "window", "raindrop", "streak", *FAMILIES
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What to compare."""
+
+    photographs: tuple[Path, ...]  # to train on; every tenth by name is held out
+    start: str = ""  # weights to begin with; none: chance
+    out: Path = Path("results/bench/families")
+    cache: Path = Path("results/enhancement/rain")  # keeps what Blender bakes
+    steps: int = 400
+    pictures: int = WATCHED  # held-out photographs
+
+
+def main(choice: tyro.conf.OmitArgPrefixes[Choice]) -> None:
+    """Train with all families, then without each, and report."""
+    torch.set_num_threads(1)
+    every = Data(choice.photographs, start=choice.start, cache=choice.cache)
+    held_out = every.held_out()[: choice.pictures]
+    watched = validation_set(held_out, VALIDATION_SEED, choice.cache / "validation", 0, MEDIUM, FAMILIES)
+
+    def gains(network: EnhancementNetwork) -> dict[str, float]:
+        return {row.kind: row.after - row.before for row in scores(network, watched) if row.kind != "clean"}
+
+    rows = {"nothing": trained(choice, every, gains)}
+    for family in LEFT_OUT:
+        rows[family] = trained(choice, replace(every, without=(family,)), gains)
+        table = pd.DataFrame(rows).T.round(2).rename_axis("left out").reset_index()
+        write_bytes(choice.out / "families.csv", table.to_csv(index=False).encode())
+    print(table.to_string(index=False))
+
+
+def trained(choice: Choice, data: Data, gains: Validate) -> dict[str, float]:
+    """Gains of a training by kind of rain."""
+    config = replace(TrainingConfig(), steps=choice.steps)
+    start = started_from(data, config)
+    folder = choice.out / ("without-" + "-".join(data.without) if data.without else "all")
+    pairs, words = training_pairs(data, config), described(data, start)
+    intervals = Intervals(validate_every=choice.steps)
+    training = train(folder, config, pairs, words, gains, intervals, start.network if start else None)
+    return {name: value for name, value in training.curve[-1].items() if name not in ("step", "seconds", "loss")}
+
+
+if __name__ == "__main__":
+    run_command(main, prog="benchmarks.families")
