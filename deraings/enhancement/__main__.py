@@ -1,5 +1,6 @@
 """python -m deraings.enhancement train | export | validate | enhance | describe."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -22,7 +23,7 @@ from deraings.enhancement.lenses import lenses_of_capture
 from deraings.enhancement.network import CONFIGS, EnhancementNetwork
 from deraings.enhancement.size import describe
 from deraings.enhancement.training import EnhancementTraining, train
-from deraings.enhancement.validation import as_columns, scores, scores_by_companions, table
+from deraings.enhancement.validation import Score, as_columns, scores, scores_by_companions, table
 from deraings.enhancement.validation_pictures import LONG_SIDE, PATTERNS, validation_set
 from deraings.enhancement.weights import load_enhancer, save_network
 from hydroviews.captures.single_pictures import read_upright
@@ -106,7 +107,7 @@ def write_weights(request: TrainingRequest, training: EnhancementTraining, data:
         "seconds": round(training.seconds),
         "training": {name: value for name, value in settings.items() if name not in ("network", "seed", "steps")},
         "held out": [file.name for file in held_out],
-        "validation": {f"{count} companions": as_json(row, decimals=3) for count, row in rows.items()},
+        "validation": {f"{count} companions": _scores_alone(row) for count, row in rows.items()},
     }
     path = request.out / "weights.safetensors"
     save_network(path, request.training.network, training.averaged.state_dict(), card)
@@ -114,6 +115,11 @@ def write_weights(request: TrainingRequest, training: EnhancementTraining, data:
     for count, row in rows.items():
         print(f"\n{count} companions\n\n{table(row)}")
     print(f"\n{path}: {path.stat().st_size / 1e6:.1f} MB")
+
+
+def _scores_alone(rows: Sequence[Score]) -> list[dict[str, Any]]:
+    """Scores for a data card, without the calibration curves."""
+    return [{name: value for name, value in row.items() if name != "calibration"} for row in as_json(rows, decimals=3)]
 
 
 def validate_command(
