@@ -57,7 +57,7 @@ class LighterGlue:
         """Pairs of keypoints that are each other's likeliest.
 
         Returns:
-            Indices [M, 2] into the keypoints of both, in the first's order, and confidences [M] in [0.1, 1]; on the CPU.
+            Indices [M, 2] into the keypoints of both, the first in order, and confidences [M] above 0.1; on the CPU.
         """
         if not len(first.channels) or not len(second.channels):
             return torch.zeros((0, 2), dtype=torch.int64), torch.zeros(0)

