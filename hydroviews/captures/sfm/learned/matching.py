@@ -29,13 +29,13 @@ logger = logging.getLogger(__name__)
 
 Found = dict[Pair, NDArray[np.int64]]
 
-LEARNED = ".learned"  # beside the database, under its name: a folder of features and matches
 PREPARED = 64  # pictures whose first layer is remembered: bounds the memory
 SAME_PLACE = 2.0  # times the error by which matches in one place of the lens may be apart
 
 
 def match(
     database: Path,
+    folder: Path,
     names: Sequence[str],
     sizes: Sequence[tuple[int, int]],
     views: Sequence[Features],
@@ -46,6 +46,7 @@ def match(
 
     Args:
         database: with the images registered; gets keypoints, matches and verified matches.
+        folder: gets what LighterGlue found, a file for the pairs of each first view.
         names: of all images.
         sizes: their heights and widths.
         views: their features, the strongest first.
@@ -56,7 +57,7 @@ def match(
     radius = SAME_PLACE * error
     views = [view.strongest(KEPT) for view in views]
     chosen = sorted(ranked_pairs(views, radius) if pairs is None else pairs)
-    raw = match_pairs(database.with_name(database.name + LEARNED), names, sizes, views, chosen)
+    raw = match_pairs(folder, names, sizes, views, chosen)
     moving = without_stationary(views, raw, radius)
     logger.info(
         "%d of %d matches stay in place on the lens and are left out", _total(raw) - _total(moving), _total(raw)
