@@ -1,11 +1,11 @@
-"""Learned features: which pairs are matched, which matches stay on the lens, which pairs contradict the others."""
+"""Learned features: which pairs are matched, which matches stay on the lens, which pairs others confirm."""
 
 import numpy as np
 import pytest
 
 from hydroviews.captures.sfm.features import Features
 from hydroviews.captures.sfm.learned import ranking
-from hydroviews.captures.sfm.learned.cycles import contradicted
+from hydroviews.captures.sfm.learned.cycles import unconfirmed
 from hydroviews.captures.sfm.learned.ranking import ranked_pairs, shortlist
 from hydroviews.captures.sfm.learned.stationary import without_stationary
 
@@ -124,22 +124,38 @@ def tracks(count, views):
 
 def test_a_pair_that_contradicts_the_others_is_found():
     views, matches = tracks(40, 5)
-    assert contradicted(views, matches, RADIUS) == set()
+    assert unconfirmed(views, matches, RADIUS) == set()
     matches[1, 3] = np.stack([matches[1, 3][:, 0], np.roll(matches[1, 3][:, 1], 7)], 1)
-    assert contradicted(views, matches, RADIUS) == {(1, 3)}
+    assert unconfirmed(views, matches, RADIUS) == {(1, 3)}
 
 
 def test_pairs_without_a_third_view_are_kept():
     views, matches = tracks(40, 3)
-    assert contradicted(views, {(0, 1): matches[0, 1], (1, 2): matches[1, 2]}, RADIUS) == set()
-    none = np.zeros((0, 2), np.int64)
-    assert contradicted(views, {**matches, (0, 2): none}, RADIUS) == set()
+    assert unconfirmed(views, {(0, 1): matches[0, 1], (1, 2): matches[1, 2]}, RADIUS) == set()
+    assert unconfirmed(views[:2], {(0, 1): matches[0, 1]}, RADIUS) == set()
+
+
+def test_a_pair_whose_features_others_do_not_have_is_found():
+    """Views 0 and 4 have forty features in common that no other view has, and are paired with all others."""
+    views, matches = tracks(80, 5)
+    for (i, j), own in matches.items():
+        matches[i, j] = own[40:] if (i, j) == (0, 4) else own[:40]
+    assert unconfirmed(views, matches, RADIUS) == {(0, 4)}
+
+
+def test_few_views_that_share_a_third_of_their_features_are_kept():
+    """Three views, each pair with sixty matches, of which twenty are of all three."""
+    views, matches = tracks(140, 3)
+    shared = {(0, 1): slice(0, 60), (1, 2): slice(40, 100), (0, 2): np.r_[40:60, 100:140]}
+    matches = {pair: own[shared[pair]] for pair, own in matches.items()}
+    assert unconfirmed(views, matches, RADIUS) == set()
 
 
 def test_partners_in_nearly_one_place_agree():
-    """Two features at a corner, of which each way has another."""
+    """Two features at most corners, of which each way has another."""
     views, matches = tracks(40, 3)
     other = matches[0, 2][:, 1]
     twins = Features(np.concatenate([views[2].keypoints, views[2].keypoints + 1]), np.zeros((80, 64), np.float32))
-    matches[0, 2] = np.stack([matches[0, 2][:, 0], other + 40], 1)
-    assert contradicted([views[0], views[1], twins], matches, RADIUS) == set()
+    matches[0, 2] = np.stack([matches[0, 2][:, 0], other + 40 * (np.arange(40) % 4 > 0)], 1)
+    assert unconfirmed([views[0], views[1], twins], matches, RADIUS) == set()
+    assert unconfirmed([views[0], views[1], twins], matches, 0.5) == {(0, 2), (1, 2)}

@@ -132,8 +132,8 @@ def test_interrupted_matching_goes_on(walk, features, tmp_path, monkeypatch):
         np.testing.assert_array_equal(found[pair], matches)
 
 
-def test_contradicting_pairs_are_left_out_again_after_an_interruption(walk, features, tmp_path, monkeypatch):
-    monkeypatch.setattr(matching, "contradicted", lambda *_: {(0, 1)})
+def test_unconfirmed_pairs_are_left_out_again_after_an_interruption(walk, features, tmp_path, monkeypatch):
+    monkeypatch.setattr(matching, "unconfirmed", lambda *_: {(0, 1)})
     for _ in range(2):
         found = matched(walk, features, tmp_path / "d.db")
         assert (0, 1) not in found

@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from hydroviews.captures.sfm import matching
 from hydroviews.captures.sfm.features import Features, image_id
-from hydroviews.captures.sfm.learned.cycles import contradicted
+from hydroviews.captures.sfm.learned.cycles import unconfirmed
 from hydroviews.captures.sfm.learned.extraction import KEPT, device
 from hydroviews.captures.sfm.learned.lighterglue import LighterGlue, Prepared
 from hydroviews.captures.sfm.learned.ranking import ranked_pairs
@@ -42,7 +42,7 @@ def match(
     pairs: Iterable[Pair] | None,
     verification: pycolmap.TwoViewGeometryOptions,
 ) -> None:
-    """Match and verify pairs of views, leave out what is on the lens and what contradicts other pairs.
+    """Match and verify pairs of views, leave out what is on the lens and what others do not confirm.
 
     Args:
         database: with the images registered; gets keypoints, matches and verified matches.
@@ -66,9 +66,9 @@ def match(
     write(database, names, views, enough)
     matching.verify_listed(database, matching.listed(names, enough), verification)
     verified = read_verified(database, names, enough)
-    wrong = contradicted(views, verified, radius)
+    wrong = unconfirmed(views, verified, radius)
     forget(database, names, wrong)
-    logger.info("%d of %d verified pairs contradict the others and are left out", len(wrong), len(verified))
+    logger.info("%d of %d verified pairs are not confirmed by others and left out", len(wrong), len(verified))
 
 
 def match_pairs(
