@@ -100,8 +100,8 @@ class LighterGlue:
 
     def _updated(self, name: str, channels: Tensor, message: Tensor) -> Tensor:
         hidden = self._linear(f"{name}.ffn.0", torch.cat([channels, message], -1))
-        norm = [self.weights[f"{name}.ffn.1.{what}"] for what in ("weight", "bias")]
-        hidden = F.gelu(F.layer_norm(hidden, hidden.shape[-1:], *norm))
+        gain, bias = (self.weights[f"{name}.ffn.1.{what}"] for what in ("weight", "bias"))
+        hidden = F.gelu(F.layer_norm(hidden, hidden.shape[-1:], gain, bias))
         return channels + self._linear(f"{name}.ffn.3", hidden)
 
     def _linear(self, layer: str, x: Tensor) -> Tensor:
@@ -109,8 +109,8 @@ class LighterGlue:
 
 
 def _attention(query: Tensor, key: Tensor, value: Tensor) -> Tensor:
-    batch = (x[None, None].contiguous() for x in (query, key, value))
-    return F.scaled_dot_product_attention(*batch)[0, 0]
+    query, key, value = (x[None, None].contiguous() for x in (query, key, value))
+    return F.scaled_dot_product_attention(query, key, value)[0, 0]
 
 
 def _quarter_turn(x: Tensor) -> Tensor:
