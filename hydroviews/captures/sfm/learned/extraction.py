@@ -1,5 +1,6 @@
 """Learned features of photographs, kept on disk one by one, without what masks hide."""
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -64,8 +65,8 @@ def detect(network: XFeat, image: Image) -> Features:
 
 
 def device() -> str:
-    """Where networks run: on the GPU if there is one."""
-    return "cuda" if torch.cuda.is_available() else "cpu"
+    """Where networks run: on the GPU if there is one, unless $HYDROVIEWS_DEVICE is cpu."""
+    return "cuda" if os.environ.get("HYDROVIEWS_DEVICE") != "cpu" and torch.cuda.is_available() else "cpu"
 
 
 def _hidden(features: Features, ignored: np.ndarray) -> np.ndarray:
