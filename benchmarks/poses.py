@@ -16,7 +16,7 @@ import tyro
 from benchmarks.timing import counted, counted_seconds
 from deraings.enhancement.enhance import enhance
 from hydroviews.captures.sfm.mapping import TooFewRegistered
-from hydroviews.captures.sfm.poses import estimate_poses
+from hydroviews.captures.sfm.poses import FeatureKind, estimate_poses
 from hydroviews.captures.sfm.rain import Enhance
 from hydroviews.captures.sfm.sources import link_photographs
 from hydroviews.cli.commands import run_command
@@ -39,7 +39,12 @@ def linked(views: tuple[View, ...], folder: Path) -> dict[str, View]:
 
 
 def measure(
-    views: tuple[View, ...], rainy: bool, folder: Path, seed: int, enhance: Enhance | None = None
+    views: tuple[View, ...],
+    rainy: bool,
+    folder: Path,
+    seed: int,
+    enhance: Enhance | None = None,
+    features: FeatureKind = "auto",
 ) -> dict[str, Any]:
     """Errors of the cameras estimated from views, against their own; kept in the folder."""
     if not (folder / ROW).is_file():
@@ -48,7 +53,13 @@ def measure(
         try:
             with counted(folder / SPENT):
                 scene = estimate_poses(
-                    folder / "photographs", folder / "capture", CAMERA_MODEL, seed=seed, rainy=rainy, enhance=enhance
+                    folder / "photographs",
+                    folder / "capture",
+                    CAMERA_MODEL,
+                    seed=seed,
+                    rainy=rainy,
+                    enhance=enhance,
+                    features=features,
                 )
             errors, _ = compare_cameras({view.name: view.camera.world_to_camera for view in scene.views}, true)
         except TooFewRegistered as error:
@@ -66,6 +77,7 @@ def main(
     out: Path = Path("results/bench/poses"),
     seed: int = 0,
     enhanced: bool = False,
+    features: FeatureKind = "auto",
 ) -> None:
     """Measure all patterns of all scenes and report.
 
@@ -75,7 +87,9 @@ def main(
         every: take every so manieth view.
         out: gets a folder for every scene and pattern, with poses.csv.
         seed: of the estimation.
-        enhanced: beside the features of rainy photographs, match those of pictures enhanced by the shipped network.
+        enhanced: match features of pictures enhanced by the shipped network: SIFT's beside those of the photographs,
+            learned ones instead.
+        features: see `estimate_poses`.
     """
     rows: list[dict[str, Any]] = []
     for scene in scenes:
@@ -83,8 +97,8 @@ def main(
             built = open_clean(scene) if pattern == CLEAN else open_variant(scene, pattern)
             rainy = pattern != CLEAN
             helped = enhanced and rainy
-            name = f"{scene.resolve().name}-{pattern}-{every}-{seed}{'-enhanced' if helped else ''}"
-            row = measure(built.views[::every], rainy, out / name, seed, enhance if helped else None)
+            name = f"{scene.resolve().name}-{pattern}-{every}-{seed}{'-enhanced' if helped else ''}-{features}"
+            row = measure(built.views[::every], rainy, out / name, seed, enhance if helped else None, features)
             rows.append({"scene": built.name, "pattern": pattern, "enhanced": helped} | row)
             write_bytes(out / "poses.csv", pd.DataFrame(rows).to_csv(index=False).encode())
     print(f"\n{pd.DataFrame(rows).drop(columns='unaligned').round(3).to_string(index=False)}")

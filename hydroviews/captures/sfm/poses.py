@@ -1,5 +1,7 @@
 """Structure from motion with pycolmap: cameras for photographs, and points for cameras without any."""
 
+import logging
+import shutil
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -11,6 +13,7 @@ from tqdm import tqdm
 from hydroviews.captures.exif_orientation import common_turn
 from hydroviews.captures.panoramas import cut_panoramas, is_panorama, perspective_sources
 from hydroviews.captures.sfm import matching, pairs, rain
+from hydroviews.captures.sfm.lens import without_lens
 from hydroviews.captures.sfm.mapping import (
     MINIMUM,
     map_photographs,
@@ -18,7 +21,7 @@ from hydroviews.captures.sfm.mapping import (
     polished,
     rainy_options,
 )
-from hydroviews.captures.sfm.room import DATABASE, room_for
+from hydroviews.captures.sfm.room import DATABASE, LEARNED, room_for
 from hydroviews.captures.sfm.sources import (
     WORKING_FILES,
     forget_other_photographs,
@@ -28,7 +31,7 @@ from hydroviews.captures.sfm.sources import (
     without_blanks,
 )
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import listing
+from hydroviews.files.atomic import listing, read_json
 from hydroviews.files.ownership import enter_all
 from hydroviews.files.settings_guard import claim_folder
 from hydroviews.formats.colmap import reliable
@@ -40,7 +43,10 @@ from hydroviews.scene.images import SUFFIXES, image_size, write_png
 from hydroviews.scene.masks import MASKS, mask_digest, mask_name
 from hydroviews.scene.scenes import Points, Scene
 
+logger = logging.getLogger(__name__)
+
 Matcher = Literal["auto", "exhaustive", "sequential"]
+FeatureKind = Literal["auto", "learned", "sift"]
 
 SETTINGS, PERSPECTIVE = "poses.json", "perspective"
 ADVICE = (
@@ -59,12 +65,13 @@ def estimate_poses(
     advice: str = ADVICE,
     rainy: bool = False,
     enhance: rain.Enhance | None = None,
+    features: FeatureKind = "auto",
 ) -> Scene:
     """Estimate a camera for each photograph in `images` and write the capture `out`.
 
-    Features, matches, then incremental mapping, all on the CPU. Finished work is kept in `out`: the same call resumes
-    after an interruption, and returns at once when all is done. Photographs may be mended and added until cameras are
-    found.
+    Features, matches, then incremental mapping, all on the CPU but for learned features where there is a GPU. Finished
+    work is kept in `out`: the same call resumes after an interruption, and returns at once when all is done.
+    Photographs may be mended and added until cameras are found.
 
     Args:
         images: folder of the photographs and of folders with more. Panoramas are cut into perspective photographs.
@@ -74,16 +81,21 @@ def estimate_poses(
             panoramas is in `perspective`.
         camera_model: COLMAP's name; photographs of one size and, as Exif says, of one lens at one zoom share a camera.
         matcher: "exhaustive" matches all pairs, "sequential" neighbours in the order of names, with loop closure;
-            "auto" is exhaustive for up to `pairs.EXHAUSTIVE_LIMIT` photographs.
+            "auto" is exhaustive for up to `pairs.EXHAUSTIVE_LIMIT` photographs; with learned features, pairs are those
+            that have most in common.
         seed: of the random sampling. After an interruption mapping resumes from a snapshot, which changes more than
             the last digits.
         masks: folder with a mask for every photograph, by COLMAP's names (see `hydroviews.scene.masks`); no features
             are detected in hidden pixels.
         advice: what to do if too few photographs register, for the error.
-        rainy: leave out features that stay in one place of the lens, take less distinct matches and fewer of them for
-            a view (see `rain`), and adjust the cameras again without what does not fit.
+        rainy: of SIFT, leave out features that stay in one place of the lens, take less distinct matches and fewer of
+            them for a view (see `rain`), and adjust the cameras again without what does not fit. Learned features are
+            treated so in dry weather, too.
         enhance: takes the rain out of a picture of any size: float32 [H, W, 3], sRGB-encoded, [0, 1], to the same
-            shape. Features of pictures enhanced so are matched besides the photographs'; only where it is `rainy`.
+            shape; only where it is `rainy`. SIFT features of pictures enhanced so are matched besides the
+            photographs', learned ones instead.
+        features: "learned" (XFeat, matched by LighterGlue), which withstand rain, or "sift"; "auto" takes those that
+            `out` was begun with, else learned ones where it is `rainy` and their weights can be had.
 
     Returns:
         The scene that `read_scene(out)` gives, with the number of registered photographs in its notes.
@@ -93,7 +105,7 @@ def estimate_poses(
         FullDisk: no room for features and matches.
         InputError: fewer than three photographs, one that cannot be read, or `out` was made otherwise, lies among the
             photographs, or holds photographs, a database or a model of somebody else's; in rain, nothing but features
-            that stay on the lens, or an enhanced picture of another size.
+            that stay on the lens, or an enhanced picture of another size; no weights, but "learned".
         ValueError: to enhance, but not `rainy`.
     """
     if enhance and not rainy:
@@ -113,10 +125,11 @@ def estimate_poses(
     links = link_names(images, [path for path in sources if path not in set(around)])
     perspective = perspective_sources(around, out / PERSPECTIVE)
     links |= {target.name: target for target in perspective}
-    exhaustive = matcher == "exhaustive" or (matcher == "auto" and len(links) <= pairs.EXHAUSTIVE_LIMIT)
+    learned = _use_learned(features, rainy, out / SETTINGS)
+    exhaustive = _exhaustive(matcher, len(links), learned)
     settings = {"camera_model": camera_model, "exhaustive": exhaustive, "seed": seed, "images": sorted(links)}
     settings |= {"masks": mask_digest(masks) if masks else None, "rainy": rainy or None}  # None as where it lacks
-    settings |= {"enhanced": enhance is not None or None}
+    settings |= {"enhanced": enhance is not None or None, "features": "learned" if learned else None}
     settings |= {"files": listing(sources)}
     finished, pictures = (out / "sparse").is_dir(), out / "images"
     copied = [] if images.resolve() == pictures.resolve() else [pictures]  # frames of a video lie there themselves
@@ -136,21 +149,76 @@ def estimate_poses(
     if not finished:
         enter_all(WORKING_FILES, out)
         database, names = out / DATABASE, sorted(links)
-        chosen = pairs.all_pairs(len(names)) if exhaustive else pairs.sequence_pairs(len(names))
+        error = rain.tolerance(max(max(image_size(path)) for path in sources))
+        options, finish = rainy_options(seed, error), partial(polished, error=error)
         with room_for(out, len(names)):
             matching.register(database, pictures, names, camera_model, shared=True, masks=masks)
-            if rainy:
-                error = rain.tolerance(max(max(image_size(path)) for path in sources))
+            if learned:
+                chosen = None if exhaustive is None else _pairs(exhaustive, len(names))
+                _match_learned(out, names, chosen, seed, error, masks, enhance)
+                map_photographs(out, len(names), options, advice, finish)
+                shutil.rmtree(out / LEARNED)
+            elif rainy:
                 rain.extract(database, pictures, names, camera_model, error, masks, enhance)
-                rain.match(database, names, chosen, seed, error)
-                options, finish = rainy_options(seed, error), partial(polished, error=error)
+                rain.match(database, names, _pairs(bool(exhaustive), len(names)), seed, error)
                 map_photographs(out, len(names), options, advice, finish)
                 rain.forget_parts(database)
             else:
                 matching.extract(database, pictures, names, camera_model, masks)
-                matching.match(database, names, chosen, seed)
+                matching.match(database, names, _pairs(bool(exhaustive), len(names)), seed)
                 map_photographs(out, len(names), mapping_options(seed), advice)
     return read_scene(out)
+
+
+def _use_learned(features: FeatureKind, rainy: bool, settings: Path) -> bool:
+    """Whether features are learned ones: as given, as begun, or where it rains and there are weights."""
+    from hydroviews.captures.sfm.learned.weights import require_weights
+
+    if features != "auto":
+        if features == "learned":
+            require_weights()
+        return features == "learned"
+    if settings.is_file():
+        begun = read_json(settings)
+        return isinstance(begun, dict) and begun.get("features") == "learned"
+    try:
+        if rainy:
+            require_weights()
+        return rainy
+    except InputError as error:
+        logger.warning("SIFT features are used, which fail in much rain: there are no learned ones\n%s", error)
+        return False
+
+
+def _match_learned(
+    out: Path,
+    names: list[str],
+    chosen: set[pairs.Pair] | None,
+    seed: int,
+    error: float,
+    masks: Path | None,
+    enhance: rain.Enhance | None,
+) -> None:
+    """Learned features of the pictures in `out`, and verified matches; chosen: see `_pairs`, None for ranked ones."""
+    from hydroviews.captures.sfm.learned import extraction
+    from hydroviews.captures.sfm.learned.matching import match
+
+    pictures, folder = out / "images", out / LEARNED
+    views = without_lens(pictures, extraction.extract(folder, pictures, names, masks, enhance), error)
+    sizes = [image_size(pictures / name)[::-1] for name in names]
+    match(out / DATABASE, folder, names, sizes, views, chosen, rain.verification_options(seed, error))
+
+
+def _exhaustive(matcher: Matcher, count: int, learned: bool) -> bool | None:
+    """Whether all pairs are matched, or else neighbours; None for those that have most in common."""
+    if matcher == "auto" and learned:
+        return None
+    return matcher == "exhaustive" or (matcher == "auto" and count <= pairs.EXHAUSTIVE_LIMIT)
+
+
+def _pairs(exhaustive: bool, count: int) -> set[pairs.Pair]:
+    """All pairs of indices, or neighbours."""
+    return pairs.all_pairs(count) if exhaustive else pairs.sequence_pairs(count)
 
 
 def triangulate(scene: Scene, folder: Path, seed: int = 0) -> Points:

@@ -1,11 +1,10 @@
-"""Features and matches of photographs in rain, of which `matching` finds too few, and wrong ones on the lens.
+"""SIFT features and matches of photographs in rain, of which `matching` finds too few, and wrong ones on the lens.
 
 Drops on the lens match best where they are, so features that stay in one place of the picture are left out. Those of
 enhanced photographs come beside the photographs' own. Pairs that have enough in common are matched again, near their
 epipolar lines and less distinctly, as rain changes descriptors; other pairs would find matches near any lines.
 """
 
-import logging
 import shutil
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
@@ -17,13 +16,11 @@ from tqdm import tqdm
 
 from hydroviews.captures.sfm import matching
 from hydroviews.captures.sfm.features import Features, image_id, read_features, write_features
-from hydroviews.captures.sfm.lens import on_the_lens
+from hydroviews.captures.sfm.lens import without_lens
 from hydroviews.captures.sfm.pairs import Pair
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_bytes
 from hydroviews.scene.images import Image, read_image, to_uint8
-
-logger = logging.getLogger(__name__)
 
 Enhance = Callable[[Image], Image]
 
@@ -44,6 +41,14 @@ def tolerance(long_side: int) -> float:
     """Pixels by which a match may be off, for the longer side of photographs in pixels."""
     least, most = ERRORS
     return max(least, most * min(1.0, long_side / matching.MAX_IMAGE_SIZE))
+
+
+def verification_options(seed: int, error: float) -> pycolmap.TwoViewGeometryOptions:
+    """How pairs are verified in rain; error: pixels by which a match may be off."""
+    verification = pycolmap.TwoViewGeometryOptions(min_num_inliers=MIN_MATCHES, min_inlier_ratio=MIN_SHARE)
+    verification.ransac.random_seed, verification.ransac.max_error = seed, error
+    verification.ransac.max_num_trials = MAX_TRIALS
+    return verification
 
 
 def extract(
@@ -93,7 +98,7 @@ def _features_of(
     own = database.with_name(database.name + suffix)
     matching.register(own, images, names, camera_model, shared=True, masks=masks)
     matching.extract(own, images, names, camera_model, masks)
-    return _that_move(images, read_features(own, names), error)
+    return without_lens(images, read_features(own, names), error)
 
 
 def write_enhanced(images: Path, copies: Path, names: Sequence[str], enhance: Enhance) -> Path:
@@ -101,15 +106,7 @@ def write_enhanced(images: Path, copies: Path, names: Sequence[str], enhance: En
     for name in tqdm(names, desc="enhanced", unit="image"):
         if (copies / name).is_file():
             continue
-        image = read_image(images / name)
-        enhanced = enhance(image)
-        if enhanced.shape != image.shape:
-            raise InputError(
-                f"{images / name}: enhanced to another size",
-                found=f"shape {enhanced.shape}",
-                expected=f"{image.shape}",
-                fix="enhance without cropping or scaling",
-            )
+        enhanced = read_enhanced(images / name, enhance)
         ok, encoded = cv2.imencode(Path(name).suffix, to_uint8(enhanced)[..., ::-1])
         if not ok:
             raise ValueError(f"{name}: encoding failed for an array of shape {enhanced.shape}")
@@ -117,19 +114,22 @@ def write_enhanced(images: Path, copies: Path, names: Sequence[str], enhance: En
     return copies
 
 
-def _that_move(images: Path, views: Sequence[Features], error: float) -> list[Features]:
-    staying = on_the_lens(views, error)
-    total, left = sum(map(len, views)), sum(int(mask.sum()) for mask in staying)
-    logger.info("%d of %d features stay in one place of the lens and are left out", left, total)
-    moving = [view.where(~mask) for view, mask in zip(views, staying, strict=True)]
-    if left and sum(len(view) > 0 for view in moving) < 2:
+def read_enhanced(path: Path, enhance: Enhance) -> Image:
+    """A photograph, enhanced.
+
+    Raises:
+        InputError: to another size; or it cannot be read.
+    """
+    image = read_image(path)
+    enhanced = enhance(image)
+    if enhanced.shape != image.shape:
         raise InputError(
-            f"{images}: nothing moves from view to view",
-            found="features in one place of all photographs: drops or dirt on the lens, or a camera that stood still",
-            expected="photographs of a scene from several places",
-            fix="wipe the lens, or move the camera",
+            f"{path}: enhanced to another size",
+            found=f"shape {enhanced.shape}",
+            expected=f"{image.shape}",
+            fix="enhance without cropping or scaling",
         )
-    return moving
+    return enhanced
 
 
 def forget_parts(database: Path) -> None:
@@ -149,9 +149,7 @@ def match(database: Path, names: Sequence[str], pairs: Iterable[Pair], seed: int
         seed: of the verification's random sampling.
         error: pixels by which a match may be off.
     """
-    verification = pycolmap.TwoViewGeometryOptions(min_num_inliers=MIN_MATCHES, min_inlier_ratio=MIN_SHARE)
-    verification.ransac.random_seed, verification.ransac.max_error = seed, error
-    verification.ransac.max_num_trials = MAX_TRIALS
+    verification = verification_options(seed, error)
     options = pycolmap.FeatureMatchingOptions(use_gpu=False)
     options.sift.max_ratio = RATIO
     lines = matching.listed(names, pairs)

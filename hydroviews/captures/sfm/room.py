@@ -9,6 +9,7 @@ from hydroviews.files.full_disk import FullDisk, plain_full_disk
 
 DATABASE = "database.db"
 PAIRS = "pairs.txt"  # beside it: those that are being matched
+LEARNED = "database.db.learned"  # beside it: a folder of learned features and their matches
 NEEDED = 1_000_000  # bytes for a photograph: up to 4096 features, and their matches
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from hydroviews.captures.exif_orientation import write_upright
 from hydroviews.captures.sfm import rain
 from hydroviews.captures.sfm.mapping import MAPPING
-from hydroviews.captures.sfm.room import DATABASE, PAIRS
+from hydroviews.captures.sfm.room import DATABASE, LEARNED, PAIRS
 from hydroviews.errors import InputError
 from hydroviews.files import ownership
 from hydroviews.files.atomic import read_json, replacing
@@ -25,7 +25,7 @@ FOLLOWING = "exhaustive"  # one that may follow from their number
 _DATABASES = [DATABASE + suffix for suffix in ("", rain.PHOTOGRAPHS, rain.ENHANCED)]
 WORKING_FILES = (  # of pycolmap, in the capture's folder
     *(name + side for name in _DATABASES for side in ("", "-journal", "-wal", "-shm")),
-    *(DATABASE + rain.GUIDED, DATABASE + rain.COPIES + "/", MAPPING + "/", PAIRS),
+    *(DATABASE + rain.GUIDED, DATABASE + rain.COPIES + "/", LEARNED + "/", MAPPING + "/", PAIRS),
 )
 
 

@@ -235,6 +235,7 @@ def test_settings_are_kept(tmp_path):
         "masks": None,
         "rainy": None,
         "enhanced": None,
+        "features": None,
         "files": listing(view.path for view in scene.views),
     }
     assert Path(os.readlink(tmp_path / "out" / "images" / "view-01.png")) == scene.views[1].path.resolve()
@@ -452,7 +453,7 @@ def test_models_with_impossible_focal_lengths_are_left_out(focal, kept):
 
 def test_a_capture_in_rain_says_so(tmp_path, monkeypatch):
     """Its photographs are not taken for clean views by the build that the command recommends."""
-    monkeypatch.setattr("hydroviews.__main__.estimate_poses", lambda images, out, rainy: capture_in(out))
+    monkeypatch.setattr("hydroviews.__main__.estimate_poses", lambda images, out, rainy, features: capture_in(out))
     for rainy in (False, True):
         out = tmp_path / f"capture-{rainy}"
         poses_command(tmp_path / "walk", out, rainy=rainy)

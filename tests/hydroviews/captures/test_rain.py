@@ -190,11 +190,16 @@ def test_enhanced_pictures_need_rain(walk, tmp_path):
 
 def test_rainy_photographs_with_enhanced_ones_get_cameras(walk, tmp_path):
     calls = []
-    scene = estimate_poses(walk[0], tmp_path, rainy=True, enhance=lambda image: calls.append(1) or image)
+
+    def enhance(image):
+        calls.append(1)
+        return image
+
+    scene = estimate_poses(walk[0], tmp_path, rainy=True, enhance=enhance, features="sift")
     assert len(scene.views) == len(calls) == 4
     left = {path.name for path in tmp_path.iterdir() if not path.name.startswith(".")}
     assert left == {"images", "sparse", "database.db", "pairs.txt", "poses.json"}
-    estimate_poses(walk[0], tmp_path, rainy=True, enhance=lambda image: calls.append(1) or image)
+    estimate_poses(walk[0], tmp_path, rainy=True, enhance=enhance)
     assert len(calls) == 4
     with pytest.raises(InputError, match=r"estimated otherwise\n.*enhanced"):
         estimate_poses(walk[0], tmp_path, rainy=True)

