@@ -65,7 +65,7 @@ def test_no_links_among_the_photographs(tmp_path, names):
 def test_a_capture_is_called_after_the_folder_that_has_a_name(tmp_path, monkeypatch, photographs, capture):
     outs = []
 
-    def estimate(images, out, rainy):
+    def estimate(images, out, **_):
         outs.append(out)
         raise InputError("stop")
 
