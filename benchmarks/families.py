@@ -3,8 +3,8 @@
     python -m benchmarks.families --photographs FOLDER --start small --out results/bench/families
 
 Every training begins with the same weights and takes the same steps. An interrupted run goes on where it stopped.
-Prints gains in dB on held-out photographs, a row a training, and writes families.csv. In a row, the family that is left
-out is the one to look at; what it gains less than in the first row, it owes to being known.
+Prints gains in dB on held-out photographs, a row a training, and writes families.csv. Look at the column of the family
+that a row leaves out: its gain is smaller than in the first row by as much as training on that family brings.
 """
 
 from dataclasses import dataclass, replace

@@ -1,7 +1,7 @@
 """The part of the enhancement network that predicts what streaks, drops and mist cover.
 
-A published drop is one or two pixels wide, so this part works at the picture's own resolution, where the rest of a
-small network works at half of it. It is a U-Net (Ronneberger et al. 2015) of dense 3x3 convolutions with residual
+A published drop is one or two pixels wide. So this part works at the picture's own resolution; the rest of a small
+network works at half of it. It is a U-Net (Ronneberger et al. 2015) of dense 3x3 convolutions with residual
 blocks. It is given the picture beside a copy of which every neighbourhood has the same mean and contrast: under thick
 mist a drop differs from its neighbours by little.
 """
@@ -37,8 +37,7 @@ class CoverNetwork(nn.Module):
         self.up = nn.ModuleList(nn.ConvTranspose2d(coarse, fine, 2, stride=2) for fine, coarse in pairwise(widths))
         self.decoder = nn.ModuleList(DenseBlock(2 * width, width) for width in widths[:-1])
         self.head = nn.Conv2d(widths[0], 3, 3, padding=1)
-        if lens_fine:
-            self.lens_fine = added(FINE, widths[1], 3)
+        self.lens_fine = added(FINE, widths[1], 3) if lens_fine else None
 
     @property
     def multiple(self) -> int:
@@ -61,7 +60,7 @@ class CoverNetwork(nn.Module):
         for level, (block, down) in enumerate(zip(self.encoder[:-1], self.down, strict=True)):
             skips.append(block(x))
             x = down(skips[-1])
-            if level == 0 and fine is not None and hasattr(self, "lens_fine"):
+            if level == 0 and fine is not None and self.lens_fine is not None:
                 x = x + known(fine) * self.lens_fine(fine.contiguous(memory_format=torch.channels_last))
         x = self.encoder[-1](x)
         for level in reversed(range(len(self.up))):

@@ -251,7 +251,7 @@ class EnhancementNetwork(nn.Module):
         if self.config.lens_fine:
             last.append(self.lens_fine[-1])
         if self.config.cover and self.config.lens_fine:
-            last.append(self.cover.lens_fine[-1])
+            last.append(cast(nn.Sequential, self.cover.lens_fine)[-1])
         if self.config.mist and self.config.lens_mist:
             last += [self.lens_mist.end, self.lens_mist.shared[-1]]
         for convolution in last:

@@ -28,16 +28,22 @@ run_command(main, prog="waiting")
 """
 
 
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
-def test_who_is_asked_to_end_says_in_one_line_how_to_go_on(tmp_path, number, status):
-    begun = tmp_path / "begun"
+def waiting(folder, code):
+    """A process of a command that has begun."""
+    begun = folder / "begun"
     process = subprocess.Popen(
-        [sys.executable, "-c", COMMAND, "--begun", str(begun)],
+        [sys.executable, "-c", code, "--begun", str(begun)],
         env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
         stderr=subprocess.PIPE,
         text=True,
     )
     wait_until(begun.exists, process)
+    return process
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_who_is_asked_to_end_says_in_one_line_how_to_go_on(tmp_path, number, status):
+    process = waiting(tmp_path, COMMAND)
     process.send_signal(number)
     _, errors = process.communicate(timeout=PATIENCE)
     assert errors == f"\nended by {number.name}; the same command goes on from here\n"
@@ -49,14 +55,7 @@ ENDS_SLOWLY = COMMAND.replace("run_command(main", "import atexit; atexit.registe
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_second_signal_while_it_ends_changes_nothing(tmp_path, number, status):
-    begun = tmp_path / "begun"
-    process = subprocess.Popen(
-        [sys.executable, "-c", ENDS_SLOWLY, "--begun", str(begun)],
-        env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    wait_until(begun.exists, process)
+    process = waiting(tmp_path, ENDS_SLOWLY)
     process.send_signal(number)
     assert process.stderr.readline() == "\n"
     assert process.stderr.readline().endswith("the same command goes on from here\n")

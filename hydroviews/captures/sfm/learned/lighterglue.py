@@ -13,6 +13,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from hydroviews.captures.sfm.learned.mutual import mutual_best
 from hydroviews.captures.sfm.learned.weights import LIGHTERGLUE, Weights, load_weights
 from hydroviews.captures.sfm.learned.xfeat import Keypoints
 
@@ -66,10 +67,8 @@ class LighterGlue:
                 first, second = self._attend_self(first, layer), self._attend_self(second, layer)
             first, second = self._attend_cross(first, second, layer)
         likelihood = self.assignment(first.channels, second.channels)
-        best, partner = likelihood.max(1)
-        mutual = likelihood.argmax(0)[partner] == torch.arange(len(partner), device=partner.device)
-        kept = torch.nonzero(mutual & (best > math.log(THRESHOLD)))[:, 0]
-        return torch.stack([kept, partner[kept]], 1).cpu(), best[kept].exp().cpu()
+        own, others = mutual_best(likelihood, math.log(THRESHOLD))
+        return torch.stack([own, others], 1).cpu(), likelihood[own, others].exp().cpu()
 
     def assignment(self, first: Tensor, second: Tensor) -> Tensor:
         """Log of the confidence [K, L] that keypoints, by their channels [K, 96] and [L, 96], are the same."""

@@ -5,7 +5,7 @@ Each step keeps what it has done beside the database, so that a call after an in
 
 import logging
 from collections.abc import Iterable, Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -79,22 +79,21 @@ def match_pairs(
     pairs: Sequence[Pair],
 ) -> Found:
     """Matches of pairs by LighterGlue, kept in a folder with a file for the pairs of each first view."""
-    network: list[LighterGlue] = []
 
-    def loaded() -> LighterGlue:
-        network.extend([LighterGlue(device())] if not network else [])
-        return network[0]
+    @cache
+    def network() -> LighterGlue:
+        return LighterGlue(device())
 
     @lru_cache(PREPARED)
     def prepared(view: int) -> Prepared:
-        return loaded().prepare(keypoints_of(views[view]), sizes[view])
+        return network().prepare(keypoints_of(views[view]), sizes[view])
 
     found: Found = {}
     with tqdm(total=len(pairs), desc="matches", unit="pair") as bar:
         for first in sorted({i for i, _ in pairs}):
             file, others = folder / f"{names[first]}.matches.npz", [j for i, j in pairs if i == first]
             if not file.is_file():
-                tables = {names[j]: loaded().match(prepared(first), prepared(j))[0].numpy() for j in others}
+                tables = {names[j]: network().match(prepared(first), prepared(j))[0].numpy() for j in others}
                 with replacing(file) as temporary, temporary.open("wb") as opened:
                     np.savez_compressed(opened, **tables)
             with np.load(file) as stored:

