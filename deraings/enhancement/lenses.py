@@ -22,6 +22,7 @@ class Lens:
 
     fine: Tensor  # statistics [FINE, H / 2, W / 2], rounded up
     mist: Tensor | None  # [4, 16, 16], see mist_branch; None: to be looked for in each photograph alone
+    mist_error: Tensor | None = None  # standard error of the light that the mist adds [16, 16], over the photographs
 
 
 def lenses_of_capture(
@@ -45,18 +46,22 @@ def lenses_of_capture(
     for index, own in enumerate(statistics):
         if own is not None:
             runs.setdefault(own, []).append(index)
-    lenses = {own: Lens(own.fine, _mist(run, read, network, own)) for own, run in runs.items()}
+    lenses = {own: Lens(own.fine, *_mist(run, read, network, own)) for own, run in runs.items()}
     return [None if own is None else lenses[own] for own in statistics]
 
 
-def _mist(run: Sequence[int], read: Read, network: EnhancementNetwork, statistics: LensStatistics) -> Tensor | None:
-    """The mean of what is found in each photograph: mist stays on the lens, errors differ from picture to picture."""
+def _mist(
+    run: Sequence[int], read: Read, network: EnhancementNetwork, statistics: LensStatistics
+) -> tuple[Tensor | None, Tensor | None]:
+    """The mean of what is found in each photograph, and its error: mist stays on the lens, errors differ."""
     if not (network.config.mist and network.config.lens_mist):
-        return None
+        return None, None
     with torch.inference_mode():
         pictures = torch.cat([_squeezed(read(index)) for index in run]).to(network.device)
         coarse = statistics.coarse[None].to(network.device)
-        return mean_mist(network.find_mist(pictures, coarse.expand(len(run), -1, -1, -1)))
+        mists = network.find_mist(pictures, coarse.expand(len(run), -1, -1, -1))
+        added = mists[:, 0] * mists[:, 1:].mean(1)
+        return mean_mist(mists), added.std(0) / len(run) ** 0.5
 
 
 def _squeezed(photograph: NDArray[np.uint8]) -> Tensor:

@@ -6,10 +6,13 @@ Views in order of name are taken one after another, so a view's place in that or
 import numpy as np
 from numpy.typing import NDArray
 
+VIEWS_PER_KNOT = 12  # that what is on the lens at one time is learned from; fewer views have fewer knots
+MAX_KNOTS = 3
 
-def count_time_knots(n_views: int, views_per_knot: int, max_knots: int) -> int:
-    """How many knots so many views can tell apart: at least 1, at most `max_knots`."""
-    return int(np.clip(n_views // views_per_knot, 1, max_knots))
+
+def count_time_knots(n_views: int) -> int:
+    """How many knots so many views can tell apart, 1 to MAX_KNOTS."""
+    return int(np.clip(n_views // VIEWS_PER_KNOT, 1, MAX_KNOTS))
 
 
 def time_weights(view: int, n_views: int, n_knots: int) -> NDArray[np.float32]:

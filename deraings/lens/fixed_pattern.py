@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deraings.image_planes import Plane, shown_beside
-from deraings.rain_model.time_knots import time_weights
+from deraings.lens.time_knots import time_weights
 from hydroviews.scene.images import Image
 
 AROUND = 1 / 64  # longer sides of the lens, across the square in which gradients are summed

@@ -12,11 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from deraings.rain_model.mist_config import MistConfig
-from deraings.rain_model.still_pixels import still_cover
-from deraings.rain_model.time_knots import count_time_knots, time_weights, views_near
+from deraings.lens.still_pixels import still_cover
+from deraings.lens.time_knots import count_time_knots, time_weights, views_near
 from hydroviews.scene.images import luminance, to_linear
 
+CELLS = 24  # grid cells along the longer side
+BRIGHTEST = 0.05  # share of all pixels that mist is expected to be as light as; 0.05 to 0.3 make no difference
+DARK = 0.05  # share of what a place of the lens shows that may be darker than the mist there: noise
 MAX_PICTURES = 40  # that are looked at for a time knot
 WET = 0.25  # share of a pixel under drops with light of their own, from which it says nothing of mist
 BESIDE = 5  # pixels, of the square around a place that drops may not touch: point colours are a little blurred
@@ -31,9 +33,6 @@ class MistBounds:
     colour: NDArray[np.float32]  # a [3], linear light
     max_alpha: NDArray[np.float32]  # the most that mist_alpha can be
     possible: NDArray[np.float32]  # the same, less its smallest value
-    usual: float  # the median of `possible` over the places that are shown
-    partly: bool  # whether there may be mist on a quarter of the lens, enough to ask points
-    mostly: bool  # the same on three quarters, enough to look for mist where nothing else tells
     masks: list[NDArray[np.bool_] | None]  # [H, W] a picture: masked pixels, and those under drops
 
     def at(self, view: int, places: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -54,28 +53,23 @@ class MistBounds:
         return np.asarray(~wet[down, across], np.bool_)
 
 
-def mist_bounds(
-    pictures: Sequence[NDArray[np.uint8]], config: MistConfig, hidden: Sequence[NDArray[np.bool_] | None] = ()
-) -> MistBounds:
+def mist_bounds(pictures: Sequence[NDArray[np.uint8]], hidden: Sequence[NDArray[np.bool_] | None] = ()) -> MistBounds:
     """What photographs [H, W, 3], in order of name, allow of mist; pixels of the masks `hidden` are not looked at."""
     height, width = pictures[0].shape[:2]
-    cell = max(height, width) / config.cells
-    times = count_time_knots(len(pictures), config.views_per_knot, config.max_time_knots)
+    cell = max(height, width) / CELLS
+    times = count_time_knots(len(pictures))
     grid = (times, max(2, round(height / cell) + 1), max(2, round(width / cell) + 1))
     masks = dry_masks(pictures, hidden, times)
-    colour = mist_light(pictures, config.brightest, masks)
-    bound = max_mist_alpha(pictures, colour, grid, config.dark_quantile, masks)
+    colour = mist_light(pictures, masks)
+    bound = max_mist_alpha(pictures, colour, grid, masks)
     known = bound[np.isfinite(bound)]
     least = known.min() if known.size else np.float32(1)
-    usual = float(np.median(known - least)) if known.size else 0.0
-    lower, upper = np.quantile(known - least, (0.25, 0.75)) if known.size else (0.0, 0.0)
-    partly, mostly = (bool(quartile >= config.min_possible) for quartile in (upper, lower))
     bound = np.where(np.isfinite(bound), bound, np.float32(1))
-    return MistBounds(len(pictures), colour, bound, bound - least, usual, partly, mostly, masks)
+    return MistBounds(len(pictures), colour, bound, bound - least, masks)
 
 
 def mist_light(
-    pictures: Sequence[NDArray[np.uint8]], brightest: float, hidden: Sequence[NDArray[np.bool_] | None] = ()
+    pictures: Sequence[NDArray[np.uint8]], hidden: Sequence[NDArray[np.bool_] | None] = ()
 ) -> NDArray[np.float32]:
     """The linear light [3] that mist should have: grey, as light as the brightest pixels of all pictures [H, W, 3].
 
@@ -87,7 +81,7 @@ def mist_light(
     light = luminance(to_linear(np.concatenate(samples).astype(np.float32) / np.float32(255)))
     if not light.size:
         return np.ones(3, np.float32)
-    bright = light[light >= np.quantile(light, 1 - brightest)].mean()
+    bright = light[light >= np.quantile(light, 1 - BRIGHTEST)].mean()
     return np.full(3, bright, np.float32)
 
 
@@ -95,7 +89,6 @@ def max_mist_alpha(
     pictures: Sequence[NDArray[np.uint8]],
     colour: NDArray[np.float32],
     grid: tuple[int, int, int],
-    dark_quantile: float,
     hidden: Sequence[NDArray[np.bool_] | None] = (),
 ) -> NDArray[np.float32]:
     """The most that mist_alpha may be at any knot [T, h, w]: mist is nowhere lighter than the dark things behind it.
@@ -104,7 +97,6 @@ def max_mist_alpha(
         pictures: [H, W, 3] each; up to MAX_PICTURES a time are looked at.
         colour: a [3], linear light.
         grid: T, h and w.
-        dark_quantile: of all pixels of a cell in all pictures that counts as dark.
         hidden: masks [H, W] of pixels that are not looked at.
 
     Returns:
@@ -120,7 +112,7 @@ def max_mist_alpha(
         for index in near[:: -(-len(near) // MAX_PICTURES)]:
             alpha, mask = (table[pictures[index]] / np.maximum(colour, MIN_LIGHT)).min(axis=2), masks[index]
             planes.append(alpha if mask is None else np.where(mask, np.float32(np.nan), alpha))
-        cells = _cell_quantiles(planes, (height - 1, width - 1), dark_quantile)
+        cells = _cell_quantiles(planes, (height - 1, width - 1), DARK)
         cells = np.pad(cells, 1, constant_values=np.nan)
         around = [cells[i : i + height, j : j + width] for i in (0, 1) for j in (0, 1)]
         bound[time] = np.fmax.reduce(around)

@@ -1,14 +1,14 @@
-"""Whether things grow pale on the lens or in the scene: points that several photographs show tell mist from fog.
+"""Mist on the lens or fog in the scene: points that several photographs show tell the two apart.
 
 In linear light a point of colour b has behind mist of alpha V(x) on the lens, at the place x where a photograph shows
-it, the colour (1 - V(x)) b + V(x) a. Fog in the scene makes it paler with its distance z, not with its place. So of the
-deviations of a point's colours from their median c, to first order,
+it, the colour (1 - V(x)) b + V(x) a. Fog in the scene makes the point paler with its distance z, not with its place.
+The deviations of a point's colours from their median c are, to first order,
 
     c_v - c = (m (P(x_v) - P) + k (z_v - z)) (a - c)
 
 with P the most that V may be (`mist_bounds`), P and z without index their means over the photographs of the point. All
-points share m, how much of the possible mist is there, and k, of fog; both are fitted by least squares in which the
-pixels that are explained worst, by drops, streaks, gloss or what stands in between, do not count.
+points share m, the share of the possible mist that is there, and k, of fog. Least squares fit both. The pixels that
+are explained worst, by drops, streaks, gloss or occlusion, do not count.
 """
 
 import logging
@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.training.images import TrainingImages
-from deraings.rain_model.mist_bounds import MistBounds, mist_bounds
-from deraings.rain_model.mist_config import MistConfig
+from deraings.lens.mist_bounds import MistBounds, mist_bounds
 from hydroviews.scene.images import to_linear
 from hydroviews.scene.point_colours import PointColours, look_up_points
 from hydroviews.scene.scenes import Scene
@@ -33,54 +32,39 @@ MIN_COLOURS = 1000  # in all, for a fit
 KEPT = 0.8  # share of the deviations that count, the best explained ones
 MIN_SPREAD = 1e-5  # standard deviation of what mist would do, for a fit
 ROUNDS = 6  # of choosing the deviations that count
+# Share of their contrast that points lose over the median depth, from which the scene is foggy: clean views have 0.06
+# at most, fog that takes half of the light 0.3 and more.
+MIN_FOG = 0.15
 
 
 class Paleness(NamedTuple):
-    """What makes points pale."""
+    """The causes of paleness."""
 
     mist: float  # m, the share of the possible mist that is there
+    mist_error: float  # standard error of m
     fog: float  # k, the share of its contrast to the mist's light that a point loses over the median depth
 
 
-def shows_fog(images: TrainingImages, points: Callable[[], PointColours]) -> bool:
-    """Whether it is foggy in the scene that training images show; `points` is called only where that may be."""
-    config, views = MistConfig(), range(len(images))
-    bounds = mist_bounds([images.pixels(i) for i in views], config, [images.ignored(i) for i in views])
-    pale = paleness_of(bounds, points) if bounds.partly else None
-    return pale is not None and is_fog(pale, config)
+def may_remove_mist(images: TrainingImages, points: Callable[[], PointColours]) -> bool:
+    """Whether a network may take mist off the images; not where the scene is foggy, which is logged.
 
-
-def is_fog(paleness: Paleness, config: MistConfig) -> bool:
-    """Whether fog makes points pale; whatever may be mist on the lens is then left in the scene."""
-    return paleness.fog >= config.min_fog
-
-
-def is_mist(paleness: Paleness | None, seen: float | None, config: MistConfig) -> bool:
-    """Whether there is mist on the lens, be it little, where photographs allow it.
-
-    One witness is enough, as to miss mist costs more than to look for it in vain. But a network takes fog for mist.
+    A network that sees single pictures takes fog for mist.
 
     Args:
-        paleness: what points show; None where they do not tell.
-        seen: mist_alpha as a network sees it, the median over the lens; None where there is no network.
-        config: from when on either is believed.
-
-    Returns:
-        True if nobody tells.
+        images: the training photographs.
+        points: looks up scene points in the images.
     """
-    network_sees = sees_mist(seen, config)
-    if paleness is None:
-        return network_sees or seen is None
-    return not is_fog(paleness, config) and (network_sees or paleness.mist >= config.min_mist)
-
-
-def sees_mist(seen: float | None, config: MistConfig) -> bool:
-    """Whether a network surely sees mist, or fog; `seen` as of `is_mist`."""
-    return seen is not None and seen >= config.min_seen
+    views = range(len(images))
+    bounds = mist_bounds([images.pixels(i) for i in views], [images.ignored(i) for i in views])
+    pale = paleness_of(bounds, points)
+    foggy = pale is not None and pale.fog >= MIN_FOG
+    if foggy:
+        logger.info("it is foggy in the scene: the network leaves mist and fog as they are")
+    return not foggy
 
 
 def paleness_of(bounds: MistBounds, points: Callable[[], PointColours]) -> Paleness | None:
-    """What the points of photographs with these bounds show; see `fit_paleness`."""
+    """The paleness of points in photographs with these bounds; see `fit_paleness`."""
     seen = points()
     columns = list(enumerate(seen.views.tolist()))
     possible = np.stack([bounds.at(view, seen.places[:, column]) for column, view in columns], axis=1)
@@ -106,7 +90,7 @@ def fit_paleness(points: PointColours, possible: NDArray[np.float32], colour: ND
         colour: a [3], of mist in linear light.
 
     Returns:
-        m and k, or None where too few points are seen often enough, or all at places of one P.
+        m, its standard error and k, or None where too few points are seen often enough, or all at places of one P.
     """
     seen = points.seen & (points.seen.sum(axis=1) >= MIN_VIEWS)[:, None]
     rows = seen.any(axis=1)
@@ -118,7 +102,7 @@ def fit_paleness(points: PointColours, possible: NDArray[np.float32], colour: ND
     depths = points.depths[rows] / np.median(points.depths[rows][seen])
     causes = [_deviations(plane, seen)[..., None] * (colour - median) for plane in (possible, depths)]
     changes, known = (light - median)[seen].ravel(), np.stack([cause[seen].ravel() for cause in causes], axis=1)
-    return _trimmed_fit(known, changes)
+    return _trimmed_fit(known, changes, len(seen))
 
 
 def _deviations(values: NDArray, seen: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -127,8 +111,12 @@ def _deviations(values: NDArray, seen: NDArray[np.bool_]) -> NDArray[np.float64]
     return np.where(seen, values - means, 0.0)
 
 
-def _trimmed_fit(known: NDArray[np.float64], changes: NDArray[np.float64]) -> Paleness | None:
-    """The factors of least squares changes = known @ factors, over those that are explained best."""
+def _trimmed_fit(known: NDArray[np.float64], changes: NDArray[np.float64], n_points: int) -> Paleness | None:
+    """The factors of least squares changes = known @ factors, over those that are explained best.
+
+    The standard error is of as many independent deviations as there are points: the colours of one point have their
+    errors in common.
+    """
     counted = np.ones(len(changes), bool)
     factors = np.zeros(known.shape[1])
     for _ in range(ROUNDS):
@@ -137,15 +125,7 @@ def _trimmed_fit(known: NDArray[np.float64], changes: NDArray[np.float64]) -> Pa
         factors = np.linalg.lstsq(known[counted], changes[counted], rcond=None)[0]
         errors = np.abs(changes - known @ factors)
         counted = errors <= np.quantile(errors, KEPT)
-    return Paleness(float(factors[0]), float(factors[1]))
-
-
-def may_remove_mist(images: TrainingImages, points: Callable[[], PointColours]) -> bool:
-    """Whether a network may take mist off the images; not where it is foggy in the scene, which is logged.
-
-    A network that sees single pictures takes fog for mist. Arguments as of `shows_fog`.
-    """
-    foggy = shows_fog(images, points)
-    if foggy:
-        logger.info("it is foggy in the scene: the network leaves mist and fog as they are")
-    return not foggy
+    left = changes[counted] - known[counted] @ factors
+    curvature = known[counted].T @ known[counted] / counted.sum()
+    error = np.sqrt(left.var() * np.linalg.pinv(curvature)[0, 0] / n_points)
+    return Paleness(float(factors[0]), float(error), float(factors[1]))
