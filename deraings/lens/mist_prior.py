@@ -23,7 +23,7 @@ from hydroviews.scene.point_colours import PointColours
 # Errors that photographs of one capture share, measured on development scenes: of the network as a share of its mean
 # and as mist_alpha, and of m in dry views.
 NETWORK_SHARE, NETWORK_LEAST = 0.3, 0.003
-POINTS_ERROR = 0.25
+POINTS_ERROR = 0.5
 LEAST = 1e-4  # mist_alpha; no source is surer than that
 
 

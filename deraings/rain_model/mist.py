@@ -5,11 +5,12 @@
 R is what is seen without mist, and a its light. mist_alpha lies on a coarse grid over the picture, at a few times of
 the capture (`time_knots`). Adam learns sqrt(mist_alpha) and a from the gradient of
 
-    loss + prior mean_k ((mist_alpha_k - mu_k) / sigma_k)^2 + penalties of roughness, brightness and tint.
+    loss + prior mean_k log(1 + ((mist_alpha_k - mu_k) / sigma_k)^2) + penalties of roughness, brightness and tint.
 
 What the photographs cannot tell, and what decides it:
 
-* Even mist is as good as a scene of less contrast. The prior (`lens.mist_prior`) says how much there is.
+* Even mist is as good as a scene of less contrast. The prior (`lens.mist_prior`) says how much there is; its tails are
+  those of Cauchy's distribution, as photographs may well show more mist in a place than its sources do.
 * Thin bright mist is as good as thicker, darker mist: a is held about as bright as mist should be (`mist_bounds`). Its
   tint can be told, by dark things, and is held loosely.
 * A sky that is always in the same corner looks like mist there. But mist only adds light: mist_alpha a is no lighter
@@ -130,9 +131,11 @@ class Mist:
             by_colour: of the loss by the mist's light [3].
         """
         config, weights = self._config, time_weights(view, self._n_views, len(self.roots))
-        away = (np.square(self.roots) - self.prior.mean) / np.square(self.prior.deviation)
+        away = np.square(self.roots) - self.prior.mean
         by_roots = weights[:, None, None] * by_knots
-        by_roots += np.float32(4 * config.prior / self.roots.size) * away * self.roots
+        by_roots += np.float32(4 * config.prior / self.roots.size) * self.roots * away / (
+            np.square(self.prior.deviation) + np.square(away)
+        )
         by_roots += np.float32(config.roughness / self.roots[0].size) * roughness_gradient(self.roots)
         lighter = self.colour - self.expected
         by_brightness = np.float32(2 * config.brightness) * lighter.mean()
