@@ -79,7 +79,7 @@ def weighed_mean(sources: Sequence[tuple[NDArray, NDArray]]) -> tuple[NDArray[np
 def _of_knot(
     bounds: MistBounds, network: Callable[[int], NetworkMist | None], knot: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]] | None:
-    """Mean and deviation [h, w] of mist_alpha about the time of a knot as a network predicts it; None if it does not."""
+    """Mean and deviation [h, w] of mist_alpha about the time of a knot, as a network predicts them, if it does."""
     times, height, width = bounds.possible.shape
     near = [mist for view in views_near(knot, bounds.n_views, times) if (mist := network(view)) is not None]
     if not near:
@@ -94,4 +94,5 @@ def _at_knots(plane: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.f
     height, width = plane.shape
     down, across = (np.linspace(0, side, knots) - 0.5 for side, knots in zip((height, width), size, strict=True))
     places = np.meshgrid(across.astype(np.float32), down.astype(np.float32))
-    return np.asarray(cv2.remap(np.float32(plane), *places, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+    values = np.asarray(plane, np.float32)
+    return np.asarray(cv2.remap(values, places[0], places[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))

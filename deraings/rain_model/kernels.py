@@ -50,6 +50,12 @@ LEAST = np.float32(1e-20)  # a sum of weights that is divided by; where it is 0 
 SHORT = np.float32(1e-3)  # length of beta - B that is divided by, at least
 
 
+@inlined
+def mix(alpha, behind, light):
+    """What is seen where the share alpha of `behind` is blocked and as much of `light` added; numbers or tensors."""
+    return behind + alpha * (light - behind)
+
+
 @kernel
 def behind_rain(image, alpha, brightness, out):
     """A view [H, W, 3] behind rain of alpha [H, W] and encoded value `brightness`, into `out`."""
@@ -57,9 +63,8 @@ def behind_rain(image, alpha, brightness, out):
     for row in prange(height):
         a_row, behind, seen = alpha[row], image[row], out[row]
         for i in range(width):
-            added, left = a_row[i] * brightness, ONE - a_row[i]
             for c in range(3):
-                seen[i, c] = left * behind[i, c] + added
+                seen[i, c] = mix(a_row[i], behind[i, c], brightness)
 
 
 @kernel
@@ -72,9 +77,8 @@ def behind_drops(image, alpha, around, light, out):
     for row in prange(height):
         a_row, behind, seen, shining, added = alpha[row], image[row], out[row], around[row], light[row]
         for i in range(width):
-            covered, left = a_row[i], ONE - a_row[i]
             for c in range(3):
-                seen[i, c] = left * behind[i, c] + covered * shining[i, c] + added[i, c]
+                seen[i, c] = mix(a_row[i], behind[i, c], shining[i, c]) + added[i, c]
 
 
 @kernel
@@ -135,7 +139,7 @@ def _add_mist(image, alpha, colour, out):
             behind, seen = image[row], out[row]
             for i in range(n):
                 v, b = share[i], behind[i]
-                misted = encode((ONE - v) * decode(b) + v * tint[i])
+                misted = encode(mix(v, decode(b), tint[i]))
                 seen[i] = misted if v > ZERO else b
 
 
@@ -157,7 +161,7 @@ def _mist_gradient(image, misted, alpha, colour, grad, told, g_image, g_alpha, g
             for i in range(n):
                 v, b, t = share[i], behind[i], seen[i]
                 light = decode(b)
-                mixed = max((ONE - v) * light + v * tint[i], DARK_LIGHT)
+                mixed = max(mix(v, light, tint[i]), DARK_LIGHT)
                 encoding = (t + OFFSET) / (POWER * mixed) if t > DARK else STEEP
                 by_light = t_row[i] * encoding
                 by_alpha[i] = by_light * (tint[i] - light)

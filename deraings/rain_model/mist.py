@@ -133,8 +133,11 @@ class Mist:
         config, weights = self._config, time_weights(view, self._n_views, len(self.roots))
         away = np.square(self.roots) - self.prior.mean
         by_roots = weights[:, None, None] * by_knots
-        by_roots += np.float32(4 * config.prior / self.roots.size) * self.roots * away / (
-            np.square(self.prior.deviation) + np.square(away)
+        by_roots += (
+            np.float32(4 * config.prior / self.roots.size)
+            * self.roots
+            * away
+            / (np.square(self.prior.deviation) + np.square(away))
         )
         by_roots += np.float32(config.roughness / self.roots[0].size) * roughness_gradient(self.roots)
         lighter = self.colour - self.expected

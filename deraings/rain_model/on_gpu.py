@@ -21,11 +21,12 @@ from baselines.training.images import Size
 from deraings.enhancement.mist_branch import decoded, encoded
 from deraings.image_planes import CELLS, Plane, averages_around, product, within_side
 from deraings.rain_model.drops import DropLayer
-from deraings.rain_model.kernels import BRIGHTEST, BRIGHTEST_ENCODED
+from deraings.rain_model.kernels import BRIGHTEST, BRIGHTEST_ENCODED, mix
 from deraings.rain_model.mist import NOISE, Mist, spreading
 from deraings.rain_model.model import DROPS, MIST, RainModel
 from deraings.rain_model.rainfall import MOST, Observation
 
+MIX: Callable = mix.py_func  # type: ignore[attr-defined]  # the kernels' formula, of tensors
 Matrix = Callable[[int, int], NDArray[np.float32]]  # makes one for a line of so many pixels and so many parts or knots
 
 
@@ -171,13 +172,13 @@ class RainOnGPU:
 
 def behind_rain(image: Tensor, alpha: Tensor, brightness: float) -> Tensor:
     """A view [H, W, 3] behind rain of alpha [H, W] or [1, 1] and encoded value `brightness`."""
-    return (1 - alpha[..., None]) * image + brightness * alpha[..., None]
+    return MIX(alpha[..., None], image, brightness)
 
 
 def behind_mist(image: Tensor, mist: MistOnGPU) -> Tensor:
     """A view [H, W, 3] behind mist, mixed in linear light; exactly the view where there is none."""
     alpha = mist.alpha[..., None]
-    light = (1 - alpha) * decoded(_clipped(image, float(BRIGHTEST_ENCODED))) + alpha * mist.colour
+    light = MIX(alpha, decoded(_clipped(image, float(BRIGHTEST_ENCODED))), mist.colour)
     return torch.where(alpha > 0, encoded(_clipped(light, float(BRIGHTEST))), image)
 
 
@@ -197,8 +198,7 @@ def behind_drops(image: Tensor, around: Tensor, layer: DropLayer) -> tuple[Tenso
     """
     planes = sent(np.concatenate([layer.alpha[None], np.moveaxis(layer.light, 2, 0)]))
     alpha, *light = enlarged(planes, (image.shape[0], image.shape[1]))
-    cover = alpha[..., None]
-    return (1 - cover) * image + cover * around + torch.stack(light, dim=2), alpha
+    return MIX(alpha[..., None], image, around) + torch.stack(light, dim=2), alpha
 
 
 def enlarged(planes: Tensor, size: Size) -> Tensor:
