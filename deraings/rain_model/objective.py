@@ -33,6 +33,7 @@ GOLDEN = (5**0.5 - 1) / 2  # multiples of it, modulo 1, are spread evenly over [
 KEPT_OF = 12  # one of so many views is kept from the scene at first
 LEAST_VIEWS = 24  # fewer lack each one that is kept
 STANDARD_ERRORS = 2.0
+LEAST_ERROR = 1e-6  # of a mean gain
 
 
 class RainObjective(Objective):
@@ -215,13 +216,14 @@ class EnhancedTargets:
 
 
 class Trial:
-    """Whether layers on the lens predict photographs better than their absence does.
+    """Whether layers on the lens predict photographs worse than their absence does.
 
     One view in KEPT_OF is kept from the scene at first. The scene that the others learn, seen through what is on the
     lens, predicts the kept photograph. A layer's gain g is the mean absolute error without it less that with it, after
     gain and offset of each channel have been fitted to the photograph in both cases: a scene that has been learned
-    through even mist is darker, and would seem to need it. At the end of the trial a layer counts if the mean g is
-    more than two standard errors above 0. Of few views none is kept, and all layers count.
+    through even mist is darker, and would seem to need it. At the end of the trial a layer counts no more if the mean
+    g is more than two standard errors below 0. Even mist has no gain, as it cannot be told from a pale scene: priors
+    decide on it, and on everything where there are too few views to keep one.
     """
 
     def __init__(self, model: RainModel, n_views: int, first: int, last: int) -> None:
@@ -233,7 +235,7 @@ class Trial:
     def keeps(self, view: int, iteration: int) -> bool:
         """Whether a view is kept from the scene in this step; decides once, when the trial is over."""
         if iteration >= self._last and self._kept:
-            self._model.off |= {layer for layer, gains in self.gains.items() if gains and not _helps(gains)}
+            self._model.off |= {layer for layer, gains in self.gains.items() if _in_errors(gains) < -STANDARD_ERRORS}
             self._kept = set()
         return view in self._kept
 
@@ -270,14 +272,11 @@ def prediction_error(seen: Image, target: Target) -> float:
     return float(np.abs(true - true_mean - gain * (found - mean)).mean())
 
 
-def _helps(gains: list[float]) -> bool:
-    return _in_errors(gains) > STANDARD_ERRORS
-
-
 def _in_errors(gains: list[float]) -> float:
-    """The mean of gains in standard errors of the mean."""
-    error = np.std(gains, ddof=1) / np.sqrt(len(gains)) if len(gains) > 1 else np.inf
-    return float(np.mean(gains) / max(error, 1e-9))
+    """The mean of gains in standard errors of the mean; 0 where there are fewer than two."""
+    if len(gains) < 2:
+        return 0.0
+    return float(np.mean(gains) / max(np.std(gains, ddof=1) / np.sqrt(len(gains)), LEAST_ERROR))
 
 
 def _finite(image: Image) -> tuple[Image, Plane | None]:
