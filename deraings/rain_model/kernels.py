@@ -193,21 +193,6 @@ def toward_rain(photograph, seen, brightness, left, along, length):
 
 
 @kernel
-def cover(photograph, dry, brightness, least, alpha):
-    """Fills alpha [H, W], see `rain_layer.alpha_between`; `least` is added to the square of the contrast."""
-    height, width = alpha.shape
-    for row in prange(height):
-        p, d, a_row = photograph[row], dry[row], alpha[row]
-        for i in range(width):
-            product, square = ZERO, ZERO
-            for c in range(3):
-                contrast = max(brightness - d[i, c], ZERO)
-                product += (p[i, c] - d[i, c]) * contrast
-                square += contrast * contrast
-            a_row[i] = product / (square + least)
-
-
-@kernel
 def line_sums(along, around, clear, limit, sums):
     """Sums [BANDS, 3] of x, x^2 and x^3 with x = along - around [h, w], cut off at +-limit, over what is `clear`."""
     height, width = along.shape
@@ -351,7 +336,6 @@ def exercise_kernels() -> None:
     behind_drops(pixel, plane, pixel, pixel, np.empty_like(pixel))
     shade(pixel, plane, np.empty_like(pixel))
     toward_rain(pixel, pixel, ONE, ONE, plane, np.empty_like(plane))
-    cover(pixel, pixel, ONE, ONE, plane)
     line_sums(plane, plane, shown, ONE, np.zeros((BANDS, 3)))
     add_view(pixel, pixel, pixel, shown, ONE, ONE, sums[0])
     fit_lines(sums, np.ones(1, np.float32), plane.copy(), ONE, plane, pixel)

@@ -22,7 +22,7 @@ from baselines.training.images import Size
 from deraings.enhancement.views import EnhancedViews
 from deraings.image_planes import Plane, resized, within_side
 from deraings.rain_model.config import RainfallConfig
-from deraings.rain_model.kernels import behind_rain, cover, shade
+from deraings.rain_model.kernels import behind_rain, shade
 from deraings.rain_model.streak_statistics import (
     ANGLES,
     LEAST,
@@ -32,7 +32,7 @@ from deraings.rain_model.streak_statistics import (
     line_powers,
     streak_angle,
 )
-from deraings.rain_model.streaks import LONG_SIDE, MIN_CONTRAST, SingleStreaks, along_rain
+from deraings.rain_model.streaks import LONG_SIDE, SingleStreaks, alpha_along, along_rain
 from hydroviews.scene.images import Image
 
 THIRDS = np.full(3, 1 / 3, np.float32)
@@ -238,9 +238,8 @@ def alpha_between(photograph: Image, dry: Image, brightness: float) -> Plane:
 
     Least squares over the channels of O - B = rain_alpha (beta - B), which tells little where B is near to beta.
     """
-    alpha = np.empty(photograph.shape[:2], np.float32)
-    cover(photograph, dry, np.float32(brightness), np.float32(MIN_CONTRAST**2), alpha)
-    return alpha
+    along, length = along_rain(photograph, dry, 0.0, brightness)
+    return alpha_along(along, length)
 
 
 def _small(plane: Plane) -> Plane:

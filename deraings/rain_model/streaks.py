@@ -74,8 +74,7 @@ class SingleStreaks:
             self._add_power(spectrum, angle)
             return
         streaks = fft.irfft2(spectrum * self.gain, self._canvas)[: size[0], : size[1]]
-        contrast = resized(contrast, size)
-        found = streaks * contrast / (contrast**2 + np.float32(MIN_CONTRAST**2))
+        found = alpha_along(streaks, resized(contrast, size))
         self._add_deviation(view, found if prior is None else (found + resized(prior, size)) / 2)
 
     def _add_power(self, spectrum: NDArray[np.complexfloating], angle: float) -> None:
@@ -131,6 +130,11 @@ def along_rain(photograph: Image, seen: Image, even: float, brightness: float) -
     along, length = np.empty((2, *photograph.shape[:2]), np.float32)
     toward_rain(photograph, seen, np.float32(brightness), np.float32(1 - even), along, length)
     return along, length
+
+
+def alpha_along(along: Plane, length: Plane) -> Plane:
+    """The rain_alpha [H, W] of what `along_rain` returns; near 0 where the contrast to rain is small."""
+    return along * length / (np.square(length) + np.float32(MIN_CONTRAST**2))
 
 
 def wiener_gain(power: NDArray, width: int, angle: float, wedge: float, side: int) -> Plane:
