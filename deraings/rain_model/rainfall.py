@@ -32,7 +32,7 @@ from deraings.rain_model.streak_statistics import (
     line_powers,
     streak_angle,
 )
-from deraings.rain_model.streaks import LONG_SIDE, SingleStreaks, alpha_along, along_rain
+from deraings.rain_model.streaks import LONG_SIDE, SingleStreaks, along_rain, alpha_along
 from hydroviews.scene.images import Image
 
 THIRDS = np.full(3, 1 / 3, np.float32)
