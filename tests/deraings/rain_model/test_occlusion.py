@@ -27,8 +27,9 @@ def renewed(seed=0, drops=30):
     """Covers of small drops that are new in every view."""
     rng, planes = np.random.default_rng(seed), np.zeros((COUNT, *SIZE), np.float32)
     for plane in planes:
-        for row, column in rng.integers(0, (SIZE[0] - DROP, SIZE[1] - DROP), (drops, 2)):
-            plane[row : row + DROP, column : column + DROP] = 0.8
+        for row, column in rng.integers(0, SIZE, (drops, 2)):  # edges have as many: they go on at the other side
+            rows, columns = (np.arange(start, start + DROP) % side for start, side in zip((row, column), SIZE, strict=True))
+            plane[np.ix_(rows, columns)] = 0.8
     return planes
 
 
