@@ -81,9 +81,7 @@ def test_other_weights_enhance_anew(scene, weights, tmp_path):
 @pytest.mark.parametrize("foggy", [False, True])
 def test_mist_is_not_taken_off_where_it_is_foggy(scene, weights, tmp_path, monkeypatch, caplog, foggy):
     asked = []
-    monkeypatch.setattr(
-        enhanced_method, "may_remove_mist", lambda images, points: asked.append(points()) or not foggy
-    )
+    monkeypatch.setattr(enhanced_method, "may_remove_mist", lambda images, points: asked.append(points()) or not foggy)
 
     def enhance(image, enhancer, remove_mist, lens):
         return Enhanced(image * np.float32(0.5 + 0.5 * remove_mist), None, None)

@@ -83,13 +83,6 @@ def test_photographs_that_hide_everything_may_have_any_mist_that_is_even():
     assert np.isfinite(bounds.colour).all()
 
 
-def test_possible_mist_lies_above_the_least_of_the_lens():
-    bounds = mist_bounds(pictures_behind(0.4))
-    assert bounds.possible.min() == 0
-    assert bounds.max_alpha - bounds.possible == pytest.approx(bounds.max_alpha.min(), abs=1e-6)
-    assert bounds.possible[0, :, -1].mean() > 0.25 > 0.1 > bounds.possible[0, :, 0].mean()
-
-
 def test_between_knots_possible_mist_is_linear_in_place_and_time():
     possible = np.float32([[[0, 0.2], [0, 0.2]], [[0.4, 0.6], [0.4, 0.6]]])
     bounds = MistBounds(3, np.ones(3, np.float32), possible, possible, [None] * 3)

@@ -117,10 +117,6 @@ def test_without_drops_none_are_found(views):
     assert (alpha_of(watch(scene, photographs)) > 0.5).mean() < 0.05
 
 
-def test_lines_alone_would_take_what_is_learned_wrong_for_drops():
-    assert (alpha_of(watch(*learned_wrong(), ANYWHERE))[:25] > 0.5).mean() > 0.5
-
-
 def test_a_drop_before_a_scene_that_is_learned_wrong_is_found():
     alpha = alpha_of(watch(scene_of(24, seed=7), behind_drops(scene_of(24))))
     assert (alpha[DISK] > 0.5).mean() > 0.8
@@ -197,14 +193,6 @@ def test_views_are_counted_up_to_what_running_means_remember():
     assert few.views_added(0) == pytest.approx(MIN_WINDOW, rel=1e-3)
 
 
-def test_before_any_view_nothing_is_known():
-    drops = looked_at(scene_of(14))
-    layer = drops.layer(0, SIZE)
-    assert drops.views_added(0) == 0
-    assert not layer.alpha.any()
-    assert not layer.light.any()
-
-
 def test_large_views_are_looked_at_smaller_and_layers_have_any_size():
     scene = scene_of(14)
     drops = watch(scene, behind_drops(scene), DropsConfig(long_side=40))
@@ -212,13 +200,10 @@ def test_large_views_are_looked_at_smaller_and_layers_have_any_size():
     for size in (SIZE, (23, 31)):
         layer = drops.layer(0, size)
         assert (layer.alpha.shape, layer.light.shape) == (size, (*size, 3))
-        rows, columns = (slice(s.start * n // m + 2, s.stop * n // m - 2) for s, n, m in zip(DISK, size, SIZE, strict=True))
+        rows, columns = (
+            slice(s.start * n // m + 2, s.stop * n // m - 2) for s, n, m in zip(DISK, size, SIZE, strict=True)
+        )
         assert layer.alpha[rows, columns].mean() > 0.8
-
-
-def test_views_are_added_every_so_many_iterations():
-    drops = looked_at(scene_of(2), DropsConfig(every=3))
-    assert [iteration for iteration in range(8) if drops.due(iteration)] == [0, 3, 6]
 
 
 def test_what_drops_show_and_what_is_left_of_a_gradient_are_the_plain_formulas():
@@ -227,7 +212,9 @@ def test_what_drops_show_and_what_is_left_of_a_gradient_are_the_plain_formulas()
     alpha = rng.uniform(0, 1, (13, 17)).astype(np.float32)
     layer, buffers = DropLayer(alpha, light), BufferPool()
     left = (1 - alpha)[..., None]
-    assert np.allclose(layer.forward(image, buffers), left * image + (1 - left) * surroundings(image) + light, atol=1e-6)
+    assert np.allclose(
+        layer.forward(image, buffers), left * image + (1 - left) * surroundings(image) + light, atol=1e-6
+    )
     assert np.allclose(layer.backward(gradient, buffers), left * gradient, atol=1e-6)
 
 
@@ -282,14 +269,3 @@ def test_each_shape_has_its_drops_and_they_come_back(two_shapes, caplog):
         assert alpha[PLACES[view]].mean() > 0.6
         alpha[PLACES[view]] = 0
         assert alpha.mean() < 0.05
-
-
-def test_photographs_of_one_shape_are_one_lens(two_shapes, caplog):
-    scene, photographs = two_shapes
-    with caplog.at_level("INFO"):
-        mixed, alone = looked_at(photographs), looked_at(photographs[::2])
-    assert caplog.text.count("shapes") == 1
-    for view in range(12):
-        mixed.update(photographs[2 * view], scene[2 * view], 2 * view)
-        alone.update(photographs[2 * view], scene[2 * view], view)
-    assert np.array_equal(mixed.layer(4, WIDE).alpha, alone.layer(2, WIDE).alpha)

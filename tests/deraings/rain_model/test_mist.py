@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import panorama
 import pytest
+from pretended_network import PretendedNetwork
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import photometric_loss, prepare_target
@@ -15,7 +16,6 @@ from deraings.rain_model.mist import (
     Mist,
     MistGradient,
     difference_gradient,
-    roughness_gradient,
     spreading,
 )
 
@@ -57,8 +57,9 @@ def push(mist, by_roots=0.0, by_colour=0.0, iteration=0):
 def test_mist_converges_to_the_truth_from_whatever_was_expected(scene):
     true = panorama.slanted_mist(0.4)
     for predicted in (None, 0.0, 0.4):
-        light = None if predicted is None else np.full((16, 16), predicted * AIR.mean(), np.float32)
-        network = (lambda _: None) if light is None else lambda _, m=NetworkMist(light, light): m
+        light = np.full((16, 16), (predicted or 0) * AIR.mean(), np.float32)
+        mist = None if predicted is None else NetworkMist(light, light)
+        network = PretendedNetwork(mist=mist).lens_mist
         found = learn(scene, panorama.misted(scene, true, AIR), network=network).alpha(0, SIZE)
         assert np.sqrt(np.mean((found - true) ** 2)) < 0.06
         assert np.corrcoef(found.ravel(), true.ravel())[0, 1] > 0.95
@@ -68,13 +69,6 @@ def test_mist_converges_to_the_truth_from_whatever_was_expected(scene):
 def test_dry_views_and_fog_in_the_scene_have_next_to_none(paler):
     scene = panorama.views_of(panorama.paint() * (1 - paler) + 0.7 * paler, COUNT)
     assert learn(scene, scene).alpha(0, SIZE).mean() < 0.02
-
-
-def test_mist_begins_as_it_is_expected(pictures):
-    mist = Mist(pictures, STEPS, MistConfig())
-    assert np.square(mist.roots) == pytest.approx(mist.prior.mean, abs=2e-3)
-    assert mist.alpha(0, SIZE).max() > 0.1
-    assert np.array_equal(mist.colour, mist.expected)
 
 
 @pytest.mark.parametrize("start", [0.05, 0.3])
@@ -200,34 +194,10 @@ def test_a_picture_that_is_all_mist_stays_finite():
     assert mist.alpha(0, SIZE).max() <= MOST_ALPHA + 1e-6
 
 
-def test_hidden_pixels_say_nothing_of_mist(pictures):
-    """Black holes would say that there is no mist behind them."""
-    hidden = np.zeros(SIZE, bool)
-    hidden[:20] = True
-    black = [np.where(hidden[..., None], 0, picture).astype(np.uint8) for picture in pictures]
-    whole, masked, holed = (
-        Mist(views, STEPS, MistConfig(), masks).alpha(0, SIZE)[:16, -10:].mean()
-        for views, masks in ((pictures, ()), (black, [hidden] * COUNT), (black, ()))
-    )
-    assert masked > 0.5 * whole
-    assert holed < 0.2 * whole
-
-
 def test_knots_are_spread_linearly_with_the_outermost_on_the_edge():
     spread = spreading(5, 2) @ np.array([[0, 1], [2, 3]]) @ spreading(3, 2).T
     expected = 2 * (np.arange(5)[:, None] + 0.5) / 5 + (np.arange(3) + 0.5) / 3
     assert spread == pytest.approx(expected, abs=1e-6)
-
-
-def test_roughness_gradient_agrees_with_differences():
-    knots = np.random.default_rng(0).standard_normal((3, 4, 5))
-
-    def roughness(values):
-        return sum((np.diff(values, axis=axis) ** 2).sum() for axis in range(3)) / 2
-
-    moved = knots.copy()
-    moved[1, 2, 3] += 1e-6
-    assert roughness_gradient(knots)[1, 2, 3] == pytest.approx((roughness(moved) - roughness(knots)) / 1e-6, abs=1e-4)
 
 
 def test_the_gradient_of_differences_is_the_sign_and_weighed():

@@ -113,17 +113,6 @@ def test_only_update_learns(model, views):
         assert not same(*({n: v for n, v in state.items() if n.startswith(part)} for state in (before, after)))
 
 
-def test_drops_are_learned_from_every_second_view(model, views):
-    photographs, scene = views
-    for iteration, learns in ((60, True), (61, False), (62, True)):
-        sums, buffers = model.drops.lenses[0].sums, BufferPool()
-        before = sums.copy()
-        seen, observed = model.forward(scene[3], 3, iteration, buffers), Observation(photographs[3], None, None, None)
-        _, by_mist = model.backward(seen, np.ones((*SIZE, 3), np.float32), observed, buffers)
-        model.update(seen, observed, by_mist, buffers)
-        assert np.array_equal(before, sums) != learns
-
-
 def test_an_update_leaves_what_was_seen_as_it_was(model, views):
     """Views without their single streaks are rendered for it, in the same buffers."""
     photographs, scene = views
@@ -195,12 +184,6 @@ def test_a_layer_that_is_left_out_or_off_is_not_seen_through(model, views, layer
 def test_drops_do_not_count_before_their_start(model, views):
     assert model.forward(views[1][3], 3, 4, BufferPool()).drops is None
     assert model.forward(views[1][3], 3, 5, BufferPool()).drops is not None
-
-
-def test_pixels_count_as_much_as_drops_leave_of_them(model):
-    target = prepare_target(np.zeros((*SIZE, 3), np.uint8))
-    weights = model.weights(lambda: None, target, 3, 60)
-    assert weights == pytest.approx(1 - model.drop_alpha(3, SIZE), abs=1e-6)
 
 
 def test_what_a_network_predicts_is_evidence_of_each_layer(views):

@@ -81,14 +81,6 @@ def test_a_view_that_is_nearly_all_light_tells_nothing(scene):
     assert not watch(photographs, seen).powers.any()
 
 
-def test_black_holes_in_renders_hide_no_rain(scene):
-    photographs, layers = rained_on(scene)
-    seen = learned(scene, float(np.median(layers)))
-    holed = seen.copy()
-    holed[:, :4, 20:60] = 0  # 0.8 %, where nothing has been learned yet
-    assert watch(photographs, holed).even_alpha == pytest.approx(watch(photographs, seen).even_alpha, abs=0.015)
-
-
 def test_few_updates_say_nothing(scene):
     photographs, layers = rained_on(scene)
     seen = learned(scene, float(np.median(layers)))
@@ -153,45 +145,6 @@ def test_a_network_is_not_asked_where_it_does_not_rain(scene):
     network = PretendedNetwork(scene)
     watch(scene, learned(scene, 0), network=network)
     assert not network.asked
-
-
-def test_a_network_is_not_heard_on_hidden_pixels(scene):
-    shown = np.ones(SIZE, np.float32)
-    shown[:, :60] = 0
-    rain, network, _ = seen_by_a_network(scene, 0.5, shown)
-    changed = [picture.copy() for picture in network.pictures]
-    for picture in changed:
-        picture[:, :60] = 0
-    photographs, layers = rained_on(scene)
-    again = PretendedNetwork()
-    again.pictures = changed
-    other = watch(photographs, learned(scene, float(np.median(layers))), network=again, rounds=4, shown=shown)
-    assert rain.predicted[1] > 0
-    assert np.array_equal(rain.predicted, other.predicted)
-    assert rain.even_alpha == pytest.approx(other.even_alpha, rel=0.05)
-
-
-def test_what_was_learned_comes_back(scene):
-    rain, network, _ = seen_by_a_network(scene, 0.5)
-    photographs, layers = rained_on(scene)
-    seen = learned(scene, float(np.median(layers)))
-    again = Rainfall([SIZE] * COUNT, STEPS, 0, CONFIG, network)
-    for (_, part), (_, old) in zip(again.parts(), rain.parts(), strict=True):
-        part.load_state_dict({name: value.copy() for name, value in old.state_dict().items()})
-    for one in (rain, again):
-        for view in range(COUNT):
-            one.update(Observation(photographs[view], None, None, None), seen[view], view, iteration=31)
-    assert rain.even_alpha == again.even_alpha > 0
-    assert np.array_equal(rain.rain_alpha(3, SIZE), again.rain_alpha(3, SIZE))
-
-
-def test_a_view_behind_rain_and_its_gradient_are_the_plain_formulas(scene):
-    rain, image = Rainfall([SIZE] * COUNT, STEPS, 0, CONFIG), scene[0].astype(np.float32)
-    alpha = np.random.default_rng(0).uniform(0, 1, SIZE).astype(np.float32)
-    left = (1 - alpha)[..., None]
-    expected = left * image + alpha[..., None] * np.float32(rain.brightness)
-    assert np.allclose(rain.forward(image, alpha, np.empty_like(image)), expected, atol=1e-6)
-    assert np.allclose(rain.backward(image, alpha, np.empty_like(image)), left * image, atol=1e-6)
 
 
 def test_a_dry_picture_tells_alpha(scene):

@@ -6,7 +6,6 @@ from pretended_network import PretendedNetwork
 from scipy import fft
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.objective import Objective
 from baselines.training.images import TrainingImages
 from deraings.image_planes import resized
 from deraings.rain_model.config import RainConfig, RainfallConfig
@@ -79,14 +78,6 @@ def test_streaks_are_found(scene, angle):
     assert (heavy & guessed).sum() > 0.25 * heavy.sum()
 
 
-def test_the_wrong_direction_finds_little(scene):
-    covers = layers()
-    even = float(np.median(covers))
-    streaks = watch(rained_on(scene, covers), learned(scene), even, 165)
-    found = np.stack([streaks.deviation(view) for view in range(COUNT)])
-    assert np.sqrt(np.mean(found**2)) < 0.2 * covers.std()
-
-
 def test_without_streaks_hardly_anything_is_found(scene):
     streaks = watch(scene, learned(scene), 0.0)
     found = np.stack([streaks.deviation(view) for view in range(COUNT)])
@@ -146,40 +137,6 @@ def test_what_was_found_is_the_mean_over_visits():
     assert np.allclose(streaks.deviation(0), 0.2, atol=0.005)
 
 
-def test_a_renewal_forgets_the_power_of_before(scene):
-    """What was not learned then would be taken for rain for ever."""
-    streaks = watch(rained_on(scene, layers()), learned(scene), 0.15, rounds=1)
-    streaks.renew()
-    for view in range(COUNT):
-        streaks.update(np.zeros(SIZE, np.float32), np.full(SIZE, 0.5, np.float32), 75, view)
-    assert not streaks.gain.any()
-
-
-def test_nothing_is_said_before_the_spectra_are_known_nor_renewed_after_the_visits(scene):
-    photographs = rained_on(scene, layers())
-    assert watch(photographs, learned(scene), 0.15, rounds=1).deviation(0) is None
-    streaks = watch(photographs, learned(scene), 0.15, rounds=3, visits=2)
-    assert streaks.deviation(0).shape == SIZE
-    assert not any(streaks.due(view) for view in range(COUNT))
-
-
-def test_large_views_are_looked_at_smaller(scene):
-    size = (600, 800)
-    streaks = streaks_of([size])
-    assert streaks.due(0)
-    rng = np.random.default_rng(0)
-    for _ in range(2):
-        streaks.update(rng.standard_normal(size).astype(np.float32), np.full(size, 0.5, np.float32), 90, 0)
-    assert streaks.deviation(0).shape == (360, 480)
-
-
-def test_power_that_is_alike_in_all_directions_is_no_rain():
-    power = np.abs(fft.rfft2(np.random.default_rng(1).standard_normal((300, 64, 81)))) ** 2
-    gain = wiener_gain(power.mean(axis=0), 81, 75, WEDGE, SMOOTH)
-    assert gain.max() < 0.15
-    assert gain[0, 0] < 0.1
-
-
 @pytest.mark.parametrize("width", [80, 81])
 def test_power_along_one_direction_is_passed_across_it(width):
     """Waves that run across rain of 45 degrees: up and to the left."""
@@ -189,12 +146,6 @@ def test_power_along_one_direction_is_passed_across_it(width):
     assert gain[power > 5].mean() == pytest.approx(0.9, abs=0.01)
     assert gain[power < 5].max() == 0
     assert wiener_gain(power, width, 135, WEDGE, 1).max() < 0.01
-
-
-def test_a_larger_alpha_is_along_the_rain(scene):
-    seen = scene[0] * 0.9 + 0.1 * BETA
-    along, contrast = along_rain(scene[0] * 0.7 + 0.3 * BETA, seen, 0.1, BETA)
-    assert np.allclose(along, 0.2 * contrast, atol=1e-5)
 
 
 EAGER = RainConfig(
@@ -268,26 +219,6 @@ def test_what_is_hidden_has_no_streaks_and_does_not_thin_the_rain_that_a_network
     found = np.stack([rain.deviation(view) for view in range(COUNT)])
     assert found[:, :50].any()
     assert not found[:, 50:].any()
-
-
-def test_in_dry_weather_it_is_the_plain_loss(scene):
-    ours, plain = objective_of(scene, WARY), Objective(TrainingImages([to_uint8(view) for view in scene]))
-    images = learned(scene)
-    for (loss, gradient), (expected, g) in zip(steps(ours, images, 0, 40), steps(plain, images, 0, 40), strict=True):
-        assert loss == expected
-        assert np.array_equal(gradient, g)
-    assert ours.report()["streaks"] == 0
-
-
-def test_streaks_are_taken_anew_as_the_training_goes_on(scene):
-    rain = Rainfall([SIZE], 100, 0, RainfallConfig())
-    renewed = []
-    for iteration in range(100):
-        rain.streaks.visits[:] = 3
-        rain.begin(iteration)
-        if not rain.streaks.visits.any():
-            renewed.append(iteration)
-    assert renewed == [45, 65]
 
 
 def certain_rain(certainty=1.0):

@@ -42,12 +42,6 @@ def test_the_share_of_steps_is_in_proportion_to_what_is_change_and_not_error(cer
     assert targets.share == pytest.approx((1 + certain) / 2)
 
 
-def test_steps_with_enhanced_photographs_are_spread_evenly():
-    due = np.flatnonzero([targets_of(lambda _: 0.5).due(0, iteration) for iteration in range(1000)])
-    assert 1 <= np.diff(due).min()
-    assert np.diff(due).max() <= 4
-
-
 @pytest.fixture(scope="module")
 def scene():
     return panorama.views_of(panorama.paint(), COUNT)
