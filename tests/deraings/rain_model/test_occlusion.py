@@ -48,7 +48,6 @@ def test_all_of_the_cover_of_drops_that_stay_recurs():
 def test_none_of_the_cover_of_drops_that_are_new_in_every_view_recurs():
     assert np.mean([occlusion_of(renewed(seed)).recurring for seed in range(5)]) < 0.1
     assert occlusion_of(np.zeros((COUNT, *SIZE), np.float32)).recurring == 0
-    assert occlusion_of(np.full((COUNT, *SIZE), 0.3, np.float32)).recurring == 0  # even cover says nothing
 
 
 def test_the_cover_that_recurs_is_left_to_the_lines():

@@ -124,15 +124,6 @@ def test_a_harmful_layer_is_switched_off(scene, harmful):
     assert harmful not in model.needed()
 
 
-def test_even_mist_gains_nothing(scene):
-    """It cannot be told from a scene of less contrast: gain and offset are fitted to the photographs."""
-    model = model_of(panorama.misted(scene, np.full(SIZE, 0.3), np.float32([0.6, 0.6, 0.6])))
-    model.mist.roots[:] = 0.1
-    trial = tried(model, scene, scene)
-    assert MIST not in model.off
-    assert abs(np.mean(trial.gains[MIST])) < 1e-3
-
-
 def test_gains_are_counted_in_the_second_half_of_the_trial_alone(scene, wet):
     model, buffers = model_of(wet), BufferPool()
     trial, target = Trial(model, COUNT, FIRST, LAST), prepare_target(panorama.eight_bit(wet)[6])
