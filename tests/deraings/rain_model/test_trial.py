@@ -105,8 +105,9 @@ def test_a_helpful_layer_stays(scene, wet):
     model.drops.layer = lambda *_: with_drop(1.0)
     trial = tried(model, scene, wet)
     assert model.off == set()
-    assert trial.report()["drops_gain"] > 2
-    assert trial.report()["mist_gain"] > 2
+    for layer in (DROPS, MIST):
+        assert np.mean(trial.gains[layer]) > 0
+        assert trial.report()[f"{layer}_gain"] > 0
 
 
 @pytest.mark.parametrize("harmful", [DROPS, MIST])
