@@ -8,7 +8,7 @@ import pytest
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from deraings.image_planes import surroundings
 from deraings.rain_model.config import DropsConfig
-from deraings.rain_model.drops import MIN_WINDOW, DropLayer, Drops
+from deraings.rain_model.drops import MIN_WINDOW, Drops
 from hydroviews.scene.images import to_uint8
 
 DISK = (slice(18, 30), slice(25, 37))  # of the lens, in pixels
@@ -204,18 +204,6 @@ def test_large_views_are_looked_at_smaller_and_layers_have_any_size():
             slice(s.start * n // m + 2, s.stop * n // m - 2) for s, n, m in zip(DISK, size, SIZE, strict=True)
         )
         assert layer.alpha[rows, columns].mean() > 0.8
-
-
-def test_what_drops_show_and_what_is_left_of_a_gradient_are_the_plain_formulas():
-    rng = np.random.default_rng(0)
-    image, light, gradient = rng.uniform(0, 1, (3, 13, 17, 3)).astype(np.float32)
-    alpha = rng.uniform(0, 1, (13, 17)).astype(np.float32)
-    layer, buffers = DropLayer(alpha, light), BufferPool()
-    left = (1 - alpha)[..., None]
-    assert np.allclose(
-        layer.forward(image, buffers), left * image + (1 - left) * surroundings(image) + light, atol=1e-6
-    )
-    assert np.allclose(layer.backward(gradient, buffers), left * gradient, atol=1e-6)
 
 
 def test_lines_are_those_of_least_squares_over_the_views():

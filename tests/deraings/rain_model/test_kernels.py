@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from deraings.rain_model.kernels import BANDS, add_mist, behind_rain, line_sums, mist_gradient, shade
+from deraings.rain_model.kernels import add_mist, mist_gradient
 from hydroviews.scene.images import to_linear, to_srgb
 
 SHAPE = 13, 17, 3
@@ -74,22 +74,3 @@ def test_pixels_brighter_than_white_stay_finite():
     assert np.isfinite(out).all()
     assert np.isfinite(g_image).all()
     assert np.isfinite(g_alpha).all()
-
-
-def test_a_view_behind_rain_and_what_is_left_of_a_gradient_are_the_plain_formulas(picture):
-    image, alpha = picture
-    seen, left = np.empty_like(image), np.empty_like(image)
-    behind_rain(image, alpha, np.float32(0.88), seen)
-    shade(image, alpha, left)
-    passing = (1 - alpha.astype(np.float64))[..., None]
-    assert seen == pytest.approx(passing * image + (1 - passing) * 0.88, abs=1e-6)
-    assert left == pytest.approx(passing * image, abs=1e-6)
-
-
-def test_sums_along_lines_are_those_of_what_is_clear_and_cut_off():
-    rng = np.random.default_rng(0)
-    along, around = rng.standard_normal((2, 37, 21)).astype(np.float32)
-    clear, sums = rng.random((37, 21)) > 0.3, np.empty((BANDS, 3))
-    line_sums(along, around, clear, np.float32(1.5), sums)
-    x = np.clip((along - around).astype(np.float64), -1.5, 1.5)[clear]
-    assert sums.sum(axis=0) == pytest.approx([x.sum(), (x**2).sum(), (x**3).sum()], rel=1e-4, abs=1e-3)

@@ -1,4 +1,3 @@
-
 import numpy as np
 import panorama
 import pytest

@@ -126,18 +126,6 @@ def test_an_update_leaves_what_was_seen_as_it_was(model, views):
     assert all(np.array_equal(a, b) for a, b in zip(kept, (seen.image, seen.without_drops, seen.rained), strict=True))
 
 
-def test_it_comes_back_from_its_state(model, views):
-    photographs, scene = views
-    again = RainModel(TrainingImages(panorama.eight_bit(photographs)), STEPS, CONFIG)
-    again.load_state_dict(state_of(model))
-    for i in range(60, 75):
-        one, other = (
-            step(m, photographs[i % COUNT], scene[i % COUNT], i % COUNT, i, BufferPool()) for m in (model, again)
-        )
-        assert np.array_equal(one[1], other[1])
-    assert same(state_of(model), state_of(again))
-
-
 def test_drops_are_learned_from_what_is_seen_without_drops(model, views, monkeypatch):
     """Seen through the drops that are known already, photographs would follow it: they would be forgotten."""
     photographs, scene = views

@@ -78,12 +78,6 @@ def test_streaks_are_found(scene, angle):
     assert (heavy & guessed).sum() > 0.25 * heavy.sum()
 
 
-def test_without_streaks_hardly_anything_is_found(scene):
-    streaks = watch(scene, learned(scene), 0.0)
-    found = np.stack([streaks.deviation(view) for view in range(COUNT)])
-    assert np.sqrt(np.mean(found**2)) < 0.25 * layers().std()
-
-
 def test_how_far_a_photograph_is_towards_rain_is_the_plain_formula():
     rng = np.random.default_rng(0)
     photograph, seen = rng.uniform(0, 1, (2, 9, 14, 3)).astype(np.float32)
@@ -92,24 +86,6 @@ def test_how_far_a_photograph_is_towards_rain_is_the_plain_formula():
     along, reach = along_rain(photograph, seen, 0.1, BETA)
     assert np.allclose(reach, length, atol=1e-5)
     assert np.allclose(along, ((photograph - seen) * contrast).sum(axis=2) / np.maximum(length, 1e-3), atol=1e-5)
-
-
-def test_a_prior_counts_as_much_as_the_differences(scene):
-    covers = layers()
-    even, photographs, known = float(np.median(covers)), rained_on(scene, covers), learned(scene)
-    alone, helped = (streaks_of() for _ in range(2))
-    blind = np.random.default_rng(1).normal(0, 0.5, (COUNT, *SIZE)).astype(np.float32) * covers.std()
-    for _ in range(2):
-        for view in range(COUNT):
-            seen = (known[view] * (1 - even) + even * BETA).astype(np.float32)
-            observed = *along_rain(photographs[view], seen, even, BETA), 75, view
-            alone.update(*observed)
-            helped.update(*observed, covers[view] - even + blind[view])
-    errors = [
-        np.mean([np.mean((alpha_of(s, view, even) - covers[view]) ** 2) for view in range(COUNT)])
-        for s in (alone, helped)
-    ]
-    assert errors[1] < 0.7 * errors[0]
 
 
 def test_what_was_found_is_kept_until_it_is_found_anew(scene):
