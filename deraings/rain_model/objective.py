@@ -106,11 +106,11 @@ class RainObjective(Objective):
         seen = self._on_gpu.forward(render, view, iteration)
         left = self.weights(cache(lambda: fetched(seen.image)), view, size, iteration, buffers)
         weights = None if left is None else sent(left)
-        learn = partial(self._on_gpu.update, seen, target, weights, buffers)
         if self.enhanced and self.enhanced.due(view, iteration):
             enhanced, certain = self.enhanced.target(view, size)
+            learn = partial(self._on_gpu.update, seen._replace(mist=None), target, weights, buffers)
             return OnGPU(render, product(weights, None if certain is None else sent(certain)), enhanced, learn=learn)
-        return OnGPU(seen.image, weights, learn=learn)
+        return OnGPU(seen.image, weights, learn=partial(self._on_gpu.update, seen, target, weights, buffers))
 
     def residual(self, image: Image, view: int, buffers: BufferPool) -> float:
         """See Objective."""

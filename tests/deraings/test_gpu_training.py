@@ -33,7 +33,7 @@ from baselines.wild_gs.config import SHORT as LOOK
 from baselines.wild_gs.method import WildGS, WildGSConfig
 from deraings.masks.config import MaskConfig
 from deraings.method import DeRainGS, DeRainGSConfig
-from deraings.rain_model.model import RainConfig
+from deraings.rain_model.config import RainConfig
 from deraings.spotless_lens import SpotlessLens
 from hydroviews.errors import InputError
 

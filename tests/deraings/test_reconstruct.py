@@ -17,7 +17,7 @@ from baselines.splatting.files.ply import SPLATS, read_ply
 from baselines.training import devices
 from deraings import reconstruct as module
 from deraings.method import DeRainGSConfig, DeRainGSPlus
-from deraings.rain_model.model import RainConfig
+from deraings.rain_model.config import RainConfig
 from deraings.reconstruct import (
     FILM,
     SHEET,

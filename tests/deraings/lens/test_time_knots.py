@@ -1,6 +1,6 @@
 import numpy as np
 
-from deraings.rain_model.time_knots import count_time_knots, time_weights, views_near
+from deraings.lens.time_knots import count_time_knots, time_weights, views_near
 
 
 def test_time_knots_share_every_view():
@@ -11,7 +11,7 @@ def test_time_knots_share_every_view():
 
 
 def test_there_are_as_many_time_knots_as_views_allow():
-    assert [count_time_knots(views, 12, 3) for views in (1, 23, 24, 36, 500)] == [1, 1, 2, 3, 3]
+    assert [count_time_knots(views) for views in (1, 23, 24, 36, 500)] == [1, 1, 2, 3, 3]
 
 
 def test_views_are_near_the_knot_that_weighs_most():

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from deraings.rain_model.still_pixels import MIN_VIEWS, still_cover
+from deraings.lens.still_pixels import MIN_VIEWS, still_cover
 from hydroviews.scene.images import to_uint8
 from hydroviews.scene.seeds import generator
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from deraings.rain_model.mist_kernels import add_mist, mist_gradient
+from deraings.rain_model.kernels import add_mist, mist_gradient
 from hydroviews.scene.images import to_linear, to_srgb
 
 SHAPE = 13, 17, 3

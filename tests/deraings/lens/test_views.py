@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from deraings.lens_views import by_shape, mean_around, one_shape
+from deraings.lens.views import by_shape, mean_around, one_shape
 from deraings.masks.maps import evidence
 
 WIDE, UPRIGHT = (60, 80), (80, 60)

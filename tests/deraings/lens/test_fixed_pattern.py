@@ -2,8 +2,8 @@ import numpy as np
 import panorama
 import pytest
 
-from deraings.rain_model.fixed_pattern import fixed_pattern
-from deraings.rain_model.time_knots import time_weights
+from deraings.lens.fixed_pattern import fixed_pattern
+from deraings.lens.time_knots import time_weights
 from hydroviews.scene.images import to_uint8
 
 SIZE = (panorama.HEIGHT, panorama.WIDTH)
