@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deraings.lens.mist_bounds import MistBounds
-from deraings.lens.paleness import Paleness, paleness_of
+from deraings.lens.paleness import MIN_FOG, Paleness, paleness_of
 from deraings.lens.time_knots import views_near
 from hydroviews.scene.point_colours import PointColours
 
@@ -25,6 +25,9 @@ from hydroviews.scene.point_colours import PointColours
 NETWORK_SHARE, NETWORK_LEAST = 0.3, 0.003
 POINTS_ERROR = 0.5
 LEAST = 1e-4  # mist_alpha; no source is surer than that
+# From which there is mist. mist_alpha of development scenes: streaks 0.0024 at most (heavy ones of courtyard 0.0066),
+# the lightest mist 0.0041. Share m of the possible mist: without mist 0.41 at most, mist on a window 0.57 and more.
+LEAST_PREDICTED, LEAST_SHARE = 0.003, 0.5
 
 
 class NetworkMist(NamedTuple):
@@ -40,6 +43,7 @@ class MistPrior(NamedTuple):
     mean: NDArray[np.float32]
     deviation: NDArray[np.float32]
     paleness: Paleness | None  # what scene points show
+    exists: bool  # whether there is any mist on the lens: the prior is that of mist where there is some
 
 
 def mist_prior(
@@ -65,7 +69,22 @@ def mist_prior(
     if len(known) == len(possible):
         sources.append((np.stack([mean for mean, _ in known]), np.stack([deviation for _, deviation in known])))
     mean, deviation = weighed_mean(sources)
-    return MistPrior(np.minimum(mean, bounds.max_alpha), deviation, paleness)
+    light = float(np.median([mean for source in predicted if source is not None for mean in source[0]] or [np.nan]))
+    return MistPrior(np.minimum(mean, bounds.max_alpha), deviation, paleness, mist_exists(light, paleness))
+
+
+def mist_exists(predicted: float, paleness: Paleness | None) -> bool:
+    """Whether there is mist on the lens, be it little: one source is enough, but a network takes fog for mist.
+
+    Even mist changes no prediction of one view by others: no trial can tell it from none, so that sources have to.
+
+    Args:
+        predicted: mist_alpha as a network predicts it, the median over the lens; NaN where none does.
+        paleness: what points show; None where too few are seen.
+    """
+    if paleness is None:
+        return not predicted < LEAST_PREDICTED
+    return paleness.fog < MIN_FOG and (predicted >= LEAST_PREDICTED or paleness.mist >= LEAST_SHARE)
 
 
 def weighed_mean(sources: Sequence[tuple[NDArray, NDArray]]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

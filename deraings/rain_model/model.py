@@ -83,6 +83,8 @@ class RainModel:
         if config.mist:
             predicted = network.lens_mist if network else lambda _: None
             self.mist = Mist(pictures, iterations, config.mist, hidden, predicted, points)
+            if not self.mist.prior.exists:
+                self.off.add(MIST)
         if config.drops:
             mean_cover = self.occlusion.recurring_cover if self.occlusion else None
             self.drops = Drops(pictures, config.drops, hidden, mean_cover)
@@ -178,7 +180,7 @@ class RainModel:
         if self.occlusion:
             shown = self.occlusion.shown(self._hidden_prior(view, size), target, render)
         if self.drops and self.counts(DROPS, iteration):
-            return product(shown, 1 - self.drops.layer(view, size).alpha)
+            return product(shown, self.drops.layer(view, size).shown())
         return shown
 
     def rain_alpha(self, view: int, size: Size) -> Plane:
