@@ -45,6 +45,7 @@ from hydroviews.scene.images import Image
 logger = logging.getLogger(__name__)
 
 MIN_WINDOW, MAX_WINDOW = 4, 32  # views that running means remember
+CLEAR, WET = 0.1, 0.25  # drop_alpha up to which the lens counts as clear, and from which for what it is
 SHOWN, HIDDEN = 0.3, 0.75  # drop_alpha up to which a pixel counts in full, and from which it does not
 
 
@@ -61,7 +62,7 @@ class DropLayer(NamedTuple):
         return seen
 
     def shown(self) -> Plane:
-        """Factors [H, W] on each pixel's share of the loss: 1 where little is covered, 0 where next to nothing is left."""
+        """Factors [H, W] on each pixel's share of the loss: 1 where little is covered, 0 where little is left."""
         return 1 - smooth_rise(self.alpha, SHOWN, HIDDEN)
 
     def backward(self, gradient: Image, buffers: BufferPool) -> Image:
@@ -215,4 +216,5 @@ class _Lens:
         alpha, light = np.empty(self.size, np.float32), np.empty((*self.size, 3), np.float32)
         stays = np.tensordot(weights, self._stays, 1)
         fit_lines(self.sums, weights, stays, np.float32(self._config.noise), alpha, light)
-        return alpha, light
+        alpha *= smooth_rise(alpha, CLEAR, WET)
+        return alpha, np.clip(light, -alpha[..., None], alpha[..., None])
