@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from baselines.training.devices import chosen_device
-from baselines.training.network_commands import load_trained, rounded, use_threads
+from baselines.training.network_commands import WEIGHTS, load_trained, require_own_files, rounded, use_threads
 from baselines.training.supervised_training import Intervals, network_fingerprint
 from baselines.training.validation import as_json
 from deraings.enhancement.before_after import before_and_after, on_sheet
@@ -60,6 +60,7 @@ class TrainingRequest:
 def train_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
     """Train a network, write its weights and data card; the same command goes on where an earlier one stopped."""
     use_threads(request.threads)
+    require_own_files(request.out)
     data, config = request.data, request.training
     start = started_from(data, config)
     words = described(data, start)
@@ -109,7 +110,7 @@ def write_weights(request: TrainingRequest, training: EnhancementTraining, data:
         "held out": [file.name for file in held_out],
         "validation": {f"{count} companions": _scores_alone(row) for count, row in rows.items()},
     }
-    path = request.out / "weights.safetensors"
+    path = request.out / WEIGHTS
     save_network(path, request.training.network, training.averaged.state_dict(), card)
     write_json(path.with_suffix(".json"), {"network": settings["network"], **card})
     for count, row in rows.items():
@@ -147,8 +148,9 @@ def validate_command(
         plot: an .svg to draw predicted against true errors into, by kind of rain, with the most companions.
 
     Raises:
-        InputError: no such pattern or family, or an unreadable photograph.
+        InputError: no such pattern or family, an unreadable photograph, or a plot of somebody else's.
     """
+    require_ours([plot] if plot else [])
     judges = [*PATTERNS, *map(parse_pattern, patterns)]
     enhancer = load_enhancer(weights)
     print(enhancer.reason)

@@ -28,7 +28,8 @@ def read_ply(path: Path) -> Points:
     """
     try:
         vertices = PlyData.read(path)["vertex"].data
-        positions = _columns(vertices, "x", "y", "z").astype(np.float64)
+        found = _by_lower_case(vertices)
+        positions = _columns(vertices, *(found[axis] for axis in "xyz")).astype(np.float64)
         colours = _colours(path, vertices)
     except (FileNotFoundError, IsADirectoryError):
         raise InputError(f"{path}: no such file", fix="copy it back, or remove ply_file_path") from None
@@ -40,8 +41,7 @@ def read_ply(path: Path) -> Points:
 
 def _colours(path: Path, vertices: NDArray[Any]) -> NDArray[Any]:
     """Colours [N, 3] from 0 to 255 by one of the usual names; grey, with a warning, where there are none."""
-    columns = vertices.dtype.names or ()
-    found = {name.lower(): name for name in columns}
+    found = _by_lower_case(vertices)
     for names in COLOURS:
         if all(name in found for name in names):
             return _columns(vertices, *(found[name] for name in names))
@@ -50,9 +50,14 @@ def _colours(path: Path, vertices: NDArray[Any]) -> NDArray[Any]:
         return np.asarray((255 * np.clip(encoded, 0, 1)).round())
     logger.warning(
         "%s: no colours, so that its points are grey; found %s, expected red, green, blue",
-        path, ", ".join(columns),
+        path, ", ".join(found.values()),
     )  # fmt: skip
     return np.full((len(vertices), 3), GREY)
+
+
+def _by_lower_case(vertices: NDArray[Any]) -> dict[str, str]:
+    """The names of the vertices' fields by the names in small letters."""
+    return {name.lower(): name for name in vertices.dtype.names or ()}
 
 
 def _columns(vertices: NDArray[Any], *names: str) -> NDArray[Any]:
