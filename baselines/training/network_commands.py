@@ -14,7 +14,6 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import listing
 from hydroviews.files.ownership import require_ours
 
-
 WEIGHTS = "weights.safetensors"  # of a training, with its data card beside it
 
 

@@ -1,5 +1,10 @@
 """python -m deraings.enhancement train | export | validate | enhance | describe."""
 
+from hydroviews.cli.starting import begin
+
+if __name__ == "__main__":
+    begin()
+
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path

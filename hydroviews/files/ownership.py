@@ -2,8 +2,8 @@
 
 A folder that a command has claimed holds the hidden list FOLDER, with a line for every file that was written below it.
 All other outputs, such as single pictures, are listed in FILES beside them. A file that stands in no list is somebody
-else's: nothing removes such a file, and a result of the same name sets it aside. Names alone are compared, so that lists
-outlive copies and moves of their folders.
+else's: nothing removes such a file, and a result of the same name sets it aside. Names alone are compared, so that
+lists outlive copies and moves of their folders.
 """
 
 import filecmp
@@ -11,7 +11,7 @@ import json
 import logging
 import os
 from collections.abc import Collection, Iterable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from functools import lru_cache, partial
 from itertools import count
 from pathlib import Path, PurePosixPath
@@ -30,7 +30,8 @@ SHOWN = 5  # names in a message
 def claim(folder: Path) -> None:
     """Begin the list of a folder in which nobody else has files; whatever is written below is entered from now on."""
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / FOLDER).touch()
+    if not (folder / FOLDER).is_file():
+        (folder / FOLDER).touch()
 
 
 def claim_new(folder: Path) -> None:
@@ -126,6 +127,18 @@ def set_aside(path: Path) -> Path:
 def _append(own: Path, names: Iterable[str]) -> None:
     with suppress(PermissionError), own.open("a") as lines:  # in a folder of another user's nothing can be entered
         lines.writelines(f"{json.dumps(name)}\n" for name in names)
+
+
+@contextmanager
+def adopting(folder: Path) -> Iterator[None]:
+    """Enter what comes into a folder of ours while the block lasts, written by a method or program that keeps no list."""
+    before = set(_not_ours(folder, ()))
+    try:
+        yield
+    finally:
+        own = _list_of(folder / FOLDER)
+        if own is not None:
+            _append(own, [_within(own, path) for path in _not_ours(folder, ()) if path not in before])
 
 
 def is_ours(path: Path) -> bool:

@@ -67,7 +67,8 @@ def publish(results: Path, board: Path, submitted: bool = False, overwrite: bool
         raise InputError(
             f"{results}: no run that is done or failed", fix="evaluate some, or name another folder with --results"
         )
-    ownership.claim(board)
+    if new:
+        ownership.claim(board)
     for name, run in new.items():
         _write_run(board / name, run.files)
     return Outcome(tuple(new), len(runs) - len(new), left_out)

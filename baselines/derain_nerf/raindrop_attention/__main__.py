@@ -1,5 +1,10 @@
 """python -m baselines.derain_nerf.raindrop_attention train | export | validate | detect."""
 
+from hydroviews.cli.starting import begin
+
+if __name__ == "__main__":
+    begin()
+
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal

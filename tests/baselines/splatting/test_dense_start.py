@@ -77,7 +77,8 @@ def test_a_cloud_above_the_budget_is_thinned_evenly_and_said_so(caplog):
     points = Points(positions, rng.integers(0, 256, (len(positions), 3), np.uint8))
     start, again = (initialise(points, CAMERAS, 1, 0, budget=5_000) for _ in range(2))
     assert len(start) == 3_000  # growth has the other two fifths
-    assert "20,001 points are more than the budget of 5,000 Gaussians: the cloud is thinned evenly to 3,000" in caplog.text
+    assert "20,001 points are more than the budget of 5,000 Gaussians" in caplog.text
+    assert "the cloud is thinned evenly to 3,000" in caplog.text
     assert np.array_equal(start.means, again.means)
     shares, before = in_octants(start.means) / 3_000, in_octants(positions) / 20_001
     assert np.abs(shares - before).max() < 0.01

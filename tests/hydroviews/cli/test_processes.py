@@ -64,7 +64,18 @@ def test_a_second_signal_while_it_ends_changes_nothing(tmp_path, number, status)
     assert (process.returncode, errors) == (status, "")
 
 
-@pytest.mark.parametrize("package", ["hydroviews", "leaderboard", "deraings"])
+PROGRAMS = [
+    "hydroviews",
+    "leaderboard",
+    "deraings",
+    "deraings.enhancement",
+    "baselines.derain_nerf.raindrop_attention",
+    "benchmarks.busy_machine",
+    "benchmarks.splatting",
+]
+
+
+@pytest.mark.parametrize("package", PROGRAMS)
 def test_who_is_asked_to_end_while_it_imports_says_so_as_well(tmp_path, package):
     (tmp_path / "tyro.py").write_text("import signal\nsignal.raise_signal(signal.SIGTERM)\n")  # what all import first
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(REPOSITORY)])}
