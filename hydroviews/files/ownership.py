@@ -18,7 +18,7 @@ from pathlib import Path, PurePosixPath
 
 from hydroviews.errors import InputError
 from hydroviews.files.locks import LOCK
-from hydroviews.files.temporary import PARTIAL
+from hydroviews.files.temporary import PARTIAL, UNFINISHED
 
 logger = logging.getLogger(__name__)
 
@@ -97,7 +97,7 @@ def enter(path: Path, written: Path | None = None) -> None:
 
 def _begun_beside(path: Path) -> Path | None:
     """FILES beside a file; none in a folder of ours that has no name yet, or where nothing may be written."""
-    if any(part.startswith(PARTIAL) for part in Path(os.path.abspath(path)).parts[:-1]):
+    if any(part.startswith((PARTIAL, UNFINISHED)) for part in Path(os.path.abspath(path)).parts[:-1]):
         return None
     try:
         (path.parent / FILES).touch()
@@ -131,7 +131,7 @@ def _append(own: Path, names: Iterable[str]) -> None:
 
 @contextmanager
 def adopting(folder: Path) -> Iterator[None]:
-    """Enter what comes into a folder of ours while the block lasts, written by a method or program that keeps no list."""
+    """Enter what a method or program that keeps no list writes into a folder of ours while the block lasts."""
     before = set(_not_ours(folder, ()))
     try:
         yield
