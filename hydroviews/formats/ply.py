@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from plyfile import PlyData, PlyParseError
 
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import as_file
 from hydroviews.scene.checks import check_colours, usable
 from hydroviews.scene.scenes import Points
 
@@ -27,11 +28,11 @@ def read_ply(path: Path) -> Points:
         InputError: missing, not a point cloud, or against the rules of `scene.checks`.
     """
     try:
-        vertices = PlyData.read(path)["vertex"].data
+        vertices = PlyData.read(as_file(path))["vertex"].data
         found = _by_lower_case(vertices)
         positions = _columns(vertices, *(found[axis] for axis in "xyz")).astype(np.float64)
         colours = _colours(path, vertices)
-    except (FileNotFoundError, IsADirectoryError):
+    except FileNotFoundError:
         raise InputError(f"{path}: no such file", fix="copy it back, or remove ply_file_path") from None
     except (PlyParseError, ValueError, KeyError) as error:
         raise InputError(f"{path}: not a point cloud", found=error, fix="copy it again") from error
