@@ -67,7 +67,8 @@ def initialise(
     positions, colours = positions[kept], colours[kept]
     if len(positions) < FEWEST_POINTS:
         if len(points):
-            logger.warning("training: %d points are few: %d random ones are added", len(positions), RANDOM_POINTS)
+            told = "training: %d points are few: %d random ones are added; a capture without its cloud gets another one"
+            logger.warning(told, len(positions), RANDOM_POINTS)
         generator = np.random.default_rng(seed)
         random = middle + extent * generator.uniform(-1, 1, (RANDOM_POINTS, 3))
         positions = np.concatenate([positions, random])
