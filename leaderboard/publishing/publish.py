@@ -129,8 +129,9 @@ def _unlike_data(records: Mapping[Path, Record]) -> list[str]:
 
 def _write_run(folder: Path, files: Mapping[str, bytes]) -> None:
     """Write a run; its record goes first and comes last, since a folder without a record is no run."""
+    known = _of_a_run(folder)
     for name in PUBLISHED:
-        ownership.remove(folder / name, _of_a_run(folder))
+        ownership.remove(folder / name, known)
     for name in sorted(files, key=lambda name: name == RECORD):
         write_bytes(folder / name, files[name])
 

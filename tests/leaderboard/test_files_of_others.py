@@ -45,7 +45,7 @@ TRIED: dict[str, Callable[[Path], object]] = {
     "hydroviews sheet": lambda f: sheet_command(f / "data/demo", out=f / "sheets"),
     "hydroviews pack": lambda f: pack_command(f / "data/demo", f / "packed", i_have_the_rights="CC0-1.0"),
     "hydroviews fetch": lambda f: fetch_command(str(f / "archives/yard-streak-0.zip"), f / "fetched"),
-    "hydroviews video": lambda f: video_command(f / "walk.mp4", f / "walk", frames_only=True),
+    "hydroviews video": lambda f: video_command(f / "walk.mp4", f / "walk", rate=2.0, frames_only=True),
     "leaderboard sweep": lambda f: sweep_command(
         SweepRequest(methods=("3dgs",), results=f / "swept", slurm=f / "swept/jobs.sh")
     ),
@@ -55,7 +55,7 @@ TRIED: dict[str, Callable[[Path], object]] = {
     "leaderboard publish": lambda f: publish_command(f / "scored", f / "board"),
     "leaderboard board": lambda f: board_command(f / "published", f / "shown"),
     "leaderboard overview": lambda f: overview_command(
-        "000", ("streak-0",), CLOUD, "yard", data=f / "data", results=f / "results", out=f / "overview.png"
+        "view-00", ("streak-0",), CLOUD, "yard", data=f / "data", results=f / "results", out=f / "overview.png"
     ),
     "leaderboard film": lambda f: film_command(f / RUN, FilmChoice(0.2, 10, 16), f / "film.mp4", f / "data"),
     "leaderboard export": lambda f: (
@@ -116,9 +116,9 @@ def made(tmp_path_factory):
     write_board(folder / "scored", ("3dgs", "3dgs-clean"), ("pond",), ("streak-1",), size=(16, 16))
     publish_command(folder / "scored", folder / "published")
     rng = np.random.default_rng(0)
-    for index in range(4):
+    for index in range(8):
         write_png(folder / "frames" / f"{index:05d}.png", rng.integers(0, 256, (32, 48, 3)).astype(np.uint8))
-    write_film(folder / "walk.mp4", folder / "frames", 4, 2)
+    write_film(folder / "walk.mp4", folder / "frames", 8, 2)
     return folder
 
 
