@@ -86,10 +86,9 @@ def enter(path: Path, written: Path | None = None) -> None:
     if own is None:
         return
     if os.path.lexists(path) and not _is_folder(written or path):
-        if is_ours(path) and not _is_folder(path):
+        if _has_content_of(path, written) or (is_ours(path) and not _is_folder(path)):
             return
-        if not _has_content_of(path, written):
-            set_aside(path)
+        set_aside(path)
     written = Path(os.path.abspath(written or path))
     inside = [path / file.relative_to(written) for file in _files_below(written)] if _is_folder(written) else [path]
     _append(own, [_within(own, one) for one in inside])

@@ -216,7 +216,7 @@ def _origin(folder: Path, request: Mapping[str, Any], patterns: Sequence[str], l
     command += ["--lens-renderer", request["lens_renderer"]] if request["lens_renderer"] != "disk" else []
     added = [name for name in patterns if name != CAPTURED]
     command += ["--seed", request["seed"], *(["--patterns", *added] if added else [])]
-    kept = sorted((folder / LICENCE).iterdir()) if (folder / LICENCE).is_dir() else []
+    kept = sorted((folder / LICENCE).glob("[!.]*"))
     words = [f"From `{LICENCE}/{file.name}`:\n\n" + _quoted(file) for file in kept if file.name not in NOT_QUOTED]
     if source in EMBEDDED:
         words = [MODELLED]

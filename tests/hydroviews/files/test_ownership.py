@@ -113,10 +113,12 @@ def test_where_no_list_is_in_reach_the_first_file_begins_one(tmp_path, caplog):
     assert caplog.text.count("notes.md: not written by HydroViews, and in the way") == 1
 
 
-def test_a_file_with_the_same_bytes_is_not_in_the_way(tmp_path):
+def test_a_file_with_the_same_bytes_is_not_in_the_way_and_stays_the_users(tmp_path):
     (tmp_path / "a.txt").write_text("the same")
     write_bytes(tmp_path / "a.txt", b"the same")
     assert not (tmp_path / "a.txt.kept").exists()
+    write_bytes(tmp_path / "a.txt", b"another")
+    assert (tmp_path / "a.txt.kept").read_text() == "the same"
 
 
 @pytest.mark.parametrize("kind", ["folder", "named pipe"])

@@ -131,7 +131,7 @@ def test_a_page_of_text_is_not_locked_in(mirror, content, tmp_path):
     archive = Archive("a.zip", (f"{mirror.address}/page",), 1)
     with pytest.raises(InputError, match="no zip or tar archive"):
         get_archive(archive, tmp_path / "a.zip")
-    assert not list(tmp_path.iterdir())
+    assert contents(tmp_path) == {}
     get_archive(replace(archive, urls=(*archive.urls, f"{mirror.address}/data/tandt_db.zip")), tmp_path / "a.zip")
 
 
