@@ -135,9 +135,14 @@ def adopting(folder: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        own = _list_of(folder / FOLDER)
-        if own is not None:
-            _append(own, [_within(own, path) for path in _not_ours(folder, ()) if path not in before])
+        adopt([path for path in _not_ours(folder, ()) if path not in before], folder)
+
+
+def adopt(files: Iterable[Path], folder: Path) -> None:
+    """Enter files that are there and known to be ours in the list of their folder, if the folder has one."""
+    own = _list_of(folder / FOLDER)
+    if own is not None:
+        _append(own, [_within(own, path) for path in files])
 
 
 def is_ours(path: Path) -> bool:
