@@ -136,6 +136,8 @@ def test_a_part_of_unknown_origin_is_not_used(server, tmp_path, about):
         (tmp_path / "a.bin.part.json").write_text(text)
     fetch([f"{server.address}/a.bin"], tmp_path / "a.bin")
     assert (tmp_path / "a.bin").read_bytes() == CONTENT
+    if about is None:  # of a browser, say
+        assert (tmp_path / "a.bin.part.kept").read_bytes() == b"x" * 1000
 
 
 @pytest.mark.parametrize("known", [True, False])
