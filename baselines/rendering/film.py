@@ -2,7 +2,8 @@
 
 import logging
 import math
-from collections.abc import Iterator, Mapping
+import os
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -150,8 +151,8 @@ def write_film(out: Path, frames: Path, n: int, fps: int) -> None:
 def _encode(film: Path, pictures: list[Path], fps: int) -> None:
     import av
 
-    with av.open(str(film), "w") as container:
-        stream = container.add_stream(CODEC, rate=fps, options=QUALITY)
+    with av.open(os.path.abspath(film), "w") as container:  # it takes "12:30.mp4" for protocol 12
+        stream: Any = container.add_stream(CODEC, rate=fps, options=QUALITY)
         stream.height, stream.width = read_image(pictures[0]).shape[:2]
         stream.pix_fmt = "yuv420p"
         _tag(stream.codec_context)
@@ -161,7 +162,7 @@ def _encode(film: Path, pictures: list[Path], fps: int) -> None:
         container.mux(stream.encode())
 
 
-def _stored(pictures: "tqdm[Path]") -> "Iterator[av.VideoFrame]":
+def _stored(pictures: Iterable[Path]) -> Iterator["av.VideoFrame"]:
     """Pictures as BT.709 in limited range, with half of the colour's resolution."""
     import av
     from av.video.reformatter import ColorRange, Colorspace

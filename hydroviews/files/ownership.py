@@ -107,8 +107,9 @@ def _begun_beside(path: Path) -> Path | None:
 
 def _has_content_of(path: Path, written: Path | None) -> bool:
     """Whether a file, no link, has the bytes of the one that is to replace it."""
-    plain = written is not None and written.is_file() and not path.is_symlink()
-    return plain and filecmp.cmp(path, written, shallow=False)
+    if written is None or path.is_symlink() or not (path.is_file() and written.is_file()):
+        return False
+    return filecmp.cmp(path, written, shallow=False)
 
 
 def set_aside(path: Path) -> Path:
