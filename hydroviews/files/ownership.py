@@ -223,20 +223,14 @@ def clear(path: Path, known: Collection[Path] = ()) -> None:
 
 
 def require_ours(paths: Iterable[Path]) -> None:
-    """Take files and folders as outputs that lie anywhere: they are entered in lists beside them when they are written.
+    """Refuse files and folders of somebody else's that have the names of outputs, before anything is calculated.
 
     Raises:
         InputError: something of somebody else's has such a name.
     """
-    paths = list(paths)
     foreign = [path for path in paths if os.path.lexists(path) and not is_ours(path)]
     if foreign:
         raise foreign_files(foreign)
-    for folder in {path.parent for path in paths}:
-        if not is_claimed(folder):
-            folder.mkdir(parents=True, exist_ok=True)
-            with suppress(PermissionError):
-                (folder / FILES).touch()
 
 
 def foreign_files(paths: Collection[Path]) -> InputError:
