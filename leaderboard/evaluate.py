@@ -18,6 +18,7 @@ from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import has_ceiling, is_captured
 from hydroviews.errors import InputError
+from hydroviews.files import ownership
 from hydroviews.files.atomic import write_bytes
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.formats.capture_json import CAPTURED
@@ -186,7 +187,8 @@ def _train_in_process(run: Run, limits: Limits) -> str:
     config = run.folder / CONFIG
     settings = config.read_bytes()
     clear_the_way(run.folder)
-    reason = _train_on_copies(run, limits)
+    with ownership.adopting(run.folder):
+        reason = _train_on_copies(run, limits)
     if left := clear_the_way(run.folder):
         reason = reason or left_by_the_method(left)
     if not config.is_file() or config.read_bytes() != settings:

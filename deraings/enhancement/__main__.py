@@ -1,5 +1,10 @@
 """python -m deraings.enhancement train | export | average | validate | enhance | describe."""
 
+from hydroviews.cli.starting import begin
+
+if __name__ == "__main__":
+    begin()
+
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -11,7 +16,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from baselines.training.devices import chosen_device
-from baselines.training.network_commands import load_trained, rounded, use_threads
+from baselines.training.network_commands import WEIGHTS, load_trained, require_own_files, rounded, use_threads
 from baselines.training.supervised_training import Intervals, network_fingerprint
 from baselines.training.validation import as_json
 from deraings.enhancement.before_after import before_and_after, on_sheet
@@ -60,6 +65,7 @@ class TrainingRequest:
 def train_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
     """Train a network, write its weights and data card; the same command goes on where an earlier one stopped."""
     use_threads(request.threads)
+    require_own_files(request.out)
     data, config = request.data, request.training
     start = started_from(data, config)
     words = described(data, start)
@@ -109,7 +115,7 @@ def write_weights(request: TrainingRequest, training: EnhancementTraining, data:
         "held out": [file.name for file in held_out],
         "validation": {f"{count} companions": _scores_alone(row) for count, row in rows.items()},
     }
-    save_with_card(request.out / "weights.safetensors", training.averaged, card)
+    save_with_card(request.out / WEIGHTS, training.averaged, card)
     for count, row in rows.items():
         print(f"\n{count} companions\n\n{table(row)}")
 
@@ -186,8 +192,9 @@ def validate_command(
         plot: an .svg to draw predicted against true errors into, by kind of rain, with the most companions.
 
     Raises:
-        InputError: no such pattern or family, or an unreadable photograph.
+        InputError: no such pattern or family, an unreadable photograph, or a plot of somebody else's.
     """
+    require_ours([plot] if plot else [])
     judges = [*PATTERNS, *map(parse_pattern, patterns)]
     enhancer = load_enhancer(weights)
     print(enhancer.reason)

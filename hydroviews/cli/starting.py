@@ -10,7 +10,12 @@ ENDED = "\nended by {}; the same command goes on from here"
 
 
 def begin() -> None:
-    """Let this process end at once, without a traceback of its imports, until `commands.run_command` takes over."""
+    """Let this process end at once, without a traceback of its imports, until `commands.run_command` takes over.
+
+    OpenCV keeps its own words on damaged files to itself, here and in processes that this one starts: our errors name
+    the file.
+    """
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:

@@ -38,6 +38,13 @@ def write_bytes(path: Path, content: bytes) -> None:
         temporary.write_bytes(content)
 
 
+def edit_bytes(path: Path, content: bytes) -> None:
+    """Write a file that was read before and whose other content is kept, whoever wrote the file."""
+    with plain_write_errors(path), temporary_beside(path) as temporary:
+        temporary.write_bytes(content)
+        os.replace(temporary, path)
+
+
 def write_json(path: Path, value: Any) -> None:
     """Write `value` as indented JSON with a final newline."""
     write_bytes(path, json_bytes(value))

@@ -15,6 +15,7 @@ import numpy as np
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
+from hydroviews.files.ownership import require_ours
 from hydroviews.formats.csv_tables import read_csv
 from leaderboard.gather import trusted_record
 from leaderboard.records import PER_VIEW, Record
@@ -32,10 +33,11 @@ def write_results(folder: Path, out: Path) -> None:
         out: the file, .json.
 
     Raises:
-        InputError: no such run, one without scores, or another suffix.
+        InputError: no such run, one without scores, another suffix, or a file of somebody else's has that name.
     """
     if out.suffix.lower() != ".json":
         raise InputError(f"--out {out}: not a file of results", expected="a name that ends in .json")
+    require_ours([out])
     record = trusted_record(folder.resolve())
     if not record.scores:
         raise InputError(f"{folder}: has no scores", found=record.reason or record.status)

@@ -11,6 +11,7 @@ from baselines.training.images import evenly_spread
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.variants import open_variant
 from hydroviews.errors import InputError
+from hydroviews.files.ownership import require_ours
 from hydroviews.scene.images import Image, read_image, write_png
 from hydroviews.scene.masks import Ignored
 from hydroviews.scene.scenes import Scene
@@ -57,10 +58,11 @@ def write_overview(runs: Sequence[Run], view: str, path: Path) -> None:
         path: of the picture, PNG.
 
     Raises:
-        InputError: a run has no render of that view.
+        InputError: a run has no render of that view, or a file of somebody else's has that name.
     """
     if not runs:
         raise InputError("no pattern to picture", expected="at least one, such as --patterns raindrop-0")
+    require_ours([path])
     rows = []
     for run in runs:
         panels = {

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hydroviews.errors import InputError
+from hydroviews.files.ownership import require_ours
 from leaderboard.gather import run_folders, trusted_record, write_leaderboard
 from leaderboard.records import FAILED
 from leaderboard.runs.run import Run
@@ -96,3 +97,4 @@ def _check(request: SweepRequest) -> None:
         raise InputError(f"--workers {request.workers} --threads {request.threads}", expected="1 or more of each")
     if request.gpus < 0:
         raise InputError(f"--gpus {request.gpus:g}: negative", expected="0 or more")
+    require_ours([request.slurm] if request.slurm else [])

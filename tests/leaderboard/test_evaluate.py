@@ -18,6 +18,7 @@ import hydroviews
 from hydroviews import metrics
 from hydroviews.errors import InputError
 from hydroviews.files.locks import BUSY, locked
+from hydroviews.files.ownership import FILES
 from hydroviews.scene.images import read_image
 from leaderboard import evaluate as evaluate_module
 from leaderboard.__main__ import evaluate_command, one_run_command, overview_command, score_command, table_command
@@ -74,6 +75,31 @@ def test_the_table_is_printed_as_the_result_and_is_no_message(built, evaluated, 
     assert "share of gap" in printed
     assert printed.endswith(f"all runs: {tmp_path / 'results/leaderboard.csv'}\n")
     assert "share of gap" not in caplog.text
+
+
+def test_files_of_the_users_in_the_folders_of_runs_stay(built, evaluated, trained_here, tmp_path):
+    run = tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0"
+    config = json.loads((run / "config.json").read_text())
+    (run / "config.json").write_text(json.dumps(config | {"config": {"shift": 0.5}}))
+    mine = [run / "notes.txt", run / "figures/best.png", tmp_path / "results/tables.md"]
+    for path in mine:
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("mine")
+    (tmp_path / "results" / FILES).unlink()
+    evaluate(request(built, tmp_path, "MeanColour", overwrite=True))
+    assert json.loads((run / "config.json").read_text()) == config
+    assert [path.read_text() for path in (*mine[:2], tmp_path / "results/tables.md.kept")] == ["mine"] * 3
+
+
+def test_what_is_in_the_way_of_a_run_gets_another_name(built, evaluated, trained_here, tmp_path):
+    run = tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0"
+    for name in ("record.json", "prediction.json"):
+        (run / name).unlink()
+    (run / "record.json").mkdir()
+    (run / "record.json" / "notes.txt").write_text("mine")
+    evaluate(request(built, tmp_path, "MeanColour"))
+    assert (run / "record.json").is_file()
+    assert (run / "record.json.kept" / "notes.txt").read_text() == "mine"
 
 
 def test_second_call_keeps_records_and_rescoring_gives_the_same(built, evaluated, tmp_path, caplog):

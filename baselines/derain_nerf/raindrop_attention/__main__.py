@@ -1,5 +1,10 @@
 """python -m baselines.derain_nerf.raindrop_attention train | export | validate | detect."""
 
+from hydroviews.cli.starting import begin
+
+if __name__ == "__main__":
+    begin()
+
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -15,11 +20,12 @@ from baselines.derain_nerf.raindrop_attention.pairs import KINDS, Patches, Valid
 from baselines.derain_nerf.raindrop_attention.training import AttentionTraining, train
 from baselines.derain_nerf.raindrop_attention.validation import as_columns, scores, table
 from baselines.derain_nerf.raindrop_attention.weights import load_detector, save_generator
-from baselines.training.network_commands import in_words, load_trained, rounded, use_threads
+from baselines.training.network_commands import WEIGHTS, in_words, load_trained, require_own_files, rounded, use_threads
 from baselines.training.supervised_training import Intervals, network_fingerprint
 from baselines.training.validation import as_json
 from hydroviews.cli.commands import run_command
 from hydroviews.files.atomic import write_json
+from hydroviews.files.ownership import require_ours
 from hydroviews.formats.photographs import one_by_one
 from hydroviews.pairs.lens_pool import LENSES
 from hydroviews.pairs.photographs import read_photographs, split_photographs
@@ -55,6 +61,7 @@ class TrainingRequest:
 def train_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
     """Train a network, write its weights and data card; the same command goes on where an earlier one stopped."""
     use_threads(request.threads)
+    require_own_files(request.out)
     config, split = request.training(), split_photographs(request.photographs)
     drawn = DrawnRain(read_photographs(split.training), lenses(request.cache, config.seed), KINDS)
     patches = Patches(drawn, config.patch, config.crops, config.batch, config.seed)
@@ -89,7 +96,7 @@ def write_weights(request: TrainingRequest, training: AttentionTraining) -> None
         "held out": [file.name for file in split_photographs(request.photographs).held_out],
         "validation": as_json(rows, decimals=4),
     }
-    path = request.out / "weights.safetensors"
+    path = request.out / WEIGHTS
     save_generator(path, training.config.generator, training.averaged.state_dict(), card)
     write_json(path.with_suffix(".json"), {"generator": generator, **card})
     print(table(rows), f"\nwritten: {path}")
@@ -113,8 +120,12 @@ def detect_command(pictures: tyro.conf.Positional[Path], out: Path, weights: str
         pictures: file or folder.
         out: another folder.
         weights: shipped ones, or a file.
+
+    Raises:
+        InputError: a picture that cannot be read, or a file of another origin that would be written over.
     """
     generator, targets = load_detector(weights).generator, one_by_one(pictures, out)
+    require_ours(targets.values())
     for file, target in tqdm(targets.items(), desc="detecting", unit="picture"):
         image = read_image(file)
         attention, derained = detect(image, generator)

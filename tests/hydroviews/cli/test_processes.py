@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 from processes import PATIENCE, wait_until
 
@@ -64,7 +66,18 @@ def test_a_second_signal_while_it_ends_changes_nothing(tmp_path, number, status)
     assert (process.returncode, errors) == (status, "")
 
 
-@pytest.mark.parametrize("package", ["hydroviews", "leaderboard", "deraings"])
+PROGRAMS = [
+    "hydroviews",
+    "leaderboard",
+    "deraings",
+    "deraings.enhancement",
+    "baselines.derain_nerf.raindrop_attention",
+    "benchmarks.busy_machine",
+    "benchmarks.splatting",
+]
+
+
+@pytest.mark.parametrize("package", PROGRAMS)
 def test_who_is_asked_to_end_while_it_imports_says_so_as_well(tmp_path, package):
     (tmp_path / "tyro.py").write_text("import signal\nsignal.raise_signal(signal.SIGTERM)\n")  # what all import first
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(REPOSITORY)])}
@@ -72,6 +85,14 @@ def test_who_is_asked_to_end_while_it_imports_says_so_as_well(tmp_path, package)
     process = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert process.stderr == "\nended by SIGTERM; the same command goes on from here\n"
     assert process.returncode == 143
+
+
+def test_opencv_keeps_its_words_on_damaged_pictures_to_itself(tmp_path):
+    picture = np.random.default_rng(0).integers(0, 256, (64, 64, 3)).astype(np.uint8)
+    (tmp_path / "cut.tif").write_bytes(cv2.imencode(".tif", picture)[1].tobytes()[:9000])
+    code = "from hydroviews.cli.starting import begin; begin(); import cv2; assert cv2.imread('cut.tif', -1) is None"
+    process = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (process.returncode, process.stderr) == (0, "")
 
 
 def test_what_a_plugin_reads_of_the_command_line_is_empty(monkeypatch):
