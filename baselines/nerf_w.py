@@ -5,7 +5,7 @@ Section 4.1, latent appearance: every training view i has an embedding l_i^(a), 
 uncertainty of what is in view i alone. Rendered without that head and with the mean embedding, the scene is as it is
 without the rain.
 
-Where this deviates, beside what all radiance fields here share (docs/topics/radiance-fields.md), and why:
+Where this deviates, beside what all radiance fields here share (docs/methods/radiance-fields.md), and why:
 
 * Static and transient share what an interval emits in proportion to their densities, the exact integral over matter
   that is mixed evenly; the paper's alphas of both (its equation 8) add up to more than one where both are opaque, as in
@@ -131,7 +131,7 @@ def nerf_w_losses(config: NerfWConfig) -> Loss:
 
 SMALL = VolumetricConfig(field=SHORT_FIELD)
 # What a stretch of views has in common goes into their embeddings, and is missing in the mean appearance, which is
-# scored: so embeddings learn more slowly, and half of the rays see none. docs/topics/radiance-fields.md has figures.
+# scored: so embeddings learn more slowly, and half of the rays see none. docs/methods/radiance-fields.md has figures.
 SHORT = NerfWConfig(SMALL, embedding_rate=1e-3, mean_appearance_share=0.5)
 PAPER = replace(NERF, iterations=300_000, final_rate=0.01)
 PROFILES = {

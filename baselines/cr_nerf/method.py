@@ -5,7 +5,7 @@ linear map that depends on their covariance and on that of a style map of the ph
 Occlusions: a network of the photograph says what the scene need not explain (`transients`). A step sees a grid of rays
 in one photograph (`volumetric.grids`). Held-out views have the mean style of the training views.
 
-Where this deviates, beside what all radiance fields here share (docs/topics/radiance-fields.md), and why:
+Where this deviates, beside what all radiance fields here share (docs/methods/radiance-fields.md), and why:
 
 * Held-out views are not looked at. The authors take the style of the whole held-out photograph.
 * A render takes mean and matrix of the features from the training steps, as running averages. The authors take those of

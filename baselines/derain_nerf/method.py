@@ -8,7 +8,7 @@ last attention map reaches a threshold a pixel is hidden, M = 1, and the field i
 Rays are drawn over all pixels; those that are hidden count nothing. The network's other half, the photographs without
 their drops, is not used: C* is the photograph as it was taken, as in the paper.
 
-Where this deviates, beside what all radiance fields here share (docs/topics/radiance-fields.md): the map is widened
+Where this deviates, beside what all radiance fields here share (docs/methods/radiance-fields.md): the map is widened
 by one pixel of the photograph, whatever its size, since attention fades at the rims of drops, their darkest part; the
 field is a hash grid in the short profiles, that of NeRF in `paper`; scenes that are seen from all sides are
 contracted and not in normalised device coordinates, which have no room for them; no noise is added to densities.
