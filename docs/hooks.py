@@ -157,7 +157,9 @@ def card(method: str) -> str:
         raise ValueError(f"a card of {method}: the board has no run of it")
     heads = [f"{words} (`{pattern}`)" for pattern, words in CARD_PATTERNS.items()]
     lines = [f"| `{method}` | {' | '.join(heads)} | seconds |", "|---" * (len(heads) + 2) + "|"]
-    for scene in sorted(set(own.index.get_level_values("scene")), key=lambda name: (suite_of(name) == DEVELOPMENT, name)):
+    for scene in sorted(
+        set(own.index.get_level_values("scene")), key=lambda name: (suite_of(name) == DEVELOPMENT, name)
+    ):
         title = f"{scene} (development)" if suite_of(scene) == DEVELOPMENT else scene
         cells = [score_cell(own.psnr, floor.psnr, (scene, pattern), method) for pattern in CARD_PATTERNS]
         lines.append(f"| {title} | {' | '.join(cells)} | {own.seconds[scene].mean():.0f} |")

@@ -21,7 +21,7 @@ from commands import command
 from synthetic import capture_in
 
 from hydroviews.formats.writers import write_colmap
-from leaderboard.gather import BOARD
+from leaderboard.gather import BOARD, run_folders
 
 REPOSITORY = Path(__file__).parents[1]
 DOCS = REPOSITORY / "docs"
@@ -87,6 +87,12 @@ def test_the_readme_is_one_look():
     assert any(line.startswith("![") for line in lines[:15]), "a picture above the fold"
 
 
+def test_the_readme_counts_methods_and_published_runs():
+    text = (REPOSITORY / "README.md").read_text()
+    assert int(re.search(r"\*\*(\d+) registered methods", text)[1]) == len(entry_points(group="hydroviews.methods"))
+    assert int(re.search(r"of (\d+) published runs", text)[1]) == len(run_folders(BOARD))
+
+
 @pytest.mark.parametrize("page", [*READ, *sorted(NOTEBOOK.glob("*.md"))], ids=name)
 def test_links_and_pictures_are_there(page):
     targets = [target.partition("#")[0] for target in LINK.findall(prose(page)) if "://" not in target]
@@ -114,7 +120,9 @@ def test_every_page_is_in_the_navigation_once_and_the_notebook_is_not():
 
 
 def test_generated_pages_of_the_navigation_are_there(hooks):
-    listed = [path for top in hooks.listed()["API"] for below in top.values() for page in below for path in page.values()]
+    listed = [
+        path for top in hooks.listed()["API"] for below in top.values() for page in below for path in page.values()
+    ]
     assert sorted(listed) == sorted(f"reference/api/{package}.md" for package in hooks.api_pages())
 
 
@@ -242,7 +250,10 @@ def test_every_baseline_has_a_card_and_every_card_is_written(hooks):
 
 
 def test_a_card_has_the_boards_scores_and_the_differences_to_the_floor(hooks):
-    runs = {name: json.loads((BOARD / f"demo/{name}/pond/streak-1/seed-0/record.json").read_text()) for name in ("gs-w", "3dgs")}
+    runs = {
+        name: json.loads((BOARD / f"demo/{name}/pond/streak-1/seed-0/record.json").read_text())
+        for name in ("gs-w", "3dgs")
+    }
     own, floor = (runs[name]["psnr"] for name in ("gs-w", "3dgs"))
     row = next(line for line in hooks.card("gs-w").splitlines() if line.startswith("| pond |"))
     assert row.split(" | ")[2] == f"{own:.2f} ({own - floor:+.2f})"
@@ -258,7 +269,9 @@ def test_formulas_are_typeset(page, hooks):
     pytest.importorskip("latex2mathml")
     pytest.importorskip("pymdownx")
     extensions = ["tables", "pymdownx.superfences", "pymdownx.arithmatex"]
-    text = markdown.markdown(page.read_text(), extensions=extensions, extension_configs={"pymdownx.arithmatex": {"generic": True}})
+    text = markdown.markdown(
+        page.read_text(), extensions=extensions, extension_configs={"pymdownx.arithmatex": {"generic": True}}
+    )
     typeset = hooks.typeset(text)
     assert "arithmatex" not in typeset
     assert typeset.count("<math") == text.count("arithmatex")
