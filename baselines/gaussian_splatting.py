@@ -40,7 +40,7 @@ MOST = 0.6  # of them, above which what hides rain hides the scene itself
 
 
 class GaussianSplatting(Method):
-    """3DGS (Kerbl et al. 2023), plain: takes rain for part of the scene."""
+    """Plain 3DGS (Kerbl et al. 2023): rain becomes part of the scene."""
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 

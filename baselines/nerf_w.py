@@ -142,7 +142,7 @@ PROFILES = {
 
 
 class NerfW(RadianceMethod):
-    """NeRF-W (Martin-Brualla et al. 2021): a radiance field whose transient matter may be rain."""
+    """NeRF-W (Martin-Brualla et al. 2021): a radiance field with appearance and transient embeddings per view."""
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 

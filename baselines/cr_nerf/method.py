@@ -42,7 +42,7 @@ from baselines.volumetric.spaces import Space
 
 
 class CrNerf(RadianceMethod):
-    """CR-NeRF (Yang et al. 2023): a field of features, coloured across rays in the styles of the photographs."""
+    """CR-NeRF (Yang et al. 2023): a field of features; colours depend on all rays and the style of a photograph."""
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 

@@ -68,7 +68,7 @@ PROFILES = {
 
 
 class DerainNeRF(RadianceMethod):
-    """DerainNeRF (Li et al. 2024): a radiance field that learns nothing under drops."""
+    """DerainNeRF (Li et al. 2024): a radiance field that ignores pixels with detected drops."""
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 

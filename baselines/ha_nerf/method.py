@@ -41,7 +41,7 @@ from baselines.volumetric.spaces import Space
 
 
 class HaNerf(RadianceMethod):
-    """Ha-NeRF (Chen et al. 2022): a radiance field with looks from the photographs and masks of what comes and goes."""
+    """Ha-NeRF (Chen et al. 2022): a radiance field with appearance from photographs and masks of transient pixels."""
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 

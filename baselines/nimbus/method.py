@@ -38,7 +38,7 @@ SHORT_RESIDUAL = ResidualConfig(threshold=0.07, first=0.75)
 
 
 class Nimbus(GaussianSplatting):
-    """NimbusGS (2026): a medium in space where one is found, and a residual of each view."""
+    """NimbusGS (2026): a medium in space, if the photographs show one, and a residual per view."""
 
     profiles: ClassVar[Mapping[str, Any]] = {
         "demo": NimbusConfig(PROFILES_WITHOUT_RESETS["demo"], SHORT_MEDIUM, SHORT_RESIDUAL),

@@ -51,7 +51,7 @@ PROFILES = {
 
 
 class OccNerf(RadianceMethod):
-    """Occlusion-free NeRF (Zhu et al. 2023): a field of everything tells what a field of the scene is to learn from."""
+    """Occlusion-free NeRF (Zhu et al. 2023): one field of everything selects the pixels of a background field."""
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 

@@ -37,7 +37,10 @@ from leaderboard.tables.statistics import estimate
 START, END = "<!-- board: ", "<!-- /board -->"
 BLOCK = re.compile(rf"{START}(\S+) (suites|scenes|methods) (\S+(?: \S+)*) -->\s*\n(.*?){END}", re.DOTALL)
 NAME = re.compile(r"`([^`]+)`")
-SUITES_LEGEND = f"PSNR in dB, mean over scenes. Brackets: gain over `{FLOOR}` ± half the width of its 95 % confidence interval over scenes."
+SUITES_LEGEND = (
+    f"PSNR in dB, mean over scenes. Brackets: gain over `{FLOOR}` ± half the width of its 95 % confidence interval "
+    "over scenes."
+)
 SCENES_LEGEND = f"PSNR in dB. Brackets: share of the gap between `{FLOOR}` and `{CEILING}`."
 SECONDS = "seconds"  # the head of a last column of costs
 
