@@ -146,7 +146,7 @@ class DeRainGS(GaussianSplatting):
             InputError: not trained here; a model that was loaded holds the scene alone.
         """
         if self._objective is None:
-            raise InputError(f"{type(self).__name__}: nothing learned of the rain", fix="call fit first")
+            raise InputError(f"{type(self).__name__}: no rain has been learned", fix="call fit first")
         return self._objective
 
 

@@ -62,7 +62,7 @@ class Nimbus(GaussianSplatting):
     def _first_medium(self, scene: Scene, cameras: Sequence[Camera]) -> Medium | None:
         settings: MediumConfig = self.config.medium
         if settings.used and len(cameras) < 2:
-            logger.info("nimbus: no medium, as one view cannot tell it from the scene")
+            logger.info("nimbus: no medium, because one view cannot separate it from the scene")
         if not settings.used or len(cameras) < 2:
             return None
         device = torch.device(chosen_device(self.splatting.device, GSPLAT))
