@@ -19,9 +19,9 @@ ABLATION = (
 IN_CSV = {name: f"paper_{name}" for name in ("psnr", "ssim", "lpips", "failed")}  # columns beside ours
 NOTE = (
     "(paper): numbers of the publication, tables 1 to 3 of arXiv:2408.11540. They are not our runs. They differ in the "
-    "rain, which we draw anew, and in image sizes, training lengths and network weights; only the profile `paper` comes "
-    "near to these. The paper does not state the network of LPIPS or the window of SSIM. Underlined: the paper reports "
-    "failures."
+    "rain, which we draw anew, and in image sizes, training lengths and network weights; only the profile `paper` "
+    "comes near to these. The paper does not state the network of LPIPS or the window of SSIM. Underlined: the paper "
+    "reports failures."
 )
 
 
