@@ -50,11 +50,11 @@ class TrainingRequest:
     data: tyro.conf.OmitArgPrefixes[Data]
     training: tyro.conf.OmitArgPrefixes[TrainingConfig] = field(default_factory=TrainingConfig)
     intervals: tyro.conf.OmitArgPrefixes[Intervals] = field(default_factory=Intervals)
-    out: Path = Path("results/enhancement/small")  # gets checkpoint, curve, weights and data card
-    threads: int = 0  # 0: as many as there are cores
-    device: str = "auto"  # where the network learns: auto, cpu or cuda
-    workers: int | None = None  # processes that draw pairs ahead; not given: none, or for a GPU one per other core
-    validated: int = 0  # held-out photographs that the weights are validated on in the end, 0 for all
+    out: Path = Path("results/enhancement/small")  # folder of checkpoint, curve, weights and data card
+    threads: int = 0  # 0: one per core
+    device: str = "auto"  # device of the training: auto, cpu or cuda
+    workers: int | None = None  # processes that draw pairs ahead. Default: none on a CPU; on a GPU one per other core
+    validated: int = 0  # held-out photographs of the last validation, 0 for all
 
 
 def train_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
