@@ -334,7 +334,7 @@ def test_published_numbers_stand_beside_ours(pages):
     table = next(found for found in page.tables if found[0][-1][0] == "LPIPS (paper)")
     row = next(row for row in table if row[0][0] == "deraings")
     assert [text for text, _ in row[-3:]] == ["27.41", "0.877", "0.173"]
-    assert "are not of our runs" in "".join(page.text)
+    assert "are not our runs" in "".join(page.text)
 
 
 def test_pictures_are_written_once_and_what_is_gone_goes(copied):
