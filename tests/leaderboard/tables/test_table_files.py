@@ -128,7 +128,7 @@ def test_the_markdown_shows_the_numbers_of_the_csv(written):
     found = pd.read_csv(written / "tables.csv").set_index(["scene", "effect", "method"])
     assert f"| 3dgs-clean | {found.psnr['room', 'raindrop', '3dgs-clean']:.2f} |" in text
     assert re.search(r"\| fewer \| <u>\d+\.\d\d</u> .*<u>5/6</u> \|", text)
-    assert "underlined: of a method that lacks runs" in text
+    assert "Underlined: the method lacks runs" in text
 
 
 def test_published_numbers_stand_in_columns_of_their_own_with_the_reason(written):
