@@ -45,14 +45,14 @@ class NerfWConfig:
     """A field, the embeddings of the views, and the four-term loss."""
 
     volumetric: VolumetricConfig = field(default_factory=VolumetricConfig)
-    appearance: int = 48  # length of a view's appearance embedding
-    transient: int = 16  # and of its transient embedding
+    appearance: int = 48  # length of an appearance embedding
+    transient: int = 16  # length of a transient embedding
     transient_width: int = 32  # units of the transient head's layers
     transient_layers: int = 2
     beta_min: float = 0.03
-    density_weight: float = 0.01  # lambda_u, of the mean transient density
+    density_weight: float = 0.01  # lambda_u: weight of the mean transient density
     embedding_rate: float = 5e-3  # learning rate of the embeddings
-    mean_appearance_share: float = 0.0  # of a step's rays, which get the mean appearance instead of their view's
+    mean_appearance_share: float = 0.0  # share of the rays of a step that use the mean appearance
 
 
 class TransientHead(nn.Module):

@@ -43,11 +43,11 @@ MASKS = "drops"
 class DropDetectionConfig:
     """How drops are detected."""
 
-    weights: str = "small"  # of the network, by name or path
-    threshold: float = 0.2  # attention from which on a pixel is hidden
-    widened: int = 1  # pixels of the photograph, whatever its size, by which masks grow on every side
-    longest: int = 480  # pixels a side; drops are detected in larger pictures at this size, that of the training
-    weights_sha256: str | None = None  # of their file: runs with other weights are other runs
+    weights: str = "small"  # weights of the network, by name or path
+    threshold: float = 0.2  # smallest attention of a hidden pixel
+    widened: int = 1  # pixels by which masks are widened on every side
+    longest: int = 480  # largest side in pixels for detection; larger pictures are shrunk to it
+    weights_sha256: str | None = None  # SHA-256 of the file of the weights
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,7 @@ class WildConfig:
     splatting: TrainerConfig
     appearance: AppearanceConfig | None = field(default_factory=AppearanceConfig)
     uncertainty: UncertaintyConfig | None = field(default_factory=UncertaintyConfig)
-    sky: int = 0  # points spread over the sky's sphere; those that a view may see become Gaussians
+    sky: int = 0  # number of points on the sky's sphere; points within a view become Gaussians
 
 
 def short(plain: TrainerConfig) -> WildConfig:
