@@ -26,7 +26,7 @@ FILM_ARGS ?=
 ABLATION := deraings.method:Masks 3dgs+enhance deraings.method:WithoutAttention deraings \
             deraings.method:RainModelOnly deraings-plus deraings.method:Everything
 EFFECTS  := dark haze night raindrop raindrop-b raindrop-renewed raindrop-sharp shower storm streak streak-b window
-BOARD_PAGES := README.md docs/topics/results-by-method.md docs/topics/results.md docs/topics/results-by-grade.md docs/topics/results-window.md
+BOARD_PAGES := README.md docs/leaderboard/results.md
 METHODS  ?= 3dgs nerf-w derain-nerf wild-gaussians gs-w deraings deraings-plus
 SCENES   ?=
 BIN      := $(VENV)/bin

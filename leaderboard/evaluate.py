@@ -53,12 +53,12 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class EvaluateRequest(RunOptions):
-    """What to evaluate."""
+    """A method and a scene to evaluate."""
 
-    method: MethodName  # a registered name, or package.module:Class; NAME+WRAPPER wraps it
-    scene: str = "courtyard"  # one that `python -m hydroviews scenes` lists, or a folder
-    seed: int = 0  # of the method; the data set keeps the seed it was built with
-    overwrite: bool = False  # build and run anew what is there with other settings
+    method: MethodName  # a registered name, or package.module:Class; NAME+WRAPPER applies a wrapper
+    scene: str = "courtyard"  # a name that `python -m hydroviews scenes` lists, or a folder
+    seed: int = 0  # seed of the method; the data set keeps its own seed
+    overwrite: bool = False  # replace scenes and runs that have other settings
 
 
 def evaluate(request: EvaluateRequest) -> list[Record]:

@@ -197,7 +197,7 @@ TARGETS = {  # what each runs
         "-m leaderboard table --results 'results'",
         "-m leaderboard site --results 'results' --data 'data'",
     ),
-    "board": ("-m leaderboard board --pages README.md docs/topics/results-by-method.md", "topics/results-by-grade.md"),
+    "board": ("-m leaderboard board --pages README.md docs/leaderboard/results.md",),
     "view": ("-m leaderboard view 'a run' --data 'data' --port '8080'",),
     "film": ("-m leaderboard film 'a run' --data 'data' --out 'film.mp4'",),
     "bench": ("-m 'benchmarks.splatting'",),

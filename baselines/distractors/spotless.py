@@ -86,7 +86,7 @@ SHORT_NETWORK = MaskNetworkConfig("vgg", rate=5e-3, prior=0.9)
 
 
 class Spotless(TrimmedMethod):
-    """SpotLessSplats (Sabour et al. 2025): a network on frozen features tells what of the photographs counts."""
+    """SpotLessSplats (Sabour et al. 2025): a network on frozen features predicts the pixels to ignore."""
 
     extra: ClassVar[int] = 0  # planes that the network sees beside the features
     profiles: ClassVar[Mapping[str, Any]] = {

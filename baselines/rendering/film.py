@@ -38,11 +38,11 @@ CHECK = "make check says whether the method keeps its contract; train it again"
 
 @dataclass(frozen=True)
 class FilmChoice:
-    """How long, how smooth, how large."""
+    """Length, frame rate and size of a film."""
 
-    seconds: float = 8.0  # once around
-    fps: int = 30
-    size: int = 800  # pixels of the longer side
+    seconds: float = 8.0  # length of the film, once around the path
+    fps: int = 30  # frames per second
+    size: int = 800  # longer side in pixels
 
     def __post_init__(self) -> None:
         if not 1 <= self.fps <= 240:

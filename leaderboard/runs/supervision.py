@@ -291,7 +291,9 @@ class Linger:
     def end(self, process: subprocess.Popen, gently: Callable[[subprocess.Popen], None]) -> None:
         """End the child: at once if its work is done."""
         if self.overdue():
-            logger.warning("its work is done, but its process did not end (a thread left running?): it was ended")
+            logger.warning(
+                "the run has finished, but its process did not end (a thread left running?): the process was ended"
+            )
             process.kill()
         else:
             gently(process)

@@ -125,7 +125,9 @@ def read_submission(folder: Path) -> Submission:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f"{path}: not valid TOML", found=error) from None
     except pydantic.ValidationError as error:
-        raise InputError(f"{path}: not a submission", found=in_words(error), fix="docs/topics/submissions.md") from None
+        raise InputError(
+            f"{path}: not a submission", found=in_words(error), fix="docs/leaderboard/board.md describes the file"
+        ) from None
     if submission.method.casefold() in _taken_names():
         raise InputError(f"{path}: the name {submission.method} is one of ours", fix="choose another name")
     names = [(run.scene, run.pattern, run.seed) for run in submission.runs]

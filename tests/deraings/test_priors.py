@@ -9,7 +9,7 @@ import pytest
 
 from deraings.rain_model.model import RainConfig
 
-PAGE = Path(__file__).parents[2] / "docs/topics/priors.md"
+PAGE = Path(__file__).parents[2] / "docs/methods/priors.md"
 SETTING = re.compile(r"`([a-z_]+\.[a-z_]+)`")
 RAIN = RainConfig()
 

@@ -204,7 +204,7 @@ def test_a_version_names_the_commit_of_our_own_checkout_alone(tmp_path, monkeypa
         ("leaderboard/evaluate.py", True),
         ("hydroviews/captures/captures.toml", True),
         ("pyproject.toml", True),
-        ("docs/topics/results.md", False),
+        ("docs/leaderboard/results.md", False),
         ("docs/pictures/rain.jpg", False),
         ("README.md", False),
         ("CHANGELOG.md", False),

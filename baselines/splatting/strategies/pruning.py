@@ -33,10 +33,10 @@ class MeasuresUse(Protocol):
 class Pruning:
     """Removal of the Gaussians that contribute least to the training views, by their blending weights alpha T."""
 
-    at: tuple[float, ...] = (0.8,)  # when, in shares of the iterations
-    share: float = 0.0  # this share of the Gaussians is removed, those with the smallest sum of weights
-    threshold: float = 0.0  # and those whose sum over all pixels of all training views is smaller than this
-    budget: int | None = None  # no more are left in the end: every round takes an equal part of the surplus
+    at: tuple[float, ...] = (0.8,)  # shares of the iterations at which Gaussians are removed
+    share: float = 0.0  # share of the Gaussians that is removed: those with the smallest sum of weights
+    threshold: float = 0.0  # Gaussians with a smaller sum of weights over all training views are removed too
+    budget: int | None = None  # number of Gaussians at the end; every round removes an equal part of the surplus
 
     def due(self, iteration: int, iterations: int) -> bool:
         """Whether to prune after step `iteration`."""
