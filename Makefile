@@ -142,8 +142,8 @@ view: $(READY)  ## a trained scene in a browser: RUN=results/... [PORT=8080]
 film: $(READY)  ## a film of a trained scene: RUN=results/... [OUT=film.mp4] [FILM_ARGS="--seconds 8 --fps 30 --size 800"]
 	$(BIN)/python -m leaderboard film $(call quote,$(RUN)) --data $(data) --out $(call quote,$(OUT)) $(call quoted,$(FILM_ARGS))
 
-bench: $(READY)  ## speed against error: BENCH=splatting, quality, volumetric, methods, enhancement, masking, gpu; raindrops, renewed_drops, window_look, windows, streaks, other_make, weather, rain_pictures, hidden_pictures, hard_rain, real_rain; dataset, sharing, poses, reconstruction, site; interruptions for kills and full disks
-	$(BIN)/python -m $(call quote,benchmarks.$(BENCH)) $(call quoted,$(BENCH_ARGS))
+bench: $(READY)  ## speed against error: BENCH=splatting and others; `python -m benchmarks` lists them
+	$(BIN)/python -m benchmarks $(call quote,$(BENCH)) $(call quoted,$(BENCH_ARGS))
 
 $(DOCS): $(READY)
 	$(BIN)/python -m pip install --constraint constraints.txt --editable '.[docs]'

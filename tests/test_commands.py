@@ -120,8 +120,8 @@ def test_an_environment_is_set_up_anew_with_other_settings(recorded, settings, e
         ("view", "PORT", {"--port": STRANGE}),
         ("film", "OUT", {"--out": STRANGE}),
         ("film", "FILM_ARGS", {"film.mp4": STRANGE.split()}),
-        ("bench", "BENCH", {"-m": f"benchmarks.{STRANGE}"}),
-        ("bench", "BENCH_ARGS", {"benchmarks.splatting": STRANGE.split()}),
+        ("bench", "BENCH", {"benchmarks": STRANGE}),
+        ("bench", "BENCH_ARGS", {"splatting": STRANGE.split()}),
     ],
 )
 def test_settings_reach_python_as_they_are(recorded, tmp_path, target, name, expected):
@@ -200,7 +200,7 @@ TARGETS = {  # what each runs
     "board": ("-m leaderboard board --pages README.md docs/topics/results-by-method.md", "topics/results-by-grade.md"),
     "view": ("-m leaderboard view 'a run' --data 'data' --port '8080'",),
     "film": ("-m leaderboard film 'a run' --data 'data' --out 'film.mp4'",),
-    "bench": ("-m 'benchmarks.splatting'",),
+    "bench": ("-m benchmarks 'splatting'",),
     "test": ("-m pytest -n auto",),
     "fuzz": ("FUZZ_EXAMPLES=1000 /nowhere/bin/python -m pytest tests/hydroviews/formats/test_fuzzed_readers.py",),
     "test-simd": ("HYDROVIEWS_SIMD=$simd", "test_rasterizer.py", "test_hard_cases.py", "test_photometric.py"),
