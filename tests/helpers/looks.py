@@ -1,8 +1,6 @@
 """Photographs in which one scene looks different, and trainings of Gaussians whose colours are made of photographs."""
 
-from contextlib import contextmanager
 from dataclasses import replace
-from unittest import mock
 
 import numpy as np
 import pytest
@@ -92,27 +90,6 @@ def hides_everything_and_says_so(kind, config, folder, caplog):
     assert f"{method.found['masked']:.1%} of the pixels masked" in method.summary().used
     assert [record.getMessage() for record in caplog.records if "masks hide" in record.getMessage()]
     assert np.isfinite(method.render(scene.test_views[0].camera)).all()
-
-
-@contextmanager
-def lessons_cut(kind, iteration):
-    """Trainings of a method break off where its appearance is to learn in an iteration."""
-    make = kind.objective
-
-    def cut(self, scene, folder):
-        objective = make(self, scene, folder)
-        learn = objective.appearance.learn
-
-        def failing(step):
-            if step == iteration:
-                raise RuntimeError("cut")
-            learn(step)
-
-        objective.appearance.learn = failing
-        return objective
-
-    with mock.patch.object(kind, "objective", cut), pytest.raises(RuntimeError, match="cut"):
-        yield
 
 
 def assert_the_same_steps(folder, cuda_backend, appearance_of):

@@ -12,7 +12,6 @@ from looks import (
     cast,
     hides_everything_and_says_so,
     learns_of_one_view,
-    lessons_cut,
     occlude,
     threads_of_networks,
     true_pictures,
@@ -135,31 +134,6 @@ def test_networks_have_one_thread(tmp_path):
     """The last bits of what torch adds up depend on how many there are."""
     config = WildGSConfig(replace(GROWING, iterations=2), replace(SHORT, local_from=0.0))
     assert threads_of_networks(WildGS, config, tmp_path) == {1}
-
-
-def test_an_interrupted_run_ends_with_the_same_bits_as_a_whole_one(tmp_path):
-    scene = photographed(tmp_path, n_views=6)
-    look = replace(BRIEF, visible_from=0.3, local_from=0.2, renewed=4, absent=0.3)
-    config = WildGSConfig(replace(GROWING, checkpoint_seconds=0.0), look)
-    whole = fitted(WildGS, config, scene, tmp_path / "whole")
-    assert len(whole._trained.gaussians) > len(scene.points)
-
-    with lessons_cut(WildGS, 8):
-        fitted(WildGS, config, scene, tmp_path / "cut")
-    resumed = fitted(WildGS, config, scene, tmp_path / "cut")
-    finished = fitted(WildGS, config, scene, tmp_path / "whole")  # from the checkpoint of the end
-    assert len(resumed._objective.appearance._depths) > 1
-    for other in (resumed, finished):
-        theirs = other._trained.gaussians.state_dict()
-        assert all(np.array_equal(v, theirs[k]) for k, v in whole._trained.gaussians.state_dict().items())
-        depths = other._objective.appearance._depths
-        assert depths.keys() == whole._objective.appearance._depths.keys()
-        for view, (step, depth) in whole._objective.appearance._depths.items():
-            assert step == depths[view][0]
-            assert np.array_equal(depth, depths[view][1], equal_nan=True)
-    other = replace(config, look=replace(look, price_last=0.2))
-    with pytest.raises(InputError, match="another run"):
-        fitted(WildGS, other, scene, tmp_path / "cut")
 
 
 @pytest.fixture
