@@ -111,7 +111,7 @@ check: $(READY)  ## whether METHOD= keeps the contract of a method, on a room th
 
 severity: $(READY)  ## what plain 3DGS loses to three patterns of every effect, or to PATTERNS=, entered into data cards; then what capture.json may say to meet the grades
 	$(MAKE) eval METHOD=3dgs $(if $(names),,PATTERNS='$(strip $(every_pattern))')
-	$(BIN)/python -m leaderboard card $(data)/$(profile) --results $(results)
+	$(BIN)/python -m leaderboard table --results $(results) --cards $(data)/$(profile)
 
 enhancer: $(READY)  ## train the enhancement network: PHOTOGRAPHS=a folder of clean photographs
 	$(enhance) --out $(results)/enhancement/first
