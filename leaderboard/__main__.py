@@ -8,6 +8,7 @@ if __name__ == "__main__":
 import inspect
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -319,7 +320,7 @@ def export_command(
     export(run, out, format, sh_degree)
 
 
-GROUPS = {
+GROUPS: dict[str, dict[str, Callable[..., None]]] = {  # by what they are for
     "run": {
         "evaluate": evaluate_command,
         "sweep": sweep_command,
