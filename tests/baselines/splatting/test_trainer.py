@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from splats import photographed
 from trainings import CONFIG, Interrupted, assert_identical, crashed_and_resumed, psnr, trained_behind_a_mask
 
 from baselines.gaussian_splatting import GaussianSplatting
@@ -18,11 +17,6 @@ from baselines.training.images import read_images
 from baselines.training.signals import Saving
 from hydroviews.errors import InputError
 from hydroviews.scene.images import resize_area, write_png
-
-
-@pytest.fixture(scope="module")
-def scene(tmp_path_factory):
-    return photographed(tmp_path_factory.mktemp("scene"))
 
 
 @pytest.fixture(scope="module")
