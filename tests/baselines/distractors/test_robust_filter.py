@@ -10,12 +10,11 @@ from trainings import psnr
 from baselines.distractors.robust_filter import RobustFilter, RobustFilterConfig
 from baselines.distractors.trimming import RECENT, TrimConfig, TrimmedObjective, faded
 from baselines.gaussian_splatting import GaussianSplatting
-from baselines.method import find_method
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.objective import Objective
 from baselines.splatting.strategies.densification import DefaultStrategy
-from baselines.training.images import TrainingImages, read_images
+from baselines.training.images import TrainingImages
 
 STEADY = DefaultStrategy(start=1000, stop=1001, reset_every=None)
 GROWTH = DefaultStrategy(
@@ -139,16 +138,3 @@ def test_a_step_with_all_pixels_masked_or_hidden_is_finite():
     loss, gradient = TrimmedObjective(hidden, config, 0)(random(0, 24, 32, 3), 0, 9, BufferPool())
     assert loss == 0
     assert not gradient.any()
-
-
-def test_the_method_is_found_and_settings_that_make_no_sense_are_refused(tmp_path):
-    assert find_method("robust-filter") is RobustFilter
-    shares = [RobustFilter.configuration(name).trim.inlier_share for name in ("demo", "quick", "paper")]
-    assert shares == [0.9, 0.9, 0.7]
-    assert RobustFilter.configuration("paper").splatting.strategy.reset_every is None
-    for wrong in ({"inlier_share": 0}, {"inlier_share": 1.1}, {"memory": 1}, {"fade_in": 0}):
-        with pytest.raises(ValueError, match="expected"):
-            TrimConfig(**wrong)
-    images = read_images(photographed(tmp_path, n_views=3).train_views)
-    settings = [TrimmedObjective(images, replace(BRIEF, trim=TrimConfig(memory=m)), 0).settings() for m in (0.9, 0.95)]
-    assert settings[0] != settings[1]

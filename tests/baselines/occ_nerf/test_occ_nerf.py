@@ -211,11 +211,3 @@ def test_where_nothing_stands_before_the_scene_little_is_lost(tmp_path):
     method.fit(scene, tmp_path / "both")
     scores = [balls.psnr(method.render, scene.test_views) for method in (plain, method)]
     assert scores[1] > scores[0] - 1, scores
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"gap": 0.0}, {"gap": 1.0}, {"alone": 1.0}, {"alone": -0.1}, {"background": MlpFieldConfig()}]
-)
-def test_settings_that_make_no_sense_are_refused(wrong):
-    with pytest.raises(ValueError, match="OccNerfConfig"):
-        replace(CONFIG, **wrong)

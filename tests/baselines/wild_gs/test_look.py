@@ -13,7 +13,7 @@ from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.sh_coefficients import C0
 from baselines.training.images import TrainingImages
 from baselines.wild_gs.appearance import LookAppearance
-from baselines.wild_gs.config import SHORT, LookConfig
+from baselines.wild_gs.config import SHORT
 
 HEIGHT, WIDTH = 30, 41
 SEEING = replace(SHORT, absent=0.0, local_from=0.0, side=16, lifted=41, shrink=1, box=1.8)  # all of it in every step
@@ -191,9 +191,3 @@ def test_the_mask_learns_at_the_price_of_the_step():
     hidden = 1 - appearance.visible.detach()
     assert torch.allclose(gradients[0] - gradients[1], -2 * 0.3 * hidden / hidden.numel(), atol=1e-7)
     assert hidden.min() > 0.01
-
-
-def test_settings_that_cannot_be():
-    for wrong in ({"side": 30}, {"box": 0.0}, {"rate_planes": 0.0}, {"code": 0}, {"absent": 1.0}, {"shrink": 0}):
-        with pytest.raises(ValueError, match=r"expected|positive"):
-            LookConfig(**wrong)
