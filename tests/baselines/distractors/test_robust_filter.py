@@ -21,7 +21,6 @@ GROWTH = DefaultStrategy(
     start=20, stop=200, every=20, budget=300, grow_grad2d=5e-5, reset_every=None, prune_scale3d=1.0
 )
 SPLATTING = TrainerConfig(iterations=400, sh_degree=0, strategy=STEADY, device="cpu")
-BRIEF = RobustFilterConfig(replace(SPLATTING, iterations=16, checkpoint_seconds=0.0))
 
 
 def random(seed, *shape):

@@ -22,7 +22,6 @@ GROWTH = DefaultStrategy(
 SPLATTING = TrainerConfig(iterations=400, sh_degree=0, strategy=STEADY, device="cpu")
 NETWORK = MaskNetworkConfig("vgg", rate=1e-2, prior=0.9)
 CONFIG = SpotlessConfig(SPLATTING, network=NETWORK)
-BRIEF = replace(CONFIG, splatting=replace(SPLATTING, iterations=16, checkpoint_seconds=0.0))
 
 
 def test_something_in_the_way_in_a_third_of_the_views_is_left_out(tmp_path):
