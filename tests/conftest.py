@@ -16,6 +16,7 @@ ORDER = (
     "baselines/training/test_kills.py",
     "baselines/splatting/test_projection.py",
     "baselines/splatting/test_triton_ops.py",
+    "leaderboard/contract/test_every_method.py",  # trains every method a dozen times
     "leaderboard",
     "deraings",
     "baselines",

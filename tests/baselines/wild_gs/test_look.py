@@ -141,19 +141,6 @@ def test_there_is_no_local_look_at_first():
     assert np.ptp(later.sh[0] - gaussians.sh[later.rows], axis=0).max() > 0.01
 
 
-def test_in_some_steps_nothing_of_the_reference_is_seen():
-    appearance = restless(appearance_of(replace(SEEING, absent=0.4)))
-    gaussians, same = opaque(60), []
-    for step in range(60):
-        two = [shown(appearance, gaussians, view) for view in (0, 1)]
-        same.append(np.array_equal(two[0].sh, two[1].sh))
-        assert len(appearance.visible) > 0  # the mask is found all the same
-        appearance.learn(step)
-    assert same.count(True) == pytest.approx(24, abs=10)
-    with torch.no_grad():
-        assert not any(appearance._absent() for _ in range(20))
-
-
 def test_depths_are_kept_for_some_steps_and_rendered_anew():
     appearance, near, far = appearance_of(replace(SEEING, renewed=3)), opaque(), opaque()
     near = replace(near, means=near.means * np.float32(0.5))
