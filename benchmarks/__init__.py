@@ -1,4 +1,4 @@
-"""Speed against error. Each part is a command, `python -m benchmarks.NAME`, that ends as all commands do."""
+"""Speed against error: `python -m benchmarks NAME`. Benchmarks end and keep freed memory as all commands do."""
 
 import sys
 

@@ -1,23 +1,19 @@
 """The documentation: links lead somewhere, commands and code on pages run, and generated parts match the program."""
 
-import contextlib
 import dataclasses
-import functools
-import importlib.util
-import io
 import json
 import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-import tyro
 from commands import command
+from parsing import docs_hooks, refusal
 from synthetic import capture_in
 
 from hydroviews.formats.writers import write_colmap
@@ -57,28 +53,9 @@ def commands() -> Iterator[tuple[str, list[str]]]:
                 yield name(page), words
 
 
-def parsed(function: Callable, words: list[str]) -> str:
-    """What the command's parser says against these arguments; empty if it takes them. Nothing is run."""
-
-    @functools.wraps(function)
-    def nothing(*_, **__):
-        pass
-
-    out = io.StringIO()
-    try:
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
-            tyro.cli(nothing, args=words)
-    except SystemExit:
-        return out.getvalue()
-    return ""
-
-
 @pytest.fixture(scope="module")
 def hooks():
-    spec = importlib.util.spec_from_file_location("docs_hooks", DOCS / "hooks.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return docs_hooks()
 
 
 def test_the_readme_is_one_look():
@@ -173,7 +150,7 @@ def test_commands_are_parsed_by_the_programs(hooks):
     for page, words in said:
         line = " ".join(words[:4])
         assert line in known, f"{page}: {line}"
-        problem = parsed(known[line], words[4:])
+        problem = refusal(known[line], words[4:])
         assert not problem, f"{page}: {' '.join(words)}\n{problem}"
 
 
@@ -187,8 +164,8 @@ def test_cheap_commands_run(line, monkeypatch):
 
 def test_an_option_that_there_is_not_would_be_noticed(hooks):
     sheet = hooks.commands()["python -m hydroviews sheet"]
-    assert "--no-such-option" in parsed(sheet, ["data", "--no-such-option", "1"])
-    assert parsed(sheet, ["data", "--views", "many"])
+    assert "--no-such-option" in refusal(sheet, ["data", "--no-such-option", "1"])
+    assert refusal(sheet, ["data", "--views", "many"])
 
 
 def test_blocks_hold_commands_that_are_parsed_here_or_known():

@@ -210,7 +210,7 @@ class SplattingTrainer:
         self._put(state)
         if config.pruning and config.pruning.due(done - 1, config.iterations):
             left = config.pruning.left(done - 1, config.iterations)
-            self._put(prune(state, config.pruning.use(self.backend, self.cameras), config.pruning, left))
+            self._put(prune(state, self.backend.contributions(self.cameras), config.pruning, left))
         if self._validation_due():
             degree = schedule.sh_degree_at(done - 1, config.sh_degree_interval, config.sh_degree)
             for view in self.validation_views:

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from made_up_board import write_board as write_runs
 from synthetic import capture_in
 
-from benchmarks.site import write_board as write_runs
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.formats.writers import write_colmap

@@ -4,9 +4,8 @@ A pixel's colour is the sum over Gaussians of alpha T times their colour. So the
 a Gaussian's colour is its alpha T summed over pixels: how much of the image it is, in pixels.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,16 +16,6 @@ from baselines.splatting.kernels.rasterizer import backward, render
 from baselines.splatting.kernels.sh_coefficients import C0
 from baselines.splatting.state import TrainingState
 from hydroviews.scene.cameras import Camera
-
-
-class MeasuresUse(Protocol):
-    """A backend, as it is asked how much use Gaussians are."""
-
-    def contributions(self, cameras: Sequence[Camera]) -> NDArray[np.float64]:
-        """See `contributions`."""
-
-    def utilisation(self, cameras: Sequence[Camera]) -> NDArray[np.float64]:
-        """See `utilisation.utilisation`."""
 
 
 @dataclass(frozen=True)
@@ -45,10 +34,6 @@ class Pruning:
     def left(self, iteration: int, iterations: int) -> int:
         """How many rounds are left after step `iteration`, that one included."""
         return sum(after > iteration for after in self._rounds(iterations))
-
-    def use(self, backend: MeasuresUse, cameras: Sequence[Camera]) -> NDArray[np.float64]:
-        """How much use the Gaussians are [N], >= 0: their blending weights."""
-        return backend.contributions(cameras)
 
     def _rounds(self, iterations: int) -> set[int]:
         return {round(share * iterations) for share in self.at}

@@ -4,7 +4,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-import pytest
 from scipy.spatial import cKDTree
 from splats import camera, photographed
 from trainings import CONFIG, assert_identical, crashed_and_resumed
@@ -12,7 +11,7 @@ from trainings import CONFIG, assert_identical, crashed_and_resumed
 from baselines.gaussian_splatting import BudgetedSplatting, GaussianSplatting
 from baselines.splatting.initialisation import BETWEEN, MIDDLE, filled_up, initialise
 from baselines.splatting.schedule import Stream, random_stream
-from baselines.splatting.trainer import TrainerConfig, train
+from baselines.splatting.trainer import train
 from hydroviews.scene.scenes import Points
 
 CAMERAS = [camera(10, 10, angle) for angle in (0, 2, 4)]
@@ -115,12 +114,6 @@ def test_a_training_starts_with_a_share_of_its_budget_and_resumes_exactly(tmp_pa
     assert len(unfinished.gaussians) == 150
     whole = train(scene, config, 0, tmp_path / "whole")
     assert_identical(whole, crashed_and_resumed(scene, config, 90, tmp_path / "cut"))
-
-
-@pytest.mark.parametrize("share", [-0.1, 1.5])
-def test_impossible_shares_are_refused(share):
-    with pytest.raises(ValueError, match="dense_start"):
-        TrainerConfig(dense_start=share)
 
 
 def test_the_shortest_trainings_start_with_half_their_budget():

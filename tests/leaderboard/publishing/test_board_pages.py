@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from made_up_board import write_board as make_runs
 
-from benchmarks.site import write_board as make_runs
 from hydroviews.errors import InputError
 from leaderboard import gather
 from leaderboard.__main__ import board_command, compare_command, site_command, table_command

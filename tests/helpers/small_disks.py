@@ -41,7 +41,7 @@ def twice_on_a_disk(command: Sequence[str], folder: Path, notes: Path, size: int
     except FileNotFoundError:
         status = REFUSED
     if not (notes / "status").is_file() or status == REFUSED:
-        raise InputError("small disks cannot be mounted here", fix="--levels 0 leaves them out")
+        raise InputError("small disks cannot be mounted here")
     return int((notes / "status").read_text()), (notes / "errors").read_text()
 
 

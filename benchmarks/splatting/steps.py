@@ -1,6 +1,6 @@
 """Speed of training steps, kernel by kernel, and their error against float64.
 
-    python -m benchmarks.splatting --folder results/bench
+    python -m benchmarks splatting --folder results/bench
 
 Prints tables and writes them as splatting-*.csv, and growth.html with the curves of how time grows.
 """
@@ -8,22 +8,27 @@ Prints tables and writes them as splatting-*.csv, and growth.html with the curve
 from pathlib import Path
 from typing import Literal
 
-import pandas as pd
-
 from baselines.splatting.backends.warm_up import warm_up
 from benchmarks.splatting.curves import growth_curves
 from benchmarks.splatting.error import cutoffs, precision
 from benchmarks.splatting.speed import colours, growth, speeds
-from hydroviews.cli.commands import run_command
+from benchmarks.tables import report
 from hydroviews.files.atomic import write_bytes
 
 Part = Literal["speed", "growth", "colours", "precision", "cutoffs"]
+TITLES: dict[Part, str] = {
+    "speed": "milliseconds",
+    "growth": "milliseconds",
+    "colours": "milliseconds",
+    "precision": "error against float64 with the same cut-offs",
+    "cutoffs": "float64 with cut-offs against float64 without",
+}
 
 
 def main(
     folder: Path = Path("results/bench"),
     repeats: int = 15,
-    parts: tuple[Part, ...] = ("speed", "growth", "colours", "precision", "cutoffs"),
+    parts: tuple[Part, ...] = tuple(TITLES),
 ) -> None:
     """Measure and report.
 
@@ -42,24 +47,6 @@ def main(
     }
     for part in parts:
         table = measure[part]()
-        report(part, table)
-        write_bytes(folder / f"splatting-{part}.csv", table.to_csv(index=False).encode())
+        report(table, folder / f"splatting-{part}.csv", TITLES[part])
         if part == "growth":
             write_bytes(folder / "growth.html", growth_curves(table).encode())
-
-
-def report(part: str, table: pd.DataFrame) -> None:
-    """Print a table, small numbers with two digits."""
-    titles = {
-        "speed": "milliseconds",
-        "growth": "milliseconds",
-        "colours": "milliseconds",
-        "precision": "error against float64 with the same cut-offs",
-        "cutoffs": "float64 with cut-offs against float64 without",
-    }
-    style = "{:.2f}".format if part in ("speed", "growth", "colours") else "{:.1e}".format
-    print(f"\n{titles[part]}\n{table.to_string(index=False, float_format=style)}")
-
-
-if __name__ == "__main__":
-    run_command(main, prog="benchmarks.splatting")

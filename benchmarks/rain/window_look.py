@@ -1,7 +1,7 @@
 """The look of wet panes: the statistics that are known of published pictures, measured on ours.
 
-    python -m benchmarks.window_look --captures ../shared/data --out results/bench
-    python -m benchmarks.window_look --rainy rainy.png --clean clean.png
+    python -m benchmarks window_look --captures ../shared/data --out results/bench
+    python -m benchmarks window_look --rainy rainy.png --clean clean.png
 
 Prints a table and writes window_look.csv and window_look.png: three patterns of every capture, 300x200 pixels each. All
 is measured at 702 pixels of width, in encoded grey values. Least squares give the line of rainy on clean around every
@@ -19,9 +19,9 @@ import pandas as pd
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from hydroviews.cli.commands import run_command
+from benchmarks.tables import report
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import replacing, write_bytes
+from hydroviews.files.atomic import replacing
 from hydroviews.formats.read import read_scene
 from hydroviews.rain.effect import fall
 from hydroviews.rain.lens.window import WindowEffect
@@ -151,11 +151,6 @@ def main(
             for grade, (kind, rain, scene) in zip(GRADES, drawn, strict=True):
                 rows.append({"capture": name, "seed": seed, "grade": grade, "kind": kind} | measure(rain, scene))
     table = pd.DataFrame(rows)
-    write_bytes(out / "window_look.csv", table.to_csv(index=False, float_format="%.4g").encode())
     with replacing(out / "window_look.png") as temporary:
         temporary.write_bytes(cv2.imencode(".png", side_by_side(pictures))[1].tobytes())
-    print(table.to_string(index=False, float_format="{:.3g}".format))
-
-
-if __name__ == "__main__":
-    run_command(main, prog="benchmarks.window_look")
+    report(table, out / "window_look.csv")

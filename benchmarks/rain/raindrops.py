@@ -1,6 +1,6 @@
 """Drops on the lens: what mattes cost and how far they are from path tracing.
 
-    python -m benchmarks.raindrops --out results/bench
+    python -m benchmarks raindrops --out results/bench
 
 Prints a table and writes raindrops.csv. Every lens renderer shows the same drops with the same aperture in front of the
 same picture; the PSNR, in encoded values, is over the pixels that are at least half under water, against path tracing
@@ -11,20 +11,19 @@ starting Blender; "once" is the whole bake. Cases that are in the file already a
 import os
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
-from tqdm import tqdm
 
+from benchmarks.tables import finished, report
 from benchmarks.timing import counted, counted_seconds
-from hydroviews.cli.commands import run_command
-from hydroviews.files.atomic import write_bytes
 from hydroviews.rain.lens.optics.bake import aperture_radius, bake_matte, focus_disk, lens_water, trace
 from hydroviews.rain.lens.optics.path_matte import PathMatte
 from hydroviews.rain.lens.patterns.pattern import RaindropPattern, draw_pattern
@@ -35,7 +34,6 @@ from hydroviews.scene.images import Image, read_image, to_linear, to_srgb
 
 GRADES = ("light", "medium", "heavy")
 SIZES = ((200, 150), (400, 300))
-CASE = ["size", "grade", "background", "reference"]
 MATTES: tuple[tuple[LensRenderer, int | None], ...] = (("disk", 2), ("disk", None), ("disk", 8), ("aperture", None))
 REPEATS = 7
 
@@ -133,23 +131,15 @@ def main(out: Path = Path("results/bench"), reference_samples: int = 1024) -> No
         reference_samples: of the path tracing that all else is compared with.
     """
     file = out / "raindrops.csv"
-    table = pd.read_csv(file) if file.is_file() else pd.DataFrame(columns=CASE)
     with tempfile.TemporaryDirectory(prefix="hydroviews-") as scratch:
-        cases = [(size, grade, *p) for size in SIZES for grade in range(len(GRADES)) for p in pictures(*size)]
-        for (width, height), grade, name, picture in tqdm(cases, desc="raindrops", unit="case"):
-            case = (f"{width}x{height}", GRADES[grade], name, reference_samples)
-            if (table[CASE] == case).all(axis=1).any():
-                continue
-            pattern = draw_pattern(np.random.default_rng(grade), grade)
-            folder = Path(scratch) / f"{case[0]}-{case[1]}"
-            rows = measure(pattern, picture, folder, reference_samples)
-            found = pd.DataFrame([dict(zip(CASE, case, strict=True)) | row for row in rows])
-            table = pd.concat([table, found]) if len(table) else found
-            write_bytes(file, table.to_csv(index=False, float_format="%.5g").encode())
-    print(table.to_string(index=False, float_format="{:.4g}".format))
+        cases: list[tuple[dict[str, Any], Callable[[], list[dict[str, Any]]]]] = []
+        for (width, height), (index, grade) in product(SIZES, enumerate(GRADES)):
+            size, pattern = f"{width}x{height}", draw_pattern(np.random.default_rng(index), index)
+            for name, picture in pictures(width, height):
+                case = {"size": size, "grade": grade, "background": name, "reference": reference_samples}
+                folder = Path(scratch) / f"{size}-{grade}"
+                cases.append((case, partial(measure, pattern, picture, folder, reference_samples)))
+        table = finished(file, cases)
+    report(table, file)
     columns = ["psnr", "once_s", "view_s", "cheaper than 64"]
     print("\nmeans\n" + table.groupby(["size", "lens_renderer"], sort=False)[columns].mean().round(4).to_string())
-
-
-if __name__ == "__main__":
-    run_command(main, prog="benchmarks.raindrops")

@@ -1,12 +1,4 @@
-"""What kills and full disks leave behind: the same bytes as if nothing had happened, or not.
-
-    python -m benchmarks.interruptions --out results/bench/interruptions
-
-Building, training and scoring a small room, and a whole sweep on it, are killed (SIGKILL) at random moments, gone on
-with, and compared with an undisturbed run: the sweep by its leaderboard, the others file by file. Then the room is
-built on disks too small for it: the error must say so, and on a larger disk the same command must end in the same
-bytes. Prints two tables and writes kills.csv and disks.csv.
-"""
+"""Commands that are killed or run out of disk, and whether they go on to the bytes of an undisturbed run."""
 
 import hashlib
 import multiprocessing
@@ -26,27 +18,22 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from tqdm import tqdm
+from small_disks import space_of, twice_on_a_disk
 
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting_profiles import PROFILES
 from baselines.training.checkpoints import CHECKPOINT
 from baselines.training.checkpoints import MODEL as MODEL_FILE
 from baselines.training.learning_curve import LEARNING_CURVE
-from benchmarks.small_disks import space_of, twice_on_a_disk
-from hydroviews.cli.commands import run_command
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import write_bytes
 from hydroviews.files.locks import LOCK
-from hydroviews.formats.writers import MODEL, write_colmap
 from hydroviews.scene.seeds import generator
-from leaderboard.contract.toy_scene import draw_room
 from leaderboard.records import LEADERBOARD, PER_VIEW
 from leaderboard.runs.own_files import PREDICTION
 from leaderboard.runs.run import Run, claim_folder
 from leaderboard.runs.sessions import SESSIONS
 
-METHOD, PROFILE = "benchmarks.interruptions:Brief", "demo"
+METHOD, PROFILE = "kills:Brief", "demo"
 RESULTS = "results"
 ITERATIONS, CHECKPOINT_SECONDS = 200, 0.2
 POLL = 0.005  # seconds
@@ -213,7 +200,7 @@ def killed(command: Sequence[str], folder: Path, seconds: float) -> bool:
 def kills(stage: Stage, folder: Path, alone: Undisturbed, count: int, seed: int) -> dict[str, Any]:
     """Kill a stage at `count` random moments, once a run, and go on: a row of the table."""
     random, ends, output = generator(seed, "kills", stage.name), Counter[str](), folder.with_suffix(".log")
-    for _ in tqdm(range(count), desc=stage.name, unit="kill"):
+    for _ in range(count):
         command, latest = stage.begin(fresh(folder)), alone.writing
         while not killed(command, folder, float(random.uniform(0, latest))):
             command, latest = stage.begin(fresh(folder)), latest / 2  # it was quicker than the undisturbed one
@@ -230,46 +217,10 @@ def kills(stage: Stage, folder: Path, alone: Undisturbed, count: int, seed: int)
 def disks(stage: Stage, folder: Path, alone: Undisturbed, levels: int) -> Iterator[dict[str, Any]]:
     """Run a stage on disks that hold a share of what it writes, and again on a larger one: rows of the table."""
     needed, notes = space_of(folder), folder.with_name("notes")
-    for share in tqdm(np.linspace(*SHARES, levels), desc=f"{stage.name}, small disks", unit="disk"):
+    for share in np.linspace(*SHARES, levels):
         command = [sys.executable, "-m", *stage.begin(fresh(folder))]
         status, errors = twice_on_a_disk(command, folder, fresh(notes), int(share * needed))
         plain = status == 2 and "no space left on the disk" in errors and "Traceback" not in errors
         told = "yes" if plain else "no" if status else "it fits"
         end = "same bytes" if stage.end(notes / folder.name) == alone.files else "other bytes"
         yield {"disk, share": round(float(share), 2), "status": status, "told plainly": told, "then": end}
-
-
-def main(
-    out: Path = Path("results/bench/interruptions"),
-    patterns: tuple[str, ...] = ("streak-0", "storm-0"),
-    kills_each: int = 30,
-    levels: int = 12,
-    seed: int = 0,
-) -> None:
-    """Kill, fill and compare.
-
-    Args:
-        out: gets the room, what is made of it, and the tables.
-        patterns: that are built; the first is trained on. Drops on the lens take Blender minutes.
-        kills_each: of every stage.
-        levels: disks that are too small.
-        seed: of the moments.
-    """
-    os.environ.setdefault("OMP_NUM_THREADS", "1")  # a room as small as this one has no work for more
-    SERVER.set_forkserver_preload(IMPORTED)
-    write_colmap(draw_room(fresh(out / "room") / "images"), out / "room" / MODEL)
-    table: list[dict[str, Any]] = []
-    for stage in stages(out, patterns):
-        alone = undisturbed(stage, out / stage.result)
-        if stage.name == "build" and levels:
-            shutil.copytree(out / stage.result, fresh(out / "trial"), dirs_exist_ok=True)
-            rows = pd.DataFrame(disks(stage, out / "trial", alone, levels))
-            write_bytes(out / "disks.csv", rows.to_csv(index=False).encode())
-            print(f"\n{rows.to_string(index=False)}\n")
-        table.append(kills(stage, out / "trial", alone, kills_each, seed))
-        write_bytes(out / "kills.csv", pd.DataFrame(table).to_csv(index=False).encode())
-    print(f"\n{pd.DataFrame(table).to_string(index=False)}")
-
-
-if __name__ == "__main__":
-    run_command(main, prog="benchmarks.interruptions")

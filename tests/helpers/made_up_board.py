@@ -1,16 +1,7 @@
-"""What the pages of the leaderboard cost: processor seconds and memory for a board of made-up runs.
-
-    python -m benchmarks.site --runs 1000
-
-Records, scores of views, learning curves and renders are made up; gathering and writing are measured together, once
-from nothing and once where the pages are there already.
-"""
+"""A leaderboard of made-up runs: records, scores of views, learning curves and renders, no training."""
 
 import dataclasses
 import itertools
-import resource
-import tempfile
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -20,14 +11,9 @@ import numpy as np
 import pandas as pd
 
 from baselines.training.learning_curve import LEARNING_CURVE, ROWS, write_rows
-from hydroviews.cli.commands import run_command
 from hydroviews.metrics import find_metrics
-from leaderboard.gather import write_leaderboard
 from leaderboard.records import Record, run_folder, write_record
-from leaderboard.site.write import SITE, write_site
 
-SCENES = ("room", "street", "pond", "market", "ngp_fox", "courtyard", "llff_flower", "mipnerf360_bonsai")
-EFFECTS = ("raindrop", "streak", "storm")
 SIZE = (320, 240)
 
 
@@ -96,34 +82,3 @@ def _write_run(
     }
     costs |= {"n_primitives": int(counts[-1] * rng.uniform(0.5, 2)), "device": "cpu", "version": "0"}
     write_record(folder, dataclasses.replace(record, **costs))
-
-
-def main(runs: int = 1000, seeds: int = 3) -> None:
-    """Measure a board.
-
-    Args:
-        runs: at least so many.
-        seeds: of every method.
-    """
-    patterns = [f"{effect}-{i}" for effect in EFFECTS for i in range(3)]
-    n_methods = -(-runs // (len(SCENES) * len(patterns) * seeds))
-    methods = ["3dgs-clean", *(f"method-{i}" for i in range(n_methods))]
-    with tempfile.TemporaryDirectory(prefix="hydroviews-", dir=".") as folder:
-        results = Path(folder)
-        write_board(results, methods, SCENES, patterns, range(seeds))
-        for title in ("from nothing", "there already"):
-            start = time.process_time()
-            table = write_leaderboard(results)
-            gathered = time.process_time() - start
-            write_site(table, results, results / "no data")
-            seconds = time.process_time() - start
-            size = sum(path.stat().st_size for path in (results / SITE).rglob("*") if path.is_file()) / 1e6
-            peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
-            print(
-                f"{title}: {len(table)} runs, {seconds:.1f} s, {gathered:.1f} s of them gathering and tables; "
-                f"peak memory {peak:.0f} MB; {size:.0f} MB on disk"
-            )
-
-
-if __name__ == "__main__":
-    run_command(main, prog="benchmarks.site")

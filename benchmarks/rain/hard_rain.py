@@ -1,6 +1,6 @@
 """Hard cases: photographs on which a method could find rain that is not there, or too much of it at once.
 
-    python -m benchmarks.hard_rain --scene courtyard --methods 3dgs deraings-plus
+    python -m benchmarks hard_rain --scene courtyard --methods 3dgs deraings-plus
 
 Clean views, real fog, the worst grades, drops and streaks together, a photograph that shows mist alone, a third of the
 views. Trains every method on every case, one after another; prints a table and writes hard_rain.csv.
@@ -9,6 +9,7 @@ Finished trainings are kept, an interrupted one goes on where it stopped.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +19,10 @@ from tqdm import tqdm
 
 from baselines.method import find_method
 from benchmarks.quality import held_out, slug
-from hydroviews.cli.commands import run_command
+from benchmarks.tables import finished, report
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean, open_variant
-from hydroviews.files.atomic import read_json, write_bytes
+from hydroviews.files.atomic import read_json
 from hydroviews.profiles import find_profile
 from hydroviews.rain.compositing import Layers
 from hydroviews.rain.layers import read_layers
@@ -109,28 +110,30 @@ def blank(scene: Scene) -> Callable[[View], Image]:
     return paint
 
 
-def row(case: str, name: str, pair: Pair, profile: str, seed: int, folder: Path) -> dict[str, Any]:
-    """Train one method on one case, and score its held-out views."""
+def row(name: str, pair: Pair, profile: str, seed: int, folder: Path) -> dict[str, Any]:
+    """Train one method on photographs, in a folder of its own in `folder`, and score the held-out views."""
     photographs, truth = pair
     kind = find_method(name)
     method = kind(kind.configuration(profile), seed)
-    method.fit(only_training(photographs), folder / slug(case) / slug(name))
-    return {"photographs": case, "method": name, **held_out(method, truth), "used": method.summary().used}
+    method.fit(only_training(photographs), folder / slug(name))
+    return {**held_out(method, truth), "used": method.summary().used}
+
+
+def _train(opened: Callable[[], Pair], name: str, *settings: Any) -> dict[str, Any]:
+    """The row of a case that is opened only now."""
+    return row(name, opened(), *settings)
 
 
 def train_all(
     cases: Mapping[str, Callable[[], Pair]], methods: Sequence[str], profile: str, seed: int, folder: Path, csv: Path
 ) -> pd.DataFrame:
     """A row for every case and method; those that `csv` has are kept, and trainings in `folder` go on."""
-    rows: list[dict[str, Any]] = pd.read_csv(csv).to_dict("records") if csv.is_file() else []
+    trainings = []
     for case, opened in cases.items():
         for name in methods:
-            if any((row["photographs"], row["method"]) == (case, name) for row in rows):
-                continue
-            print(f"{case}, {name}:")
-            rows.append(row(case, name, opened(), profile, seed, folder))
-            write_bytes(csv, pd.DataFrame(rows).to_csv(index=False).encode())
-    return pd.DataFrame(rows)
+            train = partial(_train, opened, name, profile, seed, folder / slug(case))
+            trainings.append(({"photographs": case, "method": name}, train))
+    return finished(csv, trainings)
 
 
 def main(
@@ -156,9 +159,5 @@ def main(
     built = build_source(scene, data / profile, find_profile(profile), patterns=PATTERNS, all_patterns=False)
     folder = out / f"{built.name}-{profile}-{seed}"
     chosen = {name: case for name, case in cases(built, folder).items() if not only or name.startswith(only)}
-    rows = train_all(chosen, methods, profile, seed, folder, folder / "hard_rain.csv")
-    print(f"\n{rows.to_string(index=False)}")
-
-
-if __name__ == "__main__":
-    run_command(main, prog="benchmarks.hard_rain")
+    csv = folder / "hard_rain.csv"
+    report(train_all(chosen, methods, profile, seed, folder, csv), csv)

@@ -1,6 +1,6 @@
 """Renewed drops and drops in focus: what a view costs, and how far short cuts are from what they stand for.
 
-    python -m benchmarks.renewed_drops --out results/bench
+    python -m benchmarks renewed_drops --out results/bench
 
 Prints three tables and writes them as renewed_drops-*.csv:
 
@@ -20,9 +20,8 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from benchmarks.raindrops import GRADES, noise, pictures
-from hydroviews.cli.commands import run_command
-from hydroviews.files.atomic import write_bytes
+from benchmarks.rain.raindrops import GRADES, noise, pictures
+from benchmarks.tables import report
 from hydroviews.rain.compositing import water_over
 from hydroviews.rain.effect import fall
 from hydroviews.rain.lens.effect import RaindropEffect, SharpRaindropEffect
@@ -157,10 +156,4 @@ def main(out: Path = Path("results/bench"), reference_samples: int = 1024) -> No
                 sharp = replace(pattern, focus="drops")
                 tables["focus"] += [case | row for row in focus_errors(sharp, picture, folder, reference_samples)]
     for name, rows in tables.items():
-        table = pd.DataFrame(rows)
-        write_bytes(out / f"renewed_drops-{name}.csv", table.to_csv(index=False, float_format="%.5g").encode())
-        print(f"\n{name}\n{table.to_string(index=False, float_format='{:.4g}'.format)}")
-
-
-if __name__ == "__main__":
-    run_command(main, prog="benchmarks.renewed_drops")
+        report(pd.DataFrame(rows), out / f"renewed_drops-{name}.csv", name)

@@ -1,6 +1,6 @@
 """The cost of the parts of a wet window, and the share that a method recovers: drops alone, mist alone, a true cover.
 
-    python -m benchmarks.windows --scene courtyard --pattern window-1 --methods 3dgs deraings-plus
+    python -m benchmarks windows --scene courtyard --pattern window-1 --methods 3dgs deraings-plus
 
 The parts are painted from the layers of a built variant, so no drop is drawn again. "True cover" hides pixels that
 drops cover by more than a half, as masks of a user would. Hidden clean views show what hiding costs. Prints a table
@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from benchmarks.hard_rain import Pair, behind, layers_of, painted, train_all
-from hydroviews.cli.commands import run_command
+from benchmarks.rain.hard_rain import Pair, behind, layers_of, painted, train_all
+from benchmarks.tables import report
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.files.atomic import read_json, sha256
@@ -111,9 +111,5 @@ def main(
     drawn = sha256(built / pattern / PATTERN_FILE)[:8]  # another pane is another folder
     folder = out / f"{built.name}-{pattern}-{drawn}-{profile}-{seed}"
     chosen = {name: case for name, case in cases(built, pattern, folder).items() if not only or name.startswith(only)}
-    rows = train_all(chosen, methods, profile, seed, folder, folder / "windows.csv")
-    print(f"\n{with_shares(rows).to_string(index=False)}")
-
-
-if __name__ == "__main__":
-    run_command(main, prog="benchmarks.windows")
+    csv = folder / "windows.csv"
+    report(with_shares(train_all(chosen, methods, profile, seed, folder, csv)), csv)

@@ -1,6 +1,6 @@
 """Speed and error of falling rain: streaks of the 2D recipe, and drops of a storm.
 
-    python -m benchmarks.streaks --out results/bench
+    python -m benchmarks streaks --out results/bench
 
 Prints three tables and writes streaks-2d.csv, streaks-storm.csv and streaks-storm-error.csv. Everything runs on one
 thread; times are processor time, the least of several turns, so that what else runs on the machine counts little.
@@ -15,11 +15,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from scipy.signal import fftconvolve
-from tqdm import tqdm
 
+from benchmarks.tables import report, rows_of
 from benchmarks.timing import least
-from hydroviews.cli.commands import run_command
-from hydroviews.files.atomic import write_bytes
 from hydroviews.rain.storm import reference as storm_reference
 from hydroviews.rain.storm.drop_sizes import count, draw_cloud
 from hydroviews.rain.storm.rasterise import Shutter, draw, project
@@ -132,15 +130,13 @@ def main(out: Path = Path("results/bench"), repeats: int = 7) -> None:
         repeats: timed turns of each case.
     """
     cv2.setNumThreads(1)
-    flat = pd.DataFrame([recipe(p, size, repeats) for size in tqdm(SIZES_2D, desc="2D", leave=False) for p in PATTERNS])
-    storms = [storm(n, size, repeats) for size in tqdm(SIZES_3D, desc="storm", leave=False) for n in DROPS]
-    storms += [all_in_view(size, repeats) for size in SIZES_3D]
-    errors = [storm_error(*case) for case in tqdm(ERROR_CASES, desc="storm's error", leave=False)]
-    tables = {"2d": flat, "storm": pd.DataFrame(storms), "storm-error": pd.DataFrame(errors)}
+    flat = rows_of(recipe, [(p, size, repeats) for size in SIZES_2D for p in PATTERNS], "2d")
+    storms = rows_of(storm, [(n, size, repeats) for size in SIZES_3D for n in DROPS], "storm")
+    filled = rows_of(all_in_view, [(size, repeats) for size in SIZES_3D], "storm")
+    tables = {
+        "2d": flat,
+        "storm": pd.concat([storms, filled]),
+        "storm-error": rows_of(storm_error, ERROR_CASES, "error"),
+    }
     for name, table in tables.items():
-        print(f"\n{name}\n{table.to_string(index=False, float_format='{:.3g}'.format)}")
-        write_bytes(out / f"streaks-{name}.csv", table.to_csv(index=False).encode())
-
-
-if __name__ == "__main__":
-    run_command(main, prog="benchmarks.streaks")
+        report(table, out / f"streaks-{name}.csv", name)

@@ -1,6 +1,6 @@
 """What a training costs on an NVIDIA GPU: a step and its parts, what lies between steps, and every method's own loss.
 
-    python -m benchmarks.gpu --folder results/bench --parts agree steps between methods losses
+    python -m benchmarks gpu --folder results/bench --parts agree steps between methods losses
 
 Nothing else should run on the machine. Prints tables and writes them as gpu-*.csv.
 """
@@ -32,9 +32,8 @@ from baselines.training.images import read_images
 from benchmarks.methods import in_steps
 from benchmarks.splatting.scenes import picture, room, view
 from benchmarks.splatting.speed import still
-from hydroviews.cli.commands import run_command
+from benchmarks.tables import report
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import write_bytes
 from hydroviews.scene.images import write_png
 from hydroviews.scene.scenes import Points, Scene, View, make_scene
 
@@ -324,10 +323,4 @@ def main(
     }
     print(f"{torch.cuda.get_device_name()}, torch {torch.__version__}")
     for part in parts:
-        table = measure[part]()
-        print(f"\n{part}\n{table.to_string(index=False, float_format='{:.3g}'.format)}", flush=True)
-        write_bytes(folder / f"gpu-{part}.csv", table.to_csv(index=False).encode())
-
-
-if __name__ == "__main__":
-    run_command(main, prog="benchmarks.gpu")
+        report(measure[part](), folder / f"gpu-{part}.csv", part)
