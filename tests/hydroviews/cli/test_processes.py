@@ -73,7 +73,7 @@ PROGRAMS = [
     "deraings.enhancement",
     "baselines.derain_nerf.raindrop_attention",
     "benchmarks.busy_machine",
-    "benchmarks.splatting",
+    "benchmarks",
 ]
 
 
