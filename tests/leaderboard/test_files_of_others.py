@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from finished_runs import finished_run
+from made_up_board import write_board
 
 from baselines.rendering.film import FilmChoice, write_film
-from benchmarks.site import write_board
 from hydroviews.__main__ import build_command, fetch_command, pack_command, sheet_command, video_command
 from hydroviews.errors import InputError
 from hydroviews.scene.images import write_png
@@ -21,7 +21,6 @@ from leaderboard.__main__ import (
     check_command,
     export_command,
     film_command,
-    overview_command,
     publish_command,
     site_command,
     sweep_command,
@@ -34,7 +33,6 @@ from leaderboard.sweep.sweep import SweepRequest
 
 REPOSITORY = Path(__file__).parents[2]
 RUN = "results/demo/finished_runs.Cloud/yard/streak-0/seed-0"
-SCORED = "scored/demo/3dgs/pond/streak-1/seed-0"
 CLOUD = "finished_runs:Cloud"
 ATTENTION = "baselines.derain_nerf.raindrop_attention"
 PROGRAMS = ("hydroviews", "leaderboard", "deraings", "deraings.enhancement", ATTENTION)
@@ -54,21 +52,14 @@ TRIED: dict[str, Callable[[Path], object]] = {
     "leaderboard site": lambda f: site_command(f / "scored", f / "nowhere"),
     "leaderboard publish": lambda f: publish_command(f / "scored", f / "board"),
     "leaderboard board": lambda f: board_command(f / "published", f / "shown"),
-    "leaderboard overview": lambda f: overview_command(
-        "view-00", ("streak-0",), CLOUD, "yard", data=f / "data", results=f / "results", out=f / "overview.png"
-    ),
     "leaderboard film": lambda f: film_command(f / RUN, FilmChoice(0.2, 10, 16), f / "film.mp4", f / "data"),
-    "leaderboard export": lambda f: (
-        export_command(f / RUN, f / "splats.ply"),
-        export_command(f / SCORED, f / "scores.json", "nerfbaselines"),
-    ),
+    "leaderboard export": lambda f: export_command(f / RUN, f / "splats.ply"),
 }
 
 # Commands that take long or share a function, by the test that tries them so.
 ELSEWHERE = {
     "leaderboard/test_evaluate.py test_files_of_the_users_in_the_folders_of_runs_stay": {
         "leaderboard evaluate",
-        "leaderboard run",
         "leaderboard score",
     },
     "deraings/enhancement/test_commands.py test_files_of_the_users_where_networks_are_trained_stay": {
@@ -92,7 +83,6 @@ ELSEWHERE = {
         "deraings.enhancement enhance"
     },
     "hydroviews/files/test_ownership.py test_loose_outputs_are_known_again_and_others_refused": {f"{ATTENTION} detect"},
-    "hydroviews/files/test_ownership.py test_a_file_of_the_users_is_never_written_over": {"leaderboard card"},
 }
 
 READING = {
@@ -100,7 +90,6 @@ READING = {
     "hydroviews verify",
     "leaderboard methods",
     "leaderboard compare",
-    "leaderboard rescore",
     "leaderboard view",
     "deraings.enhancement describe",
     f"{ATTENTION} validate",
@@ -165,7 +154,7 @@ def test_nothing_of_the_users_is_lost(command, given):
 def registered(monkeypatch, program: str) -> set[str]:
     module = import_module(f"{program}.__main__")
     found: list[dict[str, object]] = []
-    monkeypatch.setattr(module, "run_command", lambda commands, prog: found.append(commands))
+    monkeypatch.setattr(module, "run_command", lambda commands, **_: found.append(commands))
     module.main()
     return {f"{program} {name}" for name in found[0]}
 
