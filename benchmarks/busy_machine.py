@@ -6,7 +6,7 @@
 Every case is a process of its own, beside so many that do nothing but count. Fair is what a training would do if the
 system gave every thread as much: of the steps that it does on an idle machine, with as many threads, the share
 cores / (threads + competing). Threads that wait for others spin or sleep, as WAITING says; the share is of the idle
-case with threads as they wait by default, so that a policy that costs an idle machine something shows less than 1
+case with threads that spin, so that a policy that costs an idle machine something shows less than 1
 there. Prints a table and writes `busy_machine.csv`. The machine has to be idle before.
 """
 
@@ -42,8 +42,8 @@ BUSY = "while True: pass"
 GAUSSIANS, SIZE = 30_000, (400, 300)
 SPLATTING, CONVOLUTIONS = "splatting", "convolutions"  # steps by Numba's threads, and by torch's
 WAITING: dict[str, dict[str, str]] = {  # how long a thread of libgomp spins before it sleeps: the environment
-    "spin": {},
-    "spin shortly": {"GOMP_SPINCOUNT": "10000"},
+    "spin": {"GOMP_SPINCOUNT": "300000"},  # libgomp's own default
+    "spin shortly": {},  # as commands do
     "sleep": {"OMP_WAIT_POLICY": "passive"},
 }
 

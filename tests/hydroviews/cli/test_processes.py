@@ -16,6 +16,7 @@ from hydroviews.cli.commands import run_command
 from hydroviews.cli.plugins import load_plugin
 from hydroviews.cli.process_family import Family
 from hydroviews.cli.processes import Ended, run_child
+from hydroviews.cli.starting import SPINS
 
 REPOSITORY = Path(__file__).parents[3]
 COMMAND = """
@@ -93,6 +94,16 @@ def test_opencv_keeps_its_words_on_damaged_pictures_to_itself(tmp_path):
     code = "from hydroviews.cli.starting import begin; begin(); import cv2; assert cv2.imread('cut.tif', -1) is None"
     process = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (process.returncode, process.stderr) == (0, "")
+
+
+@pytest.mark.parametrize(("given", "spins"), [({}, SPINS), ({"GOMP_SPINCOUNT": "7"}, "7")])
+def test_threads_that_wait_soon_sleep_unless_the_user_has_them_wait_otherwise(given, spins):
+    code = "from hydroviews.cli.starting import begin; begin(); import os; print(os.environ['GOMP_SPINCOUNT'])"
+    inherited = {name: value for name, value in os.environ.items() if name != "GOMP_SPINCOUNT"}
+    process = subprocess.run(
+        [sys.executable, "-c", code], env=inherited | given, cwd=REPOSITORY, capture_output=True, text=True, check=True
+    )
+    assert process.stdout == f"{spins}\n"
 
 
 def test_what_a_plugin_reads_of_the_command_line_is_empty(monkeypatch):
