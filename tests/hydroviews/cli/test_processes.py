@@ -31,6 +31,12 @@ run_command(main, prog="waiting")
 """
 
 
+def as_in_a_terminal():
+    """A shell's background jobs ignore these signals, and so does what they start."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
+
+
 def waiting(folder, code):
     """A process of a command that has begun."""
     begun = folder / "begun"
@@ -39,6 +45,7 @@ def waiting(folder, code):
         env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=as_in_a_terminal,
     )
     wait_until(begun.exists, process)
     return process
