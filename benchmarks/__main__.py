@@ -1,5 +1,10 @@
 """python -m benchmarks NAME [options]: speed against error, one benchmark at a time."""
 
+from hydroviews.cli.starting import begin
+
+if __name__ == "__main__":
+    begin()
+
 import ast
 import importlib
 import sys

@@ -1,14 +1,18 @@
 """Training steps beside other processes that want the cores: steps a second, and the share of what is fair.
 
-    python -m benchmarks.busy_machine                          four minutes on two cores
-    python -m benchmarks.busy_machine --checkouts . ../other   seven minutes: another version of the code as well
+    python -m benchmarks busy_machine                          four minutes on two cores
+    python -m benchmarks busy_machine --checkouts . ../other   seven minutes: another version of the code as well
 
-Every case is a process of its own, beside so many that do nothing but count. Fair is what a training would do if the
-system gave every thread as much: of the steps that it does on an idle machine, with as many threads, the share
-cores / (threads + competing). Threads that wait for others spin or sleep, as WAITING says; the share is of the idle
-case with threads that spin, so that a policy that costs an idle machine something shows less than 1
-there. Prints a table and writes `busy_machine.csv`. The machine has to be idle before.
+Every case is a process of its own, beside competing processes that only count. The fair share of a training is
+cores / (threads + competing) of its steps on an idle machine with as many threads. Threads that wait for others spin or
+sleep, as WAITING says. The idle case is the one with threads that spin: a policy that slows an idle machine down shows
+less than 1. The benchmark prints a table and writes `busy_machine.csv`. The machine has to be idle before.
 """
+
+from hydroviews.cli.starting import begin
+
+if __name__ == "__main__":
+    begin()
 
 import json
 import os

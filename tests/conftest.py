@@ -57,7 +57,7 @@ def _place(test: str) -> int:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_fixture_setup(fixturedef: object, request: pytest.FixtureRequest) -> None:
-    """What a fixture draws without a generator of its own does not depend on what was drawn before."""
+    """A fixture without a generator of its own draws the same numbers whatever was drawn before."""
     _seed()
 
 

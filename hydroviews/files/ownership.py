@@ -106,7 +106,7 @@ def _begun_beside(path: Path) -> Path | None:
 
 
 def _has_content_of(path: Path, written: Path | None) -> bool:
-    """Whether a file, no link, has the bytes of the one that is to replace it."""
+    """True for a file, not a link, with the bytes of the file that is to replace it."""
     if written is None or path.is_symlink() or not (path.is_file() and written.is_file()):
         return False
     return filecmp.cmp(path, written, shallow=False)

@@ -1,4 +1,4 @@
-"""What a run itself writes into its folder, beside its method, and what a method has left in the way of that."""
+"""Files that a run writes into its folder beside its method, and leftovers of a method in their way."""
 
 from collections.abc import Sequence
 from pathlib import Path

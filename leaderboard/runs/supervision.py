@@ -150,7 +150,7 @@ def end_gently(process: subprocess.Popen) -> None:
 def tethered(tether: Tether) -> Iterator[None]:
     """Around the work of a child: it ends with its parent, keeps within its memory, and writes how it ended.
 
-    What it has printed is written before that, as its parent may end it from then on.
+    Its printed lines are written before its outcome, since its parent may end the child from then on.
     """
     end_with_parent(tether.parent)
     faulthandler.enable()  # a crash shows where it was

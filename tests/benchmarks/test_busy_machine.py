@@ -1,4 +1,4 @@
-"""What a training's fair share is on a machine with others, and that the benchmark's steps are counted."""
+"""The fair share of a training on a machine with others, and the count of the benchmark's steps."""
 
 from pathlib import Path
 

@@ -24,7 +24,7 @@ from leaderboard.contract.trials import CHECKS
 from leaderboard.runs.train_and_render import only_training
 
 STEPS, INTERRUPTED = 12, 7
-# What settings count in steps, and would come after so short a training; shares of the steps need nothing.
+# Settings that count in steps would begin after so short a training; shares of the steps need no change.
 EARLY = {
     DefaultStrategy: {"start": 3, "stop": 11, "every": 4, "grow_grad2d": 1e-7},
     TrainerConfig: {"sh_degree_interval": 4, "dense_start": 0.0},

@@ -1,7 +1,7 @@
 """Killed commands, and commands on full disks, end in the bytes of an undisturbed run.
 
-`KILLS=10` kills real builds, trainings, scorings and sweeps ten times each at random moments, which takes minutes;
-without it a toy shows that a command that goes on wrongly is detected.
+`KILLS=10` kills real builds, trainings, scorings and sweeps ten times each at random moments, which takes minutes.
+Without `KILLS`, a toy shows that the test detects a command that resumes wrongly.
 """
 
 import multiprocessing
